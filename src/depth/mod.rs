@@ -1,0 +1,1 @@
+//! From disparity to the grid of depths and to distance.

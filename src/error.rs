@@ -1,0 +1,68 @@
+//! The library's one error type: every variant says what was read, what was expected and what to do.
+
+use std::path::PathBuf;
+
+/// Result of everything in svl that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong, with the numbers. `Display` is one line, fit to show a user.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A buffer does not hold the image its size promises.
+    #[error("a {width}x{height} image needs {expected} bytes, got {got}")]
+    Size { width: usize, height: usize, expected: usize, got: usize },
+    /// An image has no pixels or more than the library accepts.
+    #[error("an image of {width}x{height} pixels is outside 1x1 ..= {max}x{max}")]
+    Dimensions { width: usize, height: usize, max: usize },
+    /// Left and right of a pair differ in size.
+    #[error("left image is {}x{}, right image is {}x{}: a rectified pair has equal sizes", left.0, left.1, right.0, right.1)]
+    PairSize { left: (usize, usize), right: (usize, usize) },
+    /// No algorithm of that name.
+    #[error("unknown algorithm '{name}'{}; `svl algos` lists them", did_you_mean(.nearest))]
+    UnknownAlgorithm { name: String, nearest: Option<String> },
+    /// The algorithm has no such parameter.
+    #[error("{algorithm} has no parameter '{name}'{}; `svl algos {algorithm}` lists them", did_you_mean(.nearest))]
+    UnknownParameter { algorithm: &'static str, name: String, nearest: Option<String> },
+    /// A parameter value that cannot be read or lies outside its range.
+    #[error("{algorithm}: {name}={value} is not {expected}")]
+    ParameterValue { algorithm: &'static str, name: String, value: String, expected: String },
+    /// A rig whose numbers are not those of a stereo camera.
+    #[error("not a stereo rig: {0}")]
+    Rig(String),
+    /// A file could not be opened, read or written.
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    /// A file is not what it should be.
+    #[error("{}: {reason}", path.display())]
+    Format { path: PathBuf, reason: String },
+    /// A scenario or setting that contradicts itself.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+impl Error {
+    /// An I/O error at `path`.
+    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
+        Self::Io { path: path.into(), source }
+    }
+
+    /// A malformed file at `path`.
+    pub fn format(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
+        Self::Format { path: path.into(), reason: reason.into() }
+    }
+}
+
+fn did_you_mean(nearest: &Option<String>) -> String {
+    nearest.as_ref().map(|n| format!(" (did you mean '{n}'?)")).unwrap_or_default()
+}
+
+/// The candidate nearest to `name` by edit distance, if it is near enough to be a slip of the finger.
+pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    candidates
+        .into_iter()
+        .map(|c| (strsim::damerau_levenshtein(&name.to_lowercase(), c), c))
+        .filter(|(distance, c)| *distance <= (c.len() / 2).max(1))
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, c)| c.to_owned())
+}

@@ -1,0 +1,1 @@
+//! Hot loops: one readable implementation compiled per instruction set and chosen at run time.

@@ -1,0 +1,86 @@
+//! Matchers: from a rectified pair to disparities. [`MATCHERS`] is the one table of them.
+
+mod parameter;
+pub mod stage;
+mod v3;
+
+pub use parameter::{Parameter, Parameters, Range, Value};
+
+use crate::error::{Error, Result, nearest};
+use crate::stereo::{DisparityMap, StereoPair};
+use crate::timing::Clock;
+
+/// A stereo correspondence algorithm, with its scratch memory.
+pub trait Matcher: Send {
+    /// Matches `pair` into `map`, which is resized to the pair. Allocates nothing after the first pair of a size.
+    ///
+    /// # Errors
+    /// Whatever keeps this pair from being matched; the matcher stays usable.
+    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()>;
+}
+
+/// An entry of [`MATCHERS`].
+pub struct MatcherSpec {
+    pub name: &'static str,
+    pub summary: &'static str,
+    /// Where the method was published.
+    pub paper: &'static str,
+    pub parameters: &'static [Parameter],
+    /// Makes one; the parameters are complete and within their ranges.
+    pub build: fn(&Parameters) -> Result<Box<dyn Matcher>>,
+}
+
+/// Every algorithm svl knows. A new one is one file and one line here.
+pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC];
+
+/// The algorithm of that name.
+///
+/// # Errors
+/// [`Error::UnknownAlgorithm`] with the nearest name.
+pub fn find(name: &str) -> Result<&'static MatcherSpec> {
+    MATCHERS.iter().find(|spec| spec.name == name).ok_or_else(|| Error::UnknownAlgorithm {
+        name: name.to_owned(),
+        nearest: nearest(name, MATCHERS.iter().map(|spec| spec.name)),
+    })
+}
+
+/// An algorithm with its parameters, as written `NAME[:key=value,...]`.
+#[derive(Clone)]
+pub struct Algorithm {
+    spec: &'static MatcherSpec,
+    parameters: Parameters,
+    label: String,
+}
+
+impl std::str::FromStr for Algorithm {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (name, settings) = text.split_once(':').unwrap_or((text, ""));
+        let spec = find(name)?;
+        let parameters = Parameters::parse(spec, settings)?;
+        Ok(Self { spec, parameters, label: text.to_owned() })
+    }
+}
+
+impl Algorithm {
+    pub fn spec(&self) -> &'static MatcherSpec {
+        self.spec
+    }
+
+    /// As it was asked for.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// All parameters, defaults included.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// # Errors
+    /// What the algorithm's constructor says.
+    pub fn build(&self) -> Result<Box<dyn Matcher>> {
+        (self.spec.build)(&self.parameters)
+    }
+}

@@ -1,0 +1,158 @@
+//! Parameters as data: the command line, `svl algos`, scenario files and the contract tests all read the same tables.
+
+use super::MatcherSpec;
+use crate::error::{Error, Result, nearest};
+
+/// A parameter of an algorithm.
+pub struct Parameter {
+    pub name: &'static str,
+    /// Unit of the value, empty for a plain number.
+    pub unit: &'static str,
+    pub range: Range,
+    pub description: &'static str,
+}
+
+/// Kind, default and admissible values of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    Int { default: i32, min: i32, max: i32 },
+    Real { default: f64, min: f64, max: f64 },
+    Flag { default: bool },
+}
+
+/// A parameter's value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    Int(i32),
+    Real(f64),
+    Flag(bool),
+}
+
+impl Range {
+    pub fn default(&self) -> Value {
+        match *self {
+            Range::Int { default, .. } => Value::Int(default),
+            Range::Real { default, .. } => Value::Real(default),
+            Range::Flag { default } => Value::Flag(default),
+        }
+    }
+
+    /// The value `text` stands for, if it is one of the range.
+    pub fn parse(&self, text: &str) -> Option<Value> {
+        match *self {
+            Range::Int { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Int),
+            Range::Real { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Real),
+            Range::Flag { .. } => text.parse().ok().map(Value::Flag),
+        }
+    }
+}
+
+impl std::fmt::Display for Range {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Range::Int { min, max, .. } => write!(f, "a whole number in {min}..={max}"),
+            Range::Real { min, max, .. } => write!(f, "a number in {min}..={max}"),
+            Range::Flag { .. } => write!(f, "true or false"),
+        }
+    }
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Value::Int(v) => write!(f, "{v}"),
+            Value::Real(v) => write!(f, "{v}"),
+            Value::Flag(v) => write!(f, "{v}"),
+        }
+    }
+}
+
+/// A value for every parameter of an algorithm, each within its range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters(Vec<(&'static str, Value)>);
+
+impl Parameters {
+    /// The algorithm's defaults.
+    pub fn defaults(spec: &MatcherSpec) -> Self {
+        Self(spec.parameters.iter().map(|p| (p.name, p.range.default())).collect())
+    }
+
+    /// The defaults changed by `settings`, written `key=value,key=value`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownParameter`] with the nearest name, [`Error::ParameterValue`] with what is expected.
+    pub fn parse(spec: &MatcherSpec, settings: &str) -> Result<Self> {
+        let mut parameters = Self::defaults(spec);
+        for setting in settings.split(',').filter(|s| !s.is_empty()) {
+            let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
+            let index = spec.parameters.iter().position(|p| p.name == name).ok_or_else(|| Error::UnknownParameter {
+                algorithm: spec.name,
+                name: name.to_owned(),
+                nearest: nearest(name, spec.parameters.iter().map(|p| p.name)),
+            })?;
+            let range = &spec.parameters[index].range;
+            parameters.0[index].1 = range.parse(text).ok_or_else(|| Error::ParameterValue {
+                algorithm: spec.name,
+                name: name.to_owned(),
+                value: text.to_owned(),
+                expected: range.to_string(),
+            })?;
+        }
+        Ok(parameters)
+    }
+
+    /// Names and values in the order of the algorithm's table.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Value)> {
+        self.0.iter().copied()
+    }
+
+    /// The whole number `name`.
+    ///
+    /// # Panics
+    /// When the algorithm's table has no such whole number: a slip in the algorithm's own file.
+    pub fn int(&self, name: &str) -> i32 {
+        match self.value(name) {
+            Value::Int(v) => v,
+            other => panic!("parameter {name} is {other:?}"),
+        }
+    }
+
+    /// The number `name`.
+    ///
+    /// # Panics
+    /// As [`Parameters::int`].
+    pub fn real(&self, name: &str) -> f64 {
+        match self.value(name) {
+            Value::Real(v) => v,
+            other => panic!("parameter {name} is {other:?}"),
+        }
+    }
+
+    /// The switch `name`.
+    ///
+    /// # Panics
+    /// As [`Parameters::int`].
+    pub fn flag(&self, name: &str) -> bool {
+        match self.value(name) {
+            Value::Flag(v) => v,
+            other => panic!("parameter {name} is {other:?}"),
+        }
+    }
+
+    fn value(&self, name: &str) -> Value {
+        match self.0.iter().find(|(n, _)| *n == name) {
+            Some((_, value)) => *value,
+            None => panic!("no parameter {name}"),
+        }
+    }
+}
+
+impl std::fmt::Display for Parameters {
+    /// `key=value,key=value`, complete: equal texts are equal parameters.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (i, (name, value)) in self.iter().enumerate() {
+            write!(f, "{}{name}={value}", if i == 0 { "" } else { "," })?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,17 @@
+//! Where frames and estimates go.
+
+use crate::error::Result;
+use crate::stereo::{Estimate, Frame};
+
+/// Takes every frame of a run with the estimates made of it.
+pub trait Sink {
+    /// # Errors
+    /// What keeps it from being kept. What was taken before stays readable.
+    fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()>;
+
+    /// Completes the output.
+    ///
+    /// # Errors
+    /// As [`Sink::push`].
+    fn finish(&mut self) -> Result<()>;
+}

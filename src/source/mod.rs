@@ -1,0 +1,19 @@
+//! Where frames come from.
+
+use crate::error::Result;
+use crate::stereo::Frame;
+
+/// A sequence of frames, pulled one by one.
+pub trait Source: Send {
+    /// One word or two for a person: what is being read.
+    fn name(&self) -> String;
+
+    /// The next frame, or nothing at the end.
+    ///
+    /// # Errors
+    /// What keeps the next frame from being read. The source may be asked again unless the error says the file is damaged.
+    fn next(&mut self) -> Result<Option<Frame>>;
+
+    /// How many frames there are in all, where that is known.
+    fn len(&self) -> Option<u64>;
+}

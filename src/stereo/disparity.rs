@@ -1,0 +1,212 @@
+//! What a matcher returns: disparities, and for each pixel without one, why.
+
+use super::Plane;
+use crate::error::Result;
+
+/// Why a pixel has no disparity. The discriminant is the code in files (`WHY.png`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Reason {
+    /// It has one.
+    Valid = 0,
+    /// No window fits around it, or no disparity of the range keeps the window inside the right image.
+    Border = 1,
+    /// Too little texture to tell windows apart.
+    Untextured = 2,
+    /// Another disparity is nearly as good.
+    Ambiguous = 3,
+    /// The right image prefers another match.
+    Inconsistent = 4,
+    /// The window resembles its own surroundings as much as its match.
+    SelfCheck = 5,
+    /// Nothing in the right image claimed it.
+    Unmatched = 6,
+}
+
+impl Reason {
+    /// All reasons, in order of their codes.
+    pub const ALL: [Reason; 7] = [
+        Reason::Valid,
+        Reason::Border,
+        Reason::Untextured,
+        Reason::Ambiguous,
+        Reason::Inconsistent,
+        Reason::SelfCheck,
+        Reason::Unmatched,
+    ];
+
+    /// The word for it in tables and legends.
+    pub fn name(self) -> &'static str {
+        match self {
+            Reason::Valid => "valid",
+            Reason::Border => "border",
+            Reason::Untextured => "untextured",
+            Reason::Ambiguous => "ambiguous",
+            Reason::Inconsistent => "inconsistent",
+            Reason::SelfCheck => "self-check",
+            Reason::Unmatched => "unmatched",
+        }
+    }
+}
+
+/// Disparity, reason and SSDPI for every pixel of the left image.
+///
+/// A pixel's disparity is finite exactly when its reason is [`Reason::Valid`]; elsewhere it is `+∞`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DisparityMap {
+    disparity: Plane<f32>,
+    why: Plane<Reason>,
+    ssdpi: Plane<u32>,
+}
+
+impl DisparityMap {
+    /// SSDPI of a pixel that was never compared.
+    pub const NO_SSDPI: u32 = u32::MAX;
+
+    /// A map in which every pixel is [`Reason::Border`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Dimensions`].
+    pub fn new(width: usize, height: usize) -> Result<Self> {
+        Ok(Self {
+            disparity: Plane::filled(width, height, f32::INFINITY)?,
+            why: Plane::filled(width, height, Reason::Border)?,
+            ssdpi: Plane::filled(width, height, Self::NO_SSDPI)?,
+        })
+    }
+
+    /// Makes the map `width` x `height`, keeping its memory where the size is already that.
+    ///
+    /// # Errors
+    /// [`crate::Error::Dimensions`].
+    pub fn resize(&mut self, width: usize, height: usize) -> Result<()> {
+        if self.size() != (width, height) {
+            *self = Self::new(width, height)?;
+        }
+        Ok(())
+    }
+
+    pub fn size(&self) -> (usize, usize) {
+        self.disparity.size()
+    }
+
+    /// Disparities in pixels, `+∞` where there is none.
+    pub fn disparity(&self) -> &Plane<f32> {
+        &self.disparity
+    }
+
+    pub fn why(&self) -> &Plane<Reason> {
+        &self.why
+    }
+
+    /// The winner's sum of squared differences of pixel intensities (thesis, section 5.3.3), kept also where a later
+    /// check rejected it; [`DisparityMap::NO_SSDPI`] where nothing was compared or the matcher has no such cost.
+    pub fn ssdpi(&self) -> &Plane<u32> {
+        &self.ssdpi
+    }
+
+    /// The disparity at `(x, y)`, or why there is none.
+    pub fn at(&self, x: usize, y: usize) -> std::result::Result<f32, Reason> {
+        match self.why.get(x, y) {
+            Reason::Valid => Ok(self.disparity.get(x, y)),
+            reason => Err(reason),
+        }
+    }
+
+    /// The rows as writers, top to bottom, to be filled in any order.
+    pub fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
+        let width = self.disparity.width();
+        // Planes of a map are made by `Plane::filled`, so their rows have no gaps.
+        let disparity = self.disparity.as_mut_slice().expect("gapless").chunks_exact_mut(width);
+        let why = self.why.as_mut_slice().expect("gapless").chunks_exact_mut(width);
+        let ssdpi = self.ssdpi.as_mut_slice().expect("gapless").chunks_exact_mut(width);
+        disparity.zip(why).zip(ssdpi).map(|((disparity, why), ssdpi)| RowMut { disparity, why, ssdpi })
+    }
+
+    /// Number of valid pixels.
+    pub fn valid(&self) -> usize {
+        self.why.pixels().filter(|&w| w == Reason::Valid).count()
+    }
+
+    /// Share of pixels that are valid, 0..=1.
+    pub fn coverage(&self) -> f64 {
+        let (width, height) = self.size();
+        self.valid() as f64 / (width * height) as f64
+    }
+
+    /// Pixels per reason, indexed by its code.
+    pub fn tally(&self) -> [usize; 7] {
+        let mut tally = [0; 7];
+        self.why.pixels().for_each(|w| tally[w as usize] += 1);
+        tally
+    }
+
+    /// Hash of size, disparities and reasons: equal results have equal hashes on every machine.
+    pub fn hash(&self) -> u128 {
+        let (width, height) = self.size();
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        hasher.update(&(width as u32).to_le_bytes());
+        hasher.update(&(height as u32).to_le_bytes());
+        let mut bytes = Vec::with_capacity(width * 5);
+        for (disparity, why) in self.disparity.rows().zip(self.why.rows()) {
+            bytes.clear();
+            disparity.iter().for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
+            bytes.extend(why.iter().map(|&w| w as u8));
+            hasher.update(&bytes);
+        }
+        hasher.digest128()
+    }
+}
+
+/// One row of a [`DisparityMap`], to write.
+pub struct RowMut<'a> {
+    disparity: &'a mut [f32],
+    why: &'a mut [Reason],
+    ssdpi: &'a mut [u32],
+}
+
+impl RowMut<'_> {
+    pub fn width(&self) -> usize {
+        self.why.len()
+    }
+
+    /// Writes a disparity.
+    pub fn accept(&mut self, x: usize, disparity: f32, ssdpi: u32) {
+        debug_assert!(disparity.is_finite());
+        self.disparity[x] = disparity;
+        self.why[x] = Reason::Valid;
+        self.ssdpi[x] = ssdpi;
+    }
+
+    /// Writes that there is none, and why.
+    pub fn reject(&mut self, x: usize, reason: Reason, ssdpi: u32) {
+        debug_assert!(reason != Reason::Valid);
+        self.disparity[x] = f32::INFINITY;
+        self.why[x] = reason;
+        self.ssdpi[x] = ssdpi;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_is_finite_exactly_when_valid() {
+        let mut map = DisparityMap::new(3, 2).unwrap();
+        map.rows_mut().nth(1).unwrap().accept(2, 7.0, 40);
+        assert_eq!(map.at(2, 1), Ok(7.0));
+        assert_eq!(map.at(0, 0), Err(Reason::Border));
+        map.rows_mut().nth(1).unwrap().reject(2, Reason::SelfCheck, 40);
+        assert_eq!((map.at(2, 1), map.disparity().get(2, 1)), (Err(Reason::SelfCheck), f32::INFINITY));
+        assert_eq!(map.valid(), 0);
+    }
+
+    #[test]
+    fn hash_sees_reasons() {
+        let a = DisparityMap::new(3, 2).unwrap();
+        let mut b = a.clone();
+        b.rows_mut().next().unwrap().reject(0, Reason::Untextured, DisparityMap::NO_SSDPI);
+        assert_ne!(a.hash(), b.hash());
+    }
+}

@@ -1,0 +1,166 @@
+//! Planes of pixels.
+
+use crate::error::{Error, Result};
+
+/// Longest side of an image that svl accepts, in pixels.
+pub const MAX_SIDE: usize = 16_384;
+
+/// A row-major plane of pixels whose rows stand `stride` elements apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane<T> {
+    width: usize,
+    height: usize,
+    stride: usize,
+    data: Vec<T>,
+}
+
+/// An 8-bit grey image.
+pub type Gray = Plane<u8>;
+
+impl<T: Copy> Plane<T> {
+    /// A plane filled with `value`.
+    ///
+    /// # Errors
+    /// [`Error::Dimensions`] when a side is 0 or above [`MAX_SIDE`].
+    pub fn filled(width: usize, height: usize, value: T) -> Result<Self> {
+        check_size(width, height)?;
+        Ok(Self { width, height, stride: width, data: vec![value; width * height] })
+    }
+
+    /// A plane over `data`, `width * height` pixels without gaps.
+    ///
+    /// # Errors
+    /// [`Error::Dimensions`] or [`Error::Size`].
+    pub fn from_vec(width: usize, height: usize, data: Vec<T>) -> Result<Self> {
+        Self::from_strided(width, height, width, data)
+    }
+
+    /// A plane over `data` whose row `y` begins at `y * stride`.
+    ///
+    /// # Errors
+    /// [`Error::Dimensions`], or [`Error::Size`] when `stride < width` or `data` is short.
+    pub fn from_strided(width: usize, height: usize, stride: usize, data: Vec<T>) -> Result<Self> {
+        check_size(width, height)?;
+        let expected = stride.max(width).saturating_mul(height - 1).saturating_add(width);
+        if stride < width || data.len() < expected {
+            return Err(Error::Size { width, height, expected, got: data.len() });
+        }
+        Ok(Self { width, height, stride, data })
+    }
+
+    /// A plane whose pixel `(x, y)` is `f(x, y)`.
+    ///
+    /// # Errors
+    /// [`Error::Dimensions`].
+    pub fn from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> T) -> Result<Self> {
+        check_size(width, height)?;
+        let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| f(x, y)).collect();
+        Ok(Self { width, height, stride: width, data })
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// `(width, height)`.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Row `y`, `width` pixels.
+    pub fn row(&self, y: usize) -> &[T] {
+        &self.data[y * self.stride..][..self.width]
+    }
+
+    pub fn row_mut(&mut self, y: usize) -> &mut [T] {
+        &mut self.data[y * self.stride..][..self.width]
+    }
+
+    /// All rows, top to bottom.
+    pub fn rows(&self) -> impl ExactSizeIterator<Item = &[T]> {
+        (0..self.height).map(|y| self.row(y))
+    }
+
+    /// All pixels in raster order, without the gaps between rows.
+    pub fn pixels(&self) -> impl Iterator<Item = T> {
+        self.rows().flatten().copied()
+    }
+
+    pub fn get(&self, x: usize, y: usize) -> T {
+        self.row(y)[x]
+    }
+
+    pub fn set(&mut self, x: usize, y: usize, value: T) {
+        self.row_mut(y)[x] = value;
+    }
+
+    /// The pixels as one slice when there are no gaps between rows, which is so unless [`Plane::from_strided`] made them.
+    pub fn as_slice(&self) -> Option<&[T]> {
+        (self.stride == self.width).then(|| &self.data[..self.width * self.height])
+    }
+
+    /// As [`Plane::as_slice`], mutable.
+    pub fn as_mut_slice(&mut self) -> Option<&mut [T]> {
+        (self.stride == self.width).then(|| &mut self.data[..self.width * self.height])
+    }
+
+    /// The same plane with every pixel passed through `f`.
+    pub fn map<U: Copy>(&self, f: impl Fn(T) -> U) -> Plane<U> {
+        let data = self.pixels().map(f).collect();
+        Plane { width: self.width, height: self.height, stride: self.width, data }
+    }
+}
+
+impl Gray {
+    /// Grey from interleaved 8-bit RGB: `(299 R + 587 G + 114 B + 500) / 1000`.
+    ///
+    /// # Errors
+    /// [`Error::Dimensions`] or [`Error::Size`].
+    pub fn from_rgb(width: usize, height: usize, rgb: &[u8]) -> Result<Self> {
+        check_size(width, height)?;
+        let expected = width * height * 3;
+        if rgb.len() != expected {
+            return Err(Error::Size { width, height, expected, got: rgb.len() });
+        }
+        let luma =
+            |p: &[u8]| ((299 * u32::from(p[0]) + 587 * u32::from(p[1]) + 114 * u32::from(p[2]) + 500) / 1000) as u8;
+        Self::from_vec(width, height, rgb.chunks_exact(3).map(luma).collect())
+    }
+}
+
+fn check_size(width: usize, height: usize) -> Result<()> {
+    if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) {
+        Ok(())
+    } else {
+        Err(Error::Dimensions { width, height, max: MAX_SIDE })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strided_rows_skip_the_gap() {
+        let plane = Plane::from_strided(2, 2, 3, vec![1, 2, 99, 3, 4]).unwrap();
+        assert_eq!(plane.row(1), [3, 4]);
+        assert_eq!(plane.pixels().collect::<Vec<_>>(), [1, 2, 3, 4]);
+        assert!(plane.as_slice().is_none());
+    }
+
+    #[test]
+    fn sizes_are_checked() {
+        assert!(matches!(Gray::filled(0, 4, 0), Err(Error::Dimensions { .. })));
+        assert!(matches!(Gray::from_vec(2, 2, vec![0; 3]), Err(Error::Size { expected: 4, got: 3, .. })));
+        assert!(matches!(Gray::from_strided(4, 2, 3, vec![0; 99]), Err(Error::Size { .. })));
+    }
+
+    #[test]
+    fn grey_is_rounded() {
+        assert_eq!(Gray::from_rgb(2, 1, &[255, 255, 255, 10, 20, 30]).unwrap().row(0), [255, 18]);
+    }
+}

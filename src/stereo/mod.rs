@@ -1,0 +1,23 @@
+//! The vocabulary of stereo, used by every other module and importing none of them.
+//!
+//! **Images.** `x` grows to the right, `y` downwards, pixel centres at integers, row-major.
+//!
+//! **Disparity.** In pixels; a left pixel `(x, y)` with disparity `d` matches `(x - d, y)` in the right image.
+//!
+//! **Camera frame** (optical): x right, y down, z forward, metres. **World frame**: x, y on the floor, z up, metres.
+//!
+//! **Depth** `Z` is along the optical axis: `Z = f·B / (d + doffs)`.
+
+mod disparity;
+mod frame;
+mod grid;
+mod image;
+mod pair;
+mod rig;
+
+pub use disparity::{DisparityMap, Reason, RowMut};
+pub use frame::{Estimate, Exposure, Frame, Pose, Truth, Visibility};
+pub use grid::{Cell, CellDepth, DepthGrid, GridShape};
+pub use image::{Gray, MAX_SIDE, Plane};
+pub use pair::StereoPair;
+pub use rig::Rig;

@@ -1,0 +1,37 @@
+//! A rectified pair.
+
+use super::Gray;
+use crate::error::{Error, Result};
+
+/// A rectified stereo pair: both images of one size, rows aligned.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StereoPair {
+    left: Gray,
+    right: Gray,
+}
+
+impl StereoPair {
+    /// # Errors
+    /// [`Error::PairSize`] when the sizes differ.
+    pub fn new(left: Gray, right: Gray) -> Result<Self> {
+        if left.size() == right.size() {
+            Ok(Self { left, right })
+        } else {
+            Err(Error::PairSize { left: left.size(), right: right.size() })
+        }
+    }
+
+    /// The reference image.
+    pub fn left(&self) -> &Gray {
+        &self.left
+    }
+
+    pub fn right(&self) -> &Gray {
+        &self.right
+    }
+
+    /// `(width, height)` of both images.
+    pub fn size(&self) -> (usize, usize) {
+        self.left.size()
+    }
+}

@@ -1,0 +1,127 @@
+//! The geometry of a rectified stereo camera.
+
+use crate::error::{Error, Result};
+use nalgebra::{Matrix3, Matrix3x4};
+
+/// A rectified stereo rig: two pinhole cameras with one focal length, displaced along x by the baseline.
+///
+/// Depth is `focal_px * baseline_m / (disparity + doffs_px)`.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "RigNumbers", into = "RigNumbers")]
+pub struct Rig {
+    focal_px: f64,
+    cx_px: f64,
+    cy_px: f64,
+    baseline_m: f64,
+    doffs_px: f64,
+}
+
+impl Rig {
+    /// `cx_px`, `cy_px`: principal point of the left image. `doffs_px`: the right image's principal point minus the
+    /// left's, along x (Middlebury's `doffs`), 0 when both are the same.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] unless all are finite and focal length and baseline positive.
+    pub fn new(focal_px: f64, (cx_px, cy_px): (f64, f64), baseline_m: f64, doffs_px: f64) -> Result<Self> {
+        let finite = [focal_px, cx_px, cy_px, baseline_m, doffs_px].iter().all(|v| v.is_finite());
+        if finite && focal_px > 0.0 && baseline_m > 0.0 {
+            Ok(Self { focal_px, cx_px, cy_px, baseline_m, doffs_px })
+        } else {
+            Err(Error::Rig(format!(
+                "focal length {focal_px} px, principal point ({cx_px}, {cy_px}) px, baseline {baseline_m} m, \
+                 doffs {doffs_px} px (all must be finite, the first and the baseline positive)"
+            )))
+        }
+    }
+
+    /// Focal length in pixels.
+    pub fn focal_px(&self) -> f64 {
+        self.focal_px
+    }
+
+    /// Principal point of the left image.
+    pub fn center_px(&self) -> (f64, f64) {
+        (self.cx_px, self.cy_px)
+    }
+
+    pub fn baseline_m(&self) -> f64 {
+        self.baseline_m
+    }
+
+    pub fn doffs_px(&self) -> f64 {
+        self.doffs_px
+    }
+
+    /// Depth along the optical axis of a point with that disparity; none at or beyond infinity.
+    pub fn depth_m(&self, disparity_px: f64) -> Option<f64> {
+        let shift = disparity_px + self.doffs_px;
+        (shift > 0.0).then(|| self.focal_px * self.baseline_m / shift)
+    }
+
+    /// Disparity in pixels of a point at `depth_m` metres.
+    pub fn disparity_px(&self, depth_m: f64) -> f64 {
+        self.focal_px * self.baseline_m / depth_m - self.doffs_px
+    }
+
+    /// K of the left camera, and with `right` of the right one.
+    pub fn intrinsics(&self, right: bool) -> Matrix3<f64> {
+        let cx = self.cx_px + if right { self.doffs_px } else { 0.0 };
+        Matrix3::new(self.focal_px, 0.0, cx, 0.0, self.focal_px, self.cy_px, 0.0, 0.0, 1.0)
+    }
+
+    /// Projection matrix P of the left camera, and with `right` of the right one (`P[0][3] = -f·B`).
+    pub fn projection(&self, right: bool) -> Matrix3x4<f64> {
+        let mut p = self.intrinsics(right).fixed_resize::<3, 4>(0.0);
+        if right {
+            p[(0, 3)] = -self.focal_px * self.baseline_m;
+        }
+        p
+    }
+}
+
+/// The numbers of a rig as they stand in a file, not yet checked.
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RigNumbers {
+    focal_px: f64,
+    cx_px: f64,
+    cy_px: f64,
+    baseline_m: f64,
+    #[serde(default)]
+    doffs_px: f64,
+}
+
+impl TryFrom<RigNumbers> for Rig {
+    type Error = Error;
+    fn try_from(n: RigNumbers) -> Result<Self> {
+        Self::new(n.focal_px, (n.cx_px, n.cy_px), n.baseline_m, n.doffs_px)
+    }
+}
+
+impl From<Rig> for RigNumbers {
+    fn from(rig: Rig) -> Self {
+        let Rig { focal_px, cx_px, cy_px, baseline_m, doffs_px } = rig;
+        Self { focal_px, cx_px, cy_px, baseline_m, doffs_px }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_and_disparity_are_inverse() {
+        let rig = Rig::new(328.0, (159.5, 119.5), 0.044, 3.5).unwrap();
+        for depth in [0.1, 0.5, 3.0] {
+            let back = rig.depth_m(rig.disparity_px(depth)).unwrap();
+            assert!((back - depth).abs() < 1e-12);
+        }
+        assert_eq!(rig.depth_m(-3.5), None);
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        assert!(Rig::new(f64::NAN, (0.0, 0.0), 0.1, 0.0).is_err());
+        assert!(Rig::new(300.0, (0.0, 0.0), 0.0, 0.0).is_err());
+    }
+}

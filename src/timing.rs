@@ -1,0 +1,69 @@
+//! Where a frame's time goes.
+
+use std::time::{Duration, Instant};
+
+/// A named step of a method. The names are the columns of the reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    Smoothing,
+    Texture,
+    /// Matching cost, aggregation and the search for the winner.
+    Matching,
+    Checks,
+}
+
+impl Stage {
+    /// All stages, in the order they run.
+    pub const ALL: [Stage; 4] = [Stage::Smoothing, Stage::Texture, Stage::Matching, Stage::Checks];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Smoothing => "smoothing",
+            Stage::Texture => "texture",
+            Stage::Matching => "matching",
+            Stage::Checks => "checks",
+        }
+    }
+}
+
+/// Time per stage of one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StageTimes([Duration; Stage::ALL.len()]);
+
+impl StageTimes {
+    pub fn get(&self, stage: Stage) -> Duration {
+        self.0[stage as usize]
+    }
+
+    pub fn add(&mut self, stage: Stage, time: Duration) {
+        self.0[stage as usize] += time;
+    }
+
+    /// Sum over the stages.
+    pub fn total(&self) -> Duration {
+        self.0.iter().sum()
+    }
+}
+
+/// Attributes the time since its last lap to stages.
+pub struct Clock {
+    last: Instant,
+    times: StageTimes,
+}
+
+impl Clock {
+    pub fn start() -> Self {
+        Self { last: Instant::now(), times: StageTimes::default() }
+    }
+
+    /// Ends the lap: the time since the last one belongs to `stage`.
+    pub fn lap(&mut self, stage: Stage) {
+        let now = Instant::now();
+        self.times.add(stage, now - self.last);
+        self.last = now;
+    }
+
+    pub fn times(&self) -> StageTimes {
+        self.times
+    }
+}
