@@ -20,6 +20,14 @@ pub mod stereo;
 pub mod timing;
 
 #[cfg(feature = "bench")]
+pub mod files;
+#[cfg(feature = "bench")]
+pub mod run;
+#[cfg(feature = "bench")]
+pub mod scenario;
+#[cfg(feature = "bench")]
+pub mod score;
+#[cfg(feature = "bench")]
 pub mod sink;
 #[cfg(feature = "bench")]
 pub mod source;

@@ -1,21 +1,113 @@
 //! The command line: one file per subcommand, its arguments beside its run.
 
-use clap::{Parser, Subcommand};
+mod algos;
+mod completions;
+mod matching;
+mod output;
+mod progress;
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Record, replay and score stereo vision.
+/// The record/replay bench for stereo vision.
+///
+/// Record synchronized pairs to MCAP, replay them through pluggable matchers, score them against obstacle checkpoints
+/// and data sets with truth, and watch the run in Rerun.
 #[derive(Parser)]
-#[command(version, about)]
+#[command(name = "svl", version, about, max_term_width = 100, after_help = EXAMPLES)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
+
+    /// Threads to compute with [default: one per core]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+
+    /// Say more: -v what is done, -vv details
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+
+    /// Say nothing but results and errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
 }
 
+const EXAMPLES: &str = "\
+Examples:
+  svl score scenarios/arena.toml          judge the arena's six checkpoints, write reports/arena
+  svl record -o run.mcap                  record the simulated arena
+  svl replay run.mcap --algo v3 --rerun spawn
+  svl match left.png right.png --algo v3:max_disparity=64 -o disparity.pfm";
+
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Match(matching::Args),
+    Algos(algos::Args),
+    Completions(completions::Args),
+    #[command(hide = true)]
+    Man,
+}
 
 impl Cli {
-    pub(crate) fn run(self) -> ExitCode {
-        match self.command {}
+    /// Parses, runs, and turns the result into the exit code: 0 done, 1 failed, 2 wrong usage.
+    pub(crate) fn main() -> ExitCode {
+        let cli = match Self::try_parse() {
+            Ok(cli) => cli,
+            Err(error) => return wrong_usage(&error),
+        };
+        cli.configure();
+        match cli.command.run(cli.quiet) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("error: {}", one_line(&error));
+                ExitCode::FAILURE
+            }
+        }
     }
+
+    fn configure(&self) {
+        let level = match (self.quiet, self.verbose) {
+            (true, _) => tracing::Level::ERROR,
+            (_, 0) => tracing::Level::WARN,
+            (_, 1) => tracing::Level::INFO,
+            _ => tracing::Level::DEBUG,
+        };
+        tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().init();
+        if let Some(threads) = self.threads {
+            // Fails only when a pool exists already, and this is the first use of one.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+        }
+    }
+}
+
+impl Command {
+    fn run(self, quiet: bool) -> anyhow::Result<()> {
+        match self {
+            Self::Match(args) => matching::run(&args),
+            Self::Algos(args) => algos::run(&args),
+            Self::Completions(args) => completions::run(&args),
+            Self::Man => completions::man(),
+        }
+    }
+}
+
+/// Prints clap's error; one about a value in one line, which names the value and the cure already.
+fn wrong_usage(error: &clap::Error) -> ExitCode {
+    match error.kind() {
+        ErrorKind::ValueValidation => eprintln!("{}", error.to_string().lines().next().unwrap_or_default()),
+        // A closed standard output is no reason to panic.
+        _ => drop(error.print()),
+    }
+    ExitCode::from(error.exit_code() as u8)
+}
+
+/// The error and its causes in one line.
+fn one_line(error: &anyhow::Error) -> String {
+    format!("{error:#}").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The program's full description, for completions and the man page.
+fn command() -> clap::Command {
+    Cli::command()
 }

@@ -1,5 +1,7 @@
 //! Where frames come from.
 
+pub mod dataset;
+
 use crate::error::Result;
 use crate::stereo::Frame;
 

@@ -1,0 +1,73 @@
+//! PNG, JPEG and PNM images through the `image` crate, with svl's own conversion to grey.
+
+use super::read_bounded;
+use crate::error::{Error, Result};
+use crate::stereo::{Gray, MAX_SIDE, Visibility, Plane};
+use image::{ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageReader, codecs::png::PngEncoder};
+use std::io::Cursor;
+use std::path::Path;
+
+/// Reads an image of any format and depth the `image` crate knows here; its sides are at most [`MAX_SIDE`].
+pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
+    let bytes = read_bounded(path)?;
+    let wrong = |e: &dyn std::fmt::Display| Error::format(path, format!("not a readable PNG, JPEG or PNM image: {e}"));
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| Error::io(path, e))?;
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    reader.limits(limits);
+    reader.decode().map_err(|e| wrong(&e))
+}
+
+/// Reads an image as 8-bit grey: grey as it is (16 bits keep their upper 8), colour by [`Gray::from_rgb`].
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`], [`Error::Dimensions`].
+pub fn read_gray(path: &Path) -> Result<Gray> {
+    let image = decode(path)?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    match image {
+        DynamicImage::ImageLuma8(grey) => Gray::from_vec(width, height, grey.into_raw()),
+        DynamicImage::ImageLuma16(grey) => {
+            Gray::from_vec(width, height, grey.into_raw().iter().map(|v| (v >> 8) as u8).collect())
+        }
+        other => Gray::from_rgb(width, height, other.into_rgb8().as_raw()),
+    }
+}
+
+/// Reads a mask with Middlebury's codes: 255 seen by both cameras, 128 occluded, else unknown.
+///
+/// # Errors
+/// As [`read_gray`].
+pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
+    Ok(read_gray(path)?.map(Visibility::from_code))
+}
+
+/// A PNG of interleaved `rgb` (3 bytes a pixel) or grey (1 byte), `width` x `height`.
+///
+/// # Errors
+/// [`Error::Size`] when the bytes are not that many.
+pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>> {
+    let color = if pixels.len() == width * height { ColorType::L8 } else { ColorType::Rgb8 };
+    encode(width, height, pixels, color.into())
+}
+
+pub(super) fn encode(width: usize, height: usize, pixels: &[u8], color: ExtendedColorType) -> Result<Vec<u8>> {
+    let expected = width * height * usize::from(color.bits_per_pixel() / 8);
+    if pixels.len() != expected {
+        return Err(Error::Size { width, height, expected, got: pixels.len() });
+    }
+    let mut png = Vec::new();
+    // Sides are at most MAX_SIDE, so they fit in 32 bits.
+    let written = PngEncoder::new(&mut png).write_image(pixels, width as u32, height as u32, color);
+    written.map_err(|e| Error::Invalid(format!("PNG encoder: {e}")))?;
+    Ok(png)
+}
+
+/// Writes [`encode_png`] to `path`.
+///
+/// # Errors
+/// [`Error::Io`] besides.
+pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Result<()> {
+    std::fs::write(path, encode_png(width, height, pixels)?).map_err(|e| Error::io(path, e))
+}

@@ -1,0 +1,92 @@
+//! The only loop: frames from a source through the matchers into the sinks.
+
+use crate::depth;
+use crate::error::{Error, Result};
+use crate::matcher::Algorithm;
+use crate::scenario::GridSettings;
+use crate::sink::Sink;
+use crate::source::Source;
+use crate::stereo::{DisparityMap, Estimate, Frame};
+use crate::timing::Clock;
+use std::time::{Duration, Instant};
+
+/// Watches a run and may end it.
+pub trait Monitor {
+    /// Called after every frame; `false` ends the run, orderly.
+    fn go_on(&mut self, done: u64) -> bool;
+}
+
+/// How fast frames are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pace {
+    /// As soon as the one before is done.
+    Asap,
+    /// At their stamps, this many times faster.
+    Times(f64),
+}
+
+/// What a run did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// Frames taken from the source, all of which went to every sink.
+    pub frames: u64,
+    /// Whether the monitor ended it.
+    pub interrupted: bool,
+}
+
+/// Runs every frame of `source` through `algorithms` into `sinks`.
+///
+/// The sinks are finished by the caller, who may have more to say to them: also after an error, so that what came
+/// before it is kept.
+///
+/// # Errors
+/// The first of the source, of a matcher (naming algorithm and pair) or of a sink.
+pub fn run(
+    source: &mut dyn Source,
+    algorithms: &[Algorithm],
+    grid: GridSettings,
+    pace: Pace,
+    sinks: &mut [&mut dyn Sink],
+    monitor: &mut dyn Monitor,
+) -> Result<Outcome> {
+    let mut matchers = algorithms.iter().map(Algorithm::build).collect::<Result<Vec<_>>>()?;
+    let mut outcome = Outcome::default();
+    let mut pacer = Pacer { pace, start: None };
+    while let Some(frame) = source.next()? {
+        pacer.wait_for(&frame);
+        let mut estimates = Vec::with_capacity(algorithms.len());
+        for (algorithm, matcher) in algorithms.iter().zip(&mut matchers) {
+            let (width, height) = frame.pair.size();
+            let mut disparity = DisparityMap::new(width, height)?;
+            let mut clock = Clock::start();
+            matcher
+                .compute(&frame.pair, &mut disparity, &mut clock)
+                .map_err(|e| Error::Invalid(format!("{} on pair {}: {e}", algorithm.label(), frame.sequence)))?;
+            let grid = depth::grid(&disparity, grid.shape(), grid.min_valid, frame.rig.as_ref());
+            estimates.push(Estimate { algorithm: algorithm.label().to_owned(), disparity, grid, times: clock.times() });
+        }
+        for sink in sinks.iter_mut() {
+            sink.push(&frame, &estimates)?;
+        }
+        outcome.frames += 1;
+        if !monitor.go_on(outcome.frames) {
+            outcome.interrupted = true;
+            break;
+        }
+    }
+    Ok(outcome)
+}
+
+struct Pacer {
+    pace: Pace,
+    start: Option<(Instant, u64)>,
+}
+
+impl Pacer {
+    fn wait_for(&mut self, frame: &Frame) {
+        let Pace::Times(factor) = self.pace else { return };
+        let (began, first_ns) = *self.start.get_or_insert((Instant::now(), frame.stamp_ns));
+        let due = Duration::from_nanos((frame.stamp_ns.saturating_sub(first_ns) as f64 / factor) as u64);
+        std::thread::sleep(due.saturating_sub(began.elapsed()));
+    }
+}

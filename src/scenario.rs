@@ -1,0 +1,253 @@
+//! Scenarios: one TOML file says where the frames come from and what is expected of them.
+
+use crate::arena::ArenaConfig;
+use crate::error::{Error, Result};
+use crate::matcher::Algorithm;
+use crate::score::{CellRule, Checkpoint};
+use crate::stereo::GridShape;
+use serde::Deserialize;
+use std::path::Path;
+
+/// Largest scenario file that is read, bytes.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Largest number of columns and of rows of a grid.
+const MAX_GRID: usize = 64;
+
+/// A scenario as its file says it, checked.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    pub name: String,
+    pub description: String,
+    pub algorithms: Vec<Algorithm>,
+    pub grid: GridSettings,
+    pub cells: CellRule,
+    pub source: ScenarioSource,
+    pub checkpoints: Vec<Checkpoint>,
+    /// The file, to the letter.
+    pub text: String,
+}
+
+/// Where a scenario's frames come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ScenarioSource {
+    /// The simulated arena, one run per seed.
+    Arena { config: Box<ArenaConfig>, seeds: Vec<u64> },
+    /// Scene folders below the folder of data sets.
+    Dataset { scenes: Vec<String> },
+}
+
+/// Shape of the depth grid and when a cell is known.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GridSettings {
+    pub columns: usize,
+    pub rows: usize,
+    /// Least share of a cell's pixels with a disparity, 0..=1.
+    pub min_valid: f64,
+}
+
+impl Default for GridSettings {
+    /// The thesis's 5 x 3 cells, known from a fifth of their pixels on.
+    fn default() -> Self {
+        let GridShape { columns, rows } = GridShape::default();
+        Self { columns, rows, min_valid: 0.20 }
+    }
+}
+
+impl GridSettings {
+    pub fn shape(&self) -> GridShape {
+        GridShape { columns: self.columns, rows: self.rows }
+    }
+}
+
+/// The file's form.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    name: String,
+    description: String,
+    algorithms: Vec<String>,
+    #[serde(default)]
+    grid: GridSettings,
+    cells: CellRule,
+    source: SourceTable,
+    arena: Option<ArenaConfig>,
+    #[serde(default)]
+    checkpoint: Vec<Checkpoint>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SourceTable {
+    kind: SourceKind,
+    seeds: Option<Vec<u64>>,
+    scenes: Option<Vec<String>>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SourceKind {
+    Arena,
+    Dataset,
+}
+
+impl Scenario {
+    /// Reads and checks a scenario file.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] with line and column, or with what contradicts itself.
+    pub fn read(path: &Path) -> Result<Self> {
+        let length = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+        if length > MAX_BYTES {
+            return Err(Error::format(path, format!("{length} bytes, but a scenario has at most {MAX_BYTES}")));
+        }
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let text = String::from_utf8(bytes).map_err(|_| Error::format(path, "not a scenario: not UTF-8 text"))?;
+        Self::parse(&text, path)
+    }
+
+    /// The arena of the thesis's chapter 7, compiled in: what runs where no scenario is named.
+    ///
+    /// # Errors
+    /// None unless svl was built with a broken `scenarios/arena.toml`.
+    pub fn arena() -> Result<Self> {
+        Self::parse(include_str!("../scenarios/arena.toml"), Path::new("scenarios/arena.toml"))
+    }
+
+    /// Checks a scenario's text; `path` is for the errors.
+    ///
+    /// # Errors
+    /// As [`Scenario::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
+        let file: File = toml::from_str(text).map_err(|e| toml_error(&e, text, path))?;
+        file.check(text).map_err(|e| Error::format(path, e.to_string()))
+    }
+
+    /// The algorithms' labels.
+    pub fn labels(&self) -> Vec<&str> {
+        self.algorithms.iter().map(Algorithm::label).collect()
+    }
+}
+
+impl File {
+    fn check(self, text: &str) -> Result<Scenario> {
+        let safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(safe) {
+            return invalid(format!("name '{}' must be letters, digits, '-' and '_': folders are called so", self.name));
+        }
+        let GridSettings { columns, rows, min_valid } = self.grid;
+        if !(1..=MAX_GRID).contains(&columns) || !(1..=MAX_GRID).contains(&rows) || !(0.0..=1.0).contains(&min_valid) {
+            return invalid(format!("grid: columns and rows are 1..={MAX_GRID}, min_valid 0..=1"));
+        }
+        self.cells.validate()?;
+        for (i, checkpoint) in self.checkpoint.iter().enumerate() {
+            checkpoint.validate(self.grid.shape())?;
+            if self.checkpoint[..i].iter().any(|c| c.number == checkpoint.number) {
+                return invalid(format!("checkpoint {} stands twice", checkpoint.number));
+            }
+        }
+        if self.algorithms.is_empty() {
+            return invalid("algorithms is empty: name at least one, as `svl algos` lists them".into());
+        }
+        let algorithms = self.algorithms.iter().map(|a| a.parse()).collect::<Result<_>>()?;
+        let source = self.source.check(self.arena)?;
+        if matches!(source, ScenarioSource::Dataset { .. }) && !self.checkpoint.is_empty() {
+            return invalid("checkpoints need poses, which data-set scenes do not have".into());
+        }
+        Ok(Scenario {
+            name: self.name,
+            description: self.description,
+            algorithms,
+            grid: self.grid,
+            cells: self.cells,
+            source,
+            checkpoints: self.checkpoint,
+            text: text.to_owned(),
+        })
+    }
+}
+
+impl SourceTable {
+    fn check(self, arena: Option<ArenaConfig>) -> Result<ScenarioSource> {
+        match (self.kind, self.seeds, self.scenes, arena) {
+            (SourceKind::Arena, seeds, None, config) => {
+                let seeds = seeds.unwrap_or_else(|| vec![1]);
+                let distinct = seeds.iter().collect::<std::collections::BTreeSet<_>>().len() == seeds.len();
+                if seeds.is_empty() || !distinct {
+                    return invalid("source.seeds: at least one, each once".into());
+                }
+                Ok(ScenarioSource::Arena { config: Box::new(config.unwrap_or_default()), seeds })
+            }
+            (SourceKind::Arena, _, Some(_), _) => invalid("source.scenes belongs to kind = \"dataset\"".into()),
+            (SourceKind::Dataset, None, Some(scenes), None) if !scenes.is_empty() => Ok(ScenarioSource::Dataset { scenes }),
+            (SourceKind::Dataset, ..) => {
+                invalid("kind = \"dataset\" takes source.scenes, at least one, and neither seeds nor [arena]".into())
+            }
+        }
+    }
+}
+
+fn invalid<T>(what: String) -> Result<T> {
+    Err(Error::Invalid(what))
+}
+
+/// One line with line and column, from the several that the parser prints.
+fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
+    let message = error.message().lines().collect::<Vec<_>>().join(" ");
+    let place = error.span().map(|span| {
+        let before = text.get(..span.start).unwrap_or(text);
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+        format!("line {line}, column {column}: ")
+    });
+    Error::format(path, format!("{}{message}", place.unwrap_or_default()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Scenario> {
+        Scenario::parse(text, Path::new("s.toml"))
+    }
+
+    const MINIMAL: &str = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"distance\"\n[source]\nkind = \"arena\"\n";
+
+    #[test]
+    fn what_is_left_out_has_the_thesis_defaults() {
+        let scenario = parse(MINIMAL).unwrap();
+        assert_eq!((scenario.grid.columns, scenario.grid.rows), (5, 3));
+        assert_eq!(scenario.source, ScenarioSource::Arena { config: Box::default(), seeds: vec![1] });
+    }
+
+    #[test]
+    fn the_embedded_arena_is_whole() {
+        let arena = Scenario::arena().unwrap();
+        assert_eq!(arena.checkpoints.len(), 6);
+    }
+
+    #[test]
+    fn errors_name_line_and_column() {
+        let error = parse(&MINIMAL.replace("kind", "kidn")).unwrap_err().to_string();
+        assert!(error.starts_with("s.toml: line 7, column 1: unknown field `kidn`"), "{error}");
+        assert!(!error.contains('\n'));
+        let error = parse("name = [").unwrap_err().to_string();
+        assert!(error.starts_with("s.toml: line 1, column 9: "), "{error}");
+    }
+
+    #[test]
+    fn contradictions_are_named() {
+        for (from, to, word) in [
+            ("\"m\"", "\"../m\"", "name"),
+            ("[\"v3\"]", "[]", "algorithms"),
+            ("\"v3\"", "\"v33\"", "did you mean 'v3'"),
+            ("\"arena\"", "\"dataset\"", "scenes"),
+            ("kind = \"arena\"", "kind = \"arena\"\nseeds = [1, 1]", "seeds"),
+            ("[source]", "[grid]\ncolumns = 0\n[source]", "columns"),
+        ] {
+            let error = parse(&MINIMAL.replacen(from, to, 1)).unwrap_err().to_string();
+            assert!(error.contains(word), "{to}: {error}");
+        }
+    }
+}

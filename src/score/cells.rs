@@ -1,0 +1,230 @@
+//! Cells of the depth grid against the truth: what an obstacle avoider would have believed.
+
+use crate::error::{Error, Result};
+use crate::stereo::{DepthGrid, Frame, GridShape};
+
+/// When a reported cell counts as right.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
+#[serde(tag = "judge", rename_all = "lowercase", deny_unknown_fields)]
+pub enum CellRule {
+    /// `|Z - Z_true| <= max(0.10 m, 20 % of Z_true)`; needs a rig.
+    Distance,
+    /// `|d - d_true| <= tolerance_px`; for scenes without calibration.
+    Disparity { tolerance_px: f64 },
+}
+
+impl CellRule {
+    /// # Errors
+    /// [`Error::Invalid`] for a tolerance that is not a positive number.
+    pub fn validate(&self) -> Result<()> {
+        match *self {
+            Self::Disparity { tolerance_px } if !(tolerance_px > 0.0 && tolerance_px.is_finite()) => {
+                Err(Error::Invalid(format!("cells.tolerance_px = {tolerance_px} is not a positive number")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// True distance below which something is an obstacle, metres.
+const OBSTACLE_M: f64 = 0.5;
+/// Distance beyond which nothing needs to be avoided yet, metres.
+const CLEAR_M: f64 = 0.75;
+
+/// What a report about a cell is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    Right,
+    Wrong,
+    /// The algorithm says that it does not know, which is not wrong: the thesis's red dot.
+    Unknown,
+    /// Nobody knows the truth there.
+    NoTruth,
+}
+
+impl Verdict {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::Wrong => "wrong",
+            Self::Unknown => "unknown",
+            Self::NoTruth => "no-truth",
+        }
+    }
+}
+
+/// A cell's report beside its truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellJudgement {
+    pub verdict: Verdict,
+    /// True distance, metres; nothing without truth, without a rig, or at infinity.
+    pub true_m: Option<f64>,
+    /// True distance < 0.5 m, reported farther than 0.75 m.
+    pub missed_obstacle: bool,
+    /// Reported < 0.5 m, true > 0.75 m.
+    pub false_obstacle: bool,
+}
+
+/// Counts over the cells of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellTally {
+    pub right: usize,
+    pub wrong: usize,
+    pub unknown: usize,
+    pub missed_obstacles: usize,
+    pub false_obstacles: usize,
+}
+
+impl CellTally {
+    pub fn of(judgements: &[CellJudgement]) -> Self {
+        let count = |f: fn(&CellJudgement) -> bool| judgements.iter().filter(|j| f(j)).count();
+        Self {
+            right: count(|j| j.verdict == Verdict::Right),
+            wrong: count(|j| j.verdict == Verdict::Wrong),
+            unknown: count(|j| j.verdict == Verdict::Unknown),
+            missed_obstacles: count(|j| j.missed_obstacle),
+            false_obstacles: count(|j| j.false_obstacle),
+        }
+    }
+}
+
+/// Least share of a cell's pixels whose truth must be known for the cell to have a truth.
+const MIN_KNOWN: f64 = 0.5;
+
+/// The median true disparity and distance of every cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrueGrid {
+    shape: GridShape,
+    cells: Vec<TrueCell>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct TrueCell {
+    disparity_px: Option<f64>,
+    distance_m: Option<f64>,
+}
+
+impl TrueGrid {
+    /// The truth of `frame` on `shape`; nothing when the frame has none. A cell has a truth when at least half of its
+    /// pixels do.
+    pub fn of(frame: &Frame, shape: GridShape) -> Option<Self> {
+        let truth = frame.truth.as_ref()?;
+        let mut values = Vec::new();
+        let cells = shape.iter().map(|cell| {
+            let (xs, ys) = shape.pixels(cell, truth.disparity.size());
+            let pixels = xs.len() * ys.len();
+            values.clear();
+            ys.for_each(|y| values.extend(truth.disparity.row(y)[xs.clone()].iter().filter(|d| d.is_finite())));
+            let enough = !values.is_empty() && values.len() as f64 >= MIN_KNOWN * pixels as f64;
+            let disparity_px = enough.then(|| f64::from(median(&mut values)));
+            let distance_m = disparity_px.zip(frame.rig).and_then(|(d, rig)| rig.depth_m(d));
+            TrueCell { disparity_px, distance_m }
+        });
+        Some(Self { shape, cells: cells.collect() })
+    }
+
+    pub fn shape(&self) -> GridShape {
+        self.shape
+    }
+
+    /// Median true disparity of the cell at `index` in raster order, pixels.
+    pub fn disparity_px(&self, index: usize) -> Option<f64> {
+        self.cells[index].disparity_px
+    }
+
+    /// Distance of that median, metres.
+    pub fn distance_m(&self, index: usize) -> Option<f64> {
+        self.cells[index].distance_m
+    }
+
+    /// Judges every cell of `grid`, which has this shape, in raster order.
+    pub fn judge(&self, grid: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
+        debug_assert_eq!(self.shape, grid.shape());
+        self.cells.iter().zip(grid.iter()).map(|(truth, (_, cell))| judge_cell(truth, cell.depth.as_ref(), rule)).collect()
+    }
+}
+
+fn judge_cell(truth: &TrueCell, reported: Option<&crate::stereo::CellDepth>, rule: CellRule) -> CellJudgement {
+    let distances = truth.distance_m.zip(reported.and_then(|r| r.distance_m));
+    let within = reported.and_then(|reported| match rule {
+        CellRule::Distance => distances.map(|(z_true, z)| (z - z_true).abs() <= (0.2 * z_true).max(0.10)),
+        CellRule::Disparity { tolerance_px } => {
+            truth.disparity_px.map(|d_true| (f64::from(reported.median_px) - d_true).abs() <= tolerance_px)
+        }
+    });
+    let has_truth = match rule {
+        CellRule::Distance => truth.distance_m.is_some(),
+        CellRule::Disparity { .. } => truth.disparity_px.is_some(),
+    };
+    let verdict = match (has_truth, reported, within) {
+        (false, ..) => Verdict::NoTruth,
+        (true, None, _) => Verdict::Unknown,
+        (true, Some(_), Some(true)) => Verdict::Right,
+        // A reported cell without a distance claims infinity: there is a truth, and that is not it.
+        (true, Some(_), _) => Verdict::Wrong,
+    };
+    CellJudgement {
+        verdict,
+        true_m: truth.distance_m,
+        missed_obstacle: truth.distance_m.is_some_and(|t| t < OBSTACLE_M)
+            && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > CLEAR_M)),
+        false_obstacle: distances.is_some_and(|(z_true, z)| z < OBSTACLE_M && z_true > CLEAR_M),
+    }
+}
+
+/// Median by nearest rank, `sorted[⌈n/2⌉ - 1]`, of at least one value.
+fn median(values: &mut [f32]) -> f32 {
+    let rank = values.len().div_ceil(2) - 1;
+    *values.select_nth_unstable_by(rank, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::CellDepth;
+
+    fn reported(distance_m: f64) -> CellDepth {
+        CellDepth { median_px: 10.0, p20_px: 10.0, p80_px: 10.0, distance_m: Some(distance_m) }
+    }
+
+    fn judged(true_m: f64, reported_m: f64) -> CellJudgement {
+        let truth = TrueCell { disparity_px: Some(14.432 / true_m), distance_m: Some(true_m) };
+        judge_cell(&truth, Some(&reported(reported_m)), CellRule::Distance)
+    }
+
+    #[test]
+    fn ten_centimetres_or_a_fifth() {
+        assert_eq!(judged(0.30, 0.39).verdict, Verdict::Right);
+        assert_eq!(judged(0.30, 0.41).verdict, Verdict::Wrong);
+        assert_eq!(judged(2.00, 1.61).verdict, Verdict::Right);
+        assert_eq!(judged(2.00, 2.41).verdict, Verdict::Wrong);
+    }
+
+    #[test]
+    fn obstacles_missed_and_invented() {
+        assert!(judged(0.4, 0.8).missed_obstacle && !judged(0.4, 0.7).missed_obstacle);
+        assert!(judged(0.8, 0.4).false_obstacle && !judged(0.7, 0.4).false_obstacle);
+        assert!(!judged(0.6, 2.0).missed_obstacle);
+    }
+
+    #[test]
+    fn unknown_is_not_wrong_and_infinity_is() {
+        let truth = TrueCell { disparity_px: Some(30.0), distance_m: Some(0.48) };
+        assert_eq!(judge_cell(&truth, None, CellRule::Distance).verdict, Verdict::Unknown);
+        let infinity = CellDepth { distance_m: None, ..reported(1.0) };
+        let judgement = judge_cell(&truth, Some(&infinity), CellRule::Distance);
+        assert_eq!((judgement.verdict, judgement.missed_obstacle), (Verdict::Wrong, true));
+        let nothing = TrueCell { disparity_px: None, distance_m: None };
+        assert_eq!(judge_cell(&nothing, Some(&reported(1.0)), CellRule::Distance).verdict, Verdict::NoTruth);
+    }
+
+    #[test]
+    fn disparity_rule() {
+        let truth = TrueCell { disparity_px: Some(12.0), distance_m: None };
+        let rule = CellRule::Disparity { tolerance_px: 2.0 };
+        assert_eq!(judge_cell(&truth, Some(&reported(1.0)), rule).verdict, Verdict::Right);
+        let truth = TrueCell { disparity_px: Some(12.1), ..truth };
+        assert_eq!(judge_cell(&truth, Some(&reported(1.0)), rule).verdict, Verdict::Wrong);
+    }
+}

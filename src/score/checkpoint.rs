@@ -1,0 +1,146 @@
+//! Checkpoints: situations of the thesis's arena (chapter 7) in which the robot has to see one thing.
+
+use super::{CellJudgement, Verdict};
+use crate::error::{Error, Result};
+use crate::stereo::{DepthGrid, GridShape, Pose};
+
+/// A place and a direction on the robot's path, and what has to be seen there.
+///
+/// Cells are `[column, row]`, row 0 on top.
+#[derive(Clone, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Checkpoint {
+    pub number: u32,
+    pub name: String,
+    pub description: String,
+    /// Where the left camera is, metres on the floor.
+    pub at_m: [f64; 2],
+    /// How near to it a frame must be taken.
+    pub radius_m: f64,
+    /// Direction of view in the world, `atan2(y, x)`.
+    pub heading_deg: f64,
+    pub heading_tolerance_deg: f64,
+    /// None of these may be wrong.
+    pub cells: Vec<[usize; 2]>,
+    /// All of these must be right.
+    pub must: Vec<[usize; 2]>,
+    /// Each list: cells from the nearest to the farthest, by reported distance, strictly.
+    #[serde(default)]
+    pub order: Vec<Vec<[usize; 2]>>,
+}
+
+impl Checkpoint {
+    /// # Errors
+    /// [`Error::Invalid`] naming the checkpoint and what contradicts itself.
+    pub fn validate(&self, shape: GridShape) -> Result<()> {
+        let wrong = |what: String| Err(Error::Invalid(format!("checkpoint {} ({}): {what}", self.number, self.name)));
+        let numbers = [self.at_m[0], self.at_m[1], self.radius_m, self.heading_deg, self.heading_tolerance_deg];
+        if !numbers.iter().all(|v| v.is_finite()) || self.radius_m <= 0.0 || self.heading_tolerance_deg <= 0.0 {
+            return wrong("at_m and heading_deg must be numbers, radius_m and heading_tolerance_deg positive".into());
+        }
+        let all = self.cells.iter().chain(&self.must).chain(self.order.iter().flatten());
+        if let Some([column, row]) = all.copied().find(|[c, r]| *c >= shape.columns || *r >= shape.rows) {
+            return wrong(format!("cell [{column}, {row}] is outside the grid of {}x{}", shape.columns, shape.rows));
+        }
+        if self.must.is_empty() {
+            return wrong("'must' names no cell, so nothing would be tested".into());
+        }
+        Ok(())
+    }
+
+    /// Whether a frame taken from `pose` belongs to this checkpoint.
+    pub fn covers(&self, pose: &Pose) -> bool {
+        let at = pose.translation.vector;
+        let view = pose.rotation * nalgebra::Vector3::z();
+        let heading_deg = view.y.atan2(view.x).to_degrees();
+        let off_deg = (heading_deg - self.heading_deg + 180.0).rem_euclid(360.0) - 180.0;
+        (at.x - self.at_m[0]).hypot(at.y - self.at_m[1]) <= self.radius_m && off_deg.abs() <= self.heading_tolerance_deg
+    }
+
+    /// Judges one of its frames from the reported grid and the cells' judgements, which are in raster order.
+    pub fn judge(&self, grid: &DepthGrid, judgements: &[CellJudgement]) -> CheckpointFrame {
+        let verdict = |[column, row]: [usize; 2]| judgements[row * grid.shape().columns + column].verdict;
+        let count = |cells: &[[usize; 2]], v: Verdict| cells.iter().filter(|&&c| verdict(c) == v).count();
+        let must_right = count(&self.must, Verdict::Right);
+        let wrong = count(&self.cells, Verdict::Wrong);
+        let distance = |&[column, row]: &[usize; 2]| grid.cell(column, row).depth.and_then(|d| d.distance_m);
+        let order_holds = self.order.iter().all(|cells| {
+            let distances: Vec<_> = cells.iter().map(distance).collect();
+            distances.iter().all(Option::is_some) && distances.is_sorted_by(|nearer, farther| nearer < farther)
+        });
+        CheckpointFrame {
+            passed: must_right == self.must.len() && wrong == 0 && order_holds,
+            must_missing: self.must.len() - must_right,
+            wrong,
+            order_holds,
+        }
+    }
+}
+
+/// A checkpoint's verdict in one frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CheckpointFrame {
+    pub passed: bool,
+    /// Cells that must be right and are not.
+    pub must_missing: usize,
+    /// Cells that are wrong.
+    pub wrong: usize,
+    /// Whether the reported distances are in the order they must be in.
+    pub order_holds: bool,
+}
+
+impl CheckpointFrame {
+    /// Larger is worse; equal frames are equally good.
+    fn badness(&self) -> (bool, usize, usize, bool) {
+        (!self.passed, self.wrong, self.must_missing, !self.order_holds)
+    }
+
+    /// What is amiss, in words; nothing when it passed.
+    pub fn reasons(&self) -> Option<String> {
+        let cells = |n: usize| if n == 1 { "1 cell".to_owned() } else { format!("{n} cells") };
+        let amiss = [
+            (self.wrong > 0).then(|| format!("{} wrong", cells(self.wrong))),
+            (self.must_missing > 0).then(|| format!("{} of those that must be right not right", cells(self.must_missing))),
+            (!self.order_holds).then(|| "order of distances not seen".to_owned()),
+        ];
+        (!self.passed).then(|| amiss.into_iter().flatten().collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// A checkpoint over the frames of one run or of several.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CheckpointTally<F> {
+    pub frames: usize,
+    pub passed: usize,
+    /// The best frame: the first of the best.
+    pub best: Option<(F, CheckpointFrame)>,
+    /// The worst frame: the first of the worst.
+    pub worst: Option<(F, CheckpointFrame)>,
+}
+
+impl<F> CheckpointTally<F> {
+    /// Whether a frame judged so would become the best, the worst.
+    pub fn would_lead(&self, frame: &CheckpointFrame) -> (bool, bool) {
+        let best = self.best.as_ref().is_none_or(|(_, b)| frame.badness() < b.badness());
+        let worst = self.worst.as_ref().is_none_or(|(_, w)| frame.badness() > w.badness());
+        (best, worst)
+    }
+
+    /// Counts a frame; `keep` makes what is kept of it when it leads.
+    pub fn add(&mut self, frame: CheckpointFrame, keep: impl Fn() -> F) {
+        let (best, worst) = self.would_lead(&frame);
+        if best {
+            self.best = Some((keep(), frame));
+        }
+        if worst {
+            self.worst = Some((keep(), frame));
+        }
+        self.frames += 1;
+        self.passed += usize::from(frame.passed);
+    }
+
+    /// Share of the frames that passed; nothing without frames.
+    pub fn share(&self) -> Option<f64> {
+        (self.frames > 0).then(|| self.passed as f64 / self.frames as f64)
+    }
+}
