@@ -1,10 +1,18 @@
 //! The command line: one file per subcommand, its arguments beside its run.
 
 mod algos;
+mod cache;
 mod completions;
+mod info;
 mod matching;
 mod output;
 mod progress;
+mod record;
+mod replay;
+mod run_info;
+mod score;
+mod source;
+mod view;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -42,9 +50,15 @@ Examples:
 
 #[derive(Subcommand)]
 enum Command {
+    Record(record::Args),
+    Replay(replay::Args),
+    Score(score::Args),
     Match(matching::Args),
+    View(view::Args),
+    Info(info::Args),
     Algos(algos::Args),
     Completions(completions::Args),
+    /// Print the man page
     #[command(hide = true)]
     Man,
 }
@@ -84,7 +98,12 @@ impl Cli {
 impl Command {
     fn run(self, quiet: bool) -> anyhow::Result<()> {
         match self {
+            Self::Record(args) => record::run(&args, quiet),
+            Self::Replay(args) => replay::run(&args, quiet),
+            Self::Score(args) => score::run(&args, quiet),
             Self::Match(args) => matching::run(&args),
+            Self::View(args) => view::run(&args),
+            Self::Info(args) => info::run(&args),
             Self::Algos(args) => algos::run(&args),
             Self::Completions(args) => completions::run(&args),
             Self::Man => completions::man(),
@@ -110,4 +129,9 @@ fn one_line(error: &anyhow::Error) -> String {
 /// The program's full description, for completions and the man page.
 fn command() -> clap::Command {
     Cli::command()
+}
+
+/// A positive number.
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0).ok_or_else(|| "expected a positive number".to_owned())
 }

@@ -144,3 +144,90 @@ impl<F> CheckpointTally<F> {
         (self.frames > 0).then(|| self.passed as f64 / self.frames as f64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::{Cell, CellDepth};
+
+    const SHAPE: GridShape = GridShape { columns: 3, rows: 1 };
+
+    fn opening() -> Checkpoint {
+        Checkpoint {
+            number: 1,
+            name: "opening".into(),
+            description: String::new(),
+            at_m: [1.0, 0.5],
+            radius_m: 0.1,
+            heading_deg: 90.0,
+            heading_tolerance_deg: 5.0,
+            cells: vec![[0, 0], [1, 0], [2, 0]],
+            must: vec![[1, 0]],
+            order: vec![vec![[0, 0], [1, 0]], vec![[2, 0], [1, 0]]],
+        }
+    }
+
+    fn judged(cells: [(Option<f64>, Verdict); 3]) -> CheckpointFrame {
+        let cell = |distance_m: Option<f64>| Cell {
+            valid_share: 0.5,
+            depth: distance_m.map(|z| CellDepth { median_px: 1.0, p20_px: 1.0, p80_px: 1.0, distance_m: Some(z) }),
+        };
+        let grid = DepthGrid::new(SHAPE, cells.iter().map(|(z, _)| cell(*z)).collect()).unwrap();
+        let judgement =
+            |verdict| CellJudgement { verdict, true_m: Some(1.0), missed_obstacle: false, false_obstacle: false };
+        opening().judge(&grid, &cells.map(|(_, verdict)| judgement(verdict)))
+    }
+
+    #[test]
+    fn passes_when_right_and_in_order() {
+        use Verdict::{Right, Unknown, Wrong};
+        assert!(judged([(Some(0.5), Right), (Some(1.5), Right), (Some(0.5), Right)]).passed);
+        let wrong = judged([(Some(0.5), Wrong), (Some(1.5), Right), (Some(0.5), Right)]);
+        assert_eq!(wrong.reasons().unwrap(), "1 cell wrong");
+        let unknown = judged([(Some(0.5), Right), (None, Unknown), (Some(0.5), Right)]);
+        assert!(!unknown.passed && !unknown.order_holds && unknown.wrong == 0);
+        let level = judged([(Some(1.5), Right), (Some(1.5), Right), (Some(0.5), Right)]);
+        assert_eq!(level.reasons().unwrap(), "order of distances not seen");
+    }
+
+    #[test]
+    fn covers_by_place_and_heading() {
+        // Optical frame looking along +y of the world: its z is the world's y, its x the world's x, its y downwards.
+        let looking = |yaw_deg: f64, x: f64| {
+            let axes = nalgebra::Rotation3::from_matrix_unchecked(nalgebra::Matrix3::new(
+                1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0,
+            ));
+            let turn = nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), yaw_deg.to_radians());
+            Pose::from_parts([x, 0.5, 0.06].into(), nalgebra::UnitQuaternion::from_rotation_matrix(&(turn * axes)))
+        };
+        assert!(opening().covers(&looking(0.0, 1.0)));
+        assert!(opening().covers(&looking(-4.9, 1.09)) && opening().covers(&looking(4.9, 0.91)));
+        assert!(!opening().covers(&looking(5.1, 1.0)) && !opening().covers(&looking(0.0, 1.11)));
+        let west = Checkpoint { heading_deg: -179.0, ..opening() };
+        assert!(west.covers(&looking(92.0, 1.0)), "179 and -179 degrees are two apart wrapping around");
+    }
+
+    #[test]
+    fn tally_keeps_the_first_best_and_worst() {
+        let frame = |passed, wrong| CheckpointFrame { passed, must_missing: 0, wrong, order_holds: true };
+        let mut tally = CheckpointTally::default();
+        for (sequence, verdict) in [frame(false, 1), frame(true, 0), frame(false, 3), frame(true, 0)].into_iter().enumerate() {
+            tally.add(verdict, || sequence);
+        }
+        assert_eq!((tally.frames, tally.passed, tally.share()), (4, 2, Some(0.5)));
+        assert_eq!((tally.best.unwrap().0, tally.worst.unwrap().0), (1, 2));
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for broken in [
+            Checkpoint { cells: vec![[3, 0]], ..opening() },
+            Checkpoint { must: vec![], ..opening() },
+            Checkpoint { radius_m: 0.0, ..opening() },
+            Checkpoint { heading_deg: f64::NAN, ..opening() },
+        ] {
+            assert!(broken.validate(SHAPE).unwrap_err().to_string().starts_with("checkpoint 1 (opening): "));
+        }
+        opening().validate(SHAPE).unwrap();
+    }
+}

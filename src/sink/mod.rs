@@ -1,5 +1,11 @@
 //! Where frames and estimates go.
 
+mod judge;
+mod rows;
+
+pub use judge::Judge;
+pub use rows::{Identity, RowSink};
+
 use crate::error::Result;
 use crate::stereo::{Estimate, Frame};
 

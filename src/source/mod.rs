@@ -1,6 +1,11 @@
 //! Where frames come from.
 
+mod arena;
 pub mod dataset;
+mod limited;
+
+pub use arena::ArenaSource;
+pub use limited::Limited;
 
 use crate::error::Result;
 use crate::stereo::Frame;

@@ -1,0 +1,33 @@
+//! The cache of simulated runs in `recordings/`.
+
+use super::source::{self, RECORDINGS};
+use anyhow::{Context, bail};
+use std::path::Path;
+use svl::recording::ImageFormat;
+use svl::scenario::Scenario;
+use svl::source::RecordingSource;
+
+/// The run of an arena scenario with one seed, recorded first where the cache does not hold it.
+///
+/// Its file is named after everything that its pixels depend on, and gets that name only when it is whole.
+pub(super) fn recording(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::Result<RecordingSource> {
+    let opened = source::arena(scenario, seed)?;
+    let key = opened.header.hash.chars().take(12).collect::<String>();
+    let path = Path::new(RECORDINGS).join(format!("{}-{key}.mcap", opened.stem));
+    if !path.exists() {
+        source::make_recordings_folder()?;
+        let partial = path.with_extension(format!("{}.partial", std::process::id()));
+        match super::record::write(opened, &partial, ImageFormat::Raw, quiet) {
+            Ok(outcome) if !outcome.interrupted => {
+                std::fs::rename(&partial, &path).with_context(|| format!("{}: cannot be named so", path.display()))?;
+            }
+            other => {
+                // An unfinished entry of a cache is of no use to anyone.
+                let _ = std::fs::remove_file(&partial);
+                other?;
+                bail!("stopped by Ctrl-C while recording {}", path.display());
+            }
+        }
+    }
+    RecordingSource::open(&path).with_context(|| format!("{}: delete it, it will be recorded anew", path.display()))
+}

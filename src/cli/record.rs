@@ -1,0 +1,106 @@
+//! `svl record`: a source into a recording.
+
+use super::output::may_write;
+use super::progress::Progress;
+use super::source::{self, Opened, RECORDINGS};
+use anyhow::Context;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use svl::recording::{ImageFormat, Writer};
+use svl::run::{Outcome, Pace, run as run_loop};
+use svl::scenario::GridSettings;
+use svl::sink::{RecordingSink, Sink};
+use svl::source::Limited;
+
+/// Record pairs to an MCAP file
+///
+/// Ctrl-C ends the recording and leaves it whole.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Sources:
+  arena            the simulated arena of scenarios/arena.toml (default)
+  SCENARIO.toml    the arena with other parameters
+  FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), or left/ and right/ with equally named images
+  FILE.mcap        another recording
+
+Examples:
+  svl record                                      recordings/arena-seed1-1.mcap
+  svl record arena --seed 7 --duration 5 -o five-seconds.mcap
+  svl record datasets/cones -o cones.mcap")]
+pub(super) struct Args {
+    /// What to record
+    #[arg(default_value = "arena")]
+    source: String,
+    /// File to write [default: recordings/SOURCE-N.mcap]
+    #[arg(short, long, value_name = "FILE.mcap")]
+    output: Option<PathBuf>,
+    /// End after so many pairs
+    #[arg(long, value_name = "N", conflicts_with = "duration", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: Option<u64>,
+    /// End after so many seconds of the source's time
+    #[arg(long, value_name = "S", value_parser = super::positive)]
+    duration: Option<f64>,
+    /// What the arena's textures, path and noise are drawn from
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Store the images as PNG: smaller, slower
+    #[arg(long)]
+    compress: bool,
+    /// Replace a file that exists
+    #[arg(long)]
+    force: bool,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let mut opened = source::open(&args.source, args.seed)?;
+    let output = match &args.output {
+        Some(path) => path.clone(),
+        None => {
+            source::make_recordings_folder()?;
+            source::free_name(Path::new(RECORDINGS), &opened.stem)
+        }
+    };
+    may_write(&output, args.force)?;
+    if args.force && output.exists() {
+        std::fs::remove_file(&output).with_context(|| format!("{}: cannot replace it", output.display()))?;
+    }
+    let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
+    opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
+    let format = if args.compress { ImageFormat::Png } else { ImageFormat::Raw };
+    let began = Instant::now();
+    let outcome = write(opened, &output, format, quiet)?;
+    if !quiet {
+        report(&output, outcome, began.elapsed().as_secs_f64())?;
+    }
+    Ok(())
+}
+
+/// Records all of a source into `path`, which does not exist yet.
+pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet: bool) -> anyhow::Result<Outcome> {
+    let mut writer = Writer::create(path, &opened.header, format)?;
+    if let Some(text) = &opened.scenario {
+        writer.attach("scenario.toml", "application/toml", text.as_bytes())?;
+    }
+    let mut sink = RecordingSink::new(writer);
+    let mut progress = Progress::new(&opened.source.name(), opened.source.len(), quiet);
+    let grid = GridSettings::default();
+    let ran = run_loop(&mut *opened.source, &[], grid, Pace::Asap, &mut [&mut sink], &mut progress);
+    progress.clear();
+    // What came before an error is kept: the file is completed first, the error told after.
+    let finished = sink.finish();
+    let outcome = ran?;
+    finished?;
+    Ok(outcome)
+}
+
+fn report(path: &Path, outcome: Outcome, seconds: f64) -> anyhow::Result<()> {
+    let bytes = path.metadata()?.len();
+    let rate = outcome.frames as f64 / seconds;
+    let stopped = if outcome.interrupted { ", stopped by Ctrl-C" } else { "" };
+    super::output::print(&format!(
+        "{}: {} pairs in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
+        path.display(),
+        outcome.frames,
+        bytes as f64 / 1e6
+    ))
+}

@@ -1,0 +1,64 @@
+//! What identifies a run, for its rows, its Rerun recording and its report.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+use svl::arena::{Arena, Outline};
+use svl::matcher::Algorithm;
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::score::CellRule;
+use svl::sink::{Identity, RunInfo};
+use svl::stereo::GridShape;
+
+/// A name for a run that no other run has.
+pub(super) fn run_id(scenario: &str) -> String {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    format!("{:012x}", hash(&format!("{scenario} {} {}", now.as_nanos(), std::process::id())) >> 80)
+}
+
+fn hash(text: &str) -> u128 {
+    xxhash_rust::xxh3::xxh3_128(text.as_bytes())
+}
+
+pub(super) fn identity(run_id: &str, scenario: &str, algorithms: &[Algorithm], rule: CellRule, shape: GridShape) -> Identity {
+    let parameters = |a: &Algorithm| format!("{:016x}", hash(&format!("{}:{}", a.spec().name, a.parameters())) as u64);
+    Identity {
+        run_id: run_id.to_owned(),
+        scenario: scenario.to_owned(),
+        seed: None,
+        parameters: algorithms.iter().map(parameters).collect(),
+        rule,
+        shape,
+    }
+}
+
+/// What the Rerun recording of a run is told at its beginning.
+pub(super) fn rerun(identity: &Identity, algorithms: &[Algorithm], wireframe: Vec<Outline>) -> RunInfo {
+    let about = |a: &Algorithm| (a.label().to_owned(), a.parameters().to_string());
+    RunInfo { identity: identity.clone(), algorithms: algorithms.iter().map(about).collect(), wireframe }
+}
+
+/// The outlines of the arena's things; none for other sources.
+pub(super) fn wireframe(scenario: &Scenario) -> Vec<Outline> {
+    match &scenario.source {
+        ScenarioSource::Arena { config, seeds } => Arena::new(config, seeds[0]).map(|a| a.wireframe()).unwrap_or_default(),
+        ScenarioSource::Dataset { .. } => Vec::new(),
+    }
+}
+
+/// The machine and the program, as names and values.
+pub(super) fn manifest(run_id: &str, algorithms: &[Algorithm]) -> Vec<(String, String)> {
+    let mut manifest = vec![
+        ("run".to_owned(), run_id.to_owned()),
+        ("svl".to_owned(), format!("{} ({})", env!("CARGO_PKG_VERSION"), env!("SVL_REVISION"))),
+        ("processor".to_owned(), processor()),
+        ("instruction set".to_owned(), svl::kernel::isa().to_string()),
+        ("threads".to_owned(), rayon::current_num_threads().to_string()),
+    ];
+    manifest.extend(algorithms.iter().map(|a| (a.label().to_owned(), a.parameters().to_string())));
+    manifest
+}
+
+fn processor() -> String {
+    let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name));
+    model.unwrap_or(std::env::consts::ARCH).to_owned()
+}

@@ -1,0 +1,179 @@
+//! `svl score`: a scenario, judged and reported.
+
+use super::output::{print, print_json};
+use super::progress::Progress;
+use super::{cache, run_info};
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+use svl::matcher::Algorithm;
+use svl::report::{Page, Summary, Tables};
+use svl::run::{Pace, run as run_loop};
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::sink::{Judge, RerunSink, RerunTarget, Sink};
+use svl::source::dataset::{Scene, SceneSource};
+use svl::source::Source;
+
+/// Score algorithms on a scenario and write a report
+///
+/// Records what is missing (recordings/ is a cache), replays it through the algorithms, judges every cell and every
+/// checkpoint, prints a summary, and writes tables, index.html and run.rrd.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl score scenarios/arena.toml
+  svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64 --out reports/range
+  svl score scenarios/middlebury.toml --data DATASETS")]
+pub(super) struct Args {
+    /// Scenario file
+    scenario: PathBuf,
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: the scenario's]
+    #[arg(long, value_name = "NAME[:key=value,…]")]
+    algo: Vec<Algorithm>,
+    /// Folder for the report; a report of svl's that is there is replaced [default: reports/SCENARIO]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Folder of the data sets, for scenarios that read scenes
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let mut scenario = Scenario::read(&args.scenario)?;
+    if !args.algo.is_empty() {
+        scenario.algorithms.clone_from(&args.algo);
+    }
+    let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
+    let plan = plan(&scenario, args.data.as_deref())?;
+    let mut report = Report::begin(&scenario, &folder)?;
+    let ran = plan.into_iter().try_for_each(|run| report.take(run, &scenario, quiet));
+    // What came before an error or Ctrl-C is reported all the same.
+    let summary = report.finish(&scenario)?;
+    if args.json {
+        print_json(&summary)?;
+    } else {
+        print(&format!("{summary}\n{}\n", folder.join("index.html").display()))?;
+    }
+    ran
+}
+
+/// One run of a scenario.
+enum Run {
+    Arena { seed: u64 },
+    Scenes(Vec<Scene>),
+}
+
+fn plan(scenario: &Scenario, data: Option<&Path>) -> anyhow::Result<Vec<Run>> {
+    match &scenario.source {
+        ScenarioSource::Arena { seeds, .. } => Ok(seeds.iter().map(|&seed| Run::Arena { seed }).collect()),
+        ScenarioSource::Dataset { scenes } => {
+            let Some(data) = data else {
+                bail!("scenario '{}' reads scenes of data sets: name their folder with --data DIR", scenario.name);
+            };
+            Ok(vec![Run::Scenes(Scene::find_all(data, scenes)?)])
+        }
+    }
+}
+
+impl Run {
+    fn seed(&self) -> Option<u64> {
+        match self {
+            Self::Arena { seed } => Some(*seed),
+            Self::Scenes(_) => None,
+        }
+    }
+
+    /// The run's frames; an arena is recorded first where the cache does not hold it.
+    fn open(self, scenario: &Scenario, quiet: bool) -> anyhow::Result<Box<dyn Source>> {
+        match self {
+            Self::Scenes(scenes) => Ok(Box::new(SceneSource::new(scenes))),
+            Self::Arena { seed } => Ok(Box::new(cache::recording(scenario, seed, quiet)?)),
+        }
+    }
+}
+
+/// The report under way.
+struct Report {
+    folder: PathBuf,
+    run_id: String,
+    judge: Judge,
+    rerun: RerunSink,
+}
+
+impl Report {
+    fn begin(scenario: &Scenario, folder: &Path) -> anyhow::Result<Self> {
+        make_room(folder)?;
+        let run_id = run_info::run_id(&scenario.name);
+        let shape = scenario.grid.shape();
+        let identity = run_info::identity(&run_id, &scenario.name, &scenario.algorithms, scenario.cells, shape);
+        let labels = scenario.labels().into_iter().map(str::to_owned).collect();
+        let tables = Tables::create(folder)?;
+        let info = run_info::rerun(&identity, &scenario.algorithms, run_info::wireframe(scenario));
+        Ok(Self {
+            folder: folder.to_owned(),
+            run_id,
+            judge: Judge::new(identity, labels, scenario.checkpoints.clone(), tables),
+            rerun: RerunSink::new(&RerunTarget::File(folder.join("run.rrd")), info)?,
+        })
+    }
+
+    fn take(&mut self, run: Run, scenario: &Scenario, quiet: bool) -> anyhow::Result<()> {
+        let seed = run.seed();
+        let mut source = run.open(scenario, quiet)?;
+        self.judge.begin_run(seed);
+        let mut progress = Progress::new(&format!("score {}", source.name()), source.len(), quiet);
+        let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
+        let ran = run_loop(&mut *source, &scenario.algorithms, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
+        progress.clear();
+        self.judge.end_run()?;
+        if ran?.interrupted {
+            bail!("stopped by Ctrl-C; the report holds what was scored before");
+        }
+        Ok(())
+    }
+
+    fn finish(self, scenario: &Scenario) -> anyhow::Result<Summary> {
+        let Self { folder, run_id, judge, mut rerun } = self;
+        let (summary, figures) = judge.finish()?;
+        rerun.verdicts(&summary.markdown());
+        rerun.finish()?;
+        let write = |name: &str, text: String| {
+            let path = folder.join(name);
+            std::fs::write(&path, text).with_context(|| path.display().to_string())
+        };
+        write("summary.md", format!("# {}\n\n{}\n\n{}", scenario.name, scenario.description, summary.markdown()))?;
+        write("summary.json", serde_json::to_string_pretty(&summary)? + "\n")?;
+        let page = Page {
+            title: scenario.name.clone(),
+            description: scenario.description.clone(),
+            identity: run_info::manifest(&run_id, &scenario.algorithms),
+            summary: summary.clone(),
+            figures,
+        };
+        page.write(&folder.join("index.html"))?;
+        Ok(summary)
+    }
+}
+
+/// The files of a report, which a later report of the same folder replaces.
+const REPORT_FILES: &[&str] = &[
+    "rows.csv", "rows.parquet", "cells.csv", "cells.parquet", "checkpoints.csv", "checkpoints.parquet",
+    "summary.md", "summary.json", "index.html", "run.rrd",
+];
+
+/// Makes the folder and takes an earlier report out of it; refuses a folder that holds anything else.
+fn make_room(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    let entries = entries.collect::<Result<Vec<_>, _>>().with_context(|| folder.display().to_string())?;
+    if let Some(other) = entries.iter().find(|e| !REPORT_FILES.contains(&e.file_name().to_string_lossy().as_ref())) {
+        bail!("{}: not part of a report; name another folder with --out", other.path().display());
+    }
+    for entry in entries {
+        let path = entry.path();
+        std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,115 @@
+//! From what a user names to a source of frames.
+
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+use svl::arena::{Arena, ArenaConfig};
+use svl::recording::Header;
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::source::dataset::{FolderSource, Scene, SceneSource};
+use svl::source::{ArenaSource, RecordingSource, Source};
+
+/// Where recordings are kept.
+pub(super) const RECORDINGS: &str = "recordings";
+
+/// Rate given to a folder of images, which has no times of its own.
+const FOLDER_RATE_HZ: f64 = 10.0;
+
+/// A source with what a recording of it says about its origin.
+pub(super) struct Opened {
+    pub source: Box<dyn Source>,
+    pub header: Header,
+    /// Text of the scenario it came from, if any.
+    pub scenario: Option<String>,
+    /// A file stem for its recording.
+    pub stem: String,
+}
+
+/// Opens `arena`, a scenario file of the arena, a scene or image folder, or a recording.
+pub(super) fn open(name: &str, seed: u64) -> anyhow::Result<Opened> {
+    let path = Path::new(name);
+    if name == "arena" {
+        return arena(&Scenario::arena()?, seed);
+    }
+    if name.starts_with("v4l2:") || name.starts_with("genicam:") {
+        bail!("{name}: this svl has no live cameras yet; record from the arena, a folder or a recording");
+    }
+    if !path.exists() {
+        bail!("{name}: no such source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)");
+    }
+    if path.is_dir() {
+        return folder(path);
+    }
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("toml") => arena(&Scenario::read(path)?, seed),
+        Some("mcap") => recording(path),
+        _ => bail!("{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"),
+    }
+}
+
+/// The arena of a scenario with one of its seeds, or another.
+pub(super) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
+    let ScenarioSource::Arena { config, .. } = &scenario.source else {
+        bail!("scenario '{}' reads scene folders; name one of them to record it", scenario.name);
+    };
+    Ok(Opened {
+        source: Box::new(ArenaSource::new(Arena::new(config, seed)?, seed)),
+        header: Header {
+            scenario: scenario.name.clone(),
+            seed: Some(seed),
+            source: "arena".into(),
+            hash: arena_hash(config, seed),
+            ..Header::new()
+        },
+        stem: format!("{}-seed{seed}", scenario.name),
+        scenario: Some(scenario.text.clone()),
+    })
+}
+
+/// What tells one simulated run from another: everything that its pixels depend on.
+fn arena_hash(config: &ArenaConfig, seed: u64) -> String {
+    // A configuration is plain numbers and text: JSON can say them all.
+    let config = serde_json::to_string(config).unwrap_or_default();
+    let said = format!("svl {} arena {} seed {seed} {config}", env!("CARGO_PKG_VERSION"), svl::arena::REVISION);
+    format!("{:032x}", xxhash_rust::xxh3::xxh3_128(said.as_bytes()))
+}
+
+fn folder(path: &Path) -> anyhow::Result<Opened> {
+    let stem = path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_str()?.to_owned())).unwrap_or("pairs".into());
+    let source: Box<dyn Source> = match Scene::find(path, &stem) {
+        Some(scene) => Box::new(SceneSource::new(vec![scene])),
+        None => {
+            let source = FolderSource::new(path, FOLDER_RATE_HZ)?;
+            if source.unpaired() > 0 {
+                tracing::warn!("{}: {} images without a partner are left out", path.display(), source.unpaired());
+            }
+            Box::new(source)
+        }
+    };
+    let header = Header { scenario: stem.clone(), source: path.display().to_string(), ..Header::new() };
+    Ok(Opened { source, header, scenario: None, stem })
+}
+
+fn recording(path: &Path) -> anyhow::Result<Opened> {
+    let source = RecordingSource::open(path)?;
+    let header = svl::recording::header(path)?.unwrap_or_else(Header::new);
+    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
+    Ok(Opened { source: Box::new(source), header, scenario: None, stem })
+}
+
+/// Makes the folder where recordings are kept.
+pub(super) fn make_recordings_folder() -> anyhow::Result<()> {
+    std::fs::create_dir_all(RECORDINGS).with_context(|| format!("{RECORDINGS}: cannot make the folder"))
+}
+
+/// The newest whole recording in `recordings/`.
+pub(super) fn newest_recording() -> Option<PathBuf> {
+    let entries = std::fs::read_dir(RECORDINGS).ok()?.filter_map(Result::ok).map(|e| e.path());
+    let recordings = entries.filter(|p| p.extension().is_some_and(|e| e == "mcap"));
+    recordings.max_by_key(|p| p.metadata().and_then(|m| m.modified()).ok())
+}
+
+/// `folder/stem-N.mcap` with the first number that is free.
+pub(super) fn free_name(folder: &Path, stem: &str) -> PathBuf {
+    let name = |n: u32| folder.join(format!("{stem}-{n}.mcap"));
+    (1..).map(name).find(|p| !p.exists()).unwrap_or_else(|| name(0))
+}

@@ -1,0 +1,131 @@
+//! One pair through one algorithm as rows of the tables.
+
+use crate::error::Result;
+use crate::report::{CellRow, Row, Table};
+use crate::score::{CellJudgement, CellRule, CellTally, DisparityScore, TrueGrid};
+use crate::stereo::{Estimate, Frame, GridShape};
+use crate::timing::Stage;
+use std::time::Duration;
+
+/// What all rows of a run share.
+#[derive(Clone, Debug)]
+pub struct Identity {
+    pub run_id: String,
+    pub scenario: String,
+    /// Seed of the arena's run that is being read.
+    pub seed: Option<u64>,
+    /// Hashes of the algorithms' complete parameters, in their order.
+    pub parameters: Vec<String>,
+    pub rule: CellRule,
+    pub shape: GridShape,
+}
+
+/// An estimate with its judgement.
+pub(super) struct Judged {
+    pub row: Row,
+    pub cells: Vec<CellRow>,
+    /// In raster order; none without truth.
+    pub judgements: Option<Vec<CellJudgement>>,
+}
+
+impl Identity {
+    /// Judges every estimate of a frame.
+    pub(super) fn judge(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<Judged> {
+        let truth = TrueGrid::of(frame, self.shape);
+        let one = |(estimate, parameters)| self.judge_one(frame, truth.as_ref(), estimate, parameters);
+        estimates.iter().zip(&self.parameters).map(one).collect()
+    }
+
+    fn judge_one(&self, frame: &Frame, truth: Option<&TrueGrid>, estimate: &Estimate, parameters: &str) -> Judged {
+        let judgements = truth.map(|truth| truth.judge(&estimate.grid, self.rule));
+        let tally = judgements.as_deref().map(CellTally::of);
+        let count = |f: fn(&CellTally) -> usize| tally.as_ref().map(|t| f(t) as u64);
+        let score = frame.truth.as_ref().map(|truth| DisparityScore::of(&estimate.disparity, truth));
+        let us = |time: Duration| time.as_micros() as u64;
+        let stage = |stage| us(estimate.times.get(stage));
+        let row = Row {
+            run_id: self.run_id.clone(),
+            scenario: self.scenario.clone(),
+            sequence: frame.sequence,
+            stamp_ns: frame.stamp_ns,
+            name: frame.name.clone().unwrap_or_default(),
+            seed: self.seed,
+            algorithm: estimate.algorithm.clone(),
+            parameters_hash: parameters.to_owned(),
+            smoothing_us: stage(Stage::Smoothing),
+            texture_us: stage(Stage::Texture),
+            matching_us: stage(Stage::Matching),
+            checks_us: stage(Stage::Checks),
+            total_us: us(estimate.times.total()),
+            coverage: estimate.disparity.coverage(),
+            bad1: score.as_ref().and_then(DisparityScore::bad1),
+            bad2: score.as_ref().and_then(DisparityScore::bad2),
+            invalid: score.as_ref().and_then(DisparityScore::invalid),
+            cells_right: count(|t| t.right),
+            cells_wrong: count(|t| t.wrong),
+            cells_unknown: count(|t| t.unknown),
+            missed_obstacles: count(|t| t.missed_obstacles),
+            false_obstacles: count(|t| t.false_obstacles),
+            result_hash: format!("{:032x}", estimate.disparity.hash()),
+        };
+        Judged { cells: self.cells(frame, estimate, judgements.as_deref()), row, judgements }
+    }
+
+    fn cells(&self, frame: &Frame, estimate: &Estimate, judgements: Option<&[CellJudgement]>) -> Vec<CellRow> {
+        let row = |(i, ((column, row), cell)): (usize, ((usize, usize), &crate::stereo::Cell))| {
+            let judgement = judgements.map_or(CellJudgement::NO_TRUTH, |j| j[i]);
+            CellRow {
+                run_id: self.run_id.clone(),
+                scenario: self.scenario.clone(),
+                sequence: frame.sequence,
+                seed: self.seed,
+                algorithm: estimate.algorithm.clone(),
+                column: column as u32,
+                row: row as u32,
+                valid_share: cell.valid_share,
+                median_px: cell.depth.map(|d| d.median_px.into()),
+                p20_px: cell.depth.map(|d| d.p20_px.into()),
+                p80_px: cell.depth.map(|d| d.p80_px.into()),
+                distance_m: cell.depth.and_then(|d| d.distance_m),
+                true_distance_m: judgement.true_m,
+                verdict: judgement.verdict,
+                missed_obstacle: judgement.missed_obstacle,
+                false_obstacle: judgement.false_obstacle,
+            }
+        };
+        estimate.grid.iter().enumerate().map(row).collect()
+    }
+}
+
+/// Keeps the rows of a replay, in a file where one is asked for.
+pub struct RowSink {
+    identity: Identity,
+    table: Option<Table<Row>>,
+    rows: Vec<Row>,
+}
+
+impl RowSink {
+    pub fn new(identity: Identity, table: Option<Table<Row>>) -> Self {
+        Self { identity, table, rows: Vec::new() }
+    }
+
+    /// All rows taken so far.
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+}
+
+impl super::Sink for RowSink {
+    fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
+        let rows: Vec<Row> = self.identity.judge(frame, estimates).into_iter().map(|judged| judged.row).collect();
+        if let Some(table) = &mut self.table {
+            table.push(rows.iter().cloned())?;
+        }
+        self.rows.extend(rows);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.table.take().map_or(Ok(()), Table::finish)
+    }
+}

@@ -1,0 +1,44 @@
+//! The simulated arena as a source.
+
+use super::Source;
+use crate::arena::Arena;
+use crate::error::Result;
+use crate::stereo::Frame;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+
+/// Renders an arena's run, a few frames ahead and in parallel.
+pub struct ArenaSource {
+    arena: Arena,
+    seed: u64,
+    next: u64,
+    ready: VecDeque<Frame>,
+}
+
+/// Frames rendered at once: enough to keep the cores busy, few enough to hold.
+const BATCH: u64 = 8;
+
+impl ArenaSource {
+    pub fn new(arena: Arena, seed: u64) -> Self {
+        Self { arena, seed, next: 0, ready: VecDeque::new() }
+    }
+}
+
+impl Source for ArenaSource {
+    fn name(&self) -> String {
+        format!("arena, seed {}", self.seed)
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        if self.ready.is_empty() {
+            let batch = self.next..self.arena.frames().min(self.next + BATCH);
+            self.next = batch.end;
+            self.ready = batch.into_par_iter().map(|i| self.arena.frame(i)).collect::<Result<_>>()?;
+        }
+        Ok(self.ready.pop_front())
+    }
+
+    fn len(&self) -> Option<u64> {
+        Some(self.arena.frames())
+    }
+}

@@ -1,0 +1,12 @@
+//! The program as a user meets it: one file per subcommand.
+#![cfg(feature = "bench")]
+
+mod fixture;
+
+mod algos;
+mod help;
+mod info;
+mod matching;
+mod record;
+mod replay;
+mod score;

@@ -1,0 +1,70 @@
+use crate::fixture::{Fixture, pgm};
+use svl::source::{RecordingSource, Source};
+
+#[test]
+fn records_the_arena_and_says_how_much() {
+    let fixture = Fixture::new();
+    let text = fixture.svl(&["record", "--frames", "5", "-o", "a.mcap"]).done();
+    assert!(text.starts_with("a.mcap: 5 pairs in "), "{text}");
+    let mut source = RecordingSource::open(&fixture.path("a.mcap")).unwrap();
+    assert_eq!(source.len(), Some(5));
+    let frame = source.next().unwrap().unwrap();
+    assert_eq!(frame.pair.size(), (320, 240));
+    assert!(frame.truth.is_some() && frame.rig.is_some() && frame.pose.is_some());
+}
+
+#[test]
+fn unnamed_recordings_never_collide() {
+    let fixture = Fixture::new();
+    fixture.svl(&["record", "--frames", "1"]).done();
+    fixture.svl(&["record", "--frames", "1"]).done();
+    assert!(fixture.path("recordings/arena-seed1-1.mcap").is_file());
+    assert!(fixture.path("recordings/arena-seed1-2.mcap").is_file());
+}
+
+#[test]
+fn same_seed_same_pixels() {
+    let fixture = Fixture::new();
+    let pixels = |name: &str, args: &[&str]| {
+        fixture.svl(&[&["record", "--frames", "2", "-o", name], args].concat()).done();
+        RecordingSource::open(&fixture.path(name)).unwrap().next().unwrap().unwrap().pair
+    };
+    let one = pixels("one.mcap", &["--threads", "1"]);
+    assert_eq!(one, pixels("again.mcap", &["--threads", "2", "--compress"]));
+    assert_ne!(one, pixels("other.mcap", &["--seed", "2"]));
+}
+
+#[test]
+fn a_scene_and_a_folder_of_pairs() {
+    let fixture = Fixture::new();
+    fixture.write_pair("scene/im0.pgm", "scene/im1.pgm", (40, 20), 3);
+    fixture.svl(&["record", "scene", "-o", "scene.mcap"]).done();
+    for i in 0..3 {
+        fixture.write_pair(&format!("many/left/{i}.pgm"), &format!("many/right/{i}.pgm"), (40, 20), i);
+    }
+    fixture.write("many/left/alone.pgm", pgm(40, 20, &[0; 800]));
+    let ran = fixture.svl(&["record", "many", "-o", "many.mcap"]);
+    assert!(ran.stderr.contains("1 images without a partner"), "{}", ran.stderr);
+    assert_eq!(RecordingSource::open(&fixture.path("many.mcap")).unwrap().len(), Some(3));
+}
+
+#[test]
+fn bad_input_is_one_line_that_names_it() {
+    let fixture = Fixture::new();
+    fixture.write("there.mcap", "precious");
+    fixture.write("empty/readme.txt", "");
+    fixture.write("bad.toml", "name = 3");
+    fixture.write_pair("odd/im0.pgm", "odd/im1.pgm", (40, 20), 3);
+    fixture.write("odd/im1.pgm", pgm(4, 2, &[0; 8]));
+    fixture.svl(&["record", "-o", "there.mcap"]).failed(1, &["there.mcap: exists already", "--force"]);
+    assert_eq!(std::fs::read(fixture.path("there.mcap")).unwrap(), b"precious");
+    fixture.svl(&["record", "nowhere", "-o", "a.mcap"]).failed(1, &["nowhere: no such source"]);
+    fixture.svl(&["record", "empty", "-o", "a.mcap"]).failed(1, &["empty", "holds no stereo pair"]);
+    fixture.svl(&["record", "odd", "-o", "b.mcap"]).failed(1, &["odd", "40x20", "4x2"]);
+    fixture.svl(&["record", "bad.toml", "-o", "a.mcap"]).failed(1, &["bad.toml: line 1, column 8"]);
+    fixture.svl(&["record", "there.mcap", "-o", "a.mcap"]).failed(1, &["there.mcap"]);
+    fixture.svl(&["record", "v4l2:0,1", "-o", "a.mcap"]).failed(1, &["v4l2"]);
+    fixture.svl(&["record", "-o", "no/where.mcap"]).failed(1, &["no: no such folder"]);
+    fixture.svl(&["record", "--frames", "0"]).failed(2, &["--frames"]);
+    fixture.svl(&["record", "--duration", "-1"]).failed(2, &["--duration"]);
+}

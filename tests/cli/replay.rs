@@ -1,0 +1,73 @@
+use crate::fixture::Fixture;
+
+fn recorded(frames: &str) -> Fixture {
+    let fixture = Fixture::new();
+    fixture.svl(&["record", "--frames", frames, "-o", "a.mcap"]).done();
+    fixture
+}
+
+fn hashes(fixture: &Fixture, rows: &str, args: &[&str]) -> Vec<String> {
+    fixture.svl(&[&["replay", "a.mcap", "--rows", rows], args].concat()).done();
+    let mut reader = csv::Reader::from_path(fixture.path(rows)).unwrap();
+    let column = reader.headers().unwrap().iter().position(|h| h == "result_hash").unwrap();
+    reader.records().map(|r| r.unwrap()[column].to_owned()).collect()
+}
+
+#[test]
+fn same_hashes_on_any_number_of_threads_and_any_instruction_set() {
+    let fixture = recorded("3");
+    let one = hashes(&fixture, "one.csv", &["--threads", "1"]);
+    assert_eq!(one.len(), 3);
+    assert_ne!(one[0], one[2], "frames differ, so should their results");
+    assert_eq!(one, hashes(&fixture, "two.csv", &["--threads", "2"]));
+}
+
+#[test]
+fn several_algorithms_share_one_run() {
+    let fixture = recorded("2");
+    let text = fixture.svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3:max_disparity=40"]).done();
+    assert!(text.contains("v3:max_disparity=40") && text.contains("a.mcap (2 pairs)"), "{text}");
+    let args = ["replay", "a.mcap", "--algo", "v3", "--rerun", "run.rrd", "-o", "result.mcap", "--rows", "r.parquet", "--json"];
+    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    assert_eq!(json["algorithms"][0]["pairs"], 2);
+    for file in ["run.rrd", "result.mcap", "r.parquet"] {
+        assert!(fixture.path(file).metadata().unwrap().len() > 1000, "{file}");
+    }
+    assert!(fixture.svl(&["info", "result.mcap"]).done().contains("/algo/v3/disparity"));
+}
+
+#[test]
+fn without_a_recording_it_makes_one_and_then_takes_the_newest() {
+    let fixture = Fixture::new();
+    fixture.svl(&["record", "--frames", "2"]).done();
+    let text = fixture.svl(&["replay"]).done();
+    assert!(text.contains("recordings/arena-seed1-1.mcap (2 pairs)"), "{text}");
+}
+
+#[test]
+fn a_cut_recording_is_replayed_as_far_as_it_goes() {
+    let fixture = recorded("6");
+    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
+    let ran = fixture.svl(&["replay", "cut.mcap", "--rows", "rows.csv"]);
+    assert_eq!(ran.code, Some(1));
+    assert!(ran.stderr.lines().last().unwrap().contains("cut.mcap"), "{}", ran.stderr);
+    let rows = std::fs::read_to_string(fixture.path("rows.csv")).unwrap();
+    assert!(rows.lines().count() < 7, "no more rows than whole pairs");
+}
+
+#[test]
+fn bad_input_is_one_line_that_names_it() {
+    let fixture = recorded("1");
+    fixture.write("empty.mcap", "");
+    fixture.write("text.mcap", "this is not a recording, and long enough to look at");
+    fixture.svl(&["replay", "missing.mcap"]).failed(1, &["missing.mcap", "No such file"]);
+    fixture.svl(&["replay", "empty.mcap"]).failed(1, &["empty.mcap"]);
+    fixture.svl(&["replay", "text.mcap"]).failed(1, &["text.mcap", "MCAP"]);
+    fixture.svl(&["replay", "."]).failed(1, &["."]);
+    fixture.svl(&["replay", "a.mcap", "--algo", "v2x"]).failed(2, &["unknown algorithm 'v2x'"]);
+    fixture.svl(&["replay", "a.mcap", "--rate", "0"]).failed(2, &["asap"]);
+    fixture.svl(&["replay", "a.mcap", "--rows", "rows.txt"]).failed(1, &["rows.txt", ".csv"]);
+    fixture.svl(&["replay", "a.mcap", "--rows", "no/rows.csv"]).failed(1, &["no: no such folder"]);
+    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap"]).failed(1, &["a.mcap: exists already"]);
+}

@@ -1,0 +1,72 @@
+use crate::fixture::{Fixture, datasets};
+
+#[test]
+fn scores_the_arena_and_writes_the_whole_report() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 60);
+    let text = fixture.svl(&["score", "short.toml"]).done();
+    assert!(text.contains("v3") && text.contains("reports/arena/index.html"), "{text}");
+    for file in ["rows", "cells", "checkpoints"] {
+        for ending in ["csv", "parquet"] {
+            assert!(fixture.path(&format!("reports/arena/{file}.{ending}")).is_file(), "{file}.{ending}");
+        }
+    }
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(fixture.path("reports/arena/summary.json")).unwrap()).unwrap();
+    assert_eq!(json["algorithms"][0]["pairs"], 120);
+    let html = std::fs::read_to_string(fixture.path("reports/arena/index.html")).unwrap();
+    assert!(html.contains("<svg") && !html.contains("http://localhost"));
+    assert!(fixture.path("reports/arena/run.rrd").metadata().unwrap().len() > 100_000);
+
+    // A second time: from the cache, in place of the first report.
+    let recordings = || std::fs::read_dir(fixture.path("recordings")).unwrap().count();
+    assert_eq!(recordings(), 2);
+    fixture.svl(&["score", "short.toml", "-q"]).done();
+    assert_eq!(recordings(), 2);
+}
+
+#[test]
+fn a_folder_with_anything_else_is_left_alone() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.write("mine/thesis.tex", "years of work");
+    fixture.svl(&["score", "short.toml", "--out", "mine"]).failed(1, &["mine/thesis.tex", "--out"]);
+    fixture.write("file", "");
+    fixture.svl(&["score", "short.toml", "--out", "file"]).failed(1, &["file: cannot make the folder"]);
+}
+
+#[test]
+fn bad_scenarios_are_one_line_with_line_and_column() {
+    let fixture = Fixture::new();
+    let arena = include_str!("../../scenarios/arena.toml");
+    fixture.write("unknown.toml", arena.replacen("must", "mist", 1));
+    fixture.write("algorithm.toml", arena.replacen("\"v3\"", "\"v33\"", 1));
+    fixture.write("binary.toml", [0xff, 0xfe, 0]);
+    fixture.svl(&["score", "unknown.toml"]).failed(1, &["unknown.toml: line ", ", column ", "unknown field `mist`"]);
+    fixture.svl(&["score", "algorithm.toml"]).failed(1, &["algorithm.toml", "did you mean 'v3'?"]);
+    fixture.svl(&["score", "binary.toml"]).failed(1, &["binary.toml", "UTF-8"]);
+    fixture.svl(&["score", "missing.toml"]).failed(1, &["missing.toml", "No such file"]);
+    assert_eq!(fixture.svl(&["score"]).code, Some(2));
+}
+
+#[test]
+fn scenes_need_their_folder() {
+    let fixture = Fixture::new();
+    let scenario = include_str!("../../scenarios/middlebury.toml");
+    fixture.write("middlebury.toml", scenario);
+    fixture.svl(&["score", "middlebury.toml"]).failed(1, &["--data DIR"]);
+    fixture.svl(&["score", "middlebury.toml", "--data", "."]).failed(1, &["tsukuba", "no such scene"]);
+}
+
+#[test]
+fn real_scenes_score_as_measured() {
+    let Some(datasets) = datasets() else { return };
+    let fixture = Fixture::new();
+    fixture.write("middlebury.toml", include_str!("../../scenarios/middlebury.toml"));
+    let args = ["score", "middlebury.toml", "--data", &datasets.display().to_string(), "--json"];
+    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    let v3 = &json["algorithms"][0];
+    assert_eq!(v3["pairs"], 19);
+    let coverage = v3["coverage"].as_f64().unwrap();
+    assert!((0.2..0.3).contains(&coverage), "the specification measured 0.25 on 21 scenes, here {coverage}");
+}
