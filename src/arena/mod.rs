@@ -1,1 +1,178 @@
-//! The simulated world.
+//! The simulated arena of the thesis's tests (chapter 7): a world with exact truth, a robot that crawls through it, and
+//! the stereo head that it carries.
+//!
+//! ```text
+//! config ─▶ layout, scene (geometry, pictures) ─┐
+//!        └▶ path (robot, gait) ─▶ view ─▶ render (rays) ─▶ sensor (grey values) ─▶ Frame
+//! ```
+//!
+//! Every frame is a pure function of (configuration, seed, index): it can be rendered in any order and on any thread.
+
+mod config;
+mod layout;
+mod noise;
+mod path;
+mod render;
+mod scene;
+mod sensor;
+mod solid;
+mod texture;
+mod view;
+mod wireframe;
+
+pub use config::{ArenaConfig, Ball, Block, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig};
+pub use wireframe::Wire;
+
+use crate::error::{Error, Result};
+use crate::stereo::{Exposure, Frame, Pose, Rig, StereoPair};
+use nalgebra::{Translation3, Vector3};
+use noise::mix;
+use path::{Twist, Walk};
+use render::{Lens, Shot};
+use scene::Scene;
+use view::{Skew, View};
+
+/// One run of the robot through the arena.
+pub struct Arena {
+    config: ArenaConfig,
+    rig: Rig,
+    scene: Scene,
+    walk: Walk,
+    /// Key of the sensor noise of this run.
+    noise: u64,
+}
+
+impl Arena {
+    /// Builds the world and paints its pictures. The seed sets the pictures, the gait's phases, the deviation from the
+    /// path and the noise; the same configuration and seed give the same bytes on every machine.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the key of a number out of its range, or with the place where the robot would touch
+    /// something.
+    pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        config.check()?;
+        let (width, height) = (config.rig.width_px as f64, config.rig.height_px as f64);
+        let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
+        let rig = Rig::new(focal_px, (0.5 * (width - 1.0), 0.5 * (height - 1.0)), config.rig.baseline_m, 0.0)?;
+        let walk = Walk::new(config, seed)?;
+        let scene = Scene::new(&config.world, seed);
+        let arena = Self { config: config.clone(), rig, scene, walk, noise: mix(seed ^ 0x5E_7509) };
+        arena.check_clearance()?;
+        Ok(arena)
+    }
+
+    pub fn config(&self) -> &ArenaConfig {
+        &self.config
+    }
+
+    /// The rectified stereo head, as the truth sees it.
+    pub fn rig(&self) -> Rig {
+        self.rig
+    }
+
+    /// Number of frames in the run.
+    pub fn frames(&self) -> u64 {
+        self.config.frames
+    }
+
+    /// Pose of the left camera in the middle of the exposure of frame `index`.
+    pub fn pose(&self, index: u64) -> Pose {
+        self.walk.pose(self.time_s(index))
+    }
+
+    /// Renders frame `index`: pair, rig, pose, truth.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] at or beyond [`Arena::frames`].
+    pub fn frame(&self, index: u64) -> Result<Frame> {
+        if index >= self.config.frames {
+            return Err(Error::Invalid(format!("arena: frame {index} of a run of {}", self.config.frames)));
+        }
+        let ArenaConfig { rig, sensor, .. } = &self.config;
+        let size = (rig.width_px, rig.height_px);
+        let lens = Lens {
+            focal_px: self.rig.focal_px() as f32,
+            aperture_m: (sensor.aperture_mm * 1.0e-3) as f32,
+            focus_m: sensor.focus_m as f32,
+        };
+        let pose = self.pose(index);
+        let twist = self.walk.twist(self.time_s(index));
+        let beside = Vector3::x() * rig.baseline_m;
+        let right_pose = pose * Translation3::from(beside);
+        let right_twist = Twist {
+            linear_m_per_s: twist.linear_m_per_s + twist.angular_rad_per_s.cross(&beside),
+            angular_rad_per_s: twist.angular_rad_per_s,
+        };
+        let skew =
+            Skew { sin_roll: rig.right_roll_deg.to_radians().sin() as f32, row_offset_px: rig.right_row_offset_px as f32 };
+        let left_view = View::new(&pose, &self.rig, Skew::NONE);
+        let right_view = View::new(&right_pose, &self.rig, skew);
+
+        let expose = |view: &View, twist: &Twist, gain_db: f64, camera: u64| {
+            let shot = Shot::take(&self.scene, view, &lens, size);
+            let key = mix(self.noise ^ mix(2 * index + camera));
+            sensor::expose(sensor, gain_db, &shot, view, twist, key).map(|image| (shot, image))
+        };
+        let (left, right) = rayon::join(
+            || {
+                let (shot, image) = expose(&left_view, &twist, sensor.gain_db, 0)?;
+                let exact_right = View::new(&right_pose, &self.rig, Skew::NONE);
+                let truth = render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
+                Ok::<_, Error>((image, truth))
+            },
+            || expose(&right_view, &right_twist, sensor.gain_db + sensor.right_gain_db, 1).map(|(_, image)| image),
+        );
+        let (left, truth) = left?;
+        Ok(Frame {
+            sequence: index,
+            stamp_ns: (self.time_s(index) * 1.0e9).round() as u64,
+            name: None,
+            pair: StereoPair::new(left, right?)?,
+            rig: Some(self.rig),
+            pose: Some(pose),
+            truth: Some(truth),
+            exposure: Exposure {
+                trigger_id: index,
+                skew_ns: 0,
+                shutter_us: sensor.shutter_us,
+                gain_mdb: (sensor.gain_db * 1.0e3).round() as i32,
+                drops: 0,
+            },
+        })
+    }
+
+    /// The true geometry and the middle of the robot's way, as line strips for a 3D viewer.
+    pub fn wireframe(&self) -> Vec<Wire> {
+        wireframe::wires(&self.scene, &self.walk, &self.config.world)
+    }
+
+    fn time_s(&self, index: u64) -> f64 {
+        index as f64 / self.config.rate_hz
+    }
+
+    /// The robot's head keeps half its width from every solid and from the arena's border.
+    fn check_clearance(&self) -> Result<()> {
+        let half_width_m = self.config.robot.half_width_m as f32;
+        let steps = (self.walk.length_m() / 0.01).ceil();
+        for step in 0..=steps as u64 {
+            let middle = self.walk.middle(self.walk.length_m() * step as f64 / steps);
+            let head = Vector3::new(middle.x, middle.y, self.config.rig.above_floor_m).cast();
+            let touched = self.scene.named().find(|(_, solid)| solid.distance(&head) < half_width_m);
+            let world = &self.config.world;
+            let inside = (0.0..=world.width_m).contains(&middle.x) && (0.0..=world.length_m).contains(&middle.y);
+            if let Some((name, _)) = touched {
+                return Err(Error::Invalid(format!(
+                    "arena: robot.path comes nearer than robot.half_width_m = {half_width_m} to '{name}' at ({:.2}, {:.2})",
+                    middle.x, middle.y
+                )));
+            }
+            if !inside {
+                return Err(Error::Invalid(format!(
+                    "arena: robot.path leaves the arena at ({:.2}, {:.2})",
+                    middle.x, middle.y
+                )));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,290 @@
+//! The numbers of the arena, as they stand in a scenario's `[arena]`.
+
+use super::layout;
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// An arena, the robot in it and what it carries. The default is the thesis's (chapter 7).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArenaConfig {
+    /// Pairs in one run; they are spread evenly over the robot's path.
+    pub frames: u64,
+    /// Pairs per second. Path length x rate / frames is the robot's speed, hence the motion blur.
+    pub rate_hz: f64,
+    pub rig: RigConfig,
+    pub sensor: SensorConfig,
+    pub robot: RobotConfig,
+    pub world: WorldConfig,
+}
+
+/// The stereo head (thesis, sections 6.1 and 6.2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RigConfig {
+    pub width_px: usize,
+    pub height_px: usize,
+    /// Angle of view across the width.
+    pub field_of_view_deg: f64,
+    pub baseline_m: f64,
+    /// Height of both cameras above the floor.
+    pub above_floor_m: f64,
+    /// What rectification left over: the right image stands this much too low ...
+    pub right_row_offset_px: f64,
+    /// ... and is turned clockwise by this much about its centre. The truth knows neither.
+    pub right_roll_deg: f64,
+}
+
+/// The cameras: two Firefly MV with 3.8 mm lenses, or nearly (thesis, section 6.2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SensorConfig {
+    pub shutter_us: u32,
+    pub gain_db: f64,
+    /// How much more gain the right camera has.
+    pub right_gain_db: f64,
+    /// Photoelectrons per millisecond where a white surface faces the light.
+    pub white_e_per_ms: f64,
+    /// Photoelectrons that make 255 at 0 dB.
+    pub full_scale_e: f64,
+    /// Standard deviation of the read noise.
+    pub read_noise_e: f64,
+    /// False switches off shot and read noise.
+    pub noise: bool,
+    /// Share of light missing in the image's corners.
+    pub vignetting: f64,
+    /// Standard deviation of the lens's blur where it is in focus, at most 0.7.
+    pub lens_blur_px: f64,
+    /// Diameter of the lens's pupil; 0 is a pinhole, sharp at every distance.
+    pub aperture_mm: f64,
+    /// Distance at which the lens is in focus.
+    pub focus_m: f64,
+}
+
+/// How the robot moves: the path is the same in each run up to `deviation_m`, the seed sets the phases of its gait.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RobotConfig {
+    /// Half the breadth of the robot: it keeps at least this distance from everything.
+    pub half_width_m: f64,
+    /// The gait's frequency. Yaw and roll follow it, pitch twice that.
+    pub sway_hz: f64,
+    /// Amplitudes of the gait.
+    pub yaw_sway_deg: f64,
+    pub roll_sway_deg: f64,
+    pub pitch_sway_deg: f64,
+    /// Largest sideways deviation from the path.
+    pub deviation_m: f64,
+    /// Points that the middle of the stereo head passes, in order.
+    pub path: Vec<Waypoint>,
+}
+
+/// A point of the path and the direction of travel there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Waypoint {
+    pub at_m: [f64; 2],
+    /// `atan2(y, x)` of the direction of travel.
+    pub heading_deg: f64,
+}
+
+/// A rectangle of floor with walls around it, from the origin to (`width_m`, `length_m`), and what stands in it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WorldConfig {
+    /// Extent along x.
+    pub width_m: f64,
+    /// Extent along y.
+    pub length_m: f64,
+    pub wall_height_m: f64,
+    /// Distance from the arena's walls to the laboratory's, which are seen above them.
+    pub room_margin_m: f64,
+    /// Contrast of the forest pictures, 1 as printed.
+    pub forest_contrast: f64,
+    /// Standard deviation of the albedo of the floor's speckles.
+    pub floor_contrast: f64,
+    pub blocks: Vec<Block>,
+    pub balls: Vec<Ball>,
+}
+
+/// A box with vertical sides.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Block {
+    pub name: String,
+    /// Centre of its base.
+    pub at_m: [f64; 2],
+    /// Length, breadth and height.
+    pub size_m: [f64; 3],
+    /// Height of its base above the floor.
+    #[serde(default)]
+    pub above_floor_m: f64,
+    /// Direction of its length, `atan2(y, x)`.
+    #[serde(default)]
+    pub heading_deg: f64,
+}
+
+/// A sphere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ball {
+    pub name: String,
+    pub at_m: [f64; 2],
+    pub radius_m: f64,
+    /// Height of its centre; on the floor when it equals the radius.
+    pub height_m: f64,
+}
+
+impl Default for ArenaConfig {
+    fn default() -> Self {
+        Self {
+            frames: 240,
+            rate_hz: 10.0,
+            rig: RigConfig::default(),
+            sensor: SensorConfig::default(),
+            robot: RobotConfig::default(),
+            world: WorldConfig::default(),
+        }
+    }
+}
+
+impl Default for RigConfig {
+    fn default() -> Self {
+        Self {
+            width_px: 320,
+            height_px: 240,
+            field_of_view_deg: 52.0,
+            baseline_m: 0.044,
+            above_floor_m: 0.07,
+            right_row_offset_px: 0.25,
+            right_roll_deg: 0.05,
+        }
+    }
+}
+
+impl Default for SensorConfig {
+    fn default() -> Self {
+        Self {
+            shutter_us: 8_000,
+            gain_db: 0.0,
+            right_gain_db: 0.15,
+            white_e_per_ms: 1_250.0,
+            full_scale_e: 9_000.0,
+            read_noise_e: 25.0,
+            noise: true,
+            vignetting: 0.25,
+            lens_blur_px: 0.5,
+            aperture_mm: 1.9,
+            focus_m: 0.7,
+        }
+    }
+}
+
+impl Default for RobotConfig {
+    fn default() -> Self {
+        Self {
+            half_width_m: 0.04,
+            sway_hz: 0.6,
+            yaw_sway_deg: 2.0,
+            roll_sway_deg: 1.5,
+            pitch_sway_deg: 0.7,
+            deviation_m: 0.01,
+            path: layout::path(),
+        }
+    }
+}
+
+impl Default for WorldConfig {
+    fn default() -> Self {
+        Self {
+            width_m: 2.0,
+            length_m: 3.0,
+            wall_height_m: 0.2,
+            room_margin_m: 2.5,
+            forest_contrast: 1.0,
+            floor_contrast: 0.02,
+            blocks: layout::blocks(),
+            balls: layout::balls(),
+        }
+    }
+}
+
+/// Blocks and balls at most, so that a set of them and the four walls fits 64 bits.
+pub(super) const MAX_OBJECTS: usize = 60;
+
+impl ArenaConfig {
+    /// Every number on its own; what they mean together is checked where they meet.
+    pub(super) fn check(&self) -> Result<()> {
+        let Self { frames, rate_hz, rig, sensor, robot, world } = self;
+        within("frames", *frames as f64, 1.0, 1.0e6)?;
+        within("rate_hz", *rate_hz, 0.1, 1.0e4)?;
+        within("rig.width_px", rig.width_px as f64, 16.0, 4096.0)?;
+        within("rig.height_px", rig.height_px as f64, 16.0, 4096.0)?;
+        within("rig.field_of_view_deg", rig.field_of_view_deg, 5.0, 150.0)?;
+        within("rig.baseline_m", rig.baseline_m, 0.001, 1.0)?;
+        within("rig.above_floor_m", rig.above_floor_m, 0.005, 10.0)?;
+        within("rig.right_row_offset_px", rig.right_row_offset_px, -20.0, 20.0)?;
+        within("rig.right_roll_deg", rig.right_roll_deg, -5.0, 5.0)?;
+        within("sensor.shutter_us", f64::from(sensor.shutter_us), 1.0, 1.0e6 / rate_hz)?;
+        within("sensor.gain_db", sensor.gain_db, -40.0, 60.0)?;
+        within("sensor.right_gain_db", sensor.right_gain_db, -20.0, 20.0)?;
+        within("sensor.white_e_per_ms", sensor.white_e_per_ms, 1.0e-3, 1.0e9)?;
+        within("sensor.full_scale_e", sensor.full_scale_e, 1.0, 1.0e9)?;
+        within("sensor.read_noise_e", sensor.read_noise_e, 0.0, 1.0e6)?;
+        within("sensor.vignetting", sensor.vignetting, 0.0, 1.0)?;
+        within("sensor.lens_blur_px", sensor.lens_blur_px, 0.0, 0.7)?;
+        within("sensor.aperture_mm", sensor.aperture_mm, 0.0, 50.0)?;
+        within("sensor.focus_m", sensor.focus_m, 0.01, 1.0e6)?;
+        within("robot.half_width_m", robot.half_width_m, 0.0, 1.0)?;
+        within("robot.sway_hz", robot.sway_hz, 0.0, 20.0)?;
+        within("robot.yaw_sway_deg", robot.yaw_sway_deg, 0.0, 45.0)?;
+        within("robot.roll_sway_deg", robot.roll_sway_deg, 0.0, 45.0)?;
+        within("robot.pitch_sway_deg", robot.pitch_sway_deg, 0.0, 45.0)?;
+        within("robot.deviation_m", robot.deviation_m, 0.0, 1.0)?;
+        for (i, point) in robot.path.iter().enumerate() {
+            place(&format!("robot.path[{i}].at_m"), point.at_m)?;
+            within(&format!("robot.path[{i}].heading_deg"), point.heading_deg, -3600.0, 3600.0)?;
+        }
+        world.check()
+    }
+}
+
+impl WorldConfig {
+    fn check(&self) -> Result<()> {
+        within("world.width_m", self.width_m, 0.1, 20.0)?;
+        within("world.length_m", self.length_m, 0.1, 20.0)?;
+        within("world.wall_height_m", self.wall_height_m, 0.001, 10.0)?;
+        within("world.room_margin_m", self.room_margin_m, 0.1, 20.0)?;
+        within("world.forest_contrast", self.forest_contrast, 0.0, 10.0)?;
+        within("world.floor_contrast", self.floor_contrast, 0.0, 1.0)?;
+        within("number of world.blocks and world.balls", (self.blocks.len() + self.balls.len()) as f64, 0.0, MAX_OBJECTS as f64)?;
+        for block in &self.blocks {
+            let key = |field: &str| format!("world.blocks '{}' {field}", block.name);
+            place(&key("at_m"), block.at_m)?;
+            for side in block.size_m {
+                within(&key("size_m"), side, 0.001, 50.0)?;
+            }
+            within(&key("above_floor_m"), block.above_floor_m, 0.0, 10.0)?;
+            within(&key("heading_deg"), block.heading_deg, -3600.0, 3600.0)?;
+        }
+        for ball in &self.balls {
+            let key = |field: &str| format!("world.balls '{}' {field}", ball.name);
+            place(&key("at_m"), ball.at_m)?;
+            within(&key("radius_m"), ball.radius_m, 0.001, 10.0)?;
+            within(&key("height_m"), ball.height_m, 0.0, 20.0)?;
+        }
+        Ok(())
+    }
+}
+
+fn place(key: &str, at_m: [f64; 2]) -> Result<()> {
+    at_m.into_iter().try_for_each(|v| within(key, v, -100.0, 100.0))
+}
+
+fn within(key: &str, value: f64, from: f64, to: f64) -> Result<()> {
+    if (from..=to).contains(&value) {
+        Ok(())
+    } else {
+        Err(Error::Invalid(format!("arena: {key} = {value} is outside {from} ..= {to}")))
+    }
+}

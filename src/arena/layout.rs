@@ -1,0 +1,47 @@
+//! What stands where in the thesis's arena, and the way through it: six stations, counterclockwise from the lower right.
+//!
+//! The thesis gives the floor's area, the walls' height and what each station shows (chapter 7), but figure 7.1 no
+//! measures: the places are ours, chosen so that from each station its subject stands 0.3 m to 0.9 m away.
+
+use super::config::{Ball, Block, Waypoint};
+
+pub(super) fn blocks() -> Vec<Block> {
+    let block = |name: &str, at_m, size_m, above_floor_m, heading_deg| Block {
+        name: name.into(),
+        at_m,
+        size_m,
+        above_floor_m,
+        heading_deg,
+    };
+    vec![
+        block("opening left", [1.31, 1.175], [0.42, 0.15, 0.2], 0.0, 0.0),
+        block("opening right", [1.84, 1.175], [0.32, 0.15, 0.2], 0.0, 0.0),
+        block("close block", [1.675, 1.865], [0.65, 0.17, 0.2], 0.0, 0.0),
+        block("slanted wall", [0.394, 0.292], [1.0, 0.02, 0.2], 0.0, -36.87),
+        block("bridge right pillar", [1.31, 0.34], [0.12, 0.12, 0.14], 0.0, 0.0),
+        block("bridge left pillar", [1.31, 0.66], [0.12, 0.12, 0.14], 0.0, 0.0),
+        block("bridge deck", [1.31, 0.5], [0.12, 0.44, 0.08], 0.14, 0.0),
+    ]
+}
+
+pub(super) fn balls() -> Vec<Ball> {
+    vec![Ball { name: "ball".into(), at_m: [1.04, 2.39], radius_m: 0.055, height_m: 0.055 }]
+}
+
+pub(super) fn path() -> Vec<Waypoint> {
+    let way = [
+        (1.60, 0.30, 90.0),
+        (1.60, 1.20, 90.0),
+        (1.523, 1.44, 120.0),
+        (1.25, 1.74, 128.0),
+        (1.12, 1.95, 105.0),
+        (0.742, 2.258, 135.0),
+        (0.509, 2.345, 180.0),
+        (0.24, 2.08, 262.0),
+        (0.33, 1.50, 275.0),
+        (0.33, 0.90, 270.0),
+        (0.70, 0.50, 360.0),
+        (1.62, 0.50, 360.0),
+    ];
+    way.into_iter().map(|(x, y, heading_deg)| Waypoint { at_m: [x, y], heading_deg }).collect()
+}

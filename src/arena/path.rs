@@ -1,0 +1,159 @@
+//! The robot's way: a smooth curve through the waypoints, the gait around it, and the pose of its head at any time.
+
+use super::config::{ArenaConfig, RobotConfig, Waypoint};
+use super::noise::Dice;
+use crate::error::{Error, Result};
+use crate::stereo::Pose;
+use nalgebra::{Point2, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use std::f64::consts::TAU;
+
+type V2 = Vector2<f64>;
+
+/// One run along the path.
+pub(super) struct Walk {
+    spline: Spline,
+    robot: RobotConfig,
+    above_floor_m: f64,
+    baseline_m: f64,
+    speed_m_per_s: f64,
+    /// Phases of the gait's yaw, roll and pitch and of two waves of deviation, radians.
+    phases: [f64; 5],
+}
+
+/// Velocity of the head in camera axes.
+pub(super) struct Twist {
+    pub(super) linear_m_per_s: Vector3<f64>,
+    pub(super) angular_rad_per_s: Vector3<f64>,
+}
+
+/// Wavelengths of the deviation.
+const DEVIATION_M: [f64; 2] = [1.1, 1.73];
+/// Half the time over which velocities are measured.
+const INSTANT_S: f64 = 1.0e-3;
+
+impl Walk {
+    pub(super) fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        let spline = Spline::new(&config.robot.path)?;
+        let mut dice = Dice::new(seed, 0x6A17);
+        let duration_s = config.frames as f64 / config.rate_hz;
+        Ok(Self {
+            speed_m_per_s: spline.length_m() / duration_s,
+            spline,
+            robot: config.robot.clone(),
+            above_floor_m: config.rig.above_floor_m,
+            baseline_m: config.rig.baseline_m,
+            phases: std::array::from_fn(|_| f64::from(dice.between(0.0, 1.0)) * TAU),
+        })
+    }
+
+    pub(super) fn length_m(&self) -> f64 {
+        self.spline.length_m()
+    }
+
+    /// The middle of the head on the floor, `along_m` metres after the start.
+    pub(super) fn middle(&self, along_m: f64) -> V2 {
+        let (point, direction) = self.spline.at(along_m);
+        let wave = |i: usize| (TAU * along_m / DEVIATION_M[i] + self.phases[3 + i]).sin();
+        point + left_of(direction) * (0.5 * self.robot.deviation_m * (wave(0) + wave(1)))
+    }
+
+    /// Pose of the left camera, `time_s` after the start.
+    pub(super) fn pose(&self, time_s: f64) -> Pose {
+        let along_m = time_s * self.speed_m_per_s;
+        let near = 0.005;
+        let travel = self.middle(along_m + near) - self.middle(along_m - near);
+        let swing = |degrees: f64, times: f64, phase: f64| {
+            degrees.to_radians() * (TAU * self.robot.sway_hz * times * time_s + phase).sin()
+        };
+        let yaw = swing(self.robot.yaw_sway_deg, 1.0, self.phases[0]);
+        let roll = swing(self.robot.roll_sway_deg, 1.0, self.phases[1]);
+        let pitch = swing(self.robot.pitch_sway_deg, 2.0, self.phases[2]);
+        let heading = travel.y.atan2(travel.x) + yaw;
+        let (sin, cos) = heading.sin_cos();
+        let level = nalgebra::Matrix3::new(sin, 0.0, cos, -cos, 0.0, sin, 0.0, -1.0, 0.0);
+        let gait = Rotation3::from_axis_angle(&Vector3::x_axis(), pitch) * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
+        let rotation = Rotation3::from_matrix_unchecked(level) * gait;
+        let middle = self.middle(along_m);
+        let head = Vector3::new(middle.x, middle.y, self.above_floor_m);
+        let left = head - rotation * Vector3::x() * (0.5 * self.baseline_m);
+        Pose::from_parts(Translation3::from(left), UnitQuaternion::from_rotation_matrix(&rotation))
+    }
+
+    /// Velocity of the left camera at `time_s`.
+    pub(super) fn twist(&self, time_s: f64) -> Twist {
+        let (before, after) = (self.pose(time_s - INSTANT_S), self.pose(time_s + INSTANT_S));
+        let motion = before.inv_mul(&after);
+        let per_second = 0.5 / INSTANT_S;
+        Twist {
+            linear_m_per_s: motion.translation.vector * per_second,
+            angular_rad_per_s: motion.rotation.scaled_axis() * per_second,
+        }
+    }
+}
+
+fn left_of(direction: V2) -> V2 {
+    V2::new(-direction.y, direction.x)
+}
+
+/// Cubic Hermite curves between waypoints, by arc length; straight on beyond both ends.
+struct Spline {
+    /// Points of the curve with the length up to them and the direction there.
+    knots: Vec<Knot>,
+}
+
+struct Knot {
+    along_m: f64,
+    at: V2,
+    direction: V2,
+}
+
+impl Spline {
+    /// Knots between two waypoints: millimetres apart.
+    const STEPS: usize = 128;
+
+    fn new(path: &[Waypoint]) -> Result<Self> {
+        if path.len() < 2 {
+            return Err(Error::Invalid(format!("arena: robot.path has {} points, a path needs 2", path.len())));
+        }
+        let mut knots: Vec<Knot> = Vec::with_capacity((path.len() - 1) * Self::STEPS + 1);
+        for (i, pair) in path.windows(2).enumerate() {
+            let [from, to] = [pair[0], pair[1]].map(|p| Point2::from(p.at_m).coords);
+            let chord_m = (to - from).norm();
+            if chord_m < 1.0e-3 {
+                return Err(Error::Invalid(format!("arena: robot.path[{i}] and the next point are the same place")));
+            }
+            let [start, end] = [pair[0], pair[1]].map(|p| {
+                let (sin, cos) = p.heading_deg.to_radians().sin_cos();
+                V2::new(cos, sin) * chord_m
+            });
+            for step in usize::from(i > 0)..=Self::STEPS {
+                let t = step as f64 / Self::STEPS as f64;
+                let (t2, t3) = (t * t, t * t * t);
+                let at = from * (2.0 * t3 - 3.0 * t2 + 1.0)
+                    + start * (t3 - 2.0 * t2 + t)
+                    + to * (3.0 * t2 - 2.0 * t3)
+                    + end * (t3 - t2);
+                let slope = (from - to) * (6.0 * (t2 - t)) + start * (3.0 * t2 - 4.0 * t + 1.0) + end * (3.0 * t2 - 2.0 * t);
+                let direction = slope.try_normalize(1.0e-9).unwrap_or((to - from) / chord_m);
+                let along_m = knots.last().map_or(0.0, |last| last.along_m + (at - last.at).norm());
+                knots.push(Knot { along_m, at, direction });
+            }
+        }
+        Ok(Self { knots })
+    }
+
+    fn length_m(&self) -> f64 {
+        self.knots[self.knots.len() - 1].along_m
+    }
+
+    /// Point and direction `along_m` metres after the start.
+    fn at(&self, along_m: f64) -> (V2, V2) {
+        let next = self.knots.partition_point(|k| k.along_m <= along_m).clamp(1, self.knots.len() - 1);
+        let (a, b) = (&self.knots[next - 1], &self.knots[next]);
+        let t = (along_m - a.along_m) / (b.along_m - a.along_m);
+        let direction = a.direction.lerp(&b.direction, t.clamp(0.0, 1.0)).normalize();
+        let inside = (0.0..=1.0).contains(&t);
+        let at = if inside { a.at.lerp(&b.at, t) } else { a.at + a.direction * (along_m - a.along_m) };
+        (at, direction)
+    }
+}

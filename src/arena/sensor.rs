@@ -1,0 +1,117 @@
+//! Light to grey values: lens blur, motion during the exposure, vignetting, photons, amplifier, 8 bits.
+
+use super::config::SensorConfig;
+use super::noise::{gaussian, mix};
+use super::path::Twist;
+use super::render::Shot;
+use super::view::View;
+use crate::stereo::Gray;
+use rayon::prelude::*;
+
+/// Exposes one shot of `view`, which moves by `twist`. `key` tells the noise of one image from that of every other.
+///
+/// Motion blur follows each pixel's own velocity on the sharp image: right within a surface, but where a near thing
+/// passes before a far one the uncovered background is borrowed from what the shot shows beside it. With the default
+/// speeds and shutter that is less than 2 px.
+pub(super) fn expose(
+    config: &SensorConfig,
+    gain_db: f64,
+    shot: &Shot,
+    view: &View,
+    twist: &Twist,
+    key: u64,
+) -> crate::Result<Gray> {
+    let (width, height) = (shot.width, shot.radiance.len() / shot.width);
+    let soft = soften(&shot.radiance, width, config.lens_blur_px as f32);
+    let motion = Motion::new(twist, f64::from(config.shutter_us) * 1.0e-6, view.focal_px);
+    let white_e = (config.white_e_per_ms * f64::from(config.shutter_us) * 1.0e-3) as f32;
+    let grey_per_e = (255.0 / config.full_scale_e * 10f64.powf(gain_db / 20.0)) as f32;
+    let read_variance = (config.read_noise_e * config.read_noise_e) as f32;
+    let vignetting = config.vignetting as f32;
+    let mut grey = vec![0u8; width * height];
+    grey.par_chunks_exact_mut(width).enumerate().for_each(|(y, grey)| {
+        for (x, grey) in grey.iter_mut().enumerate() {
+            let i = y * width + x;
+            let blur = motion.blur_px(view.slope(x as f32, y as f32), shot.hits[i].t);
+            let light = smear(&soft, (width, height), (x, y), blur);
+            let mean_e = light * white_e * (1.0 - vignetting * view.eccentricity(x, y));
+            let deviation = if config.noise { (mean_e + read_variance).sqrt() * gaussian(mix(key ^ i as u64)) } else { 0.0 };
+            *grey = ((mean_e + deviation) * grey_per_e + 0.5) as u8;
+        }
+    });
+    Gray::from_vec(width, height, grey)
+}
+
+/// Blur by (a, 1 - 2a, a) in both directions, which has the variance 2a.
+fn soften(sharp: &[f32], width: usize, sigma_px: f32) -> Vec<f32> {
+    let side = 0.5 * sigma_px * sigma_px;
+    let center = 1.0 - 2.0 * side;
+    let height = sharp.len() / width;
+    let mut soft = vec![0.0; sharp.len()];
+    soft.par_chunks_exact_mut(width).enumerate().for_each_init(
+        || vec![0.0; width],
+        |column, (y, soft)| {
+            let row = |y: usize| &sharp[y * width..][..width];
+            let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1)));
+            for (x, value) in column.iter_mut().enumerate() {
+                *value = center * here[x] + side * (above[x] + below[x]);
+            }
+            for (x, value) in soft.iter_mut().enumerate() {
+                *value = center * column[x] + side * (column[x.saturating_sub(1)] + column[(x + 1).min(width - 1)]);
+            }
+        },
+    );
+    soft
+}
+
+/// Image motion during the exposure.
+struct Motion {
+    linear: [f32; 3],
+    angular: [f32; 3],
+    focal_px: f32,
+}
+
+impl Motion {
+    fn new(twist: &Twist, shutter_s: f64, focal_px: f32) -> Self {
+        let over = |v: &nalgebra::Vector3<f64>| [v.x, v.y, v.z].map(|v| (v * shutter_s) as f32);
+        Self { linear: over(&twist.linear_m_per_s), angular: over(&twist.angular_rad_per_s), focal_px }
+    }
+
+    /// How far the image of a resting point moves (Longuet-Higgins and Prazdny, 1980).
+    fn blur_px(&self, (x, y): (f32, f32), depth_m: f32) -> (f32, f32) {
+        let ([vx, vy, vz], [wx, wy, wz]) = (self.linear, self.angular);
+        let turn = wx * y - wy * x;
+        let u = (x * vz - vx) / depth_m - (wy - wz * y - x * turn);
+        let v = (y * vz - vy) / depth_m - (wz * x - wx - y * turn);
+        (u * self.focal_px, v * self.focal_px)
+    }
+}
+
+/// Blurs shorter than this do not show.
+const STILL_PX: f32 = 0.15;
+/// Samples along a blur at most.
+const TAPS: usize = 12;
+
+/// Mean along a line of the length and direction `blur_px` through a pixel.
+fn smear(image: &[f32], (width, height): (usize, usize), (x, y): (usize, usize), blur_px: (f32, f32)) -> f32 {
+    let length = blur_px.0.abs().max(blur_px.1.abs());
+    if length < STILL_PX {
+        return image[y * width + x];
+    }
+    let taps = (length as usize + 2).min(TAPS);
+    let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
+    let mut sum = 0.0;
+    for tap in 0..taps {
+        let along = (tap as f32 + 0.5) / taps as f32 - 0.5;
+        let u = (x as f32 + along * blur_px.0).clamp(0.0, right);
+        let v = (y as f32 + along * blur_px.1).clamp(0.0, bottom);
+        let (iu, iv) = (u as usize, v as usize);
+        let (fu, fv) = (u - iu as f32, v - iv as f32);
+        let (next, down) = (usize::from(iu + 1 < width), if iv + 1 < height { width } else { 0 });
+        let i = iv * width + iu;
+        let low = image[i] + fu * (image[i + next] - image[i]);
+        let high = image[i + down] + fu * (image[i + down + next] - image[i + down]);
+        sum += low + fv * (high - low);
+    }
+    sum / taps as f32
+}

@@ -1,0 +1,164 @@
+//! The two primitives and where rays meet them.
+
+use super::config::{Ball, Block};
+
+pub(super) type V3 = nalgebra::Vector3<f32>;
+
+/// A convex thing that rays meet.
+pub(super) enum Solid {
+    Block(Slab),
+    Ball { center: V3, radius: f32 },
+}
+
+/// A box, turned about the vertical.
+pub(super) struct Slab {
+    /// Centre of the box.
+    center: V3,
+    half: V3,
+    /// Direction of its length.
+    along: (f32, f32),
+}
+
+/// A point of a solid's surface, in metres.
+pub(super) struct Surface {
+    pub(super) normal: V3,
+    /// Coordinates on the unrolled surface, and their directions in the world.
+    pub(super) u_m: f32,
+    pub(super) v_m: f32,
+    pub(super) u_axis: V3,
+    pub(super) v_axis: V3,
+}
+
+/// A hit: the ray's parameter, and a code of the face that was hit.
+pub(super) type Hit = (f32, u8);
+
+impl Solid {
+    pub(super) fn block(block: &Block) -> Self {
+        let [length, breadth, height] = block.size_m;
+        let [x, y] = block.at_m;
+        let (sin, cos) = block.heading_deg.to_radians().sin_cos();
+        Self::Block(Slab {
+            center: V3::new(x as f32, y as f32, (block.above_floor_m + 0.5 * height) as f32),
+            half: V3::new(0.5 * length as f32, 0.5 * breadth as f32, 0.5 * height as f32),
+            along: (cos as f32, sin as f32),
+        })
+    }
+
+    pub(super) fn ball(ball: &Ball) -> Self {
+        let [x, y] = ball.at_m;
+        Self::Ball { center: V3::new(x as f32, y as f32, ball.height_m as f32), radius: ball.radius_m as f32 }
+    }
+
+    /// Where the ray `origin + t * direction`, t > 0, enters the solid; nothing from inside it.
+    pub(super) fn enter(&self, origin: &V3, direction: &V3) -> Option<Hit> {
+        match self {
+            Self::Block(slab) => slab.enter(origin, direction),
+            Self::Ball { center, radius } => {
+                let from = origin - center;
+                let (a, b) = (direction.norm_squared(), from.dot(direction));
+                // The squared distance of the ray from the centre by way of its nearest point: no cancellation.
+                let nearest = from - direction * (b / a);
+                let room = radius * radius - nearest.norm_squared();
+                if room <= 0.0 {
+                    return None;
+                }
+                let t = -b / a - (room / a).sqrt();
+                (t > 0.0).then_some((t, 0))
+            }
+        }
+    }
+
+    /// The surface at `point`, which a ray met at `face`.
+    pub(super) fn surface(&self, point: &V3, face: u8) -> Surface {
+        match self {
+            Self::Block(slab) => slab.surface(point, face),
+            Self::Ball { center, radius } => {
+                let normal = (point - center) / *radius;
+                // The picture is put on from six sides.
+                let (u_axis, v_axis) = match normal.iamax() {
+                    0 => (V3::y(), V3::z()),
+                    1 => (V3::x(), V3::z()),
+                    _ => (V3::x(), V3::y()),
+                };
+                Surface { u_m: u_axis.dot(&(point - center)), v_m: v_axis.dot(point), normal, u_axis, v_axis }
+            }
+        }
+    }
+
+    /// Length of its unrolled sides.
+    pub(super) fn girth_m(&self) -> f32 {
+        match self {
+            Self::Block(slab) => 4.0 * (slab.half.x + slab.half.y),
+            Self::Ball { radius, .. } => 2.0 * radius,
+        }
+    }
+
+    /// Corners of a box around it, which is itself for a block.
+    pub(super) fn corners(&self) -> [V3; 8] {
+        let corner = |i: usize| V3::from_fn(|axis, _| if i >> axis & 1 == 0 { -1.0 } else { 1.0 });
+        std::array::from_fn(|i| match self {
+            Self::Block(slab) => slab.center + slab.to_world(&corner(i).component_mul(&slab.half)),
+            Self::Ball { center, radius } => center + corner(i) * *radius,
+        })
+    }
+
+    /// Distance of a point from its surface, 0 inside.
+    pub(super) fn distance(&self, point: &V3) -> f32 {
+        match self {
+            Self::Block(slab) => {
+                let outside = slab.to_local(&(point - slab.center)).abs() - slab.half;
+                outside.map(|v| v.max(0.0)).norm()
+            }
+            Self::Ball { center, radius } => ((point - center).norm() - radius).max(0.0),
+        }
+    }
+}
+
+impl Slab {
+    fn to_local(&self, v: &V3) -> V3 {
+        let (c, s) = self.along;
+        V3::new(c * v.x + s * v.y, c * v.y - s * v.x, v.z)
+    }
+
+    fn to_world(&self, v: &V3) -> V3 {
+        let (c, s) = self.along;
+        V3::new(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
+    }
+
+    /// By slabs (Kay and Kajiya, SIGGRAPH 1986). The face is twice the axis, plus one on its positive side.
+    fn enter(&self, origin: &V3, direction: &V3) -> Option<Hit> {
+        let from = self.to_local(&(origin - self.center));
+        let towards = self.to_local(direction);
+        let (mut enter, mut leave, mut face) = (0.0, f32::INFINITY, u8::MAX);
+        for axis in 0..3 {
+            let inverse = 1.0 / towards[axis];
+            let middle = -from[axis] * inverse;
+            let reach = self.half[axis] * inverse.abs();
+            let (near, far) = (middle - reach, middle + reach);
+            if near > enter {
+                enter = near;
+                face = 2 * axis as u8 + u8::from(inverse < 0.0);
+            }
+            if far < leave {
+                leave = far;
+            }
+        }
+        (enter < leave && face != u8::MAX).then_some((enter, face))
+    }
+
+    fn surface(&self, point: &V3, face: u8) -> Surface {
+        let local = self.to_local(&(point - self.center));
+        let sign = if face & 1 == 1 { 1.0 } else { -1.0 };
+        let up = local.z + self.half.z;
+        // The sides are unrolled one after the other, top and bottom follow.
+        let quarter = self.half.x + self.half.y;
+        let turn = if sign > 0.0 { 0.0 } else { 2.0 * quarter };
+        let (normal, u_axis, v_axis, u_m, v_m) = match face / 2 {
+            0 => (V3::x() * sign, V3::y() * sign, V3::z(), turn + quarter + sign * local.y, up),
+            1 => (V3::y() * sign, V3::x() * -sign, V3::z(), turn - sign * local.x, up),
+            _ => (V3::z() * sign, V3::x(), V3::y(), 4.0 * quarter + local.x, local.y),
+        };
+        let world = |v: V3| self.to_world(&v);
+        Surface { normal: world(normal), u_m, v_m, u_axis: world(u_axis), v_axis: world(v_axis) }
+    }
+}

@@ -1,0 +1,60 @@
+//! The arena's floor: grey linoleum, speckled, with scuffs; much weaker than the walls.
+
+use super::{Texture, fabric};
+use crate::arena::noise::Dice;
+
+/// 2 m x 4 m with [`TEXEL_M`]; a larger arena's floor repeats.
+const WIDTH: usize = 1024;
+const HEIGHT: usize = 2048;
+const TEXEL_M: f32 = 0.002;
+
+/// `contrast` is the standard deviation of the speckles' albedo; `light` the share of light that reaches a point.
+pub(crate) fn floor(seed: u64, contrast: f32, light: impl Fn(f32, f32) -> f32) -> Texture {
+    let mut dice = Dice::new(seed, 0xB0);
+    let stains = fabric::clouds(WIDTH, HEIGHT, 8, &mut dice);
+    let mut speckles: Vec<f32> = (0..WIDTH * HEIGHT).map(|_| dice.between(-1.7, 1.7)).collect();
+    for _ in 0..260 {
+        let (mut x, mut y) = (dice.between(0.0, WIDTH as f32), dice.between(0.0, HEIGHT as f32));
+        let (along, tone) = (dice.direction(), dice.between(-3.5, 2.5));
+        for _ in 0..dice.between(10.0, 90.0) as usize {
+            (x, y) = (x + along.0, y + along.1);
+            let (column, row) = (x.max(0.0) as usize, y.max(0.0) as usize);
+            if column < WIDTH && row < HEIGHT {
+                speckles[row * WIDTH + column] += tone;
+            }
+        }
+    }
+    let shade = Shade::new(light);
+    let albedo: Vec<f32> = (stains.iter().zip(&speckles).enumerate())
+        .map(|(i, (stain, speckle))| {
+            let tone = 0.42 + contrast * (0.7 * stain + speckle);
+            (tone * shade.at(i % WIDTH, i / WIDTH)).clamp(0.02, 0.95)
+        })
+        .collect();
+    Texture::new(WIDTH, &albedo, TEXEL_M)
+}
+
+/// Light on the floor, known at every eighth texel.
+struct Shade {
+    columns: usize,
+    light: Vec<f32>,
+}
+
+impl Shade {
+    const STEP: usize = 8;
+
+    fn new(light: impl Fn(f32, f32) -> f32) -> Self {
+        let columns = WIDTH / Self::STEP + 2;
+        let rows = HEIGHT / Self::STEP + 2;
+        let step_m = Self::STEP as f32 * TEXEL_M;
+        let at = |i: usize| light((i % columns) as f32 * step_m, (i / columns) as f32 * step_m);
+        Self { columns, light: (0..columns * rows).map(at).collect() }
+    }
+
+    fn at(&self, x: usize, y: usize) -> f32 {
+        let fraction = |v: usize| (v % Self::STEP) as f32 / Self::STEP as f32;
+        let first = y / Self::STEP * self.columns + x / Self::STEP;
+        let row = |i: usize| self.light[i] + fraction(x) * (self.light[i + 1] - self.light[i]);
+        row(first) + fraction(y) * (row(first + self.columns) - row(first))
+    }
+}

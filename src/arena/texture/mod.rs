@@ -1,0 +1,125 @@
+//! What the surfaces look like: albedo pictures with their mip-maps, sampled by footprint.
+
+mod fabric;
+mod floor;
+mod forest;
+mod room;
+
+pub(super) use floor::floor;
+pub(super) use forest::forest;
+pub(super) use room::room;
+
+use rayon::prelude::*;
+
+/// A picture of albedos that repeats in both directions, with all its halvings (Williams, SIGGRAPH 1983).
+pub(super) struct Texture {
+    levels: Vec<Level>,
+    texel_m: f32,
+}
+
+struct Level {
+    width: usize,
+    height: usize,
+    texels: Vec<u8>,
+}
+
+/// Where on a surface a pixel falls, in metres of the texture's own axes.
+pub(super) struct Footprint {
+    pub(super) u_m: f32,
+    pub(super) v_m: f32,
+    /// Extent across the view direction.
+    pub(super) minor_m: f32,
+    /// Half of the extent along the view direction, as a vector of (u, v).
+    pub(super) reach_m: (f32, f32),
+    /// Extent along the view direction as a multiple of `minor_m`, 1 or more.
+    pub(super) stretch: f32,
+}
+
+/// Samples along the longer side of a footprint at most; what is longer than that is blurred.
+const TAPS: i32 = 6;
+
+impl Texture {
+    /// From rows of albedos 0..=1, bottom row first. Both sides must be powers of two.
+    fn new(width: usize, albedo: &[f32], texel_m: f32) -> Self {
+        let height = albedo.len() / width;
+        debug_assert!(width.is_power_of_two() && height.is_power_of_two());
+        let texels = albedo.par_iter().map(|a| (a * 255.0 + 0.5) as u8).collect();
+        let mut levels = vec![Level { width, height, texels }];
+        while let Some(half) = levels.last().and_then(Level::half) {
+            levels.push(half);
+        }
+        Self { levels, texel_m }
+    }
+
+    /// Mean albedo over a footprint, 0..=1.
+    pub(super) fn albedo(&self, at: &Footprint) -> f32 {
+        let taps = (at.stretch as i32).clamp(1, TAPS);
+        let per_tap = at.minor_m * (at.stretch / taps as f32).max(1.0);
+        let level = octave(per_tap / self.texel_m).clamp(0.0, (self.levels.len() - 1) as f32);
+        let (mut sum, step) = (0.0, 2.0 / taps as f32);
+        for tap in 0..taps {
+            let along = (tap as f32 + 0.5) * step - 1.0;
+            let (u, v) = (at.u_m + along * at.reach_m.0, at.v_m + along * at.reach_m.1);
+            sum += self.trilinear(u / self.texel_m, v / self.texel_m, level);
+        }
+        sum / (255 * taps) as f32
+    }
+
+    fn trilinear(&self, u: f32, v: f32, level: f32) -> f32 {
+        let fine = level as usize;
+        let blend = level - fine as f32;
+        let scale = 1.0 / (1u32 << fine) as f32;
+        let a = self.levels[fine].bilinear(u * scale, v * scale);
+        match self.levels.get(fine + 1) {
+            Some(coarse) if blend > 0.02 => a + blend * (coarse.bilinear(u * scale * 0.5, v * scale * 0.5) - a),
+            _ => a,
+        }
+    }
+}
+
+impl Level {
+    /// The texture at half the size; nothing below one texel.
+    fn half(&self) -> Option<Self> {
+        if self.width < 2 || self.height < 2 {
+            return None;
+        }
+        let (width, height) = (self.width / 2, self.height / 2);
+        let mut texels = vec![0; width * height];
+        texels.par_chunks_exact_mut(width).zip(self.texels.par_chunks_exact(2 * self.width)).for_each(|(out, rows)| {
+            let (low, high) = rows.split_at(self.width);
+            for ((out, low), high) in out.iter_mut().zip(low.chunks_exact(2)).zip(high.chunks_exact(2)) {
+                let sum = u16::from(low[0]) + u16::from(low[1]) + u16::from(high[0]) + u16::from(high[1]);
+                *out = ((sum + 2) / 4) as u8;
+            }
+        });
+        Some(Self { width, height, texels })
+    }
+
+    /// Texel centres stand at halves.
+    fn bilinear(&self, u: f32, v: f32) -> f32 {
+        // A multiple of both sides keeps the cast below positive, so that it rounds down.
+        let shift = (self.width * self.height) as f32;
+        let lift = |x: f32, side: usize| {
+            let x = x - 0.5;
+            if x >= 0.0 { x } else { x + shift.min((side * 64) as f32) }
+        };
+        let (u, v) = (lift(u, self.width), lift(v, self.height));
+        let (iu, iv) = (u as i32, v as i32);
+        let (fu, fv) = (u - iu as f32, v - iv as f32);
+        let column = |i: i32| i as usize & (self.width - 1);
+        let row = |i: i32| (i as usize & (self.height - 1)) * self.width;
+        let (c0, c1, r0, r1) = (column(iu), column(iu + 1), row(iv), row(iv + 1));
+        let texel = |i: usize| f32::from(self.texels[i]);
+        let low = texel(r0 + c0) + fu * (texel(r0 + c1) - texel(r0 + c0));
+        let high = texel(r1 + c0) + fu * (texel(r1 + c1) - texel(r1 + c0));
+        low + fv * (high - low)
+    }
+}
+
+/// Base-2 logarithm to within 0.09: exact at powers of two, linear between them, and the same on every machine.
+fn octave(x: f32) -> f32 {
+    let bits = x.max(1.0e-6).to_bits();
+    let exponent = (bits >> 23) as i32 - 127;
+    let mantissa = f32::from_bits((bits & 0x007F_FFFF) | 0x3F80_0000);
+    exponent as f32 + (mantissa - 1.0)
+}

@@ -1,0 +1,54 @@
+//! The geometry as lines, for eyes.
+
+use super::config::WorldConfig;
+use super::path::Walk;
+use super::scene::Scene;
+use super::solid::{Solid, V3};
+
+/// A named thing as line strips in the world, metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wire {
+    pub name: String,
+    pub strips: Vec<Vec<[f32; 3]>>,
+}
+
+/// Floor, walls, blocks, balls and the robot's way (`path`).
+pub(super) fn wires(scene: &Scene, walk: &Walk, world: &WorldConfig) -> Vec<Wire> {
+    let (w, l) = (world.width_m as f32, world.length_m as f32);
+    let border = [[0.0, 0.0], [w, 0.0], [w, l], [0.0, l], [0.0, 0.0]];
+    let floor = Wire { name: "floor".into(), strips: vec![border.map(|[x, y]| [x, y, 0.0]).to_vec()] };
+    let steps = (walk.length_m() / 0.02).ceil() as usize;
+    let way = (0..=steps).map(|i| {
+        let at = walk.middle(walk.length_m() * i as f64 / steps as f64);
+        [at.x as f32, at.y as f32, 0.0]
+    });
+    let path = Wire { name: "path".into(), strips: vec![way.collect()] };
+    let solids = scene.named().map(|(name, solid)| Wire { name: name.into(), strips: outline(solid) });
+    [floor].into_iter().chain(solids).chain([path]).collect()
+}
+
+fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
+    match solid {
+        Solid::Block(_) => {
+            let corners = solid.corners().map(|c| [c.x, c.y, c.z]);
+            let strip = |order: &[usize]| order.iter().map(|&i| corners[i]).collect();
+            vec![
+                strip(&[0, 1, 3, 2, 0, 4, 5, 7, 6, 4]),
+                strip(&[1, 5]),
+                strip(&[3, 7]),
+                strip(&[2, 6]),
+            ]
+        }
+        Solid::Ball { center, radius } => {
+            let circle = |a: V3, b: V3| {
+                let point = |i: u8| {
+                    let (sin, cos) = (f32::from(i) * std::f32::consts::TAU / 24.0).sin_cos();
+                    let p = center + (a * cos + b * sin) * *radius;
+                    [p.x, p.y, p.z]
+                };
+                (0..=24).map(point).collect()
+            };
+            vec![circle(V3::x(), V3::y()), circle(V3::y(), V3::z()), circle(V3::z(), V3::x())]
+        }
+    }
+}
