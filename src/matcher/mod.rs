@@ -7,6 +7,7 @@ mod v3;
 pub use parameter::{Parameter, Parameters, Range, Value};
 
 use crate::error::{Error, Result, nearest};
+use crate::kernel::{Isa, isa};
 use crate::stereo::{DisparityMap, StereoPair};
 use crate::timing::Clock;
 
@@ -26,8 +27,8 @@ pub struct MatcherSpec {
     /// Where the method was published.
     pub paper: &'static str,
     pub parameters: &'static [Parameter],
-    /// Makes one; the parameters are complete and within their ranges.
-    pub build: fn(&Parameters) -> Result<Box<dyn Matcher>>,
+    /// Makes one that runs on that instruction set; the parameters are complete and within their ranges.
+    pub build: fn(&Parameters, Isa) -> Result<Box<dyn Matcher>>,
 }
 
 /// Every algorithm svl knows. A new one is one file and one line here.
@@ -78,9 +79,19 @@ impl Algorithm {
         &self.parameters
     }
 
+    /// A matcher on the instruction set in use, [`crate::kernel::isa`].
+    ///
+    /// # Errors
+    /// What the algorithm's constructor says, or that `SVL_ISA` names an instruction set this CPU lacks.
+    pub fn build(&self) -> Result<Box<dyn Matcher>> {
+        self.build_on(isa()?)
+    }
+
+    /// A matcher on a given instruction set; the result is the same on all of them.
+    ///
     /// # Errors
     /// What the algorithm's constructor says.
-    pub fn build(&self) -> Result<Box<dyn Matcher>> {
-        (self.spec.build)(&self.parameters)
+    pub fn build_on(&self, isa: Isa) -> Result<Box<dyn Matcher>> {
+        (self.spec.build)(&self.parameters, isa)
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Plane;
 use crate::error::Result;
+use rayon::prelude::*;
 
 /// Why a pixel has no disparity. The discriminant is the code in files (`WHY.png`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -123,6 +124,31 @@ impl DisparityMap {
         disparity.zip(why).zip(ssdpi).map(|((disparity, why), ssdpi)| RowMut { disparity, why, ssdpi })
     }
 
+    /// Calls `work` with each row and its number, in bands of neighbouring rows, one band per element of `scratch`, on
+    /// the threads of rayon's current pool. `scratch` must not be empty.
+    pub fn each_row_mut<S: Send>(&mut self, scratch: &mut [S], work: impl Fn(usize, RowMut<'_>, &mut S) + Sync) {
+        let (width, height) = self.size();
+        let rows = height.div_ceil(scratch.len());
+        let band = width * rows;
+        // Planes of a map are made by `Plane::filled`, so their rows have no gaps.
+        let disparity = self.disparity.as_mut_slice().expect("gapless");
+        let why = self.why.as_mut_slice().expect("gapless");
+        let ssdpi = self.ssdpi.as_mut_slice().expect("gapless");
+        let work = |(index, (((disparity, why), ssdpi), scratch)): (usize, BandOf<'_, S>)| {
+            let planes = disparity.chunks_exact_mut(width).zip(why.chunks_exact_mut(width));
+            for (y, ((disparity, why), ssdpi)) in planes.zip(ssdpi.chunks_exact_mut(width)).enumerate() {
+                work(index * rows + y, RowMut { disparity, why, ssdpi }, scratch);
+            }
+        };
+        if rayon::current_num_threads() == 1 {
+            let planes = disparity.chunks_mut(band).zip(why.chunks_mut(band)).zip(ssdpi.chunks_mut(band));
+            planes.zip(scratch).enumerate().for_each(work);
+        } else {
+            let planes = disparity.par_chunks_mut(band).zip(why.par_chunks_mut(band)).zip(ssdpi.par_chunks_mut(band));
+            planes.zip(scratch).enumerate().for_each(work);
+        }
+    }
+
     /// Number of valid pixels.
     pub fn valid(&self) -> usize {
         self.why.pixels().filter(|&w| w == Reason::Valid).count()
@@ -158,6 +184,9 @@ impl DisparityMap {
     }
 }
 
+/// A band's pixels and its scratch.
+type BandOf<'a, S> = (((&'a mut [f32], &'a mut [Reason]), &'a mut [u32]), &'a mut S);
+
 /// One row of a [`DisparityMap`], to write.
 pub struct RowMut<'a> {
     disparity: &'a mut [f32],
@@ -168,6 +197,27 @@ pub struct RowMut<'a> {
 impl RowMut<'_> {
     pub fn width(&self) -> usize {
         self.why.len()
+    }
+
+    /// The disparity at `x`, or why there is none.
+    pub fn at(&self, x: usize) -> std::result::Result<f32, Reason> {
+        match self.why[x] {
+            Reason::Valid => Ok(self.disparity[x]),
+            reason => Err(reason),
+        }
+    }
+
+    /// The winner's SSD at `x`.
+    pub fn ssdpi(&self, x: usize) -> u32 {
+        self.ssdpi[x]
+    }
+
+    /// Writes that no pixel of the row was compared, and why.
+    pub fn clear(&mut self, reason: Reason) {
+        debug_assert!(reason != Reason::Valid);
+        self.disparity.fill(f32::INFINITY);
+        self.why.fill(reason);
+        self.ssdpi.fill(DisparityMap::NO_SSDPI);
     }
 
     /// Writes a disparity.

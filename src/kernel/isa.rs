@@ -1,0 +1,113 @@
+//! Which instruction set the kernels run on.
+
+use crate::error::{Error, Result};
+use std::sync::OnceLock;
+
+/// An instruction set that this CPU has.
+///
+/// There is no way to make one for an instruction set the CPU lacks, so kernels may rely on it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Isa(Kind);
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Kind {
+    Avx512,
+    Avx2,
+    Portable,
+}
+
+impl Isa {
+    /// What every CPU of the target runs.
+    pub const PORTABLE: Isa = Isa(Kind::Portable);
+    #[cfg(target_arch = "x86_64")]
+    pub(super) const AVX2: Isa = Isa(Kind::Avx2);
+    #[cfg(target_arch = "x86_64")]
+    pub(super) const AVX512: Isa = Isa(Kind::Avx512);
+
+    /// All that this CPU has, fastest first.
+    pub fn available() -> impl Iterator<Item = Isa> {
+        [Kind::Avx512, Kind::Avx2, Kind::Portable].into_iter().filter(|kind| kind.supported()).map(Isa)
+    }
+
+    /// `avx512`, `avx2` or `portable`.
+    pub fn name(self) -> &'static str {
+        self.0.name()
+    }
+
+    /// The one called `name`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when there is none of that name or this CPU lacks it.
+    pub fn named(name: &str) -> Result<Isa> {
+        Self::available().find(|isa| isa.name() == name).ok_or_else(|| {
+            let available = Self::available().map(Self::name).collect::<Vec<_>>().join(", ");
+            Error::Invalid(format!("instruction set '{name}' is not one that this CPU has: {available}"))
+        })
+    }
+}
+
+impl std::fmt::Display for Isa {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Avx512 => "avx512",
+            Kind::Avx2 => "avx2",
+            Kind::Portable => "portable",
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn supported(self) -> bool {
+        let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        match self {
+            Kind::Portable => true,
+            Kind::Avx2 => avx2,
+            Kind::Avx512 => {
+                avx2 && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512bw")
+                    && is_x86_feature_detected!("avx512cd")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+            }
+        }
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
+    fn supported(self) -> bool {
+        self == Kind::Portable
+    }
+}
+
+/// The instruction set in use: the fastest this CPU has, or the one that the environment variable `SVL_ISA` names
+/// (`portable`, `avx2`, `avx512`). Chosen once per process.
+///
+/// # Errors
+/// [`Error::Invalid`] when `SVL_ISA` names one that this CPU lacks: a measurement on another would mislead.
+pub fn isa() -> Result<Isa> {
+    static CHOSEN: OnceLock<std::result::Result<Isa, String>> = OnceLock::new();
+    CHOSEN
+        .get_or_init(|| match std::env::var("SVL_ISA") {
+            Ok(name) => Isa::named(&name).map_err(|e| format!("SVL_ISA: {e}")),
+            Err(_) => Ok(Isa::available().next().unwrap_or(Isa::PORTABLE)),
+        })
+        .clone()
+        .map_err(Error::Invalid)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_machine_has_the_portable_one_and_no_machine_an_invented_one() {
+        assert_eq!(Isa::named("portable").unwrap(), Isa::PORTABLE);
+        assert_eq!(Isa::available().last(), Some(Isa::PORTABLE));
+        let error = Isa::named("mmx").unwrap_err().to_string();
+        assert!(error.contains("'mmx'") && error.contains("portable"), "{error}");
+    }
+}

@@ -1,0 +1,45 @@
+//! What several tests share: real scenes and running an algorithm.
+
+use std::path::PathBuf;
+use svl::kernel::Isa;
+use svl::matcher::Algorithm;
+use svl::stereo::{DisparityMap, Gray, StereoPair};
+use svl::timing::Clock;
+
+/// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there are none.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub fn datasets() -> Option<PathBuf> {
+    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/datasets");
+    let folder = std::env::var_os("SVL_DATASETS").map_or_else(|| PathBuf::from(default), PathBuf::from);
+    if folder.is_dir() {
+        Some(folder)
+    } else {
+        println!("skipped: no data sets");
+        None
+    }
+}
+
+/// The pair of a scene.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub fn scene(name: &str) -> Option<StereoPair> {
+    let folder = datasets()?.join(name);
+    let grey = |file: &str| {
+        let image = image::open(folder.join(file)).unwrap();
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        if image.color().has_color() {
+            Gray::from_rgb(width, height, image.to_rgb8().as_raw()).unwrap()
+        } else {
+            Gray::from_vec(width, height, image.to_luma8().into_raw()).unwrap()
+        }
+    };
+    Some(StereoPair::new(grey("im0.png"), grey("im1.png")).unwrap())
+}
+
+/// The result of `algorithm`, written as on the command line, on `isa`.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub fn run(algorithm: &str, isa: Isa, pair: &StereoPair) -> DisparityMap {
+    let mut map = DisparityMap::new(1, 1).unwrap();
+    let mut matcher = algorithm.parse::<Algorithm>().unwrap().build_on(isa).unwrap();
+    matcher.compute(pair, &mut map, &mut Clock::start()).unwrap();
+    map
+}

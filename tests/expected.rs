@@ -1,0 +1,41 @@
+//! Real scenes give, on every pixel, the disparities and reasons that the specification's own implementation gave.
+
+mod common;
+
+use svl::kernel::Isa;
+use svl::stereo::DisparityMap;
+
+/// Pixels whose disparity or reason is not the expected one.
+fn differing(algorithm: &str, scene: &str, map: &DisparityMap) -> usize {
+    let folder = common::datasets().unwrap().join("../expected").join(algorithm);
+    let file = |kind: &str| folder.join(format!("{}.{kind}.png", scene.replace('/', "_")));
+    let disparities = image::open(file("disp")).unwrap().into_luma16();
+    let reasons = image::open(file("reason")).unwrap().into_luma8();
+    assert_eq!((disparities.width() as usize, disparities.height() as usize), map.size());
+    let code = |d: f32| if d.is_finite() { d as u16 + 1 } else { 0 };
+    let got = map.disparity().pixels().map(code).zip(map.why().pixels().map(|why| why as u8));
+    let expected = disparities.as_raw().iter().copied().zip(reasons.as_raw().iter().copied());
+    got.zip(expected).filter(|(got, expected)| got != expected).count()
+}
+
+fn check(algorithm: &str, scene: &str) {
+    let Some(pair) = common::scene(scene) else { return };
+    for isa in Isa::available() {
+        assert_eq!(differing(algorithm, scene, &common::run(algorithm, isa, &pair)), 0, "{algorithm} {scene} {isa}");
+    }
+}
+
+#[test]
+fn v3_tsukuba() {
+    check("v3", "tsukuba");
+}
+
+#[test]
+fn v3_cones() {
+    check("v3", "cones");
+}
+
+#[test]
+fn v3_oakd_toy() {
+    check("v3", "oakd-stereodemo/toy");
+}
