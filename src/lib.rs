@@ -9,8 +9,23 @@
 //! data set                                  tables ──▶ report
 //! ```
 //!
-//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`], [`depth`], [`arena`].
+//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`], [`depth`].
+//!
+//! ```
+//! use svl::stereo::{DisparityMap, Gray, GridShape, StereoPair};
+//! use svl::{depth, matcher::Algorithm, timing::Clock};
+//!
+//! let left = Gray::filled(320, 240, 90)?;
+//! let pair = StereoPair::new(left.clone(), left)?;
+//! let mut matcher = "v3:max_disparity=64".parse::<Algorithm>()?.build()?;
+//! let mut map = DisparityMap::new(320, 240)?;
+//! matcher.compute(&pair, &mut map, &mut Clock::start())?;
+//! let grid = depth::grid(&map, GridShape::default(), 0.2, None);
+//! assert!(grid.cell(2, 1).depth.is_none(), "a grey wall has no texture to match");
+//! # Ok::<(), svl::Error>(())
+//! ```
 
+#[cfg(feature = "bench")]
 pub mod arena;
 pub mod depth;
 mod error;

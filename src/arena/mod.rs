@@ -32,6 +32,9 @@ use render::{Lens, Shot};
 use scene::Scene;
 use view::{Skew, View};
 
+/// Raised when the same configuration and seed come to give other pixels, so that cached recordings are made anew.
+pub const REVISION: u32 = 1;
+
 /// One run of the robot through the arena.
 pub struct Arena {
     config: ArenaConfig,
