@@ -168,7 +168,7 @@ impl Default for SensorConfig {
             shutter_us: 8_000,
             gain_db: 0.0,
             right_gain_db: 0.15,
-            white_e_per_ms: 1_250.0,
+            white_e_per_ms: 1_700.0,
             full_scale_e: 9_000.0,
             read_noise_e: 25.0,
             noise: true,
@@ -257,7 +257,12 @@ impl WorldConfig {
         within("world.room_margin_m", self.room_margin_m, 0.1, 20.0)?;
         within("world.forest_contrast", self.forest_contrast, 0.0, 10.0)?;
         within("world.floor_contrast", self.floor_contrast, 0.0, 1.0)?;
-        within("number of world.blocks and world.balls", (self.blocks.len() + self.balls.len()) as f64, 0.0, MAX_OBJECTS as f64)?;
+        within(
+            "number of world.blocks and world.balls",
+            (self.blocks.len() + self.balls.len()) as f64,
+            0.0,
+            MAX_OBJECTS as f64,
+        )?;
         for block in &self.blocks {
             let key = |field: &str| format!("world.blocks '{}' {field}", block.name);
             place(&key("at_m"), block.at_m)?;

@@ -106,8 +106,10 @@ impl Arena {
             linear_m_per_s: twist.linear_m_per_s + twist.angular_rad_per_s.cross(&beside),
             angular_rad_per_s: twist.angular_rad_per_s,
         };
-        let skew =
-            Skew { sin_roll: rig.right_roll_deg.to_radians().sin() as f32, row_offset_px: rig.right_row_offset_px as f32 };
+        let skew = Skew {
+            sin_roll: rig.right_roll_deg.to_radians().sin() as f32,
+            row_offset_px: rig.right_row_offset_px as f32,
+        };
         let left_view = View::new(&pose, &self.rig, Skew::NONE);
         let right_view = View::new(&right_pose, &self.rig, skew);
 

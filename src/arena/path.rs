@@ -27,7 +27,7 @@ pub(super) struct Twist {
 }
 
 /// Wavelengths of the deviation.
-const DEVIATION_M: [f64; 2] = [1.1, 1.73];
+const DEVIATION_M: [f64; 2] = [1.6, 2.5];
 /// Half the time over which velocities are measured.
 const INSTANT_S: f64 = 1.0e-3;
 
@@ -71,7 +71,8 @@ impl Walk {
         let heading = travel.y.atan2(travel.x) + yaw;
         let (sin, cos) = heading.sin_cos();
         let level = nalgebra::Matrix3::new(sin, 0.0, cos, -cos, 0.0, sin, 0.0, -1.0, 0.0);
-        let gait = Rotation3::from_axis_angle(&Vector3::x_axis(), pitch) * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
+        let gait = Rotation3::from_axis_angle(&Vector3::x_axis(), pitch)
+            * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
         let rotation = Rotation3::from_matrix_unchecked(level) * gait;
         let middle = self.middle(along_m);
         let head = Vector3::new(middle.x, middle.y, self.above_floor_m);
@@ -133,7 +134,8 @@ impl Spline {
                     + start * (t3 - 2.0 * t2 + t)
                     + to * (3.0 * t2 - 2.0 * t3)
                     + end * (t3 - t2);
-                let slope = (from - to) * (6.0 * (t2 - t)) + start * (3.0 * t2 - 4.0 * t + 1.0) + end * (3.0 * t2 - 2.0 * t);
+                let slope =
+                    (from - to) * (6.0 * (t2 - t)) + start * (3.0 * t2 - 4.0 * t + 1.0) + end * (3.0 * t2 - 2.0 * t);
                 let direction = slope.try_normalize(1.0e-9).unwrap_or((to - from) / chord_m);
                 let along_m = knots.last().map_or(0.0, |last| last.along_m + (at - last.at).norm());
                 knots.push(Knot { along_m, at, direction });

@@ -73,7 +73,12 @@ impl Shot {
 /// True disparity and visibility of the left image: `left` its shot, `views` the two cameras as if rectified exactly.
 ///
 /// A point is occluded when it falls beside the right image or a solid stands between it and the right camera.
-pub(super) fn truth(scene: &Scene, left: &Shot, [left_view, right_view]: [&View; 2], rig: &Rig) -> crate::Result<Truth> {
+pub(super) fn truth(
+    scene: &Scene,
+    left: &Shot,
+    [left_view, right_view]: [&View; 2],
+    rig: &Rig,
+) -> crate::Result<Truth> {
     let width = left.width;
     let size = (width, left.hits.len() / width);
     let candidates = Candidates::new(right_view, scene.solids(), size);

@@ -95,17 +95,16 @@ impl Scene {
 
     fn lab_or_floor(&self, origin: &V3, direction: &V3) -> Hit {
         let down = -origin.z / direction.z;
-        let mut hit = if direction.z < 0.0 { Hit { t: down, surface: FLOOR } } else { Hit { t: f32::INFINITY, surface: FLOOR } };
+        let mut hit =
+            if direction.z < 0.0 { Hit { t: down, surface: FLOOR } } else { Hit { t: f32::INFINITY, surface: FLOOR } };
         let [low, high] = self.room;
         let wall = |from: f32, towards: f32, low: f32, high: f32| {
             if towards > 0.0 { ((high - from) / towards, 1) } else { ((low - from) / towards, 0) }
         };
-        for (axis, (t, side)) in [
-            wall(origin.x, direction.x, low.0, high.0),
-            wall(origin.y, direction.y, low.1, high.1),
-        ]
-        .into_iter()
-        .enumerate()
+        for (axis, (t, side)) in
+            [wall(origin.x, direction.x, low.0, high.0), wall(origin.y, direction.y, low.1, high.1)]
+                .into_iter()
+                .enumerate()
         {
             if t < hit.t {
                 hit = Hit { t, surface: LAB - (2 * axis as u16 + side) };
@@ -145,7 +144,7 @@ impl Scene {
 
 /// The light of the ceiling's lamps on a surface: mostly from above, a little more from one side.
 fn lamps(normal: &V3) -> f32 {
-    0.72 + 0.22 * normal.z + 0.12 * normal.x - 0.08 * normal.y
+    0.70 + 0.30 * normal.z + 0.14 * normal.x - 0.10 * normal.y
 }
 
 /// Share of light that reaches a wall at a height above the floor.

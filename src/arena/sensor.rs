@@ -35,7 +35,8 @@ pub(super) fn expose(
             let blur = motion.blur_px(view.slope(x as f32, y as f32), shot.hits[i].t);
             let light = smear(&soft, (width, height), (x, y), blur);
             let mean_e = light * white_e * (1.0 - vignetting * view.eccentricity(x, y));
-            let deviation = if config.noise { (mean_e + read_variance).sqrt() * gaussian(mix(key ^ i as u64)) } else { 0.0 };
+            let deviation =
+                if config.noise { (mean_e + read_variance).sqrt() * gaussian(mix(key ^ i as u64)) } else { 0.0 };
             *grey = ((mean_e + deviation) * grey_per_e + 0.5) as u8;
         }
     });

@@ -74,13 +74,15 @@ impl Solid {
             Self::Block(slab) => slab.surface(point, face),
             Self::Ball { center, radius } => {
                 let normal = (point - center) / *radius;
-                // The picture is put on from six sides.
-                let (u_axis, v_axis) = match normal.iamax() {
-                    0 => (V3::y(), V3::z()),
-                    1 => (V3::x(), V3::z()),
-                    _ => (V3::x(), V3::y()),
+                // The picture is put on from six sides, through the centre.
+                let (axis, u_axis, v_axis) = match normal.iamax() {
+                    0 => (0, V3::y(), V3::z()),
+                    1 => (1, V3::x(), V3::z()),
+                    _ => (2, V3::x(), V3::y()),
                 };
-                Surface { u_m: u_axis.dot(&(point - center)), v_m: v_axis.dot(point), normal, u_axis, v_axis }
+                let spread = radius / normal[axis].abs();
+                let (u_m, v_m) = (u_axis.dot(&normal) * spread, radius + v_axis.dot(&normal) * spread);
+                Surface { normal, u_m, v_m, u_axis, v_axis }
             }
         }
     }

@@ -32,12 +32,7 @@ fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
         Solid::Block(_) => {
             let corners = solid.corners().map(|c| [c.x, c.y, c.z]);
             let strip = |order: &[usize]| order.iter().map(|&i| corners[i]).collect();
-            vec![
-                strip(&[0, 1, 3, 2, 0, 4, 5, 7, 6, 4]),
-                strip(&[1, 5]),
-                strip(&[3, 7]),
-                strip(&[2, 6]),
-            ]
+            vec![strip(&[0, 1, 3, 2, 0, 4, 5, 7, 6, 4]), strip(&[1, 5]), strip(&[3, 7]), strip(&[2, 6])]
         }
         Solid::Ball { center, radius } => {
             let circle = |a: V3, b: V3| {

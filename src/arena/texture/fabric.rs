@@ -15,7 +15,8 @@ pub(super) fn clouds(width: usize, height: usize, octaves: u32, dice: &mut Dice)
             let (low, up) = ((y / 2).min(h - 1), (y / 2 + y % 2).min(h - 1));
             for x in 0..wide {
                 let (left, right) = ((x / 2).min(w - 1), (x / 2 + x % 2).min(w - 1));
-                let between = plane[low * w + left] + plane[low * w + right] + plane[up * w + left] + plane[up * w + right];
+                let between =
+                    plane[low * w + left] + plane[low * w + right] + plane[up * w + left] + plane[up * w + right];
                 finer.push(0.25 * between + dice.between(-1.0, 1.0));
             }
         }

@@ -43,7 +43,7 @@ fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
     let tones = (clumps.iter().zip(&fine).enumerate())
         .map(|(i, (clump, fine))| {
             let up = (i / width) as f32 / HEIGHT as f32;
-            haze * (0.35 + 0.75 * up) + 0.09 * clump + 0.03 * fine
+            haze * (0.30 + 0.85 * up) + 0.09 * clump + 0.03 * fine
         })
         .collect();
     let mut canvas = fabric::Canvas { width, height: HEIGHT, tones };
@@ -53,14 +53,14 @@ fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
         let (lean, tone) = (dice.between(-0.04, 0.04), haze * dice.between(0.45, 0.85));
         canvas.trunk(x, breadth, lean, tone, 0.08, dice);
     }
-    let foliage = dice.between(0.10, 0.16);
+    let foliage = dice.between(0.07, 0.13);
     leaves(&mut canvas, &clumps, (foliage, 1.0), haze, dice);
-    for _ in 0..1 + width / 110 {
+    for _ in 0..1 + width / 85 {
         let (x, breadth) = (dice.between(0.0, width as f32), dice.between(9.0, 34.0));
         let (lean, tone) = (dice.between(-0.08, 0.08), dice.between(0.10, 0.34));
         canvas.trunk(x, breadth, lean, tone, 0.16, dice);
     }
-    leaves(&mut canvas, &clumps, (0.3 * foliage, 1.6), haze, dice);
+    leaves(&mut canvas, &clumps, (0.12 * foliage, 1.7), haze, dice);
     expose(&mut canvas, &fine, contrast, dice);
     canvas
 }
@@ -69,14 +69,14 @@ fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
 /// clumps: `per_texel` of them, `scale` times the usual size.
 fn leaves(canvas: &mut fabric::Canvas, clumps: &[f32], (per_texel, scale): (f32, f32), haze: f32, dice: &mut Dice) {
     const LEAST: f32 = 1.2;
-    const MOST: f32 = 11.0;
+    const MOST: f32 = 9.0;
     let count = (per_texel * canvas.tones.len() as f32) as usize;
     for _ in 0..count {
         let (x, y) = (dice.between(0.0, canvas.width as f32), dice.between(0.0, canvas.height as f32));
         let clump = clumps[y as usize * canvas.width + x as usize];
         let up = y / canvas.height as f32;
         // Undergrowth and canopy are dense, the space between the trunks is not.
-        let density = 0.45 + 0.5 * clump + if up < 0.3 { 0.4 } else { 0.0 };
+        let density = 0.40 + 0.6 * clump + if up < 0.25 { 0.5 } else { 0.0 };
         if !dice.chance(density) {
             continue;
         }
@@ -92,7 +92,7 @@ fn leaves(canvas: &mut fabric::Canvas, clumps: &[f32], (per_texel, scale): (f32,
 fn expose(canvas: &mut fabric::Canvas, grain: &[f32], contrast: f32, dice: &mut Dice) {
     let width = canvas.width;
     let mean = canvas.tones.iter().sum::<f32>() / canvas.tones.len() as f32;
-    let target = dice.between(0.30, 0.46);
+    let target = dice.between(0.34, 0.48);
     let margin = dice.between(0.0, 3.0) as usize;
     for (i, (tone, grain)) in canvas.tones.iter_mut().zip(grain).enumerate() {
         let column = i % width;

@@ -36,7 +36,7 @@ pub(super) struct Footprint {
 }
 
 /// Samples along the longer side of a footprint at most; what is longer than that is blurred.
-const TAPS: i32 = 6;
+const TAPS: i32 = 4;
 
 impl Texture {
     /// From rows of albedos 0..=1, bottom row first. Both sides must be powers of two.
@@ -56,11 +56,13 @@ impl Texture {
         let taps = (at.stretch as i32).clamp(1, TAPS);
         let per_tap = at.minor_m * (at.stretch / taps as f32).max(1.0);
         let level = octave(per_tap / self.texel_m).clamp(0.0, (self.levels.len() - 1) as f32);
-        let (mut sum, step) = (0.0, 2.0 / taps as f32);
+        let (mut sum, step, per_m) = (0.0, 2.0 / taps as f32, 1.0 / self.texel_m);
+        // Whole periods of both sides keep the casts below positive, so that they round down.
+        let lift = (4 * self.levels[0].width.max(self.levels[0].height)) as f32;
         for tap in 0..taps {
             let along = (tap as f32 + 0.5) * step - 1.0;
             let (u, v) = (at.u_m + along * at.reach_m.0, at.v_m + along * at.reach_m.1);
-            sum += self.trilinear(u / self.texel_m, v / self.texel_m, level);
+            sum += self.trilinear(u * per_m + lift, v * per_m + lift, level);
         }
         sum / (255 * taps) as f32
     }
@@ -95,15 +97,9 @@ impl Level {
         Some(Self { width, height, texels })
     }
 
-    /// Texel centres stand at halves.
+    /// Texel centres stand at halves; `u` and `v` are positive.
     fn bilinear(&self, u: f32, v: f32) -> f32 {
-        // A multiple of both sides keeps the cast below positive, so that it rounds down.
-        let shift = (self.width * self.height) as f32;
-        let lift = |x: f32, side: usize| {
-            let x = x - 0.5;
-            if x >= 0.0 { x } else { x + shift.min((side * 64) as f32) }
-        };
-        let (u, v) = (lift(u, self.width), lift(v, self.height));
+        let (u, v) = (u - 0.5, v - 0.5);
         let (iu, iv) = (u as i32, v as i32);
         let (fu, fv) = (u - iu as f32, v - iv as f32);
         let column = |i: i32| i as usize & (self.width - 1);
