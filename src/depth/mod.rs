@@ -1,1 +1,7 @@
-//! From disparity to the grid of depths and to distance.
+//! From disparity to the grid of depths and to distance (thesis, section 5.1 and annex B).
+
+mod curve;
+mod grid;
+
+pub use curve::DistanceCurve;
+pub use grid::{MIN_VALID, grid};

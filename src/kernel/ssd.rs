@@ -11,8 +11,6 @@ const LANES: usize = 16;
 /// Added to the SSD of an inadmissible offset; it makes it negative, which no real one is, even when added twice.
 const POISON: i32 = i32::MIN / 4;
 
-type Lanes<T> = [T; LANES];
-
 /// The best offset of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Winner {
@@ -36,6 +34,7 @@ pub struct Search {
     products: Vec<i32>,
     /// What `products` begins with: zero, or [`POISON`] for offsets not asked for.
     start: Vec<i32>,
+    table: Vec<u32>,
 }
 
 impl Search {
@@ -65,6 +64,7 @@ impl Search {
             other: vec![0; length],
             other_energy: vec![POISON; length],
             products: vec![0; padded],
+            table: vec![0; padded],
             start: (0..padded).map(|j| if asked(j) { 0 } else { POISON }).collect(),
         }
     }
@@ -84,62 +84,56 @@ impl Search {
         energies(other, &mut self.other_energy[self.pad..][inside]);
     }
 
-    /// SSDs of the window at `x` at offsets `j ..` of the list; negative where the offset is inadmissible.
-    ///
-    /// Unless `FRESH`, the window visited before was the one at `x - 1`.
+    /// Puts −2 Σ p·q of the window at `x` into `products` and hands `with` the slices to finish an SSD per offset.
     #[inline(always)]
-    fn ssds<const FRESH: bool>(&mut self, x: usize, j: usize) -> Lanes<i32> {
+    fn visit(&mut self, x: usize, fresh: bool) -> (&[i32], &[i32], i32) {
+        let Self { products, probe, other, .. } = self;
+        let n = products.len();
         // `pad` is larger than −first by more than the window's reach.
-        let at = (self.pad as i32 + self.first) as usize + x + j;
-        let energy = lanes(&self.other_energy, at);
-        let products: &mut Lanes<i32> = (&mut self.products[j..j + LANES]).try_into().expect("LANES elements");
-        let mut sum;
-        if FRESH {
-            sum = *lanes(&self.start, j);
-            for i in 0..WINDOW {
-                let (p, q) = (self.probe[x + i - REACH], lanes(&self.other, at + i - REACH));
-                (0..LANES).for_each(|l| sum[l] += p * q[l]);
-            }
+        let at = (self.pad as i32 + self.first) as usize + x;
+        if fresh {
+            fill(products, &self.start, &probe[x - REACH..], &other[at - REACH..]);
         } else {
-            sum = *products;
-            let (new, old) = (self.probe[x + REACH], self.probe[x - REACH - 1]);
-            let (q_new, q_old) = (lanes(&self.other, at + REACH), lanes(&self.other, at - REACH - 1));
-            (0..LANES).for_each(|l| sum[l] += new * q_new[l] - old * q_old[l]);
+            let (new, old) = (probe[x + REACH], probe[x - REACH - 1]);
+            slide(products, new, &other[at + REACH..], old, &other[at - REACH - 1..]);
         }
-        *products = sum;
-        std::array::from_fn(|l| sum[l] + energy[l] + self.probe_energy[x])
+        (&self.products, &self.other_energy[at..at + n], self.probe_energy[x])
     }
+}
 
-    #[inline(always)]
-    fn winner<const FRESH: bool>(&mut self, x: usize, weights: &[u32]) -> Winner {
-        let mut best = [u32::MAX; LANES];
-        let mut index = [0u32; LANES];
-        for j in (0..self.products.len()).step_by(LANES) {
-            let ssd = self.ssds::<FRESH>(x, j);
-            let weight = lanes(weights, j);
-            for l in 0..LANES {
-                let inadmissible = (ssd[l] >> 31) as u32;
-                let cost = (ssd[l] as u32).wrapping_mul(weight[l]) | inadmissible;
-                index[l] = if cost <= best[l] { j as u32 } else { index[l] };
-                best[l] = best[l].min(cost);
-            }
+#[inline(always)]
+fn fill(products: &mut [i32], start: &[i32], probe: &[i32], other: &[i32]) {
+    let n = products.len();
+    let (start, other) = (&start[..n], &other[..n + WINDOW - 1]);
+    let probe: &[i32; WINDOW] = probe.first_chunk().expect("a whole window");
+    for j in 0..n {
+        let mut sum = start[j];
+        for i in 0..WINDOW {
+            sum += probe[i] * other[j + i];
         }
-        let cost = best.iter().fold(u32::MAX, |least, &c| least.min(c));
-        let j = (0..LANES).map(|l| if best[l] == cost { index[l] + l as u32 } else { 0 }).fold(0, u32::max);
-        Winner { offset: self.first + j as i32, ssd: cost / weights[j as usize] }
+        products[j] = sum;
     }
+}
 
-    #[inline(always)]
-    fn least<const FRESH: bool>(&mut self, x: usize) -> u32 {
-        let mut least = [u32::MAX; LANES];
-        for j in (0..self.products.len()).step_by(LANES) {
-            let ssd = self.ssds::<FRESH>(x, j);
-            // A negative SSD is a huge one when read as unsigned.
-            (0..LANES).for_each(|l| least[l] = least[l].min(ssd[l] as u32));
-        }
-        let least = least.iter().fold(u32::MAX, |least, &s| least.min(s));
-        if least <= Self::MAX_SSD { least } else { Self::NONE }
+#[inline(always)]
+fn slide(products: &mut [i32], new: i32, other_new: &[i32], old: i32, other_old: &[i32]) {
+    for (sum, (q_new, q_old)) in products.iter_mut().zip(other_new.iter().zip(other_old)) {
+        *sum += new * q_new - old * q_old;
     }
+}
+
+#[inline(always)]
+fn costs(products: &[i32], energy: &[i32], probe_energy: i32, weights: &[u32], costs: &mut [u32]) -> u32 {
+    let n = costs.len();
+    let (products, energy, weights) = (&products[..n], &energy[..n], &weights[..n]);
+    let mut least = u32::MAX;
+    for j in 0..n {
+        let ssd = products[j] + energy[j] + probe_energy;
+        let inadmissible = (ssd >> 31) as u32;
+        costs[j] = (ssd as u32).wrapping_mul(weights[j]) | inadmissible;
+        least = least.min(costs[j]);
+    }
+    least
 }
 
 /// See [`super::winners`].
@@ -157,13 +151,22 @@ pub(super) fn winners(
         return;
     }
     search.load(probe, other);
+    let first = search.first;
+    let mut table = std::mem::take(&mut search.table);
     let mut next = None;
     for &x in windows {
         let fresh = next != Some(x);
         next = Some(x + 1);
         let x = x as usize;
-        out.push(if fresh { search.winner::<true>(x, weights) } else { search.winner::<false>(x, weights) });
+        let (products, energy, probe_energy) = search.visit(x, fresh);
+        let cost = costs(products, energy, probe_energy, weights, &mut table);
+        let mut index = 0;
+        for j in 0..table.len() {
+            index = if table[j] == cost { j as u32 } else { index };
+        }
+        out.push(Winner { offset: first + index as i32, ssd: cost / weights[index as usize] });
     }
+    search.table = table;
 }
 
 /// See [`super::least_ssd`].
@@ -179,7 +182,12 @@ pub(super) fn least(search: &mut Search, probe: &[u8], other: &[u8], windows: &[
         let fresh = next != Some(x);
         next = Some(x + 1);
         let x = x as usize;
-        out.push(if fresh { search.least::<true>(x) } else { search.least::<false>(x) });
+        let (products, energy, probe_energy) = search.visit(x, fresh);
+        let mut least = u32::MAX;
+        for (sum, energy) in products.iter().zip(energy) {
+            least = least.min((sum + energy + probe_energy) as u32);
+        }
+        out.push(if least <= Search::MAX_SSD { least } else { Search::NONE });
     }
 }
 
@@ -189,9 +197,4 @@ fn energies(row: &[u8], out: &mut [i32]) {
     for (x, out) in out.iter_mut().enumerate() {
         *out = (0..WINDOW).map(|i| i32::from(row[x + i])).map(|p| p * p).sum();
     }
-}
-
-#[inline(always)]
-fn lanes<T>(slice: &[T], at: usize) -> &Lanes<T> {
-    slice[at..at + LANES].try_into().expect("LANES elements")
 }

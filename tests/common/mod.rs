@@ -8,7 +8,7 @@ use svl::timing::Clock;
 
 /// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there are none.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
-pub fn datasets() -> Option<PathBuf> {
+pub(crate) fn datasets() -> Option<PathBuf> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/datasets");
     let folder = std::env::var_os("SVL_DATASETS").map_or_else(|| PathBuf::from(default), PathBuf::from);
     if folder.is_dir() {
@@ -21,7 +21,7 @@ pub fn datasets() -> Option<PathBuf> {
 
 /// The pair of a scene.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
-pub fn scene(name: &str) -> Option<StereoPair> {
+pub(crate) fn scene(name: &str) -> Option<StereoPair> {
     let folder = datasets()?.join(name);
     let grey = |file: &str| {
         let image = image::open(folder.join(file)).unwrap();
@@ -37,7 +37,7 @@ pub fn scene(name: &str) -> Option<StereoPair> {
 
 /// The result of `algorithm`, written as on the command line, on `isa`.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
-pub fn run(algorithm: &str, isa: Isa, pair: &StereoPair) -> DisparityMap {
+pub(crate) fn run(algorithm: &str, isa: Isa, pair: &StereoPair) -> DisparityMap {
     let mut map = DisparityMap::new(1, 1).unwrap();
     let mut matcher = algorithm.parse::<Algorithm>().unwrap().build_on(isa).unwrap();
     matcher.compute(pair, &mut map, &mut Clock::start()).unwrap();
