@@ -20,6 +20,8 @@ pub mod stereo;
 pub mod timing;
 
 #[cfg(feature = "bench")]
+pub mod recording;
+#[cfg(feature = "bench")]
 pub mod sink;
 #[cfg(feature = "bench")]
 pub mod source;

@@ -1,5 +1,9 @@
 //! Where frames and estimates go.
 
+mod recording;
+
+pub use recording::RecordingSink;
+
 use crate::error::Result;
 use crate::stereo::{Estimate, Frame};
 

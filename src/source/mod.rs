@@ -1,5 +1,9 @@
 //! Where frames come from.
 
+mod recording;
+
+pub use recording::RecordingSource;
+
 use crate::error::Result;
 use crate::stereo::Frame;
 
