@@ -12,5 +12,7 @@ fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     let git = Command::new("git").args(["rev-parse", "--short=12", "HEAD"]).output();
     let revision = git.ok().filter(|out| out.status.success()).and_then(|out| String::from_utf8(out.stdout).ok());
-    println!("cargo:rustc-env=SVL_REVISION={}", revision.as_deref().map_or("unknown", str::trim));
+    if let Some(revision) = revision {
+        println!("cargo:rustc-env=SVL_GIT_REVISION={}", revision.trim());
+    }
 }

@@ -36,6 +36,9 @@ pub enum Error {
     /// A file is not what it should be.
     #[error("{}: {reason}", path.display())]
     Format { path: PathBuf, reason: String },
+    /// A recording that ends early or is damaged. What was read of it before is good.
+    #[error("{}: {reason}", path.display())]
+    Damaged { path: PathBuf, reason: String },
     /// A scenario or setting that contradicts itself.
     #[error("{0}")]
     Invalid(String),
@@ -50,6 +53,11 @@ impl Error {
     /// A malformed file at `path`.
     pub fn format(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
         Self::Format { path: path.into(), reason: reason.into() }
+    }
+
+    /// A recording at `path` that is good only up to here.
+    pub fn damaged(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
+        Self::Damaged { path: path.into(), reason: reason.into() }
     }
 }
 

@@ -37,6 +37,8 @@ pub mod timing;
 #[cfg(feature = "bench")]
 pub mod files;
 #[cfg(feature = "bench")]
+pub mod recording;
+#[cfg(feature = "bench")]
 pub mod run;
 #[cfg(feature = "bench")]
 pub mod scenario;

@@ -12,7 +12,7 @@ use svl::source::RecordingSource;
 /// Its file is named after everything that its pixels depend on, and gets that name only when it is whole.
 pub(super) fn recording(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::Result<RecordingSource> {
     let opened = source::arena(scenario, seed)?;
-    let key = opened.header.hash.chars().take(12).collect::<String>();
+    let key: String = opened.header.hash.iter().flat_map(|hash| hash.chars()).take(12).collect();
     let path = Path::new(RECORDINGS).join(format!("{}-{key}.mcap", opened.stem));
     if !path.exists() {
         source::make_recordings_folder()?;

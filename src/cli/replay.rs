@@ -75,13 +75,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         None => newest_or_arena(quiet)?,
     };
     let mut source = RecordingSource::open(&recording)?;
-    let header = svl::recording::header(&recording)?;
-    let scenario = header.as_ref().map_or_else(|| stem(&recording), |h| h.scenario.clone());
+    let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(recording.display().to_string()));
+    let scenario = header.scenario.clone().unwrap_or_else(|| stem(&recording));
 
     let run_id = run_info::run_id(&scenario);
     let settings = GridSettings::default();
     let mut identity = run_info::identity(&run_id, &scenario, &args.algo, CellRule::Distance, settings.shape());
-    identity.seed = header.as_ref().and_then(|h| h.seed);
+    identity.seed = header.seed;
     let table = args.rows.as_deref().map(Table::<Row>::create).transpose()?;
     let mut rows = RowSink::new(identity.clone(), table);
     let mut rerun = match &args.rerun {
@@ -90,7 +90,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let mut result = match &args.output {
         Some(path) => {
-            let header = Header { source: recording.display().to_string(), ..header.unwrap_or_else(Header::new) };
             Some(RecordingSink::new(Writer::create(path, &header, ImageFormat::Raw)?))
         }
         None => None,
@@ -115,8 +114,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } else {
         print(&format!("{} ({} pairs)\n{summary}", recording.display(), outcome.frames))?;
     }
-    if source.unpaired() > 0 {
-        tracing::warn!("{}: {} images found no partner and were left out", recording.display(), source.unpaired());
+    if source.reader().unpaired() > 0 {
+        tracing::warn!("{}: {} images found no partner and were left out", recording.display(), source.reader().unpaired());
     }
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
@@ -140,7 +139,7 @@ fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
 }
 
 /// The arena's true geometry, when the recording says which arena it is of.
-fn wireframe(recording: &Path) -> Vec<svl::arena::Outline> {
+fn wireframe(recording: &Path) -> Vec<svl::arena::Wire> {
     let scenario = svl::recording::attachment(recording, "scenario.toml").ok().flatten();
     let scenario = scenario.and_then(|bytes| String::from_utf8(bytes).ok());
     scenario.and_then(|text| Scenario::parse(&text, recording).ok()).map_or_else(Vec::new, |s| run_info::wireframe(&s))

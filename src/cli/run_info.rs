@@ -1,7 +1,7 @@
 //! What identifies a run, for its rows, its Rerun recording and its report.
 
 use std::time::{SystemTime, UNIX_EPOCH};
-use svl::arena::{Arena, Outline};
+use svl::arena::{Arena, Wire};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::CellRule;
@@ -31,13 +31,13 @@ pub(super) fn identity(run_id: &str, scenario: &str, algorithms: &[Algorithm], r
 }
 
 /// What the Rerun recording of a run is told at its beginning.
-pub(super) fn rerun(identity: &Identity, algorithms: &[Algorithm], wireframe: Vec<Outline>) -> RunInfo {
+pub(super) fn rerun(identity: &Identity, algorithms: &[Algorithm], wireframe: Vec<Wire>) -> RunInfo {
     let about = |a: &Algorithm| (a.label().to_owned(), a.parameters().to_string());
     RunInfo { identity: identity.clone(), algorithms: algorithms.iter().map(about).collect(), wireframe }
 }
 
 /// The outlines of the arena's things; none for other sources.
-pub(super) fn wireframe(scenario: &Scenario) -> Vec<Outline> {
+pub(super) fn wireframe(scenario: &Scenario) -> Vec<Wire> {
     match &scenario.source {
         ScenarioSource::Arena { config, seeds } => Arena::new(config, seeds[0]).map(|a| a.wireframe()).unwrap_or_default(),
         ScenarioSource::Dataset { .. } => Vec::new(),
@@ -45,16 +45,16 @@ pub(super) fn wireframe(scenario: &Scenario) -> Vec<Outline> {
 }
 
 /// The machine and the program, as names and values.
-pub(super) fn manifest(run_id: &str, algorithms: &[Algorithm]) -> Vec<(String, String)> {
+pub(super) fn manifest(run_id: &str, algorithms: &[Algorithm]) -> svl::Result<Vec<(String, String)>> {
     let mut manifest = vec![
         ("run".to_owned(), run_id.to_owned()),
-        ("svl".to_owned(), format!("{} ({})", env!("CARGO_PKG_VERSION"), env!("SVL_REVISION"))),
+        ("svl".to_owned(), format!("{} ({})", env!("CARGO_PKG_VERSION"), option_env!("SVL_GIT_REVISION").unwrap_or("revision unknown"))),
         ("processor".to_owned(), processor()),
-        ("instruction set".to_owned(), svl::kernel::isa().to_string()),
+        ("instruction set".to_owned(), svl::kernel::isa()?.name().to_owned()),
         ("threads".to_owned(), rayon::current_num_threads().to_string()),
     ];
     manifest.extend(algorithms.iter().map(|a| (a.label().to_owned(), a.parameters().to_string())));
-    manifest
+    Ok(manifest)
 }
 
 fn processor() -> String {

@@ -148,7 +148,7 @@ impl Report {
         let page = Page {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
-            identity: run_info::manifest(&run_id, &scenario.algorithms),
+            identity: run_info::manifest(&run_id, &scenario.algorithms)?,
             summary: summary.clone(),
             figures,
         };

@@ -53,14 +53,13 @@ pub(super) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
     };
     Ok(Opened {
         source: Box::new(ArenaSource::new(Arena::new(config, seed)?, seed)),
-        header: Header {
-            scenario: scenario.name.clone(),
-            seed: Some(seed),
-            source: "arena".into(),
-            hash: arena_hash(config, seed),
-            ..Header::new()
-        },
         stem: format!("{}-seed{seed}", scenario.name),
+        header: Header {
+            scenario: Some(scenario.name.clone()),
+            seed: Some(seed),
+            hash: Some(arena_hash(config, seed)),
+            ..Header::new("arena")
+        },
         scenario: Some(scenario.text.clone()),
     })
 }
@@ -85,13 +84,13 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
             Box::new(source)
         }
     };
-    let header = Header { scenario: stem.clone(), source: path.display().to_string(), ..Header::new() };
+    let header = Header { scenario: Some(stem.clone()), ..Header::new(path.display().to_string()) };
     Ok(Opened { source, header, scenario: None, stem })
 }
 
 fn recording(path: &Path) -> anyhow::Result<Opened> {
     let source = RecordingSource::open(path)?;
-    let header = svl::recording::header(path)?.unwrap_or_else(Header::new);
+    let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(path.display().to_string()));
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
     Ok(Opened { source: Box::new(source), header, scenario: None, stem })
 }

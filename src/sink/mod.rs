@@ -1,9 +1,11 @@
 //! Where frames and estimates go.
 
 mod judge;
+mod recording;
 mod rows;
 
 pub use judge::Judge;
+pub use recording::RecordingSink;
 pub use rows::{Identity, RowSink};
 
 use crate::error::Result;

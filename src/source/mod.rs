@@ -3,9 +3,11 @@
 mod arena;
 pub mod dataset;
 mod limited;
+mod recording;
 
 pub use arena::ArenaSource;
 pub use limited::Limited;
+pub use recording::RecordingSource;
 
 use crate::error::Result;
 use crate::stereo::Frame;

@@ -1,0 +1,97 @@
+//! What a recording says of itself.
+
+use super::messages::{Event, Messages};
+use crate::error::{Error, Result};
+use mcap::records::Metadata;
+use std::path::Path;
+
+/// Name of the metadata record.
+const RECORD: &str = "svl";
+
+/// The metadata record `svl`: who wrote the recording, and of what.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Header {
+    /// Version of svl that wrote it.
+    pub version: String,
+    /// Git revision of that svl, where its build knew it (`SVL_GIT_REVISION`).
+    pub git_revision: Option<String>,
+    /// Where the frames came from, e.g. `arena` or a folder.
+    pub source: String,
+    /// Name of the scenario.
+    pub scenario: Option<String>,
+    pub seed: Option<u64>,
+    /// Hash of what determines the frames: of equal hashes, equal recordings.
+    pub hash: Option<String>,
+}
+
+impl Header {
+    /// A header of this svl for frames from `source`.
+    pub fn new(source: impl Into<String>) -> Self {
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            git_revision: option_env!("SVL_GIT_REVISION").map(str::to_owned),
+            source: source.into(),
+            scenario: None,
+            seed: None,
+            hash: None,
+        }
+    }
+
+    pub(super) fn to_record(&self) -> Metadata {
+        let fields = [
+            ("version", Some(self.version.clone())),
+            ("git_revision", self.git_revision.clone()),
+            ("source", Some(self.source.clone())),
+            ("scenario", self.scenario.clone()),
+            ("seed", self.seed.map(|seed| seed.to_string())),
+            ("hash", self.hash.clone()),
+        ];
+        let metadata = fields.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect();
+        Metadata { name: RECORD.to_owned(), metadata }
+    }
+
+    /// The header in a metadata record, if it is svl's.
+    pub(super) fn from_record(Metadata { name, metadata }: &Metadata) -> Option<Self> {
+        let field = |key: &str| metadata.get(key).cloned();
+        (name == RECORD).then(|| Self {
+            version: field("version").unwrap_or_default(),
+            git_revision: field("git_revision"),
+            source: field("source").unwrap_or_default(),
+            scenario: field("scenario"),
+            seed: field("seed").and_then(|seed| seed.parse().ok()),
+            hash: field("hash"),
+        })
+    }
+}
+
+/// The header of the recording at `path`, which stands before its first pair.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] for a file that is not a recording of svl; [`Error::Damaged`].
+pub fn header(path: &Path) -> Result<Header> {
+    let mut messages = Messages::open(path)?;
+    while let Some(event) = messages.next()? {
+        if let Event::Metadata(metadata) = event
+            && let Some(header) = Header::from_record(&metadata)
+        {
+            return Ok(header);
+        }
+    }
+    Err(Error::format(path, format!("is not a recording of svl: it has no metadata record '{RECORD}'")))
+}
+
+/// The attachment `name` of the recording at `path`, if there is one.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
+pub fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
+    let mut messages = Messages::open(path)?;
+    while let Some(event) = messages.next()? {
+        if let Event::Attachment { name: found, data } = event
+            && found == name
+        {
+            return Ok(Some(data.to_vec()));
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,196 @@
+//! Puts the messages of a pair together again.
+
+use super::geometry::{self, Projection};
+use super::{Camera, Kind, Sync, float_image, gray_image, truth};
+use crate::stereo::{Frame, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
+use std::collections::BTreeMap;
+
+/// Stamps that may wait for their partners at the same time. In svl's own recordings it is one.
+const WAITING: usize = 16;
+
+/// Messages that wait for the rest of their pair, by stamp.
+#[derive(Default)]
+pub(super) struct Pairing {
+    left: BTreeMap<u64, Left>,
+    right: BTreeMap<u64, Right>,
+    pairs: u64,
+    unpaired: u64,
+    left_images: u64,
+    right_images: u64,
+}
+
+/// What carries a left stamp.
+#[derive(Default)]
+struct Left {
+    image: Option<Gray>,
+    calibration: Option<Projection>,
+    pose: Option<Pose>,
+    depth: Option<Plane<f32>>,
+    disparity: Option<Plane<f32>>,
+    visibility: Option<Gray>,
+    sync: Option<Sync>,
+}
+
+/// What carries a right stamp.
+#[derive(Default)]
+struct Right {
+    image: Option<Gray>,
+    calibration: Option<Projection>,
+}
+
+impl Pairing {
+    /// Pairs put together.
+    pub(super) fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
+    /// Images that were given up.
+    pub(super) fn unpaired(&self) -> u64 {
+        self.unpaired
+    }
+
+    /// Takes in one message, and gives back the pair that it completes.
+    ///
+    /// # Errors
+    /// Why the message cannot be read, or the pair is none.
+    pub(super) fn take_in(
+        &mut self,
+        kind: Kind,
+        schema: &str,
+        stamp: u64,
+        data: &[u8],
+    ) -> Result<Option<Frame>, String> {
+        match kind {
+            Kind::Image(Camera::Left) => {
+                self.left_images += 1;
+                let replaced = self.left(stamp).image.replace(gray_image::decode(schema, data)?);
+                self.unpaired += u64::from(replaced.is_some());
+            }
+            Kind::Image(Camera::Right) => {
+                self.right_images += 1;
+                let replaced = self.right(stamp).image.replace(gray_image::decode(schema, data)?);
+                self.unpaired += u64::from(replaced.is_some());
+            }
+            Kind::Calibration(Camera::Left) => {
+                self.left(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
+            }
+            Kind::Calibration(Camera::Right) => {
+                self.right(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
+            }
+            // Said by the calibration already; it is there for viewers.
+            Kind::Baseline => {}
+            Kind::Pose => self.left(stamp).pose = Some(geometry::decode_pose(schema, data)?),
+            Kind::Depth => self.left(stamp).depth = Some(float_image::decode(schema, data)?),
+            Kind::Disparity => self.left(stamp).disparity = Some(float_image::decode(schema, data)?),
+            Kind::Visibility => self.left(stamp).visibility = Some(gray_image::decode(schema, data)?),
+            Kind::Sync => {
+                let sync = Sync::decode(schema, data)?;
+                if sync.left_stamp_ns != stamp {
+                    return Err(format!("it is of the pair at {} ns", sync.left_stamp_ns));
+                }
+                self.left(stamp).sync = Some(sync);
+            }
+        }
+        self.completed(kind, stamp)
+    }
+
+    /// Gives up what still waits.
+    pub(super) fn end(&mut self) {
+        self.unpaired += std::mem::take(&mut self.left).values().filter(|left| left.image.is_some()).count() as u64;
+        self.unpaired += std::mem::take(&mut self.right).values().filter(|right| right.image.is_some()).count() as u64;
+    }
+
+    /// Why there was no pair among messages of these topics.
+    pub(super) fn why_none(&self, topics: &[&str]) -> String {
+        match (self.left_images, self.right_images) {
+            (0, 0) if topics.is_empty() => "has no pairs: its recording ended before the first".to_owned(),
+            (0, 0) => {
+                let (left, right) = (Kind::Image(Camera::Left).topic(), Kind::Image(Camera::Right).topic());
+                format!("has no stereo pairs: svl needs {left} and {right}, it has {}", topics.join(", "))
+            }
+            (n, 0) => format!("has no stereo pairs: {n} images of the left camera, none of the right"),
+            (0, n) => format!("has no stereo pairs: {n} images of the right camera, none of the left"),
+            (n, m) => {
+                let sync = Kind::Sync.topic();
+                format!(
+                    "has no stereo pairs: no {sync} says which of its {n} left and {m} right images belong together"
+                )
+            }
+        }
+    }
+
+    fn left(&mut self, stamp: u64) -> &mut Left {
+        if self.left.len() >= WAITING && !self.left.contains_key(&stamp) {
+            let oldest = self.left.pop_first();
+            self.unpaired += u64::from(oldest.is_some_and(|(_, left)| left.image.is_some()));
+        }
+        self.left.entry(stamp).or_default()
+    }
+
+    fn right(&mut self, stamp: u64) -> &mut Right {
+        if self.right.len() >= WAITING && !self.right.contains_key(&stamp) {
+            let oldest = self.right.pop_first();
+            self.unpaired += u64::from(oldest.is_some_and(|(_, right)| right.image.is_some()));
+        }
+        self.right.entry(stamp).or_default()
+    }
+
+    /// The pair that the message `kind` at `stamp` completed.
+    fn completed(&mut self, kind: Kind, stamp: u64) -> Result<Option<Frame>, String> {
+        let names = |left: &Left| left.sync.as_ref().is_some_and(|sync| sync.right_stamp_ns == stamp);
+        let left_stamp = match kind {
+            Kind::Image(Camera::Left) | Kind::Sync => Some(stamp),
+            Kind::Image(Camera::Right) => self.left.iter().find(|(_, left)| names(left)).map(|(&stamp, _)| stamp),
+            _ => None,
+        };
+        let Some(left_stamp) = left_stamp else { return Ok(None) };
+        let Some(Left { image: Some(_), sync: Some(sync), .. }) = self.left.get(&left_stamp) else { return Ok(None) };
+        let right_stamp = sync.right_stamp_ns;
+        let Some(Right { image: Some(_), .. }) = self.right.get(&right_stamp) else { return Ok(None) };
+        let (left, right) = (self.left.remove(&left_stamp), self.right.remove(&right_stamp));
+        let frame = frame(left.unwrap_or_default(), right.unwrap_or_default());
+        match frame {
+            Ok(_) => self.pairs += 1,
+            Err(_) => self.unpaired += 2,
+        }
+        frame.map(Some)
+    }
+}
+
+/// One frame of all its messages.
+fn frame(left: Left, right: Right) -> Result<Frame, String> {
+    let (Some(left_image), Some(right_image), Some(sync)) = (left.image, right.image, left.sync) else {
+        return Err("an image or its /stereo/sync is missing".to_owned());
+    };
+    let pair = StereoPair::new(left_image, right_image).map_err(|e| e.to_string())?;
+    let rig = match (left.calibration, right.calibration) {
+        (Some(left), Some(right)) => Some(geometry::rig(&left, &right)?),
+        _ => None,
+    };
+    let disparity = true_disparity(left.disparity, left.depth, rig.as_ref())?;
+    let truth = disparity
+        .map(|disparity| Truth { disparity, visibility: left.visibility.map(|v| v.map(Visibility::from_code)) });
+    if let Some(Truth { disparity, visibility }) = &truth {
+        for size in [Some(disparity.size()), visibility.as_ref().map(Plane::size)].into_iter().flatten() {
+            if size != pair.size() {
+                let (width, height) = pair.size();
+                return Err(format!("truth is {}x{}, the images are {width}x{height}", size.0, size.1));
+            }
+        }
+    }
+    let Sync { sequence, name, left_stamp_ns: stamp_ns, exposure, .. } = sync;
+    Ok(Frame { sequence, stamp_ns, name, pair, rig, pose: left.pose, truth, exposure })
+}
+
+fn true_disparity(
+    disparity: Option<Plane<f32>>,
+    depth: Option<Plane<f32>>,
+    rig: Option<&Rig>,
+) -> Result<Option<Plane<f32>>, String> {
+    match (disparity, depth, rig) {
+        (Some(disparity), _, _) => Ok(Some(truth::from_file(&disparity))),
+        (None, Some(depth), Some(rig)) => Ok(Some(truth::disparities(&depth, rig))),
+        (None, Some(_), None) => Err("its true depth lacks the calibration that makes disparities of it".to_owned()),
+        (None, None, _) => Ok(None),
+    }
+}

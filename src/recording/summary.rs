@@ -1,0 +1,196 @@
+//! What a recording holds, for a person to look over.
+
+use super::messages::{Channel, Event, Messages};
+use super::{Camera, Header, Kind, Sync};
+use crate::error::{Error, Result};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A pair later than this many median periods after the last one is behind a gap.
+const GAP_PERIODS: f64 = 1.5;
+
+/// What an MCAP file holds, found by reading all of it. Works for any MCAP file, whole or not.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Summary {
+    pub path: PathBuf,
+    pub bytes: u64,
+    /// Why the file is not whole, where it is not.
+    pub damage: Option<String>,
+    /// Program that wrote it, and the profile of MCAP it claims.
+    pub library: String,
+    pub profile: String,
+    /// Nothing when svl did not write it.
+    pub header: Option<Header>,
+    /// Names and sizes in bytes.
+    pub attachments: Vec<(String, u64)>,
+    /// In the order of their names.
+    pub topics: Vec<Topic>,
+    /// First and last stamp of any message.
+    pub start_ns: u64,
+    pub end_ns: u64,
+    /// Pairs that svl wrote whole.
+    pub pairs: u64,
+    /// Median time from one left image to the next.
+    pub period_ns: Option<u64>,
+    /// Where left images are more than 1.5 median periods apart.
+    pub gaps: Vec<Gap>,
+    /// Right minus left stamp, over all pairs.
+    pub skew: Option<Skew>,
+    /// Frames without a partner, as the recorder counted them.
+    pub drops: u64,
+}
+
+/// Messages of one kind.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Topic {
+    pub name: String,
+    pub schema: String,
+    pub encoding: String,
+    pub messages: u64,
+    /// Bytes before compression.
+    pub bytes: u64,
+    pub start_ns: u64,
+    pub end_ns: u64,
+}
+
+impl Topic {
+    /// Messages a second; nothing for less than two.
+    pub fn rate_hz(&self) -> Option<f64> {
+        let seconds = self.end_ns.saturating_sub(self.start_ns) as f64 / 1e9;
+        (self.messages > 1 && seconds > 0.0).then(|| (self.messages - 1) as f64 / seconds)
+    }
+}
+
+/// A time without pairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Gap {
+    /// Stamp of the last pair before it.
+    pub after_ns: u64,
+    pub length_ns: u64,
+}
+
+/// How far right and left stamps are apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Skew {
+    pub min_ns: i64,
+    pub median_ns: i64,
+    pub max_ns: i64,
+}
+
+impl Summary {
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for what is not an MCAP file. Damage is no error here but part of the answer.
+    pub fn of(path: &Path) -> Result<Self> {
+        let mut messages = Messages::open(path)?;
+        let mut seen = Seen::default();
+        let damage = loop {
+            match messages.next() {
+                Ok(Some(event)) => seen.take_in(event),
+                Ok(None) => break None,
+                Err(Error::Damaged { reason, .. }) => break Some(reason),
+                Err(error) => return Err(error),
+            }
+        };
+        let bytes = path.metadata().map_err(|e| Error::io(path, e))?.len();
+        Ok(seen.summary(path, bytes, damage))
+    }
+
+    /// Whether the file was finished and is as it was written.
+    pub fn is_whole(&self) -> bool {
+        self.damage.is_none()
+    }
+
+    /// From the first to the last stamp.
+    pub fn duration_ns(&self) -> u64 {
+        self.end_ns.saturating_sub(self.start_ns)
+    }
+}
+
+/// What a scan has met.
+#[derive(Default)]
+struct Seen {
+    library: String,
+    profile: String,
+    header: Option<Header>,
+    attachments: Vec<(String, u64)>,
+    topics: BTreeMap<String, Topic>,
+    left_stamps: Vec<u64>,
+    skews: Vec<i64>,
+    drops: u64,
+}
+
+impl Seen {
+    fn take_in(&mut self, event: Event<'_>) {
+        match event {
+            Event::Library(header) => (self.library, self.profile) = (header.library, header.profile),
+            Event::Metadata(metadata) => self.header = self.header.take().or_else(|| Header::from_record(&metadata)),
+            Event::Attachment { name, data } => self.attachments.push((name, data.len() as u64)),
+            Event::Counts(_) => {}
+            Event::Message { channel, log_time, data } => self.count(channel, log_time, &data),
+        }
+    }
+
+    fn count(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+        let Channel { topic, schema, encoding } = channel;
+        let topic = self.topics.entry(topic.clone()).or_insert_with(|| Topic {
+            name: topic.clone(),
+            schema: schema.clone(),
+            encoding: encoding.clone(),
+            messages: 0,
+            bytes: 0,
+            start_ns: stamp_ns,
+            end_ns: stamp_ns,
+        });
+        topic.messages += 1;
+        topic.bytes += data.len() as u64;
+        topic.start_ns = topic.start_ns.min(stamp_ns);
+        topic.end_ns = topic.end_ns.max(stamp_ns);
+        match Kind::of(&channel.topic) {
+            Some(Kind::Image(Camera::Left)) => self.left_stamps.push(stamp_ns),
+            Some(Kind::Sync) => {
+                if let Ok(sync) = Sync::decode(&channel.schema, data) {
+                    self.skews.push(sync.exposure.skew_ns);
+                    self.drops = self.drops.max(sync.exposure.drops);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn summary(mut self, path: &Path, bytes: u64, damage: Option<String>) -> Summary {
+        self.left_stamps.sort_unstable();
+        self.skews.sort_unstable();
+        let steps: Vec<_> = self.left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
+        let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
+        periods.sort_unstable();
+        let period_ns = middle(&periods);
+        let is_gap = |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
+        let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
+        let skew = match (self.skews.first(), middle(&self.skews), self.skews.last()) {
+            (Some(&min_ns), Some(median_ns), Some(&max_ns)) => Some(Skew { min_ns, median_ns, max_ns }),
+            _ => None,
+        };
+        Summary {
+            path: path.to_owned(),
+            bytes,
+            damage,
+            library: self.library,
+            profile: self.profile,
+            header: self.header,
+            attachments: self.attachments,
+            start_ns: self.topics.values().map(|topic| topic.start_ns).min().unwrap_or(0),
+            end_ns: self.topics.values().map(|topic| topic.end_ns).max().unwrap_or(0),
+            topics: self.topics.into_values().collect(),
+            pairs: self.skews.len() as u64,
+            period_ns,
+            gaps: gaps.map(|(after_ns, length_ns)| Gap { after_ns, length_ns }).collect(),
+            skew,
+            drops: self.drops,
+        }
+    }
+}
+
+/// The median of sorted values.
+fn middle<T: Copy>(sorted: &[T]) -> Option<T> {
+    sorted.get(sorted.len() / 2).copied()
+}

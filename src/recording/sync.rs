@@ -1,0 +1,45 @@
+//! What is known of a pair beside its pixels, as JSON.
+
+use super::Encoded;
+use crate::stereo::{Exposure, Frame};
+use std::borrow::Cow;
+
+const SCHEMA: &str = "svl.StereoSync";
+const DEFINITION: &str = include_str!("sync.schema.json");
+
+/// The message of `/stereo/sync`. It names the stamps of both images, and so says which two are a pair.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Sync {
+    /// Number of the pair in its source, from 0.
+    pub sequence: u64,
+    /// What the source calls the pair, where it has a name of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Middle of the left exposure.
+    pub left_stamp_ns: u64,
+    /// Middle of the right exposure.
+    pub right_stamp_ns: u64,
+    #[serde(flatten)]
+    pub exposure: Exposure,
+}
+
+impl Sync {
+    pub(super) fn new(frame: &Frame, right_stamp_ns: u64) -> Self {
+        let Frame { sequence, stamp_ns, name, exposure, .. } = frame;
+        Self { sequence: *sequence, name: name.clone(), left_stamp_ns: *stamp_ns, right_stamp_ns, exposure: *exposure }
+    }
+
+    pub(super) fn encode(&self) -> Encoded {
+        let definition = Cow::Borrowed(DEFINITION.as_bytes());
+        // Numbers and a string under fixed keys always serialise.
+        let data = serde_json::to_vec(self).expect("plain data");
+        Encoded { schema: SCHEMA, schema_encoding: "jsonschema", definition, encoding: "json", data }
+    }
+
+    pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Self, String> {
+        if schema != SCHEMA {
+            return Err(format!("it is a {schema}, svl reads {SCHEMA}"));
+        }
+        serde_json::from_slice(data).map_err(|e| e.to_string())
+    }
+}

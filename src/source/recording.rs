@@ -1,0 +1,42 @@
+//! Frames from a recording.
+
+use super::Source;
+use crate::error::Result;
+use crate::recording::Reader;
+use crate::stereo::Frame;
+use std::path::PathBuf;
+
+/// A recording as a source.
+///
+/// A damaged recording ends with one [`crate::Error::Damaged`], after which there are no more frames: a run may show it
+/// and go on to score the frames that came before.
+pub struct RecordingSource(Reader);
+
+impl RecordingSource {
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// As [`Reader::open`].
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        Reader::open(path).map(Self)
+    }
+
+    /// The recording, to ask it for its header and what it left out.
+    pub fn reader(&self) -> &Reader {
+        &self.0
+    }
+}
+
+impl Source for RecordingSource {
+    fn name(&self) -> String {
+        self.0.path().display().to_string()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        self.0.next()
+    }
+
+    fn len(&self) -> Option<u64> {
+        self.0.len()
+    }
+}
