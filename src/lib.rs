@@ -20,7 +20,7 @@
 //! let mut matcher = "v3:max_disparity=64".parse::<Algorithm>()?.build()?;
 //! let mut map = DisparityMap::new(320, 240)?;
 //! matcher.compute(&pair, &mut map, &mut Clock::start())?;
-//! let grid = depth::grid(&map, GridShape::default(), 0.2, None);
+//! let grid = depth::grid(map.disparity(), GridShape::default(), 0.2, None);
 //! assert!(grid.cell(2, 1).depth.is_none(), "a grey wall has no texture to match");
 //! # Ok::<(), svl::Error>(())
 //! ```
@@ -37,7 +37,11 @@ pub mod timing;
 #[cfg(feature = "bench")]
 pub mod files;
 #[cfg(feature = "bench")]
+pub mod overlay;
+#[cfg(feature = "bench")]
 pub mod recording;
+#[cfg(feature = "bench")]
+pub mod report;
 #[cfg(feature = "bench")]
 pub mod run;
 #[cfg(feature = "bench")]

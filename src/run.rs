@@ -62,7 +62,7 @@ pub fn run(
             matcher
                 .compute(&frame.pair, &mut disparity, &mut clock)
                 .map_err(|e| Error::Invalid(format!("{} on pair {}: {e}", algorithm.label(), frame.sequence)))?;
-            let grid = depth::grid(&disparity, grid.shape(), grid.min_valid, frame.rig.as_ref());
+            let grid = depth::grid(disparity.disparity(), grid.shape(), grid.min_valid, frame.rig.as_ref());
             estimates.push(Estimate { algorithm: algorithm.label().to_owned(), disparity, grid, times: clock.times() });
         }
         for sink in sinks.iter_mut() {

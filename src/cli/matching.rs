@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         files::write_png(path, width, height, &overlay::preview(&map))?;
     }
     let settings = GridSettings::default();
-    let grid = rig.map(|rig| depth::grid(&map, settings.shape(), settings.min_valid, Some(&rig)));
+    let grid = rig.map(|rig| depth::grid(map.disparity(), settings.shape(), settings.min_valid, Some(&rig)));
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     let report = Report {
         algorithm: args.algo.label(),

@@ -2,37 +2,38 @@
 //!
 //! Departure from the thesis: percentiles are by nearest rank, so each is a disparity that was measured.
 
-use crate::stereo::{Cell, CellDepth, DepthGrid, DisparityMap, GridShape, Rig};
+use crate::stereo::{Cell, CellDepth, DepthGrid, GridShape, Plane, Rig};
 
 /// Least share of a cell's pixels that must have a disparity for the cell to be known (thesis, section 5.3.1).
 pub const MIN_VALID: f64 = 0.20;
 
-/// The grid of `map`: per cell the median, 20th and 80th percentile of its disparities and the distance of the median.
+/// The grid of a plane of disparities, of a matcher or of the truth: per cell the median, 20th and 80th percentile of
+/// those that are finite, and the distance of the median.
 ///
 /// A cell is unknown when fewer than `min_valid`, 0..=1, of its pixels have a disparity, and when none has. Distances
 /// are pinhole, `f·B / (d + doffs)`; without `rig` there are none.
 ///
 /// # Panics
 /// When `shape` has no cells.
-pub fn grid(map: &DisparityMap, shape: GridShape, min_valid: f64, rig: Option<&Rig>) -> DepthGrid {
+pub fn grid(disparity: &Plane<f32>, shape: GridShape, min_valid: f64, rig: Option<&Rig>) -> DepthGrid {
     let mut disparities = Vec::new();
-    let cells = shape.iter().map(|place| cell(map, shape, place, min_valid, rig, &mut disparities)).collect();
+    let cells = shape.iter().map(|place| cell(disparity, shape, place, min_valid, rig, &mut disparities)).collect();
     // One cell was made per place.
     DepthGrid::new(shape, cells).expect("a grid has at least one cell")
 }
 
 fn cell(
-    map: &DisparityMap,
+    disparity: &Plane<f32>,
     shape: GridShape,
     place: (usize, usize),
     min_valid: f64,
     rig: Option<&Rig>,
     disparities: &mut Vec<f32>,
 ) -> Cell {
-    let (columns, rows) = shape.pixels(place, map.size());
+    let (columns, rows) = shape.pixels(place, disparity.size());
     disparities.clear();
     for y in rows.clone() {
-        disparities.extend(map.disparity().row(y)[columns.clone()].iter().filter(|d| d.is_finite()));
+        disparities.extend(disparity.row(y)[columns.clone()].iter().filter(|d| d.is_finite()));
     }
     let pixels = columns.len() * rows.len();
     let valid_share = if pixels == 0 { 0.0 } else { disparities.len() as f64 / pixels as f64 };
@@ -55,15 +56,8 @@ fn percentile(values: &mut [f32], percent: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// A map of `width` x `height` with those disparities, NaN standing for none.
-    fn map(width: usize, height: usize, disparities: &[f32]) -> DisparityMap {
-        let mut map = DisparityMap::new(width, height).unwrap();
-        for (mut row, disparities) in map.rows_mut().zip(disparities.chunks(width)) {
-            for (x, &d) in disparities.iter().enumerate().filter(|(_, d)| d.is_finite()) {
-                row.accept(x, d, 0);
-            }
-        }
-        map
+    fn plane(width: usize, height: usize, disparities: &[f32]) -> Plane<f32> {
+        Plane::from_vec(width, height, disparities.to_vec()).unwrap()
     }
 
     #[test]
@@ -81,11 +75,11 @@ mod tests {
 
     #[test]
     fn cells_are_known_from_the_share_on() {
-        let none = f32::NAN;
+        let none = f32::INFINITY;
         // Two cells of five pixels: one valid of five is exactly 0.20, none is unknown even when nothing is asked.
-        let map = map(10, 1, &[none, 12.0, none, none, none, none, none, none, none, none]);
+        let disparities = plane(10, 1, &[none, 12.0, none, none, none, none, none, none, none, none]);
         let shape = GridShape { columns: 2, rows: 1 };
-        let grid_at = |min_valid| grid(&map, shape, min_valid, None);
+        let grid_at = |min_valid| grid(&disparities, shape, min_valid, None);
         assert_eq!(grid_at(MIN_VALID).cell(0, 0).depth.unwrap().median_px, 12.0);
         assert_eq!(grid_at(MIN_VALID).cell(0, 0).valid_share, 0.2);
         assert_eq!(grid_at(0.21).cell(0, 0).depth, None);
@@ -95,7 +89,7 @@ mod tests {
     #[test]
     fn distance_is_pinhole() {
         let rig = Rig::new(300.0, (0.0, 0.0), 0.1, 2.0).unwrap();
-        let grid_of = |d: f32| grid(&map(2, 1, &[d, d]), GridShape { columns: 1, rows: 1 }, MIN_VALID, Some(&rig));
+        let grid_of = |d: f32| grid(&plane(2, 1, &[d, d]), GridShape { columns: 1, rows: 1 }, MIN_VALID, Some(&rig));
         // 300 · 0.1 / (10 + 2)
         assert_eq!(grid_of(10.0).cell(0, 0).depth.unwrap().distance_m, Some(2.5));
         assert_eq!(grid_of(-2.0).cell(0, 0).depth.unwrap().distance_m, None);
@@ -104,15 +98,15 @@ mod tests {
     #[test]
     fn cells_split_the_image_by_integer_division() {
         // 5 columns over 7 pixels: 0..1, 1..2, 2..4, 4..5, 5..7.
-        let map = map(7, 1, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        let grid = grid(&map, GridShape { columns: 5, rows: 1 }, MIN_VALID, None);
+        let disparities = plane(7, 1, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let grid = grid(&disparities, GridShape { columns: 5, rows: 1 }, MIN_VALID, None);
         let medians: Vec<f32> = grid.iter().map(|(_, cell)| cell.depth.unwrap().median_px).collect();
         assert_eq!(medians, [1.0, 2.0, 3.0, 5.0, 6.0]);
     }
 
     #[test]
     fn more_cells_than_pixels_leave_empty_cells_unknown() {
-        let grid = grid(&map(2, 1, &[4.0, 4.0]), GridShape { columns: 5, rows: 3 }, MIN_VALID, None);
+        let grid = grid(&plane(2, 1, &[4.0, 4.0]), GridShape { columns: 5, rows: 3 }, MIN_VALID, None);
         assert_eq!(grid.iter().filter(|(_, cell)| cell.depth.is_some()).count(), 2);
     }
 }

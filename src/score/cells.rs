@@ -1,7 +1,8 @@
 //! Cells of the depth grid against the truth: what an obstacle avoider would have believed.
 
+use crate::depth;
 use crate::error::{Error, Result};
-use crate::stereo::{DepthGrid, Frame, GridShape};
+use crate::stereo::{CellDepth, DepthGrid, Frame, GridShape};
 
 /// When a reported cell counts as right.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
@@ -32,7 +33,7 @@ const OBSTACLE_M: f64 = 0.5;
 const CLEAR_M: f64 = 0.75;
 
 /// What a report about a cell is worth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     Right,
@@ -66,6 +67,12 @@ pub struct CellJudgement {
     pub false_obstacle: bool,
 }
 
+impl CellJudgement {
+    /// Of a frame without truth.
+    pub const NO_TRUTH: Self =
+        Self { verdict: Verdict::NoTruth, true_m: None, missed_obstacle: false, false_obstacle: false };
+}
+
 /// Counts over the cells of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CellTally {
@@ -92,70 +99,32 @@ impl CellTally {
 /// Least share of a cell's pixels whose truth must be known for the cell to have a truth.
 const MIN_KNOWN: f64 = 0.5;
 
-/// The median true disparity and distance of every cell.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrueGrid {
-    shape: GridShape,
-    cells: Vec<TrueCell>,
+/// The true grid of a frame: per cell the median true disparity of its pixels, and its distance. A cell has a truth when
+/// at least half of its pixels do. Nothing for a frame without truth.
+pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
+    let truth = frame.truth.as_ref()?;
+    Some(depth::grid(&truth.disparity, shape, MIN_KNOWN, frame.rig.as_ref()))
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct TrueCell {
-    disparity_px: Option<f64>,
-    distance_m: Option<f64>,
+/// Judges every cell of `reported` by the true grid, which has the same shape, in raster order.
+pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
+    debug_assert_eq!(truth.shape(), reported.shape());
+    let pairs = truth.iter().zip(reported.iter());
+    pairs.map(|((_, truth), (_, reported))| judge_cell(truth.depth.as_ref(), reported.depth.as_ref(), rule)).collect()
 }
 
-impl TrueGrid {
-    /// The truth of `frame` on `shape`; nothing when the frame has none. A cell has a truth when at least half of its
-    /// pixels do.
-    pub fn of(frame: &Frame, shape: GridShape) -> Option<Self> {
-        let truth = frame.truth.as_ref()?;
-        let mut values = Vec::new();
-        let cells = shape.iter().map(|cell| {
-            let (xs, ys) = shape.pixels(cell, truth.disparity.size());
-            let pixels = xs.len() * ys.len();
-            values.clear();
-            ys.for_each(|y| values.extend(truth.disparity.row(y)[xs.clone()].iter().filter(|d| d.is_finite())));
-            let enough = !values.is_empty() && values.len() as f64 >= MIN_KNOWN * pixels as f64;
-            let disparity_px = enough.then(|| f64::from(median(&mut values)));
-            let distance_m = disparity_px.zip(frame.rig).and_then(|(d, rig)| rig.depth_m(d));
-            TrueCell { disparity_px, distance_m }
-        });
-        Some(Self { shape, cells: cells.collect() })
-    }
-
-    pub fn shape(&self) -> GridShape {
-        self.shape
-    }
-
-    /// Median true disparity of the cell at `index` in raster order, pixels.
-    pub fn disparity_px(&self, index: usize) -> Option<f64> {
-        self.cells[index].disparity_px
-    }
-
-    /// Distance of that median, metres.
-    pub fn distance_m(&self, index: usize) -> Option<f64> {
-        self.cells[index].distance_m
-    }
-
-    /// Judges every cell of `grid`, which has this shape, in raster order.
-    pub fn judge(&self, grid: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
-        debug_assert_eq!(self.shape, grid.shape());
-        self.cells.iter().zip(grid.iter()).map(|(truth, (_, cell))| judge_cell(truth, cell.depth.as_ref(), rule)).collect()
-    }
-}
-
-fn judge_cell(truth: &TrueCell, reported: Option<&crate::stereo::CellDepth>, rule: CellRule) -> CellJudgement {
-    let distances = truth.distance_m.zip(reported.and_then(|r| r.distance_m));
-    let within = reported.and_then(|reported| match rule {
+fn judge_cell(truth: Option<&CellDepth>, reported: Option<&CellDepth>, rule: CellRule) -> CellJudgement {
+    let true_m = truth.and_then(|t| t.distance_m);
+    let distances = true_m.zip(reported.and_then(|r| r.distance_m));
+    let within = match rule {
         CellRule::Distance => distances.map(|(z_true, z)| (z - z_true).abs() <= (0.2 * z_true).max(0.10)),
-        CellRule::Disparity { tolerance_px } => {
-            truth.disparity_px.map(|d_true| (f64::from(reported.median_px) - d_true).abs() <= tolerance_px)
-        }
-    });
+        CellRule::Disparity { tolerance_px } => truth
+            .zip(reported)
+            .map(|(t, r)| (f64::from(r.median_px) - f64::from(t.median_px)).abs() <= tolerance_px),
+    };
     let has_truth = match rule {
-        CellRule::Distance => truth.distance_m.is_some(),
-        CellRule::Disparity { .. } => truth.disparity_px.is_some(),
+        CellRule::Distance => true_m.is_some(),
+        CellRule::Disparity { .. } => truth.is_some(),
     };
     let verdict = match (has_truth, reported, within) {
         (false, ..) => Verdict::NoTruth,
@@ -166,31 +135,23 @@ fn judge_cell(truth: &TrueCell, reported: Option<&crate::stereo::CellDepth>, rul
     };
     CellJudgement {
         verdict,
-        true_m: truth.distance_m,
-        missed_obstacle: truth.distance_m.is_some_and(|t| t < OBSTACLE_M)
+        true_m,
+        missed_obstacle: true_m.is_some_and(|t| t < OBSTACLE_M)
             && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > CLEAR_M)),
         false_obstacle: distances.is_some_and(|(z_true, z)| z < OBSTACLE_M && z_true > CLEAR_M),
     }
 }
 
-/// Median by nearest rank, `sorted[⌈n/2⌉ - 1]`, of at least one value.
-fn median(values: &mut [f32]) -> f32 {
-    let rank = values.len().div_ceil(2) - 1;
-    *values.select_nth_unstable_by(rank, f32::total_cmp).1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::CellDepth;
 
     fn reported(distance_m: f64) -> CellDepth {
         CellDepth { median_px: 10.0, p20_px: 10.0, p80_px: 10.0, distance_m: Some(distance_m) }
     }
 
     fn judged(true_m: f64, reported_m: f64) -> CellJudgement {
-        let truth = TrueCell { disparity_px: Some(14.432 / true_m), distance_m: Some(true_m) };
-        judge_cell(&truth, Some(&reported(reported_m)), CellRule::Distance)
+        judge_cell(Some(&reported(true_m)), Some(&reported(reported_m)), CellRule::Distance)
     }
 
     #[test]
@@ -210,21 +171,20 @@ mod tests {
 
     #[test]
     fn unknown_is_not_wrong_and_infinity_is() {
-        let truth = TrueCell { disparity_px: Some(30.0), distance_m: Some(0.48) };
-        assert_eq!(judge_cell(&truth, None, CellRule::Distance).verdict, Verdict::Unknown);
+        let truth = reported(0.48);
+        assert_eq!(judge_cell(Some(&truth), None, CellRule::Distance).verdict, Verdict::Unknown);
         let infinity = CellDepth { distance_m: None, ..reported(1.0) };
-        let judgement = judge_cell(&truth, Some(&infinity), CellRule::Distance);
+        let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::Distance);
         assert_eq!((judgement.verdict, judgement.missed_obstacle), (Verdict::Wrong, true));
-        let nothing = TrueCell { disparity_px: None, distance_m: None };
-        assert_eq!(judge_cell(&nothing, Some(&reported(1.0)), CellRule::Distance).verdict, Verdict::NoTruth);
+        assert_eq!(judge_cell(None, Some(&reported(1.0)), CellRule::Distance).verdict, Verdict::NoTruth);
     }
 
     #[test]
     fn disparity_rule() {
-        let truth = TrueCell { disparity_px: Some(12.0), distance_m: None };
+        let of = |median_px| CellDepth { median_px, distance_m: None, ..reported(1.0) };
         let rule = CellRule::Disparity { tolerance_px: 2.0 };
-        assert_eq!(judge_cell(&truth, Some(&reported(1.0)), rule).verdict, Verdict::Right);
-        let truth = TrueCell { disparity_px: Some(12.1), ..truth };
-        assert_eq!(judge_cell(&truth, Some(&reported(1.0)), rule).verdict, Verdict::Wrong);
+        assert_eq!(judge_cell(Some(&of(12.0)), Some(&of(10.0)), rule).verdict, Verdict::Right);
+        assert_eq!(judge_cell(Some(&of(12.5)), Some(&of(10.0)), rule).verdict, Verdict::Wrong);
+        assert_eq!(judge_cell(Some(&of(12.5)), Some(&of(10.0)), CellRule::Distance).verdict, Verdict::NoTruth);
     }
 }

@@ -108,7 +108,7 @@ impl CheckpointFrame {
 }
 
 /// A checkpoint over the frames of one run or of several.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CheckpointTally<F> {
     pub frames: usize,
     pub passed: usize,
@@ -116,6 +116,12 @@ pub struct CheckpointTally<F> {
     pub best: Option<(F, CheckpointFrame)>,
     /// The worst frame: the first of the worst.
     pub worst: Option<(F, CheckpointFrame)>,
+}
+
+impl<F> Default for CheckpointTally<F> {
+    fn default() -> Self {
+        Self { frames: 0, passed: 0, best: None, worst: None }
+    }
 }
 
 impl<F> CheckpointTally<F> {

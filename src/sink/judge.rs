@@ -3,9 +3,10 @@
 use super::Sink;
 use super::rows::{Identity, Judged};
 use crate::error::Result;
-use crate::overlay::{self, Mark, Nearness};
-use crate::report::{CheckpointRow, Figure, Rank, Shot, Summary, Tables};
-use crate::score::{Checkpoint, CheckpointFrame, CheckpointTally, TrueGrid};
+use crate::overlay::{self, Nearness};
+use crate::report::html::{Figure, Rank, Shot};
+use crate::report::{CheckpointRow, Summary, Tables};
+use crate::score::{CellRule, Checkpoint, CheckpointFrame, CheckpointTally, true_grid};
 use crate::stereo::{Estimate, Frame};
 
 /// Takes the frames of one run after the other; [`Judge::begin_run`] and [`Judge::end_run`] stand around each.
@@ -79,6 +80,17 @@ impl Judge {
         Ok((self.tables.finish()?, figures))
     }
 
+    /// By distance where cells are judged so; else as a share of the largest true disparity.
+    fn nearness(&self, frame: &Frame) -> Nearness {
+        match (self.identity.rule, frame.rig) {
+            (CellRule::Distance, Some(rig)) => Nearness::Metric(rig),
+            _ => {
+                let known = frame.truth.iter().flat_map(|t| t.disparity.pixels()).filter(|d| d.is_finite());
+                Nearness::Relative { max_px: known.fold(1.0, f32::max) }
+            }
+        }
+    }
+
     fn checkpoints(&mut self, frame: &Frame, estimates: &[Estimate], judged: &[Judged]) -> Result<()> {
         let Some(pose) = &frame.pose else { return Ok(()) };
         for (c, checkpoint) in self.checkpoints.iter().enumerate().filter(|(_, checkpoint)| checkpoint.covers(pose)) {
@@ -87,7 +99,7 @@ impl Judge {
                 let verdict = checkpoint.judge(&estimate.grid, judgements);
                 self.run[c][a].add(verdict, || frame.sequence);
                 let (best, worst) = self.all[c][a].would_lead(&verdict);
-                let shot = if best || worst { Some(shot(frame, estimate, judged, Some(verdict))?) } else { None };
+                let shot = if best || worst { Some(shot(frame, estimate, judged, Some(verdict), self.nearness(frame))?) } else { None };
                 // A shot is there exactly when the frame leads, which is when it is asked for.
                 self.all[c][a].add(verdict, || shot.clone().expect("a leading frame has its shot"));
             }
@@ -104,7 +116,8 @@ impl Sink for Judge {
         }
         self.checkpoints(frame, estimates, &judged)?;
         if let (true, Some(name)) = (self.checkpoints.is_empty(), &frame.name) {
-            let shots = estimates.iter().zip(&judged).map(|(estimate, judged)| shot(frame, estimate, judged, None));
+            let nearness = self.nearness(frame);
+            let shots = estimates.iter().zip(&judged).map(|(estimate, judged)| shot(frame, estimate, judged, None, nearness));
             let shots = shots.collect::<Result<_>>()?;
             self.scenes.push(Figure { title: name.clone(), about: String::new(), shots });
         }
@@ -121,12 +134,16 @@ fn leading_shots(tally: CheckpointTally<Shot>) -> Vec<Shot> {
     ranked(tally.worst, Rank::Worst).into_iter().chain(ranked(tally.best, Rank::Best)).collect()
 }
 
-fn shot(frame: &Frame, estimate: &Estimate, judged: &Judged, verdict: Option<CheckpointFrame>) -> Result<Shot> {
-    let shape = estimate.grid.shape();
+fn shot(
+    frame: &Frame,
+    estimate: &Estimate,
+    judged: &Judged,
+    verdict: Option<CheckpointFrame>,
+    nearness: Nearness,
+) -> Result<Shot> {
     let size = frame.pair.size();
-    let nearness = Nearness::of_frame(frame);
-    let marks = |grid| -> Vec<Mark> { overlay::marks(&grid, size, nearness) };
-    let truth = TrueGrid::of(frame, shape).map(|truth| marks(truth.as_depth_grid()));
+    let truth = true_grid(frame, estimate.grid.shape());
+    let preview = overlay::preview(&estimate.disparity, nearness.max_px());
     Ok(Shot {
         row: judged.row.clone(),
         cells: judged.cells.clone(),
@@ -134,8 +151,8 @@ fn shot(frame: &Frame, estimate: &Estimate, judged: &Judged, verdict: Option<Che
         passed: verdict.map(|v| v.passed),
         left_png: overlay::gray_png(frame.pair.left())?,
         size,
-        estimate: marks(estimate.grid.clone()),
-        truth,
-        preview_png: Some(overlay::png(&overlay::preview(&estimate.disparity, nearness.max_px()))?),
+        estimate: overlay::marks(&estimate.grid, size, nearness),
+        truth: truth.map(|grid| overlay::marks(&grid, size, nearness)),
+        preview_png: Some(overlay::png(&preview)?),
     })
 }

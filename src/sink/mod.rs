@@ -2,10 +2,12 @@
 
 mod judge;
 mod recording;
+mod rerun;
 mod rows;
 
 pub use judge::Judge;
 pub use recording::RecordingSink;
+pub use rerun::{RerunSink, RerunTarget, RunInfo};
 pub use rows::{Identity, RowSink};
 
 use crate::error::Result;

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::report::{CellRow, Row, Table};
-use crate::score::{CellJudgement, CellRule, CellTally, DisparityScore, TrueGrid};
-use crate::stereo::{Estimate, Frame, GridShape};
+use crate::score::{CellJudgement, CellRule, CellTally, DisparityScore, judge_cells, true_grid};
+use crate::stereo::{DepthGrid, Estimate, Frame, GridShape};
 use crate::timing::Stage;
 use std::time::Duration;
 
@@ -31,13 +31,13 @@ pub(super) struct Judged {
 impl Identity {
     /// Judges every estimate of a frame.
     pub(super) fn judge(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<Judged> {
-        let truth = TrueGrid::of(frame, self.shape);
-        let one = |(estimate, parameters)| self.judge_one(frame, truth.as_ref(), estimate, parameters);
+        let truth = true_grid(frame, self.shape);
+        let one = |(estimate, parameters): (&Estimate, &String)| self.judge_one(frame, truth.as_ref(), estimate, parameters);
         estimates.iter().zip(&self.parameters).map(one).collect()
     }
 
-    fn judge_one(&self, frame: &Frame, truth: Option<&TrueGrid>, estimate: &Estimate, parameters: &str) -> Judged {
-        let judgements = truth.map(|truth| truth.judge(&estimate.grid, self.rule));
+    fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate, parameters: &str) -> Judged {
+        let judgements = truth.map(|truth| judge_cells(truth, &estimate.grid, self.rule));
         let tally = judgements.as_deref().map(CellTally::of);
         let count = |f: fn(&CellTally) -> usize| tally.as_ref().map(|t| f(t) as u64);
         let score = frame.truth.as_ref().map(|truth| DisparityScore::of(&estimate.disparity, truth));
