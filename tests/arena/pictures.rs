@@ -13,12 +13,12 @@ fn warp_difference(frame: &Frame, error_px: f32, wanted: Visibility) -> f32 {
     let mut differences = Vec::new();
     for y in 85..140 {
         let (left, right) = (frame.pair.left().row(y), frame.pair.right().row(y));
-        for x in 0..320 {
+        for (x, &here) in left.iter().enumerate() {
             let at = x as f32 - truth.disparity.get(x, y) - error_px;
             if visibility.get(x, y) == wanted && (0.0..319.0).contains(&at) {
                 let (i, f) = (at as usize, at.fract());
                 let there = f32::from(right[i]) * (1.0 - f) + f32::from(right[i + 1]) * f;
-                differences.push((f32::from(left[x]) - there).abs());
+                differences.push((f32::from(here) - there).abs());
             }
         }
     }
