@@ -138,7 +138,7 @@ pub struct Ball {
 impl Default for ArenaConfig {
     fn default() -> Self {
         Self {
-            frames: 240,
+            frames: 280,
             rate_hz: 10.0,
             rig: RigConfig::default(),
             sensor: SensorConfig::default(),

@@ -16,7 +16,7 @@ pub(super) fn blocks() -> Vec<Block> {
     vec![
         block("opening left", [1.295, 1.175], [0.41, 0.15, 0.2], 0.0, 0.0),
         block("opening right", [1.8325, 1.175], [0.335, 0.15, 0.2], 0.0, 0.0),
-        block("close block", [1.675, 1.865], [0.65, 0.17, 0.2], 0.0, 0.0),
+        block("close block", [1.6675, 1.865], [0.665, 0.17, 0.2], 0.0, 0.0),
         block("slanted wall", [0.394, 0.292], [1.0, 0.02, 0.2], 0.0, -36.87),
         block("bridge right pillar", [1.31, 0.355], [0.12, 0.12, 0.14], 0.0, 0.0),
         block("bridge left pillar", [1.31, 0.675], [0.12, 0.12, 0.14], 0.0, 0.0),
@@ -25,7 +25,7 @@ pub(super) fn blocks() -> Vec<Block> {
 }
 
 pub(super) fn balls() -> Vec<Ball> {
-    vec![Ball { name: "ball".into(), at_m: [0.964, 2.41], radius_m: 0.055, height_m: 0.055 }]
+    vec![Ball { name: "ball".into(), at_m: [0.964, 2.41], radius_m: 0.06, height_m: 0.06 }]
 }
 
 pub(super) fn path() -> Vec<Waypoint> {

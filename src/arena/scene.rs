@@ -144,7 +144,7 @@ impl Scene {
 
 /// The light of the ceiling's lamps on a surface: mostly from above, a little more from one side.
 fn lamps(normal: &V3) -> f32 {
-    0.70 + 0.30 * normal.z + 0.14 * normal.x - 0.10 * normal.y
+    0.68 + 0.40 * normal.z + 0.14 * normal.x - 0.10 * normal.y
 }
 
 /// Share of light that reaches a wall at a height above the floor.
