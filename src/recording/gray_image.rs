@@ -20,12 +20,7 @@ pub enum ImageFormat {
     Png,
 }
 
-pub(super) fn encode(
-    image: &Gray,
-    format: ImageFormat,
-    stamp: Stamp,
-    frame_id: &str,
-) -> Result<Encoded, Error> {
+pub(super) fn encode(image: &Gray, format: ImageFormat, stamp: Stamp, frame_id: &str) -> Result<Encoded, Error> {
     let (width, height) = image.size();
     let pixels = match image.as_slice() {
         Some(pixels) => pixels.to_vec(),

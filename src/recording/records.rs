@@ -6,6 +6,7 @@
 
 use crate::error::{Error, Result};
 use mcap::records::{Record, op};
+use std::cell::Cell;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -30,7 +31,8 @@ pub(super) struct Records {
     cursor: usize,
     /// Where in `chunk` the current record's body stands; outside of chunks it is `body`.
     inner: Option<std::ops::Range<usize>>,
-    ended: bool,
+    /// In a cell, because whoever finds damage ends the reading.
+    ended: Cell<bool>,
 }
 
 impl Records {
@@ -51,7 +53,7 @@ impl Records {
             chunk: Vec::new(),
             cursor: 0,
             inner: None,
-            ended: false,
+            ended: Cell::new(false),
         };
         if records.len == 0 {
             return Err(Error::format(path, "is empty: nothing was recorded, or not yet"));
@@ -92,8 +94,10 @@ impl Records {
 
     /// Goes to the next record and says what it is; nothing at the end of the file, and after an error.
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
-        let opcode = if self.ended { Ok(None) } else { self.step() };
-        self.ended |= !matches!(opcode, Ok(Some(_)));
+        let opcode = if self.ended.get() { Ok(None) } else { self.step() };
+        if !matches!(opcode, Ok(Some(_))) {
+            self.ended.set(true);
+        }
         opcode
     }
 
@@ -228,7 +232,9 @@ impl Records {
         }
     }
 
+    /// The error for damage met at this place, after which there are no more records.
     pub(super) fn damaged(&self, reason: &str) -> Error {
+        self.ended.set(true);
         Error::damaged(&self.path, format!("the recording is incomplete or damaged at byte {}: {reason}", self.at))
     }
 }

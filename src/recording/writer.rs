@@ -173,6 +173,7 @@ impl Writer {
     }
 
     fn put(&mut self, topic: &str, stamp: Stamp, sequence: u32, message: Encoded) -> Result<()> {
+        self.check_open()?;
         let channel_id = match self.channels.get(topic) {
             Some(&id) => id,
             None => {
@@ -190,14 +191,18 @@ impl Writer {
 
     /// Tells mcap to do something, and brings what that wrote into the file.
     fn tell(&mut self, act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>) -> Result<()> {
-        if !self.open {
-            return Err(Error::format(&self.path, "takes no more pairs: it is finished, or writing to it failed"));
-        }
+        self.check_open()?;
         act(&mut self.mcap).map_err(|e| refused(&self.path, e))?;
         let bytes = self.memory.take();
         self.file.write_all(&bytes).map_err(|e| self.failed(e))?;
         self.written += bytes.len() as u64;
         Ok(())
+    }
+
+    /// mcap panics when it is told to write into a finished file.
+    fn check_open(&self) -> Result<()> {
+        let closed = || Error::format(&self.path, "takes no more pairs: it is finished, or writing to it failed");
+        self.open.then_some(()).ok_or_else(closed)
     }
 
     /// Gives up: the file keeps what is whole of it.

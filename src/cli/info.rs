@@ -1,0 +1,99 @@
+//! `svl info`: what a recording holds, and whether it is whole.
+
+use std::path::PathBuf;
+use svl::recording::{Summary, Topic};
+
+/// Topics, counts, rates, gaps and skew of a recording, and whether it is whole.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl info recordings/arena.mcap
+  svl info recordings/arena.mcap --json | jq '.gaps | length'")]
+pub(super) struct Args {
+    /// The recording; any other MCAP file will do.
+    file: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Gaps that are listed one by one.
+const LISTED_GAPS: usize = 5;
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let summary = Summary::of(&args.file)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&summary)?);
+    } else {
+        print!("{}", table(&summary));
+    }
+    Ok(())
+}
+
+fn table(summary: &Summary) -> String {
+    let mut lines = vec![
+        format!("{}: {}, {}", summary.path.display(), megabytes(summary.bytes), seconds(summary.duration_ns())),
+        match &summary.damage {
+            None => "whole      yes".to_owned(),
+            Some(damage) => format!("whole      NO: {damage}"),
+        },
+        match &summary.header {
+            None => format!("writer     {}", summary.library),
+            Some(header) => {
+                let seed = header.seed.map(|seed| format!(", seed {seed}")).unwrap_or_default();
+                let scenario = header.scenario.as_ref().map(|name| format!(", scenario {name}")).unwrap_or_default();
+                format!("writer     {}, from {}{scenario}{seed}", summary.library, header.source)
+            }
+        },
+        pairs(summary),
+    ];
+    if let Some(skew) = summary.skew {
+        let [min, median, max] = [skew.min_ns, skew.median_ns, skew.max_ns].map(|ns| ns as f64 / 1e3);
+        lines.push(format!("skew       {min:.1} .. {max:.1} µs, median {median:.1} µs"));
+    }
+    lines.extend(gaps(summary));
+    lines.extend(summary.attachments.iter().map(|(name, bytes)| format!("attached   {name}, {bytes} bytes")));
+    lines.push(String::new());
+    lines.extend(topics(&summary.topics));
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+fn pairs(summary: &Summary) -> String {
+    let rate = summary.period_ns.filter(|&period| period > 0).map(|period| 1e9 / period as f64);
+    let rate = rate.map(|hz| format!(", {hz:.2} a second")).unwrap_or_default();
+    format!("pairs      {}{rate}, {} frames dropped", summary.pairs, summary.drops)
+}
+
+fn gaps(summary: &Summary) -> Vec<String> {
+    let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else { return vec!["gaps       none".into()] };
+    let mut lines = vec![format!("gaps       {}, the longest {}", summary.gaps.len(), seconds(longest))];
+    let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
+    let listed = summary.gaps.iter().take(LISTED_GAPS);
+    lines.extend(listed.map(|gap| format!("           {} after {}", seconds(gap.length_ns), after(gap.after_ns))));
+    if summary.gaps.len() > LISTED_GAPS {
+        lines.push(format!("           and {} more; --json lists them", summary.gaps.len() - LISTED_GAPS));
+    }
+    lines
+}
+
+fn topics(topics: &[Topic]) -> Vec<String> {
+    let width = topics.iter().map(|topic| topic.name.len()).max().unwrap_or(0).max(5);
+    let row = |name: &str, messages: &str, rate: &str, size: &str, schema: &str| {
+        format!("{name:width$}  {messages:>8}  {rate:>7}  {size:>9}  {schema}")
+    };
+    let head = row("topic", "messages", "Hz", "size", "schema");
+    let rows = topics.iter().map(|topic| {
+        let rate = topic.rate_hz().map(|hz| format!("{hz:.2}")).unwrap_or_default();
+        row(&topic.name, &topic.messages.to_string(), &rate, &megabytes(topic.bytes), &topic.schema)
+    });
+    std::iter::once(head).chain(rows).collect()
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
+}
+
+fn seconds(ns: u64) -> String {
+    format!("{:.3} s", ns as f64 / 1e9)
+}

@@ -1,0 +1,74 @@
+//! The public MCAP libraries read in a recording what was written.
+
+use crate::frames::full;
+use std::process::Command;
+use svl::recording::{Header, ImageFormat, Writer};
+use svl::stereo::{Frame, Gray, Visibility};
+
+const SIZE: (usize, usize) = (61, 47);
+const FRAMES: u64 = 5;
+
+fn pixel_sum(image: &Gray) -> f64 {
+    image.pixels().map(f64::from).sum()
+}
+
+/// What a foreign reader should find under each topic, summed over all frames.
+fn expected(topic: &str, frame: &Frame) -> f64 {
+    let (rig, truth) = (frame.rig.unwrap(), frame.truth.as_ref().unwrap());
+    let pose = frame.pose.unwrap();
+    let calibration = |right| rig.intrinsics(right).sum() + rig.projection(right).sum() + 3.0;
+    match topic {
+        "/stereo/left/image" => pixel_sum(frame.pair.left()),
+        "/stereo/right/image" => pixel_sum(frame.pair.right()),
+        "/stereo/left/calibration" => calibration(false),
+        "/stereo/right/calibration" => calibration(true),
+        "/rig/baseline" => rig.baseline_m() + 1.0,
+        "/rig/pose" => pose.translation.vector.sum() + pose.rotation.coords.sum(),
+        "/truth/depth" => truth.disparity.pixels().filter_map(|d| rig.depth_m(d.into())).filter(|z| *z > 0.0).sum(),
+        "/truth/visibility" => pixel_sum(&truth.visibility.as_ref().unwrap().map(|v: Visibility| v as u8)),
+        "/stereo/sync" => frame.sequence as f64,
+        other => panic!("unexpected topic {other}"),
+    }
+}
+
+fn check(images: ImageFormat) {
+    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let modules = "import mcap, mcap_protobuf, mcap_ros2, numpy, PIL";
+    if !Command::new(&python).args(["-c", modules]).output().is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: `{python} -c '{modules}'` fails; set SVL_PYTHON to a Python that has them");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
+    let header = Header { seed: Some(7), ..Header::new("arena") };
+    let mut writer = Writer::create(&path, &header, images).unwrap();
+    writer.attach("scenario.toml", "application/toml", b"seed = 7").unwrap();
+    frames.iter().for_each(|frame| writer.write(frame).unwrap());
+    writer.finish().unwrap();
+
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/read_recording.py");
+    let output = Command::new(&python).arg(script).arg(&path).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["metadata"]["svl"]["seed"], "7");
+    assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
+    let topics = found["topics"].as_object().unwrap();
+    assert_eq!(topics.len(), 9);
+    for (topic, found) in topics {
+        let sum: f64 = frames.iter().map(|frame| expected(topic, frame)).sum();
+        let error = (found[1].as_f64().unwrap() - sum).abs();
+        assert!(error <= 1e-6 * sum.abs(), "{topic}: {found} found, {sum} written");
+        assert_eq!(found[0], FRAMES, "{topic}");
+    }
+}
+
+#[test]
+fn python_reads_raw_recordings() {
+    check(ImageFormat::Raw);
+}
+
+#[test]
+fn python_reads_compressed_recordings() {
+    check(ImageFormat::Png);
+}

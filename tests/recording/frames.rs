@@ -1,0 +1,82 @@
+//! Made-up frames, and recordings of them.
+
+use std::path::{Path, PathBuf};
+use svl::Error;
+use svl::recording::{Header, ImageFormat, Reader, Writer};
+use svl::stereo::{Exposure, Frame, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
+
+/// Time from one pair to the next.
+pub(crate) const PERIOD_NS: u64 = 66_666_667;
+
+/// A gradient with noise on it, different for every `seed`.
+pub(crate) fn image((width, height): (usize, usize), seed: u64) -> Gray {
+    Gray::from_fn(width, height, |x, y| {
+        let noise = (x as u64 ^ (y as u64) << 20 ^ seed << 40).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 59;
+        (x * 160 / width + y * 60 / height) as u8 + noise as u8
+    })
+    .unwrap()
+}
+
+/// Pair number `i` without anything beside its images.
+pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
+    Frame {
+        sequence: i,
+        stamp_ns: 1_700_000_000_000_000_000 + i * PERIOD_NS,
+        name: None,
+        pair: StereoPair::new(image(size, 2 * i), image(size, 2 * i + 1)).unwrap(),
+        rig: None,
+        pose: None,
+        truth: None,
+        exposure: Exposure::default(),
+    }
+}
+
+/// Pair number `i` with rig, pose, truth and exposure.
+pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
+    let turn = nalgebra::UnitQuaternion::from_euler_angles(0.1, -1.3, 0.01 * i as f64);
+    let disparity = |x: usize, y: usize| if y < 3 { f32::INFINITY } else { 0.37 * x as f32 + y as f32 / 7.0 };
+    let visibility = |x: usize, y: usize| match (x, y) {
+        (_, ..3) => Visibility::Unknown,
+        (..5, _) => Visibility::Occluded,
+        _ => Visibility::Visible,
+    };
+    Frame {
+        name: Some(format!("szene-{i} \"ä\"")),
+        rig: Some(Rig::new(328.0, (159.5, 119.5), 0.044, 1.25).unwrap()),
+        pose: Some(Pose::from_parts(nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3), turn)),
+        truth: Some(Truth {
+            disparity: Plane::from_fn(size.0, size.1, disparity).unwrap(),
+            visibility: Some(Plane::from_fn(size.0, size.1, visibility).unwrap()),
+        }),
+        exposure: Exposure { trigger_id: 1000 + i, skew_ns: -12_345, shutter_us: 800, gain_mdb: -1500, drops: i / 3 },
+        ..bare(i, size)
+    }
+}
+
+/// Writes a recording of `frames` into `folder`.
+pub(crate) fn record(folder: &Path, frames: &[Frame], images: ImageFormat) -> PathBuf {
+    let path = folder.join("test.mcap");
+    let mut writer = Writer::create(&path, &Header::new("test"), images).unwrap();
+    frames.iter().for_each(|frame| writer.write(frame).unwrap());
+    writer.finish().unwrap();
+    path
+}
+
+/// All frames of the recording at `path`, and the last error of reading it, if there was one.
+pub(crate) fn read(path: &Path) -> (Vec<Frame>, Option<Error>) {
+    let mut reader = match Reader::open(path) {
+        Ok(reader) => reader,
+        Err(error) => return (Vec::new(), Some(error)),
+    };
+    let (mut frames, mut error) = (Vec::new(), None);
+    loop {
+        match reader.next() {
+            Ok(Some(frame)) => frames.push(frame),
+            Ok(None) => return (frames, error),
+            Err(next) => {
+                assert!(!matches!(error, Some(Error::Damaged { .. })), "after {error:?} there is nothing, got {next}");
+                error = Some(next);
+            }
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! Recordings: what is written comes back, and what is damaged says so.
+
+mod bad_input;
+mod disk;
+mod foreign_readers;
+mod frames;
+mod round_trip;
+mod summary;

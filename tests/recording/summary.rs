@@ -1,0 +1,57 @@
+//! What `svl info` is told.
+
+use crate::frames::{PERIOD_NS, bare, full, record};
+use svl::recording::{Gap, ImageFormat, Skew, Summary};
+use svl::stereo::Frame;
+
+const SIZE: (usize, usize) = (24, 16);
+
+#[test]
+fn a_summary_knows_counts_gaps_and_skew() {
+    let folder = tempfile::tempdir().unwrap();
+    let skews = [3, -5, 8, 1, 2, 0, 4];
+    let frames: Vec<Frame> = (0..7)
+        .map(|i| {
+            let mut frame = full(i, SIZE);
+            frame.stamp_ns += if i > 3 { 2 * PERIOD_NS } else { 0 };
+            frame.exposure.skew_ns = skews[i as usize];
+            frame
+        })
+        .collect();
+    let summary = Summary::of(&record(folder.path(), &frames, ImageFormat::Raw)).unwrap();
+    assert!(summary.is_whole());
+    assert_eq!((summary.pairs, summary.period_ns, summary.drops), (7, Some(PERIOD_NS), 2));
+    assert_eq!(summary.gaps, [Gap { after_ns: frames[3].stamp_ns, length_ns: 3 * PERIOD_NS }]);
+    assert_eq!(summary.skew, Some(Skew { min_ns: -5, median_ns: 2, max_ns: 8 }));
+    assert_eq!(summary.duration_ns(), 8 * PERIOD_NS + 4);
+    assert_eq!(summary.header.unwrap().source, "test");
+    let topics: Vec<_> = summary.topics.iter().map(|t| (t.name.as_str(), t.schema.as_str(), t.messages)).collect();
+    assert_eq!(
+        topics,
+        [
+            ("/rig/baseline", "foxglove.FrameTransform", 7),
+            ("/rig/pose", "foxglove.FrameTransform", 7),
+            ("/stereo/left/calibration", "foxglove.CameraCalibration", 7),
+            ("/stereo/left/image", "foxglove.RawImage", 7),
+            ("/stereo/right/calibration", "foxglove.CameraCalibration", 7),
+            ("/stereo/right/image", "foxglove.RawImage", 7),
+            ("/stereo/sync", "svl.StereoSync", 7),
+            ("/truth/depth", "sensor_msgs/msg/Image", 7),
+            ("/truth/visibility", "foxglove.RawImage", 7),
+        ]
+    );
+    let rate = summary.topics[0].rate_hz().unwrap();
+    assert!((rate - 6.0 / (8.0 * PERIOD_NS as f64 / 1e9)).abs() < 1e-9);
+}
+
+#[test]
+fn a_truncated_file_is_summed_up_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames: Vec<_> = (0..40).map(|i| bare(i, (200, 150))).collect();
+    let path = record(folder.path(), &frames, ImageFormat::Png);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let summary = Summary::of(&path).unwrap();
+    assert!(summary.damage.as_ref().is_some_and(|damage| damage.contains("incomplete")));
+    assert!((1..40).contains(&summary.pairs), "{} pairs", summary.pairs);
+}
