@@ -20,6 +20,10 @@ pub mod stereo;
 pub mod timing;
 
 #[cfg(feature = "bench")]
+pub mod overlay;
+#[cfg(feature = "bench")]
+pub mod report;
+#[cfg(feature = "bench")]
 pub mod sink;
 #[cfg(feature = "bench")]
 pub mod source;
