@@ -134,7 +134,10 @@ impl File {
     fn check(self, text: &str) -> Result<Scenario> {
         let safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(safe) {
-            return invalid(format!("name '{}' must be letters, digits, '-' and '_': folders are called so", self.name));
+            return invalid(format!(
+                "name '{}' must be letters, digits, '-' and '_': folders are called so",
+                self.name
+            ));
         }
         let GridSettings { columns, rows, min_valid } = self.grid;
         if !(1..=MAX_GRID).contains(&columns) || !(1..=MAX_GRID).contains(&rows) || !(0.0..=1.0).contains(&min_valid) {
@@ -180,7 +183,9 @@ impl SourceTable {
                 Ok(ScenarioSource::Arena { config: Box::new(config.unwrap_or_default()), seeds })
             }
             (SourceKind::Arena, _, Some(_), _) => invalid("source.scenes belongs to kind = \"dataset\"".into()),
-            (SourceKind::Dataset, None, Some(scenes), None) if !scenes.is_empty() => Ok(ScenarioSource::Dataset { scenes }),
+            (SourceKind::Dataset, None, Some(scenes), None) if !scenes.is_empty() => {
+                Ok(ScenarioSource::Dataset { scenes })
+            }
             (SourceKind::Dataset, ..) => {
                 invalid("kind = \"dataset\" takes source.scenes, at least one, and neither seeds nor [arena]".into())
             }

@@ -66,7 +66,9 @@ fn pairs(summary: &Summary) -> String {
 }
 
 fn gaps(summary: &Summary) -> Vec<String> {
-    let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else { return vec!["gaps       none".into()] };
+    let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else {
+        return vec!["gaps       none".into()];
+    };
     let mut lines = vec![format!("gaps       {}, the longest {}", summary.gaps.len(), seconds(longest))];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
     let listed = summary.gaps.iter().take(LISTED_GAPS);

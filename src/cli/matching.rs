@@ -79,7 +79,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         files::write_why(path, &map)?;
     }
     if let Some(path) = &args.preview {
-        files::write_png(path, width, height, &overlay::preview(&map))?;
+        let max_px = map.disparity().pixels().filter(|d| d.is_finite()).fold(1.0, f32::max);
+        files::write_png(path, width, height, overlay::preview(&map, max_px).as_raw())?;
     }
     let settings = GridSettings::default();
     let grid = rig.map(|rig| depth::grid(map.disparity(), settings.shape(), settings.min_valid, Some(&rig)));
@@ -109,7 +110,12 @@ impl Report<'_> {
     fn text(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
         let Self { algorithm, width, height, .. } = self;
-        writeln!(text, "{algorithm} on {width}x{height}: {:.1} % of the pixels, {:.2} ms", 100.0 * self.coverage, self.total_ms)?;
+        writeln!(
+            text,
+            "{algorithm} on {width}x{height}: {:.1} % of the pixels, {:.2} ms",
+            100.0 * self.coverage,
+            self.total_ms
+        )?;
         for (reason, pixels) in self.pixels.iter().filter(|(_, pixels)| *pixels > 0) {
             writeln!(text, "  {reason:<12} {:>6.2} %  {pixels}", 100.0 * *pixels as f64 / (width * height) as f64)?;
         }

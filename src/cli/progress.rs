@@ -35,7 +35,8 @@ impl Progress {
     /// `pairs`: how many there will be, where known.
     pub(super) fn new(what: &str, pairs: Option<u64>, quiet: bool) -> Self {
         listen_for_interrupt();
-        let bar = if quiet { ProgressBar::hidden() } else { pairs.map_or_else(ProgressBar::no_length, ProgressBar::new) };
+        let bar =
+            if quiet { ProgressBar::hidden() } else { pairs.map_or_else(ProgressBar::no_length, ProgressBar::new) };
         let form = match pairs {
             Some(_) => "{prefix:<24} {bar:30} {pos:>6}/{len} pairs {per_sec:>9} {eta:>4} left",
             None => "{prefix:<24} {spinner} {pos:>6} pairs {per_sec:>9}",

@@ -6,6 +6,7 @@ use super::run_info;
 use super::source::{self, RECORDINGS};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
+use svl::arena::Wire;
 use svl::matcher::Algorithm;
 use svl::recording::{Header, ImageFormat, Writer};
 use svl::report::{Row, Summary, Table};
@@ -56,7 +57,9 @@ fn pace(text: &str) -> Result<Pace, String> {
     if text == "asap" {
         return Ok(Pace::Asap);
     }
-    super::positive(text).map(Pace::Times).map_err(|_| "expected 'asap' or a positive number, 2 being twice as fast".into())
+    super::positive(text)
+        .map(Pace::Times)
+        .map_err(|_| "expected 'asap' or a positive number, 2 being twice as fast".into())
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
@@ -85,13 +88,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let table = args.rows.as_deref().map(Table::<Row>::create).transpose()?;
     let mut rows = RowSink::new(identity.clone(), table);
     let mut rerun = match &args.rerun {
-        Some(target) => Some(RerunSink::new(target, run_info::rerun(&identity, &args.algo, wireframe(&recording)))?),
+        Some(target) => {
+            Some(RerunSink::new(target.clone(), &run_info::rerun(&identity, &args.algo, wireframe(&recording)))?)
+        }
         None => None,
     };
     let mut result = match &args.output {
-        Some(path) => {
-            Some(RecordingSink::new(Writer::create(path, &header, ImageFormat::Raw)?))
-        }
+        Some(path) => Some(RecordingSink::new(Writer::create(path, &header, ImageFormat::Raw)?)),
         None => None,
     };
     let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows];
@@ -115,7 +118,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         print(&format!("{} ({} pairs)\n{summary}", recording.display(), outcome.frames))?;
     }
     if source.reader().unpaired() > 0 {
-        tracing::warn!("{}: {} images found no partner and were left out", recording.display(), source.reader().unpaired());
+        tracing::warn!(
+            "{}: {} images found no partner and were left out",
+            recording.display(),
+            source.reader().unpaired()
+        );
     }
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
@@ -139,7 +146,7 @@ fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
 }
 
 /// The arena's true geometry, when the recording says which arena it is of.
-fn wireframe(recording: &Path) -> Vec<svl::arena::Wire> {
+fn wireframe(recording: &Path) -> Vec<Wire> {
     let scenario = svl::recording::attachment(recording, "scenario.toml").ok().flatten();
     let scenario = scenario.and_then(|bytes| String::from_utf8(bytes).ok());
     scenario.and_then(|text| Scenario::parse(&text, recording).ok()).map_or_else(Vec::new, |s| run_info::wireframe(&s))

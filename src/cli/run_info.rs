@@ -18,7 +18,13 @@ fn hash(text: &str) -> u128 {
     xxhash_rust::xxh3::xxh3_128(text.as_bytes())
 }
 
-pub(super) fn identity(run_id: &str, scenario: &str, algorithms: &[Algorithm], rule: CellRule, shape: GridShape) -> Identity {
+pub(super) fn identity(
+    run_id: &str,
+    scenario: &str,
+    algorithms: &[Algorithm],
+    rule: CellRule,
+    shape: GridShape,
+) -> Identity {
     let parameters = |a: &Algorithm| format!("{:016x}", hash(&format!("{}:{}", a.spec().name, a.parameters())) as u64);
     Identity {
         run_id: run_id.to_owned(),
@@ -33,13 +39,21 @@ pub(super) fn identity(run_id: &str, scenario: &str, algorithms: &[Algorithm], r
 /// What the Rerun recording of a run is told at its beginning.
 pub(super) fn rerun(identity: &Identity, algorithms: &[Algorithm], wireframe: Vec<Wire>) -> RunInfo {
     let about = |a: &Algorithm| (a.label().to_owned(), a.parameters().to_string());
-    RunInfo { identity: identity.clone(), algorithms: algorithms.iter().map(about).collect(), wireframe }
+    RunInfo {
+        recording_id: identity.run_id.clone(),
+        scenario: identity.scenario.clone(),
+        algorithms: algorithms.iter().map(about).collect(),
+        wireframe: wireframe.into_iter().map(|wire| (wire.name, wire.strips)).collect(),
+        grid: identity.shape,
+    }
 }
 
 /// The outlines of the arena's things; none for other sources.
 pub(super) fn wireframe(scenario: &Scenario) -> Vec<Wire> {
     match &scenario.source {
-        ScenarioSource::Arena { config, seeds } => Arena::new(config, seeds[0]).map(|a| a.wireframe()).unwrap_or_default(),
+        ScenarioSource::Arena { config, seeds } => {
+            Arena::new(config, seeds[0]).map(|a| a.wireframe()).unwrap_or_default()
+        }
         ScenarioSource::Dataset { .. } => Vec::new(),
     }
 }
@@ -48,7 +62,14 @@ pub(super) fn wireframe(scenario: &Scenario) -> Vec<Wire> {
 pub(super) fn manifest(run_id: &str, algorithms: &[Algorithm]) -> svl::Result<Vec<(String, String)>> {
     let mut manifest = vec![
         ("run".to_owned(), run_id.to_owned()),
-        ("svl".to_owned(), format!("{} ({})", env!("CARGO_PKG_VERSION"), option_env!("SVL_GIT_REVISION").unwrap_or("revision unknown"))),
+        (
+            "svl".to_owned(),
+            format!(
+                "{} ({})",
+                env!("CARGO_PKG_VERSION"),
+                option_env!("SVL_GIT_REVISION").unwrap_or("revision unknown")
+            ),
+        ),
         ("processor".to_owned(), processor()),
         ("instruction set".to_owned(), svl::kernel::isa()?.name().to_owned()),
         ("threads".to_owned(), rayon::current_num_threads().to_string()),
@@ -59,6 +80,7 @@ pub(super) fn manifest(run_id: &str, algorithms: &[Algorithm]) -> svl::Result<Ve
 
 fn processor() -> String {
     let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name));
+    let model =
+        cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name));
     model.unwrap_or(std::env::consts::ARCH).to_owned()
 }

@@ -6,12 +6,13 @@ use super::{cache, run_info};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
-use svl::report::{Page, Summary, Tables};
+use svl::report::html::Page;
+use svl::report::{Summary, Tables};
 use svl::run::{Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Judge, RerunSink, RerunTarget, Sink};
-use svl::source::dataset::{Scene, SceneSource};
 use svl::source::Source;
+use svl::source::dataset::{Scene, SceneSource};
 
 /// Score algorithms on a scenario and write a report
 ///
@@ -115,7 +116,7 @@ impl Report {
             folder: folder.to_owned(),
             run_id,
             judge: Judge::new(identity, labels, scenario.checkpoints.clone(), tables),
-            rerun: RerunSink::new(&RerunTarget::File(folder.join("run.rrd")), info)?,
+            rerun: RerunSink::new(RerunTarget::File(folder.join("run.rrd")), &info)?,
         })
     }
 
@@ -137,13 +138,14 @@ impl Report {
     fn finish(self, scenario: &Scenario) -> anyhow::Result<Summary> {
         let Self { folder, run_id, judge, mut rerun } = self;
         let (summary, figures) = judge.finish()?;
-        rerun.verdicts(&summary.markdown());
+        let markdown = summary.markdown(&scenario.name);
+        rerun.verdicts(&markdown)?;
         rerun.finish()?;
         let write = |name: &str, text: String| {
             let path = folder.join(name);
             std::fs::write(&path, text).with_context(|| path.display().to_string())
         };
-        write("summary.md", format!("# {}\n\n{}\n\n{}", scenario.name, scenario.description, summary.markdown()))?;
+        write("summary.md", markdown)?;
         write("summary.json", serde_json::to_string_pretty(&summary)? + "\n")?;
         let page = Page {
             title: scenario.name.clone(),
@@ -159,8 +161,16 @@ impl Report {
 
 /// The files of a report, which a later report of the same folder replaces.
 const REPORT_FILES: &[&str] = &[
-    "rows.csv", "rows.parquet", "cells.csv", "cells.parquet", "checkpoints.csv", "checkpoints.parquet",
-    "summary.md", "summary.json", "index.html", "run.rrd",
+    "rows.csv",
+    "rows.parquet",
+    "cells.csv",
+    "cells.parquet",
+    "checkpoints.csv",
+    "checkpoints.parquet",
+    "summary.md",
+    "summary.json",
+    "index.html",
+    "run.rrd",
 ];
 
 /// Makes the folder and takes an earlier report out of it; refuses a folder that holds anything else.

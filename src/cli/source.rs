@@ -34,7 +34,9 @@ pub(super) fn open(name: &str, seed: u64) -> anyhow::Result<Opened> {
         bail!("{name}: this svl has no live cameras yet; record from the arena, a folder or a recording");
     }
     if !path.exists() {
-        bail!("{name}: no such source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)");
+        bail!(
+            "{name}: no such source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
+        );
     }
     if path.is_dir() {
         return folder(path);
@@ -42,7 +44,9 @@ pub(super) fn open(name: &str, seed: u64) -> anyhow::Result<Opened> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("toml") => arena(&Scenario::read(path)?, seed),
         Some("mcap") => recording(path),
-        _ => bail!("{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"),
+        _ => bail!(
+            "{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
+        ),
     }
 }
 
@@ -73,7 +77,8 @@ fn arena_hash(config: &ArenaConfig, seed: u64) -> String {
 }
 
 fn folder(path: &Path) -> anyhow::Result<Opened> {
-    let stem = path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_str()?.to_owned())).unwrap_or("pairs".into());
+    let stem =
+        path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_str()?.to_owned())).unwrap_or("pairs".into());
     let source: Box<dyn Source> = match Scene::find(path, &stem) {
         Some(scene) => Box::new(SceneSource::new(vec![scene])),
         None => {

@@ -2,7 +2,7 @@
 
 use super::read_bounded;
 use crate::error::{Error, Result};
-use crate::stereo::{Gray, MAX_SIDE, Visibility, Plane};
+use crate::stereo::{Gray, MAX_SIDE, Plane, Visibility};
 use image::{ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageReader, codecs::png::PngEncoder};
 use std::io::Cursor;
 use std::path::Path;

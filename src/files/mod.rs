@@ -21,7 +21,10 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>> {
         return Err(Error::format(path, "is a folder, expected a file"));
     }
     if metadata.len() > MAX_BYTES {
-        return Err(Error::format(path, format!("{} bytes is more than the {MAX_BYTES} that are read", metadata.len())));
+        return Err(Error::format(
+            path,
+            format!("{} bytes is more than the {MAX_BYTES} that are read", metadata.len()),
+        ));
     }
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     if bytes.is_empty() {

@@ -19,7 +19,8 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     let mut rest = bytes;
     let mut word = || -> std::result::Result<&str, String> {
         let start = rest.iter().position(|b| !b.is_ascii_whitespace()).ok_or("the header is cut short")?;
-        let length = rest[start..].iter().take(32).position(|b| b.is_ascii_whitespace()).ok_or("the header is cut short")?;
+        let length =
+            rest[start..].iter().take(32).position(|b| b.is_ascii_whitespace()).ok_or("the header is cut short")?;
         let word = std::str::from_utf8(&rest[start..start + length]).map_err(|_| "the header is not text")?;
         rest = &rest[start + length + 1..];
         Ok(word)

@@ -53,6 +53,12 @@ pub struct Algorithm {
     label: String,
 }
 
+impl std::fmt::Debug for Algorithm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}", self.spec.name, self.parameters)
+    }
+}
+
 impl std::str::FromStr for Algorithm {
     type Err = Error;
 

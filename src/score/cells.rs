@@ -118,9 +118,9 @@ fn judge_cell(truth: Option<&CellDepth>, reported: Option<&CellDepth>, rule: Cel
     let distances = true_m.zip(reported.and_then(|r| r.distance_m));
     let within = match rule {
         CellRule::Distance => distances.map(|(z_true, z)| (z - z_true).abs() <= (0.2 * z_true).max(0.10)),
-        CellRule::Disparity { tolerance_px } => truth
-            .zip(reported)
-            .map(|(t, r)| (f64::from(r.median_px) - f64::from(t.median_px)).abs() <= tolerance_px),
+        CellRule::Disparity { tolerance_px } => {
+            truth.zip(reported).map(|(t, r)| (f64::from(r.median_px) - f64::from(t.median_px)).abs() <= tolerance_px)
+        }
     };
     let has_truth = match rule {
         CellRule::Distance => true_m.is_some(),

@@ -100,7 +100,8 @@ impl CheckpointFrame {
         let cells = |n: usize| if n == 1 { "1 cell".to_owned() } else { format!("{n} cells") };
         let amiss = [
             (self.wrong > 0).then(|| format!("{} wrong", cells(self.wrong))),
-            (self.must_missing > 0).then(|| format!("{} of those that must be right not right", cells(self.must_missing))),
+            (self.must_missing > 0)
+                .then(|| format!("{} of those that must be right not right", cells(self.must_missing))),
             (!self.order_holds).then(|| "order of distances not seen".to_owned()),
         ];
         (!self.passed).then(|| amiss.into_iter().flatten().collect::<Vec<_>>().join(", "))
@@ -217,7 +218,9 @@ mod tests {
     fn tally_keeps_the_first_best_and_worst() {
         let frame = |passed, wrong| CheckpointFrame { passed, must_missing: 0, wrong, order_holds: true };
         let mut tally = CheckpointTally::default();
-        for (sequence, verdict) in [frame(false, 1), frame(true, 0), frame(false, 3), frame(true, 0)].into_iter().enumerate() {
+        for (sequence, verdict) in
+            [frame(false, 1), frame(true, 0), frame(false, 3), frame(true, 0)].into_iter().enumerate()
+        {
             tally.add(verdict, || sequence);
         }
         assert_eq!((tally.frames, tally.passed, tally.share()), (4, 2, Some(0.5)));

@@ -32,7 +32,8 @@ impl Identity {
     /// Judges every estimate of a frame.
     pub(super) fn judge(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<Judged> {
         let truth = true_grid(frame, self.shape);
-        let one = |(estimate, parameters): (&Estimate, &String)| self.judge_one(frame, truth.as_ref(), estimate, parameters);
+        let one =
+            |(estimate, parameters): (&Estimate, &String)| self.judge_one(frame, truth.as_ref(), estimate, parameters);
         estimates.iter().zip(&self.parameters).map(one).collect()
     }
 

@@ -20,7 +20,8 @@ impl Fixture {
     /// Runs `svl` with these arguments in the folder.
     pub fn svl(&self, args: &[&str]) -> Ran {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
-        let output = command.current_dir(self.folder.path()).args(args).timeout(std::time::Duration::from_secs(300)).output();
+        let output =
+            command.current_dir(self.folder.path()).args(args).timeout(std::time::Duration::from_secs(300)).output();
         let output = output.unwrap();
         Ran {
             code: output.status.code(),

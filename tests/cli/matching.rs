@@ -4,7 +4,9 @@ use crate::fixture::{Fixture, datasets, pgm};
 fn finds_the_shift_and_writes_what_was_asked_for() {
     let fixture = Fixture::new();
     fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);
-    let json = fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--why", "w.png", "--preview", "p.png", "--json"]).done();
+    let json = fixture
+        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--why", "w.png", "--preview", "p.png", "--json"])
+        .done();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert!(json["coverage"].as_f64().unwrap() > 0.5);
     let disparities = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap();
@@ -71,7 +73,9 @@ fn real_scenes_equal_the_expected_output() {
     let fixture = Fixture::new();
     for scene in ["tsukuba", "cones", "oakd-stereodemo/toy"] {
         let image = |name: &str| datasets.join(scene).join(name).display().to_string();
-        fixture.svl(&["match", &image("im0.png"), &image("im1.png"), "-o", "d.pfm", "--why", "w.png", "--force"]).done();
+        fixture
+            .svl(&["match", &image("im0.png"), &image("im1.png"), "-o", "d.pfm", "--why", "w.png", "--force"])
+            .done();
         let expected = datasets.join("../expected/v3").join(scene.replace('/', "_"));
         let file = |ending: &str| expected.with_file_name(format!("{}.{ending}", scene.replace('/', "_")));
         // Expected files hold d + 1, 0 = none.

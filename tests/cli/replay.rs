@@ -27,7 +27,19 @@ fn several_algorithms_share_one_run() {
     let fixture = recorded("2");
     let text = fixture.svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3:max_disparity=40"]).done();
     assert!(text.contains("v3:max_disparity=40") && text.contains("a.mcap (2 pairs)"), "{text}");
-    let args = ["replay", "a.mcap", "--algo", "v3", "--rerun", "run.rrd", "-o", "result.mcap", "--rows", "r.parquet", "--json"];
+    let args = [
+        "replay",
+        "a.mcap",
+        "--algo",
+        "v3",
+        "--rerun",
+        "run.rrd",
+        "-o",
+        "result.mcap",
+        "--rows",
+        "r.parquet",
+        "--json",
+    ];
     let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
     assert_eq!(json["algorithms"][0]["pairs"], 2);
     for file in ["run.rrd", "result.mcap", "r.parquet"] {

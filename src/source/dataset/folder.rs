@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Names of the subfolders, of the files' beginnings: plain, KITTI 2015's, KITTI 2012's, KITTI odometry's.
-const SIDES: &[(&str, &str)] = &[("left", "right"), ("image_2", "image_3"), ("colored_0", "colored_1"), ("image_0", "image_1")];
+const SIDES: &[(&str, &str)] =
+    &[("left", "right"), ("image_2", "image_3"), ("colored_0", "colored_1"), ("image_0", "image_1")];
 
 /// Pairs of equally named images, in the order of their names.
 pub struct FolderSource {
@@ -81,8 +82,8 @@ impl Source for FolderSource {
         let Some((name, left, right)) = self.pairs.get(self.next) else { return Ok(None) };
         let sequence = self.next as u64;
         self.next += 1;
-        let pair = StereoPair::new(read_gray(left)?, read_gray(right)?)
-            .map_err(|e| Error::format(left, e.to_string()))?;
+        let pair =
+            StereoPair::new(read_gray(left)?, read_gray(right)?).map_err(|e| Error::format(left, e.to_string()))?;
         Ok(Some(Frame {
             sequence,
             stamp_ns: sequence * self.period_ns,

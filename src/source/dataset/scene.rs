@@ -17,7 +17,10 @@ pub(super) const ENDINGS: &[&str] = &["png", "ppm", "pgm", "jpg", "jpeg"];
 enum TruthForm {
     Pfm,
     /// Value divided by `scale`; 0 is unknown where the data set says so.
-    Scaled { scale: f32, zero_unknown: bool },
+    Scaled {
+        scale: f32,
+        zero_unknown: bool,
+    },
 }
 
 /// File name and form of the truths svl knows, by the conventions of Middlebury 2001 (scale 8; tsukuba 16), 2003
@@ -62,7 +65,8 @@ impl Scene {
         let find = |name: &String| {
             let folder = root.join(name);
             let nothing = || {
-                let what = if folder.is_dir() { "holds no stereo pair (im0.png and im1.png, say)" } else { "no such scene" };
+                let what =
+                    if folder.is_dir() { "holds no stereo pair (im0.png and im1.png, say)" } else { "no such scene" };
                 Error::format(&folder, format!("{what}; is '{}' the folder of the data sets?", root.display()))
             };
             Self::find(&folder, name).ok_or_else(nothing)
@@ -93,7 +97,9 @@ impl Scene {
 
     fn truth(&self, size: (usize, usize)) -> Result<Option<Truth>> {
         let file = |name: &str| Some(self.folder.join(name)).filter(|p| p.is_file());
-        let Some((path, form)) = TRUTHS.iter().find_map(|(name, form)| Some((file(name)?, form))) else { return Ok(None) };
+        let Some((path, form)) = TRUTHS.iter().find_map(|(name, form)| Some((file(name)?, form))) else {
+            return Ok(None);
+        };
         let disparity = match *form {
             TruthForm::Pfm => read_pfm(&path)?,
             TruthForm::Scaled { scale, zero_unknown } => read_scaled_disparity(&path, scale, zero_unknown)?,

@@ -1,0 +1,20 @@
+//! What a run leaves to read: rows → CSV and Parquet → summary → terminal, Markdown, HTML.
+//!
+//! ```text
+//! Row, CellRow, CheckpointRow ──▶ Tables ──▶ rows.csv cells.csv checkpoints.csv   while the run goes
+//!                                   │ finish
+//!                                   ├─▶ rows.parquet cells.parquet checkpoints.parquet
+//!                                   └─▶ Summary ──▶ Display, markdown, JSON, html::Page
+//! ```
+
+pub mod html;
+mod markdown;
+mod rows;
+mod summary;
+mod tables;
+mod text;
+mod words;
+
+pub use rows::{CellRow, CheckpointRow, Record, Row};
+pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
+pub use tables::{Table, Tables};

@@ -1,0 +1,145 @@
+//! A run in numbers: per algorithm, and per checkpoint and algorithm.
+
+use super::rows::{Record, Row};
+use crate::error::{Error, Result};
+use polars::prelude::{ChunkQuantile, DataFrame, PolarsResult, QuantileMethod};
+use serde::Serialize;
+
+/// What a run comes to. `Display` is a table for the terminal.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// In the order in which they first appear in the rows.
+    pub algorithms: Vec<AlgorithmSummary>,
+    /// By number of the checkpoint, then as the algorithms.
+    pub checkpoints: Vec<CheckpointSummary>,
+}
+
+/// One algorithm over all pairs. Absent: no pair has the truth it takes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlgorithmSummary {
+    pub algorithm: String,
+    pub pairs: u64,
+    pub cells_right: Option<u64>,
+    pub cells_wrong: Option<u64>,
+    pub cells_unknown: Option<u64>,
+    pub missed_obstacles: Option<u64>,
+    pub false_obstacles: Option<u64>,
+    /// Mean of the pairs' shares, 0..=1, as are the next three.
+    pub coverage: f64,
+    pub invalid: Option<f64>,
+    pub bad1: Option<f64>,
+    pub bad2: Option<f64>,
+    /// Median time a pair by nearest rank.
+    pub p50_ms: f64,
+    /// 99th percentile by nearest rank: the slowest pair when there are fewer than a hundred.
+    pub p99_ms: f64,
+}
+
+/// One checkpoint through one algorithm over all runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckpointSummary {
+    pub checkpoint: u32,
+    pub name: String,
+    pub algorithm: String,
+    pub frames: u64,
+    pub passed: u64,
+    /// Whether the best frame of all runs passes; absent when no frame shows the checkpoint.
+    pub best_passed: Option<bool>,
+    /// Whether the worst frame of all runs passes.
+    pub worst_passed: Option<bool>,
+}
+
+impl AlgorithmSummary {
+    /// Cells that were judged: right, wrong and unknown.
+    pub fn cells(&self) -> Option<u64> {
+        Some(self.cells_right? + self.cells_wrong? + self.cells_unknown?)
+    }
+}
+
+impl CheckpointSummary {
+    /// Share of frames in which the checkpoint passes.
+    pub fn share(&self) -> Option<f64> {
+        (self.frames > 0).then(|| self.passed as f64 / self.frames as f64)
+    }
+}
+
+impl Summary {
+    /// Sums up the rows of a run without checkpoints.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with what polars says.
+    pub fn of_rows(rows: &[Row]) -> Result<Self> {
+        let summary = Row::frame(rows).and_then(|rows| Self::of(&rows, &DataFrame::default()));
+        summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
+    }
+
+    /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
+    pub(super) fn of(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
+        let algorithms: Vec<_> = groups(rows, &["algorithm"])?.iter().map(algorithm).collect::<PolarsResult<_>>()?;
+        let mut checkpoints: Vec<_> =
+            groups(checkpoints, &["checkpoint", "algorithm"])?.iter().map(checkpoint).collect::<PolarsResult<_>>()?;
+        let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
+        checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
+        Ok(Self { algorithms, checkpoints })
+    }
+}
+
+/// The groups in order of appearance, none empty.
+fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
+    if frame.height() == 0 { Ok(Vec::new()) } else { frame.partition_by_stable(by.iter().copied(), true) }
+}
+
+fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
+    Ok(AlgorithmSummary {
+        algorithm: first(rows, "algorithm")?,
+        pairs: rows.height() as u64,
+        cells_right: sum(rows, "cells_right")?,
+        cells_wrong: sum(rows, "cells_wrong")?,
+        cells_unknown: sum(rows, "cells_unknown")?,
+        missed_obstacles: sum(rows, "missed_obstacles")?,
+        false_obstacles: sum(rows, "false_obstacles")?,
+        coverage: mean(rows, "coverage")?.unwrap_or_default(),
+        invalid: mean(rows, "invalid")?,
+        bad1: mean(rows, "bad1")?,
+        bad2: mean(rows, "bad2")?,
+        p50_ms: quantile_ms(rows, 0.50)?,
+        p99_ms: quantile_ms(rows, 0.99)?,
+    })
+}
+
+fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
+    let best = flags(runs, "best_passed")?;
+    let worst = flags(runs, "worst_passed")?;
+    Ok(CheckpointSummary {
+        checkpoint: runs.column("checkpoint")?.u32()?.first().unwrap_or_default(),
+        name: first(runs, "name")?,
+        algorithm: first(runs, "algorithm")?,
+        frames: sum(runs, "frames")?.unwrap_or_default(),
+        passed: sum(runs, "passed")?.unwrap_or_default(),
+        best_passed: (!best.is_empty()).then(|| best.contains(&true)),
+        worst_passed: (!worst.is_empty()).then(|| !worst.contains(&false)),
+    })
+}
+
+fn first(group: &DataFrame, column: &str) -> PolarsResult<String> {
+    Ok(group.column(column)?.str()?.first().unwrap_or_default().to_owned())
+}
+
+fn sum(group: &DataFrame, column: &str) -> PolarsResult<Option<u64>> {
+    let column = group.column(column)?.u64()?;
+    Ok(column.iter().flatten().reduce(|a, b| a + b))
+}
+
+fn mean(group: &DataFrame, column: &str) -> PolarsResult<Option<f64>> {
+    Ok(group.column(column)?.as_materialized_series().mean())
+}
+
+/// `Equiprobable` is the nearest rank: the smallest time that at least `q` of the pairs do not exceed.
+fn quantile_ms(rows: &DataFrame, q: f64) -> PolarsResult<f64> {
+    let us = rows.column("total_us")?.u64()?.quantile(q, QuantileMethod::Equiprobable)?;
+    Ok(us.unwrap_or_default() / 1000.0)
+}
+
+fn flags(group: &DataFrame, column: &str) -> PolarsResult<Vec<bool>> {
+    Ok(group.column(column)?.bool()?.iter().flatten().collect())
+}
