@@ -8,7 +8,8 @@ use std::path::Path;
 use svl::Error;
 use svl::overlay::{Nearness, marks};
 use svl::report::html::{Figure, Page, Rank, Shot};
-use svl::report::{CellRow, CheckpointRow, Record, Row, Summary, Table, Tables, Verdict};
+use svl::report::{CellRow, CheckpointRow, Record, Row, Summary, Table, Tables};
+use svl::score::Verdict;
 use svl::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 
 /// A pair with truth that took `total_us`.
@@ -61,6 +62,7 @@ fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         run_id: "run-1".into(),
         scenario: "arena".into(),
         sequence: 0,
+        seed: Some(1),
         algorithm: algorithm.into(),
         column,
         row: 0,

@@ -3,6 +3,7 @@
 use super::{CellJudgement, Verdict};
 use crate::error::{Error, Result};
 use crate::stereo::{DepthGrid, GridShape, Pose};
+use std::cmp::Ordering;
 
 /// A place and a direction on the robot's path, and what has to be seen there.
 ///
@@ -59,8 +60,8 @@ impl Checkpoint {
 
     /// Judges one of its frames from the reported grid and the cells' judgements, which are in raster order.
     pub fn judge(&self, grid: &DepthGrid, judgements: &[CellJudgement]) -> CheckpointFrame {
-        let verdict = |[column, row]: [usize; 2]| judgements[row * grid.shape().columns + column].verdict;
-        let count = |cells: &[[usize; 2]], v: Verdict| cells.iter().filter(|&&c| verdict(c) == v).count();
+        let judgement = |[column, row]: [usize; 2]| &judgements[row * grid.shape().columns + column];
+        let count = |cells: &[[usize; 2]], v: Verdict| cells.iter().filter(|&&c| judgement(c).verdict == v).count();
         let must_right = count(&self.must, Verdict::Right);
         let wrong = count(&self.cells, Verdict::Wrong);
         let distance = |&[column, row]: &[usize; 2]| grid.cell(column, row).depth.and_then(|d| d.distance_m);
@@ -68,17 +69,22 @@ impl Checkpoint {
             let distances: Vec<_> = cells.iter().map(distance).collect();
             distances.iter().all(Option::is_some) && distances.is_sorted_by(|nearer, farther| nearer < farther)
         });
+        let error = |cell: &[usize; 2]| match (judgement(*cell).true_m, distance(cell)) {
+            (Some(z_true), Some(z)) => (z - z_true).abs() / z_true,
+            _ => f64::INFINITY,
+        };
         CheckpointFrame {
             passed: must_right == self.must.len() && wrong == 0 && order_holds,
             must_missing: self.must.len() - must_right,
             wrong,
             order_holds,
+            error: self.must.iter().map(error).fold(0.0, f64::max),
         }
     }
 }
 
 /// A checkpoint's verdict in one frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CheckpointFrame {
     pub passed: bool,
     /// Cells that must be right and are not.
@@ -87,12 +93,15 @@ pub struct CheckpointFrame {
     pub wrong: usize,
     /// Whether the reported distances are in the order they must be in.
     pub order_holds: bool,
+    /// The largest relative error of distance among the cells that must be right; infinite when one is unknown.
+    pub error: f64,
 }
 
 impl CheckpointFrame {
-    /// Larger is worse; equal frames are equally good.
-    fn badness(&self) -> (bool, usize, usize, bool) {
-        (!self.passed, self.wrong, self.must_missing, !self.order_holds)
+    /// Orders frames from the best to the worst: by what fails, and where that is equal by the error of distance.
+    fn badness(&self, other: &Self) -> Ordering {
+        let failures = |f: &Self| (!f.passed, f.wrong, f.must_missing, !f.order_holds);
+        failures(self).cmp(&failures(other)).then(self.error.total_cmp(&other.error))
     }
 
     /// What is amiss, in words; nothing when it passed.
@@ -128,8 +137,8 @@ impl<F> Default for CheckpointTally<F> {
 impl<F> CheckpointTally<F> {
     /// Whether a frame judged so would become the best, the worst.
     pub fn would_lead(&self, frame: &CheckpointFrame) -> (bool, bool) {
-        let best = self.best.as_ref().is_none_or(|(_, b)| frame.badness() < b.badness());
-        let worst = self.worst.as_ref().is_none_or(|(_, w)| frame.badness() > w.badness());
+        let best = self.best.as_ref().is_none_or(|(_, b)| frame.badness(b).is_lt());
+        let worst = self.worst.as_ref().is_none_or(|(_, w)| frame.badness(w).is_gt());
         (best, worst)
     }
 
