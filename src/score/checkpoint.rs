@@ -225,15 +225,15 @@ mod tests {
 
     #[test]
     fn tally_keeps_the_first_best_and_worst() {
-        let frame = |passed, wrong| CheckpointFrame { passed, must_missing: 0, wrong, order_holds: true };
+        let frame =
+            |wrong, error| CheckpointFrame { passed: wrong == 0, must_missing: 0, wrong, order_holds: true, error };
+        let frames = [frame(1, 0.9), frame(0, 0.2), frame(3, 0.1), frame(0, 0.1), frame(3, 0.1), frame(0, 0.1)];
         let mut tally = CheckpointTally::default();
-        for (sequence, verdict) in
-            [frame(false, 1), frame(true, 0), frame(false, 3), frame(true, 0)].into_iter().enumerate()
-        {
+        for (sequence, verdict) in frames.into_iter().enumerate() {
             tally.add(verdict, || sequence);
         }
-        assert_eq!((tally.frames, tally.passed, tally.share()), (4, 2, Some(0.5)));
-        assert_eq!((tally.best.unwrap().0, tally.worst.unwrap().0), (1, 2));
+        assert_eq!((tally.frames, tally.passed, tally.share()), (6, 3, Some(0.5)));
+        assert_eq!((tally.best.unwrap().0, tally.worst.unwrap().0), (3, 2));
     }
 
     #[test]
