@@ -1,5 +1,9 @@
 //! Where frames and estimates go.
 
+mod rerun;
+
+pub use rerun::{Edges, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
+
 use crate::error::Result;
 use crate::stereo::{Estimate, Frame};
 

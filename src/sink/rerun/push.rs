@@ -1,0 +1,107 @@
+//! What a frame and its estimates become.
+
+use super::info::Algorithm;
+use super::overlay::{self, Overlay};
+use super::scale::Scale;
+use super::{CAMERA, IMAGE, RerunSink, picture, world};
+use crate::error::Result;
+use crate::stereo::{DepthGrid, Estimate, Frame, GridShape, Plane};
+use crate::timing::Stage;
+use ::rerun::{AsComponents, Clear, Scalars, TextLog};
+
+impl RerunSink {
+    pub(super) fn push_scene(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
+        self.log(IMAGE, &picture::gray(frame.pair.left()))?;
+        let pose = frame.pose.unwrap_or_else(world::resting);
+        let camera = frame.rig.as_ref().map(|rig| world::pinhole(rig, frame, scale));
+        match camera {
+            Some(pinhole) => self.log(CAMERA, &[&world::transform(&pose) as &dyn AsComponents, &pinhole])?,
+            None => self.log(CAMERA, &Clear::flat())?,
+        }
+        if let (Some(from), Some(to)) = (&self.last_pose, &frame.pose) {
+            self.log("world/trail", &world::step(from, to))?;
+        }
+        self.last_pose = frame.pose;
+        if let Some(name) = &frame.name {
+            self.log("run/frames", &TextLog::new(name.as_str()))?;
+        }
+        Ok(())
+    }
+
+    /// Draws the truth and gives its grid.
+    pub(super) fn push_truth(&self, frame: &Frame, scale: &Scale, shape: GridShape) -> Result<Option<DepthGrid>> {
+        let Some(truth) = &frame.truth else {
+            self.log("truth", &Clear::recursive())?;
+            return Ok(None);
+        };
+        let grid = overlay::true_grid(&truth.disparity, frame.rig.as_ref(), shape);
+        self.log_overlay("truth/overlay", &grid, frame, scale)?;
+        self.log_depth("truth/depth", &truth.disparity, frame, scale)?;
+        Ok(Some(grid))
+    }
+
+    pub(super) fn push_estimate(
+        &self,
+        algorithm: &Algorithm,
+        estimate: &Estimate,
+        frame: &Frame,
+        scale: &Scale,
+        truth: Option<&DepthGrid>,
+    ) -> Result<()> {
+        let map = &estimate.disparity;
+        self.log_overlay(&algorithm.path("overlay"), &estimate.grid, frame, scale)?;
+        self.log(&algorithm.path("disparity"), &picture::disparity(map.disparity(), scale))?;
+        self.log(&algorithm.path("why"), &picture::why(map.why()))?;
+        self.log(&algorithm.path("ssdpi"), &picture::ssdpi(map.ssdpi()))?;
+        self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
+        let points = frame.rig.as_ref().map(|rig| world::points(map, frame.pair.left(), rig, scale));
+        self.log_or_clear(&algorithm.path("points"), points)?;
+
+        let millis = |time: std::time::Duration| Scalars::single(time.as_secs_f64() * 1e3);
+        for stage in Stage::ALL {
+            self.log(&algorithm.path(&format!("latency/{}", stage.name())), &millis(estimate.times.get(stage)))?;
+        }
+        self.log(&algorithm.path("latency/total"), &millis(estimate.times.total()))?;
+        self.log(&algorithm.path("coverage"), &Scalars::single(100.0 * map.coverage()))?;
+        let wrong = truth.and_then(|truth| wrong_cells(truth, &estimate.grid));
+        self.log_or_clear(&algorithm.path("wrong_cells"), wrong.map(|n| Scalars::single(n as f64)))
+    }
+
+    pub(super) fn log_overlay(&self, path: &str, grid: &DepthGrid, frame: &Frame, scale: &Scale) -> Result<()> {
+        let Overlay { medians, unknown, lines, percentiles } = Overlay::new(grid, frame.pair.size(), scale);
+        self.log(path, &[&lines as &dyn AsComponents, &medians, &unknown])?;
+        self.log(&format!("{path}/percentiles"), &percentiles)
+    }
+
+    pub(super) fn log_depth(&self, path: &str, disparity: &Plane<f32>, frame: &Frame, scale: &Scale) -> Result<()> {
+        let depth = frame.rig.as_ref().map(|rig| picture::depth(disparity, rig, scale));
+        self.log_or_clear(path, depth.as_ref().map(|(depth, mask)| [depth as &dyn AsComponents, mask]))
+    }
+
+    pub(super) fn log(&self, path: &str, what: &(impl AsComponents + ?Sized)) -> Result<()> {
+        self.stream.log(path, what).map_err(|error| self.target.failed(error))
+    }
+
+    pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> Result<()> {
+        self.stream.log_static(path, what).map_err(|error| self.target.failed(error))
+    }
+
+    /// Without the clearing, the viewer would go on showing the last that there was.
+    pub(super) fn log_or_clear(&self, path: &str, what: Option<impl AsComponents>) -> Result<()> {
+        match what {
+            Some(what) => self.log(path, &what),
+            None => self.log(path, &Clear::flat()),
+        }
+    }
+}
+
+/// Number of cells whose distance is off by more than 0.10 m and 20 % of the true one; a cell that either does not know
+/// is not wrong. Nothing where no cell can be compared.
+fn wrong_cells(truth: &DepthGrid, estimate: &DepthGrid) -> Option<usize> {
+    let distance = |grid: &DepthGrid, (column, row)| grid.cell(column, row).depth.and_then(|depth| depth.distance_m);
+    let known: Vec<_> = truth.shape().iter().filter_map(|at| Some((at, distance(truth, at)?))).collect();
+    let wrong = |&&(at, z): &&((usize, usize), f64)| {
+        distance(estimate, at).is_some_and(|reported| (reported - z).abs() > (0.2 * z).max(0.1))
+    };
+    (!known.is_empty()).then(|| known.iter().filter(wrong).count())
+}
