@@ -33,7 +33,7 @@ pub use layout::save_recording_layout;
 pub use target::{RerunTarget, VIEWER_HINT};
 
 use super::Sink;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::stereo::{Estimate, Frame, GridShape, Pose, Rig};
 use crate::timing::Stage;
 use ::rerun::{
@@ -116,12 +116,13 @@ impl RerunSink {
         Ok(sink)
     }
 
-    /// Shows the checkpoints' verdicts, once they are known.
+    /// Shows the checkpoints' verdicts, once they are known: before or after [`Sink::finish`].
     ///
     /// # Errors
-    /// As [`Sink::push`].
+    /// As [`Sink::finish`].
     pub fn verdicts(&mut self, markdown: &str) -> Result<()> {
-        self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))
+        self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;
+        self.finish()
     }
 
     /// Frames of reference, names and colours of an algorithm's entities.
@@ -199,10 +200,11 @@ impl Sink for RerunSink {
         Ok(())
     }
 
+    /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink is dropped.
     fn finish(&mut self) -> Result<()> {
-        let flushed = self.stream.flush_blocking().map_err(|error| self.target.broken(&error.to_string()));
-        // Only now does a file get its index, which a viewer wants for quick opening.
-        self.stream.finalize_deferred_sinks();
-        flushed
+        self.stream.flush_blocking().map_err(|error| match &self.target {
+            RerunTarget::File(path) => Error::format(path, "could not be written to its end; is the disk full?"),
+            viewer => viewer.broken(&error.to_string()),
+        })
     }
 }

@@ -53,9 +53,15 @@ pub(super) fn disparity(map: &Plane<f32>, scale: &Scale) -> DepthImage {
 /// Depths in metres, red (near) over yellow to blue (far), and the mask that blackens the pixels without: Rerun paints
 /// NaN in the colour of 0, which here would be that of the nearest obstacle.
 pub(super) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> (DepthImage, SegmentationImage) {
-    let meters = |d: f32| rig.depth_m(d.into()).map_or(f32::NAN, |z| z as f32);
-    let unknown = |d: f32| if d.is_finite() { Reason::Valid as u8 } else { UNKNOWN };
-    (half(map, meters, [0.0, scale.far_m], Colormap::Spectral), mask(map, unknown).with_opacity(1.0))
+    let unknown = |d| if meters(d, rig).is_nan() { UNKNOWN } else { Reason::Valid as u8 };
+    let depth = half(map, |d| meters(d, rig), [0.0, scale.far_m], Colormap::Spectral);
+    (depth, mask(map, unknown).with_opacity(1.0))
+}
+
+/// Depth of a disparity; NaN where there is none or it lies at infinity.
+fn meters(disparity: f32, rig: &Rig) -> f32 {
+    let depth_m = rig.depth_m(disparity.into()).filter(|_| disparity.is_finite());
+    depth_m.map_or(f32::NAN, |z| z as f32)
 }
 
 /// ln(SSDPI + 1); black where nothing was compared.
@@ -105,4 +111,16 @@ fn mask<T: Copy>(map: &Plane<T>, class: impl Fn(T) -> u8) -> SegmentationImage {
 fn resolution<T: Copy>(map: &Plane<T>) -> [u32; 2] {
     // Sides are at most MAX_SIDE.
     [map.width() as u32, map.height() as u32]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_disparity_is_nan_and_not_zero_metres() {
+        let rig = Rig::new(328.0, (159.5, 119.5), 0.05, 0.0).unwrap();
+        assert_eq!(meters(8.2, &rig), 2.0);
+        assert!(meters(f32::INFINITY, &rig).is_nan() && meters(0.0, &rig).is_nan());
+    }
 }

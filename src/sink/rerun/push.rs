@@ -5,11 +5,12 @@ use super::overlay::{self, Overlay};
 use super::scale::Scale;
 use super::{CAMERA, IMAGE, RerunSink, picture, world};
 use crate::error::Result;
-use crate::stereo::{DepthGrid, Estimate, Frame, GridShape, Plane};
+use crate::stereo::{Cell, DepthGrid, Estimate, Frame, GridShape, Plane};
 use crate::timing::Stage;
 use ::rerun::{AsComponents, Clear, Scalars, TextLog};
 
 impl RerunSink {
+    /// The camera: its image, its place, its name for the frame.
     pub(super) fn push_scene(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
         self.log(IMAGE, &picture::gray(frame.pair.left()))?;
         let pose = frame.pose.unwrap_or_else(world::resting);
@@ -40,6 +41,7 @@ impl RerunSink {
         Ok(Some(grid))
     }
 
+    /// Everything of an algorithm.
     pub(super) fn push_estimate(
         &self,
         algorithm: &Algorithm,
@@ -67,13 +69,13 @@ impl RerunSink {
         self.log_or_clear(&algorithm.path("wrong_cells"), wrong.map(|n| Scalars::single(n as f64)))
     }
 
-    pub(super) fn log_overlay(&self, path: &str, grid: &DepthGrid, frame: &Frame, scale: &Scale) -> Result<()> {
+    fn log_overlay(&self, path: &str, grid: &DepthGrid, frame: &Frame, scale: &Scale) -> Result<()> {
         let Overlay { medians, unknown, lines, percentiles } = Overlay::new(grid, frame.pair.size(), scale);
         self.log(path, &[&lines as &dyn AsComponents, &medians, &unknown])?;
         self.log(&format!("{path}/percentiles"), &percentiles)
     }
 
-    pub(super) fn log_depth(&self, path: &str, disparity: &Plane<f32>, frame: &Frame, scale: &Scale) -> Result<()> {
+    fn log_depth(&self, path: &str, disparity: &Plane<f32>, frame: &Frame, scale: &Scale) -> Result<()> {
         let depth = frame.rig.as_ref().map(|rig| picture::depth(disparity, rig, scale));
         self.log_or_clear(path, depth.as_ref().map(|(depth, mask)| [depth as &dyn AsComponents, mask]))
     }
@@ -87,7 +89,7 @@ impl RerunSink {
     }
 
     /// Without the clearing, the viewer would go on showing the last that there was.
-    pub(super) fn log_or_clear(&self, path: &str, what: Option<impl AsComponents>) -> Result<()> {
+    fn log_or_clear(&self, path: &str, what: Option<impl AsComponents>) -> Result<()> {
         match what {
             Some(what) => self.log(path, &what),
             None => self.log(path, &Clear::flat()),
@@ -98,10 +100,30 @@ impl RerunSink {
 /// Number of cells whose distance is off by more than 0.10 m and 20 % of the true one; a cell that either does not know
 /// is not wrong. Nothing where no cell can be compared.
 fn wrong_cells(truth: &DepthGrid, estimate: &DepthGrid) -> Option<usize> {
-    let distance = |grid: &DepthGrid, (column, row)| grid.cell(column, row).depth.and_then(|depth| depth.distance_m);
-    let known: Vec<_> = truth.shape().iter().filter_map(|at| Some((at, distance(truth, at)?))).collect();
-    let wrong = |&&(at, z): &&((usize, usize), f64)| {
-        distance(estimate, at).is_some_and(|reported| (reported - z).abs() > (0.2 * z).max(0.1))
-    };
+    if truth.shape() != estimate.shape() {
+        return None;
+    }
+    let distance = |cell: &Cell| cell.depth.and_then(|depth| depth.distance_m);
+    let pairs = truth.iter().zip(estimate.iter());
+    let known: Vec<_> = pairs.filter_map(|((_, t), (_, e))| Some((distance(t)?, distance(e)))).collect();
+    let wrong = |&&(z, reported): &&(f64, Option<f64>)| reported.is_some_and(|r| (r - z).abs() > (0.2 * z).max(0.1));
     (!known.is_empty()).then(|| known.iter().filter(wrong).count())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::CellDepth;
+
+    #[test]
+    fn a_cell_is_wrong_beyond_a_fifth_and_10_cm() {
+        let grid = |distances: [Option<f64>; 4]| {
+            let depth = |z| CellDepth { median_px: 1.0, p20_px: 1.0, p80_px: 1.0, distance_m: Some(z) };
+            let cells = distances.map(|z| Cell { valid_share: 1.0, depth: z.map(depth) });
+            DepthGrid::new(GridShape { columns: 4, rows: 1 }, cells.into()).unwrap()
+        };
+        let truth = grid([Some(0.3), Some(2.0), Some(2.0), None]);
+        assert_eq!(wrong_cells(&truth, &grid([Some(0.39), Some(2.5), None, Some(1.0)])), Some(1));
+        assert_eq!(wrong_cells(&grid([None; 4]), &truth), None);
+    }
 }
