@@ -1,0 +1,64 @@
+//! `svl view`: a recording or a run in the Rerun viewer.
+
+use anyhow::{Context, bail};
+use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader};
+use std::fs::File;
+use std::io::{ErrorKind, Read, Seek};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use svl::sink::{VIEWER_HINT, save_recording_layout};
+
+/// Open a recording or a run in the Rerun viewer
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  svl view run.rrd\n  svl view recordings/arena.mcap")]
+pub(super) struct Args {
+    /// A recording (.mcap) or a run (.rrd)
+    file: PathBuf,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    // The viewer names a recording after the path it is given, and the layout must name the same.
+    let file = args.file.canonicalize().with_context(|| args.file.display().to_string())?;
+    match file.extension().and_then(|extension| extension.to_str()) {
+        // A run carries its layout.
+        Some("rrd") => view(&[&file]),
+        Some("mcap") => {
+            let layout = std::env::temp_dir().join(format!("svl-view-{}.rbl", std::process::id()));
+            let topics = topics(&file).with_context(|| args.file.display().to_string())?;
+            let shown = save_recording_layout(&file, &topics, &layout).map_err(anyhow::Error::from);
+            let shown = shown.and_then(|laid_out| if laid_out { view(&[&file, &layout]) } else { view(&[&file]) });
+            // Left over only if it was never written.
+            let _ = std::fs::remove_file(&layout);
+            shown
+        }
+        _ => bail!("{}: neither a recording (.mcap) nor a run (.rrd)", args.file.display()),
+    }
+}
+
+/// Runs the viewer until its window is closed.
+fn view(files: &[&Path]) -> anyhow::Result<()> {
+    match Command::new("rerun").args(files).status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => bail!("the Rerun viewer ended with {status}"),
+        Err(error) if error.kind() == ErrorKind::NotFound => bail!("no program `rerun` on the PATH; {VIEWER_HINT}"),
+        Err(error) => Err(error).context("rerun"),
+    }
+}
+
+/// The topics that the recording's summary lists; none when it has no summary, being unfinished.
+fn topics(file: &Path) -> anyhow::Result<Vec<String>> {
+    let mut file = File::open(file)?;
+    let mut reader = SummaryReader::new();
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(SummaryReadEvent::ReadRequest(bytes)) => {
+                let read = file.read(reader.insert(bytes))?;
+                reader.notify_read(read);
+            }
+            Ok(SummaryReadEvent::SeekRequest(to)) => reader.notify_seeked(file.seek(to)?),
+            Err(_) => return Ok(Vec::new()),
+        }
+    }
+    let summary = reader.finish().unwrap_or_default();
+    Ok(summary.channels.values().map(|channel| channel.topic.clone()).collect())
+}

@@ -1,0 +1,210 @@
+//! A run as it is watched: every algorithm's maps, grid and numbers beside each other in the Rerun viewer.
+//!
+//! ```text
+//! world                        z up
+//!   arena                      the true geometry, where known (static)
+//!   trail                      where the camera has been
+//!   rig/left                   Transform3D, Pinhole
+//!   rig/left/image
+//! algo/<name>/overlay          the thesis's picture of the depth grid
+//!            /disparity /depth /why /ssdpi
+//!            /points           the cloud, in the camera's frame
+//!            /latency/<stage>  milliseconds, and /latency/total
+//!            /coverage         percent of the pixels
+//!            /wrong_cells      where truth and rig are known
+//! truth/overlay  truth/depth
+//! run/parameters  run/verdicts  run/frames
+//! legend/why
+//! ```
+//! Timelines: `pair`, the frame's number, and `time`, its stamp.
+
+mod blueprint;
+mod info;
+mod layout;
+mod overlay;
+mod picture;
+mod push;
+mod scale;
+mod target;
+mod world;
+
+pub use info::{Edges, RunInfo};
+pub use layout::save_recording_layout;
+pub use target::{RerunTarget, VIEWER_HINT};
+
+use super::Sink;
+use crate::error::{Error, Result};
+use crate::stereo::{Estimate, Frame, GridShape, Pose, Rig};
+use crate::timing::Stage;
+use ::rerun::{
+    Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell, ViewCoordinates,
+};
+use info::Algorithm;
+use scale::Scale;
+
+/// Rerun's word for the program: recordings of one application share their layout.
+const APPLICATION: &str = "svl";
+/// The timelines, the one the viewer opens with first.
+const TIMELINES: [&str; 2] = ["pair", "time"];
+const CAMERA: &str = "world/rig/left";
+const IMAGE: &str = "world/rig/left/image";
+const LEGEND: &str = "legend/why";
+/// Stamps from here on are taken for time since 1970, smaller ones for time since the start: 2001 in nanoseconds.
+const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
+
+/// Colours of the algorithms' lines, told apart by most eyes (after Okabe and Ito), on a dark ground.
+const COLORS: [Rgba32; 8] = [
+    Rgba32::from_rgb(86, 180, 233),
+    Rgba32::from_rgb(230, 159, 0),
+    Rgba32::from_rgb(0, 190, 140),
+    Rgba32::from_rgb(240, 228, 66),
+    Rgba32::from_rgb(204, 121, 167),
+    Rgba32::from_rgb(213, 94, 0),
+    Rgba32::from_rgb(120, 140, 255),
+    Rgba32::from_rgb(200, 200, 200),
+];
+
+/// Writes a run to Rerun.
+pub struct RerunSink {
+    stream: RecordingStream,
+    target: RerunTarget,
+    algorithms: Vec<Algorithm>,
+    wireframe: Vec<Edges>,
+    grid: GridShape,
+    begun: bool,
+    camera: Option<(Scale, Option<Rig>, (usize, usize))>,
+    last_pose: Option<Pose>,
+}
+
+impl RerunSink {
+    /// Opens `target` and writes what holds for the whole run. The layout follows with the first frame.
+    ///
+    /// # Errors
+    /// The file exists (it is never overwritten: remove it first) or cannot be made; no viewer to spawn, or none at the
+    /// URL. Always one line.
+    pub fn new(target: RerunTarget, run: &RunInfo) -> Result<Self> {
+        let builder = RecordingStreamBuilder::new(APPLICATION)
+            .recording_id(run.recording_id.as_str())
+            .recording_name(run.scenario.as_str())
+            .send_properties(true);
+        let stream = target.open(builder)?;
+        let sink = Self {
+            stream,
+            target,
+            algorithms: info::algorithms(run.algorithms.iter().map(|(label, _)| label.clone())),
+            wireframe: run.wireframe.clone(),
+            grid: run.grid,
+            begun: false,
+            camera: None,
+            last_pose: None,
+        };
+        sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
+        if !run.wireframe.is_empty() {
+            sink.log_static("world/arena", &world::wireframe(&run.wireframe))?;
+        }
+        sink.log_static("run/parameters", &TextDocument::from_markdown(info::parameters(run)))?;
+        sink.log_static("run/verdicts", &TextDocument::from_markdown(info::awaiting(run)))?;
+        for root in ["algo", "truth", "legend"] {
+            sink.log_static(root, &picture::classes())?;
+        }
+        for path in ["truth/overlay", "truth/overlay/percentiles", "truth/depth", LEGEND] {
+            sink.log_static(path, &world::on_image())?;
+        }
+        for (algorithm, color) in sink.algorithms.iter().zip(COLORS.into_iter().cycle()) {
+            sink.style(algorithm, color)?;
+        }
+        Ok(sink)
+    }
+
+    /// Shows the checkpoints' verdicts, once they are known: before or after [`Sink::finish`].
+    ///
+    /// # Errors
+    /// As [`Sink::finish`].
+    pub fn verdicts(&mut self, markdown: &str) -> Result<()> {
+        self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;
+        self.finish()
+    }
+
+    /// Frames of reference, names and colours of an algorithm's entities.
+    fn style(&self, algorithm: &Algorithm, color: Rgba32) -> Result<()> {
+        for map in ["overlay", "overlay/percentiles", "disparity", "depth", "why", "ssdpi"] {
+            self.log_static(&algorithm.path(map), &world::on_image())?;
+        }
+        self.log_static(&algorithm.path("points"), &world::in_camera())?;
+        let line = |name: &str, color| SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]);
+        for (stage, color) in Stage::ALL.into_iter().zip(COLORS.into_iter().skip(1)) {
+            self.log_static(&algorithm.path(&format!("latency/{}", stage.name())), &line(stage.name(), color))?;
+        }
+        for number in ["latency/total", "coverage", "wrong_cells"] {
+            self.log_static(&algorithm.path(number), &line(&algorithm.label, color))?;
+        }
+        Ok(())
+    }
+
+    /// The layout, as soon as a frame tells what there is to see.
+    fn begin(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
+        let facts = layout::Facts {
+            truth: frame.truth.is_some(),
+            rig: frame.rig.is_some(),
+            named: frame.name.is_some(),
+            size: frame.name.is_none().then(|| frame.pair.size()),
+            eye: world::eye(&self.wireframe, scale),
+        };
+        let root = layout::run(&self.algorithms, &facts);
+        blueprint::send(&root, APPLICATION.into(), TIMELINES[0], &self.stream)
+            .map_err(|error| self.target.failed(error))
+    }
+
+    /// The scale of the frame's camera: set by its first frame, kept as long as it takes the pictures.
+    fn scale(&mut self, frame: &Frame) -> Result<Scale> {
+        let size = frame.pair.size();
+        match self.camera {
+            Some((scale, rig, of)) if rig == frame.rig && of == size => Ok(scale),
+            _ => {
+                let scale = Scale::of(frame);
+                self.camera = Some((scale, frame.rig, size));
+                self.log_static(LEGEND, &picture::legend(size))?;
+                Ok(scale)
+            }
+        }
+    }
+}
+
+impl Sink for RerunSink {
+    /// Shows a frame. An algorithm without an estimate for it shows nothing there.
+    fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
+        let scale = self.scale(frame)?;
+        if !self.begun {
+            self.begin(frame, &scale)?;
+            self.begun = true;
+        }
+        let nanos = i64::try_from(frame.stamp_ns).unwrap_or(i64::MAX);
+        self.stream.set_time_sequence(TIMELINES[0], i64::try_from(frame.sequence).unwrap_or(i64::MAX));
+        self.stream.set_time(
+            TIMELINES[1],
+            if frame.stamp_ns < EPOCH_NS {
+                TimeCell::from_duration_nanos(nanos)
+            } else {
+                TimeCell::from_timestamp_nanos_since_epoch(nanos)
+            },
+        );
+        self.push_scene(frame, &scale)?;
+        let shape = estimates.first().map_or(self.grid, |estimate| estimate.grid.shape());
+        let truth = self.push_truth(frame, &scale, shape)?;
+        for algorithm in &self.algorithms {
+            match estimates.iter().find(|estimate| estimate.algorithm == algorithm.label) {
+                Some(estimate) => self.push_estimate(algorithm, estimate, frame, &scale, truth.as_ref())?,
+                None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink is dropped.
+    fn finish(&mut self) -> Result<()> {
+        self.stream.flush_blocking().map_err(|error| match &self.target {
+            RerunTarget::File(path) => Error::format(path, "could not be written to its end; is the disk full?"),
+            viewer => viewer.broken(&error.to_string()),
+        })
+    }
+}

@@ -1,0 +1,218 @@
+//! What the Rerun sink leaves in a file, read back with the SDK's own decoder and, where there is one, the viewer.
+
+use rerun::StoreKind;
+use rerun::external::re_log_encoding::DecoderApp;
+use rerun::external::re_log_types::StoreId;
+use rerun::log::{Chunk, LogMsg};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::time::Duration;
+use svl::sink::{Edges, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
+use svl::stereo::{
+    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, Frame, Gray, GridShape, Plane, Pose, Reason, Rig,
+    StereoPair, Truth,
+};
+use svl::timing::{Stage, StageTimes};
+
+const SIZE: (usize, usize) = (40, 30);
+const LABELS: [&str; 2] = ["v3", "bm:max_disparity=64"];
+
+/// A frame with truth; with a rig it also has a pose, without one a name.
+fn frame(sequence: u64, rig: bool) -> Frame {
+    let (width, height) = SIZE;
+    let image = Gray::from_fn(width, height, |x, y| (3 * x + 4 * y) as u8).unwrap();
+    let truth = Plane::from_fn(width, height, |x, _| if x < 8 { f32::INFINITY } else { 20.0 }).unwrap();
+    Frame {
+        sequence,
+        stamp_ns: 40_000_000 * sequence,
+        name: (!rig).then(|| format!("scene {sequence}")),
+        pair: StereoPair::new(image.clone(), image).unwrap(),
+        rig: rig.then(|| Rig::new(40.0, (19.5, 14.5), 0.05, 0.0).unwrap()),
+        pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
+        truth: Some(Truth { disparity: truth, visibility: None }),
+        exposure: Exposure::default(),
+    }
+}
+
+/// 20 px in the right half; the left one is untextured and its cell unknown.
+fn estimate(label: &str, rig: Option<Rig>) -> Estimate {
+    let mut disparity = DisparityMap::new(SIZE.0, SIZE.1).unwrap();
+    for mut row in disparity.rows_mut() {
+        (0..20).for_each(|x| row.reject(x, Reason::Untextured, DisparityMap::NO_SSDPI));
+        (20..40).for_each(|x| row.accept(x, 20.0, 100));
+    }
+    let distance_m = rig.and_then(|rig| rig.depth_m(20.0));
+    let known = CellDepth { median_px: 20.0, p20_px: 20.0, p80_px: 20.0, distance_m };
+    let cells = vec![Cell { valid_share: 0.0, depth: None }, Cell { valid_share: 1.0, depth: Some(known) }];
+    let grid = DepthGrid::new(GridShape { columns: 2, rows: 1 }, cells).unwrap();
+    let mut times = StageTimes::default();
+    times.add(Stage::Matching, Duration::from_micros(900));
+    Estimate { algorithm: label.to_owned(), disparity, grid, times }
+}
+
+fn write(path: &Path, rig: bool) {
+    let edges = Edges { name: "wall".into(), strips: vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]] };
+    let run = RunInfo {
+        recording_id: "run-1".into(),
+        scenario: "test".into(),
+        algorithms: LABELS.map(|label| (label.to_owned(), "window 9 px".to_owned())).into(),
+        wireframe: if rig { vec![edges] } else { Vec::new() },
+        grid: GridShape::default(),
+    };
+    let mut sink = RerunSink::new(RerunTarget::File(path.to_owned()), &run).unwrap();
+    for sequence in 0..3 {
+        let frame = frame(sequence, rig);
+        sink.push(&frame, &LABELS.map(|label| estimate(label, frame.rig))).unwrap();
+    }
+    sink.verdicts("# all passed").unwrap();
+    sink.finish().unwrap();
+}
+
+/// What a file holds: its stores, and per entity of the recording the components and the timelines.
+#[derive(Default)]
+struct Content {
+    stores: Vec<StoreId>,
+    components: BTreeMap<String, BTreeSet<String>>,
+    timelines: BTreeMap<String, BTreeSet<String>>,
+}
+
+impl Content {
+    fn read(path: &Path) -> Self {
+        let mut content = Self::default();
+        for message in DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap())) {
+            match message.unwrap() {
+                LogMsg::SetStoreInfo(set) => content.stores.push(set.info.store_id),
+                LogMsg::ArrowMsg(store, message) if store.kind() == StoreKind::Recording => {
+                    let chunk = Chunk::from_arrow_msg(&message).unwrap();
+                    let entity = chunk.entity_path().to_string();
+                    let components = chunk.components().keys().map(|c| c.to_string());
+                    content.components.entry(entity.clone()).or_default().extend(components);
+                    let timelines = chunk.timelines().keys().map(|t| t.to_string());
+                    content.timelines.entry(entity).or_default().extend(timelines);
+                }
+                _ => {}
+            }
+        }
+        content
+    }
+
+    fn has(&self, entity: &str, component: &str) -> bool {
+        self.components.get(entity).is_some_and(|components| components.contains(component))
+    }
+}
+
+#[test]
+fn every_entity_is_there_for_every_algorithm() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    write(&path, true);
+    let content = Content::read(&path);
+    let mut expected = vec![
+        ("/world".to_owned(), "ViewCoordinates:xyz"),
+        ("/world/arena".to_owned(), "LineStrips3D:strips"),
+        ("/world/trail".to_owned(), "LineStrips3D:strips"),
+        ("/world/rig/left".to_owned(), "Transform3D:translation"),
+        ("/world/rig/left".to_owned(), "Pinhole:image_from_camera"),
+        ("/world/rig/left/image".to_owned(), "Image:buffer"),
+        ("/truth/overlay".to_owned(), "Boxes2D:half_sizes"),
+        ("/truth/depth".to_owned(), "DepthImage:buffer"),
+        ("/run/parameters".to_owned(), "TextDocument:text"),
+        ("/run/verdicts".to_owned(), "TextDocument:text"),
+    ];
+    for name in ["v3", "bm-max_disparity-64"] {
+        let entity = |path: &str| format!("/algo/{name}/{path}");
+        for map in ["depth", "disparity", "ssdpi"] {
+            let components = ["DepthImage:buffer", "DepthImage:meter", "DepthImage:depth_range", "DepthImage:colormap"];
+            expected.extend(components.map(|component| (entity(map), component)));
+        }
+        expected.extend([
+            (entity("overlay"), "Boxes2D:half_sizes"),
+            (entity("overlay"), "Points2D:positions"),
+            (entity("overlay"), "LineStrips2D:strips"),
+            (entity("overlay/percentiles"), "Boxes2D:half_sizes"),
+            (entity("why"), "SegmentationImage:buffer"),
+            (entity("points"), "Points3D:positions"),
+            (entity("latency/total"), "Scalars:scalars"),
+            (entity("latency/matching"), "Scalars:scalars"),
+            (entity("coverage"), "Scalars:scalars"),
+            (entity("wrong_cells"), "Scalars:scalars"),
+        ]);
+    }
+    let missing: Vec<_> = expected.iter().filter(|(entity, component)| !content.has(entity, component)).collect();
+    assert!(missing.is_empty(), "missing {missing:?} in {:#?}", content.components);
+    assert!(["pair", "time"].iter().all(|&timeline| content.timelines["/algo/v3/depth"].contains(timeline)));
+}
+
+#[test]
+fn a_run_is_one_recording_with_a_layout() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    write(&path, true);
+    let stores = Content::read(&path).stores;
+    assert!(stores.iter().all(|store| store.application_id().as_str() == "svl"));
+    let recordings: Vec<_> = stores.iter().filter(|store| store.kind() == StoreKind::Recording).collect();
+    assert!(!recordings.is_empty() && recordings.iter().all(|store| store.recording_id().as_str() == "run-1"));
+    assert!(stores.iter().any(|store| store.kind() == StoreKind::Blueprint));
+}
+
+#[test]
+fn a_frame_without_rig_has_disparity_and_no_depth() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scenes.rrd");
+    write(&path, false);
+    let content = Content::read(&path);
+    assert!(content.has("/algo/v3/disparity", "DepthImage:buffer"));
+    assert!(content.has("/truth/overlay", "Boxes2D:half_sizes"));
+    assert!(content.has("/run/frames", "TextLog:text"));
+    assert!(!content.has("/algo/v3/depth", "DepthImage:buffer"));
+    assert!(!content.has("/algo/v3/points", "Points3D:positions"));
+    assert!(!content.has("/world/rig/left", "Pinhole:image_from_camera"));
+}
+
+#[test]
+fn a_target_that_cannot_be_is_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let taken = folder.path().join("taken.rrd");
+    std::fs::write(&taken, "mine").unwrap();
+    let targets = [
+        RerunTarget::File(taken.clone()),
+        // A folder's place is taken by a file.
+        RerunTarget::File(taken.join("run.rrd")),
+        // Port 1 is nobody's.
+        "http://127.0.0.1:1".parse().unwrap(),
+    ];
+    for target in targets {
+        let name = target.to_string();
+        let error = RerunSink::new(target, &RunInfo::default()).err().expect("not a target").to_string();
+        assert!(error.contains("taken.rrd") || error.starts_with(&name), "{error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+    }
+    assert_eq!(std::fs::read(&taken).unwrap(), b"mine");
+}
+
+#[test]
+fn a_recording_of_ours_gets_a_layout_and_a_foreign_one_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let layout = folder.path().join("layout.rbl");
+    let recording = Path::new("recordings/arena.mcap");
+    assert!(!save_recording_layout(recording, &["/camera/image_raw".to_owned()], &layout).unwrap());
+    assert!(!layout.exists());
+    assert!(save_recording_layout(recording, &["/stereo/left/image".to_owned()], &layout).unwrap());
+    let stores = Content::read(&layout).stores;
+    let ours = |s: &StoreId| s.kind() == StoreKind::Blueprint && s.application_id().as_str() == "arena";
+    assert!(!stores.is_empty() && stores.iter().all(ours));
+}
+
+#[test]
+fn the_viewer_verifies_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    write(&path, true);
+    let program = std::env::var("SVL_RERUN").unwrap_or_else(|_| "rerun".into());
+    match std::process::Command::new(&program).args(["rrd", "verify"]).arg(&path).output() {
+        Ok(output) => assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr)),
+        Err(error) => println!("skipped: {program}: {error}"),
+    }
+}
