@@ -9,13 +9,14 @@ mod dog;
 mod isa;
 mod smooth;
 mod ssd;
+mod write;
 
 pub use block::Lanes;
 pub use dog::DogTaps;
 pub use isa::{Isa, isa};
-pub use ssd::{CAP, Winners};
+pub use ssd::{CAP, Winner, Winners};
 
-use crate::stereo::Gray;
+use crate::stereo::{Gray, RowMut};
 
 /// Makes, per kernel, a safe function that runs its body compiled for the given instruction set.
 macro_rules! kernels {
@@ -74,4 +75,16 @@ kernels! {
     /// For each window of a block of rows the least capped SSD with windows up to `sums.len()` pixels to either side,
     /// `u16::MAX` where there is none.
     pub fn least_ssd(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) = ssd::least;
+
+    /// The winners of a block as rows, one after the other.
+    pub fn winner_rows(columns: &[Winners], out: &mut [Winner]) = ssd::winner_rows;
+
+    /// The lanes of a block as rows, one after the other.
+    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = ssd::transpose_back;
+
+    /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
+    pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;
+
+    /// Rejects the valid pixels of a row whose SSD is not below its reference, where neither is capped.
+    pub fn self_check_row(references: &[u16], row: &mut RowMut<'_>) = write::self_check;
 }

@@ -14,18 +14,34 @@ const REACH: usize = 4;
 /// Largest square in a capped sum.
 pub const CAP: u16 = u16::MAX / (2 * REACH as u16 + 1);
 
-/// The cheapest disparity of a window in each row of a block.
+/// The best disparity of a window so far, in each row of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Winners {
     /// Least `capped SSD · weight`.
-    pub cost: Lanes<u32>,
-    /// Its disparity, counted from the first.
-    pub index: Lanes<u32>,
+    cost: Lanes<u32>,
+    winner: Lanes<Winner>,
+}
+
+/// A disparity, counted from the first, and its capped SSD, in one word.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Winner(u32);
+
+impl Winner {
+    /// Nothing compared.
+    pub const NONE: Self = Self(u32::MAX);
+
+    pub fn index(self) -> u32 {
+        self.0 >> 16
+    }
+
+    pub fn capped_ssd(self) -> u32 {
+        self.0 & 0xffff
+    }
 }
 
 impl Winners {
     /// Nothing compared yet.
-    pub const NONE: Self = Self { cost: Lanes([u32::MAX; Lanes::COUNT]), index: Lanes([0; Lanes::COUNT]) };
+    pub const NONE: Self = Self { cost: Lanes([u32::MAX; Lanes::COUNT]), winner: Lanes([Winner::NONE; Lanes::COUNT]) };
 }
 
 /// See [`super::winners`].
@@ -47,25 +63,11 @@ pub(super) fn winners(
         let column = x as usize;
         let winners = &mut out[column];
         *winners = Winners::NONE;
-        if from >= to {
-            continue;
-        }
-        for (j, sum) in sums[from..to].iter_mut().enumerate() {
-            let u = (x - first) as usize - from - j;
-            if column == REACH || u == REACH {
-                *sum = window(left, column, right, u);
-            } else {
-                slide(sum, left, column, right, u);
-            }
-        }
-        let (sums, weights) = (&sums[from..to], &weights[from..to]);
-        let (fours, rest) = sums.as_chunks::<4>();
-        let (weights_of_fours, weights_of_rest) = weights.as_chunks::<4>();
-        for (i, (sums, weights)) in fours.iter().zip(weights_of_fours).enumerate() {
-            select(sums, weights, from + 4 * i, winners);
-        }
-        for (i, (sum, weight)) in rest.iter().zip(weights_of_rest).enumerate() {
-            select(&[*sum], &[*weight], from + 4 * fours.len() + i, winners);
+        if from < to {
+            // The windows of those disparities, from the right to the left.
+            let windows = (x - first) as usize + 1 - to..(x - first) as usize + 1 - from;
+            update(&mut sums[from..to], left, column, right, windows);
+            compete(&sums[from..to], &weights[from..to], from as u32, winners);
         }
     }
 }
@@ -75,18 +77,55 @@ pub(super) fn winners(
 pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) {
     out.fill(Lanes([u16::MAX; Lanes::COUNT]));
     for x in REACH..block.len().saturating_sub(REACH) {
-        for (offset, sum) in (1..=x - REACH).zip(sums.iter_mut()) {
-            let u = x - offset;
-            if u == REACH {
-                *sum = window(block, x, block, u);
-            } else {
-                slide(sum, block, x, block, u);
-            }
-            // One sum serves both windows.
-            let [here, there] = out.get_disjoint_mut([x, u]).expect("offset is not 0");
+        let windows = x.saturating_sub(sums.len()).max(REACH)..x;
+        let sums = &mut sums[..windows.len()];
+        update(sums, block, x, block, windows.clone());
+        // One sum serves both windows.
+        let mut here = out[x];
+        for (sum, there) in sums.iter().zip(out[windows].iter_mut().rev()) {
+            meet(&mut here, there, sum);
+        }
+        out[x] = here;
+    }
+}
+
+#[inline(always)]
+fn meet(here: &mut Lanes<u16>, there: &mut Lanes<u16>, sum: &Lanes<u16>) {
+    for l in 0..Lanes::COUNT {
+        here.0[l] = here.0[l].min(sum.0[l]);
+        there.0[l] = there.0[l].min(sum.0[l]);
+    }
+}
+
+/// Makes of `sums` the capped SSDs of the window around `x` in `left` with each of the `windows` in `right`, from the
+/// rightmost on. Before, they were those for `x - 1` and windows one pixel to the left.
+#[inline(always)]
+fn update(
+    sums: &mut [Lanes<u16>],
+    left: &[Lanes<u16>],
+    x: usize,
+    right: &[Lanes<u16>],
+    windows: std::ops::Range<usize>,
+) {
+    // Windows that were not there before: all for the first x, else that at the left edge.
+    let fresh = if x == REACH { windows.end } else { windows.end.min(REACH + 1) }.max(windows.start);
+    let (slid, new) = sums.split_at_mut(windows.end - fresh);
+    if !slid.is_empty() {
+        let (come, gone) = (&left[x + REACH], &left[x - REACH - 1]);
+        let come_right = right[fresh + REACH..windows.end + REACH].iter().rev();
+        let gone_right = right[fresh - REACH - 1..windows.end - REACH - 1].iter().rev();
+        for (sum, (come_right, gone_right)) in slid.iter_mut().zip(come_right.zip(gone_right)) {
             for l in 0..Lanes::COUNT {
-                here.0[l] = here.0[l].min(sum.0[l]);
-                there.0[l] = there.0[l].min(sum.0[l]);
+                let (come, gone) = (square(come, come_right, l), square(gone, gone_right, l));
+                sum.0[l] = sum.0[l].wrapping_add(come).wrapping_sub(gone);
+            }
+        }
+    }
+    for (sum, u) in new.iter_mut().zip((windows.start..fresh).rev()) {
+        *sum = Lanes([0; Lanes::COUNT]);
+        for (a, b) in left[x - REACH..=x + REACH].iter().zip(&right[u - REACH..=u + REACH]) {
+            for l in 0..Lanes::COUNT {
+                sum.0[l] += square(a, b, l);
             }
         }
     }
@@ -99,37 +138,55 @@ fn square(a: &Lanes<u16>, b: &Lanes<u16>, l: usize) -> u16 {
     difference.wrapping_mul(difference).min(CAP)
 }
 
-/// The capped SSD of the windows around `x` in `left` and `u` in `right`.
-#[inline(always)]
-fn window(left: &[Lanes<u16>], x: usize, right: &[Lanes<u16>], u: usize) -> Lanes<u16> {
-    let mut sum = Lanes([0; Lanes::COUNT]);
-    for (a, b) in left[x - REACH..=x + REACH].iter().zip(&right[u - REACH..=u + REACH]) {
-        for l in 0..Lanes::COUNT {
-            sum.0[l] += square(a, b, l);
-        }
-    }
-    sum
-}
-
-/// Moves `sum` on to the windows around `x` and `u` from those one pixel to the left.
-#[inline(always)]
-fn slide(sum: &mut Lanes<u16>, left: &[Lanes<u16>], x: usize, right: &[Lanes<u16>], u: usize) {
-    let (new, old) = ((&left[x + REACH], &right[u + REACH]), (&left[x - REACH - 1], &right[u - REACH - 1]));
-    for l in 0..Lanes::COUNT {
-        sum.0[l] = sum.0[l].wrapping_add(square(new.0, new.1, l)).wrapping_sub(square(old.0, old.1, l));
-    }
-}
-
 /// Lets the disparities from `index` on compete with the winners so far, which keep their place at equal cost.
 #[inline(always)]
-fn select<const N: usize>(sums: &[Lanes<u16>; N], weights: &[u32; N], index: usize, winners: &mut Winners) {
+fn compete(sums: &[Lanes<u16>], weights: &[u32], index: u32, winners: &mut Winners) {
+    let (fours, rest) = sums.as_chunks::<4>();
+    let (weights_of_fours, weights_of_rest) = weights.as_chunks::<4>();
+    for (sums, (weights, index)) in fours.iter().zip(weights_of_fours.iter().zip((index..).step_by(4))) {
+        select(sums, weights, index, winners);
+    }
+    for (sum, (weight, index)) in rest.iter().zip(weights_of_rest.iter().zip(index + 4 * fours.len() as u32..)) {
+        select(std::array::from_ref(sum), std::array::from_ref(weight), index, winners);
+    }
+}
+
+#[inline(always)]
+fn select<const N: usize>(sums: &[Lanes<u16>; N], weights: &[u32; N], index: u32, winners: &mut Winners) {
     for l in 0..Lanes::COUNT {
-        let (mut best, mut best_index) = (winners.cost.0[l], winners.index.0[l]);
+        let (mut least, mut winner) = (winners.cost.0[l], winners.winner.0[l].0);
         for k in 0..N {
-            let cost = u32::from(sums[k].0[l]) * weights[k];
-            best_index = if cost < best { (index + k) as u32 } else { best_index };
-            best = best.min(cost);
+            let ssd = u32::from(sums[k].0[l]);
+            let cost = ssd * weights[k];
+            winner = if cost < least { (index + k as u32) << 16 | ssd } else { winner };
+            least = least.min(cost);
         }
-        (winners.cost.0[l], winners.index.0[l]) = (best, best_index);
+        (winners.cost.0[l], winners.winner.0[l]) = (least, Winner(winner));
+    }
+}
+
+/// See [`super::winner_rows`].
+#[inline(always)]
+pub(super) fn winner_rows(columns: &[Winners], out: &mut [Winner]) {
+    const TILE: usize = 16;
+    let width = columns.len();
+    for (tile, columns) in columns.chunks(TILE).enumerate() {
+        for (lane, row) in out.chunks_exact_mut(width).enumerate() {
+            let row = &mut row[tile * TILE..][..columns.len()];
+            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.winner.0[lane]);
+        }
+    }
+}
+
+/// See [`super::transpose_back`].
+#[inline(always)]
+pub(super) fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) {
+    const TILE: usize = 16;
+    let width = columns.len();
+    for (tile, columns) in columns.chunks(TILE).enumerate() {
+        for (lane, row) in out.chunks_exact_mut(width).enumerate() {
+            let row = &mut row[tile * TILE..][..columns.len()];
+            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.0[lane]);
+        }
     }
 }

@@ -112,7 +112,7 @@ impl Matcher for V3 {
                 if lane == 0 {
                     search.search(isa, left_blocks.around(y), right_blocks.around(y));
                 }
-                search.write_row(lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
+                search.write_row(isa, lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
             }
         });
         clock.lap(Stage::Matching);
@@ -123,7 +123,7 @@ impl Matcher for V3 {
                 if lane == 0 {
                     check.search(isa, left_blocks.around(y));
                 }
-                check.check_row(lane, left.row(y), &mut row);
+                check.check_row(isa, lane, left.row(y), &mut row);
                 if self.back_check {
                     back_check(&mut row);
                 }

@@ -229,6 +229,20 @@ impl RowMut<'_> {
         }
     }
 
+    /// Disparities, reasons and SSDPIs, to write together: finite exactly where valid.
+    pub(crate) fn planes_mut(&mut self) -> (&mut [f32], &mut [Reason], &mut [u32]) {
+        (self.disparity, self.why, self.ssdpi)
+    }
+
+    /// The row's pixels `columns` alone.
+    pub fn part_mut(&mut self, columns: std::ops::Range<usize>) -> RowMut<'_> {
+        RowMut {
+            disparity: &mut self.disparity[columns.clone()],
+            why: &mut self.why[columns.clone()],
+            ssdpi: &mut self.ssdpi[columns],
+        }
+    }
+
     /// The winner's SSD at `x`.
     pub fn ssdpi(&self, x: usize) -> u32 {
         self.ssdpi[x]

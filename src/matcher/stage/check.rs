@@ -2,7 +2,7 @@
 
 use super::DisparityRange;
 use super::ssd::{REACH, farthest_shift, ssd};
-use crate::kernel::{CAP, Isa, Lanes, least_ssd};
+use crate::kernel::{CAP, Isa, Lanes, least_ssd, self_check_row, transpose_back};
 use crate::stereo::{Reason, RowMut};
 
 /// The self check: a match must be better than the window's best match in its own image.
@@ -13,35 +13,35 @@ use crate::stereo::{Reason, RowMut};
 pub struct SelfCheck {
     farthest: usize,
     sums: Vec<Lanes<u16>>,
-    references: Vec<Lanes<u16>>,
+    columns: Vec<Lanes<u16>>,
+    references: Vec<u16>,
 }
 
 impl SelfCheck {
     /// For rows of `width` pixels.
     pub fn new(width: usize, range: DisparityRange) -> Self {
         let farthest = range.farthest().min(farthest_shift(width)).max(0) as usize;
-        Self { farthest, sums: vec![Lanes::splat(0); farthest], references: vec![Lanes::splat(0); width] }
+        Self {
+            farthest,
+            sums: vec![Lanes::splat(0); farthest],
+            columns: vec![Lanes::splat(0); width],
+            references: vec![0; width * Lanes::COUNT],
+        }
     }
 
     /// Finds the references of a block of rows of the left image.
     pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>]) {
-        least_ssd(isa, left, &mut self.sums, &mut self.references);
+        least_ssd(isa, left, &mut self.sums, &mut self.columns);
+        transpose_back(isa, &self.columns, &mut self.references);
     }
 
     /// Rejects the matches of `row`, the one of that `lane` in the block, whose SSDPI is not below their reference. A
     /// window that has no other window to resemble passes.
-    pub fn check_row(&self, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
+    pub fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
+        self_check_row(isa, &self.references[lane * row.width()..][..row.width()], row);
         for x in 0..row.width() {
-            if row.at(x).is_err() {
-                continue;
-            }
             let ssdpi = row.ssdpi(x);
-            let rejected = if ssdpi < u32::from(CAP) {
-                ssdpi >= u32::from(self.references[x].0[lane])
-            } else {
-                self.resembles(left, x, ssdpi)
-            };
-            if rejected {
+            if ssdpi >= u32::from(CAP) && row.at(x).is_ok() && self.resembles(left, x, ssdpi) {
                 row.reject(x, Reason::SelfCheck, ssdpi);
             }
         }

@@ -4,9 +4,9 @@
 //! also a penalty behind the point where the view axes cross.
 
 use crate::error::{Error, Result};
-use crate::kernel::{CAP, Isa, Lanes, Winners, winners};
+use crate::kernel::{CAP, Isa, Lanes, Winner, Winners, accept_row, winner_rows, winners};
 use crate::matcher::{Parameter, Range};
-use crate::stereo::{DisparityMap, Reason, RowMut};
+use crate::stereo::{Reason, RowMut};
 use std::ops;
 
 /// Half of the one-dimensional window of nine pixels.
@@ -85,7 +85,8 @@ pub struct BlockSearch {
     first: i32,
     weights: Vec<u32>,
     sums: Vec<Lanes<u16>>,
-    winners: Vec<Winners>,
+    columns: Vec<Winners>,
+    winners: Vec<Winner>,
 }
 
 impl BlockSearch {
@@ -98,29 +99,28 @@ impl BlockSearch {
             first: *disparities.start(),
             weights: disparities.clone().map(DisparityRange::weight).collect(),
             sums: disparities.map(|_| Lanes::splat(0)).collect(),
-            winners: vec![Winners::NONE; width],
+            columns: vec![Winners::NONE; width],
+            winners: vec![Winner::NONE; width * Lanes::COUNT],
         }
     }
 
     /// Matches a block of rows of the left image with the same rows of the right one.
     pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>]) {
-        winners(isa, left, right, self.first, &self.weights, &mut self.sums, &mut self.winners);
+        winners(isa, left, right, self.first, &self.weights, &mut self.sums, &mut self.columns);
+        winner_rows(isa, &self.columns, &mut self.winners);
     }
 
     /// Fills `row`, the one of that `lane` in the block: the winners, *border* where no disparity is admissible,
     /// *untextured* elsewhere.
-    pub fn write_row(&self, lane: usize, [left, right]: [&[u8]; 2], textured: &[bool], row: &mut RowMut<'_>) {
-        row.clear(Reason::Border);
-        for x in self.range.columns(row.width()) {
-            if !textured[x] {
-                row.reject(x, Reason::Untextured, DisparityMap::NO_SSDPI);
-                continue;
-            }
-            let (cost, index) = (self.winners[x].cost.0[lane], self.winners[x].index.0[lane]);
-            let capped = cost / self.weights[index as usize];
-            if capped < u32::from(CAP) {
-                row.accept(x, (self.first + index as i32) as f32, capped);
-            } else {
+    pub fn write_row(&self, isa: Isa, lane: usize, [left, right]: [&[u8]; 2], textured: &[bool], row: &mut RowMut<'_>) {
+        let columns = self.range.columns(row.width());
+        let winners = &self.winners[lane * row.width()..][..row.width()];
+        row.part_mut(0..columns.start).clear(Reason::Border);
+        row.part_mut(columns.end..left.len()).clear(Reason::Border);
+        let part = &mut row.part_mut(columns.clone());
+        accept_row(isa, self.first, &winners[columns.clone()], &textured[columns.clone()], part);
+        for x in columns {
+            if textured[x] && winners[x].capped_ssd() >= u32::from(CAP) {
                 let (disparity, ssd) = self.exact(left, right, x);
                 row.accept(x, disparity as f32, ssd);
             }
