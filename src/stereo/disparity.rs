@@ -229,6 +229,11 @@ impl RowMut<'_> {
         }
     }
 
+    /// The winners' SSDs.
+    pub fn ssdpis(&self) -> &[u32] {
+        self.ssdpi
+    }
+
     /// Disparities, reasons and SSDPIs, to write together: finite exactly where valid.
     pub(crate) fn planes_mut(&mut self) -> (&mut [f32], &mut [Reason], &mut [u32]) {
         (self.disparity, self.why, self.ssdpi)

@@ -1,8 +1,8 @@
 //! Checks of a match that need no second matching (thesis, section 5.3.3, "Validity Test" and "Back checking").
 
 use super::DisparityRange;
-use super::ssd::{REACH, farthest_shift, ssd};
-use crate::kernel::{CAP, Isa, Lanes, least_ssd, self_check_row, transpose_back};
+use super::ssd::{REACH, each_capped, farthest_shift, ssd};
+use crate::kernel::{Isa, Lanes, least_ssd, self_check_row, transpose_back};
 use crate::stereo::{Reason, RowMut};
 
 /// The self check: a match must be better than the window's best match in its own image.
@@ -39,12 +39,12 @@ impl SelfCheck {
     /// window that has no other window to resemble passes.
     pub fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
         self_check_row(isa, &self.references[lane * row.width()..][..row.width()], row);
-        for x in 0..row.width() {
+        each_capped(row, |x, row| {
             let ssdpi = row.ssdpi(x);
-            if ssdpi >= u32::from(CAP) && row.at(x).is_ok() && self.resembles(left, x, ssdpi) {
+            if row.at(x).is_ok() && self.resembles(left, x, ssdpi) {
                 row.reject(x, Reason::SelfCheck, ssdpi);
             }
-        }
+        });
     }
 
     /// Whether some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are the likeliest.

@@ -6,7 +6,7 @@
 use crate::error::{Error, Result};
 use crate::kernel::{CAP, Isa, Lanes, Winner, Winners, accept_row, winner_rows, winners};
 use crate::matcher::{Parameter, Range};
-use crate::stereo::{Reason, RowMut};
+use crate::stereo::{DisparityMap, Reason, RowMut};
 use std::ops;
 
 /// Half of the one-dimensional window of nine pixels.
@@ -119,12 +119,10 @@ impl BlockSearch {
         row.part_mut(columns.end..left.len()).clear(Reason::Border);
         let part = &mut row.part_mut(columns.clone());
         accept_row(isa, self.first, &winners[columns.clone()], &textured[columns.clone()], part);
-        for x in columns {
-            if textured[x] && winners[x].capped_ssd() >= u32::from(CAP) {
-                let (disparity, ssd) = self.exact(left, right, x);
-                row.accept(x, disparity as f32, ssd);
-            }
-        }
+        each_capped(row, |x, row| {
+            let (disparity, ssd) = self.exact(left, right, x);
+            row.accept(x, disparity as f32, ssd);
+        });
     }
 
     /// The winner at `x` and its SSD, without caps.
@@ -139,6 +137,22 @@ impl BlockSearch {
         // `DisparityRange::columns` names only pixels with an admissible disparity.
         let (_, disparity, ssd) = candidates.min().expect("an admissible disparity");
         (disparity, ssd)
+    }
+}
+
+/// Calls `look_up` with each pixel of `row` that has an SSD which may be capped; they are few.
+pub(super) fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<'_>)) {
+    const CHUNK: usize = 32;
+    let capped = |ssd: u32| (u32::from(CAP)..DisparityMap::NO_SSDPI).contains(&ssd);
+    for start in (0..row.width()).step_by(CHUNK) {
+        let end = row.width().min(start + CHUNK);
+        if row.ssdpis()[start..end].iter().fold(false, |any, &ssd| any | capped(ssd)) {
+            (start..end).for_each(|x| {
+                if capped(row.ssdpi(x)) {
+                    look_up(x, row);
+                }
+            });
+        }
     }
 }
 
