@@ -24,12 +24,11 @@ pub(super) fn row(row: &[u8], taps: &DogTaps, out: &mut [bool]) {
     for (block, out) in out.chunks_mut(BLOCK).enumerate() {
         let start = block * BLOCK;
         // around[i] is pixel start + i - REACH, edges replicated.
-        let mut around = [0u8; BLOCK + 2 * REACH];
-        if start >= REACH && start + BLOCK + REACH <= row.len() {
-            around.copy_from_slice(&row[start - REACH..start + BLOCK + REACH]);
-        } else {
-            around.iter_mut().enumerate().for_each(|(i, a)| *a = row[(start + i).saturating_sub(REACH).min(last)]);
-        }
+        let mut around = [row[last]; BLOCK + 2 * REACH];
+        let missing = REACH.saturating_sub(start);
+        around[..missing].fill(row[0]);
+        let source = &row[start + missing - REACH..row.len().min(start + BLOCK + REACH)];
+        around[missing..][..source.len()].copy_from_slice(source);
         let mut fine = [0i32; BLOCK];
         let mut coarse = [0i32; BLOCK];
         for i in 0..BLOCK {
@@ -45,8 +44,10 @@ pub(super) fn row(row: &[u8], taps: &DogTaps, out: &mut [bool]) {
                 coarse[i] += taps.coarse[k] * both;
             }
         }
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = fine[i].abs() >= coarse[i].abs();
+        let mut textured = [false; BLOCK];
+        for i in 0..BLOCK {
+            textured[i] = fine[i].abs() >= coarse[i].abs();
         }
+        out.copy_from_slice(&textured[..out.len()]);
     }
 }

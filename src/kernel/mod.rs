@@ -4,16 +4,19 @@
 //! `#[inline(always)]` and pulled into one function per instruction set, where the compiler turns the lanes into
 //! vectors. All arithmetic is on integers, so every variant gives the same bytes; `tests/v3.rs` holds them to it.
 
+mod block;
 mod dog;
 mod isa;
 mod smooth;
 mod ssd;
+mod write;
 
+pub use block::Lanes;
 pub use dog::DogTaps;
 pub use isa::{Isa, isa};
-pub use ssd::{Search, Winner};
+pub use ssd::{CAP, Winner, Winners};
 
-use crate::stereo::Gray;
+use crate::stereo::{Gray, RowMut};
 
 /// Makes, per kernel, a safe function that runs its body compiled for the given instruction set.
 macro_rules! kernels {
@@ -54,17 +57,34 @@ kernels! {
     /// Marks the pixels of `row` where the fine difference of Gaussians answers at least as strongly as the coarse one.
     pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = dog::row;
 
-    /// For each of the `windows` (centres, at least 4 pixels inside) of `probe`, the offset of `search` at which
-    /// `SSD · weights` is least, ties to the higher offset. `out` gets one winner per window.
+    /// Rows `y ..` of `image`, as many as a block has, as columns of lanes: one per pixel of a row.
+    pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = block::transpose;
+
+    /// For each window of a block of rows the disparity of least `capped SSD · weight`, ties to the lower one.
     ///
-    /// Each window must have an admissible offset, and `Search::MAX_SSD * weight` must fit 32 bits.
+    /// `sums` and `weights` have an element for each disparity from `first` on, `out` one per column.
     pub fn winners(
-        search: &mut Search, probe: &[u8], other: &[u8], weights: &[u32], windows: &[u32], out: &mut Vec<Winner>,
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        first: i32,
+        weights: &[u32],
+        sums: &mut [Lanes<u16>],
+        out: &mut [Winners],
     ) = ssd::winners;
 
-    /// For each of the `windows` of `probe` the least SSD over the offsets of `search`, [`Search::NONE`] where none is
-    /// admissible.
-    pub fn least_ssd(
-        search: &mut Search, probe: &[u8], other: &[u8], windows: &[u32], out: &mut Vec<u32>,
-    ) = ssd::least;
+    /// For each window of a block of rows the least capped SSD with windows up to `sums.len()` pixels to either side,
+    /// `u16::MAX` where there is none.
+    pub fn least_ssd(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) = ssd::least;
+
+    /// The winners of a block as rows, one after the other.
+    pub fn winner_rows(columns: &[Winners], out: &mut [Winner]) = ssd::winner_rows;
+
+    /// The lanes of a block as rows, one after the other.
+    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = ssd::transpose_back;
+
+    /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
+    pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;
+
+    /// Rejects the valid pixels of a row whose SSD is not below its reference, where neither is capped.
+    pub fn self_check_row(references: &[u16], row: &mut RowMut<'_>) = write::self_check;
 }

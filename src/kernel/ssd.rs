@@ -1,200 +1,192 @@
-//! Sums of squared differences between windows of one row and windows of another, over a range of offsets.
+//! Sums of squared differences of windows of nine pixels, for all rows of a block at once.
 //!
-//! `Σ (p − q)² = Σ p² + Σ q² − 2 Σ p·q`: the first two sums, the windows' energies, are computed once per row; the
-//! third slides along a run of windows, one product coming in and one going out (thesis, section 5.3.3,
-//! "Optimization", and figure 5.10). Lanes run over the offsets, so a window that nobody asks for costs nothing.
+//! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3, "Optimization", and
+//! figure 5.10). The sums are kept in 16 bits, twice as many to a vector as 32 would allow: each square is capped at
+//! [`CAP`], so that nine of them fit. **A capped sum below [`CAP`] is exact**, as none of its squares was capped, **and
+//! one that is not is still no larger than the exact sum.** So a minimum below [`CAP`] is the exact minimum; callers
+//! look up the rest, windows that differ by 28 grey levels on average and more, one by one.
+
+use super::Lanes;
 
 /// Half of the window: it covers x − 4 ..= x + 4.
 const REACH: usize = 4;
-const WINDOW: usize = 2 * REACH + 1;
-const LANES: usize = 16;
-/// Added to the SSD of an inadmissible offset; it makes it negative, which no real one is, even when added twice.
-const POISON: i32 = i32::MIN / 4;
 
-/// The best offset of a window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Winner {
-    pub offset: i32,
-    pub ssd: u32,
+/// Largest square in a capped sum.
+pub const CAP: u16 = u16::MAX / (2 * REACH as u16 + 1);
+
+/// The best disparity of a window so far, in each row of a block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Winners {
+    /// Least `capped SSD · weight`.
+    cost: Lanes<u32>,
+    winner: Lanes<Winner>,
 }
 
-/// Compares windows of a probe row with those of another row of the same width, `first ..= last` pixels to the right.
-pub struct Search {
-    first: i32,
-    /// Zeros before the first pixel of `other`.
-    pad: usize,
-    /// −2 times the probe's pixels.
-    probe: Vec<i32>,
-    /// Energy of the window around each pixel.
-    probe_energy: Vec<i32>,
-    other: Vec<i32>,
-    /// As `probe_energy`; [`POISON`] where no window fits.
-    other_energy: Vec<i32>,
-    /// −2 Σ p·q per offset, for the window last visited.
-    products: Vec<i32>,
-    /// What `products` begins with: zero, or [`POISON`] for offsets not asked for.
-    start: Vec<i32>,
-    table: Vec<u32>,
-}
+/// A disparity, counted from the first, and its capped SSD, in one word.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Winner(u32);
 
-impl Search {
-    /// The least SSD of a window without any admissible offset.
-    pub const NONE: u32 = u32::MAX;
+impl Winner {
+    /// Nothing compared.
+    pub const NONE: Self = Self(u32::MAX);
 
-    /// The largest SSD there is.
-    pub const MAX_SSD: u32 = WINDOW as u32 * 255 * 255;
-
-    /// For rows of `width` pixels and offsets `first ..= last`, without offset 0 unless `zero`.
-    ///
-    /// Offsets at which no window can lie in both rows are left out, so memory is proportional to `width`.
-    pub fn new(width: usize, first: i32, last: i32, zero: bool) -> Self {
-        // A row has at most MAX_SIDE pixels, far below i32's range.
-        let farthest = width.saturating_sub(WINDOW) as i32;
-        let (first, last) = (first.clamp(-farthest, farthest + 1), last.clamp(-farthest - 1, farthest));
-        let offsets = usize::try_from(last - first + 1).unwrap_or(0);
-        let padded = offsets.next_multiple_of(LANES);
-        let pad = first.min(0).unsigned_abs() as usize + REACH + 1;
-        let length = pad + width + first.max(0) as usize + padded + REACH;
-        let asked = |j: usize| j < offsets && (zero || j as i32 + first != 0);
-        Self {
-            first,
-            pad,
-            probe: vec![0; width],
-            probe_energy: vec![0; width],
-            other: vec![0; length],
-            other_energy: vec![POISON; length],
-            products: vec![0; padded],
-            table: vec![0; padded],
-            start: (0..padded).map(|j| if asked(j) { 0 } else { POISON }).collect(),
-        }
+    pub fn index(self) -> u32 {
+        self.0 >> 16
     }
 
-    /// The offsets from the first one on, rounded up to whole lanes: as many as there must be weights.
-    pub fn offsets(&self) -> impl Iterator<Item = i32> {
-        self.first..self.first + self.products.len() as i32
-    }
-
-    #[inline(always)]
-    fn load(&mut self, probe: &[u8], other: &[u8]) {
-        let width = probe.len();
-        let inside = REACH..width - REACH;
-        self.probe.iter_mut().zip(probe).for_each(|(p, &pixel)| *p = -2 * i32::from(pixel));
-        energies(probe, &mut self.probe_energy[inside.clone()]);
-        self.other[self.pad..].iter_mut().zip(other).for_each(|(q, &pixel)| *q = i32::from(pixel));
-        energies(other, &mut self.other_energy[self.pad..][inside]);
-    }
-
-    /// Puts −2 Σ p·q of the window at `x` into `products` and hands `with` the slices to finish an SSD per offset.
-    #[inline(always)]
-    fn visit(&mut self, x: usize, fresh: bool) -> (&[i32], &[i32], i32) {
-        let Self { products, probe, other, .. } = self;
-        let n = products.len();
-        // `pad` is larger than −first by more than the window's reach.
-        let at = (self.pad as i32 + self.first) as usize + x;
-        if fresh {
-            fill(products, &self.start, &probe[x - REACH..], &other[at - REACH..]);
-        } else {
-            let (new, old) = (probe[x + REACH], probe[x - REACH - 1]);
-            slide(products, new, &other[at + REACH..], old, &other[at - REACH - 1..]);
-        }
-        (&self.products, &self.other_energy[at..at + n], self.probe_energy[x])
+    pub fn capped_ssd(self) -> u32 {
+        self.0 & 0xffff
     }
 }
 
-#[inline(always)]
-fn fill(products: &mut [i32], start: &[i32], probe: &[i32], other: &[i32]) {
-    let n = products.len();
-    let (start, other) = (&start[..n], &other[..n + WINDOW - 1]);
-    let probe: &[i32; WINDOW] = probe.first_chunk().expect("a whole window");
-    for j in 0..n {
-        let mut sum = start[j];
-        for i in 0..WINDOW {
-            sum += probe[i] * other[j + i];
-        }
-        products[j] = sum;
-    }
-}
-
-#[inline(always)]
-fn slide(products: &mut [i32], new: i32, other_new: &[i32], old: i32, other_old: &[i32]) {
-    for (sum, (q_new, q_old)) in products.iter_mut().zip(other_new.iter().zip(other_old)) {
-        *sum += new * q_new - old * q_old;
-    }
-}
-
-#[inline(always)]
-fn costs(products: &[i32], energy: &[i32], probe_energy: i32, weights: &[u32], costs: &mut [u32]) -> u32 {
-    let n = costs.len();
-    let (products, energy, weights) = (&products[..n], &energy[..n], &weights[..n]);
-    let mut least = u32::MAX;
-    for j in 0..n {
-        let ssd = products[j] + energy[j] + probe_energy;
-        let inadmissible = (ssd >> 31) as u32;
-        costs[j] = (ssd as u32).wrapping_mul(weights[j]) | inadmissible;
-        least = least.min(costs[j]);
-    }
-    least
+impl Winners {
+    /// Nothing compared yet.
+    pub const NONE: Self = Self { cost: Lanes([u32::MAX; Lanes::COUNT]), winner: Lanes([Winner::NONE; Lanes::COUNT]) };
 }
 
 /// See [`super::winners`].
 #[inline(always)]
 pub(super) fn winners(
-    search: &mut Search,
-    probe: &[u8],
-    other: &[u8],
+    left: &[Lanes<u16>],
+    right: &[Lanes<u16>],
+    first: i32,
     weights: &[u32],
-    windows: &[u32],
-    out: &mut Vec<Winner>,
+    sums: &mut [Lanes<u16>],
+    out: &mut [Winners],
 ) {
-    out.clear();
-    if windows.is_empty() {
-        return;
-    }
-    search.load(probe, other);
-    let first = search.first;
-    let mut table = std::mem::take(&mut search.table);
-    let mut next = None;
-    for &x in windows {
-        let fresh = next != Some(x);
-        next = Some(x + 1);
-        let x = x as usize;
-        let (products, energy, probe_energy) = search.visit(x, fresh);
-        let cost = costs(products, energy, probe_energy, weights, &mut table);
-        let mut index = 0;
-        for j in 0..table.len() {
-            index = if table[j] == cost { j as u32 } else { index };
+    let (width, count) = (left.len() as i32, sums.len() as i32);
+    let reach = REACH as i32;
+    for x in reach..width - reach {
+        // Disparities that keep the window inside the right image, counted from the first.
+        let from = (x - (width - 1 - reach) - first).clamp(0, count) as usize;
+        let to = (x - reach + 1 - first).clamp(0, count) as usize;
+        let column = x as usize;
+        let winners = &mut out[column];
+        *winners = Winners::NONE;
+        if from < to {
+            // The windows of those disparities, from the right to the left.
+            let windows = (x - first) as usize + 1 - to..(x - first) as usize + 1 - from;
+            update(&mut sums[from..to], left, column, right, windows);
+            compete(&sums[from..to], &weights[from..to], from as u32, winners);
         }
-        out.push(Winner { offset: first + index as i32, ssd: cost / weights[index as usize] });
     }
-    search.table = table;
 }
 
 /// See [`super::least_ssd`].
 #[inline(always)]
-pub(super) fn least(search: &mut Search, probe: &[u8], other: &[u8], windows: &[u32], out: &mut Vec<u32>) {
-    out.clear();
-    if windows.is_empty() {
-        return;
-    }
-    search.load(probe, other);
-    let mut next = None;
-    for &x in windows {
-        let fresh = next != Some(x);
-        next = Some(x + 1);
-        let x = x as usize;
-        let (products, energy, probe_energy) = search.visit(x, fresh);
-        let mut least = u32::MAX;
-        for (sum, energy) in products.iter().zip(energy) {
-            least = least.min((sum + energy + probe_energy) as u32);
+pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) {
+    out.fill(Lanes([u16::MAX; Lanes::COUNT]));
+    for x in REACH..block.len().saturating_sub(REACH) {
+        let windows = x.saturating_sub(sums.len()).max(REACH)..x;
+        let sums = &mut sums[..windows.len()];
+        update(sums, block, x, block, windows.clone());
+        // One sum serves both windows.
+        let mut here = out[x];
+        for (sum, there) in sums.iter().zip(out[windows].iter_mut().rev()) {
+            meet(&mut here, there, sum);
         }
-        out.push(if least <= Search::MAX_SSD { least } else { Search::NONE });
+        out[x] = here;
     }
 }
 
-/// `out[x]` = Σ of the squares of `row[x ..= x + 8]`.
 #[inline(always)]
-fn energies(row: &[u8], out: &mut [i32]) {
-    for (x, out) in out.iter_mut().enumerate() {
-        *out = (0..WINDOW).map(|i| i32::from(row[x + i])).map(|p| p * p).sum();
+fn meet(here: &mut Lanes<u16>, there: &mut Lanes<u16>, sum: &Lanes<u16>) {
+    for l in 0..Lanes::COUNT {
+        here.0[l] = here.0[l].min(sum.0[l]);
+        there.0[l] = there.0[l].min(sum.0[l]);
+    }
+}
+
+/// Makes of `sums` the capped SSDs of the window around `x` in `left` with each of the `windows` in `right`, from the
+/// rightmost on. Before, they were those for `x - 1` and windows one pixel to the left.
+#[inline(always)]
+fn update(
+    sums: &mut [Lanes<u16>],
+    left: &[Lanes<u16>],
+    x: usize,
+    right: &[Lanes<u16>],
+    windows: std::ops::Range<usize>,
+) {
+    // Windows that were not there before: all for the first x, else that at the left edge.
+    let fresh = if x == REACH { windows.end } else { windows.end.min(REACH + 1) }.max(windows.start);
+    let (slid, new) = sums.split_at_mut(windows.end - fresh);
+    if !slid.is_empty() {
+        let (come, gone) = (&left[x + REACH], &left[x - REACH - 1]);
+        let come_right = right[fresh + REACH..windows.end + REACH].iter().rev();
+        let gone_right = right[fresh - REACH - 1..windows.end - REACH - 1].iter().rev();
+        for (sum, (come_right, gone_right)) in slid.iter_mut().zip(come_right.zip(gone_right)) {
+            for l in 0..Lanes::COUNT {
+                let (come, gone) = (square(come, come_right, l), square(gone, gone_right, l));
+                sum.0[l] = sum.0[l].wrapping_add(come).wrapping_sub(gone);
+            }
+        }
+    }
+    for (sum, u) in new.iter_mut().zip((windows.start..fresh).rev()) {
+        *sum = Lanes([0; Lanes::COUNT]);
+        for (a, b) in left[x - REACH..=x + REACH].iter().zip(&right[u - REACH..=u + REACH]) {
+            for l in 0..Lanes::COUNT {
+                sum.0[l] += square(a, b, l);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn square(a: &Lanes<u16>, b: &Lanes<u16>, l: usize) -> u16 {
+    // Pixels have 8 bits, so the square is right modulo 65536 whatever the difference's sign.
+    let difference = a.0[l].wrapping_sub(b.0[l]);
+    difference.wrapping_mul(difference).min(CAP)
+}
+
+/// Lets the disparities from `index` on compete with the winners so far, which keep their place at equal cost.
+#[inline(always)]
+fn compete(sums: &[Lanes<u16>], weights: &[u32], index: u32, winners: &mut Winners) {
+    let (fours, rest) = sums.as_chunks::<4>();
+    let (weights_of_fours, weights_of_rest) = weights.as_chunks::<4>();
+    for (sums, (weights, index)) in fours.iter().zip(weights_of_fours.iter().zip((index..).step_by(4))) {
+        select(sums, weights, index, winners);
+    }
+    for (sum, (weight, index)) in rest.iter().zip(weights_of_rest.iter().zip(index + 4 * fours.len() as u32..)) {
+        select(std::array::from_ref(sum), std::array::from_ref(weight), index, winners);
+    }
+}
+
+#[inline(always)]
+fn select<const N: usize>(sums: &[Lanes<u16>; N], weights: &[u32; N], index: u32, winners: &mut Winners) {
+    for l in 0..Lanes::COUNT {
+        let (mut least, mut winner) = (winners.cost.0[l], winners.winner.0[l].0);
+        for k in 0..N {
+            let ssd = u32::from(sums[k].0[l]);
+            let cost = ssd * weights[k];
+            winner = if cost < least { (index + k as u32) << 16 | ssd } else { winner };
+            least = least.min(cost);
+        }
+        (winners.cost.0[l], winners.winner.0[l]) = (least, Winner(winner));
+    }
+}
+
+/// See [`super::winner_rows`].
+#[inline(always)]
+pub(super) fn winner_rows(columns: &[Winners], out: &mut [Winner]) {
+    const TILE: usize = 16;
+    let width = columns.len();
+    for (tile, columns) in columns.chunks(TILE).enumerate() {
+        for (lane, row) in out.chunks_exact_mut(width).enumerate() {
+            let row = &mut row[tile * TILE..][..columns.len()];
+            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.winner.0[lane]);
+        }
+    }
+}
+
+/// See [`super::transpose_back`].
+#[inline(always)]
+pub(super) fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) {
+    const TILE: usize = 16;
+    let width = columns.len();
+    for (tile, columns) in columns.chunks(TILE).enumerate() {
+        for (lane, row) in out.chunks_exact_mut(width).enumerate() {
+            let row = &mut row[tile * TILE..][..columns.len()];
+            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.0[lane]);
+        }
     }
 }

@@ -6,7 +6,7 @@
 //! Departures from the thesis: all in integers; windows near the left edge try the disparities that stay inside the
 //! right image; the back check sends negative disparities to 0.
 
-use super::stage::{BlockSearch, DisparityRange, DogTexture, SelfCheck, VerticalSmoothing, back_check};
+use super::stage::{BlockSearch, Blocks, DisparityRange, DogTexture, SelfCheck, VerticalSmoothing, back_check};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::Isa;
@@ -47,7 +47,10 @@ struct Scratch {
     left: Gray,
     right: Gray,
     textured: Plane<bool>,
-    /// One per band of rows.
+    left_blocks: Blocks,
+    right_blocks: Blocks,
+    band_rows: usize,
+    /// One per band, as `checks`.
     searches: Vec<BlockSearch>,
     checks: Vec<SelfCheck>,
 }
@@ -67,11 +70,14 @@ impl V3 {
 
 impl Scratch {
     fn new((width, height): (usize, usize), range: DisparityRange) -> Result<Self> {
-        let bands = super::stage::bands(height);
+        let (bands, band_rows) = Blocks::bands(height);
         Ok(Self {
             left: Gray::filled(width, height, 0)?,
             right: Gray::filled(width, height, 0)?,
             textured: Plane::filled(width, height, false)?,
+            left_blocks: Blocks::new(width, height),
+            right_blocks: Blocks::new(width, height),
+            band_rows,
             searches: (0..bands).map(|_| BlockSearch::new(width, range)).collect(),
             checks: (0..bands).map(|_| SelfCheck::new(width, range)).collect(),
         })
@@ -85,10 +91,11 @@ impl Matcher for V3 {
         if self.scratch.as_ref().is_none_or(|scratch| scratch.left.size() != size) {
             self.scratch = None;
         }
-        let Scratch { left, right, textured, searches, checks } = match &mut self.scratch {
-            Some(scratch) => scratch,
-            none => none.insert(Scratch::new(size, self.range)?),
-        };
+        let Scratch { left, right, textured, left_blocks, right_blocks, band_rows, searches, checks } =
+            match &mut self.scratch {
+                Some(scratch) => scratch,
+                none => none.insert(Scratch::new(size, self.range)?),
+            };
 
         self.smoothing.apply(isa, pair.left(), left);
         self.smoothing.apply(isa, pair.right(), right);
@@ -97,15 +104,29 @@ impl Matcher for V3 {
         self.texture.apply(isa, left, textured);
         clock.lap(Stage::Texture);
 
-        map.each_row_mut(searches, |y, mut row, search| {
-            search.match_row(isa, left.row(y), right.row(y), textured.row(y), &mut row);
+        left_blocks.load(isa, left);
+        right_blocks.load(isa, right);
+        map.each_band_mut(*band_rows, searches, |top, band, search| {
+            for (y, mut row) in (top..).zip(band.into_rows()) {
+                let lane = y % Blocks::ROWS;
+                if lane == 0 {
+                    search.search(isa, left_blocks.around(y), right_blocks.around(y));
+                }
+                search.write_row(isa, lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
+            }
         });
         clock.lap(Stage::Matching);
 
-        map.each_row_mut(checks, |y, mut row, check| {
-            check.check_row(isa, left.row(y), &mut row);
-            if self.back_check {
-                back_check(&mut row);
+        map.each_band_mut(*band_rows, checks, |top, band, check| {
+            for (y, mut row) in (top..).zip(band.into_rows()) {
+                let lane = y % Blocks::ROWS;
+                if lane == 0 {
+                    check.search(isa, left_blocks.around(y));
+                }
+                check.check_row(isa, lane, left.row(y), &mut row);
+                if self.back_check {
+                    back_check(&mut row);
+                }
             }
         });
         clock.lap(Stage::Checks);

@@ -116,36 +116,40 @@ impl DisparityMap {
 
     /// The rows as writers, top to bottom, to be filled in any order.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
-        let width = self.disparity.width();
-        // Planes of a map are made by `Plane::filled`, so their rows have no gaps.
-        let disparity = self.disparity.as_mut_slice().expect("gapless").chunks_exact_mut(width);
-        let why = self.why.as_mut_slice().expect("gapless").chunks_exact_mut(width);
-        let ssdpi = self.ssdpi.as_mut_slice().expect("gapless").chunks_exact_mut(width);
-        disparity.zip(why).zip(ssdpi).map(|((disparity, why), ssdpi)| RowMut { disparity, why, ssdpi })
+        self.whole_mut().into_rows()
     }
 
-    /// Calls `work` with each row and its number, in bands of neighbouring rows, one band per element of `scratch`, on
-    /// the threads of rayon's current pool. `scratch` must not be empty.
-    pub fn each_row_mut<S: Send>(&mut self, scratch: &mut [S], work: impl Fn(usize, RowMut<'_>, &mut S) + Sync) {
+    /// Cuts the map into bands of `rows` rows and calls `work` with the number of each band's first row, its rows and
+    /// one element of `scratch`, on the threads of rayon's current pool. `scratch` has one element per band.
+    pub fn each_band_mut<S: Send>(
+        &mut self,
+        rows: usize,
+        scratch: &mut [S],
+        work: impl Fn(usize, BandMut<'_>, &mut S) + Sync,
+    ) {
         let (width, height) = self.size();
-        let rows = height.div_ceil(scratch.len());
-        let band = width * rows;
-        // Planes of a map are made by `Plane::filled`, so their rows have no gaps.
-        let disparity = self.disparity.as_mut_slice().expect("gapless");
-        let why = self.why.as_mut_slice().expect("gapless");
-        let ssdpi = self.ssdpi.as_mut_slice().expect("gapless");
-        let work = |(index, (((disparity, why), ssdpi), scratch)): (usize, BandOf<'_, S>)| {
-            let planes = disparity.chunks_exact_mut(width).zip(why.chunks_exact_mut(width));
-            for (y, ((disparity, why), ssdpi)) in planes.zip(ssdpi.chunks_exact_mut(width)).enumerate() {
-                work(index * rows + y, RowMut { disparity, why, ssdpi }, scratch);
-            }
+        assert!(rows * scratch.len() >= height, "{} bands of {rows} rows do not cover {height}", scratch.len());
+        let pixels = width * rows;
+        let BandMut { disparity, why, ssdpi, .. } = self.whole_mut();
+        let work = |(index, (((disparity, why), ssdpi), scratch)): (usize, PlanesAnd<'_, S>)| {
+            work(index * rows, BandMut { width, disparity, why, ssdpi }, scratch);
         };
         if rayon::current_num_threads() == 1 {
-            let planes = disparity.chunks_mut(band).zip(why.chunks_mut(band)).zip(ssdpi.chunks_mut(band));
+            let planes = disparity.chunks_mut(pixels).zip(why.chunks_mut(pixels)).zip(ssdpi.chunks_mut(pixels));
             planes.zip(scratch).enumerate().for_each(work);
         } else {
-            let planes = disparity.par_chunks_mut(band).zip(why.par_chunks_mut(band)).zip(ssdpi.par_chunks_mut(band));
-            planes.zip(scratch).enumerate().for_each(work);
+            let planes = disparity.par_chunks_mut(pixels).zip(why.par_chunks_mut(pixels));
+            planes.zip(ssdpi.par_chunks_mut(pixels)).zip(scratch).enumerate().for_each(work);
+        }
+    }
+
+    fn whole_mut(&mut self) -> BandMut<'_> {
+        // Planes of a map are made by `Plane::filled`, so their rows have no gaps.
+        BandMut {
+            width: self.disparity.width(),
+            disparity: self.disparity.as_mut_slice().expect("gapless"),
+            why: self.why.as_mut_slice().expect("gapless"),
+            ssdpi: self.ssdpi.as_mut_slice().expect("gapless"),
         }
     }
 
@@ -184,8 +188,26 @@ impl DisparityMap {
     }
 }
 
-/// A band's pixels and its scratch.
-type BandOf<'a, S> = (((&'a mut [f32], &'a mut [Reason]), &'a mut [u32]), &'a mut S);
+/// A band's planes and its scratch.
+type PlanesAnd<'a, S> = (((&'a mut [f32], &'a mut [Reason]), &'a mut [u32]), &'a mut S);
+
+/// Neighbouring rows of a [`DisparityMap`], to write.
+pub struct BandMut<'a> {
+    width: usize,
+    disparity: &'a mut [f32],
+    why: &'a mut [Reason],
+    ssdpi: &'a mut [u32],
+}
+
+impl<'a> BandMut<'a> {
+    /// The rows as writers, top to bottom.
+    pub fn into_rows(self) -> impl Iterator<Item = RowMut<'a>> {
+        let disparity = self.disparity.chunks_exact_mut(self.width);
+        let why = self.why.chunks_exact_mut(self.width);
+        let ssdpi = self.ssdpi.chunks_exact_mut(self.width);
+        disparity.zip(why).zip(ssdpi).map(|((disparity, why), ssdpi)| RowMut { disparity, why, ssdpi })
+    }
+}
 
 /// One row of a [`DisparityMap`], to write.
 pub struct RowMut<'a> {
@@ -204,6 +226,25 @@ impl RowMut<'_> {
         match self.why[x] {
             Reason::Valid => Ok(self.disparity[x]),
             reason => Err(reason),
+        }
+    }
+
+    /// The winners' SSDs.
+    pub fn ssdpis(&self) -> &[u32] {
+        self.ssdpi
+    }
+
+    /// Disparities, reasons and SSDPIs, to write together: finite exactly where valid.
+    pub(crate) fn planes_mut(&mut self) -> (&mut [f32], &mut [Reason], &mut [u32]) {
+        (self.disparity, self.why, self.ssdpi)
+    }
+
+    /// The row's pixels `columns` alone.
+    pub fn part_mut(&mut self, columns: std::ops::Range<usize>) -> RowMut<'_> {
+        RowMut {
+            disparity: &mut self.disparity[columns.clone()],
+            why: &mut self.why[columns.clone()],
+            ssdpi: &mut self.ssdpi[columns],
         }
     }
 

@@ -15,7 +15,7 @@ mod image;
 mod pair;
 mod rig;
 
-pub use disparity::{DisparityMap, Reason, RowMut};
+pub use disparity::{BandMut, DisparityMap, Reason, RowMut};
 pub use frame::{Estimate, Exposure, Frame, Pose, Truth, Visibility};
 pub use grid::{Cell, CellDepth, DepthGrid, GridShape};
 pub use image::{Gray, MAX_SIDE, Plane};

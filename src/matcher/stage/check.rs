@@ -1,7 +1,8 @@
 //! Checks of a match that need no second matching (thesis, section 5.3.3, "Validity Test" and "Back checking").
 
 use super::DisparityRange;
-use crate::kernel::{Isa, Search, least_ssd};
+use super::ssd::{REACH, each_capped, farthest_shift, ssd};
+use crate::kernel::{Isa, Lanes, least_ssd, self_check_row, transpose_back};
 use crate::stereo::{Reason, RowMut};
 
 /// The self check: a match must be better than the window's best match in its own image.
@@ -10,34 +11,47 @@ use crate::stereo::{Reason, RowMut};
 /// either side and wholly inside. It is high on texture, so the check forgives there what it would not in a flat area.
 /// It holds one thread's scratch.
 pub struct SelfCheck {
-    search: Search,
-    windows: Vec<u32>,
-    references: Vec<u32>,
+    farthest: usize,
+    sums: Vec<Lanes<u16>>,
+    columns: Vec<Lanes<u16>>,
+    references: Vec<u16>,
 }
 
 impl SelfCheck {
     /// For rows of `width` pixels.
     pub fn new(width: usize, range: DisparityRange) -> Self {
-        let farthest = range.farthest();
+        let farthest = range.farthest().min(farthest_shift(width)).max(0) as usize;
         Self {
-            search: Search::new(width, -farthest, farthest, false),
-            windows: Vec::with_capacity(width),
-            references: Vec::with_capacity(width),
+            farthest,
+            sums: vec![Lanes::splat(0); farthest],
+            columns: vec![Lanes::splat(0); width],
+            references: vec![0; width * Lanes::COUNT],
         }
     }
 
-    /// Rejects the matches of `row` whose SSDPI is not below their reference in `left`. A window that has no other
-    /// window to resemble passes.
-    pub fn check_row(&mut self, isa: Isa, left: &[u8], row: &mut RowMut<'_>) {
-        self.windows.clear();
-        self.windows.extend((0..row.width()).filter(|&x| row.at(x).is_ok()).map(|x| x as u32));
-        least_ssd(isa, &mut self.search, left, left, &self.windows, &mut self.references);
-        for (&x, &reference) in self.windows.iter().zip(&self.references) {
-            let ssdpi = row.ssdpi(x as usize);
-            if ssdpi >= reference {
-                row.reject(x as usize, Reason::SelfCheck, ssdpi);
+    /// Finds the references of a block of rows of the left image.
+    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>]) {
+        least_ssd(isa, left, &mut self.sums, &mut self.columns);
+        transpose_back(isa, &self.columns, &mut self.references);
+    }
+
+    /// Rejects the matches of `row`, the one of that `lane` in the block, whose SSDPI is not below their reference. A
+    /// window that has no other window to resemble passes.
+    pub fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
+        self_check_row(isa, &self.references[lane * row.width()..][..row.width()], row);
+        each_capped(row, |x, row| {
+            let ssdpi = row.ssdpi(x);
+            if row.at(x).is_ok() && self.resembles(left, x, ssdpi) {
+                row.reject(x, Reason::SelfCheck, ssdpi);
             }
-        }
+        });
+    }
+
+    /// Whether some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are the likeliest.
+    fn resembles(&self, left: &[u8], x: usize, ssdpi: u32) -> bool {
+        let inside = REACH..left.len() - REACH;
+        let around = (1..=self.farthest).flat_map(|o| [x.wrapping_sub(o), x + o]);
+        around.filter(|u| inside.contains(u)).any(|u| ssd(left, x, left, u) <= ssdpi)
     }
 }
 

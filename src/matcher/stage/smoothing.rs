@@ -38,7 +38,9 @@ impl VerticalSmoothing {
     pub fn apply(&self, isa: Isa, image: &Gray, out: &mut Gray) {
         let width = image.width();
         // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
-        each_row(out.as_mut_slice().expect("gapless"), width, |y, row| smooth_row(isa, image, y, &self.weights, row));
+        each_row(out.as_mut_slice().expect("gapless"), width, 16, |y, row| {
+            smooth_row(isa, image, y, &self.weights, row)
+        });
     }
 }
 

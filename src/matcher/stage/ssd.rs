@@ -4,9 +4,9 @@
 //! also a penalty behind the point where the view axes cross.
 
 use crate::error::{Error, Result};
-use crate::kernel::{Isa, Search, Winner, winners};
+use crate::kernel::{CAP, Isa, Lanes, Winner, Winners, accept_row, winner_rows, winners};
 use crate::matcher::{Parameter, Range};
-use crate::stereo::{Reason, RowMut};
+use crate::stereo::{DisparityMap, Reason, RowMut};
 use std::ops;
 
 /// Half of the one-dimensional window of nine pixels.
@@ -20,7 +20,7 @@ pub struct DisparityRange {
 }
 
 impl DisparityRange {
-    /// Farthest disparity either way. With it the largest cost, `Search::MAX_SSD · weight(LIMIT)`, fits 32 bits.
+    /// Farthest disparity either way. With it the largest cost, 9 · 255² · weight(LIMIT), fits 32 bits.
     pub const LIMIT: i32 = 1024;
 
     /// Lowest disparity, as the matchers' tables have it.
@@ -78,45 +78,96 @@ impl DisparityRange {
     }
 }
 
-/// Finds in a row the cheapest match of each textured pixel. It holds one thread's scratch.
+/// Finds the cheapest match of each textured pixel. It holds one thread's scratch.
 pub struct BlockSearch {
-    search: Search,
+    range: DisparityRange,
+    /// Lowest disparity that is admissible anywhere in the image.
+    first: i32,
     weights: Vec<u32>,
-    columns: ops::Range<usize>,
-    windows: Vec<u32>,
+    sums: Vec<Lanes<u16>>,
+    columns: Vec<Winners>,
     winners: Vec<Winner>,
 }
 
 impl BlockSearch {
     /// For rows of `width` pixels.
     pub fn new(width: usize, range: DisparityRange) -> Self {
-        // A match at disparity d lies d pixels to the left: the kernel's ties to the higher offset are to the smaller d.
-        let search = Search::new(width, -range.max, -range.min, true);
+        let farthest = farthest_shift(width);
+        let disparities = range.min.max(-farthest)..=range.max.min(farthest);
         Self {
-            weights: search.offsets().map(DisparityRange::weight).collect(),
-            search,
-            columns: range.columns(width),
-            windows: Vec::with_capacity(width),
-            winners: Vec::with_capacity(width),
+            range,
+            first: *disparities.start(),
+            weights: disparities.clone().map(DisparityRange::weight).collect(),
+            sums: disparities.map(|_| Lanes::splat(0)).collect(),
+            columns: vec![Winners::NONE; width],
+            winners: vec![Winner::NONE; width * Lanes::COUNT],
         }
     }
 
-    /// Fills `row`: the winners, *border* where no disparity is admissible, *untextured* elsewhere.
-    pub fn match_row(&mut self, isa: Isa, left: &[u8], right: &[u8], textured: &[bool], row: &mut RowMut<'_>) {
-        row.clear(Reason::Border);
-        self.windows.clear();
-        for x in self.columns.clone() {
-            if textured[x] {
-                self.windows.push(x as u32);
-            } else {
-                row.reject(x, Reason::Untextured, crate::stereo::DisparityMap::NO_SSDPI);
-            }
-        }
-        winners(isa, &mut self.search, left, right, &self.weights, &self.windows, &mut self.winners);
-        for (&x, winner) in self.windows.iter().zip(&self.winners) {
-            row.accept(x as usize, -winner.offset as f32, winner.ssd);
+    /// Matches a block of rows of the left image with the same rows of the right one.
+    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>]) {
+        winners(isa, left, right, self.first, &self.weights, &mut self.sums, &mut self.columns);
+        winner_rows(isa, &self.columns, &mut self.winners);
+    }
+
+    /// Fills `row`, the one of that `lane` in the block: the winners, *border* where no disparity is admissible,
+    /// *untextured* elsewhere.
+    pub fn write_row(&self, isa: Isa, lane: usize, [left, right]: [&[u8]; 2], textured: &[bool], row: &mut RowMut<'_>) {
+        let columns = self.range.columns(row.width());
+        let winners = &self.winners[lane * row.width()..][..row.width()];
+        row.part_mut(0..columns.start).clear(Reason::Border);
+        row.part_mut(columns.end..left.len()).clear(Reason::Border);
+        let part = &mut row.part_mut(columns.clone());
+        accept_row(isa, self.first, &winners[columns.clone()], &textured[columns.clone()], part);
+        each_capped(row, |x, row| {
+            let (disparity, ssd) = self.exact(left, right, x);
+            row.accept(x, disparity as f32, ssd);
+        });
+    }
+
+    /// The winner at `x` and its SSD, without caps.
+    fn exact(&self, left: &[u8], right: &[u8], x: usize) -> (i32, u32) {
+        let (first, x) = (self.first, x as i32);
+        let last = first + self.weights.len() as i32 - 1;
+        let admissible = first.max(x - (left.len() - 1 - REACH) as i32)..=last.min(x - REACH as i32);
+        let candidates = admissible.map(|d| {
+            let ssd = ssd(left, x as usize, right, (x - d) as usize);
+            (ssd * DisparityRange::weight(d), d, ssd)
+        });
+        // `DisparityRange::columns` names only pixels with an admissible disparity.
+        let (_, disparity, ssd) = candidates.min().expect("an admissible disparity");
+        (disparity, ssd)
+    }
+}
+
+/// Calls `look_up` with each pixel of `row` that has an SSD which may be capped; they are few.
+pub(super) fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<'_>)) {
+    const CHUNK: usize = 32;
+    let capped = |ssd: u32| (u32::from(CAP)..DisparityMap::NO_SSDPI).contains(&ssd);
+    for start in (0..row.width()).step_by(CHUNK) {
+        let end = row.width().min(start + CHUNK);
+        if row.ssdpis()[start..end].iter().fold(false, |any, &ssd| any | capped(ssd)) {
+            (start..end).for_each(|x| {
+                if capped(row.ssdpi(x)) {
+                    look_up(x, row);
+                }
+            });
         }
     }
+}
+
+/// The farthest two windows of a row can be apart, −1 when there is not even one.
+pub(super) fn farthest_shift(width: usize) -> i32 {
+    width as i32 - 2 * REACH as i32 - 1
+}
+
+/// The SSD of the windows around `x` in `left` and `u` in `right`.
+pub(super) fn ssd(left: &[u8], x: usize, right: &[u8], u: usize) -> u32 {
+    let window = |row: &[u8], x: usize| -> [u8; 2 * REACH + 1] {
+        // Windows lie inside their rows.
+        *row[x - REACH..].first_chunk().expect("a window inside the row")
+    };
+    window(left, x).iter().zip(window(right, u)).map(|(&a, b)| u32::from(a.abs_diff(b)).pow(2)).sum()
 }
 
 #[cfg(test)]
@@ -125,7 +176,7 @@ mod tests {
 
     #[test]
     fn the_largest_cost_fits() {
-        assert!(Search::MAX_SSD.checked_mul(DisparityRange::weight(DisparityRange::LIMIT)).is_some());
+        assert!((9u32 * 255 * 255).checked_mul(DisparityRange::weight(DisparityRange::LIMIT)).is_some());
     }
 
     #[test]

@@ -54,7 +54,7 @@ impl DogTexture {
     pub fn apply(&self, isa: Isa, image: &Gray, textured: &mut Plane<bool>) {
         let width = image.width();
         // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
-        each_row(textured.as_mut_slice().expect("gapless"), width, |y, row| {
+        each_row(textured.as_mut_slice().expect("gapless"), width, 16, |y, row| {
             textured_row(isa, image.row(y), &self.taps, row);
         });
     }

@@ -1,0 +1,43 @@
+//! An image cut into blocks of rows, each laid out for the kernels that take its rows as lanes.
+
+use super::each_row;
+use crate::kernel::{Isa, Lanes, transpose};
+use crate::stereo::Gray;
+
+/// The blocks of an image, top to bottom; what lies below the image is zero.
+pub struct Blocks {
+    width: usize,
+    columns: Vec<Lanes<u16>>,
+}
+
+impl Blocks {
+    /// Rows per block.
+    pub const ROWS: usize = Lanes::COUNT;
+
+    /// For images of that size.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { width, columns: vec![Lanes::splat(0); width * height.div_ceil(Self::ROWS)] }
+    }
+
+    /// Takes the pixels of `image`.
+    pub fn load(&mut self, isa: Isa, image: &Gray) {
+        each_row(&mut self.columns, self.width, 1, |block, columns| transpose(isa, image, block * Self::ROWS, columns));
+    }
+
+    /// The columns of the block that row `y` lies in, one per pixel of a row.
+    pub fn around(&self, y: usize) -> &[Lanes<u16>] {
+        &self.columns[y / Self::ROWS * self.width..][..self.width]
+    }
+
+    /// Into how many bands, each with its own scratch, an image of `height` rows is cut and of how many rows each, whole
+    /// blocks: a few bands per thread, so that a thread that finishes early finds more to do.
+    pub fn bands(height: usize) -> (usize, usize) {
+        let blocks = height.div_ceil(Self::ROWS);
+        let wanted = match rayon::current_num_threads() {
+            1 => 1,
+            threads => blocks.min(4 * threads),
+        };
+        let rows = blocks.div_ceil(wanted) * Self::ROWS;
+        (height.div_ceil(rows), rows)
+    }
+}
