@@ -150,7 +150,11 @@ fn shot_view<'a>(shot: &'a Shot, images: &mut Images<'a>) -> ShotView<'a> {
         pictures.push(PictureView { label: "truth", image: left, marks: mark_views(shot, marks, truth, false) });
     }
     if let Some(png) = &shot.preview_png {
-        pictures.push(PictureView { label: "disparity", image: images.index(png, shot.size), marks: Vec::new() });
+        pictures.push(PictureView {
+            label: "disparity: yellow near, dark far, black none",
+            image: images.index(png, shot.size),
+            marks: Vec::new(),
+        });
     }
     let rank = match shot.rank {
         Some(Rank::Worst) => "worst frame",
