@@ -154,17 +154,6 @@ fn the_heads_of_the_tables_are_fixed() {
 }
 
 #[test]
-fn more_rows_than_a_batch_keep_their_order() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("rows.parquet");
-    let mut table = Table::create(&path).unwrap();
-    let rows: Vec<_> = (0..10_000).map(|sequence| row("v3", sequence, sequence)).collect();
-    table.push(rows.clone()).unwrap();
-    table.finish().unwrap();
-    assert!(parquet(&path).equals_missing(&Row::frame(&rows).unwrap()));
-}
-
-#[test]
 fn a_single_table_goes_by_its_extension() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rows.csv");

@@ -8,9 +8,6 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Rows turned into columns at a time; as structs they take three times the memory.
-const BATCH: usize = 4096;
-
 /// One table, written as CSV, as Parquet or as both. Files of the same name are replaced.
 pub struct Table<R> {
     csv: Option<Csv>,
@@ -22,12 +19,12 @@ struct Csv {
     writer: csv::Writer<File>,
 }
 
-/// The file stays empty until the table is complete: a Parquet file cannot be read before its footer stands.
+/// The file stays empty and the rows in memory until the table is complete: a Parquet file without its footer is none.
+/// A pair with 15 cells takes 5 kB.
 struct Parquet<R> {
     path: PathBuf,
     file: File,
-    fresh: Vec<R>,
-    frame: DataFrame,
+    rows: Vec<R>,
 }
 
 impl<R: Record> Table<R> {
@@ -53,7 +50,7 @@ impl<R: Record> Table<R> {
                 csv.writer.serialize(&row).map_err(|e| csv_error(&csv.path, e))?;
             }
             if let Some(parquet) = &mut self.parquet {
-                parquet.push(row)?;
+                parquet.rows.push(row);
             }
         }
         match &mut self.csv {
@@ -67,7 +64,12 @@ impl<R: Record> Table<R> {
     /// # Errors
     /// [`Error::Io`] with the file.
     pub fn finish(self) -> Result<()> {
-        self.parquet.map_or(Ok(()), |parquet| parquet.finish().map(drop))
+        self.into_frame().map(drop)
+    }
+
+    /// The complete table, empty where it is CSV alone.
+    fn into_frame(self) -> Result<DataFrame> {
+        self.parquet.map_or_else(|| Ok(DataFrame::default()), Parquet::finish)
     }
 }
 
@@ -84,31 +86,16 @@ impl Csv {
 impl<R: Record> Parquet<R> {
     fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
-        let frame = R::frame(&[]).map_err(|e| polars_error(path, e))?;
-        Ok(Self { path: path.to_owned(), file, fresh: Vec::new(), frame })
-    }
-
-    fn push(&mut self, row: R) -> Result<()> {
-        self.fresh.push(row);
-        if self.fresh.len() == BATCH { self.gather() } else { Ok(()) }
-    }
-
-    fn gather(&mut self) -> Result<()> {
-        R::frame(&self.fresh)
-            .and_then(|batch| self.frame.vstack_mut_owned(batch).map(drop))
-            .map_err(|e| polars_error(&self.path, e))?;
-        self.fresh.clear();
-        Ok(())
+        Ok(Self { path: path.to_owned(), file, rows: Vec::new() })
     }
 
     fn finish(mut self) -> Result<DataFrame> {
-        self.gather()?;
-        self.frame.rechunk_mut();
+        let mut frame = R::frame(&self.rows).map_err(|e| polars_error(&self.path, e))?;
         // Encoded in memory: polars tells a full disk as a fault of the format.
         let mut bytes = Vec::new();
-        ParquetWriter::new(&mut bytes).finish(&mut self.frame).map_err(|e| polars_error(&self.path, e))?;
+        ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(|e| polars_error(&self.path, e))?;
         self.file.write_all(&bytes).map_err(|e| Error::io(&self.path, e))?;
-        Ok(self.frame)
+        Ok(frame)
     }
 }
 
@@ -136,7 +123,7 @@ impl Tables {
         })
     }
 
-    /// Takes one pair through one algorithm. The CSV files hold it when this returns.
+    /// Takes one pair through one algorithm. The CSV files hold it when this returns, the cells before their row.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
@@ -158,9 +145,9 @@ impl Tables {
     /// # Errors
     /// As [`Tables::push`].
     pub fn finish(self) -> Result<Summary> {
-        let rows = frame(self.rows)?;
-        frame(self.cells)?;
-        let checkpoints = frame(self.checkpoints)?;
+        let rows = self.rows.into_frame()?;
+        self.cells.finish()?;
+        let checkpoints = self.checkpoints.into_frame()?;
         Summary::of(&rows, &checkpoints).map_err(|e| polars_error(&self.folder, e))
     }
 }
@@ -169,10 +156,6 @@ fn both<R: Record>(folder: &Path, name: &str) -> Result<Table<R>> {
     let csv = Csv::create::<R>(&folder.join(name).with_extension("csv"))?;
     let parquet = Parquet::create(&folder.join(name).with_extension("parquet"))?;
     Ok(Table { csv: Some(csv), parquet: Some(parquet) })
-}
-
-fn frame<R: Record>(table: Table<R>) -> Result<DataFrame> {
-    table.parquet.map_or_else(|| Ok(DataFrame::default()), Parquet::finish)
 }
 
 fn csv_error(path: &Path, error: csv::Error) -> Error {

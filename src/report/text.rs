@@ -1,21 +1,16 @@
 //! A summary on the terminal: plain text, aligned, at most 100 columns.
 
 use super::summary::Summary;
-use super::words::{COLUMNS, Checkpoints, NOTES, pass, percent, totals};
+use super::words::{COLUMNS, Checkpoints, Column, NOTES, pass, percent, totals};
 use std::fmt::{Display, Formatter, Result};
 
 const WIDTH: usize = 100;
 
-/// Widths of the columns with the gap before each: two blanks between groups, one within.
-fn widths() -> impl Iterator<Item = (usize, usize)> {
-    let narrowest = |head: &str| match head {
-        "p50" | "p99" => 7,
-        "pairs" => 6,
-        _ => 5,
-    };
-    COLUMNS.iter().enumerate().map(move |(i, column)| {
-        let first = i == 0 || COLUMNS[i - 1].group != column.group;
-        (if first { 2 } else { 1 }, column.head.len().max(narrowest(column.head)))
+/// The columns, each with the gap before it: two blanks between groups, one within.
+fn columns() -> impl Iterator<Item = (usize, &'static Column)> {
+    COLUMNS.iter().enumerate().map(|(i, column)| {
+        let begins = i == 0 || COLUMNS[i - 1].group != column.group;
+        (if begins { 2 } else { 1 }, column)
     })
 }
 
@@ -24,15 +19,15 @@ impl Display for Summary {
         if self.algorithms.is_empty() {
             return writeln!(f, "No pairs.");
         }
-        let numbers: usize = widths().map(|(gap, width)| gap + width).sum();
+        let numbers: usize = columns().map(|(gap, column)| gap + column.width).sum();
         let room = WIDTH - numbers;
         let longest = self.algorithms.iter().map(|a| a.algorithm.chars().count()).max().unwrap_or_default();
         let name = longest.max("algorithm".len()).min(room);
 
         writeln!(f, "{}", head_of_groups(name).trim_end())?;
         write!(f, "{:name$}", "algorithm")?;
-        for ((gap, width), column) in widths().zip(COLUMNS) {
-            write!(f, "{:gap$}{:>width$}", "", column.head)?;
+        for (gap, column) in columns() {
+            write!(f, "{:gap$}{:>width$}", "", column.head, width = column.width)?;
         }
         writeln!(f)?;
         for algorithm in &self.algorithms {
@@ -41,8 +36,8 @@ impl Display for Summary {
                 n if n > name => write!(f, "{}\n{:name$}", algorithm.algorithm, "")?,
                 _ => write!(f, "{:name$}", algorithm.algorithm)?,
             }
-            for ((gap, width), column) in widths().zip(COLUMNS) {
-                write!(f, "{:gap$}{:>width$}", "", (column.cell)(algorithm))?;
+            for (gap, column) in columns() {
+                write!(f, "{:gap$}{:>width$}", "", (column.cell)(algorithm), width = column.width)?;
             }
             writeln!(f)?;
         }
@@ -55,10 +50,9 @@ impl Display for Summary {
 /// The line above the heads, a group's word centred over its columns.
 fn head_of_groups(name: usize) -> String {
     let mut line = " ".repeat(name);
-    let columns: Vec<_> = widths().zip(COLUMNS).collect();
-    for group in columns.chunk_by(|a, b| a.1.group == b.1.group) {
-        let span: usize = group.iter().map(|((gap, width), _)| gap + width).sum::<usize>() - 2;
-        line.push_str(&format!("  {:^span$}", group[0].1.group));
+    for group in COLUMNS.chunk_by(|a, b| a.group == b.group) {
+        let span = group.iter().map(|column| column.width).sum::<usize>() + group.len() - 1;
+        line.push_str(&format!("  {:^span$}", group[0].group));
     }
     line
 }

@@ -10,23 +10,25 @@ pub(super) struct Column {
     /// Heads the column and its neighbours of the same group.
     pub(super) group: &'static str,
     pub(super) head: &'static str,
+    /// Characters it takes on the terminal.
+    pub(super) width: usize,
     pub(super) cell: fn(&AlgorithmSummary) -> String,
 }
 
 /// The table of algorithms, after the algorithm's name.
 pub(super) const COLUMNS: &[Column] = &[
-    Column { group: "", head: "pairs", cell: |a| a.pairs.to_string() },
-    Column { group: "cells, %", head: "right", cell: |a| share_of_cells(a, a.cells_right) },
-    Column { group: "cells, %", head: "wrong", cell: |a| share_of_cells(a, a.cells_wrong) },
-    Column { group: "cells, %", head: "unknown", cell: |a| share_of_cells(a, a.cells_unknown) },
-    Column { group: "obstacles", head: "missed", cell: |a| count(a.missed_obstacles) },
-    Column { group: "obstacles", head: "false", cell: |a| count(a.false_obstacles) },
-    Column { group: "pixels, %", head: "cover", cell: |a| percent(Some(a.coverage)) },
-    Column { group: "pixels, %", head: "invalid", cell: |a| percent(a.invalid) },
-    Column { group: "pixels, %", head: ">1 px", cell: |a| percent(a.bad1) },
-    Column { group: "pixels, %", head: ">2 px", cell: |a| percent(a.bad2) },
-    Column { group: "ms per pair", head: "p50", cell: |a| ms(a.p50_ms) },
-    Column { group: "ms per pair", head: "p99", cell: |a| ms(a.p99_ms) },
+    Column { group: "", head: "pairs", width: 6, cell: |a| a.pairs.to_string() },
+    Column { group: "cells, %", head: "right", width: 5, cell: |a| share_of_cells(a, a.cells_right) },
+    Column { group: "cells, %", head: "wrong", width: 5, cell: |a| share_of_cells(a, a.cells_wrong) },
+    Column { group: "cells, %", head: "unknown", width: 7, cell: |a| share_of_cells(a, a.cells_unknown) },
+    Column { group: "obstacles", head: "missed", width: 6, cell: |a| count(a.missed_obstacles) },
+    Column { group: "obstacles", head: "false", width: 5, cell: |a| count(a.false_obstacles) },
+    Column { group: "pixels, %", head: "cover", width: 5, cell: |a| percent(Some(a.coverage)) },
+    Column { group: "pixels, %", head: "invalid", width: 7, cell: |a| percent(a.invalid) },
+    Column { group: "pixels, %", head: ">1 px", width: 5, cell: |a| percent(a.bad1) },
+    Column { group: "pixels, %", head: ">2 px", width: 5, cell: |a| percent(a.bad2) },
+    Column { group: "ms per pair", head: "p50", width: 7, cell: |a| ms(a.p50_ms) },
+    Column { group: "ms per pair", head: "p99", width: 7, cell: |a| ms(a.p99_ms) },
 ];
 
 /// What the columns mean, below the table: term and meaning.

@@ -141,6 +141,7 @@ fn shot_view<'a>(shot: &'a Shot, images: &mut Images<'a>) -> ShotView<'a> {
     let left = images.index(&shot.left_png, shot.size);
     let estimate = |cell: &CellRow| match cell.verdict {
         Verdict::Unknown => "unknown".to_owned(),
+        Verdict::Wrong => format!("{}, wrong", metres(cell.distance_m)),
         _ => metres(cell.distance_m),
     };
     let truth = |cell: &CellRow| metres(cell.true_distance_m);
@@ -150,7 +151,11 @@ fn shot_view<'a>(shot: &'a Shot, images: &mut Images<'a>) -> ShotView<'a> {
         pictures.push(PictureView { label: "truth", image: left, marks: mark_views(shot, marks, truth, false) });
     }
     if let Some(png) = &shot.preview_png {
-        pictures.push(PictureView { label: "disparity", image: images.index(png, shot.size), marks: Vec::new() });
+        pictures.push(PictureView {
+            label: "disparity: yellow near, dark far, black none",
+            image: images.index(png, shot.size),
+            marks: Vec::new(),
+        });
     }
     let rank = match shot.rank {
         Some(Rank::Worst) => "worst frame",
@@ -214,11 +219,11 @@ fn numbers(row: &Row) -> String {
     let shares = [
         (Some(row.coverage), "covered"),
         (row.invalid, "invalid"),
-        (row.bad1, "off by > 1 px"),
-        (row.bad2, "off by > 2 px"),
+        (row.bad1, ">\u{a0}1\u{a0}px"),
+        (row.bad2, ">\u{a0}2\u{a0}px"),
     ];
     let shares = shares.into_iter().filter(|(share, _)| share.is_some());
-    let mut words: Vec<_> = shares.map(|(share, what)| format!("{}\u{a0}% {what}", percent(share))).collect();
+    let mut words: Vec<_> = shares.map(|(share, what)| format!("{}\u{a0}%\u{a0}{what}", percent(share))).collect();
     words.push(format!("{}\u{a0}ms", ms(row.total_us as f64 / 1000.0)));
     words.join(", ")
 }
