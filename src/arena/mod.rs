@@ -6,8 +6,12 @@
 //!        └▶ path (robot, gait) ─▶ view ─▶ render (rays, truth) ─▶ sensor (grey values) ─▶ Frame
 //! ```
 //!
+//! What it leaves out: lens distortion, since pairs are rectified; gloss and shadows other than those at the foot of
+//! things; defocus of outlines (surfaces do blur) and exact motion blur at them; fixed-pattern noise.
+//!
 //! Every frame is a pure function of (configuration, seed, index): it can be rendered in any order and on any thread.
 
+mod check;
 mod config;
 mod layout;
 mod noise;

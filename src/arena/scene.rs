@@ -2,7 +2,7 @@
 
 use super::config::WorldConfig;
 use super::objects::{Objects, WALLS};
-use super::solid::{Solid, V3};
+use super::solid::{Solid, V3, nonzero};
 use super::texture::{self, Footprint, Texture};
 
 /// Geometry and pictures of one run.
@@ -10,8 +10,8 @@ pub(super) struct Scene {
     pub(super) objects: Objects,
     /// Where each object's piece of the forest begins.
     pieces_m: Vec<f32>,
-    /// Corners of the room in the plane.
-    room: [(f32, f32); 2],
+    /// Lower and upper corner of the laboratory in the plane.
+    room: [[f32; 2]; 2],
     forest: Texture,
     floor: Texture,
     lab: Texture,
@@ -34,15 +34,15 @@ impl Scene {
     /// Paints the pictures of `world`, whose objects are given.
     pub(super) fn new(world: &WorldConfig, objects: Objects, seed: u64) -> Self {
         let solids = objects.solids();
-        // Of the walls only the inner side is seen, half of their girth.
-        let girth = |(i, solid): (usize, &Solid)| solid.girth_m() * if i < WALLS { 0.5 } else { 1.0 };
-        let pieces_m = (solids.iter().enumerate())
-            .scan(0.0, |end, solid| {
-                let begin = *end + 0.25 * solid.1.girth_m();
-                *end += girth(solid);
-                Some(begin)
-            })
-            .collect();
+        let mut end_m = 0.0;
+        let piece = |(i, solid): (usize, &Solid)| {
+            let girth_m = solid.girth_m();
+            let begin_m = end_m + 0.25 * girth_m;
+            // Of the walls only the inner side is seen, half of their girth.
+            end_m += if i < WALLS { 0.5 } else { 1.0 } * girth_m;
+            begin_m
+        };
+        let pieces_m = solids.iter().enumerate().map(piece).collect();
         let margin = world.room_margin_m as f32;
         let light = |x: f32, y: f32| {
             let near = |solid: &Solid| (1.0 - solid.distance(&V3::new(x, y, 0.0)) / 0.09).max(0.0);
@@ -51,7 +51,7 @@ impl Scene {
         let floor = texture::floor(seed, world.floor_contrast as f32, light);
         Self {
             pieces_m,
-            room: [(-margin, -margin), (world.width_m as f32 + margin, world.length_m as f32 + margin)],
+            room: [[-margin; 2], [world.width_m as f32 + margin, world.length_m as f32 + margin]],
             forest: texture::forest(seed, world.forest_contrast as f32),
             floor,
             lab: texture::room(seed),
@@ -71,23 +71,15 @@ impl Scene {
     }
 
     fn lab_or_floor(&self, origin: &V3, direction: &V3) -> Hit {
-        let down = -origin.z / direction.z;
-        let mut hit =
-            if direction.z < 0.0 { Hit { t: down, surface: FLOOR } } else { Hit { t: f32::INFINITY, surface: FLOOR } };
-        let [low, high] = self.room;
-        let wall = |from: f32, towards: f32, low: f32, high: f32| {
-            if towards > 0.0 { ((high - from) / towards, 1) } else { ((low - from) / towards, 0) }
+        let floor = if direction.z < 0.0 { -origin.z / direction.z } else { f32::INFINITY };
+        let wall = |axis: usize| {
+            let towards = nonzero(direction[axis]);
+            let side = usize::from(towards > 0.0);
+            let t = (self.room[side][axis] - origin[axis]) / towards;
+            Hit { t, surface: LAB - (2 * axis + side) as u16 }
         };
-        for (axis, (t, side)) in
-            [wall(origin.x, direction.x, low.0, high.0), wall(origin.y, direction.y, low.1, high.1)]
-                .into_iter()
-                .enumerate()
-        {
-            if t < hit.t {
-                hit = Hit { t, surface: LAB - (2 * axis as u16 + side) };
-            }
-        }
-        hit
+        let nearer = |a: Hit, b: Hit| if b.t < a.t { b } else { a };
+        nearer(nearer(Hit { t: floor, surface: FLOOR }, wall(0)), wall(1))
     }
 
     /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle that a pixel sees, radians, with
@@ -101,11 +93,11 @@ impl Scene {
                 0.9 * self.floor.albedo(&at)
             }
             lab if lab >= LAB - 3 => {
-                let axis = usize::from((LAB - lab) / 2);
-                let (u_m, u_axis) = if axis == 0 { (point.y, V3::y()) } else { (point.x, V3::x()) };
-                let u_m = u_m + 10.0 * f32::from(LAB - lab);
-                let normal = if axis == 0 { V3::x() } else { V3::y() };
-                0.8 * self.lab.albedo(&footprint((u_m, point.z), (u_axis, V3::z()), &normal, direction, minor_m))
+                let wall = LAB - lab;
+                let (along, normal) = if wall < 2 { (V3::y(), V3::x()) } else { (V3::x(), V3::y()) };
+                // The four walls are unrolled 10 m apart.
+                let u_m = along.dot(&point) + 10.0 * f32::from(wall);
+                0.8 * self.lab.albedo(&footprint((u_m, point.z), (along, V3::z()), &normal, direction, minor_m))
             }
             solid => {
                 let index = usize::from(solid >> 3);
