@@ -2,15 +2,20 @@
 //! the stereo head that it carries.
 //!
 //! ```text
-//! config ─▶ layout, scene (geometry, pictures) ─┐
-//!        └▶ path (robot, gait) ─▶ view ─▶ render (rays) ─▶ sensor (grey values) ─▶ Frame
+//! config ─▶ objects, scene (geometry, pictures) ─┐
+//!        └▶ path (robot, gait) ─▶ view ─▶ render (rays, truth) ─▶ sensor (grey values) ─▶ Frame
 //! ```
+//!
+//! What it leaves out: lens distortion, since pairs are rectified; gloss and shadows other than those at the foot of
+//! things; defocus of outlines (surfaces do blur) and exact motion blur at them; fixed-pattern noise.
 //!
 //! Every frame is a pure function of (configuration, seed, index): it can be rendered in any order and on any thread.
 
+mod check;
 mod config;
 mod layout;
 mod noise;
+mod objects;
 mod path;
 mod render;
 mod scene;
@@ -27,6 +32,7 @@ use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Pose, Rig, StereoPair};
 use nalgebra::{Translation3, Vector3};
 use noise::mix;
+use objects::Objects;
 use path::{Twist, Walk};
 use render::{Lens, Shot};
 use scene::Scene;
@@ -58,10 +64,10 @@ impl Arena {
         let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
         let rig = Rig::new(focal_px, (0.5 * (width - 1.0), 0.5 * (height - 1.0)), config.rig.baseline_m, 0.0)?;
         let walk = Walk::new(config, seed)?;
-        let scene = Scene::new(&config.world, seed);
-        let arena = Self { config: config.clone(), rig, scene, walk, noise: mix(seed ^ 0x5E_7509) };
-        arena.check_clearance()?;
-        Ok(arena)
+        let objects = Objects::new(&config.world);
+        check_clearance(config, &walk, &objects)?;
+        let scene = Scene::new(&config.world, objects, seed);
+        Ok(Self { config: config.clone(), rig, scene, walk, noise: mix(seed ^ 0x5E_7509) })
     }
 
     pub fn config(&self) -> &ArenaConfig {
@@ -148,36 +154,31 @@ impl Arena {
 
     /// The true geometry and the middle of the robot's way, as line strips for a 3D viewer.
     pub fn wireframe(&self) -> Vec<Wire> {
-        wireframe::wires(&self.scene, &self.walk, &self.config.world)
+        wireframe::wires(&self.scene.objects, &self.walk, &self.config.world)
     }
 
     fn time_s(&self, index: u64) -> f64 {
         index as f64 / self.config.rate_hz
     }
+}
 
-    /// The robot's head keeps half its width from every solid and from the arena's border.
-    fn check_clearance(&self) -> Result<()> {
-        let half_width_m = self.config.robot.half_width_m as f32;
-        let steps = (self.walk.length_m() / 0.01).ceil();
-        for step in 0..=steps as u64 {
-            let middle = self.walk.middle(self.walk.length_m() * step as f64 / steps);
-            let head = Vector3::new(middle.x, middle.y, self.config.rig.above_floor_m).cast();
-            let touched = self.scene.named().find(|(_, solid)| solid.distance(&head) < half_width_m);
-            let world = &self.config.world;
-            let inside = (0.0..=world.width_m).contains(&middle.x) && (0.0..=world.length_m).contains(&middle.y);
-            if let Some((name, _)) = touched {
-                return Err(Error::Invalid(format!(
-                    "arena: robot.path comes nearer than robot.half_width_m = {half_width_m} to '{name}' at ({:.2}, {:.2})",
-                    middle.x, middle.y
-                )));
-            }
-            if !inside {
-                return Err(Error::Invalid(format!(
-                    "arena: robot.path leaves the arena at ({:.2}, {:.2})",
-                    middle.x, middle.y
-                )));
-            }
+/// The robot's head keeps half its width from every object and stays inside the arena.
+fn check_clearance(config: &ArenaConfig, walk: &Walk, objects: &Objects) -> Result<()> {
+    let half_width_m = config.robot.half_width_m;
+    let steps = (walk.length_m() / 0.01).ceil() as u64;
+    for step in 0..=steps {
+        let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);
+        let head = Vector3::new(middle.x, middle.y, config.rig.above_floor_m).cast();
+        let place = format!("({:.2}, {:.2})", middle.x, middle.y);
+        if let Some((name, _)) = objects.named().find(|(_, solid)| f64::from(solid.distance(&head)) < half_width_m) {
+            return Err(Error::Invalid(format!(
+                "arena: robot.path comes nearer than robot.half_width_m = {half_width_m} to '{name}' at {place}"
+            )));
         }
-        Ok(())
+        let (x, y) = (0.0..=config.world.width_m, 0.0..=config.world.length_m);
+        if !x.contains(&middle.x) || !y.contains(&middle.y) {
+            return Err(Error::Invalid(format!("arena: robot.path leaves the arena at {place}")));
+        }
     }
+    Ok(())
 }

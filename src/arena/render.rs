@@ -38,7 +38,7 @@ impl Shot {
     /// sees, so surfaces blur with distance but the outlines of near things do not.
     pub(super) fn take(scene: &Scene, view: &View, lens: &Lens, size: (usize, usize)) -> Self {
         let (width, height) = size;
-        let candidates = Candidates::new(view, scene.solids(), size);
+        let candidates = Candidates::new(view, scene.objects.solids(), size);
         let nothing = Hit { t: f32::INFINITY, surface: 0 };
         let mut hits = vec![nothing; width * height];
         let mut radiance = vec![0.0; width * height];
@@ -81,7 +81,7 @@ pub(super) fn truth(
 ) -> crate::Result<Truth> {
     let width = left.width;
     let size = (width, left.hits.len() / width);
-    let candidates = Candidates::new(right_view, scene.solids(), size);
+    let candidates = Candidates::new(right_view, scene.objects.solids(), size);
     let focal_baseline = (rig.focal_px() * rig.baseline_m()) as f32;
     let to_right = left_view.origin - right_view.origin;
     let mut disparity = vec![f32::INFINITY; left.hits.len()];
@@ -94,7 +94,7 @@ pub(super) fn truth(
             let inside = right_x > -0.5 && right_x < width as f32 - 0.5;
             let hidden = || {
                 let ray = left_view.ray(left_view.slope(x as f32, y as f32)) * hit.t + to_right;
-                scene.hides(&right_view.origin, &ray, candidates.at((right_x + 0.5) as usize, y))
+                scene.objects.hide(&right_view.origin, &ray, candidates.at((right_x + 0.5) as usize, y))
             };
             visibility[x] = if inside && !hidden() { Visibility::Visible } else { Visibility::Occluded };
         }

@@ -1,18 +1,17 @@
 //! The world as rays see it: floor, walls, obstacles and the laboratory around them.
 
-use super::config::{Block, WorldConfig};
-use super::solid::{Solid, V3};
+use super::config::WorldConfig;
+use super::objects::{Objects, WALLS};
+use super::solid::{Solid, V3, nonzero};
 use super::texture::{self, Footprint, Texture};
 
 /// Geometry and pictures of one run.
 pub(super) struct Scene {
-    names: Vec<String>,
-    /// The four walls, then blocks, then balls.
-    solids: Vec<Solid>,
-    /// Where each solid's piece of the forest begins.
+    pub(super) objects: Objects,
+    /// Where each object's piece of the forest begins.
     pieces_m: Vec<f32>,
-    /// Corners of the room in the plane.
-    room: [(f32, f32); 2],
+    /// Lower and upper corner of the laboratory in the plane.
+    room: [[f32; 2]; 2],
     forest: Texture,
     floor: Texture,
     lab: Texture,
@@ -30,24 +29,20 @@ pub(super) struct Hit {
 const FLOOR: u16 = u16::MAX;
 /// Less the axis and side of the room's wall.
 const LAB: u16 = u16::MAX - 1;
-/// Thickness of the arena's walls.
-const WALL_M: f64 = 0.02;
 
 impl Scene {
-    pub(super) fn new(world: &WorldConfig, seed: u64) -> Self {
-        let walls = walls(world);
-        let blocks = walls.iter().chain(&world.blocks);
-        let names = blocks.clone().map(|b| b.name.clone()).chain(world.balls.iter().map(|b| b.name.clone())).collect();
-        let solids: Vec<Solid> = blocks.map(Solid::block).chain(world.balls.iter().map(Solid::ball)).collect();
-        // Of the walls only the inner side is seen, half of their girth.
-        let girth = |(i, solid): (usize, &Solid)| solid.girth_m() * if i < 4 { 0.5 } else { 1.0 };
-        let pieces_m = (solids.iter().enumerate())
-            .scan(0.0, |end, solid| {
-                let begin = *end + 0.25 * solid.1.girth_m();
-                *end += girth(solid);
-                Some(begin)
-            })
-            .collect();
+    /// Paints the pictures of `world`, whose objects are given.
+    pub(super) fn new(world: &WorldConfig, objects: Objects, seed: u64) -> Self {
+        let solids = objects.solids();
+        let mut end_m = 0.0;
+        let piece = |(i, solid): (usize, &Solid)| {
+            let girth_m = solid.girth_m();
+            let begin_m = end_m + 0.25 * girth_m;
+            // Of the walls only the inner side is seen, half of their girth.
+            end_m += if i < WALLS { 0.5 } else { 1.0 } * girth_m;
+            begin_m
+        };
+        let pieces_m = solids.iter().enumerate().map(piece).collect();
         let margin = world.room_margin_m as f32;
         let light = |x: f32, y: f32| {
             let near = |solid: &Solid| (1.0 - solid.distance(&V3::new(x, y, 0.0)) / 0.09).max(0.0);
@@ -55,62 +50,36 @@ impl Scene {
         };
         let floor = texture::floor(seed, world.floor_contrast as f32, light);
         Self {
-            names,
             pieces_m,
-            room: [(-margin, -margin), (world.width_m as f32 + margin, world.length_m as f32 + margin)],
+            room: [[-margin; 2], [world.width_m as f32 + margin, world.length_m as f32 + margin]],
             forest: texture::forest(seed, world.forest_contrast as f32),
             floor,
             lab: texture::room(seed),
-            solids,
+            objects,
         }
-    }
-
-    pub(super) fn solids(&self) -> &[Solid] {
-        &self.solids
-    }
-
-    /// Solids with their names.
-    pub(super) fn named(&self) -> impl Iterator<Item = (&str, &Solid)> {
-        self.names.iter().map(String::as_str).zip(&self.solids)
     }
 
     /// The first thing on the ray `origin + t * direction`. `candidates`: the solids that it can meet.
     pub(super) fn cast(&self, origin: &V3, direction: &V3, candidates: u64) -> Hit {
         let mut hit = self.lab_or_floor(origin, direction);
-        for i in bits(candidates) {
-            if let Some((t, face)) = self.solids[i].enter(origin, direction)
-                && t < hit.t
-            {
+        for (i, (t, face)) in self.objects.enter(origin, direction, candidates) {
+            if t < hit.t {
                 hit = Hit { t, surface: (i as u16) << 3 | u16::from(face) };
             }
         }
         hit
     }
 
-    /// Whether a solid stands between `origin` and the point `origin + direction`.
-    pub(super) fn hides(&self, origin: &V3, direction: &V3, candidates: u64) -> bool {
-        // The point lies on a surface: what a ray meets a thousandth before it is that surface.
-        bits(candidates).any(|i| self.solids[i].enter(origin, direction).is_some_and(|(t, _)| t < 0.999))
-    }
-
     fn lab_or_floor(&self, origin: &V3, direction: &V3) -> Hit {
-        let down = -origin.z / direction.z;
-        let mut hit =
-            if direction.z < 0.0 { Hit { t: down, surface: FLOOR } } else { Hit { t: f32::INFINITY, surface: FLOOR } };
-        let [low, high] = self.room;
-        let wall = |from: f32, towards: f32, low: f32, high: f32| {
-            if towards > 0.0 { ((high - from) / towards, 1) } else { ((low - from) / towards, 0) }
+        let floor = if direction.z < 0.0 { -origin.z / direction.z } else { f32::INFINITY };
+        let wall = |axis: usize| {
+            let towards = nonzero(direction[axis]);
+            let side = usize::from(towards > 0.0);
+            let t = (self.room[side][axis] - origin[axis]) / towards;
+            Hit { t, surface: LAB - (2 * axis + side) as u16 }
         };
-        for (axis, (t, side)) in
-            [wall(origin.x, direction.x, low.0, high.0), wall(origin.y, direction.y, low.1, high.1)]
-                .into_iter()
-                .enumerate()
-        {
-            if t < hit.t {
-                hit = Hit { t, surface: LAB - (2 * axis as u16 + side) };
-            }
-        }
-        hit
+        let nearer = |a: Hit, b: Hit| if b.t < a.t { b } else { a };
+        nearer(nearer(Hit { t: floor, surface: FLOOR }, wall(0)), wall(1))
     }
 
     /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle that a pixel sees, radians, with
@@ -124,15 +93,15 @@ impl Scene {
                 0.9 * self.floor.albedo(&at)
             }
             lab if lab >= LAB - 3 => {
-                let axis = usize::from((LAB - lab) / 2);
-                let (u_m, u_axis) = if axis == 0 { (point.y, V3::y()) } else { (point.x, V3::x()) };
-                let u_m = u_m + 10.0 * f32::from(LAB - lab);
-                let normal = if axis == 0 { V3::x() } else { V3::y() };
-                0.8 * self.lab.albedo(&footprint((u_m, point.z), (u_axis, V3::z()), &normal, direction, minor_m))
+                let wall = LAB - lab;
+                let (along, normal) = if wall < 2 { (V3::y(), V3::x()) } else { (V3::x(), V3::y()) };
+                // The four walls are unrolled 10 m apart.
+                let u_m = along.dot(&point) + 10.0 * f32::from(wall);
+                0.8 * self.lab.albedo(&footprint((u_m, point.z), (along, V3::z()), &normal, direction, minor_m))
             }
             solid => {
                 let index = usize::from(solid >> 3);
-                let surface = self.solids[index].surface(&point, (solid & 7) as u8);
+                let surface = self.objects.solids()[index].surface(&point, (solid & 7) as u8);
                 let u_m = surface.u_m + self.pieces_m[index];
                 let axes = (surface.u_axis, surface.v_axis);
                 let at = footprint((u_m, surface.v_m), axes, &surface.normal, direction, minor_m);
@@ -161,34 +130,4 @@ fn footprint((u_m, v_m): (f32, f32), axes: (V3, V3), normal: &V3, direction: &V3
     let away = direction - normal * facing;
     let scale = 0.5 * minor_m * stretch / away.norm().max(1.0e-6);
     Footprint { u_m, v_m, minor_m, reach_m: (axes.0.dot(&away) * scale, axes.1.dot(&away) * scale), stretch }
-}
-
-/// The arena's walls, inner faces on the floor's border.
-fn walls(world: &WorldConfig) -> [Block; 4] {
-    let WorldConfig { width_m: w, length_m: l, wall_height_m: h, .. } = *world;
-    let wall = |name: &str, at_m, length: f64, heading_deg| Block {
-        name: name.into(),
-        at_m,
-        size_m: [length + 2.0 * WALL_M, WALL_M, h],
-        above_floor_m: 0.0,
-        heading_deg,
-    };
-    let out = 0.5 * WALL_M;
-    [
-        wall("wall y=0", [0.5 * w, -out], w, 0.0),
-        wall("wall x=max", [w + out, 0.5 * l], l, 90.0),
-        wall("wall y=max", [0.5 * w, l + out], w, 180.0),
-        wall("wall x=0", [-out, 0.5 * l], l, 270.0),
-    ]
-}
-
-/// Positions of the bits that are set.
-fn bits(mut set: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        (set != 0).then(|| {
-            let bit = set.trailing_zeros() as usize;
-            set &= set - 1;
-            bit
-        })
-    })
 }

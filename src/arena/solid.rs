@@ -116,6 +116,11 @@ impl Solid {
     }
 }
 
+/// A component of a direction, fit to divide by: a ray along an axis leans by nothing that could be measured.
+pub(super) fn nonzero(component: f32) -> f32 {
+    if component.abs() < 1.0e-30 { 1.0e-30 } else { component }
+}
+
 impl Slab {
     fn to_local(&self, v: &V3) -> V3 {
         let (c, s) = self.along;
@@ -133,7 +138,7 @@ impl Slab {
         let towards = self.to_local(direction);
         let (mut enter, mut leave, mut face) = (0.0, f32::INFINITY, u8::MAX);
         for axis in 0..3 {
-            let inverse = 1.0 / towards[axis];
+            let inverse = 1.0 / nonzero(towards[axis]);
             let middle = -from[axis] * inverse;
             let reach = self.half[axis] * inverse.abs();
             let (near, far) = (middle - reach, middle + reach);

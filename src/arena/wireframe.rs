@@ -1,8 +1,8 @@
 //! The geometry as lines, for eyes.
 
 use super::config::WorldConfig;
+use super::objects::Objects;
 use super::path::Walk;
-use super::scene::Scene;
 use super::solid::{Solid, V3};
 
 /// A named thing as line strips in the world, metres.
@@ -13,7 +13,7 @@ pub struct Wire {
 }
 
 /// Floor, walls, blocks, balls and the robot's way (`path`).
-pub(super) fn wires(scene: &Scene, walk: &Walk, world: &WorldConfig) -> Vec<Wire> {
+pub(super) fn wires(objects: &Objects, walk: &Walk, world: &WorldConfig) -> Vec<Wire> {
     let (w, l) = (world.width_m as f32, world.length_m as f32);
     let border = [[0.0, 0.0], [w, 0.0], [w, l], [0.0, l], [0.0, 0.0]];
     let floor = Wire { name: "floor".into(), strips: vec![border.map(|[x, y]| [x, y, 0.0]).to_vec()] };
@@ -23,7 +23,7 @@ pub(super) fn wires(scene: &Scene, walk: &Walk, world: &WorldConfig) -> Vec<Wire
         [at.x as f32, at.y as f32, 0.0]
     });
     let path = Wire { name: "path".into(), strips: vec![way.collect()] };
-    let solids = scene.named().map(|(name, solid)| Wire { name: name.into(), strips: outline(solid) });
+    let solids = objects.named().map(|(name, solid)| Wire { name: name.into(), strips: outline(solid) });
     [floor].into_iter().chain(solids).chain([path]).collect()
 }
 

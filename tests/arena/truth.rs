@@ -2,7 +2,7 @@
 
 use super::{ball, empty, ray, seen};
 use nalgebra::Vector3;
-use svl::arena::{Arena, ArenaConfig, Ball};
+use svl::arena::{Arena, ArenaConfig, Ball, Block, Waypoint};
 use svl::stereo::Visibility;
 
 /// Where `origin + t * direction` enters a sphere.
@@ -28,6 +28,22 @@ fn a_wall_straight_ahead_has_the_disparity_of_its_distance() {
         assert!((truth.get(160, 120 - rows_above) - disparity).abs() < 1e-4);
         assert!(truth.get(160, 117 - rows_above) < 0.7 * disparity, "the room is farther");
     }
+}
+
+#[test]
+fn rays_along_an_axis_meet_what_stands_on_it_and_nothing_beside_it() {
+    let mut config = empty();
+    // Odd sides: the ray of the centre has no component across.
+    (config.rig.width_px, config.rig.height_px) = (65, 49);
+    config.robot.path =
+        vec![Waypoint { at_m: [0.5, 1.0], heading_deg: 0.0 }, Waypoint { at_m: [1.0, 1.0], heading_deg: 0.0 }];
+    for at_m in [[1.3, 1.5], [1.3, 0.5]] {
+        let (name, size_m) = ("beside".into(), [0.2, 0.2, 0.3]);
+        config.world.blocks.push(Block { name, at_m, size_m, above_floor_m: 0.0, heading_deg: 0.0 });
+    }
+    let frame = Arena::new(&config, 1).unwrap().frame(0).unwrap();
+    let (depth, point) = seen(&frame, 32, 24);
+    assert!((depth - 1.5).abs() < 1e-5 && (point.x - 2.0).abs() < 1e-5, "{depth} m, {point}");
 }
 
 #[test]
