@@ -25,6 +25,7 @@ pub(super) struct Records {
     at: u64,
     /// Of the section being read.
     crc: crc32fast::Hasher,
+    zstd: zstd::bulk::Decompressor<'static>,
     body: Vec<u8>,
     chunk: Vec<u8>,
     /// Where in `chunk` the next record begins.
@@ -49,6 +50,7 @@ impl Records {
             len: metadata.len(),
             at: 0,
             crc: crc32fast::Hasher::new(),
+            zstd: zstd::bulk::Decompressor::new().map_err(io)?,
             body: Vec::new(),
             chunk: Vec::new(),
             cursor: 0,
@@ -206,7 +208,10 @@ impl Records {
         }
         let read = match header.compression.as_str() {
             "" => (&*data).read_to_end(&mut chunk),
-            "zstd" => zstd::Decoder::new(&*data).and_then(|d| d.take(size + 1).read_to_end(&mut chunk)),
+            "zstd" => {
+                chunk.try_reserve(size as usize).map_err(|e| e.to_string())?;
+                self.zstd.decompress_to_buffer(&data, &mut chunk)
+            }
             "lz4" => lz4::Decoder::new(&*data).and_then(|d| d.take(size + 1).read_to_end(&mut chunk)),
             other => return Err(format!("its compression '{other}' is unknown")),
         };
