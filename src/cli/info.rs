@@ -66,7 +66,9 @@ fn pairs(summary: &Summary) -> String {
 }
 
 fn gaps(summary: &Summary) -> Vec<String> {
-    let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else { return vec!["gaps       none".into()] };
+    let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else {
+        return vec!["gaps       none".into()];
+    };
     let mut lines = vec![format!("gaps       {}, the longest {}", summary.gaps.len(), seconds(longest))];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
     let listed = summary.gaps.iter().take(LISTED_GAPS);
@@ -84,7 +86,7 @@ fn topics(topics: &[Topic]) -> Vec<String> {
     };
     let head = row("topic", "messages", "Hz", "size", "schema");
     let rows = topics.iter().map(|topic| {
-        let rate = topic.rate_hz().map(|hz| format!("{hz:.2}")).unwrap_or_default();
+        let rate = topic.rate_hz.map(|hz| format!("{hz:.2}")).unwrap_or_default();
         row(&topic.name, &topic.messages.to_string(), &rate, &megabytes(topic.bytes), &topic.schema)
     });
     std::iter::once(head).chain(rows).collect()

@@ -4,6 +4,7 @@ use super::Source;
 use crate::error::Result;
 use crate::recording::Reader;
 use crate::stereo::Frame;
+use std::path::PathBuf;
 
 /// A recording as a source.
 ///
@@ -12,8 +13,12 @@ use crate::stereo::Frame;
 pub struct RecordingSource(Reader);
 
 impl RecordingSource {
-    pub fn new(reader: Reader) -> Self {
-        Self(reader)
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// As [`Reader::open`].
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        Reader::open(path).map(Self)
     }
 
     /// The recording, to ask it for its header and what it left out.
@@ -28,10 +33,10 @@ impl Source for RecordingSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        self.0.next()
+        self.0.next_pair()
     }
 
     fn len(&self) -> Option<u64> {
-        self.0.len()
+        self.0.pairs()
     }
 }

@@ -127,7 +127,7 @@ fn a_bad_pair_costs_only_itself() {
         .collect();
     std::fs::write(&path, mcap_of(&messages)).unwrap();
     let mut reader = Reader::open(&path).unwrap();
-    let mut read: Vec<Result<Option<Frame>>> = (0..5).map(|_| reader.next()).collect();
+    let mut read: Vec<Result<Option<Frame>>> = (0..5).map(|_| reader.next_pair()).collect();
     assert!(matches!(read.pop(), Some(Ok(None))));
     let stamps: Vec<_> = read.iter().map(|r| r.as_ref().ok().map(|f| f.as_ref().unwrap().stamp_ns)).collect();
     assert_eq!(stamps, [Some(0), Some(1), None, Some(3)]);

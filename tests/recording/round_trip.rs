@@ -89,8 +89,8 @@ fn header_attachments_and_length_come_back() {
     assert_eq!(attachment(&path, "scenario.toml").unwrap().unwrap(), b"name = 'arena'");
     assert_eq!(attachment(&path, "calibration.xml").unwrap(), None);
     let reader = Reader::open(&path).unwrap();
-    assert_eq!((reader.len(), reader.header()), (Some(7), Some(&written)));
-    let mut source = RecordingSource::new(reader);
+    assert_eq!((reader.pairs(), reader.header()), (Some(7), Some(&written)));
+    let mut source = RecordingSource::open(&path).unwrap();
     assert_eq!(source.len(), Some(7));
     assert_eq!(source.next().unwrap().unwrap().sequence, 0);
     assert_eq!(source.reader().unpaired(), 0);
