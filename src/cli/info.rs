@@ -86,7 +86,7 @@ fn topics(topics: &[Topic]) -> Vec<String> {
     };
     let head = row("topic", "messages", "Hz", "size", "schema");
     let rows = topics.iter().map(|topic| {
-        let rate = topic.rate_hz().map(|hz| format!("{hz:.2}")).unwrap_or_default();
+        let rate = topic.rate_hz.map(|hz| format!("{hz:.2}")).unwrap_or_default();
         row(&topic.name, &topic.messages.to_string(), &rate, &megabytes(topic.bytes), &topic.schema)
     });
     std::iter::once(head).chain(rows).collect()

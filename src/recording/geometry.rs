@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn cameras_that_are_not_a_pair_are_refused() {
         let left = Projection { focal_px: 300.0, cx_px: 160.0, cy_px: 120.0, shift: 0.0 };
-        assert!(super::rig(&left, &Projection { focal_px: 301.0, shift: -30.0, ..left }).is_err());
-        assert!(super::rig(&left, &left).is_err(), "no baseline");
+        assert!(rig(&left, &Projection { focal_px: 301.0, shift: -30.0, ..left }).is_err());
+        assert!(rig(&left, &left).is_err(), "no baseline");
     }
 }

@@ -9,7 +9,7 @@
 //! | `/truth/depth` | sensor_msgs/msg/Image 32FC1, metres | truth and rig are known |
 //! | `/truth/disparity` | sensor_msgs/msg/Image 32FC1, pixels | depth cannot say the truth |
 //! | `/truth/visibility` | foxglove.RawImage mono8, codes of [`crate::stereo::Visibility`] | known |
-//! | `/stereo/sync` | JSON, [`Sync`] | always, last of the pair |
+//! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
 //! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
 //!
 //! log_time and publish_time are the exposure stamp; the right camera's messages carry the right stamp. Calibration
@@ -17,6 +17,7 @@
 //! Where there is no depth or disparity, float images are NaN (REP 118), and a point at infinity has depth +∞.
 //! The metadata record `svl` is the [`Header`]; scenario and calibration files are attachments.
 
+mod chunk;
 mod float_image;
 mod geometry;
 mod gray_image;
@@ -34,7 +35,6 @@ pub use gray_image::ImageFormat;
 pub use header::{Header, attachment, header};
 pub use reader::Reader;
 pub use summary::{Gap, Skew, Summary, Topic};
-pub use sync::Sync;
 pub use writer::Writer;
 
 use crate::error::{Error, Result};

@@ -1,7 +1,8 @@
 //! Puts the messages of a pair together again.
 
 use super::geometry::{self, Projection};
-use super::{Camera, Kind, Sync, float_image, gray_image, truth};
+use super::sync::StereoSync;
+use super::{Camera, Kind, float_image, gray_image, truth};
 use crate::stereo::{Frame, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
 use std::collections::BTreeMap;
 
@@ -28,7 +29,7 @@ struct Left {
     depth: Option<Plane<f32>>,
     disparity: Option<Plane<f32>>,
     visibility: Option<Gray>,
-    sync: Option<Sync>,
+    sync: Option<StereoSync>,
 }
 
 /// What carries a right stamp.
@@ -84,7 +85,7 @@ impl Pairing {
             Kind::Disparity => self.left(stamp).disparity = Some(float_image::decode(schema, data)?),
             Kind::Visibility => self.left(stamp).visibility = Some(gray_image::decode(schema, data)?),
             Kind::Sync => {
-                let sync = Sync::decode(schema, data)?;
+                let sync = StereoSync::decode(schema, data)?;
                 if sync.left_stamp_ns != stamp {
                     return Err(format!("it is of the pair at {} ns", sync.left_stamp_ns));
                 }
@@ -178,7 +179,7 @@ fn frame(left: Left, right: Right) -> Result<Frame, String> {
             }
         }
     }
-    let Sync { sequence, name, left_stamp_ns: stamp_ns, exposure, .. } = sync;
+    let StereoSync { sequence, name, left_stamp_ns: stamp_ns, exposure, .. } = sync;
     Ok(Frame { sequence, stamp_ns, name, pair, rig, pose: left.pose, truth, exposure })
 }
 

@@ -15,7 +15,7 @@ pub struct Reader {
     messages: Messages,
     pairing: Pairing,
     header: Option<Header>,
-    len: Option<u64>,
+    pairs: Option<u64>,
     /// The first pair, read when the file was opened.
     first: Option<Frame>,
 }
@@ -33,7 +33,7 @@ impl Reader {
             pairing: Pairing::default(),
             header: None,
             // Without a good summary the length is unknown; what is wrong with it, reading on will tell.
-            len: Messages::count(&path, Kind::Sync.topic()).unwrap_or(None),
+            pairs: Messages::count(&path, Kind::Sync.topic()).unwrap_or(None),
             first: None,
             path,
         };
@@ -54,8 +54,8 @@ impl Reader {
     }
 
     /// Number of pairs by the file's summary; nothing when it has none, as when it was never finished.
-    pub fn len(&self) -> Option<u64> {
-        self.len
+    pub fn pairs(&self) -> Option<u64> {
+        self.pairs
     }
 
     /// Images read so far that found no partner. Complete once the end is reached.
@@ -68,7 +68,7 @@ impl Reader {
     /// # Errors
     /// [`Error::Format`] for a pair that is none, after which the next may be asked for. [`Error::Damaged`], once, where
     /// the file ends early or is not what its CRCs say: all pairs before it are good, and there are no more.
-    pub fn next(&mut self) -> Result<Option<Frame>> {
+    pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         match self.first.take() {
             Some(first) => Ok(Some(first)),
             None => self.read(),

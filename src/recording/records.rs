@@ -4,6 +4,7 @@
 //! every length is checked against what the file can hold, a chunk is used only when its CRC fits, and the CRCs of data
 //! and summary section are checked on the way. So any changed byte is noticed, at the latest at the end.
 
+use super::chunk::Chunk;
 use crate::error::{Error, Result};
 use mcap::records::{Record, op};
 use std::cell::Cell;
@@ -12,7 +13,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// Longest record and chunk: an image of the largest size in 32-bit floats, and as much again.
-const MAX_RECORD: u64 = 2 << 30;
+pub(super) const MAX_RECORD: u64 = 2 << 30;
 /// Footer record and end magic.
 const TAIL: u64 = 9 + 20 + 8;
 
@@ -26,11 +27,9 @@ pub(super) struct Records {
     /// Of the section being read.
     crc: crc32fast::Hasher,
     body: Vec<u8>,
-    chunk: Vec<u8>,
-    /// Where in `chunk` the next record begins.
-    cursor: usize,
-    /// Where in `chunk` the current record's body stands; outside of chunks it is `body`.
-    inner: Option<std::ops::Range<usize>>,
+    chunk: Chunk,
+    /// Whether the current record stands in `chunk`.
+    in_chunk: bool,
     /// In a cell, because whoever finds damage ends the reading.
     ended: Cell<bool>,
 }
@@ -50,9 +49,8 @@ impl Records {
             at: 0,
             crc: crc32fast::Hasher::new(),
             body: Vec::new(),
-            chunk: Vec::new(),
-            cursor: 0,
-            inner: None,
+            chunk: Chunk::new().map_err(io)?,
+            in_chunk: false,
             ended: Cell::new(false),
         };
         if records.len == 0 {
@@ -103,10 +101,7 @@ impl Records {
 
     /// The record that [`Records::advance`] went to.
     pub(super) fn body(&self) -> &[u8] {
-        match &self.inner {
-            Some(range) => &self.chunk[range.clone()],
-            None => &self.body,
-        }
+        if self.in_chunk { self.chunk.body() } else { &self.body }
     }
 
     /// The current record, taken apart.
@@ -121,14 +116,11 @@ impl Records {
 
     fn step(&mut self) -> Result<Option<u8>> {
         loop {
-            if self.cursor < self.chunk.len() {
-                let (opcode, body) = split(&self.chunk, self.cursor)
-                    .ok_or_else(|| self.damaged("a chunk ends inside one of its records"))?;
-                self.cursor = body.end;
-                self.inner = Some(body);
-                return Ok(Some(opcode));
+            self.in_chunk = !self.chunk.is_done();
+            if self.in_chunk {
+                let opcode = self.chunk.advance();
+                return opcode.map(Some).map_err(|reason| self.damaged(reason));
             }
-            self.inner = None;
             match self.top()? {
                 Some(op::CHUNK) => self.open_chunk()?,
                 opcode => return Ok(opcode),
@@ -186,39 +178,8 @@ impl Records {
     }
 
     fn open_chunk(&mut self) -> Result<()> {
-        let chunk = self.decompress().map_err(|reason| self.damaged(&format!("a chunk is damaged: {reason}")))?;
-        self.chunk = chunk;
-        self.cursor = 0;
-        Ok(())
-    }
-
-    /// The records of the chunk in `body`.
-    fn decompress(&mut self) -> std::result::Result<Vec<u8>, String> {
-        let mut chunk = std::mem::take(&mut self.chunk);
-        chunk.clear();
-        let Record::Chunk { header, data } = mcap::parse_record(op::CHUNK, &self.body).map_err(|e| e.to_string())?
-        else {
-            return Err("it is none".to_owned());
-        };
-        let size = header.uncompressed_size;
-        if size > MAX_RECORD {
-            return Err(format!("it holds {size} bytes, more than {MAX_RECORD}"));
-        }
-        let read = match header.compression.as_str() {
-            "" => (&*data).read_to_end(&mut chunk),
-            "zstd" => zstd::Decoder::new(&*data).and_then(|d| d.take(size + 1).read_to_end(&mut chunk)),
-            "lz4" => lz4::Decoder::new(&*data).and_then(|d| d.take(size + 1).read_to_end(&mut chunk)),
-            other => return Err(format!("its compression '{other}' is unknown")),
-        };
-        read.map_err(|e| e.to_string())?;
-        if chunk.len() as u64 != size {
-            return Err(format!("it holds {} bytes, {size} expected", chunk.len()));
-        }
-        let (saved, calculated) = (header.uncompressed_crc, crc32fast::hash(&chunk));
-        if saved != 0 && saved != calculated {
-            return Err(format!("its CRC is {calculated:08x}, {saved:08x} expected"));
-        }
-        Ok(chunk)
+        let opened = self.chunk.open(&self.body);
+        opened.map_err(|reason| self.damaged(&format!("a chunk is damaged: {reason}")))
     }
 
     fn check_crc(&self, section: &str, crc: crc32fast::Hasher, saved: Option<u32>) -> Result<()> {
@@ -239,23 +200,16 @@ impl Records {
     }
 }
 
-/// The record of a chunk that begins at `from`: what it is, and where its body stands.
-fn split(chunk: &[u8], from: usize) -> Option<(u8, std::ops::Range<usize>)> {
-    let start = from.checked_add(9)?;
-    let end = start.checked_add(usize::try_from(u64_at(chunk, from + 1)?).ok()?)?;
-    (end <= chunk.len()).then(|| (chunk[from], start..end))
-}
-
 /// Whether an attachment's body has room for two times, name, media type, length and CRC.
 fn attachment_fits(body: &[u8]) -> bool {
     let after_string = |at: usize| at.checked_add(4)?.checked_add(u32_at(body, at)? as usize);
     after_string(16).and_then(after_string).is_some_and(|end| body.len() >= end.saturating_add(8 + 4))
 }
 
-fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
 }
 
-fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
+pub(super) fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
     bytes.get(at..)?.first_chunk().map(|b| u64::from_le_bytes(*b))
 }

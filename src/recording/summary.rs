@@ -1,7 +1,8 @@
 //! What a recording holds, for a person to look over.
 
 use super::messages::{Channel, Event, Messages};
-use super::{Camera, Header, Kind, Sync};
+use super::sync::StereoSync;
+use super::{Camera, Header, Kind};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -51,14 +52,8 @@ pub struct Topic {
     pub bytes: u64,
     pub start_ns: u64,
     pub end_ns: u64,
-}
-
-impl Topic {
     /// Messages a second; nothing for less than two.
-    pub fn rate_hz(&self) -> Option<f64> {
-        let seconds = self.end_ns.saturating_sub(self.start_ns) as f64 / 1e9;
-        (self.messages > 1 && seconds > 0.0).then(|| (self.messages - 1) as f64 / seconds)
-    }
+    pub rate_hz: Option<f64>,
 }
 
 /// A time without pairs.
@@ -140,15 +135,18 @@ impl Seen {
             bytes: 0,
             start_ns: stamp_ns,
             end_ns: stamp_ns,
+            rate_hz: None,
         });
         topic.messages += 1;
         topic.bytes += data.len() as u64;
         topic.start_ns = topic.start_ns.min(stamp_ns);
         topic.end_ns = topic.end_ns.max(stamp_ns);
+        let seconds = (topic.end_ns - topic.start_ns) as f64 / 1e9;
+        topic.rate_hz = (seconds > 0.0).then(|| (topic.messages - 1) as f64 / seconds);
         match Kind::of(&channel.topic) {
             Some(Kind::Image(Camera::Left)) => self.left_stamps.push(stamp_ns),
             Some(Kind::Sync) => {
-                if let Ok(sync) = Sync::decode(&channel.schema, data) {
+                if let Ok(sync) = StereoSync::decode(&channel.schema, data) {
                     self.skews.push(sync.exposure.skew_ns);
                     self.drops = self.drops.max(sync.exposure.drops);
                 }

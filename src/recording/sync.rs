@@ -9,21 +9,21 @@ const DEFINITION: &str = include_str!("sync.schema.json");
 
 /// The message of `/stereo/sync`. It names the stamps of both images, and so says which two are a pair.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Sync {
+pub(super) struct StereoSync {
     /// Number of the pair in its source, from 0.
-    pub sequence: u64,
+    pub(super) sequence: u64,
     /// What the source calls the pair, where it has a name of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub name: Option<String>,
+    pub(super) name: Option<String>,
     /// Middle of the left exposure.
-    pub left_stamp_ns: u64,
+    pub(super) left_stamp_ns: u64,
     /// Middle of the right exposure.
-    pub right_stamp_ns: u64,
+    pub(super) right_stamp_ns: u64,
     #[serde(flatten)]
-    pub exposure: Exposure,
+    pub(super) exposure: Exposure,
 }
 
-impl Sync {
+impl StereoSync {
     pub(super) fn new(frame: &Frame, right_stamp_ns: u64) -> Self {
         let Frame { sequence, stamp_ns, name, exposure, .. } = frame;
         Self { sequence: *sequence, name: name.clone(), left_stamp_ns: *stamp_ns, right_stamp_ns, exposure: *exposure }

@@ -33,10 +33,10 @@ impl Source for RecordingSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        self.0.next()
+        self.0.next_pair()
     }
 
     fn len(&self) -> Option<u64> {
-        self.0.len()
+        self.0.pairs()
     }
 }

@@ -65,6 +65,18 @@ fn what_is_synced_survives_the_writer() {
     assert!(error.unwrap().to_string().contains("never finished; 3 whole pairs were read"));
 }
 
+#[test]
+fn a_second_is_the_most_that_a_crash_costs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let mut writer = create(&path).unwrap();
+    writer.write(&full(0, (24, 16))).unwrap();
+    assert!(read(&path).0.is_empty(), "it waits for its chunk");
+    std::thread::sleep(std::time::Duration::from_millis(1050));
+    writer.write(&full(1, (24, 16))).unwrap();
+    assert_eq!(read(&path).0.len(), 2);
+}
+
 /// A file system of its own; unmounted when dropped.
 struct Mount(PathBuf);
 

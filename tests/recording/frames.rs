@@ -70,7 +70,7 @@ pub(crate) fn read(path: &Path) -> (Vec<Frame>, Option<Error>) {
     };
     let (mut frames, mut error) = (Vec::new(), None);
     loop {
-        match reader.next() {
+        match reader.next_pair() {
             Ok(Some(frame)) => frames.push(frame),
             Ok(None) => return (frames, error),
             Err(next) => {

@@ -40,7 +40,7 @@ fn a_summary_knows_counts_gaps_and_skew() {
             ("/truth/visibility", "foxglove.RawImage", 7),
         ]
     );
-    let rate = summary.topics[0].rate_hz().unwrap();
+    let rate = summary.topics[0].rate_hz.unwrap();
     assert!((rate - 6.0 / (8.0 * PERIOD_NS as f64 / 1e9)).abs() < 1e-9);
 }
 
