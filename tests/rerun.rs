@@ -9,6 +9,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::time::Duration;
+use svl::score::CellRule;
 use svl::sink::{Edges, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
 use svl::stereo::{
     Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, Frame, Gray, GridShape, Plane, Pose, Reason, Rig,
@@ -60,6 +61,7 @@ fn write(path: &Path, rig: bool) {
         algorithms: LABELS.map(|label| (label.to_owned(), "window 9 px".to_owned())).into(),
         wireframe: if rig { vec![edges] } else { Vec::new() },
         grid: GridShape::default(),
+        rule: CellRule::Distance,
     };
     let mut sink = RerunSink::new(RerunTarget::File(path.to_owned()), &run).unwrap();
     for sequence in 0..3 {

@@ -80,7 +80,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.preview {
         let max_px = map.disparity().pixels().filter(|d| d.is_finite()).fold(1.0, f32::max);
-        files::write_png(path, width, height, overlay::preview(&map, max_px).as_raw())?;
+        files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
     }
     let settings = GridSettings::default();
     let grid = rig.map(|rig| depth::grid(map.disparity(), settings.shape(), settings.min_valid, Some(&rig)));

@@ -5,7 +5,7 @@ use svl::arena::{Arena, Wire};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::CellRule;
-use svl::sink::{Identity, RunInfo};
+use svl::sink::{Edges, Identity, RunInfo};
 use svl::stereo::GridShape;
 
 /// A name for a run that no other run has.
@@ -43,8 +43,9 @@ pub(super) fn rerun(identity: &Identity, algorithms: &[Algorithm], wireframe: Ve
         recording_id: identity.run_id.clone(),
         scenario: identity.scenario.clone(),
         algorithms: algorithms.iter().map(about).collect(),
-        wireframe: wireframe.into_iter().map(|wire| (wire.name, wire.strips)).collect(),
+        wireframe: wireframe.into_iter().map(|Wire { name, strips }| Edges { name, strips }).collect(),
         grid: identity.shape,
+        rule: identity.rule,
     }
 }
 

@@ -124,6 +124,7 @@ impl Report {
         let seed = run.seed();
         let mut source = run.open(scenario, quiet)?;
         self.judge.begin_run(seed);
+        self.rerun.begin_run();
         let mut progress = Progress::new(&format!("score {}", source.name()), source.len(), quiet);
         let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
         let ran = run_loop(&mut *source, &scenario.algorithms, scenario.grid, Pace::Asap, &mut sinks, &mut progress);

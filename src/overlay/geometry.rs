@@ -1,36 +1,43 @@
 //! From cells to squares.
 
-use crate::stereo::{CellDepth, DepthGrid, Rig};
+use crate::stereo::{CellDepth, DepthGrid, Frame};
 use serde::Serialize;
 
-/// At this distance and below a square fills its cell.
+/// Distance at which an obstacle fills its cell where the camera moves, metres.
 pub const NEAR_M: f64 = 0.2;
+/// Disparity that fills a cell where nothing is known of the camera: the end of svl's default search range.
+const NEAR_PX: f64 = 80.0;
 
-/// How near a disparity is.
+/// The scale of the squares: how near a disparity is, so that a size means the same in every frame of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Nearness {
-    /// [`NEAR_M`] over the distance.
-    Metric(Rig),
-    /// Without a rig: the share of this largest disparity, in pixels.
-    Relative { max_px: f32 },
+pub struct Nearness {
+    near_px: f64,
+    doffs_px: f64,
 }
 
 impl Nearness {
-    /// 0 at infinity, 1 for whatever fills its cell.
-    pub fn of(&self, disparity_px: f32) -> f64 {
-        let nearness = match self {
-            Self::Metric(rig) => rig.depth_m(disparity_px.into()).map_or(0.0, |depth_m| NEAR_M / depth_m),
-            Self::Relative { max_px } => f64::from(disparity_px) / f64::from(*max_px),
+    /// The scale for `frame`'s camera. A moving rig (the arena, a robot) fills a cell at [`NEAR_M`], or as near as it
+    /// measures within a quarter of its width. A still scene with truth fills it at its own nearest point.
+    pub fn of_frame(frame: &Frame) -> Self {
+        let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
+        let nearest = still.and_then(|truth| truth.disparity.pixels().filter(|d| d.is_finite()).reduce(f32::max));
+        let quarter_px = frame.pair.size().0 as f64 / 4.0;
+        let near_px = match (nearest, frame.rig) {
+            (Some(nearest), _) => f64::from(nearest).max(1.0),
+            (None, Some(rig)) => rig.disparity_px(NEAR_M).min(quarter_px),
+            (None, None) => NEAR_PX,
         };
-        nearness.clamp(0.0, 1.0)
+        Self { near_px, doffs_px: frame.rig.map_or(0.0, |rig| rig.doffs_px()) }
     }
 
-    /// The disparity from which on a square fills its cell, pixels.
-    pub fn max_px(&self) -> f32 {
-        match self {
-            Self::Metric(rig) => rig.disparity_px(NEAR_M) as f32,
-            Self::Relative { max_px } => *max_px,
-        }
+    /// The disparity that fills a cell, pixels.
+    pub fn near_px(&self) -> f64 {
+        self.near_px
+    }
+
+    /// 0 at infinity, 1 for whatever fills its cell: the nearest distance over the disparity's own.
+    pub fn of(&self, disparity_px: f32) -> f64 {
+        ((f64::from(disparity_px) + self.doffs_px) / (self.near_px + self.doffs_px)).clamp(0.0, 1.0)
     }
 }
 
@@ -100,34 +107,40 @@ pub fn marks(grid: &DepthGrid, size: (usize, usize), nearness: Nearness) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Cell, GridShape};
+    use crate::stereo::{Cell, Exposure, Gray, GridShape, Plane, Pose, Rig, StereoPair, Truth};
 
     const CELL: Rect = Rect { x: 64.0, y: 80.0, width: 64.0, height: 80.0 };
 
-    fn rig() -> Rig {
-        Rig::new(328.0, (159.5, 119.5), 0.044, 0.0).unwrap()
+    fn frame(rig: Option<Rig>, pose: Option<Pose>, truth: Option<f32>) -> Frame {
+        let image = Gray::filled(320, 240, 0).unwrap();
+        let truth = truth.map(|d| Truth { disparity: Plane::filled(320, 240, d).unwrap(), visibility: None });
+        let pair = StereoPair::new(image.clone(), image).unwrap();
+        Frame { sequence: 0, stamp_ns: 0, name: None, pair, rig, pose, truth, exposure: Exposure::default() }
     }
 
     #[test]
     fn a_square_is_as_large_as_it_is_near() {
-        let rig = rig();
-        let at = |depth_m: f64| Nearness::Metric(rig).of(rig.disparity_px(depth_m) as f32);
-        assert!((at(0.4) - 0.5).abs() < 1e-6);
-        assert!((at(2.0) - 0.1).abs() < 1e-6);
-        assert_eq!(at(0.1), 1.0);
-        assert_eq!(Nearness::Metric(rig).of(0.0), 0.0);
+        let rig = Rig::new(328.0, (159.5, 119.5), 0.044, 0.0).unwrap();
+        let nearness = Nearness::of_frame(&frame(Some(rig), Some(Pose::identity()), Some(9.0)));
+        let at = |depth_m: f64| nearness.of(rig.disparity_px(depth_m) as f32);
+        assert!((at(0.4) - 0.5).abs() < 1e-6 && (at(2.0) - 0.1).abs() < 1e-6);
+        assert_eq!((at(0.1), nearness.of(0.0)), (1.0, 0.0));
     }
 
     #[test]
-    fn without_a_rig_disparity_itself_counts() {
-        let nearness = Nearness::Relative { max_px: 80.0 };
-        assert_eq!([20.0, 80.0, 99.0, -1.0].map(|d| nearness.of(d)), [0.25, 1.0, 1.0, 0.0]);
+    fn a_still_scene_takes_its_nearest_point() {
+        let rig = Rig::new(1000.0, (159.5, 119.5), 0.19, 30.0).unwrap();
+        let nearness = Nearness::of_frame(&frame(Some(rig), None, Some(64.0)));
+        assert_eq!((nearness.near_px(), nearness.of(64.0), nearness.of(17.0)), (64.0, 1.0, 0.5));
+        assert_eq!(Nearness::of_frame(&frame(None, None, Some(16.0))).near_px(), 16.0);
+        let unknown = Nearness::of_frame(&frame(None, None, None));
+        assert_eq!([20.0, 80.0, 99.0, -1.0].map(|d| unknown.of(d)), [0.25, 1.0, 1.0, 0.0]);
     }
 
     #[test]
     fn squares_stand_in_the_middle_and_keep_the_cell_s_proportions() {
         let depth = CellDepth { median_px: 40.0, p20_px: 20.0, p80_px: 80.0, distance_m: None };
-        let squares = squares(CELL, &depth, Nearness::Relative { max_px: 80.0 });
+        let squares = squares(CELL, &depth, Nearness { near_px: 80.0, doffs_px: 0.0 });
         assert_eq!(squares.median, Rect { x: 80.0, y: 100.0, width: 32.0, height: 40.0 });
         assert_eq!(squares.p20, Rect { x: 88.0, y: 110.0, width: 16.0, height: 20.0 });
         assert_eq!(squares.p80, CELL);

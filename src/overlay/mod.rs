@@ -2,13 +2,10 @@
 //! shows is near, and a red dot where nothing is known. svl adds the cell's 20th percentile in yellow and its 80th in
 //! violet.
 //!
-//! [`marks`] is the geometry; whoever draws it (this module in pixels, the HTML report as SVG, the Rerun sink as boxes)
-//! takes it from there.
+//! [`marks`] is the geometry; the HTML report draws it as SVG and the Rerun sink as boxes.
 
-mod draw;
 mod geometry;
 mod preview;
 
-pub use draw::{draw, gray_png, png};
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
 pub use preview::preview;

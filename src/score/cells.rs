@@ -5,10 +5,11 @@ use crate::error::{Error, Result};
 use crate::stereo::{CellDepth, DepthGrid, Frame, GridShape};
 
 /// When a reported cell counts as right.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize, serde::Serialize)]
 #[serde(tag = "judge", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CellRule {
     /// `|Z - Z_true| <= max(0.10 m, 20 % of Z_true)`; needs a rig.
+    #[default]
     Distance,
     /// `|d - d_true| <= tolerance_px`; for scenes without calibration.
     Disparity { tolerance_px: f64 },

@@ -3,11 +3,12 @@
 use super::Sink;
 use super::rows::{Identity, Judged};
 use crate::error::Result;
+use crate::files;
 use crate::overlay::{self, Nearness};
 use crate::report::html::{Figure, Rank, Shot};
 use crate::report::{CheckpointRow, Summary, Tables};
-use crate::score::{CellRule, Checkpoint, CheckpointFrame, CheckpointTally, true_grid};
-use crate::stereo::{Estimate, Frame};
+use crate::score::{Checkpoint, CheckpointFrame, CheckpointTally, true_grid};
+use crate::stereo::{DepthGrid, Estimate, Frame};
 
 /// Takes the frames of one run after the other; [`Judge::begin_run`] and [`Judge::end_run`] stand around each.
 pub struct Judge {
@@ -80,17 +81,6 @@ impl Judge {
         Ok((self.tables.finish()?, figures))
     }
 
-    /// By distance where cells are judged so; else as a share of the largest true disparity.
-    fn nearness(&self, frame: &Frame) -> Nearness {
-        match (self.identity.rule, frame.rig) {
-            (CellRule::Distance, Some(rig)) => Nearness::Metric(rig),
-            _ => {
-                let known = frame.truth.iter().flat_map(|t| t.disparity.pixels()).filter(|d| d.is_finite());
-                Nearness::Relative { max_px: known.fold(1.0, f32::max) }
-            }
-        }
-    }
-
     fn checkpoints(&mut self, frame: &Frame, estimates: &[Estimate], judged: &[Judged]) -> Result<()> {
         let Some(pose) = &frame.pose else { return Ok(()) };
         for (c, checkpoint) in self.checkpoints.iter().enumerate().filter(|(_, checkpoint)| checkpoint.covers(pose)) {
@@ -100,7 +90,7 @@ impl Judge {
                 self.run[c][a].add(verdict, || frame.sequence);
                 let (best, worst) = self.all[c][a].would_lead(&verdict);
                 let shot = if best || worst {
-                    Some(shot(frame, estimate, judged, Some(verdict), self.nearness(frame))?)
+                    Some(shot(frame, estimate, judged, Some(verdict))?)
                 } else {
                     None
                 };
@@ -120,9 +110,8 @@ impl Sink for Judge {
         }
         self.checkpoints(frame, estimates, &judged)?;
         if let (true, Some(name)) = (self.checkpoints.is_empty(), &frame.name) {
-            let nearness = self.nearness(frame);
             let shots =
-                estimates.iter().zip(&judged).map(|(estimate, judged)| shot(frame, estimate, judged, None, nearness));
+                estimates.iter().zip(&judged).map(|(estimate, judged)| shot(frame, estimate, judged, None));
             let shots = shots.collect::<Result<_>>()?;
             self.scenes.push(Figure { title: name.clone(), about: String::new(), shots });
         }
@@ -139,25 +128,21 @@ fn leading_shots(tally: CheckpointTally<Shot>) -> Vec<Shot> {
     ranked(tally.worst, Rank::Worst).into_iter().chain(ranked(tally.best, Rank::Best)).collect()
 }
 
-fn shot(
-    frame: &Frame,
-    estimate: &Estimate,
-    judged: &Judged,
-    verdict: Option<CheckpointFrame>,
-    nearness: Nearness,
-) -> Result<Shot> {
-    let size = frame.pair.size();
-    let truth = true_grid(frame, estimate.grid.shape());
-    let preview = overlay::preview(&estimate.disparity, nearness.max_px());
+fn shot(frame: &Frame, estimate: &Estimate, judged: &Judged, verdict: Option<CheckpointFrame>) -> Result<Shot> {
+    let (width, height) = frame.pair.size();
+    let nearness = Nearness::of_frame(frame);
+    let marks = |grid: &DepthGrid| overlay::marks(grid, (width, height), nearness);
+    let left: Vec<u8> = frame.pair.left().pixels().collect();
+    let preview = overlay::preview(&estimate.disparity, nearness.near_px() as f32);
     Ok(Shot {
         row: judged.row.clone(),
         cells: judged.cells.clone(),
         rank: None,
         passed: verdict.map(|v| v.passed),
-        left_png: overlay::gray_png(frame.pair.left())?,
-        size,
-        estimate: overlay::marks(&estimate.grid, size, nearness),
-        truth: truth.map(|grid| overlay::marks(&grid, size, nearness)),
-        preview_png: Some(overlay::png(&preview)?),
+        left_png: files::encode_png(width, height, &left)?,
+        size: (width, height),
+        estimate: marks(&estimate.grid),
+        truth: true_grid(frame, estimate.grid.shape()).as_ref().map(marks),
+        preview_png: Some(files::encode_png(width, height, &preview)?),
     })
 }

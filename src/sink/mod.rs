@@ -7,7 +7,7 @@ mod rows;
 
 pub use judge::Judge;
 pub use recording::RecordingSink;
-pub use rerun::{RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
+pub use rerun::{Edges, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
 pub use rows::{Identity, RowSink};
 
 use crate::error::Result;

@@ -1,5 +1,6 @@
 //! What is known of a run before its first frame.
 
+use crate::score::CellRule;
 use crate::stereo::GridShape;
 
 /// The run: who takes part, and where.
@@ -15,6 +16,8 @@ pub struct RunInfo {
     pub wireframe: Vec<Edges>,
     /// Shape of the true grid; the estimates bring their own.
     pub grid: GridShape,
+    /// When a cell counts as wrong.
+    pub rule: CellRule,
 }
 
 /// The edges of a thing in the world.

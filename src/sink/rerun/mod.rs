@@ -34,6 +34,7 @@ pub use target::{RerunTarget, VIEWER_HINT};
 
 use super::Sink;
 use crate::error::{Error, Result};
+use crate::score::CellRule;
 use crate::stereo::{Estimate, Frame, GridShape, Pose, Rig};
 use crate::timing::Stage;
 use ::rerun::{
@@ -72,8 +73,20 @@ pub struct RerunSink {
     wireframe: Vec<Edges>,
     grid: GridShape,
     begun: bool,
+    rule: CellRule,
     camera: Option<(Scale, Option<Rig>, (usize, usize))>,
     last_pose: Option<Pose>,
+    /// Where the run under way begins on the timelines.
+    start: Moment,
+    /// The last frame's place on them.
+    last: Option<Moment>,
+}
+
+/// A place on the timelines.
+#[derive(Clone, Copy, Default)]
+struct Moment {
+    pair: u64,
+    time_ns: u64,
 }
 
 impl RerunSink {
@@ -95,8 +108,11 @@ impl RerunSink {
             wireframe: run.wireframe.clone(),
             grid: run.grid,
             begun: false,
+            rule: run.rule,
             camera: None,
             last_pose: None,
+            start: Moment::default(),
+            last: None,
         };
         sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
         if !run.wireframe.is_empty() {
@@ -114,6 +130,14 @@ impl RerunSink {
             sink.style(algorithm, color)?;
         }
         Ok(sink)
+    }
+
+    /// The frames that follow are another run: the timelines place it after the one before, with a second between.
+    pub fn begin_run(&mut self) {
+        if let Some(last) = self.last {
+            self.start = Moment { pair: last.pair + 1, time_ns: last.time_ns + 1_000_000_000 };
+            self.last_pose = None;
+        }
     }
 
     /// Shows the checkpoints' verdicts, once they are known: before or after [`Sink::finish`].
@@ -178,8 +202,13 @@ impl Sink for RerunSink {
             self.begin(frame, &scale)?;
             self.begun = true;
         }
-        let nanos = i64::try_from(frame.stamp_ns).unwrap_or(i64::MAX);
-        self.stream.set_time_sequence(TIMELINES[0], i64::try_from(frame.sequence).unwrap_or(i64::MAX));
+        let now = Moment {
+            pair: self.start.pair.saturating_add(frame.sequence),
+            time_ns: self.start.time_ns.saturating_add(frame.stamp_ns),
+        };
+        self.last = Some(now);
+        let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
+        self.stream.set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
         self.stream.set_time(
             TIMELINES[1],
             if frame.stamp_ns < EPOCH_NS {

@@ -47,7 +47,7 @@ pub(super) fn gray(image: &Gray) -> Image {
 
 /// Disparities in pixels, blue (far) over green to red (near); none is nearly black.
 pub(super) fn disparity(map: &Plane<f32>, scale: &Scale) -> DepthImage {
-    half(map, |d| d, [0.0, scale.near_px], Colormap::Turbo)
+    half(map, |d| d, [0.0, scale.nearness.near_px()], Colormap::Turbo)
 }
 
 /// Depths in metres, red (near) over yellow to blue (far), and the mask that blackens the pixels without: Rerun paints

@@ -1,11 +1,12 @@
 //! What a frame and its estimates become.
 
 use super::info::Algorithm;
-use super::overlay::{self, Overlay};
+use super::overlay::Overlay;
 use super::scale::Scale;
 use super::{CAMERA, IMAGE, RerunSink, picture, world};
 use crate::error::Result;
-use crate::stereo::{Cell, DepthGrid, Estimate, Frame, GridShape, Plane};
+use crate::score::{CellTally, judge_cells, true_grid};
+use crate::stereo::{DepthGrid, Estimate, Frame, GridShape, Plane};
 use crate::timing::Stage;
 use ::rerun::{AsComponents, Clear, Scalars, TextLog};
 
@@ -31,11 +32,10 @@ impl RerunSink {
 
     /// Draws the truth and gives its grid.
     pub(super) fn push_truth(&self, frame: &Frame, scale: &Scale, shape: GridShape) -> Result<Option<DepthGrid>> {
-        let Some(truth) = &frame.truth else {
+        let (Some(truth), Some(grid)) = (&frame.truth, true_grid(frame, shape)) else {
             self.log("truth", &Clear::recursive())?;
             return Ok(None);
         };
-        let grid = overlay::true_grid(&truth.disparity, frame.rig.as_ref(), shape);
         self.log_overlay("truth/overlay", &grid, frame, scale)?;
         self.log_depth("truth/depth", &truth.disparity, frame, scale)?;
         Ok(Some(grid))
@@ -65,8 +65,8 @@ impl RerunSink {
         }
         self.log(&algorithm.path("latency/total"), &millis(estimate.times.total()))?;
         self.log(&algorithm.path("coverage"), &Scalars::single(100.0 * map.coverage()))?;
-        let wrong = truth.and_then(|truth| wrong_cells(truth, &estimate.grid));
-        self.log_or_clear(&algorithm.path("wrong_cells"), wrong.map(|n| Scalars::single(n as f64)))
+        let tally = truth.map(|truth| CellTally::of(&judge_cells(truth, &estimate.grid, self.rule)));
+        self.log_or_clear(&algorithm.path("wrong_cells"), tally.map(|tally| Scalars::single(tally.wrong as f64)))
     }
 
     fn log_overlay(&self, path: &str, grid: &DepthGrid, frame: &Frame, scale: &Scale) -> Result<()> {
@@ -94,36 +94,5 @@ impl RerunSink {
             Some(what) => self.log(path, &what),
             None => self.log(path, &Clear::flat()),
         }
-    }
-}
-
-/// Number of cells whose distance is off by more than 0.10 m and 20 % of the true one; a cell that either does not know
-/// is not wrong. Nothing where no cell can be compared.
-fn wrong_cells(truth: &DepthGrid, estimate: &DepthGrid) -> Option<usize> {
-    if truth.shape() != estimate.shape() {
-        return None;
-    }
-    let distance = |cell: &Cell| cell.depth.and_then(|depth| depth.distance_m);
-    let pairs = truth.iter().zip(estimate.iter());
-    let known: Vec<_> = pairs.filter_map(|((_, t), (_, e))| Some((distance(t)?, distance(e)))).collect();
-    let wrong = |&&(z, reported): &&(f64, Option<f64>)| reported.is_some_and(|r| (r - z).abs() > (0.2 * z).max(0.1));
-    (!known.is_empty()).then(|| known.iter().filter(wrong).count())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::stereo::CellDepth;
-
-    #[test]
-    fn a_cell_is_wrong_beyond_a_fifth_and_10_cm() {
-        let grid = |distances: [Option<f64>; 4]| {
-            let depth = |z| CellDepth { median_px: 1.0, p20_px: 1.0, p80_px: 1.0, distance_m: Some(z) };
-            let cells = distances.map(|z| Cell { valid_share: 1.0, depth: z.map(depth) });
-            DepthGrid::new(GridShape { columns: 4, rows: 1 }, cells.into()).unwrap()
-        };
-        let truth = grid([Some(0.3), Some(2.0), Some(2.0), None]);
-        assert_eq!(wrong_cells(&truth, &grid([Some(0.39), Some(2.5), None, Some(1.0)])), Some(1));
-        assert_eq!(wrong_cells(&grid([None; 4]), &truth), None);
     }
 }
