@@ -31,7 +31,7 @@ pub use wireframe::Wire;
 use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Pose, Rig, StereoPair};
 use nalgebra::{Translation3, Vector3};
-use noise::mix;
+use noise::{Dice, Stream, mix};
 use objects::Objects;
 use path::{Twist, Walk};
 use render::{Lens, Shot};
@@ -67,7 +67,7 @@ impl Arena {
         let objects = Objects::new(&config.world);
         check_clearance(config, &walk, &objects)?;
         let scene = Scene::new(&config.world, objects, seed);
-        Ok(Self { config: config.clone(), rig, scene, walk, noise: mix(seed ^ 0x5E_7509) })
+        Ok(Self { config: config.clone(), rig, scene, walk, noise: Dice::new(seed, Stream::Sensor).bits() })
     }
 
     pub fn config(&self) -> &ArenaConfig {

@@ -19,10 +19,29 @@ pub(super) fn gaussian(bits: u64) -> f32 {
 /// A stream of random numbers for building things in a fixed order.
 pub(super) struct Dice(u64);
 
+/// What a stream of a run is for; each has its own numbers.
+#[derive(Clone, Copy)]
+pub(super) enum Stream {
+    Gait,
+    Sensor,
+    Floor,
+    Room,
+    Sheets,
+    /// One of the sheets of forest.
+    Sheet(usize),
+}
+
 impl Dice {
-    /// Streams of different `stream` are independent.
-    pub(super) fn new(seed: u64, stream: u64) -> Self {
-        Self(mix(mix(seed) ^ stream))
+    pub(super) fn new(seed: u64, stream: Stream) -> Self {
+        let number = match stream {
+            Stream::Gait => 0,
+            Stream::Sensor => 1,
+            Stream::Floor => 2,
+            Stream::Room => 3,
+            Stream::Sheets => 4,
+            Stream::Sheet(i) => 5 + i as u64,
+        };
+        Self(mix(mix(seed) ^ number))
     }
 
     pub(super) fn bits(&mut self) -> u64 {

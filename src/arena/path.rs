@@ -1,7 +1,7 @@
 //! The robot's way: a smooth curve through the waypoints, the gait around it, and the pose of its head at any time.
 
 use super::config::{ArenaConfig, RobotConfig, Waypoint};
-use super::noise::Dice;
+use super::noise::{Dice, Stream};
 use crate::error::{Error, Result};
 use crate::stereo::Pose;
 use nalgebra::{Point2, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
@@ -34,7 +34,7 @@ const INSTANT_S: f64 = 1.0e-3;
 impl Walk {
     pub(super) fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let spline = Spline::new(&config.robot.path)?;
-        let mut dice = Dice::new(seed, 0x6A17);
+        let mut dice = Dice::new(seed, Stream::Gait);
         let duration_s = config.frames as f64 / config.rate_hz;
         Ok(Self {
             speed_m_per_s: spline.length_m() / duration_s,

@@ -1,18 +1,18 @@
 //! Forest pictures, side by side like the sheets on the arena's walls (thesis, figure 7.2).
 
 use super::{Texture, fabric};
-use crate::arena::noise::Dice;
+use crate::arena::noise::{Dice, Stream};
 use rayon::prelude::*;
 
-/// Texels along the whole row of sheets; with [`TEXEL_M`] 18 m, enough that in the default arena no surface shows another's piece.
+/// Texels along the whole row of sheets; with [`TEXEL_M`] 18.8 m, enough that in the default arena no surface shows another's piece.
 const WIDTH: usize = 16_384;
 /// Texels from the floor upwards.
 const HEIGHT: usize = 256;
-const TEXEL_M: f32 = 0.0011;
+const TEXEL_M: f32 = 0.00115;
 
 /// A row of forest pictures, each with its own light, trees and leaves. `contrast` 1 is that of a good print.
 pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
-    let mut dice = Dice::new(seed, 0xF0);
+    let mut dice = Dice::new(seed, Stream::Sheets);
     let mut widths = Vec::new();
     let mut rest = WIDTH;
     while rest > 0 {
@@ -24,7 +24,7 @@ pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
     let sheets: Vec<fabric::Canvas> = widths
         .par_iter()
         .enumerate()
-        .map(|(i, &width)| sheet(width, contrast, &mut Dice::new(seed, 0xF00 + i as u64)))
+        .map(|(i, &width)| sheet(width, contrast, &mut Dice::new(seed, Stream::Sheet(i))))
         .collect();
     let mut albedo = Vec::with_capacity(WIDTH * HEIGHT);
     for row in 0..HEIGHT {

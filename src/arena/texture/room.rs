@@ -1,7 +1,7 @@
 //! The laboratory around the arena: pale walls with a little furniture, out of focus and nearly without texture.
 
 use super::{Texture, fabric};
-use crate::arena::noise::Dice;
+use crate::arena::noise::{Dice, Stream};
 
 /// 41 m x 5.1 m with [`TEXEL_M`].
 const WIDTH: usize = 2048;
@@ -10,7 +10,7 @@ const TEXEL_M: f32 = 0.02;
 
 /// The four walls, unrolled.
 pub(crate) fn room(seed: u64) -> Texture {
-    let mut dice = Dice::new(seed, 0x40);
+    let mut dice = Dice::new(seed, Stream::Room);
     let paint = fabric::clouds(WIDTH, HEIGHT, 6, &mut dice);
     let mut albedo: Vec<f32> = (paint.iter().enumerate())
         .map(|(i, paint)| 0.52 + 0.10 * ((i / WIDTH) as f32 / HEIGHT as f32) + 0.006 * paint)
