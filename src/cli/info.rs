@@ -32,7 +32,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 
 fn table(summary: &Summary) -> String {
     let mut lines = vec![
-        format!("{}: {}, {}", summary.path.display(), megabytes(summary.bytes), seconds(summary.duration_ns())),
+        format!("{}: {}, {}", summary.path.display(), size(summary.bytes), seconds(summary.duration_ns())),
         match &summary.damage {
             None => "whole      yes".to_owned(),
             Some(damage) => format!("whole      NO: {damage}"),
@@ -87,13 +87,16 @@ fn topics(topics: &[Topic]) -> Vec<String> {
     let head = row("topic", "messages", "Hz", "size", "schema");
     let rows = topics.iter().map(|topic| {
         let rate = topic.rate_hz.map(|hz| format!("{hz:.2}")).unwrap_or_default();
-        row(&topic.name, &topic.messages.to_string(), &rate, &megabytes(topic.bytes), &topic.schema)
+        row(&topic.name, &topic.messages.to_string(), &rate, &size(topic.bytes), &topic.schema)
     });
     std::iter::once(head).chain(rows).collect()
 }
 
-fn megabytes(bytes: u64) -> String {
-    format!("{:.1} MB", bytes as f64 / 1e6)
+fn size(bytes: u64) -> String {
+    match bytes {
+        ..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
+        1_000_000.. => format!("{:.1} MB", bytes as f64 / 1e6),
+    }
 }
 
 fn seconds(ns: u64) -> String {

@@ -57,7 +57,7 @@ impl Writer {
         let mcap = WriteOptions::new()
             .profile("svl")
             .library(concat!("svl ", env!("CARGO_PKG_VERSION")))
-            // Level 1 writes as fast as no compression and lz4 do, and makes the smallest files of the three.
+            // Of the arena's pairs with truth (539 kB) level 1 makes 390 kB, lz4 465, level 3 378 at half the speed.
             .compression(Some(Compression::Zstd))
             .compression_level(1)
             .compression_threads(0)

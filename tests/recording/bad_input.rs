@@ -134,6 +134,20 @@ fn a_bad_pair_costs_only_itself() {
     assert_eq!(reader.unpaired(), 3, "two of the bad pair and the lonely one at the end");
 }
 
+#[test]
+fn an_attachment_cut_short_is_no_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    // Two times, empty name and media type, a length of 0, and the CRC that is not all there.
+    for crc_bytes in 0..4 {
+        let body = vec![0; 8 + 8 + 4 + 4 + 8 + crc_bytes];
+        let length = (body.len() as u64).to_le_bytes();
+        std::fs::write(&path, [mcap::MAGIC, &[0x09], &length, &body].concat()).unwrap();
+        let error = attachment(&path, "a").unwrap_err();
+        assert!(one_line(&path, error).contains("attachment is cut short"));
+    }
+}
+
 /// A recording whose every kind of record and message is there, in several chunks.
 fn specimen(folder: &Path) -> (PathBuf, Vec<Frame>) {
     let path = folder.join("specimen.mcap");
