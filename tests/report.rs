@@ -301,7 +301,7 @@ fn shot(rank: Option<Rank>, left_png: &[u8]) -> Shot {
     let unknown = Cell { valid_share: 0.0, depth: None };
     let drawn = |cells: [Cell; 3]| {
         let grid = DepthGrid::new(GridShape { columns: 3, rows: 1 }, cells.to_vec()).unwrap();
-        marks(&grid, (30, 10), Nearness::Relative { max_px: 40.0 })
+        marks(&grid, (30, 10), Nearness::new(40.0, 0.0))
     };
     let verdicts = [Verdict::Wrong, Verdict::Right, Verdict::Unknown];
     Shot {

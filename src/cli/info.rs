@@ -3,16 +3,16 @@
 use std::path::PathBuf;
 use svl::recording::{Summary, Topic};
 
-/// Topics, counts, rates, gaps and skew of a recording, and whether it is whole.
+/// Show what a recording holds, and whether it is whole
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl info recordings/arena.mcap
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(super) struct Args {
-    /// The recording; any other MCAP file will do.
+    /// The recording; any other MCAP file will do
     file: PathBuf,
-    /// Print one JSON object.
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }

@@ -27,7 +27,12 @@ impl Nearness {
             (None, Some(rig)) => rig.disparity_px(NEAR_M).min(quarter_px),
             (None, None) => NEAR_PX,
         };
-        Self { near_px, doffs_px: frame.rig.map_or(0.0, |rig| rig.doffs_px()) }
+        Self::new(near_px, frame.rig.map_or(0.0, |rig| rig.doffs_px()))
+    }
+
+    /// The scale in which the disparity `near_px` fills a cell; `doffs_px` as in [`crate::stereo::Rig`].
+    pub fn new(near_px: f64, doffs_px: f64) -> Self {
+        Self { near_px, doffs_px }
     }
 
     /// The disparity that fills a cell, pixels.
@@ -140,7 +145,7 @@ mod tests {
     #[test]
     fn squares_stand_in_the_middle_and_keep_the_cell_s_proportions() {
         let depth = CellDepth { median_px: 40.0, p20_px: 20.0, p80_px: 80.0, distance_m: None };
-        let squares = squares(CELL, &depth, Nearness { near_px: 80.0, doffs_px: 0.0 });
+        let squares = squares(CELL, &depth, Nearness::new(80.0, 0.0));
         assert_eq!(squares.median, Rect { x: 80.0, y: 100.0, width: 32.0, height: 40.0 });
         assert_eq!(squares.p20, Rect { x: 88.0, y: 110.0, width: 16.0, height: 20.0 });
         assert_eq!(squares.p80, CELL);
@@ -154,7 +159,7 @@ mod tests {
         };
         let grid =
             DepthGrid::new(GridShape { columns: 3, rows: 1 }, vec![cell(true), cell(false), cell(true)]).unwrap();
-        let marks = marks(&grid, (10, 4), Nearness::Relative { max_px: 8.0 });
+        let marks = marks(&grid, (10, 4), Nearness::new(8.0, 0.0));
         assert_eq!(marks.iter().map(|m| m.squares.is_some()).collect::<Vec<_>>(), [true, false, true]);
         assert_eq!(
             marks.iter().map(|m| (m.cell.x, m.cell.width)).collect::<Vec<_>>(),

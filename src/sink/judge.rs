@@ -89,11 +89,7 @@ impl Judge {
                 let verdict = checkpoint.judge(&estimate.grid, judgements);
                 self.run[c][a].add(verdict, || frame.sequence);
                 let (best, worst) = self.all[c][a].would_lead(&verdict);
-                let shot = if best || worst {
-                    Some(shot(frame, estimate, judged, Some(verdict))?)
-                } else {
-                    None
-                };
+                let shot = if best || worst { Some(shot(frame, estimate, judged, Some(verdict))?) } else { None };
                 // A shot is there exactly when the frame leads, which is when it is asked for.
                 self.all[c][a].add(verdict, || shot.clone().expect("a leading frame has its shot"));
             }
@@ -110,8 +106,7 @@ impl Sink for Judge {
         }
         self.checkpoints(frame, estimates, &judged)?;
         if let (true, Some(name)) = (self.checkpoints.is_empty(), &frame.name) {
-            let shots =
-                estimates.iter().zip(&judged).map(|(estimate, judged)| shot(frame, estimate, judged, None));
+            let shots = estimates.iter().zip(&judged).map(|(estimate, judged)| shot(frame, estimate, judged, None));
             let shots = shots.collect::<Result<_>>()?;
             self.scenes.push(Figure { title: name.clone(), about: String::new(), shots });
         }

@@ -39,7 +39,7 @@ fn a_folder_with_anything_else_is_left_alone() {
 fn bad_scenarios_are_one_line_with_line_and_column() {
     let fixture = Fixture::new();
     let arena = include_str!("../../scenarios/arena.toml");
-    fixture.write("unknown.toml", arena.replacen("must", "mist", 1));
+    fixture.write("unknown.toml", arena.replacen("\nmust", "\nmist", 1));
     fixture.write("algorithm.toml", arena.replacen("\"v3\"", "\"v33\"", 1));
     fixture.write("binary.toml", [0xff, 0xfe, 0]);
     fixture.svl(&["score", "unknown.toml"]).failed(1, &["unknown.toml: line ", ", column ", "unknown field `mist`"]);

@@ -1,7 +1,7 @@
 //! What is written is what is read.
 
 use crate::frames::{bare, full, read, record};
-use svl::recording::{Header, ImageFormat, Reader, Writer, attachment, header};
+use svl::recording::{Header, ImageFormat, Writer, attachment, header};
 use svl::sink::{RecordingSink, Sink};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{Cell, DepthGrid, DisparityMap, Estimate, Frame, GridShape, Plane, Rig, Truth};
