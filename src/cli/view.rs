@@ -23,13 +23,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         // A run carries its layout.
         Some("rrd") => view(&[&file]),
         Some("mcap") => {
-            let layout = std::env::temp_dir().join(format!("svl-view-{}.rbl", std::process::id()));
+            let folder = tempfile::tempdir().context("no folder for the layout")?;
+            let layout = folder.path().join("layout.rbl");
             let topics = topics(&file).with_context(|| args.file.display().to_string())?;
-            let shown = save_recording_layout(&file, &topics, &layout).map_err(anyhow::Error::from);
-            let shown = shown.and_then(|laid_out| if laid_out { view(&[&file, &layout]) } else { view(&[&file]) });
-            // Left over only if it was never written.
-            let _ = std::fs::remove_file(&layout);
-            shown
+            let shown = save_recording_layout(&file, &topics, &layout);
+            if shown? { view(&[&file, &layout]) } else { view(&[&file]) }
         }
         _ => bail!("{}: neither a recording (.mcap) nor a run (.rrd)", args.file.display()),
     }
