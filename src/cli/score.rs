@@ -139,14 +139,13 @@ impl Report {
     fn finish(self, scenario: &Scenario) -> anyhow::Result<Summary> {
         let Self { folder, run_id, judge, mut rerun } = self;
         let (summary, figures) = judge.finish()?;
-        let markdown = summary.markdown(&scenario.name);
-        rerun.verdicts(&markdown)?;
+        rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
         rerun.finish()?;
         let write = |name: &str, text: String| {
             let path = folder.join(name);
             std::fs::write(&path, text).with_context(|| path.display().to_string())
         };
-        write("summary.md", markdown)?;
+        write("summary.md", summary.markdown(&scenario.name))?;
         write("summary.json", serde_json::to_string_pretty(&summary)? + "\n")?;
         let page = Page {
             title: scenario.name.clone(),
