@@ -1,7 +1,5 @@
 //! Tables, summaries and pages, from hand-made rows.
 
-#![cfg(feature = "bench")]
-
 use polars::prelude::{DataFrame, ParquetReader, SerReader};
 use std::fs::File;
 use std::path::Path;

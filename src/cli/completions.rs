@@ -1,7 +1,7 @@
 //! `svl completions` and the hidden `svl man`: what packagers install beside the program.
 
+use super::output::print;
 use clap_complete::Shell;
-use std::io::stdout;
 
 /// Print a completion script for a shell
 #[derive(clap::Args)]
@@ -11,10 +11,13 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    clap_complete::generate(args.shell, &mut super::command(), "svl", &mut stdout());
-    Ok(())
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut super::command(), "svl", &mut script);
+    print(&String::from_utf8(script)?)
 }
 
 pub(super) fn man() -> anyhow::Result<()> {
-    Ok(clap_mangen::Man::new(super::command()).render(&mut stdout())?)
+    let mut page = Vec::new();
+    clap_mangen::Man::new(super::command()).render(&mut page)?;
+    print(&String::from_utf8(page)?)
 }

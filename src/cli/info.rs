@@ -1,5 +1,6 @@
 //! `svl info`: what a recording holds, and whether it is whole.
 
+use super::output::{print, print_json};
 use std::path::PathBuf;
 use svl::recording::{Summary, Topic};
 
@@ -22,12 +23,7 @@ const LISTED_GAPS: usize = 5;
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let summary = Summary::of(&args.file)?;
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else {
-        print!("{}", table(&summary));
-    }
-    Ok(())
+    if args.json { print_json(&summary) } else { print(&table(&summary)) }
 }
 
 fn table(summary: &Summary) -> String {

@@ -64,6 +64,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.force && output.exists() {
         std::fs::remove_file(&output).with_context(|| format!("{}: cannot replace it", output.display()))?;
     }
+    if args.frames.is_some() || args.duration.is_some() {
+        // The hash stands for a whole run.
+        opened.header.hash = None;
+    }
     let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
     let format = if args.compress { ImageFormat::Png } else { ImageFormat::Raw };
@@ -82,7 +86,7 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet:
         writer.attach("scenario.toml", "application/toml", text.as_bytes())?;
     }
     let mut sink = RecordingSink::new(writer);
-    let mut progress = Progress::new(&opened.source.name(), opened.source.len(), quiet);
+    let mut progress = Progress::new(&opened.source.name(), opened.source.pairs(), quiet);
     let grid = GridSettings::default();
     let ran = run_loop(&mut *opened.source, &[], grid, Pace::Asap, &mut [&mut sink], &mut progress);
     progress.clear();

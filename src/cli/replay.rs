@@ -101,7 +101,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     sinks.extend(rerun.as_mut().map(|sink| sink as &mut dyn Sink));
     sinks.extend(result.as_mut().map(|sink| sink as &mut dyn Sink));
 
-    let mut progress = Progress::new(&source.name(), source.len(), quiet);
+    let mut progress = Progress::new(&source.name(), source.pairs(), quiet);
     let ran = run_loop(&mut source, &args.algo, settings, args.rate, &mut sinks, &mut progress);
     progress.clear();
     // Everything that came before an error is kept, so the sinks are finished first.

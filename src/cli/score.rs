@@ -120,7 +120,7 @@ impl Report {
         let source = &mut *run.source;
         self.judge.begin_run(run.seed);
         self.rerun.begin_run();
-        let mut progress = Progress::new(&format!("score {}", source.name()), source.len(), quiet);
+        let mut progress = Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
         let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
         let ran = run_loop(source, &scenario.algorithms, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
         progress.clear();

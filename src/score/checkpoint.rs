@@ -189,8 +189,13 @@ mod tests {
             depth: distance_m.map(|z| CellDepth { median_px: 1.0, p20_px: 1.0, p80_px: 1.0, distance_m: Some(z) }),
         };
         let grid = DepthGrid::new(SHAPE, cells.iter().map(|(z, _)| cell(*z)).collect()).unwrap();
-        let judgement =
-            |verdict| CellJudgement { verdict, true_px: Some(9.0), true_m: Some(1.0), missed_obstacle: false, false_obstacle: false };
+        let judgement = |verdict| CellJudgement {
+            verdict,
+            true_px: Some(9.0),
+            true_m: Some(1.0),
+            missed_obstacle: false,
+            false_obstacle: false,
+        };
         opening().judge(&grid, &cells.map(|(_, verdict)| judgement(verdict)))
     }
 

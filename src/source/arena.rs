@@ -38,7 +38,7 @@ impl Source for ArenaSource {
         Ok(self.ready.pop_front())
     }
 
-    fn len(&self) -> Option<u64> {
+    fn pairs(&self) -> Option<u64> {
         Some(self.arena.frames())
     }
 }

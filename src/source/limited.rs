@@ -37,8 +37,8 @@ impl Source for Limited {
         Ok(Some(frame))
     }
 
-    fn len(&self) -> Option<u64> {
-        match (self.source.len(), self.frames) {
+    fn pairs(&self) -> Option<u64> {
+        match (self.source.pairs(), self.frames) {
             _ if self.duration_ns.is_some() => None,
             (Some(all), Some(frames)) => Some(all.min(frames)),
             (all, frames) => frames.or(all),

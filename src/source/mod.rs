@@ -24,5 +24,5 @@ pub trait Source: Send {
     fn next(&mut self) -> Result<Option<Frame>>;
 
     /// How many frames there are in all, where that is known.
-    fn len(&self) -> Option<u64>;
+    fn pairs(&self) -> Option<u64>;
 }

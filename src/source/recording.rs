@@ -36,7 +36,7 @@ impl Source for RecordingSource {
         self.0.next_pair()
     }
 
-    fn len(&self) -> Option<u64> {
+    fn pairs(&self) -> Option<u64> {
         self.0.pairs()
     }
 }

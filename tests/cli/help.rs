@@ -25,3 +25,15 @@ fn completions_and_man_page() {
     assert!(fixture.svl(&["completions", "bash"]).done().contains("_svl"));
     assert!(fixture.svl(&["man"]).done().contains(".TH svl"));
 }
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let svl = assert_cmd::cargo::cargo_bin!("svl").display().to_string();
+    for command in ["algos", "algos --json", "completions bash", "man", "--help"] {
+        let shell = format!("{svl} {command} | true; exit ${{PIPESTATUS[0]}}");
+        let output = std::process::Command::new("bash").args(["-c", &shell]).output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && stderr.is_empty(), "{command}: {stderr}");
+    }
+}

@@ -1,5 +1,4 @@
 //! The program as a user meets it: one file per subcommand.
-#![cfg(feature = "bench")]
 
 mod fixture;
 

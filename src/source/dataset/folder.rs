@@ -96,7 +96,7 @@ impl Source for FolderSource {
         }))
     }
 
-    fn len(&self) -> Option<u64> {
+    fn pairs(&self) -> Option<u64> {
         Some(self.pairs.len() as u64)
     }
 }

@@ -146,7 +146,7 @@ impl Source for SceneSource {
         scene.read(self.next as u64 - 1).map(Some)
     }
 
-    fn len(&self) -> Option<u64> {
+    fn pairs(&self) -> Option<u64> {
         Some(self.scenes.len() as u64)
     }
 }
