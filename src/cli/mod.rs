@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand, its arguments beside its run.
 
 mod algos;
+mod bench;
 mod cache;
 mod completions;
 mod info;
@@ -31,7 +32,7 @@ pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    /// Threads to compute with [default: one per core]
+    /// Threads to compute with [default: one per core; bench: 1]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 
@@ -57,6 +58,7 @@ enum Command {
     Replay(replay::Args),
     Score(score::Args),
     Match(matching::Args),
+    Bench(bench::Args),
     View(view::Args),
     Info(info::Args),
     Algos(algos::Args),
@@ -95,7 +97,8 @@ impl Cli {
         let lines = fmt::layer().without_time().with_target(false);
         let lines = lines.with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal());
         tracing_subscriber::registry().with(lines.with_filter(ours)).init();
-        if let Some(threads) = self.threads {
+        let own = matches!(self.command, Command::Bench(_)).then_some(bench::THREADS);
+        if let Some(threads) = self.threads.or(own) {
             // Fails only when a pool exists already, and this is the first use of one.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
         }
@@ -109,6 +112,7 @@ impl Command {
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
             Self::Match(args) => matching::run(&args),
+            Self::Bench(args) => bench::run(&args),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
             Self::Algos(args) => algos::run(&args),

@@ -3,6 +3,7 @@
 mod fixture;
 
 mod algos;
+mod bench;
 mod help;
 mod info;
 mod interrupt;
