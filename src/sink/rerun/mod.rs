@@ -80,6 +80,16 @@ pub struct RerunSink {
     start: Moment,
     /// The last frame's place on them.
     last: Option<Moment>,
+    maps: Maps,
+}
+
+/// What becomes of the algorithms' maps and clouds.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Maps {
+    Shown,
+    /// The next frame takes away the last that were shown.
+    ToClear,
+    Gone,
 }
 
 /// A place on the timelines.
@@ -113,6 +123,7 @@ impl RerunSink {
             last_pose: None,
             start: Moment::default(),
             last: None,
+            maps: Maps::Shown,
         };
         sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
         if !run.wireframe.is_empty() {
@@ -132,11 +143,14 @@ impl RerunSink {
         Ok(sink)
     }
 
-    /// The frames that follow are another run: the timelines place it after the one before, with a second between.
+    /// The frames that follow are another run: the timelines place it after the one before, with a second between. The
+    /// algorithms' maps and clouds are kept of the first run alone, which is what a viewer's memory holds; images,
+    /// overlays and numbers of all.
     pub fn begin_run(&mut self) {
         if let Some(last) = self.last {
             self.start = Moment { pair: last.pair + 1, time_ns: last.time_ns + 1_000_000_000 };
             self.last_pose = None;
+            self.maps = if self.maps == Maps::Shown { Maps::ToClear } else { Maps::Gone };
         }
     }
 
@@ -225,6 +239,9 @@ impl Sink for RerunSink {
                 Some(estimate) => self.push_estimate(algorithm, estimate, frame, &scale, truth.as_ref())?,
                 None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
             }
+        }
+        if self.maps == Maps::ToClear {
+            self.maps = Maps::Gone;
         }
         Ok(())
     }

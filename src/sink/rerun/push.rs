@@ -3,10 +3,10 @@
 use super::info::Algorithm;
 use super::overlay::Overlay;
 use super::scale::Scale;
-use super::{CAMERA, IMAGE, RerunSink, picture, world};
+use super::{CAMERA, IMAGE, Maps, RerunSink, picture, world};
 use crate::error::Result;
 use crate::score::{CellTally, judge_cells, true_grid};
-use crate::stereo::{DepthGrid, Estimate, Frame, GridShape, Plane};
+use crate::stereo::{DepthGrid, DisparityMap, Estimate, Frame, GridShape, Plane};
 use crate::timing::Stage;
 use ::rerun::{AsComponents, Clear, Scalars, TextLog};
 
@@ -52,12 +52,13 @@ impl RerunSink {
     ) -> Result<()> {
         let map = &estimate.disparity;
         self.log_overlay(&algorithm.path("overlay"), &estimate.grid, frame, scale)?;
-        self.log(&algorithm.path("disparity"), &picture::disparity(map.disparity(), scale))?;
-        self.log(&algorithm.path("why"), &picture::why(map.why()))?;
-        self.log(&algorithm.path("ssdpi"), &picture::ssdpi(map.ssdpi()))?;
-        self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
-        let points = frame.rig.as_ref().map(|rig| world::points(map, frame.pair.left(), rig, scale));
-        self.log_or_clear(&algorithm.path("points"), points)?;
+        match self.maps {
+            Maps::Shown => self.push_maps(algorithm, map, frame, scale)?,
+            Maps::ToClear => ["disparity", "why", "ssdpi", "depth", "points"]
+                .iter()
+                .try_for_each(|map| self.log(&algorithm.path(map), &Clear::flat()))?,
+            Maps::Gone => {}
+        }
 
         let millis = |time: std::time::Duration| Scalars::single(time.as_secs_f64() * 1e3);
         for stage in Stage::ALL {
@@ -67,6 +68,15 @@ impl RerunSink {
         self.log(&algorithm.path("coverage"), &Scalars::single(100.0 * map.coverage()))?;
         let tally = truth.map(|truth| CellTally::of(&judge_cells(truth, &estimate.grid, self.rule)));
         self.log_or_clear(&algorithm.path("wrong_cells"), tally.map(|tally| Scalars::single(tally.wrong as f64)))
+    }
+
+    fn push_maps(&self, algorithm: &Algorithm, map: &DisparityMap, frame: &Frame, scale: &Scale) -> Result<()> {
+        self.log(&algorithm.path("disparity"), &picture::disparity(map.disparity(), scale))?;
+        self.log(&algorithm.path("why"), &picture::why(map.why()))?;
+        self.log(&algorithm.path("ssdpi"), &picture::ssdpi(map.ssdpi()))?;
+        self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
+        let points = frame.rig.as_ref().map(|rig| world::points(map, frame.pair.left(), rig, scale));
+        self.log_or_clear(&algorithm.path("points"), points)
     }
 
     fn log_overlay(&self, path: &str, grid: &DepthGrid, frame: &Frame, scale: &Scale) -> Result<()> {
