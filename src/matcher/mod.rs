@@ -1,5 +1,6 @@
 //! Matchers: from a rectified pair to disparities. [`MATCHERS`] is the one table of them.
 
+mod dp;
 mod parameter;
 pub mod stage;
 mod v3;
@@ -32,7 +33,7 @@ pub struct MatcherSpec {
 }
 
 /// Every algorithm svl knows. A new one is one file and one line here.
-pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC];
+pub const MATCHERS: &[MatcherSpec] = &[dp::SPEC, v3::SPEC];
 
 /// The algorithm of that name.
 ///
