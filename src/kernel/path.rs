@@ -3,6 +3,9 @@
 //! A cell of the table waits for the one above it in its own column, so a row alone cannot be cut into lanes; rows can,
 //! as they know nothing of each other. A cell is one number, `4 · cost + step`: the least number is the least cost, and
 //! of equal costs the first step.
+//!
+//! OpenCV forbids a step up after a diagonal one and a diagonal one after a step up. Two such steps lead where one step
+//! to the left leads for less, so with costs and rewards of 0 or more they are never taken and nothing forbids them here.
 
 use super::Lanes;
 
@@ -147,8 +150,7 @@ pub(super) fn find(
     load(right, rows, &mut paths.right);
 
     let costs = [4 * occlusion + UP, 4 * occlusion + DIAG, 4 * reward];
-    paths.cells.fill(Numbers([INFINITE + UP; N]));
-    paths.cells[0] = Numbers([INFINITE + LEFT; N]);
+    paths.cells.fill(Numbers([INFINITE; N]));
     paths.cells[1] = Numbers([LEFT; N]);
     for x in 1..width {
         let count = (x + 1).min(paths.disparities);
@@ -182,12 +184,10 @@ fn cell(
     for i in 0..Paths::ROWS {
         let same = (here[i] & !STEP) - reward;
         let diag = ((below[i] & !STEP) + diag_cost).max(right.diag[i]);
-        let diag = if below[i] & UP == 0 { diag } else { INFINITE };
         // One of the two is 0.
         let unlike = left.pixel[i].saturating_sub(right.high[i]) | right.low[i].saturating_sub(left.pixel[i]);
         let number = same.min(up[i]).min(diag) + i32::from(unlike & left.counted);
-        let next = ((number & !STEP) + up_cost).max(left.up[i]);
-        up[i] = if number & DIAG == 0 { next } else { INFINITE };
+        up[i] = ((number & !STEP) + up_cost).max(left.up[i]);
         step[i] = (number & STEP) as u8;
         here[i] = number;
     }
@@ -198,9 +198,8 @@ fn cell(
 fn load(right: &[Lanes<u16>], rows: impl Fn(&Lanes<u16>) -> [u16; Paths::ROWS], out: &mut [RightColumn]) {
     let width = right.len();
     for (x, column) in out.iter_mut().enumerate() {
-        // The last column is as its neighbour.
-        let u = if x + 1 < width { x } else { x.saturating_sub(1) };
-        let [before, here, after] = [u.saturating_sub(1), u, (u + 1).min(width - 1)].map(|u| rows(&right[u]));
+        // What the last column holds does not matter: it matches only the last column of the left image, at no cost.
+        let [before, here, after] = [x.saturating_sub(1), x, (x + 1).min(width - 1)].map(|x| rows(&right[x]));
         for i in 0..Paths::ROWS {
             let (before, after) = ((before[i] + here[i]) >> 1, (here[i] + after[i]) >> 1);
             column.high[i] = 4 * here[i].max(before).max(after);
