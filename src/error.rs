@@ -31,8 +31,8 @@ pub enum Error {
     #[error("not a stereo rig: {0}")]
     Rig(String),
     /// A file could not be opened, read or written.
-    #[error("{}: {source}", path.display())]
-    Io { path: PathBuf, source: std::io::Error },
+    #[error("{}: {cause}", path.display())]
+    Io { path: PathBuf, cause: std::io::Error },
     /// A file is not what it should be.
     #[error("{}: {reason}", path.display())]
     Format { path: PathBuf, reason: String },
@@ -49,8 +49,8 @@ pub enum Error {
 
 impl Error {
     /// An I/O error at `path`.
-    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
-        Self::Io { path: path.into(), source }
+    pub fn io(path: impl Into<PathBuf>, cause: std::io::Error) -> Self {
+        Self::Io { path: path.into(), cause }
     }
 
     /// A malformed file at `path`.

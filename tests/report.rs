@@ -71,6 +71,7 @@ fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         p20_px: Some(18.0),
         p80_px: Some(22.0),
         distance_m: (verdict != Verdict::Unknown).then_some(0.8),
+        true_median_px: Some(36.0),
         true_distance_m: Some(0.4),
         verdict,
         missed_obstacle: verdict == Verdict::Wrong,
@@ -196,8 +197,8 @@ fn a_full_disk_is_an_error_with_the_file() {
         let error = Table::create(&full)
             .and_then(|mut table| table.push([row("v3", 0, 5_000)]).and_then(|()| table.finish()))
             .unwrap_err();
-        let Error::Io { path, source } = &error else { panic!("{error:?}") };
-        assert_eq!((path, source.kind()), (&full, std::io::ErrorKind::StorageFull));
+        let Error::Io { path, cause } = &error else { panic!("{error:?}") };
+        assert_eq!((path, cause.kind()), (&full, std::io::ErrorKind::StorageFull));
         assert!(!error.to_string().contains('\n'));
     }
 }
@@ -332,7 +333,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
     // Besides the legend: two known cells, an unknown and a wrong one per estimate, three known ones per truth.
     assert_eq!(["class=\"median\"", "class=\"dot\"", "href=\"#wrong\""].map(count), [16, 4, 4]);
     assert!(html.contains("<rect class=\"median\" x=\"2.5\" y=\"2.5\" width=\"5.0\" height=\"5.0\"/>"));
-    assert!(html.contains("run run-1, seed 7, frame 143") && html.contains("cells: 12 right, 1 wrong, 2 unknown"));
+    assert!(html.contains("seed 7, frame 143") && html.contains("cells: 12 right, 1 wrong, 2 unknown"));
     assert!(html.contains("wrong: (0, 0) 0.80 m, truly 0.40 m, obstacle missed"));
 }
 

@@ -3,6 +3,7 @@
 use super::source::{self, RECORDINGS};
 use anyhow::{Context, bail};
 use std::path::Path;
+use std::time::Duration;
 use svl::recording::ImageFormat;
 use svl::scenario::Scenario;
 use svl::source::RecordingSource;
@@ -16,6 +17,7 @@ pub(super) fn recording(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::
     let path = Path::new(RECORDINGS).join(format!("{}-{key}.mcap", opened.stem));
     if !path.exists() {
         source::make_recordings_folder()?;
+        remove_abandoned();
         let partial = path.with_extension(format!("{}.partial", std::process::id()));
         match super::record::write(opened, &partial, ImageFormat::Raw, quiet) {
             Ok(outcome) if !outcome.interrupted => {
@@ -30,4 +32,16 @@ pub(super) fn recording(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::
         }
     }
     RecordingSource::open(&path).with_context(|| format!("{}: delete it, it will be recorded anew", path.display()))
+}
+
+/// Takes away what killed runs left behind; a living one writes about once a second.
+fn remove_abandoned() {
+    let entries = std::fs::read_dir(RECORDINGS).into_iter().flatten().flatten().map(|entry| entry.path());
+    for path in entries.filter(|path| path.extension().is_some_and(|e| e == "partial")) {
+        let modified = path.metadata().and_then(|m| m.modified()).ok();
+        if modified.and_then(|at| at.elapsed().ok()).is_some_and(|age| age > Duration::from_secs(60)) {
+            // Whether it goes away or not, nothing depends on it.
+            let _ = std::fs::remove_file(path);
+        }
+    }
 }

@@ -16,7 +16,10 @@ mod view;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
+use std::io::IsTerminal;
 use std::process::ExitCode;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::{Layer, fmt, layer::SubscriberExt, util::SubscriberInitExt};
 
 /// The record/replay bench for stereo vision.
 ///
@@ -87,7 +90,11 @@ impl Cli {
             (_, 1) => tracing::Level::INFO,
             _ => tracing::Level::DEBUG,
         };
-        tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().init();
+        // Only what svl says itself: what a library meets, svl's own errors tell.
+        let ours = Targets::new().with_target("svl", level);
+        let lines = fmt::layer().without_time().with_target(false);
+        let lines = lines.with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal());
+        tracing_subscriber::registry().with(lines.with_filter(ours)).init();
         if let Some(threads) = self.threads {
             // Fails only when a pool exists already, and this is the first use of one.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();

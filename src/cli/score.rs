@@ -47,11 +47,19 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         scenario.algorithms.clone_from(&args.algo);
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
-    let plan = plan(&scenario, args.data.as_deref())?;
+    let earlier = earlier_report(&folder)?;
+    // Recorded first: Ctrl-C there leaves an earlier report as it is.
+    let mut runs = runs(&scenario, args.data.as_deref(), quiet)?;
+    for path in earlier {
+        std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;
+    }
     let mut report = Report::begin(&scenario, &folder)?;
-    let ran = plan.into_iter().try_for_each(|run| report.take(run, &scenario, quiet));
+    let ran = runs.iter_mut().try_for_each(|run| report.take(run, &scenario, quiet));
     // What came before an error or Ctrl-C is reported all the same.
-    let summary = report.finish(&scenario)?;
+    let summary = match (report.finish(&scenario), ran.is_err()) {
+        (Err(_), true) => return ran,
+        (summary, _) => summary?,
+    };
     if args.json {
         print_json(&summary)?;
     } else {
@@ -61,36 +69,25 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 /// One run of a scenario.
-enum Run {
-    Arena { seed: u64 },
-    Scenes(Vec<Scene>),
+struct Run {
+    /// Of an arena's run.
+    seed: Option<u64>,
+    source: Box<dyn Source>,
 }
 
-fn plan(scenario: &Scenario, data: Option<&Path>) -> anyhow::Result<Vec<Run>> {
+/// The scenario's runs; those of an arena are recorded where the cache does not hold them.
+fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result<Vec<Run>> {
     match &scenario.source {
-        ScenarioSource::Arena { seeds, .. } => Ok(seeds.iter().map(|&seed| Run::Arena { seed }).collect()),
+        ScenarioSource::Arena { seeds, .. } => {
+            let run = |&seed| Ok(Run { seed: Some(seed), source: Box::new(cache::recording(scenario, seed, quiet)?) });
+            seeds.iter().map(run).collect()
+        }
         ScenarioSource::Dataset { scenes } => {
             let Some(data) = data else {
                 bail!("scenario '{}' reads scenes of data sets: name their folder with --data DIR", scenario.name);
             };
-            Ok(vec![Run::Scenes(Scene::find_all(data, scenes)?)])
-        }
-    }
-}
-
-impl Run {
-    fn seed(&self) -> Option<u64> {
-        match self {
-            Self::Arena { seed } => Some(*seed),
-            Self::Scenes(_) => None,
-        }
-    }
-
-    /// The run's frames; an arena is recorded first where the cache does not hold it.
-    fn open(self, scenario: &Scenario, quiet: bool) -> anyhow::Result<Box<dyn Source>> {
-        match self {
-            Self::Scenes(scenes) => Ok(Box::new(SceneSource::new(scenes))),
-            Self::Arena { seed } => Ok(Box::new(cache::recording(scenario, seed, quiet)?)),
+            let source = Box::new(SceneSource::new(Scene::find_all(data, scenes)?));
+            Ok(vec![Run { seed: None, source }])
         }
     }
 }
@@ -105,7 +102,6 @@ struct Report {
 
 impl Report {
     fn begin(scenario: &Scenario, folder: &Path) -> anyhow::Result<Self> {
-        make_room(folder)?;
         let run_id = run_info::run_id(&scenario.name);
         let shape = scenario.grid.shape();
         let identity = run_info::identity(&run_id, &scenario.name, &scenario.algorithms, scenario.cells, shape);
@@ -120,14 +116,13 @@ impl Report {
         })
     }
 
-    fn take(&mut self, run: Run, scenario: &Scenario, quiet: bool) -> anyhow::Result<()> {
-        let seed = run.seed();
-        let mut source = run.open(scenario, quiet)?;
-        self.judge.begin_run(seed);
+    fn take(&mut self, run: &mut Run, scenario: &Scenario, quiet: bool) -> anyhow::Result<()> {
+        let source = &mut *run.source;
+        self.judge.begin_run(run.seed);
         self.rerun.begin_run();
         let mut progress = Progress::new(&format!("score {}", source.name()), source.len(), quiet);
         let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
-        let ran = run_loop(&mut *source, &scenario.algorithms, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
+        let ran = run_loop(source, &scenario.algorithms, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
         progress.clear();
         self.judge.end_run()?;
         if ran?.interrupted {
@@ -139,14 +134,13 @@ impl Report {
     fn finish(self, scenario: &Scenario) -> anyhow::Result<Summary> {
         let Self { folder, run_id, judge, mut rerun } = self;
         let (summary, figures) = judge.finish()?;
-        let markdown = summary.markdown(&scenario.name);
-        rerun.verdicts(&markdown)?;
+        rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
         rerun.finish()?;
         let write = |name: &str, text: String| {
             let path = folder.join(name);
             std::fs::write(&path, text).with_context(|| path.display().to_string())
         };
-        write("summary.md", markdown)?;
+        write("summary.md", summary.markdown(&scenario.name))?;
         write("summary.json", serde_json::to_string_pretty(&summary)? + "\n")?;
         let page = Page {
             title: scenario.name.clone(),
@@ -174,17 +168,15 @@ const REPORT_FILES: &[&str] = &[
     "run.rrd",
 ];
 
-/// Makes the folder and takes an earlier report out of it; refuses a folder that holds anything else.
-fn make_room(folder: &Path) -> anyhow::Result<()> {
+/// Makes the folder, or lists the files of the report that is there; refuses a folder that holds anything else.
+fn earlier_report(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-    let entries = entries.collect::<Result<Vec<_>, _>>().with_context(|| folder.display().to_string())?;
-    if let Some(other) = entries.iter().find(|e| !REPORT_FILES.contains(&e.file_name().to_string_lossy().as_ref())) {
-        bail!("{}: not part of a report; name another folder with --out", other.path().display());
+    let paths = entries.map(|entry| entry.map(|e| e.path())).collect::<Result<Vec<_>, _>>();
+    let paths = paths.with_context(|| folder.display().to_string())?;
+    let foreign = |path: &&PathBuf| !REPORT_FILES.iter().any(|name| path.file_name() == Some(name.as_ref()));
+    if let Some(path) = paths.iter().find(foreign) {
+        bail!("{}: not part of a report; name another folder with --out", path.display());
     }
-    for entry in entries {
-        let path = entry.path();
-        std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;
-    }
-    Ok(())
+    Ok(paths)
 }

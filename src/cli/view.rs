@@ -1,11 +1,10 @@
 //! `svl view`: a recording or a run in the Rerun viewer.
 
 use anyhow::{Context, bail};
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader};
-use std::fs::File;
-use std::io::{ErrorKind, Read, Seek};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use svl::recording::Summary;
 use svl::sink::{VIEWER_HINT, save_recording_layout};
 
 /// Open a recording or a run in the Rerun viewer
@@ -25,9 +24,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Some("mcap") => {
             let folder = tempfile::tempdir().context("no folder for the layout")?;
             let layout = folder.path().join("layout.rbl");
-            let topics = topics(&file).with_context(|| args.file.display().to_string())?;
-            let shown = save_recording_layout(&file, &topics, &layout);
-            if shown? { view(&[&file, &layout]) } else { view(&[&file]) }
+            let topics: Vec<_> = Summary::of(&file)?.topics.into_iter().map(|topic| topic.name).collect();
+            if save_recording_layout(&file, &topics, &layout)? { view(&[&file, &layout]) } else { view(&[&file]) }
         }
         _ => bail!("{}: neither a recording (.mcap) nor a run (.rrd)", args.file.display()),
     }
@@ -41,22 +39,4 @@ fn view(files: &[&Path]) -> anyhow::Result<()> {
         Err(error) if error.kind() == ErrorKind::NotFound => bail!("no program `rerun` on the PATH; {VIEWER_HINT}"),
         Err(error) => Err(error).context("rerun"),
     }
-}
-
-/// The topics that the recording's summary lists; none when it has no summary, being unfinished.
-fn topics(file: &Path) -> anyhow::Result<Vec<String>> {
-    let mut file = File::open(file)?;
-    let mut reader = SummaryReader::new();
-    while let Some(event) = reader.next_event() {
-        match event {
-            Ok(SummaryReadEvent::ReadRequest(bytes)) => {
-                let read = file.read(reader.insert(bytes))?;
-                reader.notify_read(read);
-            }
-            Ok(SummaryReadEvent::SeekRequest(to)) => reader.notify_seeked(file.seek(to)?),
-            Err(_) => return Ok(Vec::new()),
-        }
-    }
-    let summary = reader.finish().unwrap_or_default();
-    Ok(summary.channels.values().map(|channel| channel.topic.clone()).collect())
 }

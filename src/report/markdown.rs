@@ -23,10 +23,17 @@ impl Summary {
         if !self.checkpoints.is_empty() {
             page.push_str("\n## Checkpoints\n");
             self.checkpoints_markdown(&mut page);
-            page.push_str(
-                "\nBest and worst frame of all runs, and the share of frames in which the checkpoint passes.\n",
-            );
         }
+        page
+    }
+
+    /// The checkpoints' verdicts alone, under `title`; the whole summary where there are no checkpoints.
+    pub fn verdicts_markdown(&self, title: &str) -> String {
+        if self.checkpoints.is_empty() {
+            return self.markdown(title);
+        }
+        let mut page = format!("# {}\n", escape(title));
+        self.checkpoints_markdown(&mut page);
         page
     }
 
@@ -45,6 +52,7 @@ impl Summary {
         let sums = checkpoints.algorithms.iter().flat_map(|a| totals(self, a));
         let sums = std::iter::once("all".to_owned()).chain(sums).collect();
         table(page, std::iter::once("checkpoint".to_owned()).chain(heads).collect(), lines.chain([sums]));
+        page.push_str("\nBest and worst frame of all runs, and the share of frames in which the checkpoint passes.\n");
     }
 }
 

@@ -93,6 +93,8 @@ record! {
         p20_px: Option<f64>,
         p80_px: Option<f64>,
         distance_m: Option<f64>,
+        /// Median true disparity.
+        true_median_px: Option<f64>,
         true_distance_m: Option<f64>,
         verdict: Verdict,
         /// Truly nearer than 0.5 m, reported farther than 0.75 m.

@@ -33,7 +33,7 @@ pub(super) const COLUMNS: &[Column] = &[
 
 /// What the columns mean, below the table: term and meaning.
 pub(super) const NOTES: &[(&str, &str)] = &[
-    ("cells", "of those with truth; right within max(0.10 m, 20 %) of it; unknown is not wrong"),
+    ("cells", "of those with truth; right within the scenario's tolerance; unknown is not wrong"),
     ("obstacles", "cells truly nearer than 0.5 m reported beyond 0.75 m (missed), and the reverse (false)"),
     ("cover", "pixels with a disparity; a mean over the pairs, as are the next three"),
     ("invalid", "pixels without one, of those with truth that both cameras see"),

@@ -60,6 +60,8 @@ impl Verdict {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellJudgement {
     pub verdict: Verdict,
+    /// Median true disparity, pixels; nothing without truth.
+    pub true_px: Option<f64>,
     /// True distance, metres; nothing without truth, without a rig, or at infinity.
     pub true_m: Option<f64>,
     /// True distance < 0.5 m, reported farther than 0.75 m.
@@ -71,7 +73,7 @@ pub struct CellJudgement {
 impl CellJudgement {
     /// Of a frame without truth.
     pub const NO_TRUTH: Self =
-        Self { verdict: Verdict::NoTruth, true_m: None, missed_obstacle: false, false_obstacle: false };
+        Self { verdict: Verdict::NoTruth, true_px: None, true_m: None, missed_obstacle: false, false_obstacle: false };
 }
 
 /// Counts over the cells of a frame.
@@ -136,6 +138,7 @@ fn judge_cell(truth: Option<&CellDepth>, reported: Option<&CellDepth>, rule: Cel
     };
     CellJudgement {
         verdict,
+        true_px: truth.map(|t| t.median_px.into()),
         true_m,
         missed_obstacle: true_m.is_some_and(|t| t < OBSTACLE_M)
             && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > CLEAR_M)),

@@ -190,7 +190,7 @@ mod tests {
         };
         let grid = DepthGrid::new(SHAPE, cells.iter().map(|(z, _)| cell(*z)).collect()).unwrap();
         let judgement =
-            |verdict| CellJudgement { verdict, true_m: Some(1.0), missed_obstacle: false, false_obstacle: false };
+            |verdict| CellJudgement { verdict, true_px: Some(9.0), true_m: Some(1.0), missed_obstacle: false, false_obstacle: false };
         opening().judge(&grid, &cells.map(|(_, verdict)| judgement(verdict)))
     }
 

@@ -88,6 +88,7 @@ impl Identity {
                 p20_px: cell.depth.map(|d| d.p20_px.into()),
                 p80_px: cell.depth.map(|d| d.p80_px.into()),
                 distance_m: cell.depth.and_then(|d| d.distance_m),
+                true_median_px: judgement.true_px,
                 true_distance_m: judgement.true_m,
                 verdict: judgement.verdict,
                 missed_obstacle: judgement.missed_obstacle,

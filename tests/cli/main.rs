@@ -6,6 +6,7 @@ mod fixture;
 mod algos;
 mod help;
 mod info;
+mod interrupt;
 mod matching;
 mod record;
 mod replay;

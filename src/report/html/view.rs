@@ -141,10 +141,10 @@ fn shot_view<'a>(shot: &'a Shot, images: &mut Images<'a>) -> ShotView<'a> {
     let left = images.index(&shot.left_png, shot.size);
     let estimate = |cell: &CellRow| match cell.verdict {
         Verdict::Unknown => "unknown".to_owned(),
-        Verdict::Wrong => format!("{}, wrong", metres(cell.distance_m)),
-        _ => metres(cell.distance_m),
+        Verdict::Wrong => format!("{}, wrong", depth(cell.distance_m, cell.median_px)),
+        _ => depth(cell.distance_m, cell.median_px),
     };
-    let truth = |cell: &CellRow| metres(cell.true_distance_m);
+    let truth = |cell: &CellRow| depth(cell.true_distance_m, cell.true_median_px);
     let mut pictures =
         vec![PictureView { label: "estimate", image: left, marks: mark_views(shot, &shot.estimate, estimate, true) }];
     if let Some(marks) = &shot.truth {
@@ -192,8 +192,8 @@ fn mark_views(shot: &Shot, marks: &[Mark], words: impl Fn(&CellRow) -> String, j
 }
 
 fn origin(row: &Row) -> String {
-    let seed = row.seed.map(|seed| format!(", seed {seed}")).unwrap_or_default();
-    format!("run {}{seed}, frame {}", row.run_id, row.sequence)
+    let seed = row.seed.map(|seed| format!("seed {seed}, ")).unwrap_or_default();
+    format!("{seed}frame {}", row.sequence)
 }
 
 fn cells(row: &Row) -> String {
@@ -211,7 +211,8 @@ fn wrong(cell: &CellRow) -> String {
         (_, true) => ", false obstacle",
         _ => "",
     };
-    let (estimate, truth) = (metres(cell.distance_m), metres(cell.true_distance_m));
+    let estimate = depth(cell.distance_m, cell.median_px);
+    let truth = depth(cell.true_distance_m, cell.true_median_px);
     format!("({}, {}) {estimate}, truly {truth}{obstacle}", cell.column, cell.row)
 }
 
@@ -228,6 +229,11 @@ fn numbers(row: &Row) -> String {
     words.join(", ")
 }
 
-fn metres(distance_m: Option<f64>) -> String {
-    distance_m.map_or_else(|| "no distance".to_owned(), |d| format!("{d:.2} m"))
+/// A distance where there is one, else the disparity.
+fn depth(distance_m: Option<f64>, median_px: Option<f64>) -> String {
+    match (distance_m, median_px) {
+        (Some(distance_m), _) => format!("{distance_m:.2} m"),
+        (None, Some(median_px)) => format!("{median_px:.1} px"),
+        (None, None) => "nothing".to_owned(),
+    }
 }

@@ -1,0 +1,53 @@
+//! Ctrl-C, as the terminal sends it.
+#![cfg(unix)]
+
+use crate::fixture::Fixture;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use svl::source::{RecordingSource, Source};
+
+/// Starts `svl`, waits until `ready`, sends SIGINT and returns the exit code with what it printed to standard error.
+fn interrupted(fixture: &Fixture, args: &[&str], ready: impl Fn() -> bool) -> (Option<i32>, String) {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
+    command.current_dir(fixture.path("")).args(args).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let began = Instant::now();
+    while !ready() {
+        assert!(began.elapsed() < Duration::from_secs(120), "it never began");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+fn size(fixture: &Fixture, name: &str) -> u64 {
+    fixture.path(name).metadata().map_or(0, |m| m.len())
+}
+
+#[test]
+fn a_recording_is_whole_after_ctrl_c() {
+    let fixture = Fixture::new();
+    let (code, stderr) = interrupted(&fixture, &["record", "-o", "a.mcap"], || size(&fixture, "a.mcap") > 1_000_000);
+    assert_eq!(code, Some(0), "{stderr}");
+    let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
+    let pairs = source.len().expect("a whole recording knows its length");
+    assert!((1..280).contains(&pairs), "{pairs}");
+    assert!((0..pairs).all(|_| source.next().unwrap().is_some()) && source.next().unwrap().is_none());
+}
+
+#[test]
+fn a_score_reports_what_it_had() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 200);
+    let rows = "reports/arena/rows.csv";
+    let (code, stderr) = interrupted(&fixture, &["score", "short.toml", "-q"], || size(&fixture, rows) > 3000);
+    assert_eq!(code, Some(1));
+    assert!(stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1, "{stderr}");
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(fixture.path("reports/arena/summary.json")).unwrap()).unwrap();
+    let pairs = json["algorithms"][0]["pairs"].as_u64().unwrap();
+    assert!((1..400).contains(&pairs), "{pairs}");
+    let lines = std::fs::read_to_string(fixture.path(rows)).unwrap().lines().count() as u64;
+    assert_eq!(lines, pairs + 1);
+}
