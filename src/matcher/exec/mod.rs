@@ -37,7 +37,7 @@ use std::time::Duration;
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "exec",
     summary: "any program, over its standard input and output: how to compare what svl does not know",
-    paper: "whatever the program does; the protocol is in src/matcher/exec/mod.rs, an example in adapters/opencv.py",
+    paper: "whatever the program does; adapters/opencv.py explains the protocol and is an example",
     parameters: &[
         Parameter {
             name: "command",

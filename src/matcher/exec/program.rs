@@ -112,7 +112,7 @@ impl Program {
         }
     }
 
-    /// The failure, which is that it ended if it did.
+    /// The failure, which is first of all that it ended, if it did.
     fn failed(&mut self, reason: String) -> Failure {
         let deadline = Instant::now() + LAST_WORDS;
         let mut ended: Option<ExitStatus> = None;
@@ -121,6 +121,7 @@ impl Program {
             thread::sleep(Duration::from_millis(5));
         }
         let reason = match ended {
+            Some(status) if self.came.load(Ordering::Relaxed) == 0 => format!("ended ({status}) before it answered"),
             Some(status) => format!("ended ({status}): it {reason}"),
             None => reason,
         };
