@@ -34,7 +34,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// All but exec: what it computes, and with what memory, is its program's affair. `tests/exec.rs` has its contract.
+/// All but exec: what it computes, and with what memory, is its program's affair. `tests/exec/` has its contract.
 fn matchers() -> impl Iterator<Item = &'static MatcherSpec> {
     MATCHERS.iter().filter(|spec| spec.name != "exec")
 }

@@ -16,7 +16,7 @@ const UP: i32 = 1;
 const DIAG: i32 = 2;
 const STEP: i32 = 3;
 
-/// Above every cost and far enough below the largest number to add to.
+/// Four times what no path of `MAX_SIDE` columns costs, with occlusions of up to 1000; and there is room to add to it.
 const INFINITE: i32 = 1 << 29;
 
 /// What the larger is taken of with a step's cost: the step is allowed, or it is not.

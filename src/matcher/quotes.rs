@@ -1,4 +1,4 @@
-//! Quotes in settings and commands: what stands in `\'…\'` or `"…"` is not taken apart.
+//! Quotes in settings and commands: what stands in `'…'` or `"…"` is not taken apart.
 
 /// The parts of `text` between separators outside quotes, quotes kept.
 pub(super) fn split(text: &str, separator: char) -> impl Iterator<Item = &str> {

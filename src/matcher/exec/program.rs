@@ -125,6 +125,8 @@ impl Program {
             Some(status) => format!("ended ({status}): it {reason}"),
             None => reason,
         };
+        // What it still has to say comes through once it is gone.
+        let _ = self.child.kill();
         let _ = self.silent.recv_timeout(LAST_WORDS);
         Failure { reason, stderr: self.last_words() }
     }

@@ -107,10 +107,8 @@ fn read_disparities(from: &mut impl Read, width: usize, height: usize) -> Result
 
 /// The beginning of `bytes` in quotes, fit for one line.
 fn quoted(bytes: &[u8]) -> String {
-    format!(
-        "\"{}\"",
-        bytes.trim_ascii_end()[..].iter().take(60).map(|&b| b.escape_ascii().to_string()).collect::<String>()
-    )
+    let bytes = bytes.trim_ascii_end();
+    format!("\"{}\"", bytes[..bytes.len().min(60)].escape_ascii())
 }
 
 /// `text` in one line that is not too long.
