@@ -28,7 +28,7 @@ os._exit(1)
 "#;
     let Some(mut plugin) = start(body, "") else { return };
     plugin.compute(&pair(12, 5)).unwrap();
-    plugin.fails(&["exit status: 1", "before it answered"]);
+    plugin.fails(&["ended (exit status: 1) before it answered"]);
     plugin.compute(&pair(12, 5)).unwrap();
 }
 
