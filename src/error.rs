@@ -39,6 +39,9 @@ pub enum Error {
     /// A recording that ends early or is damaged. What was read of it before is good.
     #[error("{}: {reason}", path.display())]
     Damaged { path: PathBuf, reason: String },
+    /// A program that matches pairs failed; `stderr` is the end of what it said there.
+    #[error("program `{command}` {reason}{}", said(.stderr))]
+    Program { command: String, reason: String, stderr: String },
     /// A scenario or setting that contradicts itself.
     #[error("{0}")]
     Invalid(String),
@@ -59,6 +62,10 @@ impl Error {
     pub fn damaged(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
         Self::Damaged { path: path.into(), reason: reason.into() }
     }
+}
+
+fn said(stderr: &str) -> String {
+    if stderr.is_empty() { String::new() } else { format!("; it said: {stderr}") }
 }
 
 fn did_you_mean(nearest: &Option<String>) -> String {

@@ -1,7 +1,7 @@
 //! The only loop: frames from a source through the matchers into the sinks.
 
 use crate::depth;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::matcher::Algorithm;
 use crate::scenario::GridSettings;
 use crate::sink::Sink;
@@ -14,6 +14,11 @@ use std::time::{Duration, Instant};
 pub trait Monitor {
     /// Called after every frame; `false` ends the run, orderly.
     fn go_on(&mut self, done: u64) -> bool;
+
+    /// Told what an algorithm did not match and why.
+    fn failed(&mut self, failure: &str) {
+        tracing::warn!("{failure}");
+    }
 }
 
 /// How fast frames are taken.
@@ -30,6 +35,8 @@ pub enum Pace {
 pub struct Outcome {
     /// Frames taken from the source, all of which went to every sink.
     pub frames: u64,
+    /// Estimates that are missing because their algorithm failed on that frame.
+    pub failures: u64,
     /// Whether the monitor ended it.
     pub interrupted: bool,
 }
@@ -39,8 +46,11 @@ pub struct Outcome {
 /// The sinks are finished by the caller, who may have more to say to them: also after an error, so that what came
 /// before it is kept.
 ///
+/// An algorithm that fails on a frame leaves no estimate of it, and the others go on. The monitor is told, but not again
+/// while the algorithm fails for the same reason frame after frame.
+///
 /// # Errors
-/// The first of the source, of a matcher (naming algorithm and pair) or of a sink.
+/// The first of an algorithm that cannot be built, of the source or of a sink.
 pub fn run(
     source: &mut dyn Source,
     algorithms: &[Algorithm],
@@ -49,19 +59,27 @@ pub fn run(
     sinks: &mut [&mut dyn Sink],
     monitor: &mut dyn Monitor,
 ) -> Result<Outcome> {
-    let mut matchers = algorithms.iter().map(Algorithm::build).collect::<Result<Vec<_>>>()?;
+    let built = |algorithm: &Algorithm| Ok((algorithm.build()?, String::new()));
+    let mut matchers = algorithms.iter().map(built).collect::<Result<Vec<_>>>()?;
     let mut outcome = Outcome::default();
     let mut pacer = Pacer { pace, start: None };
     while let Some(frame) = source.next()? {
         pacer.wait_for(&frame);
         let mut estimates = Vec::with_capacity(algorithms.len());
-        for (algorithm, matcher) in algorithms.iter().zip(&mut matchers) {
+        for (algorithm, (matcher, last_failure)) in algorithms.iter().zip(&mut matchers) {
             let (width, height) = frame.pair.size();
             let mut disparity = DisparityMap::new(width, height)?;
             let mut clock = Clock::start();
-            matcher
-                .compute(&frame.pair, &mut disparity, &mut clock)
-                .map_err(|e| Error::Invalid(format!("{} on pair {}: {e}", algorithm.label(), frame.sequence)))?;
+            if let Err(error) = matcher.compute(&frame.pair, &mut disparity, &mut clock) {
+                outcome.failures += 1;
+                let failure = error.to_string();
+                if failure != *last_failure {
+                    monitor.failed(&format!("{} on pair {}: {failure}", algorithm.label(), frame.sequence));
+                }
+                *last_failure = failure;
+                continue;
+            }
+            last_failure.clear();
             let grid = depth::grid(disparity.disparity(), grid.shape(), grid.min_valid, frame.rig.as_ref());
             estimates.push(Estimate { algorithm: algorithm.label().to_owned(), disparity, grid, times: clock.times() });
         }

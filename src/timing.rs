@@ -63,6 +63,13 @@ impl Clock {
         self.last = now;
     }
 
+    /// Ends the lap, of which only `time` belongs to `stage`: the rest was not the method's.
+    pub fn lap_of(&mut self, stage: Stage, time: Duration) {
+        let now = Instant::now();
+        self.times.add(stage, time.min(now - self.last));
+        self.last = now;
+    }
+
     pub fn times(&self) -> StageTimes {
         self.times
     }

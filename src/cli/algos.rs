@@ -42,6 +42,7 @@ impl Entry {
                 Range::Int { default, min, max } => (default.into(), min.into(), max.into()),
                 Range::Real { default, min, max } => (default.into(), min.into(), max.into()),
                 Range::Flag { default } => (default.into(), false.into(), true.into()),
+                Range::Text { default } => (default.into(), serde_json::Value::Null, serde_json::Value::Null),
             };
             ParameterEntry { name: p.name, unit: p.unit, default, min, max, description: p.description }
         });
@@ -83,6 +84,7 @@ fn setting(p: &matcher::Parameter) -> String {
         Range::Int { min, max, .. } => format!("{min}..={max}"),
         Range::Real { min, max, .. } => format!("{min}..={max}"),
         Range::Flag { .. } => "true, false".to_owned(),
+        Range::Text { .. } => return "text".to_owned(),
     };
     format!("{}{unit} ({range})", p.range.default())
 }

@@ -57,6 +57,10 @@ impl Progress {
 }
 
 impl Monitor for Progress {
+    fn failed(&mut self, failure: &str) {
+        self.0.suspend(|| tracing::warn!("{failure}"));
+    }
+
     fn go_on(&mut self, done: u64) -> bool {
         self.0.set_position(done);
         !interrupted()

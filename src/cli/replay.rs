@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
     }
-    Ok(())
+    run_info::complete(outcome.failures)
 }
 
 /// The newest recording there is, or else a new one of the arena.

@@ -25,7 +25,10 @@ pub(super) fn identity(
     rule: CellRule,
     shape: GridShape,
 ) -> Identity {
-    let parameters = |a: &Algorithm| format!("{:016x}", hash(&format!("{}:{}", a.spec().name, a.parameters())) as u64);
+    let parameters = |a: &Algorithm| {
+        let hash = hash(&format!("{}:{}", a.spec().name, a.parameters())) as u64;
+        (a.label().to_owned(), format!("{hash:016x}"))
+    };
     Identity {
         run_id: run_id.to_owned(),
         scenario: scenario.to_owned(),
@@ -56,6 +59,14 @@ pub(super) fn wireframe(scenario: &Scenario) -> Vec<Wire> {
             Arena::new(config, seeds[0]).map(|a| a.wireframe()).unwrap_or_default()
         }
         ScenarioSource::Dataset { .. } => Vec::new(),
+    }
+}
+
+/// Refuses to call a run done in which algorithms failed.
+pub(super) fn complete(failures: u64) -> anyhow::Result<()> {
+    match failures {
+        0 => Ok(()),
+        n => anyhow::bail!("algorithms failed on {n} pairs, as warned; all else is kept"),
     }
 }
 

@@ -54,7 +54,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;
     }
     let mut report = Report::begin(&scenario, &folder)?;
-    let ran = runs.iter_mut().try_for_each(|run| report.take(run, &scenario, quiet));
+    let mut failures = 0;
+    let ran = runs.iter_mut().try_for_each(|run| {
+        failures += report.take(run, &scenario, quiet)?;
+        Ok(())
+    });
     // What came before an error or Ctrl-C is reported all the same.
     let summary = match (report.finish(&scenario), ran.is_err()) {
         (Err(_), true) => return ran,
@@ -65,7 +69,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } else {
         print(&format!("{summary}\n{}\n", folder.join("index.html").display()))?;
     }
-    ran
+    ran?;
+    run_info::complete(failures)
 }
 
 /// One run of a scenario.
@@ -116,7 +121,8 @@ impl Report {
         })
     }
 
-    fn take(&mut self, run: &mut Run, scenario: &Scenario, quiet: bool) -> anyhow::Result<()> {
+    /// Scores a run; how many estimates are missing because their algorithm failed.
+    fn take(&mut self, run: &mut Run, scenario: &Scenario, quiet: bool) -> anyhow::Result<u64> {
         let source = &mut *run.source;
         self.judge.begin_run(run.seed);
         self.rerun.begin_run();
@@ -125,10 +131,11 @@ impl Report {
         let ran = run_loop(source, &scenario.algorithms, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
         progress.clear();
         self.judge.end_run()?;
-        if ran?.interrupted {
+        let outcome = ran?;
+        if outcome.interrupted {
             bail!("stopped by Ctrl-C; the report holds what was scored before");
         }
-        Ok(())
+        Ok(outcome.failures)
     }
 
     fn finish(self, scenario: &Scenario) -> anyhow::Result<Summary> {

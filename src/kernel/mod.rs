@@ -7,6 +7,7 @@
 mod block;
 mod dog;
 mod isa;
+mod path;
 mod smooth;
 mod ssd;
 mod write;
@@ -14,6 +15,7 @@ mod write;
 pub use block::Lanes;
 pub use dog::DogTaps;
 pub use isa::{Isa, isa};
+pub use path::{Paths, edge, edge_before};
 pub use ssd::{CAP, Winner, Winners};
 
 use crate::stereo::{Gray, RowMut};
@@ -81,6 +83,17 @@ kernels! {
 
     /// The lanes of a block as rows, one after the other.
     pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = ssd::transpose_back;
+
+    /// Finds the cheapest paths through the rows `first ..` of a block, as many as [`Paths::ROWS`]. An occlusion costs
+    /// `occlusion` per pixel, a match that keeps its disparity earns `reward`.
+    pub fn find_paths(
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        first: usize,
+        occlusion: i32,
+        reward: i32,
+        paths: &mut Paths,
+    ) = path::find;
 
     /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
     pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;

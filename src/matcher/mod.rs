@@ -1,6 +1,10 @@
 //! Matchers: from a rectified pair to disparities. [`MATCHERS`] is the one table of them.
 
+mod dp;
+#[cfg(feature = "exec")]
+mod exec;
 mod parameter;
+mod quotes;
 pub mod stage;
 mod v3;
 
@@ -32,7 +36,12 @@ pub struct MatcherSpec {
 }
 
 /// Every algorithm svl knows. A new one is one file and one line here.
-pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC];
+pub const MATCHERS: &[MatcherSpec] = &[
+    dp::SPEC,
+    v3::SPEC,
+    #[cfg(feature = "exec")]
+    exec::SPEC,
+];
 
 /// The algorithm of that name.
 ///

@@ -1,6 +1,7 @@
 //! Parameters as data: the command line, `svl algos`, scenario files and the contract tests all read the same tables.
 
 use super::MatcherSpec;
+use super::quotes::{closed, split, unquote};
 use crate::error::{Error, Result, nearest};
 
 /// A parameter of an algorithm.
@@ -18,14 +19,16 @@ pub enum Range {
     Int { default: i32, min: i32, max: i32 },
     Real { default: f64, min: f64, max: f64 },
     Flag { default: bool },
+    Text { default: &'static str },
 }
 
 /// A parameter's value.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     Int(i32),
     Real(f64),
     Flag(bool),
+    Text(String),
 }
 
 impl Range {
@@ -34,6 +37,7 @@ impl Range {
             Range::Int { default, .. } => Value::Int(default),
             Range::Real { default, .. } => Value::Real(default),
             Range::Flag { default } => Value::Flag(default),
+            Range::Text { default } => Value::Text(default.to_owned()),
         }
     }
 
@@ -43,6 +47,7 @@ impl Range {
             Range::Int { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Int),
             Range::Real { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Real),
             Range::Flag { .. } => text.parse().ok().map(Value::Flag),
+            Range::Text { .. } => closed(text).then(|| Value::Text(unquote(text).to_owned())),
         }
     }
 }
@@ -53,6 +58,7 @@ impl std::fmt::Display for Range {
             Range::Int { min, max, .. } => write!(f, "a whole number in {min}..={max}"),
             Range::Real { min, max, .. } => write!(f, "a number in {min}..={max}"),
             Range::Flag { .. } => write!(f, "true or false"),
+            Range::Text { .. } => write!(f, "a text that closes its quotes"),
         }
     }
 }
@@ -63,6 +69,9 @@ impl std::fmt::Display for Value {
             Value::Int(v) => write!(f, "{v}"),
             Value::Real(v) => write!(f, "{v}"),
             Value::Flag(v) => write!(f, "{v}"),
+            // In quotes where it would be read otherwise without them.
+            Value::Text(v) if split(v, ',').count() < 2 && unquote(v) == v => write!(f, "{v}"),
+            Value::Text(v) => write!(f, "{quote}{v}{quote}", quote = if v.contains('"') { '\'' } else { '"' }),
         }
     }
 }
@@ -77,13 +86,14 @@ impl Parameters {
         Self(spec.parameters.iter().map(|p| (p.name, p.range.default())).collect())
     }
 
-    /// The defaults changed by `settings`, written `key=value,key=value`.
+    /// The defaults changed by `settings`, written `key=value,key=value`. A text with commas stands in quotes, single or
+    /// double ones, as a whole or where the commas are.
     ///
     /// # Errors
     /// [`Error::UnknownParameter`] with the nearest name, [`Error::ParameterValue`] with what is expected.
     pub fn parse(spec: &MatcherSpec, settings: &str) -> Result<Self> {
         let mut parameters = Self::defaults(spec);
-        for setting in settings.split(',').filter(|s| !s.is_empty()) {
+        for setting in split(settings, ',').filter(|s| !s.is_empty()) {
             let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
             let index = spec.parameters.iter().position(|p| p.name == name).ok_or_else(|| Error::UnknownParameter {
                 algorithm: spec.name,
@@ -102,8 +112,8 @@ impl Parameters {
     }
 
     /// Names and values in the order of the algorithm's table.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Value)> {
-        self.0.iter().copied()
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Value)> {
+        self.0.iter().map(|(name, value)| (*name, value))
     }
 
     /// The whole number `name`.
@@ -112,7 +122,7 @@ impl Parameters {
     /// When the algorithm's table has no such whole number: a slip in the algorithm's own file.
     pub fn int(&self, name: &str) -> i32 {
         match self.value(name) {
-            Value::Int(v) => v,
+            Value::Int(v) => *v,
             other => panic!("parameter {name} is {other:?}"),
         }
     }
@@ -123,7 +133,7 @@ impl Parameters {
     /// As [`Parameters::int`].
     pub fn real(&self, name: &str) -> f64 {
         match self.value(name) {
-            Value::Real(v) => v,
+            Value::Real(v) => *v,
             other => panic!("parameter {name} is {other:?}"),
         }
     }
@@ -134,14 +144,25 @@ impl Parameters {
     /// As [`Parameters::int`].
     pub fn flag(&self, name: &str) -> bool {
         match self.value(name) {
-            Value::Flag(v) => v,
+            Value::Flag(v) => *v,
             other => panic!("parameter {name} is {other:?}"),
         }
     }
 
-    fn value(&self, name: &str) -> Value {
+    /// The text `name`.
+    ///
+    /// # Panics
+    /// As [`Parameters::int`].
+    pub fn text(&self, name: &str) -> &str {
+        match self.value(name) {
+            Value::Text(v) => v,
+            other => panic!("parameter {name} is {other:?}"),
+        }
+    }
+
+    fn value(&self, name: &str) -> &Value {
         match self.0.iter().find(|(n, _)| *n == name) {
-            Some((_, value)) => *value,
+            Some((_, value)) => value,
             None => panic!("no parameter {name}"),
         }
     }

@@ -25,7 +25,7 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// `algorithms`: labels in the order of the estimates.
+    /// `algorithms`: labels of the estimates.
     pub fn new(identity: Identity, algorithms: Vec<String>, checkpoints: Vec<Checkpoint>, tables: Tables) -> Self {
         let all = checkpoints.iter().map(|_| algorithms.iter().map(|_| CheckpointTally::default()).collect()).collect();
         Self { identity, algorithms, checkpoints, tables, run: Vec::new(), all, scenes: Vec::new() }
@@ -84,8 +84,9 @@ impl Judge {
     fn checkpoints(&mut self, frame: &Frame, estimates: &[Estimate], judged: &[Judged]) -> Result<()> {
         let Some(pose) = &frame.pose else { return Ok(()) };
         for (c, checkpoint) in self.checkpoints.iter().enumerate().filter(|(_, checkpoint)| checkpoint.covers(pose)) {
-            for (a, (estimate, judged)) in estimates.iter().zip(judged).enumerate() {
+            for (estimate, judged) in estimates.iter().zip(judged) {
                 let Some(judgements) = &judged.judgements else { continue };
+                let Some(a) = self.algorithms.iter().position(|label| *label == estimate.algorithm) else { continue };
                 let verdict = checkpoint.judge(&estimate.grid, judgements);
                 self.run[c][a].add(verdict, || frame.sequence);
                 let (best, worst) = self.all[c][a].would_lead(&verdict);

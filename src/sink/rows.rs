@@ -14,8 +14,8 @@ pub struct Identity {
     pub scenario: String,
     /// Seed of the arena's run that is being read.
     pub seed: Option<u64>,
-    /// Hashes of the algorithms' complete parameters, in their order.
-    pub parameters: Vec<String>,
+    /// The algorithms' labels, each with the hash of its complete parameters.
+    pub parameters: Vec<(String, String)>,
     pub rule: CellRule,
     pub shape: GridShape,
 }
@@ -32,9 +32,9 @@ impl Identity {
     /// Judges every estimate of a frame.
     pub(super) fn judge(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<Judged> {
         let truth = true_grid(frame, self.shape);
-        let one =
-            |(estimate, parameters): (&Estimate, &String)| self.judge_one(frame, truth.as_ref(), estimate, parameters);
-        estimates.iter().zip(&self.parameters).map(one).collect()
+        let hash = |label: &str| self.parameters.iter().find(|(of, _)| of == label).map_or("", |(_, hash)| hash);
+        let one = |estimate| self.judge_one(frame, truth.as_ref(), estimate, hash(&estimate.algorithm));
+        estimates.iter().map(one).collect()
     }
 
     fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate, parameters: &str) -> Judged {

@@ -29,6 +29,11 @@ impl Blocks {
         &self.columns[y / Self::ROWS * self.width..][..self.width]
     }
 
+    /// The pixels of column `x`, top to bottom, and after them the zeros below the image.
+    pub fn column(&self, x: usize) -> impl Iterator<Item = u16> {
+        self.columns[x..].iter().step_by(self.width).flat_map(|lanes| lanes.0)
+    }
+
     /// Into how many bands, each with its own scratch, an image of `height` rows is cut and of how many rows each, whole
     /// blocks: a few bands per thread, so that a thread that finishes early finds more to do.
     pub fn bands(height: usize) -> (usize, usize) {

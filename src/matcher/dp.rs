@@ -1,0 +1,185 @@
+//! OpenCV 1.0's `CV_DISPARITY_BIRCHFIELD`, the thesis's first try (section 5.2 and appendix A): dynamic programming along
+//! each row, then reliable disparities spread along columns and rows.
+//!
+//! The thesis gave it up: it minimises a global error by local assumptions, sees no escape between obstacles, and is
+//! wrong throughout in the dark and on even texture. It answers for every pixel, whatever it sees. It stands here as the
+//! base line, and gives what OpenCV's own code gives, on every pixel.
+//!
+//! Departures of OpenCV from Birchfield and Tomasi: the dissimilarity is one-sided, left pixels against the right image's
+//! half-pixel means and not the other way round too; an occlusion costs per pixel and not once; the table is searched
+//! whole, where the paper prunes it; and the ends of a row are free, its first three columns for a disparity to rise, its
+//! last three for it to fall, its last column at no cost.
+//!
+//! OpenCV's public documentation names its parameters 3 and 5 the wrong way round, "highly" and "slightly reliable". In
+//! the code, and here, parameter 3 (12) is what a *slightly* reliable disparity needs to withstand a larger one, and
+//! parameter 5 (25) what makes a disparity *highly* reliable, so that it spreads even over one that is larger by one.
+
+use super::stage::{Blocks, PathCosts, Scanlines, Spread, SpreadPixel, bridge, each_row};
+use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use crate::error::Result;
+use crate::kernel::{Isa, edge, edge_before};
+use crate::stereo::{DisparityMap, Gray, StereoPair};
+use crate::timing::{Clock, Stage};
+
+pub(super) const SPEC: MatcherSpec = MatcherSpec {
+    name: "dp",
+    summary: "dynamic programming along rows: dense and often wrong, the base line that the thesis gave up",
+    paper: "Birchfield and Tomasi, Depth Discontinuities by Pixel-to-Pixel Stereo, ICCV 1998; OpenCV 1.0, cvaux",
+    parameters: &[
+        Parameter {
+            name: "max_disparity",
+            unit: "px",
+            range: Range::Int { default: 80, min: 0, max: 255 },
+            description: "highest disparity tried, from 0 on: the nearest obstacle that can be seen",
+        },
+        Parameter {
+            name: "occlusion",
+            unit: "",
+            range: Range::Int { default: 25, min: 0, max: 1000 },
+            description: "cost of a change of disparity by one pixel, in grey levels (OpenCV's parameter 1)",
+        },
+        Parameter {
+            name: "reward",
+            unit: "",
+            range: Range::Int { default: 5, min: 0, max: 1000 },
+            description: "reward of a pixel that keeps its disparity, in grey levels (OpenCV's parameter 2)",
+        },
+        run("slightly_reliable", 12, "run that a larger disparity does not overwrite (OpenCV's parameter 3)"),
+        run("moderately_reliable", 15, "run whose disparity spreads (OpenCV's parameter 4)"),
+        run("highly_reliable", 25, "run whose disparity spreads over one larger by one (OpenCV's parameter 5)"),
+    ],
+    build: |parameters, isa| Ok(Box::new(Dp::new(parameters, isa))),
+};
+
+const fn run(name: &'static str, default: i32, description: &'static str) -> Parameter {
+    Parameter { name, unit: "px", range: Range::Int { default, min: 0, max: 16_384 }, description }
+}
+
+struct Dp {
+    isa: Isa,
+    max_disparity: u8,
+    costs: PathCosts,
+    spread: Spread,
+    scratch: Option<Scratch>,
+}
+
+/// Memory for pairs of one size.
+struct Scratch {
+    size: (usize, usize),
+    left: Blocks,
+    right: Blocks,
+    band_rows: usize,
+    /// One per band, as `rows`.
+    scanlines: Vec<Scanlines>,
+    rows: Vec<Vec<SpreadPixel>>,
+    /// Edges up and down, column by column, as `columns`.
+    steep: Vec<bool>,
+    columns: Vec<SpreadPixel>,
+}
+
+impl Dp {
+    fn new(parameters: &Parameters, isa: Isa) -> Self {
+        let reliability = |name| parameters.int(name) as u16;
+        Self {
+            isa,
+            max_disparity: parameters.int("max_disparity") as u8,
+            costs: PathCosts { occlusion: parameters.int("occlusion"), reward: parameters.int("reward") },
+            spread: Spread {
+                slightly_reliable: reliability("slightly_reliable"),
+                moderately_reliable: reliability("moderately_reliable"),
+                highly_reliable: reliability("highly_reliable"),
+            },
+            scratch: None,
+        }
+    }
+}
+
+impl Scratch {
+    fn new((width, height): (usize, usize), max_disparity: u8, costs: PathCosts) -> Self {
+        let (bands, band_rows) = Blocks::bands(height);
+        let rows = band_rows.min(height);
+        Self {
+            size: (width, height),
+            left: Blocks::new(width, height),
+            right: Blocks::new(width, height),
+            band_rows,
+            scanlines: (0..bands).map(|_| Scanlines::new(width, rows, max_disparity, costs)).collect(),
+            rows: (0..bands).map(|_| vec![SpreadPixel::default(); width]).collect(),
+            steep: vec![false; width * height],
+            columns: vec![SpreadPixel::default(); width * height],
+        }
+    }
+
+    fn match_rows(&mut self, isa: Isa, pair: &StereoPair) {
+        let Self { size: (_, height), left, right, band_rows, scanlines, .. } = self;
+        left.load(isa, pair.left());
+        right.load(isa, pair.right());
+        each_row(scanlines, 1, 1, |band, scanlines| {
+            let top = band * *band_rows;
+            scanlines[0].search(isa, left, right, top..(top + *band_rows).min(*height));
+        });
+    }
+
+    fn refine_columns(&mut self, spread: Spread) {
+        let Self { size: (width, height), left, scanlines, steep, columns, .. } = self;
+        each_row(steep, *height, 16, |x, steep| mark_steep(left.column(x), steep));
+        each_row(columns, *height, 16, |x, column| {
+            // An edge counts where it goes on to either side, as far as there are columns.
+            let at = |x: usize| &steep[x * *height..][..*height];
+            let [before, here, after] = [x.saturating_sub(1), x, x + 1].map(|x| at(x.min(*width - 1)));
+            let inner = x > 0 && x + 1 < *width;
+            let disparities = scanlines.iter().flat_map(|band| band.column(x));
+            for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
+                *pixel = SpreadPixel { disparity, edge: here[y] & (!inner | (before[y] & after[y])), run: 0 };
+            }
+            bridge(column);
+            spread.apply(column);
+        });
+    }
+
+    fn refine_rows(&mut self, spread: Spread, image: &Gray, map: &mut DisparityMap) {
+        let Self { size: (width, height), band_rows, rows, columns, .. } = self;
+        map.each_band_mut(*band_rows, rows, |top, band, line| {
+            for (y, mut row) in (top..).zip(band.into_rows()) {
+                let grey = image.row(y);
+                for (x, pixel) in line.iter_mut().enumerate() {
+                    let [edge] = edge_before(x, *width, |x| [u16::from(grey[x])]);
+                    *pixel = SpreadPixel { disparity: columns[x * *height + y].disparity, edge, run: 0 };
+                }
+                spread.apply(line);
+                for (x, pixel) in line.iter().enumerate() {
+                    row.accept(x, f32::from(pixel.disparity), DisparityMap::NO_SSDPI);
+                }
+            }
+        });
+    }
+}
+
+impl Matcher for Dp {
+    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+        let size = pair.size();
+        map.resize(size.0, size.1)?;
+        self.scratch.take_if(|scratch| scratch.size != size);
+        let scratch = self.scratch.get_or_insert_with(|| Scratch::new(size, self.max_disparity, self.costs));
+        scratch.match_rows(self.isa, pair);
+        clock.lap(Stage::Matching);
+        scratch.refine_columns(self.spread);
+        scratch.refine_rows(self.spread, pair.left(), map);
+        clock.lap(Stage::Checks);
+        Ok(())
+    }
+}
+
+/// Marks the three pixels of every window of a column that holds an edge. The window right below a marked one is passed
+/// over.
+fn mark_steep(column: impl Iterator<Item = u16>, steep: &mut [bool]) {
+    steep.fill(false);
+    let (mut window, mut marked) = ([0; 3], false);
+    for (y, pixel) in column.take(steep.len()).enumerate() {
+        window = [window[1], window[2], pixel];
+        marked = y >= 2 && !marked && edge(window.map(|v| [v])) == [true];
+        if marked {
+            steep[y - 2..=y].fill(true);
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Any program as a matcher.
+//!
+//! svl starts the program once. Per pair it writes to its standard input one line of JSON and the pixels of both images,
+//! row by row, without gaps:
+//!
+//! ```text
+//! {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n}\n
+//! W·H bytes of the left image, W·H bytes of the right image
+//! ```
+//!
+//! and reads from its standard output one line of JSON and the disparities, row by row, little-endian, `+∞` for none:
+//!
+//! ```text
+//! {"seq":n,"millis":t}\n  or  {"seq":n,"error":"why this pair cannot be matched"}\n
+//! W·H · 4 bytes                nothing
+//! ```
+//!
+//! `millis` is what the matching took, without the transfer; it is the time that svl reports. At the end of its input the
+//! program shall end. What it says on its standard error is kept for error messages, the last of it. An error reply
+//! concerns its pair alone; a program that ends, that does not answer in time or answers anything else is ended and
+//! started again for the next pair, [`RESTARTS`] times. `adapters/opencv.py` is such a program.
+//!
+//! No shell is involved: the command's words stand between spaces, and quotes keep spaces in a word.
+
+mod program;
+mod protocol;
+
+use super::quotes::words;
+use super::stage::DisparityRange;
+use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use crate::error::{Error, Result};
+use crate::stereo::{DisparityMap, Reason, StereoPair};
+use crate::timing::{Clock, Stage};
+use program::{Failure, Program};
+use std::time::Duration;
+
+pub(super) const SPEC: MatcherSpec = MatcherSpec {
+    name: "exec",
+    summary: "any program, over its standard input and output: how to compare what svl does not know",
+    paper: "whatever the program does; adapters/opencv.py explains the protocol and is an example",
+    parameters: &[
+        Parameter {
+            name: "command",
+            unit: "",
+            range: Range::Text { default: "" },
+            description: "program and arguments; what has commas or spaces in it stands in quotes",
+        },
+        DisparityRange::MIN,
+        DisparityRange::MAX,
+        Parameter {
+            name: "timeout_s",
+            unit: "s",
+            range: Range::Real { default: 30.0, min: 0.01, max: 86_400.0 },
+            description: "longest time to an answer; the first includes the program's start",
+        },
+    ],
+    build: |parameters, _| Ok(Box::new(Exec::start(parameters)?)),
+};
+
+/// How often a program that failed is started again.
+const RESTARTS: u32 = 3;
+
+struct Exec {
+    command: String,
+    words: Vec<String>,
+    range: DisparityRange,
+    timeout: Duration,
+    /// None after a failure.
+    program: Option<Program>,
+    restarts: u32,
+    sequence: u64,
+}
+
+impl Exec {
+    fn start(parameters: &Parameters) -> Result<Self> {
+        let command = parameters.text("command");
+        let words = words(command);
+        if words.is_empty() {
+            return Err(Error::Invalid("exec needs a program: exec:command=PROGRAM ARGUMENTS".to_owned()));
+        }
+        let range = DisparityRange::new(parameters.int("min_disparity"), parameters.int("max_disparity"))?;
+        Ok(Self {
+            command: command.to_owned(),
+            range,
+            timeout: Duration::from_secs_f64(parameters.real("timeout_s")),
+            program: Some(Program::start(&words).map_err(|failure| failure.of(command))?),
+            words,
+            restarts: 0,
+            sequence: 0,
+        })
+    }
+
+    /// The program, started again if it failed before.
+    fn program(&mut self) -> std::result::Result<&mut Program, Failure> {
+        let program = match self.program.take() {
+            Some(program) => program,
+            None if self.restarts == RESTARTS => {
+                return Err(Failure::new(format!("failed {} times and is given up", RESTARTS + 1)));
+            }
+            None => {
+                self.restarts += 1;
+                Program::start(&self.words)?
+            }
+        };
+        Ok(self.program.insert(program))
+    }
+
+    fn ask(&mut self, pair: &StereoPair) -> std::result::Result<protocol::Reply, Failure> {
+        let (sequence, timeout) = (self.sequence, self.timeout);
+        let request = protocol::request(pair, self.range, sequence);
+        self.program()?.ask(request, sequence, pair.size(), timeout)
+    }
+}
+
+impl Matcher for Exec {
+    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+        self.sequence += 1;
+        map.resize(pair.size().0, pair.size().1)?;
+        let reply = self.ask(pair).map_err(|failure| {
+            // Dropped, so ended.
+            self.program = None;
+            failure.of(&self.command)
+        })?;
+        let (millis, disparities) = match reply {
+            protocol::Reply::Matched { millis, disparities } => (millis, disparities),
+            protocol::Reply::Refused(why) => return Err(Failure::new(format!("answered: {why}")).of(&self.command)),
+        };
+        for (mut row, disparities) in map.rows_mut().zip(disparities.chunks_exact(pair.size().0)) {
+            for (x, &disparity) in disparities.iter().enumerate() {
+                if disparity.is_finite() {
+                    row.accept(x, disparity, DisparityMap::NO_SSDPI);
+                } else {
+                    // It does not say why.
+                    row.reject(x, Reason::Unmatched, DisparityMap::NO_SSDPI);
+                }
+            }
+        }
+        clock.lap_of(Stage::Matching, Duration::from_secs_f64(millis / 1e3));
+        Ok(())
+    }
+}

@@ -1,0 +1,192 @@
+//! A program that runs beside svl. Threads write to it and read from it, so that it can neither block svl nor be blocked
+//! by what it says on its standard error.
+
+use super::protocol::{Reply, one_line, read_reply};
+use crate::error::Error;
+use std::collections::VecDeque;
+use std::io::{BufReader, Read, Write};
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How much of its standard error is kept, in bytes.
+const KEPT: usize = 4096;
+
+/// How long a program that closed its output may take to end and to finish speaking.
+const LAST_WORDS: Duration = Duration::from_millis(300);
+
+/// What went wrong, in words that follow the program's name.
+#[derive(Debug)]
+pub(super) struct Failure {
+    reason: String,
+    stderr: String,
+}
+
+impl Failure {
+    pub(super) fn new(reason: impl Into<String>) -> Self {
+        Self { reason: reason.into(), stderr: String::new() }
+    }
+
+    /// The error of that command.
+    pub(super) fn of(self, command: &str) -> Error {
+        Error::Program { command: command.to_owned(), reason: self.reason, stderr: self.stderr }
+    }
+}
+
+/// A pair to be answered: its number and its size.
+type Question = (u64, (usize, usize));
+
+enum Event {
+    Answered(Result<Reply, String>),
+    /// The program does not take what is written to it.
+    Refused(std::io::Error),
+}
+
+/// A running program. Dropping it ends it.
+pub(super) struct Program {
+    child: Child,
+    requests: Sender<Vec<u8>>,
+    questions: Sender<Question>,
+    events: Receiver<Event>,
+    /// Bytes of the answer under way.
+    came: Arc<AtomicUsize>,
+    said: Arc<Mutex<VecDeque<u8>>>,
+    silent: Receiver<()>,
+}
+
+impl Program {
+    /// Starts the program `words[0]`.
+    pub(super) fn start(words: &[String]) -> Result<Self, Failure> {
+        let mut command = Command::new(&words[0]);
+        command.args(&words[1..]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // Ctrl-C is svl's: it ends the run orderly, and the program with it.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command.spawn().map_err(|error| Failure::new(format!("cannot be started: {error}")))?;
+        let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        // All three were asked for above.
+        let (Some(stdin), Some(stdout), Some(stderr)) = pipes else { unreachable!("pipes") };
+        let (requests, to_write) = channel();
+        let (questions, to_read) = channel();
+        let (event, events) = channel();
+        let (speaking, silent) = channel();
+        let came = Arc::new(AtomicUsize::new(0));
+        let said = Arc::new(Mutex::new(VecDeque::with_capacity(KEPT)));
+        let stdout = Counted { from: stdout, count: Arc::clone(&came) };
+        let (writing, kept) = (event.clone(), Arc::clone(&said));
+        // The threads end with the pipes or with the channels, whichever closes first.
+        thread::spawn(move || write(stdin, &to_write, &writing));
+        thread::spawn(move || read(stdout, &to_read, &event));
+        thread::spawn(move || listen(stderr, &kept, speaking));
+        Ok(Self { child, requests, questions, events, came, said, silent })
+    }
+
+    /// Sends a request and waits for its answer.
+    pub(super) fn ask(
+        &mut self,
+        request: Vec<u8>,
+        sequence: u64,
+        size: (usize, usize),
+        timeout: Duration,
+    ) -> Result<Reply, Failure> {
+        self.came.store(0, Ordering::Relaxed);
+        // A thread that is gone has left an event, which says more.
+        let _ = self.questions.send((sequence, size));
+        let _ = self.requests.send(request);
+        match self.events.recv_timeout(timeout) {
+            Ok(Event::Answered(Ok(reply))) => Ok(reply),
+            Ok(Event::Answered(Err(reason))) => Err(self.failed(reason)),
+            Ok(Event::Refused(error)) => Err(self.failed(format!("does not read its input: {error}"))),
+            Err(RecvTimeoutError::Timeout) => {
+                let came = match self.came.load(Ordering::Relaxed) {
+                    0 => "nothing came".to_owned(),
+                    bytes => format!("{bytes} bytes came, its line and {} are due", size.0 * size.1 * 4),
+                };
+                let reason = format!("did not answer within {timeout:?}: {came}");
+                Err(Failure { reason, stderr: self.last_words() })
+            }
+            Err(RecvTimeoutError::Disconnected) => Err(self.failed("closed its input and output".to_owned())),
+        }
+    }
+
+    /// The failure, which is first of all that it ended, if it did.
+    fn failed(&mut self, reason: String) -> Failure {
+        let deadline = Instant::now() + LAST_WORDS;
+        let mut ended: Option<ExitStatus> = None;
+        while ended.is_none() && Instant::now() < deadline {
+            ended = self.child.try_wait().ok().flatten();
+            thread::sleep(Duration::from_millis(5));
+        }
+        let reason = match ended {
+            Some(status) if self.came.load(Ordering::Relaxed) == 0 => format!("ended ({status}) before it answered"),
+            Some(status) => format!("ended ({status}): it {reason}"),
+            None => reason,
+        };
+        // What it still has to say comes through once it is gone.
+        let _ = self.child.kill();
+        let _ = self.silent.recv_timeout(LAST_WORDS);
+        Failure { reason, stderr: self.last_words() }
+    }
+
+    /// The last lines of its standard error, as one.
+    fn last_words(&self) -> String {
+        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = String::from_utf8_lossy(&said.iter().copied().collect::<Vec<_>>()).into_owned();
+        let lines: Vec<_> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+        one_line(&lines[lines.len().saturating_sub(3)..].join(" | "))
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        // It may have ended by itself, which is as good.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Counts what is read.
+struct Counted {
+    from: ChildStdout,
+    count: Arc<AtomicUsize>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.from.read(bytes)?;
+        self.count.fetch_add(count, Ordering::Relaxed);
+        Ok(count)
+    }
+}
+
+fn write(mut stdin: ChildStdin, requests: &Receiver<Vec<u8>>, events: &Sender<Event>) {
+    for request in requests {
+        if let Err(error) = stdin.write_all(&request).and_then(|()| stdin.flush()) {
+            let _ = events.send(Event::Refused(error));
+            return;
+        }
+    }
+}
+
+fn read(stdout: Counted, questions: &Receiver<Question>, events: &Sender<Event>) {
+    let mut stdout = BufReader::new(stdout);
+    for (sequence, size) in questions {
+        if events.send(Event::Answered(read_reply(&mut stdout, sequence, size))).is_err() {
+            return;
+        }
+    }
+}
+
+/// Keeps the end of what the program says; `_speaking` is dropped when it says no more.
+fn listen(mut stderr: ChildStderr, kept: &Mutex<VecDeque<u8>>, _speaking: Sender<()>) {
+    let mut bytes = [0; KEPT];
+    while let Ok(count @ 1..) = stderr.read(&mut bytes) {
+        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.extend(&bytes[..count]);
+        let surplus = kept.len().saturating_sub(KEPT);
+        kept.drain(..surplus);
+    }
+}

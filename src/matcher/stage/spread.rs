@@ -1,0 +1,77 @@
+//! Reliable disparities spread over unreliable ones, along columns and rows up to the image's edges (Birchfield and
+//! Tomasi 1998, section 4, as OpenCV 1.0 does it).
+//!
+//! The reliability of a pixel is the length of the run of equal disparities that it lies in.
+
+/// A pixel of a column or a row.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpreadPixel {
+    pub disparity: u8,
+    /// On an edge of the image, which stops spreading.
+    pub edge: bool,
+    /// Length of its run, set by [`Spread::apply`].
+    pub run: u16,
+}
+
+/// Which runs spread and which are overwritten, by their length in pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Spread {
+    /// From this on a smaller disparity is not overwritten.
+    pub slightly_reliable: u16,
+    /// From this on a disparity spreads.
+    pub moderately_reliable: u16,
+    /// From this on a disparity spreads also over one that is larger by one.
+    pub highly_reliable: u16,
+}
+
+impl Spread {
+    /// Spreads disparities along a line, from its beginning on and in place.
+    pub fn apply(&self, line: &mut [SpreadPixel]) {
+        measure_runs(line);
+        let mut i = 0;
+        while i < line.len() {
+            let from = line[i];
+            if from.run < self.moderately_reliable || from.edge || from.disparity == 0 {
+                i += 1;
+                continue;
+            }
+            let (before, after) = line.split_at_mut(i);
+            self.overwrite(from, before.iter_mut().rev());
+            i += 1 + self.overwrite(from, after[1..].iter_mut());
+        }
+    }
+
+    /// Writes the disparity of `from` until something stops it; how many pixels it got.
+    fn overwrite<'a>(&self, from: SpreadPixel, line: impl Iterator<Item = &'a mut SpreadPixel>) -> usize {
+        let nearer = u16::from(from.disparity) + 1;
+        let mut count = 0;
+        for pixel in line {
+            let stops = pixel.edge
+                || pixel.disparity < from.disparity && pixel.run >= self.slightly_reliable
+                || u16::from(pixel.disparity) == nearer && from.run < self.highly_reliable;
+            if stops {
+                break;
+            }
+            pixel.disparity = from.disparity;
+            count += 1;
+        }
+        count
+    }
+}
+
+fn measure_runs(line: &mut [SpreadPixel]) {
+    for run in line.chunk_by_mut(|a, b| a.disparity == b.disparity) {
+        // Lines are no longer than `MAX_SIDE`.
+        let length = run.len() as u16;
+        run.iter_mut().for_each(|pixel| pixel.run = length);
+    }
+}
+
+/// Gives a pixel the disparity of its neighbours where these agree, from the line's beginning on and in place.
+pub fn bridge(line: &mut [SpreadPixel]) {
+    for i in 1..line.len().saturating_sub(1) {
+        if line[i - 1].disparity == line[i + 1].disparity {
+            line[i].disparity = line[i - 1].disparity;
+        }
+    }
+}

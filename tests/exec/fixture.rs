@@ -1,0 +1,80 @@
+//! A matcher that is a program of the test.
+
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use svl::Error;
+use svl::matcher::{Algorithm, Matcher};
+use svl::stereo::{DisparityMap, Gray, StereoPair};
+use svl::timing::Clock;
+
+/// What every program below begins with: it reads a pair as `line` and `images`.
+const PRELUDE: &str = r#"
+import json, os, struct, sys, time
+source, target = sys.stdin.buffer, sys.stdout.buffer
+def pair():
+    line = json.loads(source.readline() or sys.exit())
+    return line, source.read(2 * line["width"] * line["height"])
+def put(bytes):
+    target.write(bytes)
+    target.flush()
+def answer(line, values=None, **other):
+    count = line["width"] * line["height"]
+    reply = json.dumps({"seq": line["seq"], **(other or {"millis": 1.5})}).encode() + b"\n"
+    put(reply + struct.pack("<%df" % count, *(values or [0.0] * count)))
+"#;
+
+/// A matcher that is a program of the test.
+pub(crate) struct Plugin {
+    matcher: Box<dyn Matcher>,
+    pub(crate) map: DisparityMap,
+    // Last, so that the program is ended before its file goes.
+    _folder: tempfile::TempDir,
+}
+
+pub(crate) fn python() -> Option<PathBuf> {
+    let python = PathBuf::from(std::env::var_os("SVL_PYTHON").unwrap_or_else(|| "python3".into()));
+    let found = Command::new(&python).arg("--version").output().is_ok_and(|output| output.status.success());
+    if !found {
+        println!("skipped: no Python; name one in SVL_PYTHON");
+    }
+    found.then_some(python)
+}
+
+/// The program with that body; nothing where there is no Python.
+pub(crate) fn start(body: &str, settings: &str) -> Option<Plugin> {
+    let python = python()?;
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a program, with a comma.py");
+    std::fs::write(&file, format!("{PRELUDE}{body}")).unwrap();
+    let text = format!("exec:command={} '{}'{settings}", python.display(), file.display());
+    let matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
+    Some(Plugin { matcher, map: DisparityMap::new(1, 1).unwrap(), _folder: folder })
+}
+
+pub(crate) fn pair(width: usize, height: usize) -> StereoPair {
+    let left = Gray::from_fn(width, height, |x, y| (7 * x + 13 * y) as u8).unwrap();
+    let right = Gray::from_fn(width, height, |x, y| (7 * x + 13 * y + 1) as u8).unwrap();
+    StereoPair::new(left, right).unwrap()
+}
+
+impl Plugin {
+    pub(crate) fn compute(&mut self, pair: &StereoPair) -> svl::Result<Clock> {
+        let mut clock = Clock::start();
+        self.matcher.compute(pair, &mut self.map, &mut clock).map(|()| clock)
+    }
+
+    /// It fails within a few seconds, in one line with all these words.
+    #[track_caller]
+    pub(crate) fn fails(&mut self, words: &[&str]) {
+        let start = Instant::now();
+        let error = self.compute(&pair(12, 5)).err().expect("a failure");
+        assert!(matches!(error, Error::Program { .. }));
+        let line = error.to_string();
+        assert!(start.elapsed() < Duration::from_secs(5), "{:?}: {line}", start.elapsed());
+        for word in [&["a program, with a comma.py"], words].concat() {
+            assert!(line.contains(word), "'{word}' is not in: {line}");
+        }
+        assert!(!line.contains('\n') && line.len() < 1000, "{line}");
+    }
+}
