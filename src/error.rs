@@ -31,7 +31,7 @@ pub enum Error {
     #[error("not a stereo rig: {0}")]
     Rig(String),
     /// A file could not be opened, read or written.
-    #[error("{}: {cause}", path.display())]
+    #[error("{}: {}", path.display(), words(cause))]
     Io { path: PathBuf, cause: std::io::Error },
     /// A file is not what it should be.
     #[error("{}: {reason}", path.display())]
@@ -66,6 +66,23 @@ impl Error {
 
 fn said(stderr: &str) -> String {
     if stderr.is_empty() { String::new() } else { format!("; it said: {stderr}") }
+}
+
+/// What went wrong with a file, with the cure where there is one.
+fn words(cause: &std::io::Error) -> String {
+    use std::io::ErrorKind::{
+        IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem, StorageFull,
+    };
+    let words = match cause.kind() {
+        NotFound => "no such file or folder; check the name",
+        IsADirectory => "is a folder; name a file",
+        NotADirectory => "part of it is a file, not a folder; check the name",
+        PermissionDenied => "permission denied; name another place or change its permissions",
+        ReadOnlyFilesystem => "cannot be written on a read-only file system; name another place",
+        StorageFull => "no space left on the device; free some or name another place",
+        _ => return cause.to_string(),
+    };
+    words.to_owned()
 }
 
 fn did_you_mean(nearest: &Option<String>) -> String {

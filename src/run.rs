@@ -1,8 +1,8 @@
 //! The only loop: frames from a source through the matchers into the sinks.
 
 use crate::depth;
-use crate::error::Result;
-use crate::matcher::Algorithm;
+use crate::error::{Error, Result};
+use crate::matcher::{Algorithm, Matcher};
 use crate::scenario::GridSettings;
 use crate::sink::Sink;
 use crate::source::Source;
@@ -41,7 +41,34 @@ pub struct Outcome {
     pub interrupted: bool,
 }
 
-/// Runs every frame of `source` through `algorithms` into `sinks`.
+/// The algorithms of a run, ready to match.
+pub struct Lineup(Vec<Contestant>);
+
+struct Contestant {
+    label: String,
+    matcher: Box<dyn Matcher>,
+    last_failure: String,
+}
+
+impl Lineup {
+    /// Builds the algorithms; each may stand once, as its label names its rows and topics.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming the algorithm that stands twice or cannot be built.
+    pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
+        let contestant = |(i, algorithm): (usize, &Algorithm)| {
+            let label = algorithm.label().to_owned();
+            if algorithms[..i].iter().any(|other| other.label() == label) {
+                return Err(Error::Invalid(format!("{label}: named twice; name each algorithm once")));
+            }
+            let matcher = algorithm.build().map_err(|e| Error::Invalid(format!("{label}: {e}")))?;
+            Ok(Contestant { label, matcher, last_failure: String::new() })
+        };
+        algorithms.iter().enumerate().map(contestant).collect::<Result<_>>().map(Self)
+    }
+}
+
+/// Runs every frame of `source` through the algorithms into `sinks`.
 ///
 /// The sinks are finished by the caller, who may have more to say to them: also after an error, so that what came
 /// before it is kept.
@@ -50,23 +77,21 @@ pub struct Outcome {
 /// while the algorithm fails for the same reason frame after frame.
 ///
 /// # Errors
-/// The first of an algorithm that cannot be built, of the source or of a sink.
+/// The first of the source or of a sink.
 pub fn run(
     source: &mut dyn Source,
-    algorithms: &[Algorithm],
+    lineup: &mut Lineup,
     grid: GridSettings,
     pace: Pace,
     sinks: &mut [&mut dyn Sink],
     monitor: &mut dyn Monitor,
 ) -> Result<Outcome> {
-    let built = |algorithm: &Algorithm| Ok((algorithm.build()?, String::new()));
-    let mut matchers = algorithms.iter().map(built).collect::<Result<Vec<_>>>()?;
     let mut outcome = Outcome::default();
     let mut pacer = Pacer { pace, start: None };
     while let Some(frame) = source.next()? {
         pacer.wait_for(&frame);
-        let mut estimates = Vec::with_capacity(algorithms.len());
-        for (algorithm, (matcher, last_failure)) in algorithms.iter().zip(&mut matchers) {
+        let mut estimates = Vec::with_capacity(lineup.0.len());
+        for Contestant { label, matcher, last_failure } in &mut lineup.0 {
             let (width, height) = frame.pair.size();
             let mut disparity = DisparityMap::new(width, height)?;
             let mut clock = Clock::start();
@@ -74,14 +99,14 @@ pub fn run(
                 outcome.failures += 1;
                 let failure = error.to_string();
                 if failure != *last_failure {
-                    monitor.failed(&format!("{} on pair {}: {failure}", algorithm.label(), frame.sequence));
+                    monitor.failed(&format!("{label} on pair {}: {failure}", frame.sequence));
                 }
                 *last_failure = failure;
                 continue;
             }
             last_failure.clear();
             let grid = depth::grid(disparity.disparity(), grid.shape(), grid.min_valid, frame.rig.as_ref());
-            estimates.push(Estimate { algorithm: algorithm.label().to_owned(), disparity, grid, times: clock.times() });
+            estimates.push(Estimate { algorithm: label.clone(), disparity, grid, times: clock.times() });
         }
         for sink in sinks.iter_mut() {
             sink.push(&frame, &estimates)?;

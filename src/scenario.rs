@@ -1,7 +1,9 @@
 //! Scenarios: one TOML file says where the frames come from and what is expected of them.
 
 use crate::arena::ArenaConfig;
+use crate::depth::MIN_VALID;
 use crate::error::{Error, Result};
+use crate::files::read_text;
 use crate::matcher::Algorithm;
 use crate::score::{CellRule, Checkpoint};
 use crate::stereo::GridShape;
@@ -48,10 +50,10 @@ pub struct GridSettings {
 }
 
 impl Default for GridSettings {
-    /// The thesis's 5 x 3 cells, known from a fifth of their pixels on.
+    /// The thesis's 5 x 3 cells and its share of pixels.
     fn default() -> Self {
         let GridShape { columns, rows } = GridShape::default();
-        Self { columns, rows, min_valid: 0.20 }
+        Self { columns, rows, min_valid: MIN_VALID }
     }
 }
 
@@ -98,12 +100,7 @@ impl Scenario {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] with line and column, or with what contradicts itself.
     pub fn read(path: &Path) -> Result<Self> {
-        let length = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
-        if length > MAX_BYTES {
-            return Err(Error::format(path, format!("{length} bytes, but a scenario has at most {MAX_BYTES}")));
-        }
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-        let text = String::from_utf8(bytes).map_err(|_| Error::format(path, "not a scenario: not UTF-8 text"))?;
+        let text = read_text(path, MAX_BYTES)?;
         Self::parse(&text, path)
     }
 

@@ -20,7 +20,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("source", &["stereo", "recording", "arena", "files"]),
     ("report", &["score", "overlay"]),
     ("sink", &["stereo", "recording", "score", "report", "overlay", "files"]),
-    ("scenario", &["stereo", "matcher", "score", "arena"]),
+    ("scenario", &["stereo", "depth", "matcher", "score", "arena", "files"]),
     ("run", &["stereo", "depth", "matcher", "scenario", "source", "sink"]),
 ];
 

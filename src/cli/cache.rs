@@ -31,7 +31,7 @@ pub(super) fn recording(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::
             }
         }
     }
-    RecordingSource::open(&path).with_context(|| format!("{}: delete it, it will be recorded anew", path.display()))
+    RecordingSource::open(&path).context("delete this file and it will be recorded anew")
 }
 
 /// Takes away what killed runs left behind; a living one writes about once a second.

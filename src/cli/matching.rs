@@ -1,6 +1,7 @@
 //! `svl match`: one pair of image files through one algorithm.
 
-use super::output::{may_write, print, print_json};
+use super::output::{distinct, may_write, print, print_json};
+use anyhow::Context;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -64,11 +65,16 @@ struct Report<'a> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    for path in [Some(&args.output), args.why.as_ref(), args.preview.as_ref()].into_iter().flatten() {
-        may_write(path, args.force)?;
+    let outputs =
+        [(Some(&args.output), &["pfm", "png"][..]), (args.why.as_ref(), &["png"]), (args.preview.as_ref(), &["png"])];
+    let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
+    outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
+    for input in [&args.left, &args.right] {
+        distinct(outputs.iter().map(|(path, _)| *path).chain([input.as_path()]))?;
     }
     let rig = args.calib.as_deref().map(read_calib).transpose()?;
-    let pair = StereoPair::new(files::read_gray(&args.left)?, files::read_gray(&args.right)?)?;
+    let pair = StereoPair::new(files::read_gray(&args.left)?, files::read_gray(&args.right)?)
+        .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
     let (width, height) = pair.size();
     let mut map = DisparityMap::new(width, height)?;
     let mut clock = Clock::start();

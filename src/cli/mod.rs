@@ -33,7 +33,7 @@ pub(crate) struct Cli {
     command: Command,
 
     /// Threads to compute with [default: one per core; bench: 1]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 
     /// Say more: -v what is done, -vv details
@@ -99,8 +99,9 @@ impl Cli {
         tracing_subscriber::registry().with(lines.with_filter(ours)).init();
         let own = matches!(self.command, Command::Bench(_)).then_some(bench::THREADS);
         if let Some(threads) = self.threads.or(own) {
-            // Fails only when a pool exists already, and this is the first use of one.
-            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+            if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global() {
+                tracing::warn!("--threads {threads}: {error}");
+            }
         }
     }
 }
@@ -122,12 +123,16 @@ impl Command {
     }
 }
 
-/// Prints clap's error; one about a value in one line, which names the value and the cure already.
+/// Prints clap's error in one line, without the usage that `--help` shows; help and version as they are.
 fn wrong_usage(error: &clap::Error) -> ExitCode {
-    match error.kind() {
-        ErrorKind::ValueValidation => eprintln!("{}", error.to_string().lines().next().unwrap_or_default()),
+    if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        let text = error.to_string();
+        let end = ["\n\nUsage:", "\n\nFor more information"].iter().filter_map(|mark| text.find(mark)).min();
+        let line = text[..end.unwrap_or(text.len())].split_whitespace().collect::<Vec<_>>().join(" ");
+        eprintln!("{line}; see --help");
+    } else {
         // A closed standard output is no reason to panic.
-        _ => drop(error.print()),
+        let _ = error.print();
     }
     ExitCode::from(error.exit_code() as u8)
 }

@@ -1,12 +1,19 @@
 //! Where results may be written.
 
 use anyhow::{Context, bail};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Refuses to replace an existing file unless `force`, and checks that its folder is there, before any work is done.
-pub(super) fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
-    if path.exists() && !force {
-        bail!("{}: exists already; name another file, or add --force to replace it", path.display());
+/// Refuses what cannot or must not be written, before any work is done: an ending that is none of `endings`, an existing
+/// file unless `force`, anything that is no regular file, a folder that is not there.
+pub(super) fn may_write(path: &Path, endings: &[&str], force: bool) -> anyhow::Result<()> {
+    let shown = path.display();
+    if !endings.iter().any(|ending| path.extension().is_some_and(|e| e == *ending)) {
+        bail!("{shown}: must end in .{}", endings.join(" or ."));
+    }
+    match path.metadata() {
+        Ok(found) if !found.is_file() => bail!("{shown}: is not a regular file; name another"),
+        Ok(_) if !force => bail!("{shown}: exists already; name another file, or add --force to replace it"),
+        _ => {}
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
@@ -15,11 +22,63 @@ pub(super) fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Prints to standard output; a reader that went away (`| head`) ends the program quietly.
+/// Refuses outputs that would overwrite each other or an input.
+pub(super) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
+    let mut seen: Vec<PathBuf> = Vec::new();
+    for path in paths {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let real =
+            folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default());
+        if seen.contains(&real) {
+            bail!("{}: named twice; inputs and outputs are different files", path.display());
+        }
+        seen.push(real);
+    }
+    Ok(())
+}
+
+/// An earlier file, set aside while a new one of its name is made. It comes back unless the new one is kept.
+pub(super) struct Aside {
+    path: PathBuf,
+    earlier: Option<PathBuf>,
+}
+
+impl Aside {
+    /// Sets aside what is at `path`, if anything.
+    pub(super) fn new(path: &Path) -> anyhow::Result<Self> {
+        let mut earlier = path.as_os_str().to_owned();
+        earlier.push(format!(".{}.earlier", std::process::id()));
+        let earlier = PathBuf::from(earlier);
+        let there = path.exists();
+        if there {
+            std::fs::rename(path, &earlier).with_context(|| format!("{}: cannot be replaced", path.display()))?;
+        }
+        Ok(Self { path: path.to_owned(), earlier: there.then_some(earlier) })
+    }
+
+    /// The new file is whole: the earlier one goes.
+    pub(super) fn replaced(mut self) {
+        if let Some(earlier) = self.earlier.take() {
+            // At worst it stays, under its other name.
+            let _ = std::fs::remove_file(earlier);
+        }
+    }
+}
+
+impl Drop for Aside {
+    fn drop(&mut self) {
+        if let Some(earlier) = &self.earlier {
+            // At worst it stays, under its other name.
+            let _ = std::fs::rename(earlier, &self.path);
+        }
+    }
+}
+
+/// Prints to standard output. A reader that went away (`| head`) has read enough: no error.
 pub(super) fn print(text: &str) -> anyhow::Result<()> {
     use std::io::Write;
     match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         result => result.context("standard output"),
     }
 }

@@ -1,13 +1,12 @@
 //! `svl record`: a source into a recording.
 
-use super::output::may_write;
+use super::output::{Aside, distinct, may_write};
 use super::progress::Progress;
 use super::source::{self, Opened, RECORDINGS};
-use anyhow::Context;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use svl::recording::{ImageFormat, Writer};
-use svl::run::{Outcome, Pace, run as run_loop};
+use svl::recording::{ImageFormat, SCENARIO, Writer};
+use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::GridSettings;
 use svl::sink::{RecordingSink, Sink};
 use svl::source::Limited;
@@ -35,14 +34,14 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "FILE.mcap")]
     output: Option<PathBuf>,
     /// End after so many pairs
-    #[arg(long, value_name = "N", conflicts_with = "duration", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
     /// End after so many seconds of the source's time
-    #[arg(long, value_name = "S", value_parser = super::positive)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::positive)]
     duration: Option<f64>,
-    /// What the arena's textures, path and noise are drawn from
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    /// What the arena's textures, path and noise are drawn from [default: 1]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
@@ -52,6 +51,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    if let Some(path) = &args.output {
+        may_write(path, &["mcap"], args.force)?;
+        distinct([path.as_path(), Path::new(&args.source)])?;
+    }
     let mut opened = source::open(&args.source, args.seed)?;
     let output = match &args.output {
         Some(path) => path.clone(),
@@ -60,19 +63,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             source::free_name(Path::new(RECORDINGS), &opened.stem)
         }
     };
-    may_write(&output, args.force)?;
-    if args.force && output.exists() {
-        std::fs::remove_file(&output).with_context(|| format!("{}: cannot replace it", output.display()))?;
-    }
-    if args.frames.is_some() || args.duration.is_some() {
-        // The hash stands for a whole run.
-        opened.header.hash = None;
-    }
+    let earlier = Aside::new(&output)?;
     let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
     let format = if args.compress { ImageFormat::Png } else { ImageFormat::Raw };
     let began = Instant::now();
     let outcome = write(opened, &output, format, quiet)?;
+    earlier.replaced();
     if !quiet {
         report(&output, outcome, began.elapsed().as_secs_f64())?;
     }
@@ -83,15 +80,20 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet: bool) -> anyhow::Result<Outcome> {
     let mut writer = Writer::create(path, &opened.header, format)?;
     if let Some(text) = &opened.scenario {
-        writer.attach("scenario.toml", "application/toml", text.as_bytes())?;
+        writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
     }
     let mut sink = RecordingSink::new(writer);
     let mut progress = Progress::new(&opened.source.name(), opened.source.pairs(), quiet);
     let grid = GridSettings::default();
-    let ran = run_loop(&mut *opened.source, &[], grid, Pace::Asap, &mut [&mut sink], &mut progress);
+    let mut lineup = Lineup::new(&[])?;
+    let ran = run_loop(&mut *opened.source, &mut lineup, grid, Pace::Asap, &mut [&mut sink], &mut progress);
     progress.clear();
     // What came before an error is kept: the file is completed first, the error told after.
     let finished = sink.finish();
+    if ran.is_err() && sink.pairs() == 0 {
+        // A file without a pair is of no use, and would stand in the way of the next attempt.
+        let _ = std::fs::remove_file(path);
+    }
     let outcome = ran?;
     finished?;
     Ok(outcome)

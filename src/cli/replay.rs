@@ -1,16 +1,15 @@
 //! `svl replay`: a recording through matchers.
 
-use super::output::{may_write, print, print_json};
+use super::output::{Aside, distinct, may_write, print, print_json};
 use super::progress::Progress;
-use super::run_info;
 use super::source::{self, RECORDINGS};
-use anyhow::{Context, bail};
+use super::{cache, run_info};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
-use svl::arena::Wire;
 use svl::matcher::Algorithm;
-use svl::recording::{Header, ImageFormat, Writer};
+use svl::recording::{Header, ImageFormat, SCENARIO, Writer};
 use svl::report::{Row, Summary, Table};
-use svl::run::{Pace, run as run_loop};
+use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{GridSettings, Scenario};
 use svl::score::CellRule;
 use svl::sink::{RecordingSink, RerunSink, RerunTarget, RowSink, Sink};
@@ -34,7 +33,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3")]
     algo: Vec<Algorithm>,
     /// As soon as possible, or so many times the recorded speed
-    #[arg(long, value_name = "asap|X", default_value = "asap", value_parser = pace)]
+    #[arg(long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap", value_parser = pace)]
     rate: Pace,
     /// Write pairs and disparities to a recording
     #[arg(short, long, value_name = "RESULT.mcap")]
@@ -67,20 +66,21 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Some(RerunTarget::File(path)) => Some(path),
         _ => None,
     };
-    for path in [args.output.as_ref(), args.rows.as_ref(), rrd].into_iter().flatten() {
-        may_write(path, args.force)?;
-        if args.force && path.exists() {
-            std::fs::remove_file(path).with_context(|| format!("{}: cannot replace it", path.display()))?;
-        }
-    }
-    let recording = match &args.recording {
-        Some(path) => path.clone(),
+    let outputs = [(args.output.as_ref(), &["mcap"][..]), (args.rows.as_ref(), &["csv", "parquet"]), (rrd, &["rrd"])];
+    let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
+    outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
+    distinct(outputs.iter().map(|(path, _)| *path).chain(args.recording.as_deref()))?;
+    let mut lineup = Lineup::new(&args.algo)?;
+    let mut source = match &args.recording {
+        Some(path) => RecordingSource::open(path)?,
         None => newest_or_arena(quiet)?,
     };
-    let mut source = RecordingSource::open(&recording)?;
+    let recording = source.reader().path().to_owned();
     let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(recording.display().to_string()));
     let scenario = header.scenario.clone().unwrap_or_else(|| stem(&recording));
+    let scenario_text = source.scenario()?;
 
+    let earlier = outputs.iter().map(|(path, _)| Aside::new(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let run_id = run_info::run_id(&scenario);
     let settings = GridSettings::default();
     let mut identity = run_info::identity(&run_id, &scenario, &args.algo, CellRule::Distance, settings.shape());
@@ -89,12 +89,20 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut rows = RowSink::new(identity.clone(), table);
     let mut rerun = match &args.rerun {
         Some(target) => {
-            Some(RerunSink::new(target.clone(), &run_info::rerun(&identity, &args.algo, wireframe(&recording)))?)
+            let parsed = scenario_text.as_deref().and_then(|text| Scenario::parse(text, &recording).ok());
+            let wireframe = parsed.map_or_else(Vec::new, |s| run_info::wireframe(&s, header.seed));
+            Some(RerunSink::new(target.clone(), &run_info::rerun(&identity, &args.algo, wireframe))?)
         }
         None => None,
     };
     let mut result = match &args.output {
-        Some(path) => Some(RecordingSink::new(Writer::create(path, &header, ImageFormat::Raw)?)),
+        Some(path) => {
+            let mut writer = Writer::create(path, &header, ImageFormat::Raw)?;
+            if let Some(text) = &scenario_text {
+                writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
+            }
+            Some(RecordingSink::new(writer))
+        }
         None => None,
     };
     let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows];
@@ -102,27 +110,24 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     sinks.extend(result.as_mut().map(|sink| sink as &mut dyn Sink));
 
     let mut progress = Progress::new(&source.name(), source.pairs(), quiet);
-    let ran = run_loop(&mut source, &args.algo, settings, args.rate, &mut sinks, &mut progress);
+    let ran = run_loop(&mut source, &mut lineup, settings, args.rate, &mut sinks, &mut progress);
     progress.clear();
-    // Everything that came before an error is kept, so the sinks are finished first.
+    // Everything that came before an error is kept and told, so the sinks are finished first.
     let finished = sinks.iter_mut().map(|sink| sink.finish()).fold(Ok(()), Result::and);
-    if ran.is_err() && !rows.rows().is_empty() {
-        tracing::warn!("what was replayed before the error below is kept");
+    drop(sinks);
+    let rows = rows.rows();
+    if finished.is_ok() && !(ran.is_err() && rows.is_empty()) {
+        earlier.into_iter().for_each(Aside::replaced);
+        let summary = Summary::of_rows(rows)?;
+        let pairs = rows.len() / args.algo.len();
+        let text = || format!("{} ({pairs} pairs)\n{summary}", recording.display());
+        if args.json { print_json(&summary)? } else { print(&text())? }
     }
     let outcome = ran?;
     finished?;
-    let summary = Summary::of_rows(rows.rows())?;
-    if args.json {
-        print_json(&summary)?;
-    } else {
-        print(&format!("{} ({} pairs)\n{summary}", recording.display(), outcome.frames))?;
-    }
-    if source.reader().unpaired() > 0 {
-        tracing::warn!(
-            "{}: {} images found no partner and were left out",
-            recording.display(),
-            source.reader().unpaired()
-        );
+    let unpaired = source.reader().unpaired();
+    if unpaired > 0 {
+        tracing::warn!("{}: {unpaired} images found no partner and were left out", recording.display());
     }
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
@@ -130,26 +135,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     run_info::complete(outcome.failures)
 }
 
-/// The newest recording there is, or else a new one of the arena.
-fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
+/// The newest recording there is, or else the arena, recorded for this.
+fn newest_or_arena(quiet: bool) -> anyhow::Result<RecordingSource> {
     if let Some(path) = source::newest_recording() {
-        return Ok(path);
+        return Ok(RecordingSource::open(path)?);
     }
-    source::make_recordings_folder()?;
-    let opened = source::open("arena", 1)?;
-    let path = source::free_name(Path::new(RECORDINGS), &opened.stem);
     if !quiet {
-        eprintln!("no recording in {RECORDINGS}/: recording the arena to {} first", path.display());
+        eprintln!("no recording in {RECORDINGS}/: recording the arena first");
     }
-    super::record::write(opened, &path, ImageFormat::Raw, quiet)?;
-    Ok(path)
-}
-
-/// The arena's true geometry, when the recording says which arena it is of.
-fn wireframe(recording: &Path) -> Vec<Wire> {
-    let scenario = svl::recording::attachment(recording, "scenario.toml").ok().flatten();
-    let scenario = scenario.and_then(|bytes| String::from_utf8(bytes).ok());
-    scenario.and_then(|text| Scenario::parse(&text, recording).ok()).map_or_else(Vec::new, |s| run_info::wireframe(&s))
+    cache::recording(&Scenario::arena()?, 1, quiet)
 }
 
 fn stem(path: &Path) -> String {

@@ -52,11 +52,11 @@ pub(super) fn rerun(identity: &Identity, algorithms: &[Algorithm], wireframe: Ve
     }
 }
 
-/// The outlines of the arena's things; none for other sources.
-pub(super) fn wireframe(scenario: &Scenario) -> Vec<Wire> {
+/// The outlines of the arena's things and the way of the run with that seed; none for other sources.
+pub(super) fn wireframe(scenario: &Scenario, seed: Option<u64>) -> Vec<Wire> {
     match &scenario.source {
         ScenarioSource::Arena { config, seeds } => {
-            Arena::new(config, seeds[0]).map(|a| a.wireframe()).unwrap_or_default()
+            Arena::new(config, seed.unwrap_or(seeds[0])).map(|a| a.wireframe()).unwrap_or_default()
         }
         ScenarioSource::Dataset { .. } => Vec::new(),
     }

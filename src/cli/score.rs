@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
 use svl::report::html::Page;
 use svl::report::{Summary, Tables};
-use svl::run::{Pace, run as run_loop};
+use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Judge, RerunSink, RerunTarget, Sink};
 use svl::source::Source;
@@ -33,7 +33,7 @@ pub(super) struct Args {
     /// Folder for the report; a report of svl's that is there is replaced [default: reports/SCENARIO]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folder of the data sets, for scenarios that read scenes
+    /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// Print JSON
@@ -47,20 +47,23 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         scenario.algorithms.clone_from(&args.algo);
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
+    let mut lineup = Lineup::new(&scenario.algorithms)?;
     let earlier = earlier_report(&folder)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
-    let mut runs = runs(&scenario, args.data.as_deref(), quiet)?;
+    let data = args.data.clone().or_else(|| std::env::var_os("SVL_DATASETS").map(PathBuf::from));
+    let mut runs = runs(&scenario, data.as_deref(), quiet)?;
     for path in earlier {
         std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;
     }
     let mut report = Report::begin(&scenario, &folder)?;
     let mut failures = 0;
     let ran = runs.iter_mut().try_for_each(|run| {
-        failures += report.take(run, &scenario, quiet)?;
+        failures += report.take(run, &mut lineup, &scenario, quiet)?;
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let summary = match (report.finish(&scenario), ran.is_err()) {
+    let incomplete = ran.as_ref().err().map(|e| super::one_line(e));
+    let summary = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (summary, _) => summary?,
     };
@@ -89,7 +92,10 @@ fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result
         }
         ScenarioSource::Dataset { scenes } => {
             let Some(data) = data else {
-                bail!("scenario '{}' reads scenes of data sets: name their folder with --data DIR", scenario.name);
+                bail!(
+                    "scenario '{}' reads scenes of data sets: name their folder with --data DIR or SVL_DATASETS",
+                    scenario.name
+                );
             };
             let source = Box::new(SceneSource::new(Scene::find_all(data, scenes)?));
             Ok(vec![Run { seed: None, source }])
@@ -112,7 +118,7 @@ impl Report {
         let identity = run_info::identity(&run_id, &scenario.name, &scenario.algorithms, scenario.cells, shape);
         let labels = scenario.labels().into_iter().map(str::to_owned).collect();
         let tables = Tables::create(folder)?;
-        let info = run_info::rerun(&identity, &scenario.algorithms, run_info::wireframe(scenario));
+        let info = run_info::rerun(&identity, &scenario.algorithms, run_info::wireframe(scenario, None));
         Ok(Self {
             folder: folder.to_owned(),
             run_id,
@@ -122,13 +128,13 @@ impl Report {
     }
 
     /// Scores a run; how many estimates are missing because their algorithm failed.
-    fn take(&mut self, run: &mut Run, scenario: &Scenario, quiet: bool) -> anyhow::Result<u64> {
+    fn take(&mut self, run: &mut Run, lineup: &mut Lineup, scenario: &Scenario, quiet: bool) -> anyhow::Result<u64> {
         let source = &mut *run.source;
         self.judge.begin_run(run.seed);
         self.rerun.begin_run();
         let mut progress = Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
         let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
-        let ran = run_loop(source, &scenario.algorithms, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
+        let ran = run_loop(source, lineup, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
         progress.clear();
         self.judge.end_run()?;
         let outcome = ran?;
@@ -138,9 +144,10 @@ impl Report {
         Ok(outcome.failures)
     }
 
-    fn finish(self, scenario: &Scenario) -> anyhow::Result<Summary> {
+    fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<Summary> {
         let Self { folder, run_id, judge, mut rerun } = self;
-        let (summary, figures) = judge.finish()?;
+        let (mut summary, figures) = judge.finish()?;
+        summary.incomplete = incomplete;
         rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
         rerun.finish()?;
         let write = |name: &str, text: String| {

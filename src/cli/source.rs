@@ -25,10 +25,10 @@ pub(super) struct Opened {
 }
 
 /// Opens `arena`, a scenario file of the arena, a scene or image folder, or a recording.
-pub(super) fn open(name: &str, seed: u64) -> anyhow::Result<Opened> {
+pub(super) fn open(name: &str, seed: Option<u64>) -> anyhow::Result<Opened> {
     let path = Path::new(name);
     if name == "arena" {
-        return arena(&Scenario::arena()?, seed);
+        return arena(&Scenario::arena()?, seed.unwrap_or(1));
     }
     if name.starts_with("v4l2:") || name.starts_with("genicam:") {
         bail!("{name}: this svl has no live cameras yet; record from the arena, a folder or a recording");
@@ -38,11 +38,15 @@ pub(super) fn open(name: &str, seed: u64) -> anyhow::Result<Opened> {
             "{name}: no such source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
         );
     }
+    let scenario = path.extension().is_some_and(|e| e == "toml");
+    if seed.is_some() && !scenario {
+        bail!("{name}: only the arena takes a --seed");
+    }
     if path.is_dir() {
         return folder(path);
     }
     match path.extension().and_then(|e| e.to_str()) {
-        Some("toml") => arena(&Scenario::read(path)?, seed),
+        Some("toml") => arena(&Scenario::read(path)?, seed.unwrap_or(1)),
         Some("mcap") => recording(path),
         _ => bail!(
             "{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
@@ -97,7 +101,8 @@ fn recording(path: &Path) -> anyhow::Result<Opened> {
     let source = RecordingSource::open(path)?;
     let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(path.display().to_string()));
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
-    Ok(Opened { source: Box::new(source), header, scenario: None, stem })
+    let scenario = source.scenario()?;
+    Ok(Opened { source: Box::new(source), header, scenario, stem })
 }
 
 /// Makes the folder where recordings are kept.
@@ -105,7 +110,7 @@ pub(super) fn make_recordings_folder() -> anyhow::Result<()> {
     std::fs::create_dir_all(RECORDINGS).with_context(|| format!("{RECORDINGS}: cannot make the folder"))
 }
 
-/// The newest whole recording in `recordings/`.
+/// The newest recording in `recordings/`.
 pub(super) fn newest_recording() -> Option<PathBuf> {
     let entries = std::fs::read_dir(RECORDINGS).ok()?.filter_map(Result::ok).map(|e| e.path());
     let recordings = entries.filter(|p| p.extension().is_some_and(|e| e == "mcap"));

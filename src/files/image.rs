@@ -1,6 +1,6 @@
 //! PNG, JPEG and PNM images through the `image` crate, with svl's own conversion to grey.
 
-use super::read_bounded;
+use super::{MAX_BYTES, read_bounded};
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, MAX_SIDE, Plane, Visibility};
 use image::{ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageReader, codecs::png::PngEncoder};
@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Reads an image of any format and depth the `image` crate knows here; its sides are at most [`MAX_SIDE`].
 pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
-    let bytes = read_bounded(path)?;
+    let bytes = read_bounded(path, MAX_BYTES)?;
     let wrong = |e: &dyn std::fmt::Display| Error::format(path, format!("not a readable PNG, JPEG or PNM image: {e}"));
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| Error::io(path, e))?;
     let mut limits = image::Limits::default();

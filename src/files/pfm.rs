@@ -1,6 +1,6 @@
 //! PFM, the float maps of Middlebury and ETH3D: a `Pf` header, then rows bottom-up.
 
-use super::read_bounded;
+use super::{MAX_BYTES, read_bounded};
 use crate::error::{Error, Result};
 use crate::stereo::{MAX_SIDE, Plane};
 use std::io::Write;
@@ -12,7 +12,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] saying what is missing.
 pub fn read_pfm(path: &Path) -> Result<Plane<f32>> {
-    parse(&read_bounded(path)?).map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
+    parse(&read_bounded(path, MAX_BYTES)?).map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
 }
 
 fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {

@@ -20,7 +20,7 @@ pub struct Header {
     /// Name of the scenario.
     pub scenario: Option<String>,
     pub seed: Option<u64>,
-    /// Hash of what determines the frames: of equal hashes, equal recordings.
+    /// Hash of what determines the frames: recordings of equal hashes are of one run, whole or a part of it.
     pub hash: Option<String>,
 }
 

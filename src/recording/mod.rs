@@ -40,6 +40,9 @@ pub use writer::Writer;
 use crate::error::{Error, Result};
 use std::borrow::Cow;
 
+/// Name of the attachment that is the scenario file.
+pub const SCENARIO: &str = "scenario.toml";
+
 /// One of the two cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Camera {

@@ -7,6 +7,9 @@ impl Summary {
     /// The summary as a Markdown page under `title`.
     pub fn markdown(&self, title: &str) -> String {
         let mut page = format!("# {}\n", escape(title));
+        if let Some(why) = &self.incomplete {
+            page.push_str(&format!("\n**Incomplete:** {}\n", escape(why)));
+        }
         let heads = COLUMNS.iter().map(|c| match c.group {
             "" => c.head.to_owned(),
             group => format!("{group}: {}", c.head),

@@ -8,6 +8,8 @@ use serde::Serialize;
 /// What a run comes to. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
+    /// Why the run ended before its end, if it did.
+    pub incomplete: Option<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
@@ -80,7 +82,7 @@ impl Summary {
             groups(checkpoints, &["checkpoint", "algorithm"])?.iter().map(checkpoint).collect::<PolarsResult<_>>()?;
         let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
-        Ok(Self { algorithms, checkpoints })
+        Ok(Self { incomplete: None, algorithms, checkpoints })
     }
 }
 

@@ -16,6 +16,9 @@ fn columns() -> impl Iterator<Item = (usize, &'static Column)> {
 
 impl Display for Summary {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        if let Some(why) = &self.incomplete {
+            writeln!(f, "INCOMPLETE: {why}\n")?;
+        }
         if self.algorithms.is_empty() {
             return writeln!(f, "No pairs.");
         }

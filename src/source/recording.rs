@@ -2,7 +2,7 @@
 
 use super::Source;
 use crate::error::Result;
-use crate::recording::Reader;
+use crate::recording::{self, Reader, SCENARIO};
 use crate::stereo::Frame;
 use std::path::PathBuf;
 
@@ -19,6 +19,15 @@ impl RecordingSource {
     /// As [`Reader::open`].
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         Reader::open(path).map(Self)
+    }
+
+    /// The scenario file that the recording was made by, where it holds one.
+    ///
+    /// # Errors
+    /// As [`recording::attachment`].
+    pub fn scenario(&self) -> Result<Option<String>> {
+        let bytes = recording::attachment(self.0.path(), SCENARIO)?;
+        Ok(bytes.and_then(|bytes| String::from_utf8(bytes).ok()))
     }
 
     /// The recording, to ask it for its header and what it left out.

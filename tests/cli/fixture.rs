@@ -19,7 +19,13 @@ impl Fixture {
 
     /// Runs `svl` with these arguments in the folder.
     pub fn svl(&self, args: &[&str]) -> Ran {
+        self.svl_with(args, &[])
+    }
+
+    /// Runs `svl` with these arguments and environment variables besides.
+    pub fn svl_with(&self, args: &[&str], variables: &[(&str, &str)]) -> Ran {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
+        command.envs(variables.iter().copied());
         let output =
             command.current_dir(self.folder.path()).args(args).timeout(std::time::Duration::from_secs(300)).output();
         let output = output.unwrap();

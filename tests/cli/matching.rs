@@ -48,8 +48,8 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.write("cut.pgm", &pgm(64, 24, &[0; 64 * 24])[..200]);
     fixture.write("huge.pgm", "P5\n4000000000 4000000000\n255\n");
     let run = |right: &str, more: &[&str]| fixture.svl(&[&["match", "l.pgm", right, "-o", "d.pfm"], more].concat());
-    run("small.pgm", &[]).failed(1, &["left image is 64x24, right image is 4x4"]);
-    run("missing.png", &[]).failed(1, &["missing.png", "No such file"]);
+    run("small.pgm", &[]).failed(1, &["small.pgm", "left image is 64x24, right image is 4x4"]);
+    run("missing.png", &[]).failed(1, &["missing.png: no such file"]);
     run("empty.png", &[]).failed(1, &["empty.png: is empty"]);
     run("text.png", &[]).failed(1, &["text.png", "not a readable"]);
     run("cut.pgm", &[]).failed(1, &["cut.pgm"]);
@@ -61,8 +61,13 @@ fn bad_input_is_one_line_that_names_it() {
     run("r.pgm", &["--algo", "v3:max_disparity=x"]).failed(2, &["max_disparity=x is not a whole number in"]);
     run("r.pgm", &["--algo", "v3:max_disparity=99999"]).failed(2, &["99999"]);
     run("r.pgm", &["--algo", "v3:min_disparity=9,max_disparity=3"]).failed(1, &["min_disparity"]);
-    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.jpg"]).failed(1, &["d.jpg", ".pfm or .png"]);
+    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.jpg"]).failed(1, &["d.jpg: must end in .pfm or .png"]);
     fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "no/where.pfm"]).failed(1, &["no: no such folder"]);
+    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.png", "--why", "./d.png"]).failed(1, &["d.png: named twice"]);
+    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "/dev/null"]).failed(1, &["/dev/null"]);
+    fixture
+        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--calib", "/dev/zero"])
+        .failed(1, &["/dev/zero", "regular"]);
     fixture.write("there.pfm", "");
     fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "there.pfm"]).failed(1, &["there.pfm: exists already", "--force"]);
 }

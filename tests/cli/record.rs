@@ -61,10 +61,15 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.svl(&["record", "nowhere", "-o", "a.mcap"]).failed(1, &["nowhere: no such source"]);
     fixture.svl(&["record", "empty", "-o", "a.mcap"]).failed(1, &["empty", "holds no stereo pair"]);
     fixture.svl(&["record", "odd", "-o", "b.mcap"]).failed(1, &["odd", "40x20", "4x2"]);
+    assert!(!fixture.path("b.mcap").exists(), "a file without a pair stands in the way");
+    fixture.svl(&["record", "odd", "-o", "there.mcap", "--force"]).failed(1, &["odd"]);
+    assert_eq!(std::fs::read(fixture.path("there.mcap")).unwrap(), b"precious");
+    fixture.svl(&["record", "odd", "--seed", "3", "-o", "a.mcap"]).failed(1, &["only the arena"]);
+    fixture.svl(&["record", "-o", "a.txt"]).failed(1, &["a.txt: must end in .mcap"]);
     fixture.svl(&["record", "bad.toml", "-o", "a.mcap"]).failed(1, &["bad.toml: line 1, column 8"]);
     fixture.svl(&["record", "there.mcap", "-o", "a.mcap"]).failed(1, &["there.mcap"]);
     fixture.svl(&["record", "v4l2:0,1", "-o", "a.mcap"]).failed(1, &["v4l2"]);
     fixture.svl(&["record", "-o", "no/where.mcap"]).failed(1, &["no: no such folder"]);
     fixture.svl(&["record", "--frames", "0"]).failed(2, &["--frames"]);
-    fixture.svl(&["record", "--duration", "0"]).failed(2, &["--duration"]);
+    fixture.svl(&["record", "--duration", "-1"]).failed(2, &["--duration"]);
 }

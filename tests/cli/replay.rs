@@ -8,6 +8,10 @@ fn recorded(frames: &str) -> Fixture {
 
 fn hashes(fixture: &Fixture, rows: &str, args: &[&str]) -> Vec<String> {
     fixture.svl(&[&["replay", "a.mcap", "--rows", rows], args].concat()).done();
+    column(fixture, rows)
+}
+
+fn column(fixture: &Fixture, rows: &str) -> Vec<String> {
     let mut reader = csv::Reader::from_path(fixture.path(rows)).unwrap();
     let column = reader.headers().unwrap().iter().position(|h| h == "result_hash").unwrap();
     reader.records().map(|r| r.unwrap()[column].to_owned()).collect()
@@ -20,6 +24,11 @@ fn same_hashes_on_any_number_of_threads_and_any_instruction_set() {
     assert_eq!(one.len(), 3);
     assert_ne!(one[0], one[2], "frames differ, so should their results");
     assert_eq!(one, hashes(&fixture, "two.csv", &["--threads", "2"]));
+    for isa in svl::kernel::Isa::available() {
+        let rows = format!("{}.csv", isa.name());
+        fixture.svl_with(&["replay", "a.mcap", "--rows", &rows], &[("SVL_ISA", isa.name())]).done();
+        assert_eq!(one, column(&fixture, &rows), "{}", isa.name());
+    }
 }
 
 #[test]
@@ -49,7 +58,7 @@ fn several_algorithms_share_one_run() {
 }
 
 #[test]
-fn without_a_recording_it_makes_one_and_then_takes_the_newest() {
+fn without_a_recording_it_takes_the_newest() {
     let fixture = Fixture::new();
     fixture.svl(&["record", "--frames", "2"]).done();
     let text = fixture.svl(&["replay"]).done();
@@ -62,10 +71,10 @@ fn a_cut_recording_is_replayed_as_far_as_it_goes() {
     let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
     fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
     let ran = fixture.svl(&["replay", "cut.mcap", "--rows", "rows.csv"]);
-    assert_eq!(ran.code, Some(1));
-    assert!(ran.stderr.lines().last().unwrap().contains("cut.mcap"), "{}", ran.stderr);
-    let rows = std::fs::read_to_string(fixture.path("rows.csv")).unwrap();
-    assert!(rows.lines().count() < 7, "no more rows than whole pairs");
+    let rows = std::fs::read_to_string(fixture.path("rows.csv")).unwrap().lines().count() - 1;
+    assert!((1..6).contains(&rows), "{rows} pairs are whole");
+    assert!(ran.stdout.contains(&format!("cut.mcap ({rows} pairs)")), "{}", ran.stdout);
+    ran.failed(1, &["cut.mcap"]);
 }
 
 #[test]
@@ -73,13 +82,38 @@ fn bad_input_is_one_line_that_names_it() {
     let fixture = recorded("1");
     fixture.write("empty.mcap", "");
     fixture.write("text.mcap", "this is not a recording, and long enough to look at");
-    fixture.svl(&["replay", "missing.mcap"]).failed(1, &["missing.mcap", "No such file"]);
+    fixture.svl(&["replay", "missing.mcap"]).failed(1, &["missing.mcap: no such file"]);
     fixture.svl(&["replay", "empty.mcap"]).failed(1, &["empty.mcap"]);
     fixture.svl(&["replay", "text.mcap"]).failed(1, &["text.mcap", "MCAP"]);
     fixture.svl(&["replay", "."]).failed(1, &["."]);
     fixture.svl(&["replay", "a.mcap", "--algo", "v2x"]).failed(2, &["unknown algorithm 'v2x'"]);
     fixture.svl(&["replay", "a.mcap", "--rate", "0"]).failed(2, &["asap"]);
-    fixture.svl(&["replay", "a.mcap", "--rows", "rows.txt"]).failed(1, &["rows.txt", ".csv"]);
+    fixture.svl(&["replay", "a.mcap", "--rows", "rows.txt"]).failed(1, &["rows.txt: must end in .csv or .parquet"]);
     fixture.svl(&["replay", "a.mcap", "--rows", "no/rows.csv"]).failed(1, &["no: no such folder"]);
     fixture.svl(&["replay", "a.mcap", "-o", "a.mcap"]).failed(1, &["a.mcap: exists already"]);
+    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap", "--force"]).failed(1, &["a.mcap: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "--rerun", "spwan"]).failed(2, &["'spwan' is no Rerun target", "`spawn`"]);
+    fixture.svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"]).failed(1, &["v3: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "--algo", "v3:min_disparity=9,max_disparity=3"]).failed(1, &["min_disparity"]);
+}
+
+#[test]
+fn without_any_recording_it_records_the_arena_first() {
+    let fixture = Fixture::new();
+    let ran = fixture.svl(&["replay", "--json"]);
+    assert!(ran.stderr.contains("recording the arena first"), "{}", ran.stderr);
+    let json: serde_json::Value = serde_json::from_str(&ran.done()).unwrap();
+    assert_eq!(json["algorithms"][0]["pairs"], 280);
+}
+
+#[test]
+fn force_replaces_what_is_there_only_by_something_whole() {
+    let fixture = recorded("2");
+    fixture.write("rows.csv", "precious");
+    fixture.write("bad.mcap", "not a recording");
+    fixture.svl(&["replay", "bad.mcap", "--rows", "rows.csv", "--force"]).failed(1, &["bad.mcap"]);
+    assert_eq!(std::fs::read(fixture.path("rows.csv")).unwrap(), b"precious");
+    fixture.svl(&["replay", "a.mcap", "--rows", "rows.csv", "--force"]).done();
+    assert!(std::fs::read_to_string(fixture.path("rows.csv")).unwrap().starts_with("run_id"));
+    assert_eq!(std::fs::read_dir(fixture.path("")).unwrap().count(), 3, "nothing is left over");
 }

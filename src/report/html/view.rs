@@ -12,6 +12,7 @@ use serde::Serialize;
 pub(super) struct View<'a> {
     title: &'a str,
     paragraphs: Vec<&'a str>,
+    incomplete: Option<&'a str>,
     identity: &'a [(String, String)],
     groups: Vec<(&'static str, usize)>,
     heads: Vec<&'static str>,
@@ -107,6 +108,7 @@ impl<'a> View<'a> {
         let cells = |algorithm| COLUMNS.iter().map(|column| (column.cell)(algorithm)).collect();
         Self {
             title: &page.title,
+            incomplete: page.summary.incomplete.as_deref(),
             paragraphs: page.description.split("\n\n").map(str::trim).filter(|p| !p.is_empty()).collect(),
             identity: &page.identity,
             groups: groups.collect(),

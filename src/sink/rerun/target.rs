@@ -27,15 +27,17 @@ pub enum RerunTarget {
 impl FromStr for RerunTarget {
     type Err = Error;
 
-    /// `spawn`, a URL (`rerun+http://HOST:PORT/proxy`, or `http://HOST:PORT` for short), else a file.
+    /// `spawn`, a URL (`rerun+http://HOST:PORT/proxy`, or `http://HOST:PORT` for short), or a file ending in `.rrd`.
     fn from_str(text: &str) -> Result<Self> {
         if text == "spawn" {
             return Ok(Self::Spawn);
         }
         let Some((scheme, address)) = text.split_once("://") else {
             return match text {
-                "" => Err(Error::Invalid("a Rerun target is `spawn`, a URL or a file, not empty".into())),
-                file => Ok(Self::File(file.into())),
+                file if file.ends_with(".rrd") => Ok(Self::File(file.into())),
+                other => Err(Error::Invalid(format!(
+                    "'{other}' is no Rerun target; name `spawn`, a viewer's URL or a FILE.rrd"
+                ))),
             };
         };
         let scheme = scheme.trim_start_matches("rerun+");

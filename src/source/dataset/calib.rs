@@ -1,6 +1,7 @@
 //! Middlebury's and ETH3D's `calib.txt`.
 
 use crate::error::{Error, Result};
+use crate::files::read_text;
 use crate::stereo::Rig;
 use std::path::Path;
 
@@ -12,11 +13,7 @@ const MAX_BYTES: u64 = 1 << 16;
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the missing or malformed entry.
 pub fn read_calib(path: &Path) -> Result<Rig> {
-    let length = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
-    if length > MAX_BYTES {
-        return Err(Error::format(path, format!("{length} bytes is no calib.txt")));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    let text = read_text(path, MAX_BYTES)?;
     parse(&text).map_err(|reason| Error::format(path, format!("not a Middlebury calib.txt: {reason}")))
 }
 
