@@ -115,11 +115,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Everything that came before an error is kept and told, so the sinks are finished first.
     let finished = sinks.iter_mut().map(|sink| sink.finish()).fold(Ok(()), Result::and);
     drop(sinks);
-    let rows = rows.rows();
-    if finished.is_ok() && !(ran.is_err() && rows.is_empty()) {
+    let pairs = rows.pairs();
+    if finished.is_ok() && !(ran.is_err() && pairs == 0) {
         earlier.into_iter().for_each(Aside::replaced);
-        let summary = Summary::of_rows(rows)?;
-        let pairs = rows.len() / args.algo.len();
+        let summary = Summary::of_rows(rows.rows())?;
         let text = || format!("{} ({pairs} pairs)\n{summary}", recording.display());
         if args.json { print_json(&summary)? } else { print(&text())? }
     }

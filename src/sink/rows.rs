@@ -104,11 +104,17 @@ pub struct RowSink {
     identity: Identity,
     table: Option<Table<Row>>,
     rows: Vec<Row>,
+    pairs: u64,
 }
 
 impl RowSink {
     pub fn new(identity: Identity, table: Option<Table<Row>>) -> Self {
-        Self { identity, table, rows: Vec::new() }
+        Self { identity, table, rows: Vec::new(), pairs: 0 }
+    }
+
+    /// Pairs taken so far.
+    pub fn pairs(&self) -> u64 {
+        self.pairs
     }
 
     /// All rows taken so far.
@@ -124,6 +130,7 @@ impl super::Sink for RowSink {
             table.push(rows.iter().cloned())?;
         }
         self.rows.extend(rows);
+        self.pairs += 1;
         Ok(())
     }
 

@@ -69,7 +69,7 @@ fn pair_of(left: &[u8], right: &[u8]) -> Vec<u8> {
 #[test]
 fn files_that_are_no_recordings() {
     let missing = Path::new("no/such/file.mcap");
-    assert!(one_line(missing, Reader::open(missing).err().unwrap()).contains("No such file"));
+    assert!(one_line(missing, Reader::open(missing).err().unwrap()).contains("no such file"));
     let folder = tempfile::tempdir().unwrap();
     assert!(Reader::open(folder.path()).err().unwrap().to_string().contains("is a folder"));
     assert!(complaint(b"").contains("is empty"));

@@ -33,7 +33,7 @@ fn nothing_is_overwritten() {
 fn folders_that_are_missing_or_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("missing/a.mcap");
-    assert!(told(&path, &create(&path).err().unwrap()).contains("No such file"));
+    assert!(told(&path, &create(&path).err().unwrap()).contains("no such file"));
     std::fs::write(folder.path().join("file"), "").unwrap();
     let path = folder.path().join("file/a.mcap");
     told(&path, &create(&path).err().unwrap());
@@ -103,7 +103,7 @@ fn a_full_disk_keeps_what_was_written() {
     let path = mount.0.join("a.mcap");
     let mut writer = create(&path).unwrap();
     let error = (0..1000).find_map(|i| writer.write(&full(i, SIZE)).err()).expect("2 MB hold no 1000 pairs");
-    assert!(told(&path, &error).contains("No space left"));
+    assert!(told(&path, &error).contains("no space left"));
     assert!(writer.finish().is_ok(), "there is nothing more to say");
     drop(writer);
     let (frames, error) = read(&path);
@@ -120,5 +120,5 @@ fn a_read_only_disk_is_told() {
         return;
     };
     let path = mount.0.join("a.mcap");
-    assert!(told(&path, &create(&path).err().unwrap()).contains("Read-only"));
+    assert!(told(&path, &create(&path).err().unwrap()).contains("read-only"));
 }
