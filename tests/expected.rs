@@ -39,3 +39,33 @@ fn v3_cones() {
 fn v3_oakd_toy() {
     check("v3", "oakd-stereodemo/toy");
 }
+
+#[test]
+fn v1_tsukuba() {
+    check("v1", "tsukuba");
+}
+
+#[test]
+fn v1_cones() {
+    check("v1", "cones");
+}
+
+#[test]
+fn v1_oakd_toy() {
+    check("v1", "oakd-stereodemo/toy");
+}
+
+#[test]
+fn v2_tsukuba() {
+    check("v2", "tsukuba");
+}
+
+#[test]
+fn v2_cones() {
+    check("v2", "cones");
+}
+
+#[test]
+fn v2_oakd_toy() {
+    check("v2", "oakd-stereodemo/toy");
+}

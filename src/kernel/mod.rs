@@ -5,14 +5,18 @@
 //! vectors. All arithmetic is on integers, so every variant gives the same bytes; `tests/v3.rs` holds them to it.
 
 mod block;
+mod deviation;
 mod dog;
+mod exact;
 mod isa;
+mod slide;
 mod smooth;
 mod ssd;
 mod write;
 
 pub use block::Lanes;
 pub use dog::DogTaps;
+pub use exact::{Doubt, Match, Search};
 pub use isa::{Isa, isa};
 pub use ssd::{CAP, Winner, Winners};
 
@@ -57,6 +61,9 @@ kernels! {
     /// Marks the pixels of `row` where the fine difference of Gaussians answers at least as strongly as the coarse one.
     pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = dog::row;
 
+    /// Marks the windows of `row` with `9·ΣI² − (ΣI)²` of at least `least`; where no window fits there is none.
+    pub fn deviating_row(row: &[u8], least: u32, out: &mut [bool]) = deviation::row;
+
     /// Rows `y ..` of `image`, as many as a block has, as columns of lanes: one per pixel of a row.
     pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = block::transpose;
 
@@ -80,7 +87,35 @@ kernels! {
     pub fn winner_rows(columns: &[Winners], out: &mut [Winner]) = ssd::winner_rows;
 
     /// The lanes of a block as rows, one after the other.
-    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = ssd::transpose_back;
+    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = block::transpose_back;
+
+    /// For each window of a block of rows its match, exact; `sums` has an element per disparity of the search.
+    pub fn matches(search: &Search<'_>, sums: &mut [Lanes<u32>], out: &mut [Lanes<Match>]) = exact::matches;
+
+    /// As [`matches`], and whether a disparity not beside the winner costs less than `thousandths` more.
+    pub fn matches_and_rivals(
+        search: &Search<'_>,
+        thousandths: u32,
+        sums: &mut [Lanes<u32>],
+        out: &mut [Lanes<Match>],
+        doubts: &mut [Lanes<Doubt>],
+    ) = exact::matches_and_rivals;
+
+    /// As [`matches`], and whether the standard deviation of all disparities, each weighted by `(cost + 25)⁻²`, is at
+    /// least `threshold_px`; [`Doubt::Open`] where single precision cannot tell.
+    pub fn matches_and_spread(
+        search: &Search<'_>,
+        threshold_px: f32,
+        sums: &mut [Lanes<u32>],
+        out: &mut [Lanes<Match>],
+        doubts: &mut [Lanes<Doubt>],
+    ) = exact::matches_and_spread;
+
+    /// The matches of a block as rows, one after the other.
+    pub fn match_rows(columns: &[Lanes<Match>], out: &mut [Match]) = block::transpose_back;
+
+    /// The doubts of a block as rows, one after the other.
+    pub fn doubt_rows(columns: &[Lanes<Doubt>], out: &mut [Doubt]) = block::transpose_back;
 
     /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
     pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;

@@ -2,6 +2,9 @@
 
 mod parameter;
 pub mod stage;
+mod symmetric;
+mod v1;
+mod v2;
 mod v3;
 
 pub use parameter::{Parameter, Parameters, Range, Value};
@@ -32,7 +35,7 @@ pub struct MatcherSpec {
 }
 
 /// Every algorithm svl knows. A new one is one file and one line here.
-pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC];
+pub const MATCHERS: &[MatcherSpec] = &[v1::SPEC, v2::SPEC, v3::SPEC];
 
 /// The algorithm of that name.
 ///

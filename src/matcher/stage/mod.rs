@@ -2,14 +2,24 @@
 
 mod blocks;
 mod check;
+mod costs;
+mod deviation;
+mod filter;
 mod smoothing;
 mod ssd;
+mod subpixel;
+mod symmetry;
 mod texture;
 
 pub use blocks::Blocks;
-pub use check::{SelfCheck, back_check};
+pub use check::{BACK_CHECK, SelfCheck, back_check};
+pub use costs::CostSearch;
+pub use deviation::DeviationTexture;
+pub use filter::{CostFilter, ErrorFilter, SpreadFilter};
 pub use smoothing::VerticalSmoothing;
 pub use ssd::{BlockSearch, DisparityRange};
+pub use subpixel::{SUBPIXEL, refine};
+pub use symmetry::SymmetricCheck;
 pub use texture::DogTexture;
 
 use rayon::prelude::*;
