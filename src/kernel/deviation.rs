@@ -18,14 +18,16 @@ pub(super) fn row(row: &[u8], least: u32, out: &mut [bool]) {
         let source = &row[start..row.len().min(start + around.len())];
         around[..source.len()].copy_from_slice(source);
         let mut textured = [false; BLOCK];
-        for i in 0..BLOCK {
-            let (mut sum, mut squares) = (0, 0);
-            for k in 0..=2 * REACH {
+        let [mut sums, mut squares] = [[0u32; BLOCK]; 2];
+        for k in 0..=2 * REACH {
+            for i in 0..BLOCK {
                 let pixel = u32::from(around[i + k]);
-                sum += pixel;
-                squares += pixel * pixel;
+                sums[i] += pixel;
+                squares[i] += pixel * pixel;
             }
-            textured[i] = 9 * squares - sum * sum >= least;
+        }
+        for i in 0..BLOCK {
+            textured[i] = 9 * squares[i] - sums[i] * sums[i] >= least;
         }
         out.copy_from_slice(&textured[..out.len()]);
     }

@@ -58,6 +58,34 @@ struct Winners {
     winner: Lanes<Match>,
 }
 
+impl<'a> Search<'a> {
+    /// The columns that have a window.
+    #[inline(always)]
+    fn columns(&self) -> std::ops::Range<usize> {
+        REACH..self.left.len().saturating_sub(REACH)
+    }
+
+    /// The costs of the windows in column `x`, if there are any, from `sums` as they were for column `x - 1`.
+    #[inline(always)]
+    fn costs<'s>(&self, x: usize, sums: &'s mut [Lanes<u32>]) -> Option<Costs<'s>>
+    where
+        'a: 's,
+    {
+        let &Search { left, right, first, weights } = self;
+        let (width, count, reach) = (left.len() as i32, sums.len() as i32, REACH as i32);
+        // Disparities that keep the window inside the right image, counted from the first.
+        let from = (x as i32 - (width - 1 - reach) - first).clamp(0, count) as usize;
+        let to = (x as i32 - reach + 1 - first).clamp(0, count) as usize;
+        if from >= to {
+            return None;
+        }
+        // The windows of those disparities, from the right to the left.
+        let last = (x as i32 - first) as usize + 1;
+        slide(&mut sums[from..to], left, x, right, last - to..last - from);
+        Some(Costs { sums: &sums[from..to], weights: &weights[from..to], index: from })
+    }
+}
+
 impl Costs<'_> {
     #[inline(always)]
     fn winners(&self) -> Winners {
@@ -92,7 +120,11 @@ fn select<const N: usize>(sums: &[Lanes<u32>; N], weights: &[u32; N], index: usi
 /// See [`super::matches`].
 #[inline(always)]
 pub(super) fn matches(search: &Search<'_>, sums: &mut [Lanes<u32>], out: &mut [Lanes<Match>]) {
-    each_column(search, sums, |x, costs| out[x] = costs.winners().winner);
+    for x in search.columns() {
+        if let Some(costs) = search.costs(x, sums) {
+            out[x] = costs.winners().winner;
+        }
+    }
 }
 
 /// See [`super::matches_and_rivals`].
@@ -104,7 +136,8 @@ pub(super) fn matches_and_rivals(
     out: &mut [Lanes<Match>],
     doubts: &mut [Lanes<Doubt>],
 ) {
-    each_column(search, sums, |x, costs| {
+    for x in search.columns() {
+        let Some(costs) = search.costs(x, sums) else { continue };
         let winners = costs.winners();
         let rivals = rivals(&costs, &winners);
         for l in 0..Lanes::COUNT {
@@ -113,7 +146,7 @@ pub(super) fn matches_and_rivals(
             doubts[x].0[l] = if near & (rival != u32::MAX) { Doubt::Ambiguous } else { Doubt::Certain };
         }
         out[x] = winners.winner;
-    });
+    }
 }
 
 /// The least costs of disparities that are not beside the winners.
@@ -143,10 +176,12 @@ pub(super) fn matches_and_spread(
     out: &mut [Lanes<Match>],
     doubts: &mut [Lanes<Doubt>],
 ) {
-    each_column(search, sums, |x, costs| {
-        out[x] = costs.winners().winner;
-        spread(&costs, threshold_px, &mut doubts[x]);
-    });
+    for x in search.columns() {
+        if let Some(costs) = search.costs(x, sums) {
+            out[x] = costs.winners().winner;
+            spread(&costs, threshold_px, &mut doubts[x]);
+        }
+    }
 }
 
 /// The spread of the disparities, each weighted by `(cost + 25)⁻²`, against the threshold.
@@ -176,24 +211,5 @@ fn spread(costs: &Costs<'_>, threshold_px: f32, doubts: &mut Lanes<Doubt>) {
         let margin = margin * (square + threshold);
         let sure = if excess > 0.0 { Doubt::Ambiguous } else { Doubt::Certain };
         doubts.0[l] = if excess.abs() > margin { sure } else { Doubt::Open };
-    }
-}
-
-/// Calls `look` with each column that has an admissible disparity, and its costs.
-#[inline(always)]
-fn each_column(search: &Search<'_>, sums: &mut [Lanes<u32>], mut look: impl FnMut(usize, Costs<'_>)) {
-    let &Search { left, right, first, weights } = search;
-    let (width, count) = (left.len() as i32, sums.len() as i32);
-    let reach = REACH as i32;
-    for x in reach..width - reach {
-        // Disparities that keep the window inside the right image, counted from the first.
-        let from = (x - (width - 1 - reach) - first).clamp(0, count) as usize;
-        let to = (x - reach + 1 - first).clamp(0, count) as usize;
-        if from < to {
-            // The windows of those disparities, from the right to the left.
-            let windows = (x - first) as usize + 1 - to..(x - first) as usize + 1 - from;
-            slide(&mut sums[from..to], left, x as usize, right, windows);
-            look(x as usize, Costs { sums: &sums[from..to], weights: &weights[from..to], index: from });
-        }
     }
 }
