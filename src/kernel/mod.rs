@@ -12,6 +12,7 @@ mod isa;
 mod slide;
 mod smooth;
 mod ssd;
+mod table;
 mod write;
 
 pub use block::Lanes;
@@ -19,6 +20,7 @@ pub use dog::DogTaps;
 pub use exact::{Doubt, Match, Search};
 pub use isa::{Isa, isa};
 pub use ssd::{CAP, Winner, Winners};
+pub use table::{Claim, TableSearch, WindowTable};
 
 use crate::stereo::{Gray, RowMut};
 
@@ -116,6 +118,10 @@ kernels! {
 
     /// The doubts of a block as rows, one after the other.
     pub fn doubt_rows(columns: &[Lanes<Doubt>], out: &mut [Doubt]) = block::transpose_back;
+
+    /// For each window of row `y` of the right image the cheapest window of the tables it may match. Ties: the nearest
+    /// row, then the row above, then the lower disparity.
+    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], y: usize, out: &mut [Claim]) = table::claim_row;
 
     /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
     pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;

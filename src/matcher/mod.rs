@@ -6,6 +6,7 @@ mod symmetric;
 mod v1;
 mod v2;
 mod v3;
+mod v4;
 
 pub use parameter::{Parameter, Parameters, Range, Value};
 
@@ -35,7 +36,7 @@ pub struct MatcherSpec {
 }
 
 /// Every algorithm svl knows. A new one is one file and one line here.
-pub const MATCHERS: &[MatcherSpec] = &[v1::SPEC, v2::SPEC, v3::SPEC];
+pub const MATCHERS: &[MatcherSpec] = &[v1::SPEC, v2::SPEC, v3::SPEC, v4::SPEC];
 
 /// The algorithm of that name.
 ///

@@ -26,7 +26,7 @@ use rayon::prelude::*;
 
 /// Runs `work` on each row of `plane` with its number, on the threads of rayon's current pool, at least `together` rows
 /// on one thread.
-fn each_row<T: Send>(plane: &mut [T], width: usize, together: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+pub(super) fn each_row<T: Send>(plane: &mut [T], width: usize, together: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     if rayon::current_num_threads() == 1 {
         plane.chunks_exact_mut(width).enumerate().for_each(|(y, row)| work(y, row));
     } else {
