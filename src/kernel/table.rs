@@ -4,57 +4,62 @@ use super::slide::REACH;
 
 /// Pixels of a window.
 const WINDOW: usize = 2 * REACH + 1;
-/// A window in a vector, with pixels behind it that do not count.
-const PADDED: usize = 16;
+/// Windows compared at a time.
+const CHUNK: usize = 32;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
 
 /// A hash table of the windows of a row; the hash of a window is the sum of its nine pixels.
 ///
-/// Buckets lie one after the other, so that those of neighbouring sums are one slice.
+/// Buckets lie one after the other, so that those of neighbouring sums are one range of places. A place's pixels stand
+/// in nine planes, so that windows at neighbouring places are compared at a time.
 #[derive(Clone, Debug)]
 pub struct WindowTable {
-    /// Where the bucket of each sum begins in `columns`, and where the last one ends.
+    /// The place where the bucket of each sum begins, and where the last one ends.
     starts: Vec<u16>,
+    /// Column per place, with room for a chunk behind the last, as the pixels have.
     columns: Vec<u16>,
-    /// The row, with room behind it for a vector.
-    pixels: Vec<u8>,
+    pixels: [Vec<u8>; WINDOW],
 }
 
 impl WindowTable {
     /// For rows of `width` pixels, at most [`crate::stereo::MAX_SIDE`].
     pub fn new(width: usize) -> Self {
-        Self { starts: vec![0; SUMS + 1], columns: vec![0; width], pixels: vec![0; width + PADDED] }
+        let places = width + CHUNK;
+        Self { starts: vec![0; SUMS + 1], columns: vec![0; places], pixels: std::array::from_fn(|_| vec![0; places]) }
     }
 
     /// Takes the windows of `row` around the pixels that `marked` names and no others.
     pub fn fill(&mut self, row: &[u8], marked: &[bool]) {
-        self.pixels[..row.len()].copy_from_slice(row);
         self.starts.fill(0);
-        let windows = || row.windows(WINDOW).zip(&marked[REACH.min(marked.len())..]).enumerate();
-        let sum = |window: &[u8]| window.iter().map(|&pixel| usize::from(pixel)).sum::<usize>();
-        for (_, (window, _)) in windows().filter(|(_, (_, marked))| **marked) {
-            self.starts[sum(window)] += 1;
-        }
+        let windows = || {
+            let marked = &marked[REACH.min(marked.len())..];
+            (REACH..).zip(row.windows(WINDOW).zip(marked)).filter_map(|(x, (window, &marked))| {
+                let sum = window.iter().map(|&pixel| usize::from(pixel)).sum::<usize>();
+                marked.then_some((x, window, sum))
+            })
+        };
+        windows().for_each(|(.., sum)| self.starts[sum] += 1);
         let mut end = 0;
         for start in &mut self.starts {
             end += *start;
             *start = end;
         }
         // From here on starts are ends, and each window moves its bucket's back by one.
-        for (i, (window, _)) in windows().filter(|(_, (_, marked))| **marked) {
-            let start = &mut self.starts[sum(window)];
-            *start -= 1;
-            self.columns[usize::from(*start)] = (i + REACH) as u16;
+        for (x, window, sum) in windows() {
+            self.starts[sum] -= 1;
+            let place = usize::from(self.starts[sum]);
+            self.columns[place] = x as u16;
+            self.pixels.iter_mut().zip(window).for_each(|(pixels, &pixel)| pixels[place] = pixel);
         }
     }
 
-    /// The columns of the windows whose sum is within `tolerance` of `sum`.
+    /// The places of the windows whose sum is within `tolerance` of `sum`.
     #[inline(always)]
-    fn near(&self, sum: u32, tolerance: u32) -> &[u16] {
+    fn near(&self, sum: u32, tolerance: u32) -> std::ops::Range<usize> {
         let first = sum.saturating_sub(tolerance) as usize;
         let end = ((sum + tolerance) as usize + 1).min(SUMS);
-        &self.columns[usize::from(self.starts[first])..usize::from(self.starts[end])]
+        usize::from(self.starts[first])..usize::from(self.starts[end])
     }
 }
 
@@ -96,37 +101,27 @@ impl Claim {
 pub(super) fn claim_row(search: &TableSearch<'_>, row: &[u8], y: usize, out: &mut [Claim]) {
     out.fill(Claim::NONE);
     for u in REACH..row.len().saturating_sub(REACH) {
-        let mut window = [0i16; PADDED];
+        let mut window = [0; WINDOW];
         let mut sum = 0;
         for i in 0..WINDOW {
-            let pixel = row[u - REACH + i];
-            window[i] = i16::from(pixel);
-            sum += u32::from(pixel);
+            window[i] = u16::from(row[u - REACH + i]);
+            sum += u32::from(window[i]);
         }
-        let mut best = Candidate::NONE;
-        for distance in 0..=search.row_tolerance {
-            // The row above is the first of the two, so it wins at equal cost.
-            let rows = [y.wrapping_sub(distance), y + distance];
-            for &row in &rows[usize::from(distance == 0)..] {
-                if let Some(table) = search.tables.get(row) {
-                    let columns = table.near(sum, search.sum_tolerance.min(best.farthest_sum()));
-                    let found = cheapest(search, columns, &table.pixels, u, &window);
-                    if found.cost() < best.cost() {
-                        best = found;
-                        out[u].row_offset = (y as i32 - row as i32) as i8;
-                    }
-                }
-            }
+        let mut best = [Candidate::NONE; CHUNK];
+        compare(search, &window, u, search.tables.get(y), sum, search.sum_tolerance, 0, &mut best);
+        let tolerance = search.sum_tolerance.min(least(&best).farthest_sum());
+        for distance in 1..=search.row_tolerance {
+            let [above, below] = [y.wrapping_sub(distance), y + distance].map(|row| search.tables.get(row));
+            let rank = 2 * distance as u32 - 1;
+            compare(search, &window, u, above, sum, tolerance, rank, &mut best);
+            compare(search, &window, u, below, sum, tolerance, rank + 1, &mut best);
         }
-        if best != Candidate::NONE {
-            let disparity = search.min_disparity + best.index() as i32;
-            out[u].disparity = disparity as i16;
-            out[u].ssd = best.cost() / weight(disparity);
-        }
+        out[u] = least(&best).claim(search.min_disparity);
     }
 }
 
-/// Cost and disparity, counted from the least, in one word: the least word is the least cost, then the least disparity.
+/// A cost, the rank of its row (0, above 1, below 2, two above 3, ...) and its disparity, counted from the least, in one
+/// word: the least word is the best match.
 #[derive(Clone, Copy, PartialEq)]
 struct Candidate(u64);
 
@@ -134,21 +129,37 @@ impl Candidate {
     const NONE: Self = Self(u64::MAX);
 
     #[inline(always)]
-    fn cost(self) -> u32 {
-        (self.0 >> 32) as u32
-    }
-
-    #[inline(always)]
-    fn index(self) -> u32 {
-        self.0 as u32
+    fn new(cost: u32, rank: u32, index: u32) -> Self {
+        Self(u64::from(cost) << 32 | u64::from(rank << 16 | index))
     }
 
     /// Windows whose sums are farther apart cost more: nine differences that sum to s have squares of at least s² / 9,
-    /// and the least weight is 25.
+    /// and no weight is below 25.
     #[inline(always)]
     fn farthest_sum(self) -> u32 {
-        (self.cost() as f32 * (9.0 / 25.0)).sqrt() as u32 + 2
+        ((self.0 >> 32) as f32 * (9.0 / 25.0)).sqrt() as u32 + 2
     }
+
+    #[inline(always)]
+    fn claim(self, min_disparity: i32) -> Claim {
+        if self == Self::NONE {
+            return Claim::NONE;
+        }
+        let (cost, rank, index) = ((self.0 >> 32) as u32, (self.0 >> 16) as u16, self.0 as u16);
+        let disparity = min_disparity + i32::from(index);
+        let distance = rank.div_ceil(2) as i8;
+        let row_offset = if rank % 2 == 1 { distance } else { -distance };
+        Claim { ssd: cost / weight(disparity), disparity: disparity as i16, row_offset }
+    }
+}
+
+#[inline(always)]
+fn least(candidates: &[Candidate; CHUNK]) -> Candidate {
+    let mut least = u64::MAX;
+    for candidate in candidates {
+        least = least.min(candidate.0);
+    }
+    Candidate(least)
 }
 
 #[inline(always)]
@@ -156,40 +167,41 @@ fn weight(disparity: i32) -> u32 {
     25 + 4 * disparity.unsigned_abs()
 }
 
-/// The cheapest match of `window`, around `u` in the right image, among the windows of a left row around `columns`.
+/// Keeps in `best` the better of it and the matches of `window`, around `u` in the right image and of that `sum`, in the
+/// left row of that `table` and `rank`.
 #[inline(always)]
-fn cheapest(search: &TableSearch<'_>, columns: &[u16], pixels: &[u8], u: usize, window: &[i16; PADDED]) -> Candidate {
-    const CHUNK: usize = 64;
+fn compare(
+    search: &TableSearch<'_>,
+    window: &[u16; WINDOW],
+    u: usize,
+    table: Option<&WindowTable>,
+    sum: u32,
+    tolerance: u32,
+    rank: u32,
+    best: &mut [Candidate; CHUNK],
+) {
+    let Some(table) = table else { return };
+    let places = table.near(sum, tolerance);
     let first = u as i32 + search.min_disparity;
     let count = (search.max_disparity - search.min_disparity) as u32;
-    let mut best = Candidate::NONE.0;
-    for columns in columns.chunks(CHUNK) {
-        // Most are not in the range, unpredictably: set them aside without a branch.
-        let mut inside = [0; CHUNK];
-        let mut len = 0;
-        for &x in columns {
-            let index = (i32::from(x) - first) as u32;
-            inside[len] = index;
-            len += usize::from(index <= count);
+    for start in places.clone().step_by(CHUNK) {
+        let mut ssds = [0; CHUNK];
+        for i in 0..WINDOW {
+            let pixels = &table.pixels[i][start..start + CHUNK];
+            for l in 0..CHUNK {
+                // Right modulo 65536 whatever the difference's sign.
+                let difference = u16::from(pixels[l]).wrapping_sub(window[i]);
+                ssds[l] += u32::from(difference.wrapping_mul(difference));
+            }
         }
-        for &index in &inside[..len] {
-            let x = (first + index as i32) as usize;
-            let cost = ssd(&pixels[x - REACH..], window) * weight(search.min_disparity + index as i32);
-            best = best.min(u64::from(cost) << 32 | u64::from(index));
+        let columns = &table.columns[start..start + CHUNK];
+        let len = (places.end - start) as u32;
+        for l in 0..CHUNK {
+            let index = (i32::from(columns[l]) - first) as u32;
+            let cost = ssds[l].wrapping_mul(weight(search.min_disparity.wrapping_add(index as i32)));
+            let candidate = Candidate::new(cost, rank, index);
+            let within = (index <= count) & ((l as u32) < len);
+            best[l].0 = best[l].0.min(if within { candidate.0 } else { u64::MAX });
         }
     }
-    Candidate(best)
-}
-
-/// The SSD of the window that `pixels` begins with.
-#[inline(always)]
-fn ssd(pixels: &[u8], window: &[i16; PADDED]) -> u32 {
-    let pixels: &[u8; PADDED] = pixels[..PADDED].try_into().expect("as long");
-    let mut sum = 0i32;
-    for i in 0..PADDED {
-        let difference = i16::from(pixels[i]) - window[i];
-        let difference = if i < WINDOW { i32::from(difference) } else { 0 };
-        sum += difference * difference;
-    }
-    sum as u32
 }
