@@ -142,10 +142,10 @@ impl Candidate {
 
     #[inline(always)]
     fn claim(self, min_disparity: i32) -> Claim {
-        if self == Self::NONE {
+        let (cost, rank, index) = ((self.0 >> 32) as u32, (self.0 >> 16) as u16, self.0 as u16);
+        if cost == u32::MAX {
             return Claim::NONE;
         }
-        let (cost, rank, index) = ((self.0 >> 32) as u32, (self.0 >> 16) as u16, self.0 as u16);
         let disparity = min_disparity + i32::from(index);
         let distance = rank.div_ceil(2) as i8;
         let row_offset = if rank % 2 == 1 { distance } else { -distance };
@@ -185,23 +185,32 @@ fn compare(
     let first = u as i32 + search.min_disparity;
     let count = (search.max_disparity - search.min_disparity) as u32;
     for start in places.clone().step_by(CHUNK) {
+        let columns = chunk(&table.columns, start);
+        let pixels: [&[u8; CHUNK]; WINDOW] = table.pixels.each_ref().map(|pixels| chunk(pixels, start));
+        let len = (places.end - start) as u32;
         let mut ssds = [0; CHUNK];
-        for i in 0..WINDOW {
-            let pixels = &table.pixels[i][start..start + CHUNK];
-            for l in 0..CHUNK {
+        for l in 0..CHUNK {
+            for i in 0..WINDOW {
                 // Right modulo 65536 whatever the difference's sign.
-                let difference = u16::from(pixels[l]).wrapping_sub(window[i]);
+                let difference = u16::from(pixels[i][l]).wrapping_sub(window[i]);
                 ssds[l] += u32::from(difference.wrapping_mul(difference));
             }
         }
-        let columns = &table.columns[start..start + CHUNK];
-        let len = (places.end - start) as u32;
+        let mut costs = [0; CHUNK];
+        let mut indices = [0; CHUNK];
         for l in 0..CHUNK {
-            let index = (i32::from(columns[l]) - first) as u32;
-            let cost = ssds[l].wrapping_mul(weight(search.min_disparity.wrapping_add(index as i32)));
-            let candidate = Candidate::new(cost, rank, index);
-            let within = (index <= count) & ((l as u32) < len);
-            best[l].0 = best[l].0.min(if within { candidate.0 } else { u64::MAX });
+            indices[l] = (i32::from(columns[l]) - first) as u32;
+            let cost = ssds[l].wrapping_mul(weight(search.min_disparity.wrapping_add(indices[l] as i32)));
+            costs[l] = if (indices[l] <= count) & ((l as u32) < len) { cost } else { u32::MAX };
+        }
+        for l in 0..CHUNK {
+            best[l].0 = best[l].0.min(Candidate::new(costs[l], rank, indices[l]).0);
         }
     }
+}
+
+#[inline(always)]
+fn chunk<T>(places: &[T], start: usize) -> &[T; CHUNK] {
+    // Places end a chunk behind the last window's.
+    places[start..].first_chunk().expect("room for a chunk")
 }
