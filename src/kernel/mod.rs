@@ -20,7 +20,7 @@ pub use dog::DogTaps;
 pub use exact::{Doubt, Match, Search};
 pub use isa::{Isa, isa};
 pub use ssd::{CAP, Winner, Winners};
-pub use table::{Claim, TableSearch, WindowTable};
+pub use table::{Claim, NO_SUM, TableSearch, WindowTable, window_sums};
 
 use crate::stereo::{Gray, RowMut};
 
@@ -119,9 +119,9 @@ kernels! {
     /// The doubts of a block as rows, one after the other.
     pub fn doubt_rows(columns: &[Lanes<Doubt>], out: &mut [Doubt]) = block::transpose_back;
 
-    /// For each window of row `y` of the right image the cheapest window of the tables it may match. Ties: the nearest
-    /// row, then the row above, then the lower disparity.
-    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], y: usize, out: &mut [Claim]) = table::claim_row;
+    /// For each window of a row of the right image the cheapest window of the table it may match. Ties: the nearest row,
+    /// then the row above, then the lower disparity.
+    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row;
 
     /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
     pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;

@@ -1,6 +1,7 @@
 //! Windows found by the sum of their pixels (thesis, section 5.3.4).
 
 use super::slide::REACH;
+use crate::stereo::{Gray, Plane};
 
 /// Pixels of a window.
 const WINDOW: usize = 2 * REACH + 1;
@@ -9,48 +10,57 @@ const CHUNK: usize = 32;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
 
-/// A hash table of the windows of a row; the hash of a window is the sum of its nine pixels.
+/// Sums this far apart are looked up first: most windows find their match there, and it bounds the rest of the search.
+const FIRST: u32 = 32;
+/// What stands for the sum of a window that is in no table.
+pub const NO_SUM: u16 = u16::MAX;
+
+/// A hash table of the left windows that those of a right row may match; the hash of a window is the sum of its nine
+/// pixels.
 ///
 /// Buckets lie one after the other, so that those of neighbouring sums are one range of places. A place's pixels stand
 /// in nine planes, so that windows at neighbouring places are compared at a time.
 #[derive(Clone, Debug)]
 pub struct WindowTable {
     /// The place where the bucket of each sum begins, and where the last one ends.
-    starts: Vec<u16>,
-    /// Column per place, with room for a chunk behind the last, as the pixels have.
-    columns: Vec<u16>,
-    pixels: [Vec<u8>; WINDOW],
+    starts: Vec<u32>,
+    /// Per place the rank of the window's row, then 16 bits for its column. There is room for a chunk behind the last,
+    /// and so there is in the pixels.
+    windows: Vec<u32>,
+    pixels: [Vec<u16>; WINDOW],
 }
 
 impl WindowTable {
-    /// For rows of `width` pixels, at most [`crate::stereo::MAX_SIDE`].
-    pub fn new(width: usize) -> Self {
-        let places = width + CHUNK;
-        Self { starts: vec![0; SUMS + 1], columns: vec![0; places], pixels: std::array::from_fn(|_| vec![0; places]) }
+    /// For rows of `width` pixels, at most [`crate::stereo::MAX_SIDE`], and windows up to `row_tolerance` rows away.
+    pub fn new(width: usize, row_tolerance: usize) -> Self {
+        let places = width * (2 * row_tolerance + 1) + CHUNK;
+        Self { starts: vec![0; SUMS + 1], windows: vec![0; places], pixels: std::array::from_fn(|_| vec![0; places]) }
     }
 
-    /// Takes the windows of `row` around the pixels that `marked` names and no others.
-    pub fn fill(&mut self, row: &[u8], marked: &[bool]) {
+    /// Takes the windows of the rows of `image` around row `y`, as near as `row_tolerance`. Their sums stand in `sums`.
+    pub fn fill(&mut self, image: &Gray, sums: &Plane<u16>, y: usize, row_tolerance: usize) {
+        let rows = || y.saturating_sub(row_tolerance)..sums.height().min(y + row_tolerance + 1);
         self.starts.fill(0);
-        let windows = || {
-            let marked = &marked[REACH.min(marked.len())..];
-            (REACH..).zip(row.windows(WINDOW).zip(marked)).filter_map(|(x, (window, &marked))| {
-                let sum = window.iter().map(|&pixel| usize::from(pixel)).sum::<usize>();
-                marked.then_some((x, window, sum))
-            })
-        };
-        windows().for_each(|(.., sum)| self.starts[sum] += 1);
+        for row in rows() {
+            sums.row(row).iter().filter(|sum| **sum != NO_SUM).for_each(|&sum| self.starts[usize::from(sum)] += 1);
+        }
         let mut end = 0;
         for start in &mut self.starts {
             end += *start;
             *start = end;
         }
         // From here on starts are ends, and each window moves its bucket's back by one.
-        for (x, window, sum) in windows() {
-            self.starts[sum] -= 1;
-            let place = usize::from(self.starts[sum]);
-            self.columns[place] = x as u16;
-            self.pixels.iter_mut().zip(window).for_each(|(pixels, &pixel)| pixels[place] = pixel);
+        for row in rows() {
+            // The row above is the better of two at one distance.
+            let rank = 2 * row.abs_diff(y) - usize::from(row < y);
+            for (x, &sum) in sums.row(row).iter().enumerate().filter(|(_, sum)| **sum != NO_SUM) {
+                let start = &mut self.starts[usize::from(sum)];
+                *start -= 1;
+                let place = *start as usize;
+                self.windows[place] = (rank << 16 | x) as u32;
+                let window = &image.row(row)[x - REACH..];
+                self.pixels.iter_mut().zip(window).for_each(|(pixels, &pixel)| pixels[place] = u16::from(pixel));
+            }
         }
     }
 
@@ -59,22 +69,29 @@ impl WindowTable {
     fn near(&self, sum: u32, tolerance: u32) -> std::ops::Range<usize> {
         let first = sum.saturating_sub(tolerance) as usize;
         let end = ((sum + tolerance) as usize + 1).min(SUMS);
-        usize::from(self.starts[first])..usize::from(self.starts[end])
+        self.starts[first] as usize..self.starts[end] as usize
+    }
+}
+
+/// The sums of the windows of `row` around the pixels that `marked` names, [`NO_SUM`] elsewhere.
+pub fn window_sums(row: &[u8], marked: &[bool], out: &mut [u16]) {
+    out.fill(NO_SUM);
+    for (x, window) in (REACH..).zip(row.windows(WINDOW)) {
+        if marked[x] {
+            out[x] = window.iter().map(|&pixel| u16::from(pixel)).sum();
+        }
     }
 }
 
 /// What a window of the right image may match.
 #[derive(Clone, Copy)]
 pub struct TableSearch<'a> {
-    /// The left image's windows, a table per row.
-    pub tables: &'a [WindowTable],
+    pub table: &'a WindowTable,
     /// Disparities, both ends included; cost is SSD · (25 + 4·|d|) and fits 32 bits.
     pub min_disparity: i32,
     pub max_disparity: i32,
     /// Farthest that the sums of two windows may be apart.
     pub sum_tolerance: u32,
-    /// Farthest that their rows may be apart.
-    pub row_tolerance: usize,
 }
 
 /// The left window that a right window takes for its own.
@@ -98,23 +115,18 @@ impl Claim {
 
 /// See [`super::claim_row`].
 #[inline(always)]
-pub(super) fn claim_row(search: &TableSearch<'_>, row: &[u8], y: usize, out: &mut [Claim]) {
+pub(super) fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) {
     out.fill(Claim::NONE);
     for u in REACH..row.len().saturating_sub(REACH) {
-        let mut window = [0; WINDOW];
-        let mut sum = 0;
-        for i in 0..WINDOW {
-            window[i] = u16::from(row[u - REACH + i]);
-            sum += u32::from(window[i]);
-        }
+        let window = Window::around(row, u);
         let mut best = [Candidate::NONE; CHUNK];
-        compare(search, &window, u, search.tables.get(y), sum, search.sum_tolerance, 0, &mut best);
+        let near = search.table.near(window.sum, search.sum_tolerance.min(FIRST));
+        window.compare(search, near.clone(), &mut best);
         let tolerance = search.sum_tolerance.min(least(&best).farthest_sum());
-        for distance in 1..=search.row_tolerance {
-            let [above, below] = [y.wrapping_sub(distance), y + distance].map(|row| search.tables.get(row));
-            let rank = 2 * distance as u32 - 1;
-            compare(search, &window, u, above, sum, tolerance, rank, &mut best);
-            compare(search, &window, u, below, sum, tolerance, rank + 1, &mut best);
+        if tolerance > FIRST {
+            let rest = search.table.near(window.sum, tolerance);
+            window.compare(search, rest.start..near.start, &mut best);
+            window.compare(search, near.end..rest.end, &mut best);
         }
         out[u] = least(&best).claim(search.min_disparity);
     }
@@ -129,8 +141,8 @@ impl Candidate {
     const NONE: Self = Self(u64::MAX);
 
     #[inline(always)]
-    fn new(cost: u32, rank: u32, index: u32) -> Self {
-        Self(u64::from(cost) << 32 | u64::from(rank << 16 | index))
+    fn new(cost: u32, rank_and_index: u32) -> Self {
+        Self(u64::from(cost) << 32 | u64::from(rank_and_index))
     }
 
     /// Windows whose sums are farther apart cost more: nine differences that sum to s have squares of at least s² / 9,
@@ -167,44 +179,53 @@ fn weight(disparity: i32) -> u32 {
     25 + 4 * disparity.unsigned_abs()
 }
 
-/// Keeps in `best` the better of it and the matches of `window`, around `u` in the right image and of that `sum`, in the
-/// left row of that `table` and `rank`.
-#[inline(always)]
-fn compare(
-    search: &TableSearch<'_>,
-    window: &[u16; WINDOW],
+/// A window of the right image.
+struct Window {
     u: usize,
-    table: Option<&WindowTable>,
+    pixels: [u16; WINDOW],
     sum: u32,
-    tolerance: u32,
-    rank: u32,
-    best: &mut [Candidate; CHUNK],
-) {
-    let Some(table) = table else { return };
-    let places = table.near(sum, tolerance);
-    let first = u as i32 + search.min_disparity;
-    let count = (search.max_disparity - search.min_disparity) as u32;
-    for start in places.clone().step_by(CHUNK) {
-        let columns = chunk(&table.columns, start);
-        let pixels: [&[u8; CHUNK]; WINDOW] = table.pixels.each_ref().map(|pixels| chunk(pixels, start));
-        let len = (places.end - start) as u32;
-        let mut ssds = [0; CHUNK];
-        for l in 0..CHUNK {
-            for i in 0..WINDOW {
-                // Right modulo 65536 whatever the difference's sign.
-                let difference = u16::from(pixels[i][l]).wrapping_sub(window[i]);
-                ssds[l] += u32::from(difference.wrapping_mul(difference));
+}
+
+impl Window {
+    #[inline(always)]
+    fn around(row: &[u8], u: usize) -> Self {
+        let mut window = Self { u, pixels: [0; WINDOW], sum: 0 };
+        for i in 0..WINDOW {
+            window.pixels[i] = u16::from(row[u - REACH + i]);
+            window.sum += u32::from(row[u - REACH + i]);
+        }
+        window
+    }
+
+    /// Keeps in `best` the better of what it holds and the matches at those `places`.
+    #[inline(always)]
+    fn compare(&self, search: &TableSearch<'_>, places: std::ops::Range<usize>, best: &mut [Candidate; CHUNK]) {
+        let table = search.table;
+        let first = self.u as i32 + search.min_disparity;
+        let count = (search.max_disparity - search.min_disparity) as u32;
+        for start in places.clone().step_by(CHUNK) {
+            let windows = chunk(&table.windows, start);
+            let pixels: [&[u16; CHUNK]; WINDOW] = table.pixels.each_ref().map(|pixels| chunk(pixels, start));
+            let len = (places.end - start) as u32;
+            let mut ssds = [0; CHUNK];
+            for l in 0..CHUNK {
+                for i in 0..WINDOW {
+                    // Right modulo 65536 whatever the difference's sign.
+                    let difference = pixels[i][l].wrapping_sub(self.pixels[i]);
+                    ssds[l] += u32::from(difference.wrapping_mul(difference));
+                }
             }
-        }
-        let mut costs = [0; CHUNK];
-        let mut indices = [0; CHUNK];
-        for l in 0..CHUNK {
-            indices[l] = (i32::from(columns[l]) - first) as u32;
-            let cost = ssds[l].wrapping_mul(weight(search.min_disparity.wrapping_add(indices[l] as i32)));
-            costs[l] = if (indices[l] <= count) & ((l as u32) < len) { cost } else { u32::MAX };
-        }
-        for l in 0..CHUNK {
-            best[l].0 = best[l].0.min(Candidate::new(costs[l], rank, indices[l]).0);
+            let mut costs = [0; CHUNK];
+            let mut ranks_and_indices = [0; CHUNK];
+            for l in 0..CHUNK {
+                let index = ((windows[l] & 0xffff) as i32 - first) as u32;
+                let cost = ssds[l].wrapping_mul(weight(search.min_disparity.wrapping_add(index as i32)));
+                costs[l] = if (index <= count) & ((l as u32) < len) { cost } else { u32::MAX };
+                ranks_and_indices[l] = windows[l] & !0xffff | index & 0xffff;
+            }
+            for l in 0..CHUNK {
+                best[l].0 = best[l].0.min(Candidate::new(costs[l], ranks_and_indices[l]).0);
+            }
         }
     }
 }

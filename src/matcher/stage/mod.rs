@@ -33,3 +33,19 @@ pub(super) fn each_row<T: Send>(plane: &mut [T], width: usize, together: usize, 
         plane.par_chunks_exact_mut(width).enumerate().with_min_len(together).for_each(|(y, row)| work(y, row));
     }
 }
+
+/// Runs `work` on bands of `plane`, of `pixels` each, with their number and one element of `scratch`, on the threads of
+/// rayon's current pool.
+pub(super) fn each_band<T: Send, S: Send>(
+    plane: &mut [T],
+    pixels: usize,
+    scratch: &mut [S],
+    work: impl Fn(usize, &mut [T], &mut S) + Sync,
+) {
+    let work = |(band, (plane, scratch)): (usize, (&mut [T], &mut S))| work(band, plane, scratch);
+    if rayon::current_num_threads() == 1 {
+        plane.chunks_mut(pixels).zip(scratch).enumerate().for_each(work);
+    } else {
+        plane.par_chunks_mut(pixels).zip(scratch).enumerate().for_each(work);
+    }
+}

@@ -1,7 +1,7 @@
 //! v4's matching: right windows claim left ones, each left one keeps its cheapest claim.
 
-use crate::kernel::{Claim, Isa, TableSearch, WindowTable, claim_row};
-use crate::matcher::stage::{DisparityRange, each_row};
+use crate::kernel::{Claim, Isa, NO_SUM, TableSearch, WindowTable, claim_row, window_sums};
+use crate::matcher::stage::{Blocks, DisparityRange, each_band, each_row};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Gray, Plane};
 
@@ -29,10 +29,14 @@ impl Tolerance {
     };
 }
 
-/// The tables of the left image's windows and the claims on them.
+/// The left image's windows and the claims on them.
 pub(super) struct Claims {
     range: DisparityRange,
     tolerance: Tolerance,
+    /// Of the textured windows.
+    sums: Plane<u16>,
+    band_rows: usize,
+    /// One per band.
     tables: Vec<WindowTable>,
     /// By right pixel.
     claims: Plane<Claim>,
@@ -46,10 +50,13 @@ impl Claims {
         range: DisparityRange,
         tolerance: Tolerance,
     ) -> crate::Result<Self> {
+        let (bands, band_rows) = Blocks::bands(height);
         Ok(Self {
             range,
             tolerance,
-            tables: vec![WindowTable::new(width); height],
+            sums: Plane::filled(width, height, NO_SUM)?,
+            band_rows,
+            tables: vec![WindowTable::new(width, tolerance.rows); bands],
             claims: Plane::filled(width, height, Claim::NONE)?,
             granted: Plane::filled(width, height, Claim::NONE)?,
         })
@@ -57,20 +64,24 @@ impl Claims {
 
     /// The claim that each pixel of the left image grants. Only textured ones can be claimed.
     pub(super) fn settle(&mut self, isa: Isa, left: &Gray, right: &Gray, textured: &Plane<bool>) -> &Plane<Claim> {
-        let Self { range, tolerance, tables, claims, granted } = self;
+        let Self { range, tolerance, sums, band_rows, tables, claims, granted } = self;
         let (width, height) = left.size();
-        each_row(tables, 1, 16, |y, table| table[0].fill(left.row(y), textured.row(y)));
-
-        let search = TableSearch {
-            tables,
-            min_disparity: range.min(),
-            max_disparity: range.max(),
-            sum_tolerance: tolerance.sum,
-            row_tolerance: tolerance.rows,
-        };
         // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
-        each_row(claims.as_mut_slice().expect("gapless"), width, 4, |y, out| {
-            claim_row(isa, &search, right.row(y), y, out);
+        each_row(sums.as_mut_slice().expect("gapless"), width, 16, |y, sums| {
+            window_sums(left.row(y), textured.row(y), sums);
+        });
+
+        each_band(claims.as_mut_slice().expect("gapless"), *band_rows * width, tables, |band, claims, table| {
+            for (y, claims) in (band * *band_rows..).zip(claims.chunks_exact_mut(width)) {
+                table.fill(left, sums, y, tolerance.rows);
+                let search = TableSearch {
+                    table,
+                    min_disparity: range.min(),
+                    max_disparity: range.max(),
+                    sum_tolerance: tolerance.sum,
+                };
+                claim_row(isa, &search, right.row(y), claims);
+            }
         });
 
         each_row(granted.as_mut_slice().expect("gapless"), width, 16, |y, granted| {

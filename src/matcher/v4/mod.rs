@@ -4,8 +4,9 @@
 //! pixels, and each window of the right image looks up those of similar sum, close by, also on other rows. So each match
 //! says how far apart its rows are, and their median measures how badly the pair is aligned.
 //!
-//! Departures from the thesis: all in integers; a table per row of the image instead of one, so that a look-up meets no
-//! window of a row too far away; the cheapest of several claims on a window holds; v3's self check follows.
+//! Departures from the thesis: all in integers; a table for each right row instead of one for the image, so that a
+//! look-up meets no window of a row too far away; the cheapest of several claims on a window holds; v3's self check
+//! follows.
 
 mod claims;
 
