@@ -2,7 +2,8 @@
 //!
 //! Every function here takes the [`Isa`] it shall run on. Its body is plain Rust over fixed-size lanes, marked
 //! `#[inline(always)]` and pulled into one function per instruction set, where the compiler turns the lanes into
-//! vectors. All arithmetic is on integers, so every variant gives the same bytes; `tests/v3.rs` holds them to it.
+//! vectors. Arithmetic is on integers, and where it is not (the spread of v2) each lane's operations are single and in
+//! order, so every variant gives the same bytes; `tests/v3.rs` and `tests/thesis.rs` hold them to it.
 
 mod block;
 mod deviation;

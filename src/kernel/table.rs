@@ -117,7 +117,8 @@ impl Claim {
 #[inline(always)]
 pub(super) fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) {
     out.fill(Claim::NONE);
-    for u in REACH..row.len().saturating_sub(REACH) {
+    let end = row.len().saturating_sub(REACH);
+    for (u, claim) in out.iter_mut().enumerate().take(end).skip(REACH) {
         let window = Window::around(row, u);
         let mut best = [Candidate::NONE; CHUNK];
         let near = search.table.near(window.sum, search.sum_tolerance.min(FIRST));
@@ -128,7 +129,7 @@ pub(super) fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim])
             window.compare(search, rest.start..near.start, &mut best);
             window.compare(search, near.end..rest.end, &mut best);
         }
-        out[u] = least(&best).claim(search.min_disparity);
+        *claim = least(&best).claim(search.min_disparity);
     }
 }
 
@@ -209,9 +210,9 @@ impl Window {
             let len = (places.end - start) as u32;
             let mut ssds = [0; CHUNK];
             for l in 0..CHUNK {
-                for i in 0..WINDOW {
+                for (left, &right) in pixels.iter().zip(&self.pixels) {
                     // Right modulo 65536 whatever the difference's sign.
-                    let difference = pixels[i][l].wrapping_sub(self.pixels[i]);
+                    let difference = left[l].wrapping_sub(right);
                     ssds[l] += u32::from(difference.wrapping_mul(difference));
                 }
             }
