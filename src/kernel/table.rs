@@ -109,7 +109,7 @@ impl Claim {
 
     /// What the claim costs, more than any real one where there is none.
     pub fn cost(self) -> u32 {
-        if self.ssd == u32::MAX { u32::MAX } else { self.ssd * (25 + 4 * self.disparity.unsigned_abs() as u32) }
+        if self.ssd == u32::MAX { u32::MAX } else { self.ssd * weight(self.disparity.into()) }
     }
 }
 

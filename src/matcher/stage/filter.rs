@@ -24,7 +24,8 @@ pub trait CostFilter: Sync {
 
 /// The error filter (thesis, section 5.3.1, after Hirschmüller): the second least cost must lie clearly above the least.
 ///
-/// Departure from the thesis: disparities beside the winner are no rivals, which the thesis regrets not to have said.
+/// Departure from the thesis: disparities beside the winner are no rivals. That its filter ignores how far apart the two
+/// minima are is a weakness the thesis names in its remarks.
 #[derive(Clone, Copy, Debug)]
 pub struct ErrorFilter {
     thousandths: u32,
