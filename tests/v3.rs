@@ -3,68 +3,19 @@
 mod common;
 mod oracle;
 
+use oracle::scenes::{Scene, difference, pair, pool, scenes};
 use proptest::prelude::*;
 use svl::kernel::Isa;
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl::stereo::{Gray, Reason, StereoPair};
 
 impl oracle::V3 {
     fn text(&self) -> String {
-        let Self { min, max, smoothing_sigma, texture_sigma, texture_delta, back_check } = self;
+        let Self { min, max, smoothing_sigma, texture_sigma, texture_delta, subpixel, back_check } = self;
         format!(
             "v3:min_disparity={min},max_disparity={max},smoothing_sigma={smoothing_sigma},\
-             texture_sigma={texture_sigma},texture_delta={texture_delta},back_check={back_check}"
+             texture_sigma={texture_sigma},texture_delta={texture_delta},subpixel={subpixel},back_check={back_check}"
         )
     }
-}
-
-/// What images are made of. A pair made of each brings every reason about.
-#[derive(Clone, Copy, Debug)]
-enum Scene {
-    Noise,
-    Constant,
-    /// A slow ramp with a little noise.
-    Faint,
-    /// Extremes only: the largest SSDs there are.
-    BlackAndWhite,
-    /// Blocks that repeat along the row: equal costs and self-similarity.
-    Periodic,
-}
-
-/// A pair of `scene` whose right image is the left one moved by `shift`, each with its own noise of `noise` levels.
-fn pair(scene: Scene, (width, height): (usize, usize), shift: i32, noise: u8, seed: u64) -> StereoPair {
-    let random = |x: i32, y: usize, salt: u64| {
-        let mut z = seed ^ salt ^ ((x as u64) << 32 | y as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) as u8
-    };
-    let world = |x: i32, y: usize| match scene {
-        Scene::Noise => random(x, y, 1),
-        Scene::Constant => seed as u8,
-        Scene::Faint => (90 + x / 3) as u8 + random(x, y, 2) % 3,
-        Scene::BlackAndWhite => 255 * (random(x, y, 3) % 2),
-        Scene::Periodic => random(x.rem_euclid(7), y, 4),
-    };
-    let side = |shift: i32, salt: u64| {
-        Gray::from_fn(width, height, |x, y| {
-            let x = x as i32 + shift;
-            world(x, y).saturating_add(if noise == 0 { 0 } else { random(x, y, salt) % noise })
-        })
-        .unwrap()
-    };
-    StereoPair::new(side(0, 5), side(shift, 6)).unwrap()
-}
-
-fn scenes() -> impl Strategy<Value = StereoPair> {
-    let scene =
-        prop::sample::select(vec![Scene::Noise, Scene::Constant, Scene::Faint, Scene::BlackAndWhite, Scene::Periodic]);
-    let size = prop_oneof![
-        4 => (15usize..=70, 1usize..=8),
-        2 => (1usize..=14, 1usize..=8),
-        1 => (70usize..=180, 1usize..=2),
-    ];
-    (scene, size, -12i32..=12, prop::sample::select(vec![0u8, 2, 9, 60]), any::<u64>())
-        .prop_map(|(scene, size, shift, noise, seed)| pair(scene, size, shift, noise, seed))
 }
 
 fn algorithms() -> impl Strategy<Value = oracle::V3> {
@@ -74,29 +25,18 @@ fn algorithms() -> impl Strategy<Value = oracle::V3> {
     ];
     let sigma = prop::sample::select(vec![1.0, 0.0, 0.3, 2.2]);
     let texture = prop::sample::select(vec![(0.4, 3.35), (0.4, 3.35), (0.7, 1.0), (2.0, 5.0), (0.1, 12.0)]);
-    (ends, sigma, texture, any::<bool>()).prop_map(|((min, span), smoothing_sigma, texture, back_check)| oracle::V3 {
-        min,
-        max: (min + span).min(1024),
-        smoothing_sigma,
-        texture_sigma: texture.0,
-        texture_delta: texture.1,
-        back_check,
+    let flags = any::<(bool, bool)>();
+    (ends, sigma, texture, flags).prop_map(|((min, span), smoothing_sigma, texture, (subpixel, back_check))| {
+        oracle::V3 {
+            min,
+            max: (min + span).min(1024),
+            smoothing_sigma,
+            texture_sigma: texture.0,
+            texture_delta: texture.1,
+            subpixel,
+            back_check,
+        }
     })
-}
-
-fn pool(threads: usize) -> rayon::ThreadPool {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
-}
-
-/// The first pixel at which the maps differ, with what each says.
-fn difference(got: &DisparityMap, expected: &DisparityMap) -> Option<String> {
-    assert_eq!(got.size(), expected.size());
-    let (width, height) = got.size();
-    let says = |map: &DisparityMap, x, y| (map.at(x, y), map.disparity().get(x, y), map.ssdpi().get(x, y));
-    (0..height)
-        .flat_map(|y| (0..width).map(move |x| (x, y)))
-        .find(|&(x, y)| says(got, x, y) != says(expected, x, y))
-        .map(|(x, y)| format!("({x}, {y}): got {:?}, expected {:?}", says(got, x, y), says(expected, x, y)))
 }
 
 proptest! {

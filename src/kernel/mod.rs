@@ -2,21 +2,28 @@
 //!
 //! Every function here takes the [`Isa`] it shall run on. Its body is plain Rust over fixed-size lanes, marked
 //! `#[inline(always)]` and pulled into one function per instruction set, where the compiler turns the lanes into
-//! vectors. All arithmetic is on integers, so every variant gives the same bytes; `tests/v3.rs` holds them to it.
+//! vectors. Arithmetic is on integers, and where it is not (the spread of v2) each lane's operations are single and in
+//! order, so every variant gives the same bytes; `tests/v3.rs` and `tests/thesis.rs` hold them to it.
 
 mod block;
+mod deviation;
 mod dog;
+mod exact;
 mod isa;
 mod path;
+mod slide;
 mod smooth;
 mod ssd;
+mod table;
 mod write;
 
 pub use block::Lanes;
 pub use dog::DogTaps;
+pub use exact::{Doubt, Match, Search};
 pub use isa::{Isa, isa};
 pub use path::{Paths, edge, edge_before};
 pub use ssd::{CAP, Winner, Winners};
+pub use table::{Claim, NO_SUM, TableSearch, WindowTable, window_sums};
 
 use crate::stereo::{Gray, RowMut};
 
@@ -59,6 +66,9 @@ kernels! {
     /// Marks the pixels of `row` where the fine difference of Gaussians answers at least as strongly as the coarse one.
     pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = dog::row;
 
+    /// Marks the windows of `row` with `9·ΣI² − (ΣI)²` of at least `least`; where no window fits there is none.
+    pub fn deviating_row(row: &[u8], least: u32, out: &mut [bool]) = deviation::row;
+
     /// Rows `y ..` of `image`, as many as a block has, as columns of lanes: one per pixel of a row.
     pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = block::transpose;
 
@@ -82,7 +92,39 @@ kernels! {
     pub fn winner_rows(columns: &[Winners], out: &mut [Winner]) = ssd::winner_rows;
 
     /// The lanes of a block as rows, one after the other.
-    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = ssd::transpose_back;
+    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = block::transpose_back;
+
+    /// For each window of a block of rows its match, exact; `sums` has an element per disparity of the search.
+    pub fn matches(search: &Search<'_>, sums: &mut [Lanes<u32>], out: &mut [Lanes<Match>]) = exact::matches;
+
+    /// As [`matches`], and whether a disparity not beside the winner costs less than `thousandths` more.
+    pub fn matches_and_rivals(
+        search: &Search<'_>,
+        thousandths: u32,
+        sums: &mut [Lanes<u32>],
+        out: &mut [Lanes<Match>],
+        doubts: &mut [Lanes<Doubt>],
+    ) = exact::matches_and_rivals;
+
+    /// As [`matches`], and whether the standard deviation of all disparities, each weighted by `(cost + 25)⁻²`, is at
+    /// least `threshold_px`; [`Doubt::Open`] where single precision cannot tell.
+    pub fn matches_and_spread(
+        search: &Search<'_>,
+        threshold_px: f32,
+        sums: &mut [Lanes<u32>],
+        out: &mut [Lanes<Match>],
+        doubts: &mut [Lanes<Doubt>],
+    ) = exact::matches_and_spread;
+
+    /// The matches of a block as rows, one after the other.
+    pub fn match_rows(columns: &[Lanes<Match>], out: &mut [Match]) = block::transpose_back;
+
+    /// The doubts of a block as rows, one after the other.
+    pub fn doubt_rows(columns: &[Lanes<Doubt>], out: &mut [Doubt]) = block::transpose_back;
+
+    /// For each window of a row of the right image the cheapest window of the table it may match. Ties: the nearest row,
+    /// then the row above, then the lower disparity.
+    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row;
 
     /// Finds the cheapest paths through the rows `first ..` of a block, as many as [`Paths::ROWS`]. An occlusion costs
     /// `occlusion` per pixel, a match that keeps its disparity earns `reward`.

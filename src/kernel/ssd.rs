@@ -7,9 +7,7 @@
 //! look up the rest, windows that differ by 28 grey levels on average and more, one by one.
 
 use super::Lanes;
-
-/// Half of the window: it covers x − 4 ..= x + 4.
-const REACH: usize = 4;
+use super::slide::{REACH, slide};
 
 /// Largest square in a capped sum.
 pub const CAP: u16 = u16::MAX / (2 * REACH as u16 + 1);
@@ -66,7 +64,7 @@ pub(super) fn winners(
         if from < to {
             // The windows of those disparities, from the right to the left.
             let windows = (x - first) as usize + 1 - to..(x - first) as usize + 1 - from;
-            update(&mut sums[from..to], left, column, right, windows);
+            slide(&mut sums[from..to], left, column, right, windows);
             compete(&sums[from..to], &weights[from..to], from as u32, winners);
         }
     }
@@ -79,7 +77,7 @@ pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [La
     for x in REACH..block.len().saturating_sub(REACH) {
         let windows = x.saturating_sub(sums.len()).max(REACH)..x;
         let sums = &mut sums[..windows.len()];
-        update(sums, block, x, block, windows.clone());
+        slide(sums, block, x, block, windows.clone());
         // One sum serves both windows.
         let mut here = out[x];
         for (sum, there) in sums.iter().zip(out[windows].iter_mut().rev()) {
@@ -95,47 +93,6 @@ fn meet(here: &mut Lanes<u16>, there: &mut Lanes<u16>, sum: &Lanes<u16>) {
         here.0[l] = here.0[l].min(sum.0[l]);
         there.0[l] = there.0[l].min(sum.0[l]);
     }
-}
-
-/// Makes of `sums` the capped SSDs of the window around `x` in `left` with each of the `windows` in `right`, from the
-/// rightmost on. Before, they were those for `x - 1` and windows one pixel to the left.
-#[inline(always)]
-fn update(
-    sums: &mut [Lanes<u16>],
-    left: &[Lanes<u16>],
-    x: usize,
-    right: &[Lanes<u16>],
-    windows: std::ops::Range<usize>,
-) {
-    // Windows that were not there before: all for the first x, else that at the left edge.
-    let fresh = if x == REACH { windows.end } else { windows.end.min(REACH + 1) }.max(windows.start);
-    let (slid, new) = sums.split_at_mut(windows.end - fresh);
-    if !slid.is_empty() {
-        let (come, gone) = (&left[x + REACH], &left[x - REACH - 1]);
-        let come_right = right[fresh + REACH..windows.end + REACH].iter().rev();
-        let gone_right = right[fresh - REACH - 1..windows.end - REACH - 1].iter().rev();
-        for (sum, (come_right, gone_right)) in slid.iter_mut().zip(come_right.zip(gone_right)) {
-            for l in 0..Lanes::COUNT {
-                let (come, gone) = (square(come, come_right, l), square(gone, gone_right, l));
-                sum.0[l] = sum.0[l].wrapping_add(come).wrapping_sub(gone);
-            }
-        }
-    }
-    for (sum, u) in new.iter_mut().zip((windows.start..fresh).rev()) {
-        *sum = Lanes([0; Lanes::COUNT]);
-        for (a, b) in left[x - REACH..=x + REACH].iter().zip(&right[u - REACH..=u + REACH]) {
-            for l in 0..Lanes::COUNT {
-                sum.0[l] += square(a, b, l);
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn square(a: &Lanes<u16>, b: &Lanes<u16>, l: usize) -> u16 {
-    // Pixels have 8 bits, so the square is right modulo 65536 whatever the difference's sign.
-    let difference = a.0[l].wrapping_sub(b.0[l]);
-    difference.wrapping_mul(difference).min(CAP)
 }
 
 /// Lets the disparities from `index` on compete with the winners so far, which keep their place at equal cost.
@@ -174,19 +131,6 @@ pub(super) fn winner_rows(columns: &[Winners], out: &mut [Winner]) {
         for (lane, row) in out.chunks_exact_mut(width).enumerate() {
             let row = &mut row[tile * TILE..][..columns.len()];
             row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.winner.0[lane]);
-        }
-    }
-}
-
-/// See [`super::transpose_back`].
-#[inline(always)]
-pub(super) fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) {
-    const TILE: usize = 16;
-    let width = columns.len();
-    for (tile, columns) in columns.chunks(TILE).enumerate() {
-        for (lane, row) in out.chunks_exact_mut(width).enumerate() {
-            let row = &mut row[tile * TILE..][..columns.len()];
-            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.0[lane]);
         }
     }
 }

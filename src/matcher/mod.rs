@@ -6,7 +6,11 @@ mod exec;
 mod parameter;
 mod quotes;
 pub mod stage;
+mod symmetric;
+mod v1;
+mod v2;
 mod v3;
+mod v4;
 
 pub use parameter::{Parameter, Parameters, Range, Value};
 
@@ -38,7 +42,10 @@ pub struct MatcherSpec {
 /// Every algorithm svl knows. A new one is one file and one line here.
 pub const MATCHERS: &[MatcherSpec] = &[
     dp::SPEC,
+    v1::SPEC,
+    v2::SPEC,
     v3::SPEC,
+    v4::SPEC,
     #[cfg(feature = "exec")]
     exec::SPEC,
 ];

@@ -6,8 +6,11 @@
 //! Departures from the thesis: all in integers; windows near the left edge try the disparities that stay inside the
 //! right image; the back check sends negative disparities to 0.
 
-use super::stage::{BlockSearch, Blocks, DisparityRange, DogTexture, SelfCheck, VerticalSmoothing, back_check};
-use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::stage::{
+    BACK_CHECK, BlockSearch, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, VerticalSmoothing,
+};
+use super::stage::{back_check, refine};
+use super::{Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::Isa;
 use crate::stereo::{DisparityMap, Gray, Plane, StereoPair};
@@ -23,12 +26,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         VerticalSmoothing::SIGMA,
         DogTexture::SIGMA,
         DogTexture::DELTA,
-        Parameter {
-            name: "back_check",
-            unit: "",
-            range: Range::Flag { default: false },
-            description: "write negative disparities as 0, the farthest that can be measured",
-        },
+        SUBPIXEL,
+        BACK_CHECK,
     ],
     build: |parameters, isa| Ok(Box::new(V3::new(parameters, isa)?)),
 };
@@ -38,6 +37,7 @@ struct V3 {
     range: DisparityRange,
     smoothing: VerticalSmoothing,
     texture: DogTexture,
+    subpixel: bool,
     back_check: bool,
     scratch: Option<Scratch>,
 }
@@ -59,10 +59,11 @@ impl V3 {
     fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
         Ok(Self {
             isa,
-            range: DisparityRange::new(parameters.int("min_disparity"), parameters.int("max_disparity"))?,
+            range: DisparityRange::of(parameters)?,
             smoothing: VerticalSmoothing::new(parameters.real("smoothing_sigma")),
             texture: DogTexture::new(parameters.real("texture_sigma"), parameters.real("texture_delta")),
-            back_check: parameters.flag("back_check"),
+            subpixel: parameters.flag(SUBPIXEL.name),
+            back_check: parameters.flag(BACK_CHECK.name),
             scratch: None,
         })
     }
@@ -124,6 +125,9 @@ impl Matcher for V3 {
                     check.search(isa, left_blocks.around(y));
                 }
                 check.check_row(isa, lane, left.row(y), &mut row);
+                if self.subpixel {
+                    refine(self.range, left.row(y), |_| right.row(y), &mut row);
+                }
                 if self.back_check {
                     back_check(&mut row);
                 }

@@ -58,6 +58,7 @@ pub struct DisparityMap {
     disparity: Plane<f32>,
     why: Plane<Reason>,
     ssdpi: Plane<u32>,
+    row_offset: Option<Plane<i8>>,
 }
 
 impl DisparityMap {
@@ -73,10 +74,11 @@ impl DisparityMap {
             disparity: Plane::filled(width, height, f32::INFINITY)?,
             why: Plane::filled(width, height, Reason::Border)?,
             ssdpi: Plane::filled(width, height, Self::NO_SSDPI)?,
+            row_offset: None,
         })
     }
 
-    /// Makes the map `width` x `height`, keeping its memory where the size is already that.
+    /// Makes the map `width` x `height`, without row offsets, keeping its memory where the size is already that.
     ///
     /// # Errors
     /// [`crate::Error::Dimensions`].
@@ -84,6 +86,7 @@ impl DisparityMap {
         if self.size() != (width, height) {
             *self = Self::new(width, height)?;
         }
+        self.row_offset = None;
         Ok(())
     }
 
@@ -104,6 +107,40 @@ impl DisparityMap {
     /// check rejected it; [`DisparityMap::NO_SSDPI`] where nothing was compared or the matcher has no such cost.
     pub fn ssdpi(&self) -> &Plane<u32> {
         &self.ssdpi
+    }
+
+    /// How many rows lower the match of each pixel lies: `(x, y)` matches `(x − d, y + offset)` in the right image.
+    /// Nothing from matchers that look along the row alone; without meaning where a pixel is not valid.
+    pub fn row_offset(&self) -> Option<&Plane<i8>> {
+        self.row_offset.as_ref()
+    }
+
+    /// The row offsets, for a matcher that reuses their memory.
+    pub fn take_row_offset(&mut self) -> Option<Plane<i8>> {
+        self.row_offset.take()
+    }
+
+    /// Gives the map its row offsets.
+    ///
+    /// # Panics
+    /// When they are not of the map's size.
+    pub fn set_row_offset(&mut self, row_offset: Plane<i8>) {
+        assert_eq!(row_offset.size(), self.size());
+        self.row_offset = Some(row_offset);
+    }
+
+    /// By how many rows the right image lies too low: the median row offset of the valid pixels (of an even number the
+    /// lower of the two in the middle). 0 for a rectified pair; nothing without row offsets or valid pixels.
+    pub fn misalignment(&self) -> Option<i8> {
+        let mut counts = [0usize; 256];
+        let offsets = self.row_offset.as_ref()?.pixels().zip(self.why.pixels());
+        offsets.filter(|&(_, why)| why == Reason::Valid).for_each(|(offset, _)| counts[usize::from(offset as u8)] += 1);
+        let half = counts.iter().sum::<usize>().div_ceil(2);
+        let mut below = 0;
+        (i8::MIN..=i8::MAX).find(|&offset| {
+            below += counts[usize::from(offset as u8)];
+            half > 0 && below >= half
+        })
     }
 
     /// The disparity at `(x, y)`, or why there is none.
@@ -171,7 +208,7 @@ impl DisparityMap {
         tally
     }
 
-    /// Hash of size, disparities and reasons: equal results have equal hashes on every machine.
+    /// Hash of size, disparities, reasons and row offsets: equal results have equal hashes on every machine.
     pub fn hash(&self) -> u128 {
         let (width, height) = self.size();
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
@@ -182,6 +219,11 @@ impl DisparityMap {
             bytes.clear();
             disparity.iter().for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
             bytes.extend(why.iter().map(|&w| w as u8));
+            hasher.update(&bytes);
+        }
+        for offset in self.row_offset.iter().flat_map(Plane::rows) {
+            bytes.clear();
+            bytes.extend(offset.iter().map(|&o| o as u8));
             hasher.update(&bytes);
         }
         hasher.digest128()

@@ -1,4 +1,9 @@
-//! The specification of v3, written down again: slow, unoptimised, sharing no code with the matcher.
+//! The specifications of the thesis's matchers, written down again: slow, unoptimised, sharing no code with them.
+#![allow(dead_code, reason = "each test binary uses its part of this module")]
+
+pub(crate) mod scenes;
+pub(crate) mod symmetric;
+pub(crate) mod v4;
 
 use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
 
@@ -9,6 +14,7 @@ pub(crate) struct V3 {
     pub(crate) smoothing_sigma: f64,
     pub(crate) texture_sigma: f64,
     pub(crate) texture_delta: f64,
+    pub(crate) subpixel: bool,
     pub(crate) back_check: bool,
 }
 
@@ -20,7 +26,7 @@ impl V3 {
         for (y, mut row) in map.rows_mut().enumerate() {
             for x in 0..width as i32 {
                 match self.pixel(&left, &right, x, y) {
-                    Ok((d, ssdpi)) => row.accept(x as usize, d as f32, ssdpi),
+                    Ok((d, ssdpi)) => row.accept(x as usize, d, ssdpi),
                     Err((reason, ssdpi)) => row.reject(x as usize, reason, ssdpi),
                 }
             }
@@ -28,7 +34,7 @@ impl V3 {
         map
     }
 
-    fn pixel(&self, left: &Gray, right: &Gray, x: i32, y: usize) -> Result<(i32, u32), (Reason, u32)> {
+    fn pixel(&self, left: &Gray, right: &Gray, x: i32, y: usize) -> Result<(f32, u32), (Reason, u32)> {
         let inside = |x: i32| x - 4 >= 0 && x + 4 < left.width() as i32;
         let at = |image: &Gray, x: i32| i64::from(image.get(x as usize, y));
         let ssd = |other: &Gray, u: i32| (-4..=4).map(|i| (at(left, x + i) - at(other, u + i)).pow(2)).sum::<i64>();
@@ -37,35 +43,47 @@ impl V3 {
         if admissible.is_empty() {
             return Err((Reason::Border, DisparityMap::NO_SSDPI));
         }
-        if !self.textured(left, x, y) {
+        if !textured(left, x, y, self.texture_sigma, self.texture_delta) {
             return Err((Reason::Untextured, DisparityMap::NO_SSDPI));
         }
         let cost = |d: i32| ssd(right, x - d) * (25 + 4 * i64::from(d.abs()));
-        let winner = admissible.into_iter().min_by_key(|&d| (cost(d), d)).unwrap();
+        let winner = admissible.iter().copied().min_by_key(|&d| (cost(d), d)).unwrap();
         let ssdpi = ssd(right, x - winner);
         let farthest = self.min.abs().max(self.max.abs());
         let reference = (1..=farthest).flat_map(|o| [x - o, x + o]).filter(|&u| inside(u)).map(|u| ssd(left, u)).min();
         if reference.is_some_and(|reference| ssdpi >= reference) {
             return Err((Reason::SelfCheck, ssdpi as u32));
         }
-        Ok((if self.back_check { winner.max(0) } else { winner }, ssdpi as u32))
+        let refined = if self.subpixel { refine(winner, &admissible, |d| ssd(right, x - d)) } else { winner as f32 };
+        Ok((if self.back_check { refined.max(0.0) } else { refined }, ssdpi as u32))
     }
+}
 
-    fn textured(&self, left: &Gray, x: i32, y: usize) -> bool {
-        let gaussian = |s: f64, t: f64| (-t * t / (2.0 * s * s)).exp() / s / (2.0 * std::f64::consts::PI).sqrt();
-        let response = |a: f64, b: f64| -> i64 {
-            (-12..=11)
-                .map(|t| {
-                    let g = gaussian(a, f64::from(t)) - gaussian(b, f64::from(t));
-                    let weight = (65536.0 * g + 0.5).floor() as i64;
-                    weight * i64::from(left.get((x + t).clamp(0, left.width() as i32 - 1) as usize, y))
-                })
-                .sum::<i64>()
-                .abs()
-        };
-        let (s, delta) = (self.texture_sigma, self.texture_delta);
-        response(s, s + delta) >= response(s + delta, s + 2.0 * delta)
+/// The lowest point of the parabola through the SSDs at the winner and beside it.
+fn refine(winner: i32, admissible: &[i32], ssd: impl Fn(i32) -> i64) -> f32 {
+    let [p, m, n] = [winner - 1, winner, winner + 1].map(|d| admissible.contains(&d).then(|| ssd(d)));
+    match (p, m, n) {
+        (Some(p), Some(m), Some(n)) if m <= p && m <= n && (m, m) != (p, n) => {
+            winner as f32 + (p - n) as f32 / (2 * (p + n - 2 * m)) as f32
+        }
+        _ => winner as f32,
     }
+}
+
+/// The texture filter of v3 and v4.
+fn textured(left: &Gray, x: i32, y: usize, s: f64, delta: f64) -> bool {
+    let gaussian = |s: f64, t: f64| (-t * t / (2.0 * s * s)).exp() / s / (2.0 * std::f64::consts::PI).sqrt();
+    let response = |a: f64, b: f64| -> i64 {
+        (-12..=11)
+            .map(|t| {
+                let g = gaussian(a, f64::from(t)) - gaussian(b, f64::from(t));
+                let weight = (65536.0 * g + 0.5).floor() as i64;
+                weight * i64::from(left.get((x + t).clamp(0, left.width() as i32 - 1) as usize, y))
+            })
+            .sum::<i64>()
+            .abs()
+    };
+    response(s, s + delta) >= response(s + delta, s + 2.0 * delta)
 }
 
 fn smooth(image: &Gray, sigma: f64) -> Gray {

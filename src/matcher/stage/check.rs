@@ -3,6 +3,7 @@
 use super::DisparityRange;
 use super::ssd::{REACH, each_capped, farthest_shift, ssd};
 use crate::kernel::{Isa, Lanes, least_ssd, self_check_row, transpose_back};
+use crate::matcher::{Parameter, Range};
 use crate::stereo::{Reason, RowMut};
 
 /// The self check: a match must be better than the window's best match in its own image.
@@ -54,6 +55,14 @@ impl SelfCheck {
         around.filter(|u| inside.contains(u)).any(|u| ssd(left, x, left, u) <= ssdpi)
     }
 }
+
+/// Whether negative disparities become 0, as the matchers' tables have it.
+pub const BACK_CHECK: Parameter = Parameter {
+    name: "back_check",
+    unit: "",
+    range: Range::Flag { default: false },
+    description: "write negative disparities as 0, the farthest that can be measured",
+};
 
 /// The back check: with view axes that cross, a negative disparity lies behind the crossing and becomes 0, the farthest
 /// that can be measured.

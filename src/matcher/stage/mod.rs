@@ -2,18 +2,28 @@
 
 mod blocks;
 mod check;
+mod costs;
+mod deviation;
+mod filter;
 mod scanline;
 mod smoothing;
 mod spread;
 mod ssd;
+mod subpixel;
+mod symmetry;
 mod texture;
 
 pub use blocks::Blocks;
-pub use check::{SelfCheck, back_check};
+pub use check::{BACK_CHECK, SelfCheck, back_check};
+pub use costs::CostSearch;
+pub use deviation::DeviationTexture;
+pub use filter::{CostFilter, ErrorFilter, SpreadFilter};
 pub use scanline::{PathCosts, Scanlines};
 pub use smoothing::VerticalSmoothing;
 pub use spread::{Spread, SpreadPixel, bridge};
 pub use ssd::{BlockSearch, DisparityRange};
+pub use subpixel::{SUBPIXEL, refine};
+pub use symmetry::SymmetricCheck;
 pub use texture::DogTexture;
 
 use rayon::prelude::*;
@@ -25,5 +35,21 @@ pub(super) fn each_row<T: Send>(plane: &mut [T], width: usize, together: usize, 
         plane.chunks_exact_mut(width).enumerate().for_each(|(y, row)| work(y, row));
     } else {
         plane.par_chunks_exact_mut(width).enumerate().with_min_len(together).for_each(|(y, row)| work(y, row));
+    }
+}
+
+/// Runs `work` on bands of `plane`, of `pixels` each, with their number and one element of `scratch`, on the threads of
+/// rayon's current pool.
+pub(super) fn each_band<T: Send, S: Send>(
+    plane: &mut [T],
+    pixels: usize,
+    scratch: &mut [S],
+    work: impl Fn(usize, &mut [T], &mut S) + Sync,
+) {
+    let work = |(band, (plane, scratch)): (usize, (&mut [T], &mut S))| work(band, plane, scratch);
+    if rayon::current_num_threads() == 1 {
+        plane.chunks_mut(pixels).zip(scratch).enumerate().for_each(work);
+    } else {
+        plane.par_chunks_mut(pixels).zip(scratch).enumerate().for_each(work);
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::error::{Error, Result};
 use crate::kernel::{CAP, Isa, Lanes, Winner, Winners, accept_row, winner_rows, winners};
-use crate::matcher::{Parameter, Range};
+use crate::matcher::{Parameter, Parameters, Range};
 use crate::stereo::{DisparityMap, Reason, RowMut};
 use std::ops;
 
@@ -51,6 +51,14 @@ impl DisparityRange {
         }
     }
 
+    /// As the parameters of a matcher have it.
+    ///
+    /// # Errors
+    /// As [`DisparityRange::new`].
+    pub fn of(parameters: &Parameters) -> Result<Self> {
+        Self::new(parameters.int(Self::MIN.name), parameters.int(Self::MAX.name))
+    }
+
     pub fn min(self) -> i32 {
         self.min
     }
@@ -70,6 +78,18 @@ impl DisparityRange {
         let first = reach + self.min.max(0);
         let end = width - reach + self.max.min(0);
         if first < end { first as usize..end as usize } else { 0..0 }
+    }
+
+    /// The disparities that are admissible anywhere in rows of `width` pixels.
+    pub fn within(self, width: usize) -> ops::RangeInclusive<i32> {
+        let farthest = farthest_shift(width);
+        self.min.max(-farthest)..=self.max.min(farthest)
+    }
+
+    /// The disparities that keep the window around `x` inside a right row of `width` pixels.
+    pub fn admissible(self, x: usize, width: usize) -> ops::RangeInclusive<i32> {
+        let (x, reach) = (x as i32, REACH as i32);
+        self.min.max(x - (width as i32 - 1 - reach))..=self.max.min(x - reach)
     }
 
     /// What multiplies an SSD to make it a cost: 25 · (0.16 |d| + 1).
@@ -92,8 +112,7 @@ pub struct BlockSearch {
 impl BlockSearch {
     /// For rows of `width` pixels.
     pub fn new(width: usize, range: DisparityRange) -> Self {
-        let farthest = farthest_shift(width);
-        let disparities = range.min.max(-farthest)..=range.max.min(farthest);
+        let disparities = range.within(width);
         Self {
             range,
             first: *disparities.start(),
@@ -127,11 +146,8 @@ impl BlockSearch {
 
     /// The winner at `x` and its SSD, without caps.
     fn exact(&self, left: &[u8], right: &[u8], x: usize) -> (i32, u32) {
-        let (first, x) = (self.first, x as i32);
-        let last = first + self.weights.len() as i32 - 1;
-        let admissible = first.max(x - (left.len() - 1 - REACH) as i32)..=last.min(x - REACH as i32);
-        let candidates = admissible.map(|d| {
-            let ssd = ssd(left, x as usize, right, (x - d) as usize);
+        let candidates = self.range.admissible(x, left.len()).map(|d| {
+            let ssd = ssd(left, x, right, (x as i32 - d) as usize);
             (ssd * DisparityRange::weight(d), d, ssd)
         });
         // `DisparityRange::columns` names only pixels with an admissible disparity.

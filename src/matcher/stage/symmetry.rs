@@ -1,0 +1,71 @@
+//! The symmetric check (thesis, section 5.3.3, "Validity Test", after Fua): the right image must prefer the same match.
+
+use super::costs::Costs;
+use super::ssd::DisparityRange;
+use crate::kernel::{Isa, Lanes, Match, Search, match_rows, matches};
+use crate::matcher::{Parameter, Range};
+use crate::stereo::{Reason, RowMut};
+
+/// Lets each pixel of the right image take its own cheapest disparity. It holds one thread's scratch.
+///
+/// A mirrored pair has the same disparities the other way round, so this is the search of the left image's pixels once
+/// more, on the mirrored right and left images. That costs the sums twice; right winners that accumulate in one search
+/// would have to be read and written for every disparity of every pixel, which takes as long.
+pub struct SymmetricCheck {
+    tolerance_px: i32,
+    within: Costs,
+    left: Vec<Lanes<u16>>,
+    right: Vec<Lanes<u16>>,
+    columns: Vec<Lanes<Match>>,
+    /// Rows of the mirrored right image.
+    matches: Vec<Match>,
+}
+
+impl SymmetricCheck {
+    /// Farthest that the two disparities may be apart, as the matchers' tables have it.
+    pub const TOLERANCE: Parameter = Parameter {
+        name: "symmetry_tolerance",
+        unit: "px",
+        range: Range::Int { default: 1, min: 0, max: 2 * DisparityRange::LIMIT },
+        description: "farthest that the right image's own disparity may be from the left image's",
+    };
+
+    /// For rows of `width` pixels.
+    pub fn new(tolerance_px: i32, width: usize, range: DisparityRange) -> Self {
+        Self {
+            tolerance_px,
+            within: Costs::new(width, range),
+            left: vec![Lanes::splat(0); width],
+            right: vec![Lanes::splat(0); width],
+            columns: vec![Lanes::splat(Match::NONE); width],
+            matches: vec![Match::NONE; width * Lanes::COUNT],
+        }
+    }
+
+    /// Matches a block of rows of the right image with the same rows of the left one.
+    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>]) {
+        for (mirrored, block) in [(&mut self.left, left), (&mut self.right, right)] {
+            mirrored.iter_mut().zip(block.iter().rev()).for_each(|(to, from)| *to = *from);
+        }
+        let Costs { first, weights, sums } = &mut self.within;
+        let search = Search { left: &self.right, right: &self.left, first: *first, weights };
+        matches(isa, &search, sums, &mut self.columns);
+        match_rows(isa, &self.columns, &mut self.matches);
+    }
+
+    /// Rejects the matches of `row`, the one of that `lane` in the block, that the right image does not share.
+    pub fn check_row(&self, lane: usize, row: &mut RowMut<'_>) {
+        let width = row.width();
+        let matches = &self.matches[lane * width..][..width];
+        for x in 0..width {
+            if let Ok(d) = row.at(x) {
+                // Matchers of whole pixels: `d` is one of the range, and its window lies inside the right image.
+                let d = d as i32;
+                let matched = matches[(width as i32 - 1 - (x as i32 - d)) as usize];
+                if (self.within.first + matched.index() as i32).abs_diff(d) > self.tolerance_px as u32 {
+                    row.reject(x, Reason::Inconsistent, row.ssdpi(x));
+                }
+            }
+        }
+    }
+}
