@@ -1,54 +1,8 @@
 //! What a matcher returns: disparities, and for each pixel without one, why.
 
-use super::Plane;
+use super::{BandMut, Plane, Reason, RowMut};
 use crate::error::Result;
 use rayon::prelude::*;
-
-/// Why a pixel has no disparity. The discriminant is the code in files (`WHY.png`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Reason {
-    /// It has one.
-    Valid = 0,
-    /// No window fits around it, or no disparity of the range keeps the window inside the right image.
-    Border = 1,
-    /// Too little texture to tell windows apart.
-    Untextured = 2,
-    /// Another disparity is nearly as good.
-    Ambiguous = 3,
-    /// The right image prefers another match.
-    Inconsistent = 4,
-    /// The window resembles its own surroundings as much as its match.
-    SelfCheck = 5,
-    /// Nothing in the right image claimed it.
-    Unmatched = 6,
-}
-
-impl Reason {
-    /// All reasons, in order of their codes.
-    pub const ALL: [Reason; 7] = [
-        Reason::Valid,
-        Reason::Border,
-        Reason::Untextured,
-        Reason::Ambiguous,
-        Reason::Inconsistent,
-        Reason::SelfCheck,
-        Reason::Unmatched,
-    ];
-
-    /// The word for it in tables and legends.
-    pub fn name(self) -> &'static str {
-        match self {
-            Reason::Valid => "valid",
-            Reason::Border => "border",
-            Reason::Untextured => "untextured",
-            Reason::Ambiguous => "ambiguous",
-            Reason::Inconsistent => "inconsistent",
-            Reason::SelfCheck => "self-check",
-            Reason::Unmatched => "unmatched",
-        }
-    }
-}
 
 /// Disparity, reason and SSDPI for every pixel of the left image.
 ///
@@ -232,93 +186,6 @@ impl DisparityMap {
 
 /// A band's planes and its scratch.
 type PlanesAnd<'a, S> = (((&'a mut [f32], &'a mut [Reason]), &'a mut [u32]), &'a mut S);
-
-/// Neighbouring rows of a [`DisparityMap`], to write.
-pub struct BandMut<'a> {
-    width: usize,
-    disparity: &'a mut [f32],
-    why: &'a mut [Reason],
-    ssdpi: &'a mut [u32],
-}
-
-impl<'a> BandMut<'a> {
-    /// The rows as writers, top to bottom.
-    pub fn into_rows(self) -> impl Iterator<Item = RowMut<'a>> {
-        let disparity = self.disparity.chunks_exact_mut(self.width);
-        let why = self.why.chunks_exact_mut(self.width);
-        let ssdpi = self.ssdpi.chunks_exact_mut(self.width);
-        disparity.zip(why).zip(ssdpi).map(|((disparity, why), ssdpi)| RowMut { disparity, why, ssdpi })
-    }
-}
-
-/// One row of a [`DisparityMap`], to write.
-pub struct RowMut<'a> {
-    disparity: &'a mut [f32],
-    why: &'a mut [Reason],
-    ssdpi: &'a mut [u32],
-}
-
-impl RowMut<'_> {
-    pub fn width(&self) -> usize {
-        self.why.len()
-    }
-
-    /// The disparity at `x`, or why there is none.
-    pub fn at(&self, x: usize) -> std::result::Result<f32, Reason> {
-        match self.why[x] {
-            Reason::Valid => Ok(self.disparity[x]),
-            reason => Err(reason),
-        }
-    }
-
-    /// The winners' SSDs.
-    pub fn ssdpis(&self) -> &[u32] {
-        self.ssdpi
-    }
-
-    /// Disparities, reasons and SSDPIs, to write together: finite exactly where valid.
-    pub(crate) fn planes_mut(&mut self) -> (&mut [f32], &mut [Reason], &mut [u32]) {
-        (self.disparity, self.why, self.ssdpi)
-    }
-
-    /// The row's pixels `columns` alone.
-    pub fn part_mut(&mut self, columns: std::ops::Range<usize>) -> RowMut<'_> {
-        RowMut {
-            disparity: &mut self.disparity[columns.clone()],
-            why: &mut self.why[columns.clone()],
-            ssdpi: &mut self.ssdpi[columns],
-        }
-    }
-
-    /// The winner's SSD at `x`.
-    pub fn ssdpi(&self, x: usize) -> u32 {
-        self.ssdpi[x]
-    }
-
-    /// Writes that no pixel of the row was compared, and why.
-    pub fn clear(&mut self, reason: Reason) {
-        debug_assert!(reason != Reason::Valid);
-        self.disparity.fill(f32::INFINITY);
-        self.why.fill(reason);
-        self.ssdpi.fill(DisparityMap::NO_SSDPI);
-    }
-
-    /// Writes a disparity.
-    pub fn accept(&mut self, x: usize, disparity: f32, ssdpi: u32) {
-        debug_assert!(disparity.is_finite());
-        self.disparity[x] = disparity;
-        self.why[x] = Reason::Valid;
-        self.ssdpi[x] = ssdpi;
-    }
-
-    /// Writes that there is none, and why.
-    pub fn reject(&mut self, x: usize, reason: Reason, ssdpi: u32) {
-        debug_assert!(reason != Reason::Valid);
-        self.disparity[x] = f32::INFINITY;
-        self.why[x] = reason;
-        self.ssdpi[x] = ssdpi;
-    }
-}
 
 #[cfg(test)]
 mod tests {

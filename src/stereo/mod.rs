@@ -13,11 +13,15 @@ mod frame;
 mod grid;
 mod image;
 mod pair;
+mod reason;
 mod rig;
+mod row;
 
-pub use disparity::{BandMut, DisparityMap, Reason, RowMut};
+pub use disparity::DisparityMap;
 pub use frame::{Estimate, Exposure, Frame, Pose, Truth, Visibility};
 pub use grid::{Cell, CellDepth, DepthGrid, GridShape};
 pub use image::{Gray, MAX_SIDE, Plane};
 pub use pair::StereoPair;
+pub use reason::Reason;
 pub use rig::Rig;
+pub use row::{BandMut, RowMut};

@@ -1,0 +1,47 @@
+//! Why a pixel has no disparity.
+
+/// Why a pixel has no disparity. The discriminant is the code in files (`WHY.png`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Reason {
+    /// It has one.
+    Valid = 0,
+    /// No window fits around it, or no disparity of the range keeps the window inside the right image.
+    Border = 1,
+    /// Too little texture to tell windows apart.
+    Untextured = 2,
+    /// Another disparity is nearly as good.
+    Ambiguous = 3,
+    /// The right image prefers another match.
+    Inconsistent = 4,
+    /// The window resembles its own surroundings as much as its match.
+    SelfCheck = 5,
+    /// Nothing in the right image claimed it.
+    Unmatched = 6,
+}
+
+impl Reason {
+    /// All reasons, in order of their codes.
+    pub const ALL: [Reason; 7] = [
+        Reason::Valid,
+        Reason::Border,
+        Reason::Untextured,
+        Reason::Ambiguous,
+        Reason::Inconsistent,
+        Reason::SelfCheck,
+        Reason::Unmatched,
+    ];
+
+    /// The word for it in tables and legends.
+    pub fn name(self) -> &'static str {
+        match self {
+            Reason::Valid => "valid",
+            Reason::Border => "border",
+            Reason::Untextured => "untextured",
+            Reason::Ambiguous => "ambiguous",
+            Reason::Inconsistent => "inconsistent",
+            Reason::SelfCheck => "self-check",
+            Reason::Unmatched => "unmatched",
+        }
+    }
+}
