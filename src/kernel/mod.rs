@@ -7,6 +7,8 @@
 mod block;
 mod dog;
 mod isa;
+mod prefilter;
+mod sad;
 mod smooth;
 mod ssd;
 mod write;
@@ -14,6 +16,8 @@ mod write;
 pub use block::Lanes;
 pub use dog::DogTaps;
 pub use isa::{Isa, isa};
+pub use prefilter::PREFILTER_CAP;
+pub use sad::{PIXELS, SadTest, SadWinners};
 pub use ssd::{CAP, Winner, Winners};
 
 use crate::stereo::{Gray, RowMut};
@@ -87,4 +91,31 @@ kernels! {
 
     /// Rejects the valid pixels of a row whose SSD is not below its reference, where neither is capped.
     pub fn self_check_row(references: &[u16], row: &mut RowMut<'_>) = write::self_check;
+
+    /// The x-Sobel response of the middle one of three rows, capped to ±[`PREFILTER_CAP`] and that added; the columns
+    /// at both ends answer nothing.
+    pub fn sobel_row(rows: [&[u8]; 3], out: &mut [u8]) = prefilter::sobel;
+
+    /// The Laplacian of a Gaussian of σ 1 at the middle one of five rows, capped as [`sobel_row`]'s response; the two
+    /// columns at either end answer nothing.
+    pub fn log_row(rows: [&[u8]; 5], out: &mut [u8]) = prefilter::log;
+
+    /// Moves column sums of absolute differences on by a row: `left` and `right` hold the row that comes in and the one
+    /// that goes out.
+    ///
+    /// `sums` holds `stride` columns, whole blocks of [`PIXELS`], for each place in the range; at place `i` a left pixel
+    /// meets the right one `i` further on. The rows hold as many pixels as are so met.
+    pub fn slide_columns(left: [&[u8]; 2], right: [&[u8]; 2], stride: usize, sums: &mut [u16]) = sad::slide;
+
+    /// Moves column sums of the strength of the prefilter's response on by a row, the first of `rows`; the second goes.
+    pub fn slide_texture(rows: [&[u8]; 2], sums: &mut [u16]) = sad::slide_texture;
+
+    /// Sums of `window` neighbouring columns, from each on; whole blocks of [`PIXELS`].
+    pub fn window_sums(columns: &[u16], window: usize, out: &mut [u16]) = sad::window_sums;
+
+    /// For each pixel the least sum of `window` neighbouring columns and its rivals, ties to the earlier place.
+    pub fn least_sads(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) = sad::least;
+
+    /// Writes a row of winners with their fractions of a pixel, or why they are none.
+    pub fn accept_sads(winners: &[SadWinners], textures: &[u16], test: &SadTest, row: &mut RowMut<'_>) = sad::accept;
 }

@@ -1,5 +1,6 @@
 //! Matchers: from a rectified pair to disparities. [`MATCHERS`] is the one table of them.
 
+mod bm;
 mod parameter;
 pub mod stage;
 mod v3;
@@ -23,6 +24,8 @@ pub trait Matcher: Send {
 /// An entry of [`MATCHERS`].
 pub struct MatcherSpec {
     pub name: &'static str,
+    /// Other names it is known by; unique in the table, as `name` is.
+    pub aliases: &'static [&'static str],
     pub summary: &'static str,
     /// Where the method was published.
     pub paper: &'static str,
@@ -32,17 +35,24 @@ pub struct MatcherSpec {
 }
 
 /// Every algorithm svl knows. A new one is one file and one line here.
-pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC];
+pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC, bm::SPEC];
 
-/// The algorithm of that name.
+/// The algorithm of that name or alias.
 ///
 /// # Errors
 /// [`Error::UnknownAlgorithm`] with the nearest name.
 pub fn find(name: &str) -> Result<&'static MatcherSpec> {
-    MATCHERS.iter().find(|spec| spec.name == name).ok_or_else(|| Error::UnknownAlgorithm {
+    MATCHERS.iter().find(|spec| spec.names().any(|n| n == name)).ok_or_else(|| Error::UnknownAlgorithm {
         name: name.to_owned(),
-        nearest: nearest(name, MATCHERS.iter().map(|spec| spec.name)),
+        nearest: nearest(name, MATCHERS.iter().flat_map(MatcherSpec::names)),
     })
+}
+
+impl MatcherSpec {
+    /// Its name, then its aliases.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        std::iter::once(self.name).chain(self.aliases.iter().copied())
+    }
 }
 
 /// An algorithm with its parameters, as written `NAME[:key=value,...]`.

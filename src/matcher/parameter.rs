@@ -18,6 +18,7 @@ pub enum Range {
     Int { default: i32, min: i32, max: i32 },
     Real { default: f64, min: f64, max: f64 },
     Flag { default: bool },
+    Choice { default: &'static str, options: &'static [&'static str] },
 }
 
 /// A parameter's value.
@@ -26,6 +27,7 @@ pub enum Value {
     Int(i32),
     Real(f64),
     Flag(bool),
+    Choice(&'static str),
 }
 
 impl Range {
@@ -34,6 +36,7 @@ impl Range {
             Range::Int { default, .. } => Value::Int(default),
             Range::Real { default, .. } => Value::Real(default),
             Range::Flag { default } => Value::Flag(default),
+            Range::Choice { default, .. } => Value::Choice(default),
         }
     }
 
@@ -43,6 +46,7 @@ impl Range {
             Range::Int { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Int),
             Range::Real { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Real),
             Range::Flag { .. } => text.parse().ok().map(Value::Flag),
+            Range::Choice { options, .. } => options.iter().find(|o| **o == text).copied().map(Value::Choice),
         }
     }
 }
@@ -53,6 +57,7 @@ impl std::fmt::Display for Range {
             Range::Int { min, max, .. } => write!(f, "a whole number in {min}..={max}"),
             Range::Real { min, max, .. } => write!(f, "a number in {min}..={max}"),
             Range::Flag { .. } => write!(f, "true or false"),
+            Range::Choice { options, .. } => write!(f, "one of {}", options.join(", ")),
         }
     }
 }
@@ -63,6 +68,7 @@ impl std::fmt::Display for Value {
             Value::Int(v) => write!(f, "{v}"),
             Value::Real(v) => write!(f, "{v}"),
             Value::Flag(v) => write!(f, "{v}"),
+            Value::Choice(v) => write!(f, "{v}"),
         }
     }
 }
@@ -135,6 +141,17 @@ impl Parameters {
     pub fn flag(&self, name: &str) -> bool {
         match self.value(name) {
             Value::Flag(v) => v,
+            other => panic!("parameter {name} is {other:?}"),
+        }
+    }
+
+    /// The option chosen for `name`.
+    ///
+    /// # Panics
+    /// As [`Parameters::int`].
+    pub fn choice(&self, name: &str) -> &'static str {
+        match self.value(name) {
+            Value::Choice(v) => v,
             other => panic!("parameter {name} is {other:?}"),
         }
     }

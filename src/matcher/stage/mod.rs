@@ -1,14 +1,22 @@
-//! The published steps that the matchers of the thesis are composed of.
+//! The published steps that the matchers are composed of.
 
 mod blocks;
 mod check;
+mod claims;
+mod prefilter;
+mod sad;
 mod smoothing;
+mod speckle;
 mod ssd;
 mod texture;
 
 pub use blocks::Blocks;
 pub use check::{SelfCheck, back_check};
+pub use claims::Claims;
+pub use prefilter::{Edges, Prefilter};
+pub use sad::SadSearch;
 pub use smoothing::VerticalSmoothing;
+pub use speckle::Speckles;
 pub use ssd::{BlockSearch, DisparityRange};
 pub use texture::DogTexture;
 
