@@ -5,8 +5,12 @@
 //! vectors. All arithmetic is on integers, so every variant gives the same bytes; `tests/v3.rs` holds them to it.
 
 mod block;
+mod census;
+mod choose;
 mod dog;
 mod isa;
+mod median;
+mod paths;
 mod prefilter;
 mod sad;
 mod smooth;
@@ -14,8 +18,11 @@ mod ssd;
 mod write;
 
 pub use block::Lanes;
+pub use census::{CENSUS_BYTES, CENSUS_REACH, Costs, DISPARITIES};
+pub use choose::{ChosenRow, SumTest};
 pub use dog::DogTaps;
 pub use isa::{Isa, isa};
+pub use paths::{Paths, Penalties, Sums};
 pub use prefilter::PREFILTER_CAP;
 pub use sad::{PIXELS, SadTest, SadWinners};
 pub use ssd::{CAP, Winner, Winners};
@@ -118,4 +125,35 @@ kernels! {
 
     /// Writes a row of winners with their fractions of a pixel, or why they are none.
     pub fn accept_sads(winners: &[SadWinners], textures: &[u16], test: &SadTest, row: &mut RowMut<'_>) = sad::accept;
+
+    /// The censuses of a row: its bytes, in planes that stand `stride` apart.
+    ///
+    /// `rows` are the row and the three above and below, each with [`CENSUS_REACH`] further pixels at both ends.
+    pub fn census_row(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) = census::census;
+
+    /// Hamming distances between the censuses of a row of the left image and those of the right one, `tail.len()`
+    /// [`Costs`] per pixel.
+    ///
+    /// Both rows run backwards, so that disparities run forwards; the right one's place `width - 1 - x` is what the left
+    /// pixel `x` meets at the first disparity, and its planes go on for the whole range. `outside` and `tail` have [`Costs::OUTSIDE`], else 0, where a place
+    /// is outside the image and where a disparity is beyond the range.
+    pub fn census_costs(left: &[u8], right: &[u8], outside: &[u8], tail: &[Costs], out: &mut [Costs]) = census::costs;
+
+    /// Moves `paths` on by a row, and writes their costs to `sums` or adds them.
+    ///
+    /// `grey` is the row of the left image and the one before it in the direction of the sweep.
+    pub fn follow_paths(
+        paths: &mut Paths,
+        costs: &[Costs],
+        grey: [&[u8]; 2],
+        penalties: &Penalties,
+        add: bool,
+        sums: &mut [Sums],
+    ) = paths::follow;
+
+    /// The best disparities of a row, with `chunks` [`Sums`] per pixel.
+    pub fn choose_row(sums: &[Sums], chunks: usize, test: &SumTest, row: &mut ChosenRow<'_>) = choose::choose;
+
+    /// Medians of nine, three rows by three columns; the outermost columns have no neighbour beyond them and count twice.
+    pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = median::row;
 }

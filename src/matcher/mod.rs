@@ -2,6 +2,7 @@
 
 mod bm;
 mod parameter;
+mod sgm;
 pub mod stage;
 mod v3;
 
@@ -35,7 +36,7 @@ pub struct MatcherSpec {
 }
 
 /// Every algorithm svl knows. A new one is one file and one line here.
-pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC, bm::SPEC];
+pub const MATCHERS: &[MatcherSpec] = &[v3::SPEC, bm::SPEC, sgm::SPEC];
 
 /// The algorithm of that name or alias.
 ///

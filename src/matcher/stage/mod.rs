@@ -1,8 +1,10 @@
 //! The published steps that the matchers are composed of.
 
 mod blocks;
+mod census;
 mod check;
 mod claims;
+mod paths;
 mod prefilter;
 mod sad;
 mod smoothing;
@@ -11,8 +13,10 @@ mod ssd;
 mod texture;
 
 pub use blocks::Blocks;
+pub use census::CostVolume;
 pub use check::{SelfCheck, back_check};
 pub use claims::Claims;
+pub use paths::{Chosen, PathSums};
 pub use prefilter::{Edges, Prefilter};
 pub use sad::SadSearch;
 pub use smoothing::VerticalSmoothing;

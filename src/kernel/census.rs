@@ -1,0 +1,64 @@
+//! The census of a pixel, which of its neighbours are darker (Zabih & Woodfill 1994), and in how many of them two differ.
+
+/// Half of the window, 9 x 7 pixels: 62 neighbours.
+pub const CENSUS_REACH: [usize; 2] = [4, 3];
+
+/// Bytes that a census takes. Those of a row lie in as many planes, so that pixels are lanes.
+pub const CENSUS_BYTES: usize = 8;
+
+/// Disparities handled together.
+pub const DISPARITIES: usize = 32;
+
+/// Matching costs of neighbouring disparities: 0 ..= 62, or [`Costs::OUTSIDE`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(32))]
+pub struct Costs(pub [u8; DISPARITIES]);
+
+impl Costs {
+    /// Of a disparity beyond the range or the right image.
+    pub const OUTSIDE: u8 = u8::MAX;
+}
+
+/// See [`super::census_row`].
+#[inline(always)]
+pub(super) fn census(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) {
+    let [reach_x, reach_y] = CENSUS_REACH;
+    let (width, window) = (rows[0].len() - 2 * reach_x, 2 * reach_x + 1);
+    let centres = &rows[reach_y][reach_x..][..width];
+    out.chunks_mut(stride).for_each(|plane| plane[..width].fill(0));
+    let neighbours = (0..7 * window).filter(|&k| k != reach_y * window + reach_x);
+    for (bit, k) in neighbours.enumerate() {
+        let plane = &mut out[bit / 8 * stride..][..width];
+        let neighbours = &rows[k / window][k % window..][..width];
+        for ((byte, &neighbour), &centre) in plane.iter_mut().zip(neighbours).zip(centres) {
+            *byte |= u8::from(neighbour < centre) << (bit % 8);
+        }
+    }
+}
+
+/// See [`super::census_costs`].
+#[inline(always)]
+pub(super) fn costs(left: &[u8], right: &[u8], outside: &[u8], tail: &[Costs], out: &mut [Costs]) {
+    let chunks = tail.len();
+    let width = out.len() / chunks;
+    let stride = right.len() / CENSUS_BYTES;
+    for (x, out) in out.chunks_exact_mut(chunks).enumerate() {
+        let left: [u8; CENSUS_BYTES] = std::array::from_fn(|b| left[b * width + width - 1 - x]);
+        for (chunk, (out, tail)) in out.iter_mut().zip(tail).enumerate() {
+            let at = width - 1 - x + chunk * DISPARITIES;
+            // Each plane goes on for the whole range beyond its last pixel.
+            let lanes = |row: &[u8]| *row[at..].first_chunk::<DISPARITIES>().expect("a row as long as the range");
+            let mut costs = [0; DISPARITIES];
+            for (b, &left) in left.iter().enumerate() {
+                let right = lanes(&right[b * stride..]);
+                for i in 0..DISPARITIES {
+                    costs[i] += (left ^ right[i]).count_ones() as u8;
+                }
+            }
+            let outside = lanes(outside);
+            for i in 0..DISPARITIES {
+                out.0[i] = costs[i] | outside[i] | tail.0[i];
+            }
+        }
+    }
+}
