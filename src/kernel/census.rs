@@ -43,13 +43,13 @@ pub(super) fn costs(left: &[u8], right: &[u8], outside: &[u8], tail: &[Costs], o
     let width = out.len() / chunks;
     let stride = right.len() / CENSUS_BYTES;
     for (x, out) in out.chunks_exact_mut(chunks).enumerate() {
-        let left: [u8; CENSUS_BYTES] = std::array::from_fn(|b| left[b * width + width - 1 - x]);
         for (chunk, (out, tail)) in out.iter_mut().zip(tail).enumerate() {
             let at = width - 1 - x + chunk * DISPARITIES;
             // Each plane goes on for the whole range beyond its last pixel.
             let lanes = |row: &[u8]| *row[at..].first_chunk::<DISPARITIES>().expect("a row as long as the range");
             let mut costs = [0; DISPARITIES];
-            for (b, &left) in left.iter().enumerate() {
+            for b in 0..CENSUS_BYTES {
+                let left = left[b * width + width - 1 - x];
                 let right = lanes(&right[b * stride..]);
                 for i in 0..DISPARITIES {
                     costs[i] += (left ^ right[i]).count_ones() as u8;

@@ -67,15 +67,33 @@ fn least(sums: &[Sums]) -> (u16, u16) {
             lanes[i] = lanes[i].min(sums.0[i]);
         }
     }
-    let least = lanes.into_iter().fold(u16::MAX, u16::min);
+    let least = least_lane(&lanes);
     let mut places = [u16::MAX; DISPARITIES];
     for (chunk, sums) in sums.iter().enumerate() {
         for i in 0..DISPARITIES {
             let place = (chunk * DISPARITIES + i) as u16;
-            places[i] = places[i].min(if sums.0[i] == least { place } else { u16::MAX });
+            places[i] = places[i].min(place | u16::from(sums.0[i] != least).wrapping_neg());
         }
     }
-    (least, places.into_iter().fold(u16::MAX, u16::min))
+    (least, least_lane(&places))
+}
+
+#[inline(always)]
+fn least_lane(lanes: &[u16; DISPARITIES]) -> u16 {
+    // Halves first: the compiler keeps these in vectors, one loop over all it takes apart.
+    let mut halves = [0; DISPARITIES / 2];
+    for i in 0..DISPARITIES / 2 {
+        halves[i] = lanes[i].min(lanes[i + DISPARITIES / 2]);
+    }
+    let mut quarters = [0; DISPARITIES / 4];
+    for i in 0..DISPARITIES / 4 {
+        quarters[i] = halves[i].min(halves[i + DISPARITIES / 4]);
+    }
+    let mut least = u16::MAX;
+    for lane in quarters {
+        least = least.min(lane);
+    }
+    least
 }
 
 /// The least of the sums but for `place` and its neighbours.
@@ -86,10 +104,10 @@ fn other(sums: &[Sums], place: u16) -> u16 {
         for i in 0..DISPARITIES {
             // 0 ..= 2 for the place and its neighbours.
             let near = ((chunk * DISPARITIES + i) as u16).wrapping_sub(place).wrapping_add(1);
-            lanes[i] = lanes[i].min(if near <= 2 { u16::MAX } else { sums.0[i] });
+            lanes[i] = lanes[i].min(sums.0[i] | u16::from(near <= 2).wrapping_neg());
         }
     }
-    lanes.into_iter().fold(u16::MAX, u16::min)
+    least_lane(&lanes)
 }
 
 /// Where between its neighbours the minimum lies, in 16ths.

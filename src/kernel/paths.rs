@@ -81,7 +81,8 @@ pub(super) fn follow(
     let (width, chunks, shift) = (paths.width, paths.chunks, paths.rows % paths.width);
     paths.begin(0, 0);
     for i in 0..width {
-        let lines = [0, (i + width - shift) % width, i, (i + shift) % width];
+        let turn = |line: usize| if line < width { line } else { line - width };
+        let lines = [0, turn(i + width - shift), i, turn(i + shift)];
         if i == 0 {
             paths.begin(1, lines[1]);
         }
@@ -90,23 +91,23 @@ pub(super) fn follow(
         }
         // In the direction of the sweep: the column behind and the one ahead.
         let (behind, ahead) = (i.saturating_sub(1), (i + 1).min(width - 1));
-        let [x, behind, ahead] = [i, behind, ahead].map(|i| if paths.upwards { width - 1 - i } else { i });
+        let column = |i: usize| if paths.upwards { width - 1 - i } else { i };
+        let (x, behind, ahead) = (column(i), column(behind), column(ahead));
         let step = |other: u8| penalties.large[usize::from(grey[x].abs_diff(other))];
         let large = [step(grey[behind]), step(grey_behind[behind]), step(grey_behind[x]), step(grey_behind[ahead])];
 
         let (costs, sums) = (&costs[x * chunks..][..chunks], &mut sums[x * chunks..][..chunks]);
+        let line =
+            |r: usize| lines[r] * (chunks + 1) * DISPARITIES..(lines[r] * (chunks + 1) + chunks + 2) * DISPARITIES;
         let [row, falling, column, rising] = &mut paths.lines;
-        let mut here = [row, falling, column, rising];
-        let mut here: [&mut [u8]; 4] = {
-            let mut line = lines.iter();
-            here.each_mut().map(|costs| {
-                let line = *line.next().unwrap_or(&0);
-                &mut costs[line * (chunks + 1) * DISPARITIES..][..(chunks + 2) * DISPARITIES]
-            })
-        };
-        let least: [u8; 4] = std::array::from_fn(|r| paths.least[r][lines[r]]);
-        let least = pixel(&mut here, least, costs, penalties.small, large, add, sums);
-        (0..4).for_each(|r| paths.least[r][lines[r]] = least[r]);
+        let mut here = [&mut row[line(0)], &mut falling[line(1)], &mut column[line(2)], &mut rising[line(3)]];
+        let [row, falling, column, rising] = &mut paths.least;
+        let least = [&mut row[lines[0]], &mut falling[lines[1]], &mut column[lines[2]], &mut rising[lines[3]]];
+        let now =
+            pixel(&mut here, [*least[0], *least[1], *least[2], *least[3]], costs, penalties.small, large, add, sums);
+        for r in 0..4 {
+            *least[r] = now[r];
+        }
     }
     paths.rows += 1;
 }
@@ -122,10 +123,11 @@ fn pixel(
     add: bool,
     sums: &mut [Sums],
 ) -> [u8; 4] {
-    // Lines hold a chunk before their first cost and one after their last.
-    let load = |line: &[u8], at: usize| -> [u8; DISPARITIES] { *line[at..].first_chunk().expect("a chunk") };
     let mut now_least = [[u8::MAX; DISPARITIES]; 4];
-    let mut lower: [[u8; DISPARITIES]; 4] = std::array::from_fn(|r| load(lines[r], DISPARITIES - 1));
+    let mut lower = [[0; DISPARITIES]; 4];
+    for r in 0..4 {
+        lower[r] = load(lines[r], DISPARITIES - 1);
+    }
     for (chunk, (costs, sums)) in costs.iter().zip(sums).enumerate() {
         let at = (chunk + 1) * DISPARITIES;
         let mut total = [0u16; DISPARITIES];
@@ -147,5 +149,17 @@ fn pixel(
             sums.0[i] = total[i] + if add { sums.0[i] } else { 0 };
         }
     }
-    now_least.map(|least| least.into_iter().fold(u8::MAX, u8::min))
+    let mut least = [u8::MAX; 4];
+    for r in 0..4 {
+        for i in 0..DISPARITIES {
+            least[r] = least[r].min(now_least[r][i]);
+        }
+    }
+    least
+}
+
+/// Part of a line, which holds a chunk before its first cost and one after its last.
+#[inline(always)]
+fn load(line: &[u8], at: usize) -> [u8; DISPARITIES] {
+    *line[at..].first_chunk().expect("a chunk")
 }
