@@ -58,42 +58,20 @@ pub(super) fn choose(sums: &[Sums], chunks: usize, test: &SumTest, row: &mut Cho
     }
 }
 
-/// The least of the sums and its place, the first at a tie.
+/// The least of the sums and its place, the first at a tie: both in one word, so that one minimum finds them.
 #[inline(always)]
 fn least(sums: &[Sums]) -> (u16, u16) {
-    let mut lanes = [u16::MAX; DISPARITIES];
-    for sums in sums {
-        for i in 0..DISPARITIES {
-            lanes[i] = lanes[i].min(sums.0[i]);
-        }
-    }
-    let least = least_lane(&lanes);
-    let mut places = [u16::MAX; DISPARITIES];
+    let mut lanes = [u32::MAX; DISPARITIES];
     for (chunk, sums) in sums.iter().enumerate() {
         for i in 0..DISPARITIES {
-            let place = (chunk * DISPARITIES + i) as u16;
-            places[i] = places[i].min(place | u16::from(sums.0[i] != least).wrapping_neg());
+            lanes[i] = lanes[i].min(u32::from(sums.0[i]) << 16 | (chunk * DISPARITIES + i) as u32);
         }
     }
-    (least, least_lane(&places))
-}
-
-#[inline(always)]
-fn least_lane(lanes: &[u16; DISPARITIES]) -> u16 {
-    // Halves first: the compiler keeps these in vectors, one loop over all it takes apart.
-    let mut halves = [0; DISPARITIES / 2];
-    for i in 0..DISPARITIES / 2 {
-        halves[i] = lanes[i].min(lanes[i + DISPARITIES / 2]);
-    }
-    let mut quarters = [0; DISPARITIES / 4];
-    for i in 0..DISPARITIES / 4 {
-        quarters[i] = halves[i].min(halves[i + DISPARITIES / 4]);
-    }
-    let mut least = u16::MAX;
-    for lane in quarters {
+    let mut least = u32::MAX;
+    for lane in lanes {
         least = least.min(lane);
     }
-    least
+    ((least >> 16) as u16, least as u16)
 }
 
 /// The least of the sums but for `place` and its neighbours.
@@ -107,7 +85,11 @@ fn other(sums: &[Sums], place: u16) -> u16 {
             lanes[i] = lanes[i].min(sums.0[i] | u16::from(near <= 2).wrapping_neg());
         }
     }
-    least_lane(&lanes)
+    let mut least = u16::MAX;
+    for lane in lanes {
+        least = least.min(lane);
+    }
+    least
 }
 
 /// Where between its neighbours the minimum lies, in 16ths.
