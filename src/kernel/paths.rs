@@ -1,9 +1,7 @@
 //! Costs summed along paths (Hirschmüller 2008, equation 13), half of the eight directions in one sweep over the image.
 //!
 //! Disparities are the lanes. A path's costs fit a byte: the matching cost is at most 62 and what a path adds to it at
-//! most P2, so with P2 up to [`Paths::LARGEST_PENALTY`] even the least cost plus P2 does. A path is kept in one place
-//! while the sweep follows it: straight ones by their column, oblique ones by the column at which they meet the first
-//! row, modulo the width, for where one leaves the image the next one enters.
+//! most P2, so with P2 up to [`Paths::LARGEST_PENALTY`] even the least cost plus P2 does.
 
 use super::{Costs, DISPARITIES};
 
@@ -21,18 +19,25 @@ pub struct Penalties {
     pub large: [u8; 256],
 }
 
-/// The paths of a sweep, downwards or upwards: along the row, along both diagonals and along the column.
+/// The paths of a sweep, downwards or upwards: along the row, along the column and along both diagonals.
 pub struct Paths {
-    width: usize,
     /// [`Costs`] per pixel.
     chunks: usize,
     upwards: bool,
-    /// Rows seen.
-    rows: usize,
-    /// Per direction the costs of every path, [`Costs::OUTSIDE`] between them.
-    lines: [Vec<u8>; 4],
-    /// Per direction the least cost of every path.
-    least: [Vec<u8>; 4],
+    /// Nothing lies behind the next row.
+    first: bool,
+    /// Of the row behind and of this one, by direction; and of two neighbours in this row.
+    behind: [Lines; 3],
+    here: [Lines; 3],
+    along: [Lines; 2],
+    /// What a path begins with: nothing is added to its first cost.
+    none: Lines,
+}
+
+/// Path costs of pixels: bytes by disparity, [`Costs::OUTSIDE`] between pixels, and the least of each pixel.
+struct Lines {
+    costs: Vec<u8>,
+    least: Vec<u8>,
 }
 
 impl Paths {
@@ -41,30 +46,41 @@ impl Paths {
 
     /// Paths over rows of `width` pixels with `chunks` [`Costs`] each.
     pub fn new(width: usize, chunks: usize, upwards: bool) -> Self {
-        let count = [1, width, width, width];
+        let lines = |count: usize| Lines {
+            costs: vec![Costs::OUTSIDE; (count * (chunks + 1) + 1) * DISPARITIES],
+            least: vec![0; count],
+        };
+        let mut none = lines(1);
+        none.costs[DISPARITIES..][..chunks * DISPARITIES].fill(0);
         Self {
-            width,
             chunks,
             upwards,
-            rows: 0,
-            lines: count.map(|count| vec![Costs::OUTSIDE; (count * (chunks + 1) + 1) * DISPARITIES]),
-            least: count.map(|count| vec![0; count]),
+            first: true,
+            behind: [(); 3].map(|()| lines(width)),
+            here: [(); 3].map(|()| lines(width)),
+            along: [(); 2].map(|()| lines(1)),
+            none,
         }
     }
 
     /// Begins a sweep.
     pub fn restart(&mut self) {
-        self.rows = 0;
-        for direction in 0..4 {
-            (0..self.least[direction].len()).for_each(|line| self.begin(direction, line));
-        }
+        self.first = true;
+    }
+}
+
+impl Lines {
+    /// The costs of pixel `i`, with one more at either end, and their least.
+    #[inline(always)]
+    fn read(&self, i: usize, chunks: usize) -> (&[u8], u8) {
+        let at = (i * (chunks + 1) + 1) * DISPARITIES - 1;
+        (&self.costs[at..][..chunks * DISPARITIES + 2], self.least[i])
     }
 
-    /// Begins a path: nothing lies behind it, so nothing is added to its first cost.
-    fn begin(&mut self, direction: usize, line: usize) {
-        let at = (line * (self.chunks + 1) + 1) * DISPARITIES;
-        self.lines[direction][at..][..self.chunks * DISPARITIES].fill(0);
-        self.least[direction][line] = 0;
+    #[inline(always)]
+    fn write(&mut self, i: usize, chunks: usize) -> (&mut [[u8; DISPARITIES]], &mut u8) {
+        let at = (i * (chunks + 1) + 1) * DISPARITIES;
+        (self.costs[at..][..chunks * DISPARITIES].as_chunks_mut().0, &mut self.least[i])
     }
 }
 
@@ -78,88 +94,96 @@ pub(super) fn follow(
     add: bool,
     sums: &mut [Sums],
 ) {
-    let (width, chunks, shift) = (paths.width, paths.chunks, paths.rows % paths.width);
-    paths.begin(0, 0);
+    let Paths { chunks, upwards, first, behind, here, along, none } = paths;
+    let (width, chunks) = (grey.len(), *chunks);
+    let none = none.read(0, chunks);
+    let [falling, column, rising] = &*behind;
+    let [falling_here, column_here, rising_here] = here;
+    let [mut last, mut next] = along.each_mut();
     for i in 0..width {
-        let turn = |line: usize| if line < width { line } else { line - width };
-        let lines = [0, turn(i + width - shift), i, turn(i + shift)];
-        if i == 0 {
-            paths.begin(1, lines[1]);
-        }
-        if i == width - 1 {
-            paths.begin(3, lines[3]);
-        }
-        // In the direction of the sweep: the column behind and the one ahead.
-        let (behind, ahead) = (i.saturating_sub(1), (i + 1).min(width - 1));
-        let column = |i: usize| if paths.upwards { width - 1 - i } else { i };
-        let (x, behind, ahead) = (column(i), column(behind), column(ahead));
+        // In the direction of the sweep: the pixels behind and ahead in a row.
+        let (back, ahead) = (i.saturating_sub(1), (i + 1).min(width - 1));
+        let place = |i: usize| if *upwards { width - 1 - i } else { i };
+        let x = place(i);
         let step = |other: u8| penalties.large[usize::from(grey[x].abs_diff(other))];
-        let large = [step(grey[behind]), step(grey_behind[behind]), step(grey_behind[x]), step(grey_behind[ahead])];
-
-        let (costs, sums) = (&costs[x * chunks..][..chunks], &mut sums[x * chunks..][..chunks]);
-        let line =
-            |r: usize| lines[r] * (chunks + 1) * DISPARITIES..(lines[r] * (chunks + 1) + chunks + 2) * DISPARITIES;
-        let [row, falling, column, rising] = &mut paths.lines;
-        let mut here = [&mut row[line(0)], &mut falling[line(1)], &mut column[line(2)], &mut rising[line(3)]];
-        let [row, falling, column, rising] = &mut paths.least;
-        let least = [&mut row[lines[0]], &mut falling[lines[1]], &mut column[lines[2]], &mut rising[lines[3]]];
-        let now =
-            pixel(&mut here, [*least[0], *least[1], *least[2], *least[3]], costs, penalties.small, large, add, sums);
-        for r in 0..4 {
-            *least[r] = now[r];
-        }
+        let large = [
+            step(grey[place(back)]),
+            step(grey_behind[place(back)]),
+            step(grey_behind[x]),
+            step(grey_behind[place(ahead)]),
+        ];
+        let before = [
+            if i == 0 { none } else { last.read(0, chunks) },
+            if i == 0 || *first { none } else { falling.read(back, chunks) },
+            if *first { none } else { column.read(i, chunks) },
+            if i == width - 1 || *first { none } else { rising.read(ahead, chunks) },
+        ];
+        let now = [
+            next.write(0, chunks),
+            falling_here.write(i, chunks),
+            column_here.write(i, chunks),
+            rising_here.write(i, chunks),
+        ];
+        let pixel = x * chunks..(x + 1) * chunks;
+        advance(before, now, &costs[pixel.clone()], penalties.small, large, add, &mut sums[pixel]);
+        std::mem::swap(&mut last, &mut next);
     }
-    paths.rows += 1;
+    std::mem::swap(behind, here);
+    *first = false;
 }
 
-/// Moves four paths on to a pixel; returns their least costs there.
+/// Moves four paths on to a pixel.
 #[inline(always)]
-fn pixel(
-    lines: &mut [&mut [u8]; 4],
-    least: [u8; 4],
+fn advance(
+    before: [(&[u8], u8); 4],
+    [(row, row_least), (falling, falling_least), (column, column_least), (rising, rising_least)]: [(&mut [[u8; DISPARITIES]], &mut u8);
+        4],
     costs: &[Costs],
     small: u8,
     large: [u8; 4],
     add: bool,
     sums: &mut [Sums],
-) -> [u8; 4] {
-    let mut now_least = [[u8::MAX; DISPARITIES]; 4];
-    let mut lower = [[0; DISPARITIES]; 4];
-    for r in 0..4 {
-        lower[r] = load(lines[r], DISPARITIES - 1);
-    }
-    for (chunk, (costs, sums)) in costs.iter().zip(sums).enumerate() {
-        let at = (chunk + 1) * DISPARITIES;
+) {
+    let mut least = [[u8::MAX; DISPARITIES]; 4];
+    let out = row.iter_mut().zip(falling).zip(column).zip(rising).zip(sums);
+    for (chunk, (costs, ((((row, falling), column), rising), sums))) in costs.iter().zip(out).enumerate() {
         let mut total = [0u16; DISPARITIES];
+        let mut now = [[0; DISPARITIES]; 4];
         for r in 0..4 {
-            let (same, higher) = (load(lines[r], at), load(lines[r], at + 1));
-            let next_lower = load(lines[r], at + DISPARITIES - 1);
-            let limit = least[r].saturating_add(large[r]);
-            let mut now = [0; DISPARITIES];
+            let (behind, behind_least) = before[r];
+            let limit = behind_least.saturating_add(large[r]);
+            let (lower, same, higher) = around(behind, chunk);
             for i in 0..DISPARITIES {
-                let step = lower[r][i].min(higher[i]).saturating_add(small);
-                now[i] = costs.0[i].saturating_add(same[i].min(step).min(limit) - least[r]);
-                now_least[r][i] = now_least[r][i].min(now[i]);
-                total[i] += u16::from(now[i]);
+                let step = lower[i].min(higher[i]).saturating_add(small);
+                now[r][i] = costs.0[i].saturating_add(same[i].min(step).min(limit) - behind_least);
+                least[r][i] = least[r][i].min(now[r][i]);
+                total[i] += u16::from(now[r][i]);
             }
-            lines[r][at..][..DISPARITIES].copy_from_slice(&now);
-            lower[r] = next_lower;
         }
+        (*row, *falling, *column, *rising) = (now[0], now[1], now[2], now[3]);
         for i in 0..DISPARITIES {
             sums.0[i] = total[i] + if add { sums.0[i] } else { 0 };
         }
     }
-    let mut least = [u8::MAX; 4];
-    for r in 0..4 {
-        for i in 0..DISPARITIES {
-            least[r] = least[r].min(now_least[r][i]);
-        }
-    }
-    least
+    *row_least = least_lane(&least[0]);
+    *falling_least = least_lane(&least[1]);
+    *column_least = least_lane(&least[2]);
+    *rising_least = least_lane(&least[3]);
 }
 
-/// Part of a line, which holds a chunk before its first cost and one after its last.
+/// The costs of a chunk at one disparity less, at the same and at one more.
 #[inline(always)]
-fn load(line: &[u8], at: usize) -> [u8; DISPARITIES] {
-    *line[at..].first_chunk().expect("a chunk")
+fn around(costs: &[u8], chunk: usize) -> ([u8; DISPARITIES], [u8; DISPARITIES], [u8; DISPARITIES]) {
+    let window: &[u8; DISPARITIES + 2] = costs[chunk * DISPARITIES..].first_chunk().expect("one more at either end");
+    let at = |i: usize| -> [u8; DISPARITIES] { *window[i..].first_chunk().expect("one more at either end") };
+    (at(0), at(1), at(2))
+}
+
+#[inline(always)]
+fn least_lane(lanes: &[u8; DISPARITIES]) -> u8 {
+    let mut least = u8::MAX;
+    for &lane in lanes {
+        least = least.min(lane);
+    }
+    least
 }
