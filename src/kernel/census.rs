@@ -47,18 +47,30 @@ pub(super) fn costs(left: &[u8], right: &[u8], outside: &[u8], tail: &[Costs], o
             let at = width - 1 - x + chunk * DISPARITIES;
             // Each plane goes on for the whole range beyond its last pixel.
             let lanes = |row: &[u8]| *row[at..].first_chunk::<DISPARITIES>().expect("a row as long as the range");
-            let mut costs = [0; DISPARITIES];
-            for b in 0..CENSUS_BYTES {
-                let left = left[b * width + width - 1 - x];
-                let right = lanes(&right[b * stride..]);
-                for i in 0..DISPARITIES {
-                    costs[i] += (left ^ right[i]).count_ones() as u8;
-                }
+            let mut bytes = [[0; DISPARITIES]; CENSUS_BYTES];
+            for (b, bytes) in bytes.iter_mut().enumerate() {
+                *bytes = lanes(&right[b * stride..]);
             }
             let outside = lanes(outside);
             for i in 0..DISPARITIES {
-                out.0[i] = costs[i] | outside[i] | tail.0[i];
+                let mut differing = [0; CENSUS_BYTES];
+                for b in 0..CENSUS_BYTES {
+                    differing[b] = bytes[b][i] ^ left[b * width + width - 1 - x];
+                }
+                out.0[i] = ones(differing) | outside[i] | tail.0[i];
             }
         }
     }
+}
+
+/// How many bits are set. Seven bytes are added bit by bit first, as half as many are counted then.
+#[inline(always)]
+fn ones([a, b, c, d, e, f, g, h]: [u8; CENSUS_BYTES]) -> u8 {
+    // What a full adder gives: the sum and the carry of three bits.
+    let add = |a: u8, b: u8, c: u8| (a ^ b ^ c, a & b | (a ^ b) & c);
+    let ((sum_a, carry_a), (sum_b, carry_b)) = (add(a, b, c), add(d, e, f));
+    let (ones, carry_c) = add(sum_a, sum_b, g);
+    let (twos, fours) = add(carry_a, carry_b, carry_c);
+    let count = |bits: u8| bits.count_ones() as u8;
+    count(ones) + 2 * count(twos) + 4 * count(fours) + count(h)
 }

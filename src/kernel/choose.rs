@@ -63,8 +63,8 @@ pub(super) fn choose(sums: &[Sums], chunks: usize, test: &SumTest, row: &mut Cho
 fn least(sums: &[Sums]) -> (u16, u16) {
     let mut lanes = [u32::MAX; DISPARITIES];
     for (chunk, sums) in sums.iter().enumerate() {
-        for i in 0..DISPARITIES {
-            lanes[i] = lanes[i].min(u32::from(sums.0[i]) << 16 | (chunk * DISPARITIES + i) as u32);
+        for (i, (lane, &sum)) in lanes.iter_mut().zip(&sums.0).enumerate() {
+            *lane = (*lane).min(u32::from(sum) << 16 | (chunk * DISPARITIES + i) as u32);
         }
     }
     let mut least = u32::MAX;
@@ -79,10 +79,10 @@ fn least(sums: &[Sums]) -> (u16, u16) {
 fn other(sums: &[Sums], place: u16) -> u16 {
     let mut lanes = [u16::MAX; DISPARITIES];
     for (chunk, sums) in sums.iter().enumerate() {
-        for i in 0..DISPARITIES {
+        for (i, (lane, &sum)) in lanes.iter_mut().zip(&sums.0).enumerate() {
             // 0 ..= 2 for the place and its neighbours.
             let near = ((chunk * DISPARITIES + i) as u16).wrapping_sub(place).wrapping_add(1);
-            lanes[i] = lanes[i].min(sums.0[i] | u16::from(near <= 2).wrapping_neg());
+            *lane = (*lane).min(sum | u16::from(near <= 2).wrapping_neg());
         }
     }
     let mut least = u16::MAX;

@@ -161,8 +161,8 @@ fn advance(
             }
         }
         (*row, *falling, *column, *rising) = (now[0], now[1], now[2], now[3]);
-        for i in 0..DISPARITIES {
-            sums.0[i] = total[i] + if add { sums.0[i] } else { 0 };
+        for (sum, total) in sums.0.iter_mut().zip(total) {
+            *sum = total + if add { *sum } else { 0 };
         }
     }
     *row_least = least_lane(&least[0]);
