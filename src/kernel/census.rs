@@ -17,6 +17,14 @@ pub struct Costs(pub [u8; DISPARITIES]);
 impl Costs {
     /// Of a disparity beyond the range or the right image.
     pub const OUTSIDE: u8 = u8::MAX;
+
+    /// How many of `chunks` a pixel in column `x` has use for: at the left edge the higher disparities lead outside.
+    /// What lies beyond them is neither written nor read.
+    #[inline(always)]
+    pub(super) fn reached(x: usize, first: i32, chunks: usize) -> usize {
+        let disparities = (x as i32 - first).max(0) as usize;
+        chunks.min(disparities / DISPARITIES + 1)
+    }
 }
 
 /// See [`super::census_row`].
@@ -38,11 +46,12 @@ pub(super) fn census(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) {
 
 /// See [`super::census_costs`].
 #[inline(always)]
-pub(super) fn costs(left: &[u8], right: &[u8], outside: &[u8], tail: &[Costs], out: &mut [Costs]) {
+pub(super) fn costs(left: &[u8], right: &[u8], outside: &[u8], first: i32, tail: &[Costs], out: &mut [Costs]) {
     let chunks = tail.len();
     let width = out.len() / chunks;
     let stride = right.len() / CENSUS_BYTES;
     for (x, out) in out.chunks_exact_mut(chunks).enumerate() {
+        let out = &mut out[..Costs::reached(x, first, chunks)];
         for (chunk, (out, tail)) in out.iter_mut().zip(tail).enumerate() {
             let at = width - 1 - x + chunk * DISPARITIES;
             // Each plane goes on for the whole range beyond its last pixel.

@@ -1,6 +1,6 @@
 //! The best disparity of every pixel from the sums over its paths, in both images.
 
-use super::{DISPARITIES, Sums};
+use super::{Costs, DISPARITIES, Sums};
 use crate::stereo::Reason;
 
 /// What becomes of the sums of a row.
@@ -33,6 +33,7 @@ pub(super) fn choose(sums: &[Sums], chunks: usize, test: &SumTest, row: &mut Cho
     let width = row.left.len();
     row.right_sums.fill(OUTSIDE);
     for (x, sums) in sums.chunks_exact(chunks).enumerate() {
+        let sums = &sums[..Costs::reached(x, test.first, chunks)];
         let (least, place) = least(sums);
         if least == OUTSIDE {
             (row.left[x], row.why[x]) = (0, Reason::Border);

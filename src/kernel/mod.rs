@@ -135,9 +135,16 @@ kernels! {
     /// [`Costs`] per pixel.
     ///
     /// Both rows run backwards, so that disparities run forwards; the right one's place `width - 1 - x` is what the left
-    /// pixel `x` meets at the first disparity, and its planes go on for the whole range. `outside` and `tail` have [`Costs::OUTSIDE`], else 0, where a place
+    /// pixel `x` meets at the first disparity, `first`, and its planes go on for the whole range. `outside` and `tail` have [`Costs::OUTSIDE`], else 0, where a place
     /// is outside the image and where a disparity is beyond the range.
-    pub fn census_costs(left: &[u8], right: &[u8], outside: &[u8], tail: &[Costs], out: &mut [Costs]) = census::costs;
+    pub fn census_costs(
+        left: &[u8],
+        right: &[u8],
+        outside: &[u8],
+        first: i32,
+        tail: &[Costs],
+        out: &mut [Costs],
+    ) = census::costs;
 
     /// Moves `paths` on by a row, and writes their costs to `sums` or adds them.
     ///

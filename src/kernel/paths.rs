@@ -21,6 +21,8 @@ pub struct Penalties {
 
 /// The paths of a sweep, downwards or upwards: along the row, along the column and along both diagonals.
 pub struct Paths {
+    /// The lowest disparity.
+    lowest: i32,
     /// [`Costs`] per pixel.
     chunks: usize,
     upwards: bool,
@@ -44,8 +46,8 @@ impl Paths {
     /// Largest P2.
     pub const LARGEST_PENALTY: i32 = 96;
 
-    /// Paths over rows of `width` pixels with `chunks` [`Costs`] each.
-    pub fn new(width: usize, chunks: usize, upwards: bool) -> Self {
+    /// Paths over rows of `width` pixels with `chunks` [`Costs`] each, from the disparity `lowest` on.
+    pub fn new(width: usize, lowest: i32, chunks: usize, upwards: bool) -> Self {
         let lines = |count: usize| Lines {
             costs: vec![Costs::OUTSIDE; (count * (chunks + 1) + 1) * DISPARITIES],
             least: vec![0; count],
@@ -53,6 +55,7 @@ impl Paths {
         let mut none = lines(1);
         none.costs[DISPARITIES..][..chunks * DISPARITIES].fill(0);
         Self {
+            lowest,
             chunks,
             upwards,
             first: true,
@@ -77,10 +80,12 @@ impl Lines {
         (&self.costs[at..][..chunks * DISPARITIES + 2], self.least[i])
     }
 
+    /// The first `reached` chunks of pixel `i`, and its least. Beyond them nothing is reached.
     #[inline(always)]
-    fn write(&mut self, i: usize, chunks: usize) -> (&mut [[u8; DISPARITIES]], &mut u8) {
+    fn write(&mut self, i: usize, chunks: usize, reached: usize) -> (&mut [[u8; DISPARITIES]], &mut u8) {
         let at = (i * (chunks + 1) + 1) * DISPARITIES;
-        (self.costs[at..][..chunks * DISPARITIES].as_chunks_mut().0, &mut self.least[i])
+        self.costs[at + reached * DISPARITIES] = Costs::OUTSIDE;
+        (self.costs[at..][..reached * DISPARITIES].as_chunks_mut().0, &mut self.least[i])
     }
 }
 
@@ -94,17 +99,21 @@ pub(super) fn follow(
     add: bool,
     sums: &mut [Sums],
 ) {
-    let Paths { chunks, upwards, first, behind, here, along, none } = paths;
+    let Paths { lowest, chunks, upwards, first, behind, here, along, none } = paths;
     let (width, chunks) = (grey.len(), *chunks);
     let none = none.read(0, chunks);
     let [falling, column, rising] = &*behind;
     let [falling_here, column_here, rising_here] = here;
     let [mut last, mut next] = along.each_mut();
+    // Left over from the row behind, where more may have been reached.
+    last.costs.fill(Costs::OUTSIDE);
+    next.costs.fill(Costs::OUTSIDE);
     for i in 0..width {
         // In the direction of the sweep: the pixels behind and ahead in a row.
         let (back, ahead) = (i.saturating_sub(1), (i + 1).min(width - 1));
         let place = |i: usize| if *upwards { width - 1 - i } else { i };
         let x = place(i);
+        let reached = Costs::reached(x, *lowest, chunks);
         let step = |other: u8| penalties.large[usize::from(grey[x].abs_diff(other))];
         let large = [
             step(grey[place(back)]),
@@ -119,12 +128,12 @@ pub(super) fn follow(
             if i == width - 1 || *first { none } else { rising.read(ahead, chunks) },
         ];
         let now = [
-            next.write(0, chunks),
-            falling_here.write(i, chunks),
-            column_here.write(i, chunks),
-            rising_here.write(i, chunks),
+            next.write(0, chunks, reached),
+            falling_here.write(i, chunks, reached),
+            column_here.write(i, chunks, reached),
+            rising_here.write(i, chunks, reached),
         ];
-        let pixel = x * chunks..(x + 1) * chunks;
+        let pixel = x * chunks..x * chunks + reached;
         advance(before, now, &costs[pixel.clone()], penalties.small, large, add, &mut sums[pixel]);
         std::mem::swap(&mut last, &mut next);
     }

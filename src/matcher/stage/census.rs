@@ -63,8 +63,10 @@ impl CostVolume {
     pub fn load(&mut self, isa: Isa, left: &Gray, right: &Gray) {
         self.left.load(isa, left);
         self.right.load(isa, right);
-        let Self { size, chunks, left, right, outside, tail, costs, .. } = self;
-        each_row(costs, size.0 * *chunks, 4, |y, row| census_costs(isa, left.row(y), right.row(y), outside, tail, row));
+        let Self { size, first, chunks, left, right, outside, tail, costs } = self;
+        each_row(costs, size.0 * *chunks, 4, |y, row| {
+            census_costs(isa, left.row(y), right.row(y), outside, *first, tail, row)
+        });
     }
 
     /// The costs of row `y`, [`CostVolume::chunks`] per pixel.

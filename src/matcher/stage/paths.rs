@@ -49,7 +49,7 @@ impl PathSums {
         let (size, chunks) = (costs.size(), costs.chunks());
         let sweep = |upwards| Sweep {
             upwards,
-            paths: Paths::new(size.0, chunks, upwards),
+            paths: Paths::new(size.0, costs.first(), chunks, upwards),
             right_sums: vec![0; size.0 + chunks * DISPARITIES],
         };
         Self {
