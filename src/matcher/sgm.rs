@@ -28,13 +28,13 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "p1",
             unit: "",
-            range: Range::Int { default: 8, min: 0, max: Paths::LARGEST_PENALTY },
+            range: Range::Int { default: 14, min: 0, max: Paths::LARGEST_PENALTY },
             description: "cost of a step of disparity by one, in bits of the census: slopes",
         },
         Parameter {
             name: "p2",
             unit: "",
-            range: Range::Int { default: 40, min: 0, max: Paths::LARGEST_PENALTY },
+            range: Range::Int { default: 80, min: 0, max: Paths::LARGEST_PENALTY },
             description: "cost of any other step, at least p1: edges of objects",
         },
         Parameter {
