@@ -88,15 +88,6 @@ pub(super) fn window_sums(columns: &[u16], window: usize, out: &mut [u16]) {
 /// See [`super::least_sads`].
 #[inline(always)]
 pub(super) fn least(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) {
-    // A width the compiler knows is a sum it unrolls: a third of the time for the usual one.
-    match window {
-        9 => least_of(sums, stride, 9, out),
-        _ => least_of(sums, stride, window, out),
-    }
-}
-
-#[inline(always)]
-fn least_of(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) {
     for (block, out) in out.iter_mut().enumerate() {
         let mut best = SadWinners::NONE;
         // The SADs of the disparity before, the least up to the one before that, and whether that one took the lead.

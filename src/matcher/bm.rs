@@ -4,10 +4,10 @@
 //! absolute differences over a square window, a test of texture, a test of uniqueness, a parabola-like fraction of a
 //! pixel; optionally a left/right check and a speckle filter.
 //!
-//! With its defaults and `max_disparity` one less than a multiple of 16 it equals `cv2.StereoBM_create(max_disparity + 1,
-//! block_size)` on every pixel, and so do its parameters. Departures from OpenCV: any disparity range; with a negative
-//! `min_disparity` windows that leave the right image are *border*; the speckle filter's step is in pixels. Departure
-//! from Konolige: x-Sobel unless `prefilter=log`.
+//! With `min_disparity` 0 and `max_disparity` one less than a multiple of 16 it equals
+//! `cv2.StereoBM_create(max_disparity + 1, block_size)` of OpenCV 5.0 on every pixel. Departures from OpenCV: any
+//! disparity range; with a negative `min_disparity` windows that leave the right image are *border*; the speckle filter's
+//! step is in pixels, and what it removes is *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
 
 use super::stage::{Claims, DisparityRange, Edges, Prefilter, SadSearch, Speckles};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};

@@ -7,8 +7,8 @@
 //!
 //! Departures from Hirschmüller: the right image's disparities come from the same sums (his section 2.3 allows it); P2
 //! falls with the gradient only where that exceeds a threshold; the fraction of a pixel is the equiangular one, which
-//! suits Hamming distances, in 16ths; nothing is interpolated. Left pixels near the edge try the disparities that stay
-//! inside the right image.
+//! suits Hamming distances, in 16ths; nothing is interpolated; speckles are *inconsistent*. Left pixels near the edge try
+//! the disparities that stay inside the right image.
 
 use super::stage::{Chosen, CostVolume, DisparityRange, PathSums, Speckles};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
