@@ -72,7 +72,7 @@ impl SadSearch {
         }
     }
 
-    /// Fills `row`, the one of number `y`. Rows come in order; a jump, as to another image, starts anew with `restart`.
+    /// Fills `row`, the one of number `y`. Rows come in order; a jump sums anew; another image wants `restart`.
     pub fn match_row(&mut self, isa: Isa, y: usize, left: &Edges, right: &Edges, row: &mut RowMut<'_>) {
         let width = row.width();
         if !self.room.rows.contains(&y) {
