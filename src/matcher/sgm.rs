@@ -177,7 +177,7 @@ impl Matcher for Sgm {
         let Scratch { costs, sums, chosen, band_rows, medians, speckles, .. } = &mut scratch;
 
         costs.load(isa, pair.left(), pair.right());
-        clock.lap(Stage::Texture);
+        clock.lap(Stage::Matching);
 
         let test = SumTest { first: costs.first(), uniqueness: self.uniqueness };
         sums.choose(isa, costs, pair.left(), &self.penalties, &test, chosen);
