@@ -5,7 +5,7 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use svl::kernel::Isa;
-use svl::matcher::{Algorithm, MATCHERS, Matcher, MatcherSpec, Parameters, Range};
+use svl::matcher::{Algorithm, MATCHERS, Matcher, MatcherSpec, Parameters, Range, find};
 use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
 use svl::timing::Clock;
 
@@ -123,7 +123,11 @@ fn nothing_is_allocated_after_the_first_pair() {
 #[test]
 fn tables_are_sane() {
     for (i, spec) in MATCHERS.iter().enumerate() {
-        assert!(MATCHERS[..i].iter().all(|other| other.name != spec.name), "two are called {}", spec.name);
+        for (j, name) in spec.names().enumerate() {
+            let earlier = MATCHERS[..i].iter().flat_map(MatcherSpec::names).chain(spec.names().take(j));
+            assert!(earlier.into_iter().all(|other| other != name), "two are called {name}");
+            assert_eq!(find(name).unwrap().name, spec.name, "{name}");
+        }
         assert!(!spec.summary.is_empty() && !spec.paper.is_empty(), "{}", spec.name);
         // There is no program that everyone has.
         let built = (spec.build)(&Parameters::defaults(spec), Isa::PORTABLE).is_ok();
@@ -136,6 +140,7 @@ fn tables_are_sane() {
                 Range::Int { default, min, max } => (min..=max).contains(&default),
                 Range::Real { default, min, max } => (min..=max).contains(&default),
                 Range::Flag { .. } | Range::Text { .. } => true,
+                Range::Choice { default, options } => options.contains(&default),
             };
             assert!(default, "{name}");
             let text = format!("{}:{}={}", spec.name, parameter.name, parameter.range.default());

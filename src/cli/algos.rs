@@ -20,6 +20,7 @@ pub(super) struct Args {
 #[derive(Serialize)]
 struct Entry {
     name: &'static str,
+    aliases: &'static [&'static str],
     summary: &'static str,
     paper: &'static str,
     parameters: Vec<ParameterEntry>,
@@ -32,6 +33,8 @@ struct ParameterEntry {
     default: serde_json::Value,
     min: serde_json::Value,
     max: serde_json::Value,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    options: &'static [&'static str],
     description: &'static str,
 }
 
@@ -43,10 +46,18 @@ impl Entry {
                 Range::Real { default, min, max } => (default.into(), min.into(), max.into()),
                 Range::Flag { default } => (default.into(), false.into(), true.into()),
                 Range::Text { default } => (default.into(), serde_json::Value::Null, serde_json::Value::Null),
+                Range::Choice { default, .. } => (default.into(), serde_json::Value::Null, serde_json::Value::Null),
             };
-            ParameterEntry { name: p.name, unit: p.unit, default, min, max, description: p.description }
+            let options = if let Range::Choice { options, .. } = p.range { options } else { &[] };
+            ParameterEntry { name: p.name, unit: p.unit, default, min, max, options, description: p.description }
         });
-        Self { name: spec.name, summary: spec.summary, paper: spec.paper, parameters: parameters.collect() }
+        Self {
+            name: spec.name,
+            aliases: spec.aliases,
+            summary: spec.summary,
+            paper: spec.paper,
+            parameters: parameters.collect(),
+        }
     }
 }
 
@@ -67,7 +78,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn describe(text: &mut String, spec: &MatcherSpec) -> std::fmt::Result {
-    writeln!(text, "{:<6} {}\n       {}\n", spec.name, spec.summary, spec.paper)?;
+    writeln!(text, "{:<6} {}\n       {}", spec.name, spec.summary, spec.paper)?;
+    if !spec.aliases.is_empty() {
+        writeln!(text, "       also called {}", spec.aliases.join(", "))?;
+    }
+    text.push('\n');
     let width = |f: fn(&matcher::Parameter) -> usize| spec.parameters.iter().map(f).max().unwrap_or(0);
     let (names, values) = (width(|p| p.name.len()), width(|p| setting(p).len()));
     for p in spec.parameters {
@@ -85,6 +100,7 @@ fn setting(p: &matcher::Parameter) -> String {
         Range::Real { min, max, .. } => format!("{min}..={max}"),
         Range::Flag { .. } => "true, false".to_owned(),
         Range::Text { .. } => return "text".to_owned(),
+        Range::Choice { options, .. } => options.join(", "),
     };
     format!("{}{unit} ({range})", p.range.default())
 }

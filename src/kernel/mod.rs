@@ -6,11 +6,17 @@
 //! order, so every variant gives the same bytes; `tests/v3.rs` and `tests/thesis.rs` hold them to it.
 
 mod block;
+mod census;
+mod choose;
 mod deviation;
 mod dog;
 mod exact;
 mod isa;
-mod path;
+mod median;
+mod paths;
+mod prefilter;
+mod sad;
+mod scanline;
 mod slide;
 mod smooth;
 mod ssd;
@@ -18,10 +24,15 @@ mod table;
 mod write;
 
 pub use block::Lanes;
+pub use census::{CENSUS_BYTES, CENSUS_REACH, Costs, DISPARITIES};
+pub use choose::{ChosenRow, SumTest};
 pub use dog::DogTaps;
 pub use exact::{Doubt, Match, Search};
 pub use isa::{Isa, isa};
-pub use path::{Paths, edge, edge_before};
+pub use paths::{Paths, Penalties, Sums};
+pub use prefilter::PREFILTER_CAP;
+pub use sad::{PIXELS, SadTest, SadWinners};
+pub use scanline::{ScanlinePaths, edge, edge_before};
 pub use ssd::{CAP, Winner, Winners};
 pub use table::{Claim, NO_SUM, TableSearch, WindowTable, window_sums};
 
@@ -126,7 +137,7 @@ kernels! {
     /// then the row above, then the lower disparity.
     pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row;
 
-    /// Finds the cheapest paths through the rows `first ..` of a block, as many as [`Paths::ROWS`]. An occlusion costs
+    /// Finds the cheapest paths through the rows `first ..` of a block, as many as [`ScanlinePaths::ROWS`]. An occlusion costs
     /// `occlusion` per pixel, a match that keeps its disparity earns `reward`.
     pub fn find_paths(
         left: &[Lanes<u16>],
@@ -134,12 +145,77 @@ kernels! {
         first: usize,
         occlusion: i32,
         reward: i32,
-        paths: &mut Paths,
-    ) = path::find;
+        paths: &mut ScanlinePaths,
+    ) = scanline::find;
 
     /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
     pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;
 
     /// Rejects the valid pixels of a row whose SSD is not below its reference, where neither is capped.
     pub fn self_check_row(references: &[u16], row: &mut RowMut<'_>) = write::self_check;
+
+    /// The x-Sobel response of the middle one of three rows, capped to ±[`PREFILTER_CAP`] and that added; the columns
+    /// at both ends answer nothing.
+    pub fn sobel_row(rows: [&[u8]; 3], out: &mut [u8]) = prefilter::sobel;
+
+    /// The Laplacian of a Gaussian of σ 1 at the middle one of five rows, capped as [`sobel_row`]'s response; the two
+    /// columns at either end answer nothing.
+    pub fn log_row(rows: [&[u8]; 5], out: &mut [u8]) = prefilter::log;
+
+    /// Moves column sums of absolute differences on by a row: `left` and `right` hold the row that comes in and the one
+    /// that goes out.
+    ///
+    /// `sums` holds `stride` columns, whole blocks of [`PIXELS`], for each place in the range; at place `i` a left pixel
+    /// meets the right one `i` further on. The rows hold as many pixels as are so met.
+    pub fn slide_columns(left: [&[u8]; 2], right: [&[u8]; 2], stride: usize, sums: &mut [u16]) = sad::slide;
+
+    /// Moves column sums of the strength of the prefilter's response on by a row, the first of `rows`; the second goes.
+    pub fn slide_texture(rows: [&[u8]; 2], sums: &mut [u16]) = sad::slide_texture;
+
+    /// Sums of `window` neighbouring columns, from each on; whole blocks of [`PIXELS`].
+    pub fn run_sums(columns: &[u16], window: usize, out: &mut [u16]) = sad::run_sums;
+
+    /// For each pixel the least sum of `window` neighbouring columns and its rivals, ties to the earlier place.
+    pub fn least_sads(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) = sad::least;
+
+    /// Writes a row of winners with their fractions of a pixel, or why they are none.
+    pub fn accept_sads(winners: &[SadWinners], textures: &[u16], test: &SadTest, row: &mut RowMut<'_>) = sad::accept;
+
+    /// The censuses of a row: its bytes, in planes that stand `stride` apart.
+    ///
+    /// `rows` are the row and the three above and below, each with [`CENSUS_REACH`] further pixels at both ends.
+    pub fn census_row(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) = census::census;
+
+    /// Hamming distances between the censuses of a row of the left image and those of the right one, `tail.len()`
+    /// [`Costs`] per pixel.
+    ///
+    /// Both rows run backwards, so that disparities run forwards; the right one's place `width - 1 - x` is what the left
+    /// pixel `x` meets at the first disparity, `first`, and its planes go on for the whole range. `outside` and `tail` have [`Costs::OUTSIDE`], else 0, where a place
+    /// is outside the image and where a disparity is beyond the range.
+    pub fn census_costs(
+        left: &[u8],
+        right: &[u8],
+        outside: &[u8],
+        first: i32,
+        tail: &[Costs],
+        out: &mut [Costs],
+    ) = census::costs;
+
+    /// Moves `paths` on by a row, and writes their costs to `sums` or adds them.
+    ///
+    /// `grey` is the row of the left image and the one before it in the direction of the sweep.
+    pub fn follow_paths(
+        paths: &mut Paths,
+        costs: &[Costs],
+        grey: [&[u8]; 2],
+        penalties: &Penalties,
+        add: bool,
+        sums: &mut [Sums],
+    ) = paths::follow;
+
+    /// The best disparities of a row, with `chunks` [`Sums`] per pixel.
+    pub fn choose_row(sums: &[Sums], chunks: usize, test: &SumTest, row: &mut ChosenRow<'_>) = choose::choose;
+
+    /// Medians of nine, three rows by three columns; the outermost columns have no neighbour beyond them and count twice.
+    pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = median::row;
 }

@@ -23,6 +23,7 @@ use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "dp",
+    aliases: &[],
     summary: "dynamic programming along rows: dense and often wrong, the base line that the thesis gave up",
     paper: "Birchfield and Tomasi, Depth Discontinuities by Pixel-to-Pixel Stereo, ICCV 1998; OpenCV 1.0, cvaux",
     parameters: &[

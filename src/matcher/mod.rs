@@ -1,10 +1,12 @@
 //! Matchers: from a rectified pair to disparities. [`MATCHERS`] is the one table of them.
 
+mod bm;
 mod dp;
 #[cfg(feature = "exec")]
 mod exec;
 mod parameter;
 mod quotes;
+mod sgm;
 pub mod stage;
 mod symmetric;
 mod v1;
@@ -31,6 +33,8 @@ pub trait Matcher: Send {
 /// An entry of [`MATCHERS`].
 pub struct MatcherSpec {
     pub name: &'static str,
+    /// Other names it is known by; unique in the table, as `name` is.
+    pub aliases: &'static [&'static str],
     pub summary: &'static str,
     /// Where the method was published.
     pub paper: &'static str,
@@ -46,19 +50,28 @@ pub const MATCHERS: &[MatcherSpec] = &[
     v2::SPEC,
     v3::SPEC,
     v4::SPEC,
+    bm::SPEC,
+    sgm::SPEC,
     #[cfg(feature = "exec")]
     exec::SPEC,
 ];
 
-/// The algorithm of that name.
+/// The algorithm of that name or alias.
 ///
 /// # Errors
 /// [`Error::UnknownAlgorithm`] with the nearest name.
 pub fn find(name: &str) -> Result<&'static MatcherSpec> {
-    MATCHERS.iter().find(|spec| spec.name == name).ok_or_else(|| Error::UnknownAlgorithm {
+    MATCHERS.iter().find(|spec| spec.names().any(|n| n == name)).ok_or_else(|| Error::UnknownAlgorithm {
         name: name.to_owned(),
-        nearest: nearest(name, MATCHERS.iter().map(|spec| spec.name)),
+        nearest: nearest(name, MATCHERS.iter().flat_map(MatcherSpec::names)),
     })
+}
+
+impl MatcherSpec {
+    /// Its name, then its aliases.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        std::iter::once(self.name).chain(self.aliases.iter().copied())
+    }
 }
 
 /// An algorithm with its parameters, as written `NAME[:key=value,...]`.

@@ -20,6 +20,7 @@ pub enum Range {
     Real { default: f64, min: f64, max: f64 },
     Flag { default: bool },
     Text { default: &'static str },
+    Choice { default: &'static str, options: &'static [&'static str] },
 }
 
 /// A parameter's value.
@@ -29,6 +30,7 @@ pub enum Value {
     Real(f64),
     Flag(bool),
     Text(String),
+    Choice(&'static str),
 }
 
 impl Range {
@@ -38,6 +40,7 @@ impl Range {
             Range::Real { default, .. } => Value::Real(default),
             Range::Flag { default } => Value::Flag(default),
             Range::Text { default } => Value::Text(default.to_owned()),
+            Range::Choice { default, .. } => Value::Choice(default),
         }
     }
 
@@ -48,6 +51,7 @@ impl Range {
             Range::Real { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Real),
             Range::Flag { .. } => text.parse().ok().map(Value::Flag),
             Range::Text { .. } => closed(text).then(|| Value::Text(unquote(text).to_owned())),
+            Range::Choice { options, .. } => options.iter().find(|o| **o == text).copied().map(Value::Choice),
         }
     }
 }
@@ -59,6 +63,7 @@ impl std::fmt::Display for Range {
             Range::Real { min, max, .. } => write!(f, "a number in {min}..={max}"),
             Range::Flag { .. } => write!(f, "true or false"),
             Range::Text { .. } => write!(f, "a text that closes its quotes"),
+            Range::Choice { options, .. } => write!(f, "one of {}", options.join(", ")),
         }
     }
 }
@@ -72,6 +77,7 @@ impl std::fmt::Display for Value {
             // In quotes where it would be read otherwise without them.
             Value::Text(v) if split(v, ',').count() < 2 && unquote(v) == v => write!(f, "{v}"),
             Value::Text(v) => write!(f, "{quote}{v}{quote}", quote = if v.contains('"') { '\'' } else { '"' }),
+            Value::Choice(v) => write!(f, "{v}"),
         }
     }
 }
@@ -156,6 +162,17 @@ impl Parameters {
     pub fn text(&self, name: &str) -> &str {
         match self.value(name) {
             Value::Text(v) => v,
+            other => panic!("parameter {name} is {other:?}"),
+        }
+    }
+
+    /// The option chosen for `name`.
+    ///
+    /// # Panics
+    /// As [`Parameters::int`].
+    pub fn choice(&self, name: &str) -> &'static str {
+        match self.value(name) {
+            Value::Choice(v) => v,
             other => panic!("parameter {name} is {other:?}"),
         }
     }

@@ -56,7 +56,7 @@ fn bad_input_is_one_line_that_names_it() {
     run("huge.pgm", &[]).failed(1, &["huge.pgm"]);
     run(".", &[]).failed(1, &["is a folder"]);
     run("r.pgm", &["--calib", "text.png"]).failed(1, &["text.png", "calib.txt", "cam0"]);
-    run("r.pgm", &["--algo", "v9"]).failed(2, &["unknown algorithm 'v9'", "did you mean 'v3'?"]);
+    run("r.pgm", &["--algo", "v33"]).failed(2, &["unknown algorithm 'v33'", "did you mean 'v3'?"]);
     run("r.pgm", &["--algo", "v3:max_disparty=4"]).failed(2, &["no parameter 'max_disparty'", "'max_disparity'"]);
     run("r.pgm", &["--algo", "v3:max_disparity=x"]).failed(2, &["max_disparity=x is not a whole number in"]);
     run("r.pgm", &["--algo", "v3:max_disparity=99999"]).failed(2, &["99999"]);

@@ -1,6 +1,6 @@
 //! What several tests share: real scenes and running an algorithm.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl::kernel::Isa;
 use svl::matcher::Algorithm;
 use svl::stereo::{DisparityMap, Gray, StereoPair};
@@ -22,7 +22,12 @@ pub(crate) fn datasets() -> Option<PathBuf> {
 /// The pair of a scene.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 pub(crate) fn scene(name: &str) -> Option<StereoPair> {
-    let folder = datasets()?.join(name);
+    Some(pair(&datasets()?.join(name), "im0.png", "im1.png"))
+}
+
+/// The pair of two files in `folder`.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub(crate) fn pair(folder: &Path, left: &str, right: &str) -> StereoPair {
     let grey = |file: &str| {
         let image = image::open(folder.join(file)).unwrap();
         let (width, height) = (image.width() as usize, image.height() as usize);
@@ -32,7 +37,7 @@ pub(crate) fn scene(name: &str) -> Option<StereoPair> {
             Gray::from_vec(width, height, image.to_luma8().into_raw()).unwrap()
         }
     };
-    Some(StereoPair::new(grey("im0.png"), grey("im1.png")).unwrap())
+    StereoPair::new(grey(left), grey(right)).unwrap()
 }
 
 /// The result of `algorithm`, written as on the command line, on `isa`.

@@ -36,6 +36,7 @@ use std::time::Duration;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "exec",
+    aliases: &[],
     summary: "any program, over its standard input and output: how to compare what svl does not know",
     paper: "whatever the program does; adapters/opencv.py explains the protocol and is an example",
     parameters: &[

@@ -1,12 +1,18 @@
-//! The published steps that the matchers of the thesis are composed of.
+//! The published steps that the matchers are composed of.
 
 mod blocks;
+mod census;
 mod check;
+mod claims;
 mod costs;
 mod deviation;
 mod filter;
+mod paths;
+mod prefilter;
+mod sad;
 mod scanline;
 mod smoothing;
+mod speckle;
 mod spread;
 mod ssd;
 mod subpixel;
@@ -14,12 +20,18 @@ mod symmetry;
 mod texture;
 
 pub use blocks::Blocks;
+pub use census::CostVolume;
 pub use check::{BACK_CHECK, SelfCheck, back_check};
+pub use claims::Claims;
 pub use costs::CostSearch;
 pub use deviation::DeviationTexture;
 pub use filter::{CostFilter, ErrorFilter, SpreadFilter};
+pub use paths::{Chosen, PathSums};
+pub use prefilter::{Edges, Prefilter};
+pub use sad::SadSearch;
 pub use scanline::{PathCosts, Scanlines};
 pub use smoothing::VerticalSmoothing;
+pub use speckle::Speckles;
 pub use spread::{Spread, SpreadPixel, bridge};
 pub use ssd::{BlockSearch, DisparityRange};
 pub use subpixel::{SUBPIXEL, refine};

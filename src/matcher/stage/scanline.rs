@@ -2,7 +2,7 @@
 //! Stereo*, 1998).
 
 use super::Blocks;
-use crate::kernel::{Isa, Lanes, Paths, find_paths};
+use crate::kernel::{Isa, Lanes, ScanlinePaths, find_paths};
 
 /// What a path through the pixels of a row costs and earns beside its dissimilarities, in grey levels.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +17,7 @@ pub struct PathCosts {
 pub struct Scanlines {
     costs: PathCosts,
     width: usize,
-    paths: Paths,
+    paths: ScanlinePaths,
     /// Block by block, column by column.
     found: Vec<Lanes<u8>>,
 }
@@ -28,19 +28,19 @@ impl Scanlines {
         Self {
             costs,
             width,
-            paths: Paths::new(width, max_disparity),
+            paths: ScanlinePaths::new(width, max_disparity),
             found: vec![Lanes::splat(0); width * rows.div_ceil(Blocks::ROWS)],
         }
     }
 
     /// Matches the band's rows, the image's `rows`.
     pub fn search(&mut self, isa: Isa, left: &Blocks, right: &Blocks, rows: std::ops::Range<usize>) {
-        for y in rows.clone().step_by(Paths::ROWS) {
+        for y in rows.clone().step_by(ScanlinePaths::ROWS) {
             let (block, first) = ((y - rows.start) / Blocks::ROWS, y % Blocks::ROWS);
             let PathCosts { occlusion, reward } = self.costs;
             find_paths(isa, left.around(y), right.around(y), first, occlusion, reward, &mut self.paths);
             let found = &mut self.found[block * self.width..][..self.width];
-            for lane in 0..Paths::ROWS.min(rows.end - y) {
+            for lane in 0..ScanlinePaths::ROWS.min(rows.end - y) {
                 self.paths.trace(lane, |x, d| found[x].0[first + lane] = d);
             }
         }

@@ -28,16 +28,16 @@ const EDGE: u16 = 5;
 
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-struct Numbers([i32; Paths::ROWS]);
+struct Numbers([i32; ScanlinePaths::ROWS]);
 
 /// A column of the left image.
 struct LeftColumn {
     /// Times four.
-    pixel: [u16; Paths::ROWS],
+    pixel: [u16; ScanlinePaths::ROWS],
     /// All bits where dissimilarities count: the last column costs nothing.
     counted: u16,
     /// Whether the disparity may fall here.
-    up: [i32; Paths::ROWS],
+    up: [i32; ScanlinePaths::ROWS],
 }
 
 /// A column of the right image.
@@ -45,23 +45,23 @@ struct LeftColumn {
 #[repr(align(64))]
 struct RightColumn {
     /// The pixel's highest and lowest value within half a pixel, times four.
-    high: [u16; Paths::ROWS],
-    low: [u16; Paths::ROWS],
+    high: [u16; ScanlinePaths::ROWS],
+    low: [u16; ScanlinePaths::ROWS],
     /// Whether the disparity may rise after the match with this column.
-    diag: [i32; Paths::ROWS],
+    diag: [i32; ScanlinePaths::ROWS],
 }
 
 /// The cheapest paths through sixteen rows. It holds one thread's scratch.
-pub struct Paths {
+pub struct ScanlinePaths {
     disparities: usize,
     right: Vec<RightColumn>,
     /// Of the column before, by disparity from −1 on; while a column is made, what is above is of that column.
     cells: Vec<Numbers>,
     /// By column, then disparity.
-    steps: Vec<[u8; Paths::ROWS]>,
+    steps: Vec<[u8; ScanlinePaths::ROWS]>,
 }
 
-impl Paths {
+impl ScanlinePaths {
     /// Rows at once.
     pub const ROWS: usize = 16;
 
@@ -129,7 +129,7 @@ pub fn edge<const N: usize>([a, b, c]: [[u16; N]; 3]) -> [bool; N] {
 }
 
 #[inline(always)]
-fn gate(open: [bool; Paths::ROWS]) -> [i32; Paths::ROWS] {
+fn gate(open: [bool; ScanlinePaths::ROWS]) -> [i32; ScanlinePaths::ROWS] {
     open.map(|open| if open { OPEN } else { CLOSED })
 }
 
@@ -141,9 +141,9 @@ pub(super) fn find(
     first: usize,
     occlusion: i32,
     reward: i32,
-    paths: &mut Paths,
+    paths: &mut ScanlinePaths,
 ) {
-    const N: usize = Paths::ROWS;
+    const N: usize = ScanlinePaths::ROWS;
     let width = left.len();
     // Blocks have a multiple of sixteen rows.
     let rows = |lanes: &Lanes<u16>| -> [u16; N] { *lanes.0[first..].first_chunk().expect("sixteen rows") };
@@ -176,12 +176,12 @@ fn cell(
     [up_cost, diag_cost, reward]: [i32; 3],
     left: &LeftColumn,
     right: &RightColumn,
-    below: &[i32; Paths::ROWS],
-    here: &mut [i32; Paths::ROWS],
-    up: &mut [i32; Paths::ROWS],
-    step: &mut [u8; Paths::ROWS],
+    below: &[i32; ScanlinePaths::ROWS],
+    here: &mut [i32; ScanlinePaths::ROWS],
+    up: &mut [i32; ScanlinePaths::ROWS],
+    step: &mut [u8; ScanlinePaths::ROWS],
 ) {
-    for i in 0..Paths::ROWS {
+    for i in 0..ScanlinePaths::ROWS {
         let same = (here[i] & !STEP) - reward;
         let diag = ((below[i] & !STEP) + diag_cost).max(right.diag[i]);
         // One of the two is 0.
@@ -195,12 +195,12 @@ fn cell(
 
 /// Prepares the columns of the right image.
 #[inline(always)]
-fn load(right: &[Lanes<u16>], rows: impl Fn(&Lanes<u16>) -> [u16; Paths::ROWS], out: &mut [RightColumn]) {
+fn load(right: &[Lanes<u16>], rows: impl Fn(&Lanes<u16>) -> [u16; ScanlinePaths::ROWS], out: &mut [RightColumn]) {
     let width = right.len();
     for (x, column) in out.iter_mut().enumerate() {
         // What the last column holds does not matter: it matches only the last column of the left image, at no cost.
         let [before, here, after] = [x.saturating_sub(1), x, (x + 1).min(width - 1)].map(|x| rows(&right[x]));
-        for i in 0..Paths::ROWS {
+        for i in 0..ScanlinePaths::ROWS {
             let (before, after) = ((before[i] + here[i]) >> 1, (here[i] + after[i]) >> 1);
             column.high[i] = 4 * here[i].max(before).max(after);
             column.low[i] = 4 * here[i].min(before).min(after);

@@ -1,0 +1,205 @@
+//! Semi-global matching of censuses.
+//!
+//! Hirschmüller, "Stereo Processing by Semiglobal Matching and Mutual Information", PAMI 2008, with the census of Zabih
+//! & Woodfill, "Non-parametric Local Transforms for Computing Visual Correspondence", ECCV 1994, in place of mutual
+//! information: eight paths, a penalty P1 for steps of one disparity and P2, less at edges, for others; then the median
+//! of three by three, uniqueness, the left/right check and the speckle filter.
+//!
+//! Departures from Hirschmüller: the right image's disparities come from the same sums (his section 2.3 allows it); P2
+//! falls with the gradient only where that exceeds a threshold; the fraction of a pixel is the equiangular one, which
+//! suits Hamming distances, in 16ths; nothing is interpolated; speckles are *inconsistent*. Left pixels near the edge try
+//! the disparities that stay inside the right image.
+
+use super::stage::{Chosen, CostVolume, DisparityRange, PathSums, Speckles};
+use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use crate::error::{Error, Result};
+use crate::kernel::{Isa, Paths, Penalties, SumTest, median_row};
+use crate::stereo::{DisparityMap, Reason, RowMut, StereoPair};
+use crate::timing::{Clock, Stage};
+
+pub(super) const SPEC: MatcherSpec = MatcherSpec {
+    name: "sgm",
+    aliases: &[],
+    summary: "semi-global matching of censuses along eight paths: the densest and most exact, and the slowest",
+    paper: "Hirschmüller, Stereo Processing by Semiglobal Matching and Mutual Information, PAMI 30(2), 2008",
+    parameters: &[
+        DisparityRange::MIN,
+        DisparityRange::MAX,
+        Parameter {
+            name: "p1",
+            unit: "",
+            range: Range::Int { default: 14, min: 0, max: Paths::LARGEST_PENALTY },
+            description: "cost of a step of disparity by one, in bits of the census: slopes",
+        },
+        Parameter {
+            name: "p2",
+            unit: "",
+            range: Range::Int { default: 80, min: 0, max: Paths::LARGEST_PENALTY },
+            description: "cost of any other step, at least p1: edges of objects",
+        },
+        Parameter {
+            name: "edge",
+            unit: "grey levels",
+            range: Range::Int { default: 10, min: 1, max: 256 },
+            description: "difference of neighbours beyond which p2 falls in proportion, 256 = never",
+        },
+        Parameter {
+            name: "uniqueness",
+            unit: "%",
+            range: Range::Int { default: 5, min: 0, max: 100 },
+            description: "by how much every other disparity must be worse, 0 = not tested",
+        },
+        Parameter {
+            name: "symmetry_tolerance",
+            unit: "px",
+            range: Range::Int { default: 1, min: -1, max: 1024 },
+            description: "farthest that left and right image may disagree, -1 = not checked",
+        },
+        Parameter {
+            name: "median",
+            unit: "",
+            range: Range::Flag { default: true },
+            description: "take the median of three by three disparities",
+        },
+        Speckles::SIZE,
+        Speckles::RANGE,
+    ],
+    build: |parameters, isa| Ok(Box::new(Sgm::new(parameters, isa)?)),
+};
+
+struct Sgm {
+    isa: Isa,
+    range: DisparityRange,
+    penalties: Penalties,
+    uniqueness: u32,
+    tolerance: i32,
+    median: bool,
+    speckles: (i32, f64),
+    scratch: Option<Scratch>,
+}
+
+/// Memory for pairs of one size.
+struct Scratch {
+    size: (usize, usize),
+    costs: CostVolume,
+    sums: PathSums,
+    chosen: Chosen,
+    band_rows: usize,
+    /// A row of medians per band.
+    medians: Vec<Vec<i16>>,
+    speckles: Option<Speckles>,
+}
+
+impl Sgm {
+    /// Most bytes of costs and sums that a pair may take.
+    const MEMORY: usize = 4 << 30;
+
+    fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
+        let [p1, p2, edge] = ["p1", "p2", "edge"].map(|name| parameters.int(name));
+        if p2 < p1 {
+            return Err(Error::Invalid(format!(
+                "sgm: p2={p2} is below p1={p1}: a large step costs at least a small one"
+            )));
+        }
+        let large = |difference: i32| p1.max(p2 * edge / edge.max(difference)) as u8;
+        Ok(Self {
+            isa,
+            range: DisparityRange::new(parameters.int("min_disparity"), parameters.int("max_disparity"))?,
+            penalties: Penalties { small: p1 as u8, large: std::array::from_fn(|difference| large(difference as i32)) },
+            uniqueness: parameters.int("uniqueness") as u32,
+            tolerance: parameters.int("symmetry_tolerance"),
+            median: parameters.flag("median"),
+            speckles: (parameters.int("speckle_size"), parameters.real("speckle_range")),
+            scratch: None,
+        })
+    }
+
+    /// Nothing when no disparity leads into an image of that size.
+    fn scratch(&self, (width, height): (usize, usize)) -> Result<Option<Scratch>> {
+        let farthest = width as i32 - 1;
+        let range = self.range.min().max(-farthest)..=self.range.max().min(farthest);
+        if range.is_empty() {
+            return Ok(None);
+        }
+        let bytes = width * height * (range.end() - range.start() + 1) as usize * CostVolume::BYTES;
+        if bytes > Self::MEMORY {
+            return Err(Error::Invalid(format!(
+                "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow the range",
+                range.end() - range.start() + 1,
+                bytes >> 20,
+                Self::MEMORY >> 20
+            )));
+        }
+        let costs = CostVolume::new((width, height), range);
+        let band_rows = height.div_ceil(4 * rayon::current_num_threads());
+        Ok(Some(Scratch {
+            size: (width, height),
+            sums: PathSums::new(&costs),
+            chosen: Chosen::new(&costs),
+            costs,
+            band_rows,
+            medians: (0..height.div_ceil(band_rows)).map(|_| vec![0; width]).collect(),
+            speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
+        }))
+    }
+
+    /// Writes row `y` of what was chosen: the median of `rows`, checked.
+    fn write(&self, chosen: &Chosen, y: usize, disparities: &[i16], row: &mut RowMut<'_>) {
+        for (x, (&disparity, &why)) in disparities.iter().zip(chosen.why(y)).enumerate() {
+            let consistent = || {
+                let match_x = x as i32 - (i32::from(disparity) + 8).div_euclid(16);
+                self.tolerance < 0
+                    || chosen.right(match_x, y).is_some_and(|right| {
+                        (16 * i32::from(right) - i32::from(disparity)).abs() <= 16 * self.tolerance
+                    })
+            };
+            match why {
+                Reason::Valid if consistent() => row.accept(x, f32::from(disparity) / 16.0, DisparityMap::NO_SSDPI),
+                Reason::Valid => row.reject(x, Reason::Inconsistent, DisparityMap::NO_SSDPI),
+                why => row.reject(x, why, DisparityMap::NO_SSDPI),
+            }
+        }
+    }
+}
+
+impl Matcher for Sgm {
+    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+        let (isa, size) = (self.isa, pair.size());
+        map.resize(size.0, size.1)?;
+        let scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {
+            Some(scratch) => Some(scratch),
+            None => self.scratch(size)?,
+        };
+        let Some(mut scratch) = scratch else {
+            map.rows_mut().for_each(|mut row| row.clear(Reason::Border));
+            return Ok(());
+        };
+        let Scratch { costs, sums, chosen, band_rows, medians, speckles, .. } = &mut scratch;
+
+        costs.load(isa, pair.left(), pair.right());
+        clock.lap(Stage::Matching);
+
+        let test = SumTest { first: costs.first(), uniqueness: self.uniqueness };
+        sums.choose(isa, costs, pair.left(), &self.penalties, &test, chosen);
+        clock.lap(Stage::Matching);
+
+        let (chosen, last) = (&*chosen, size.1 - 1);
+        map.each_band_mut(*band_rows, medians, |top, band, medians| {
+            for (y, mut row) in (top..).zip(band.into_rows()) {
+                if self.median {
+                    let rows = [y.saturating_sub(1), y, last.min(y + 1)].map(|y| chosen.left(y));
+                    median_row(isa, rows, medians);
+                    self.write(chosen, y, medians, &mut row);
+                } else {
+                    self.write(chosen, y, chosen.left(y), &mut row);
+                }
+            }
+        });
+        if let Some(speckles) = speckles {
+            speckles.remove(map);
+        }
+        clock.lap(Stage::Checks);
+        self.scratch = Some(scratch);
+        Ok(())
+    }
+}

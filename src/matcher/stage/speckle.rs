@@ -1,0 +1,91 @@
+//! Speckle filter: small islands of disparity that differ from all around them are mistakes (Hirschmüller 2008,
+//! section 2.5.1).
+
+use crate::matcher::{Parameter, Range};
+use crate::stereo::{DisparityMap, Reason};
+
+/// Removes small regions of a map, with its scratch.
+pub struct Speckles {
+    size: u32,
+    range_px: f32,
+    /// The region of each pixel: a pixel of it, or itself.
+    parents: Vec<u32>,
+    /// Pixels of the region, at its root.
+    sizes: Vec<u32>,
+}
+
+impl Speckles {
+    /// Largest region removed, as the matchers' tables have it; off by default.
+    pub const SIZE: Parameter = Parameter {
+        name: "speckle_size",
+        unit: "pixels",
+        range: Range::Int { default: 0, min: 0, max: 100_000 },
+        description: "largest island of disparity that is removed, 0 = none",
+    };
+    /// Step within a region, as the matchers' tables have it.
+    pub const RANGE: Parameter = Parameter {
+        name: "speckle_range",
+        unit: "px",
+        range: Range::Real { default: 1.0, min: 0.0, max: 1024.0 },
+        description: "largest step of disparity between neighbours of one island",
+    };
+
+    /// For maps of that many pixels; nothing when `size` is 0.
+    pub fn new(pixels: usize, size: i32, range_px: f64) -> Option<Self> {
+        let scratch = || vec![0; pixels];
+        (size > 0).then(|| Self { size: size as u32, range_px: range_px as f32, parents: scratch(), sizes: scratch() })
+    }
+
+    /// Rejects the valid pixels of regions that are too small.
+    pub fn remove(&mut self, map: &mut DisparityMap) {
+        let width = map.size().0;
+        self.join(map);
+        for (y, mut row) in map.rows_mut().enumerate() {
+            for x in 0..width {
+                let root = self.root((y * width + x) as u32);
+                if row.at(x).is_ok() && self.sizes[root as usize] <= self.size {
+                    row.reject(x, Reason::Inconsistent, row.ssdpi(x));
+                }
+            }
+        }
+    }
+
+    /// Joins neighbours of nearly equal disparity.
+    fn join(&mut self, map: &DisparityMap) {
+        let width = map.size().0;
+        self.sizes.fill(1);
+        for (y, row) in map.disparity().rows().enumerate() {
+            let above = map.disparity().row(y.saturating_sub(1));
+            for x in 0..width {
+                let pixel = (y * width + x) as u32;
+                self.parents[pixel as usize] = pixel;
+                // Where there is no disparity the difference is infinite or no number.
+                if x > 0 && (row[x] - row[x - 1]).abs() <= self.range_px {
+                    self.unite(pixel, pixel - 1);
+                }
+                if y > 0 && (row[x] - above[x]).abs() <= self.range_px {
+                    self.unite(pixel, pixel - width as u32);
+                }
+            }
+        }
+    }
+
+    fn unite(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        if a != b {
+            let (root, child) = (a.min(b), a.max(b));
+            self.parents[child as usize] = root;
+            self.sizes[root as usize] += self.sizes[child as usize];
+        }
+    }
+
+    /// The root of a pixel's region; halves the way for those who come after.
+    fn root(&mut self, mut pixel: u32) -> u32 {
+        while self.parents[pixel as usize] != pixel {
+            let parent = self.parents[pixel as usize];
+            self.parents[pixel as usize] = self.parents[parent as usize];
+            pixel = parent;
+        }
+        pixel
+    }
+}
