@@ -3,12 +3,12 @@
 mod common;
 #[path = "oracle/bm.rs"]
 mod oracle;
-#[path = "common/pairs.rs"]
-mod pairs;
+#[path = "oracle/scenes.rs"]
+mod scenes;
 
 use oracle::Bm;
-use pairs::{Scene, difference, pairs};
 use proptest::prelude::*;
+use scenes::{Scene, difference, pair, pairs};
 use std::process::Command;
 use svl::kernel::Isa;
 use svl::stereo::Reason;
@@ -85,7 +85,7 @@ fn every_reason_of_bm_occurs() {
     let mut tally = [0; 7];
     for scene in Scene::ALL {
         let noise = if matches!(scene, Scene::Constant) { 0 } else { 9 };
-        let pair = scene.pair((60, 20), 5, noise, 42);
+        let pair = pair(scene, (60, 20), 5, noise, 42);
         let map = common::run("bm:max_disparity=20,symmetry_tolerance=0,block_size=5", Isa::PORTABLE, &pair);
         tally.iter_mut().zip(map.tally()).for_each(|(sum, n)| *sum += n);
     }

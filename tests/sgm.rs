@@ -3,12 +3,12 @@
 mod common;
 #[path = "oracle/sgm.rs"]
 mod oracle;
-#[path = "common/pairs.rs"]
-mod pairs;
+#[path = "oracle/scenes.rs"]
+mod scenes;
 
 use oracle::Sgm;
-use pairs::{Scene, difference, pairs};
 use proptest::prelude::*;
+use scenes::{Scene, difference, pair, pairs};
 use svl::kernel::Isa;
 use svl::stereo::Reason;
 
@@ -78,7 +78,7 @@ proptest! {
 fn every_reason_of_sgm_occurs() {
     let mut tally = [0; 7];
     for scene in Scene::ALL {
-        let map = common::run("sgm:min_disparity=2,max_disparity=20", Isa::PORTABLE, &scene.pair((60, 20), 5, 9, 42));
+        let map = common::run("sgm:min_disparity=2,max_disparity=20", Isa::PORTABLE, &pair(scene, (60, 20), 5, 9, 42));
         tally.iter_mut().zip(map.tally()).for_each(|(sum, n)| *sum += n);
     }
     for reason in [Reason::Valid, Reason::Border, Reason::Ambiguous, Reason::Inconsistent] {
