@@ -98,10 +98,10 @@ impl Cli {
         let lines = lines.with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal());
         tracing_subscriber::registry().with(lines.with_filter(ours)).init();
         let own = matches!(self.command, Command::Bench(_)).then_some(bench::THREADS);
-        if let Some(threads) = self.threads.or(own) {
-            if let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global() {
-                tracing::warn!("--threads {threads}: {error}");
-            }
+        if let Some(threads) = self.threads.or(own)
+            && let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()
+        {
+            tracing::warn!("--threads {threads}: {error}");
         }
     }
 }

@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let incomplete = ran.as_ref().err().map(|e| super::one_line(e));
+    let incomplete = ran.as_ref().err().map(super::one_line);
     let summary = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (summary, _) => summary?,

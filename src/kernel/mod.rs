@@ -108,7 +108,7 @@ kernels! {
     /// For each window of a block of rows its match, exact; `sums` has an element per disparity of the search.
     pub fn matches(search: &Search<'_>, sums: &mut [Lanes<u32>], out: &mut [Lanes<Match>]) = exact::matches;
 
-    /// As [`matches`], and whether a disparity not beside the winner costs less than `thousandths` more.
+    /// As [`matches()`], and whether a disparity not beside the winner costs less than `thousandths` more.
     pub fn matches_and_rivals(
         search: &Search<'_>,
         thousandths: u32,
@@ -117,7 +117,7 @@ kernels! {
         doubts: &mut [Lanes<Doubt>],
     ) = exact::matches_and_rivals;
 
-    /// As [`matches`], and whether the standard deviation of all disparities, each weighted by `(cost + 25)⁻²`, is at
+    /// As [`matches()`], and whether the standard deviation of all disparities, each weighted by `(cost + 25)⁻²`, is at
     /// least `threshold_px`; [`Doubt::Open`] where single precision cannot tell.
     pub fn matches_and_spread(
         search: &Search<'_>,

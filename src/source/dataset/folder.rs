@@ -66,11 +66,10 @@ fn images(folder: &Path, prefix: &str) -> Result<Images> {
         let path = entry.map_err(|e| Error::io(folder, e))?.path();
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
         let key = path.file_stem().and_then(|s| s.to_str()).and_then(|s| s.strip_prefix(prefix));
-        if let Some(key) = key.filter(|_| ENDINGS.contains(&ending.as_str())) {
-            if let Some(other) = images.insert(key.to_owned(), path.clone()) {
-                let both = format!("and {} have one name; leave one of them", other.display());
-                return Err(Error::format(path, both));
-            }
+        let key = key.filter(|_| ENDINGS.contains(&ending.as_str()));
+        if let Some(other) = key.and_then(|key| images.insert(key.to_owned(), path.clone())) {
+            let both = format!("and {} have one name; leave one of them", other.display());
+            return Err(Error::format(path, both));
         }
     }
     Ok(images)
