@@ -37,7 +37,7 @@ pub(super) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow:
     Ok(())
 }
 
-/// An earlier file, set aside while a new one of its name is made. It comes back unless the new one is kept.
+/// An earlier file, set aside while a new one of its name is made. It comes back unless something new was kept.
 pub(super) struct Aside {
     path: PathBuf,
     earlier: Option<PathBuf>,
@@ -61,6 +61,13 @@ impl Aside {
         if let Some(earlier) = self.earlier.take() {
             // At worst it stays, under its other name.
             let _ = std::fs::remove_file(earlier);
+        }
+    }
+
+    /// The new file is only a part: both stay.
+    pub(super) fn keep_both(mut self) {
+        if let Some(earlier) = self.earlier.take() {
+            tracing::warn!("{}: incomplete; the earlier one is {}", self.path.display(), earlier.display());
         }
     }
 }

@@ -68,7 +68,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
     let format = if args.compress { ImageFormat::Png } else { ImageFormat::Raw };
     let began = Instant::now();
-    let outcome = write(opened, &output, format, quiet)?;
+    let outcome = match write(opened, &output, format, quiet) {
+        Ok(outcome) => outcome,
+        Err(error) => {
+            if output.exists() {
+                earlier.keep_both();
+            }
+            return Err(error);
+        }
+    };
     earlier.replaced();
     if !quiet {
         report(&output, outcome, began.elapsed().as_secs_f64())?;

@@ -116,8 +116,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let finished = sinks.iter_mut().map(|sink| sink.finish()).fold(Ok(()), Result::and);
     drop(sinks);
     let pairs = rows.pairs();
+    if pairs > 0 || ran.is_ok() {
+        let whole = ran.is_ok() && finished.is_ok();
+        earlier.into_iter().for_each(if whole { Aside::replaced } else { Aside::keep_both });
+    }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
-        earlier.into_iter().for_each(Aside::replaced);
         let summary = Summary::of_rows(rows.rows())?;
         let text = || format!("{} ({pairs} pairs)\n{summary}", recording.display());
         if args.json { print_json(&summary)? } else { print(&text())? }

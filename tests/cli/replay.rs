@@ -108,7 +108,7 @@ fn without_any_recording_it_records_the_arena_first() {
 
 #[test]
 fn force_replaces_what_is_there_only_by_something_whole() {
-    let fixture = recorded("2");
+    let fixture = recorded("6");
     fixture.write("rows.csv", "precious");
     fixture.write("bad.mcap", "not a recording");
     fixture.svl(&["replay", "bad.mcap", "--rows", "rows.csv", "--force"]).failed(1, &["bad.mcap"]);
@@ -116,4 +116,14 @@ fn force_replaces_what_is_there_only_by_something_whole() {
     fixture.svl(&["replay", "a.mcap", "--rows", "rows.csv", "--force"]).done();
     assert!(std::fs::read_to_string(fixture.path("rows.csv")).unwrap().starts_with("run_id"));
     assert_eq!(std::fs::read_dir(fixture.path("")).unwrap().count(), 3, "nothing is left over");
+
+    // Of a recording that ends early the rows are a part: they and the earlier file stay.
+    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
+    fixture.write("rows.csv", "precious");
+    assert_eq!(fixture.svl(&["replay", "cut.mcap", "--rows", "rows.csv", "--force"]).code, Some(1));
+    assert!(std::fs::read_to_string(fixture.path("rows.csv")).unwrap().starts_with("run_id"));
+    let names = std::fs::read_dir(fixture.path("")).unwrap().map(|entry| entry.unwrap().path());
+    let earlier = names.into_iter().find(|path| path.extension().is_some_and(|e| e == "earlier")).unwrap();
+    assert_eq!(std::fs::read(earlier).unwrap(), b"precious");
 }
