@@ -9,6 +9,7 @@
 
 pub mod html;
 mod markdown;
+pub mod plot;
 mod rows;
 mod summary;
 mod tables;

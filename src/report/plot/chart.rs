@@ -1,0 +1,218 @@
+//! Lines and points over two axes.
+
+use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text};
+use crate::error::Result;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use plotters::prelude::*;
+
+/// A plot of series over common axes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chart {
+    pub title: String,
+    pub x: Axis,
+    pub y: Axis,
+    pub series: Vec<Series>,
+}
+
+/// One axis: what it shows, with its unit, and how.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Axis {
+    pub label: String,
+    /// Logarithmic; values of 0 and below are then left out.
+    pub log: bool,
+    /// From where to where, instead of what the data span.
+    pub range: Option<(f64, f64)>,
+}
+
+/// Points under one name. What is not finite is left out and interrupts a line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    pub name: String,
+    pub form: Form,
+    pub points: Vec<(f64, f64)>,
+}
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    Line,
+    Points,
+    /// Points joined by lines.
+    Both,
+}
+
+const HEIGHT: u32 = 800;
+
+impl Axis {
+    /// A linear axis over what the data span.
+    pub fn new(label: impl Into<String>) -> Self {
+        Self { label: label.into(), ..Self::default() }
+    }
+
+    /// Whether it has a place for a value.
+    fn shows(&self, value: f64) -> bool {
+        value.is_finite() && (value > 0.0 || !self.log)
+    }
+
+    /// From where to where, for `values`, with a little room at both ends; never empty.
+    fn span(&self, values: impl Iterator<Item = f64>) -> (f64, f64) {
+        if let Some(range) = self.range {
+            return range;
+        }
+        let shown = values.filter(|&v| self.shows(v));
+        let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        match (low <= high, self.log) {
+            (false, _) => (0.1, 1.0),
+            (true, true) => (low / 1.25, high * 1.25),
+            (true, false) => {
+                // A scale that nearly begins at zero begins there.
+                let room = if high > low { 0.04 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+                let begin = if low >= 0.0 && low < 0.25 * high { 0.0 } else { low - room };
+                (begin, high + room)
+            }
+        }
+    }
+}
+
+impl Chart {
+    /// The plot as an SVG document.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] with what the drawing library says.
+    pub fn svg(&self) -> Result<String> {
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let (x0, x1) = self.x.span(points().map(|p| p.0));
+        let (y0, y1) = self.y.span(points().map(|p| p.1));
+        svg(HEIGHT, &self.title, |canvas| match (self.x.log, self.y.log) {
+            (false, false) => self.draw(canvas, x0..x1, y0..y1),
+            (true, false) => self.draw(canvas, (x0..x1).log_scale(), y0..y1),
+            (false, true) => self.draw(canvas, x0..x1, (y0..y1).log_scale()),
+            (true, true) => self.draw(canvas, (x0..x1).log_scale(), (y0..y1).log_scale()),
+        })
+    }
+
+    fn draw<X, Y>(&self, canvas: &Canvas, x: X, y: Y) -> std::result::Result<(), Failure>
+    where
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
+        X::CoordDescType: ValueFormatter<f64>,
+        Y::CoordDescType: ValueFormatter<f64>,
+    {
+        let mut chart = ChartBuilder::on(canvas)
+            .caption(&self.title, text(TEXT + 4))
+            .margin(16)
+            .margin_right(40)
+            .x_label_area_size(88)
+            .y_label_area_size(128)
+            .build_cartesian_2d(x, y)?;
+        let number = |v: &f64| number(*v);
+        chart
+            .configure_mesh()
+            .x_desc(&self.x.label)
+            .y_desc(&self.y.label)
+            .label_style(text(TEXT - 4))
+            .axis_desc_style(text(TEXT))
+            .axis_style(AXIS.stroke_width(2))
+            .set_all_tick_mark_size(8)
+            .bold_line_style(AXIS.mix(0.25))
+            .light_line_style(AXIS.mix(0.0))
+            .x_label_formatter(&number)
+            .y_label_formatter(&number)
+            .draw()?;
+        let shown = |p: &&(f64, f64)| self.x.shows(p.0) && self.y.shows(p.1);
+        for (i, series) in self.series.iter().enumerate() {
+            let color = color(i);
+            let symbol = series.form != Form::Line;
+            if series.form != Form::Points {
+                for run in series.points.split(|p| !shown(&p)) {
+                    chart.draw_series(LineSeries::new(run.iter().copied(), color.stroke_width(4)))?;
+                }
+            }
+            let marks = series.points.iter().filter(shown).filter(|_| symbol);
+            let marks = chart.draw_series(marks.map(|&p| Circle::new(p, 8, color.filled())))?;
+            if !series.name.is_empty() {
+                marks.label(&series.name).legend(move |(x, y)| {
+                    let size = if symbol { 10 } else { 3 };
+                    Rectangle::new([(x, y - size), (x + 28, y + size)], color.filled())
+                });
+            }
+        }
+        if self.series.iter().any(|s| !s.name.is_empty()) {
+            let drawn = self.series.iter().flat_map(|s| &s.points).filter(shown).map(|p| chart.backend_coord(p));
+            let corner = emptiest(&drawn.collect::<Vec<_>>());
+            chart
+                .configure_series_labels()
+                .position(corner)
+                .legend_area_size(48)
+                .label_font(text(TEXT - 4))
+                .border_style(AXIS.mix(0.4))
+                .background_style(WHITE.mix(0.8))
+                .draw()?;
+        }
+        Ok(())
+    }
+}
+
+/// The corner of the plot with the fewest points, where the key hides least.
+fn emptiest(points: &[(i32, i32)]) -> SeriesLabelPosition {
+    use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
+    let (x, y) = (WIDTH as i32 / 2, HEIGHT as i32 / 2);
+    let in_corner =
+        |right: bool, lower: bool| points.iter().filter(|p| (p.0 > x) == right && (p.1 > y) == lower).count();
+    let corners =
+        [(true, false, UpperRight), (false, false, UpperLeft), (true, true, LowerRight), (false, true, LowerLeft)];
+    let corner = corners.into_iter().min_by_key(|&(right, lower, _)| in_corner(right, lower));
+    corner.map_or(UpperRight, |(.., position)| position)
+}
+
+/// A tick's number, no longer than it must be.
+pub(super) fn number(value: f64) -> String {
+    let text = match value.abs() {
+        v if v >= 100.0 => format!("{value:.0}"),
+        v if v >= 1.0 => format!("{value:.2}"),
+        _ => format!("{value:.4}"),
+    };
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".into() } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(points: Vec<(f64, f64)>) -> Chart {
+        let series = Series { name: "v3 <&>".into(), form: Form::Both, points };
+        Chart { title: "t".into(), x: Axis::new("x"), y: Axis::new("y"), series: vec![series] }
+    }
+
+    #[test]
+    fn draws_what_has_a_place_and_escapes_texts() {
+        let mut chart = chart(vec![(0.0, 1.0), (1.0, f64::NAN), (2.0, 3.0), (3.0, 4.0), (4.0, -1.0)]);
+        let circles = |chart: &Chart| chart.svg().unwrap().matches("<circle").count();
+        assert_eq!(circles(&chart), 4);
+        chart.y.log = true;
+        assert_eq!(circles(&chart), 3);
+        let svg = chart.svg().unwrap();
+        assert!(svg.contains("v3 &lt;&amp;&gt;"), "{svg}");
+        assert!(svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 1280 800\""), "{svg}");
+    }
+
+    #[test]
+    fn nothing_one_point_and_equal_points_have_axes() {
+        for points in [vec![], vec![(1.0, 0.0)], vec![(2.0, 5.0), (2.0, 5.0)], vec![(f64::INFINITY, 1.0)]] {
+            for log in [false, true] {
+                let mut chart = chart(points.clone());
+                (chart.x.log, chart.y.log) = (log, log);
+                chart.svg().unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(
+            [0.0, -0.0, 0.25, 3.5, 12.0, 1500.0, 0.00001].map(number),
+            ["0", "0", "0.25", "3.5", "12", "1500", "0"]
+        );
+    }
+}

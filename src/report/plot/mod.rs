@@ -1,0 +1,57 @@
+//! Plots as SVG: what reports and the thesis's figures are drawn with.
+//!
+//! A page that holds them styles them: axes and texts take the page's colours through the class `plot`.
+
+mod bars;
+mod chart;
+
+pub use bars::Bars;
+pub use chart::{Axis, Chart, Form, Series};
+
+use crate::error::{Error, Result};
+use plotters::prelude::*;
+use plotters::style::FontFamily;
+
+/// Width of every plot in the SVG's own units, which are whole; a page scales it, to about half a pixel each.
+const WIDTH: u32 = 1280;
+
+/// Text size in the same units.
+const TEXT: u32 = 28;
+
+/// Grid and axes; the page's style replaces it.
+const AXIS: RGBColor = RGBColor(0x80, 0x80, 0x80);
+
+/// Colours that remain apart for the colour-blind (Okabe and Ito, "Color Universal Design", 2008), without the yellow
+/// that white paper swallows.
+const COLORS: [RGBColor; 7] = [
+    RGBColor(0x00, 0x72, 0xb2),
+    RGBColor(0xd5, 0x5e, 0x00),
+    RGBColor(0x00, 0x9e, 0x73),
+    RGBColor(0xcc, 0x79, 0xa7),
+    RGBColor(0xe6, 0x9f, 0x00),
+    RGBColor(0x56, 0xb4, 0xe9),
+    RGBColor(0x80, 0x80, 0x80),
+];
+
+/// Colour of the `i`-th series; they repeat after seven.
+fn color(i: usize) -> RGBColor {
+    COLORS[i % COLORS.len()]
+}
+
+fn text<'a>(size: u32) -> TextStyle<'a> {
+    (FontFamily::SansSerif, size).into_font().color(&BLACK)
+}
+
+/// Draws on an empty canvas of `height` and hands back the SVG.
+fn svg(height: u32, title: &str, draw: impl FnOnce(&Canvas) -> std::result::Result<(), Failure>) -> Result<String> {
+    let mut svg = String::new();
+    let canvas = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
+    let drawn = draw(&canvas).and_then(|()| canvas.present());
+    drop(canvas);
+    drawn.map_err(|e| Error::Invalid(format!("plot '{title}': {e}")))?;
+    // Sizes in percent let the page decide; `viewBox` keeps the proportions.
+    Ok(svg.replacen(&format!("width=\"{WIDTH}\" height=\"{height}\""), "class=\"plot\" role=\"img\"", 1))
+}
+
+type Canvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type Failure = DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>;
