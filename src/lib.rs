@@ -37,6 +37,8 @@ pub mod timing;
 #[cfg(feature = "bench")]
 pub mod files;
 #[cfg(feature = "bench")]
+pub mod manifest;
+#[cfg(feature = "bench")]
 pub mod overlay;
 #[cfg(feature = "bench")]
 pub mod recording;

@@ -19,6 +19,7 @@ fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
         stamp_ns: 33_333_333 * sequence,
         name: String::new(),
         seed: Some(7),
+        pair_hash: "58d0".into(),
         algorithm: algorithm.into(),
         parameters_hash: "9f3c".into(),
         smoothing_us: 100,

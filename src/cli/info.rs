@@ -2,6 +2,7 @@
 
 use super::output::{print, print_json};
 use std::path::PathBuf;
+use svl::manifest::Manifest;
 use svl::recording::{Summary, Topic};
 
 /// Show what a recording holds, and whether it is whole
@@ -43,6 +44,9 @@ fn table(summary: &Summary) -> String {
         },
         pairs(summary),
     ];
+    if let Some(Manifest { run_id, began, machine, .. }) = &summary.manifest {
+        lines.insert(3, format!("run        {run_id}, began {began} on {}", machine.processor));
+    }
     if let Some(skew) = summary.skew {
         let [min, median, max] = [skew.min_ns, skew.median_ns, skew.max_ns].map(|ns| ns as f64 / 1e3);
         lines.push(format!("skew       {min:.1} .. {max:.1} µs, median {median:.1} µs"));

@@ -5,6 +5,7 @@ use super::progress::Progress;
 use super::source::{self, Opened, RECORDINGS};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use svl::manifest::Manifest;
 use svl::recording::{ImageFormat, SCENARIO, Writer};
 use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::GridSettings;
@@ -87,6 +88,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 /// Records all of a source into `path`, which does not exist yet.
 pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet: bool) -> anyhow::Result<Outcome> {
     let mut writer = Writer::create(path, &opened.header, format)?;
+    let scenario = opened.header.scenario.as_deref().unwrap_or(&opened.stem);
+    writer.identify(&Manifest::new(scenario, opened.scenario.as_deref(), &[])?)?;
     if let Some(text) = &opened.scenario {
         writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
     }

@@ -3,16 +3,18 @@
 use super::output::{Aside, distinct, may_write, print, print_json};
 use super::progress::Progress;
 use super::source::{self, RECORDINGS};
+use super::verify::{Earlier, Verification};
 use super::{cache, run_info};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
+use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{Header, ImageFormat, SCENARIO, Writer};
 use svl::report::{Row, Summary, Table};
 use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{GridSettings, Scenario};
 use svl::score::CellRule;
-use svl::sink::{RecordingSink, RerunSink, RerunTarget, RowSink, Sink};
+use svl::sink::{Identity, RecordingSink, RerunSink, RerunTarget, RowSink, Sink};
 use svl::source::{RecordingSource, Source};
 
 /// Replay a recording through algorithms
@@ -25,12 +27,14 @@ Examples:
   svl replay                                      the newest of recordings/, or else the arena
   svl replay run.mcap --algo v3 --algo v3:max_disparity=64 --rows rows.csv
   svl replay run.mcap --rerun spawn               watch it in the Rerun viewer
-  svl replay run.mcap --rerun run.rrd --rate 1    at the speed it was recorded")]
+  svl replay run.mcap --rerun run.rrd --rate 1    at the speed it was recorded
+  svl replay run.mcap --algo v3 -o result.mcap && svl replay result.mcap --verify
+  svl replay run.mcap --verify=rows.csv           against a table of rows, or the folder of a report")]
 pub(super) struct Args {
     /// Recording to replay [default: the newest of recordings/, else the arena, recorded first]
     recording: Option<PathBuf>,
-    /// Algorithm, as `svl algos` lists them; may be given more than once
-    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3")]
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of then]
+    #[arg(long, value_name = "NAME[:key=value,…]")]
     algo: Vec<Algorithm>,
     /// As soon as possible, or so many times the recorded speed
     #[arg(long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap", value_parser = pace)]
@@ -44,6 +48,9 @@ pub(super) struct Args {
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
+    /// Prove that the results are those of an earlier run, by default those in the recording itself
+    #[arg(long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true)]
+    verify: Option<Option<PathBuf>>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -70,7 +77,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
     outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
     distinct(outputs.iter().map(|(path, _)| *path).chain(args.recording.as_deref()))?;
-    let mut lineup = Lineup::new(&args.algo)?;
     let mut source = match &args.recording {
         Some(path) => RecordingSource::open(path)?,
         None => newest_or_arena(quiet)?,
@@ -79,11 +85,19 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(recording.display().to_string()));
     let scenario = header.scenario.clone().unwrap_or_else(|| stem(&recording));
     let scenario_text = source.scenario()?;
+    let verify = args.verify.as_ref().map(|path| path.as_deref().unwrap_or(&recording));
+    let before = verify.map(|path| Earlier::read(path, header.seed)).transpose()?;
+    let algorithms = match (&args.algo[..], &before) {
+        ([], Some(before)) => before.algorithms()?,
+        ([], None) => vec!["v3".parse()?],
+        (named, _) => named.to_vec(),
+    };
+    let mut lineup = Lineup::new(&algorithms)?;
 
     let earlier = outputs.iter().map(|(path, _)| Aside::new(path)).collect::<anyhow::Result<Vec<_>>>()?;
-    let run_id = run_info::run_id(&scenario);
+    let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
     let settings = GridSettings::default();
-    let mut identity = run_info::identity(&run_id, &scenario, &args.algo, CellRule::Distance, settings.shape());
+    let mut identity = Identity::new(&manifest, CellRule::Distance, settings.shape());
     identity.seed = header.seed;
     let table = args.rows.as_deref().map(Table::<Row>::create).transpose()?;
     let mut rows = RowSink::new(identity.clone(), table);
@@ -91,13 +105,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Some(target) => {
             let parsed = scenario_text.as_deref().and_then(|text| Scenario::parse(text, &recording).ok());
             let wireframe = parsed.map_or_else(Vec::new, |s| run_info::wireframe(&s, header.seed));
-            Some(RerunSink::new(target.clone(), &run_info::rerun(&identity, &args.algo, wireframe))?)
+            Some(RerunSink::new(target.clone(), &run_info::rerun(&manifest, &identity, wireframe))?)
         }
         None => None,
     };
     let mut result = match &args.output {
         Some(path) => {
             let mut writer = Writer::create(path, &header, ImageFormat::Raw)?;
+            writer.identify(&manifest)?;
             if let Some(text) = &scenario_text {
                 writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
             }
@@ -116,14 +131,20 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let finished = sinks.iter_mut().map(|sink| sink.finish()).fold(Ok(()), Result::and);
     drop(sinks);
     let pairs = rows.pairs();
+    let mut verification = None;
     if pairs > 0 || ran.is_ok() {
         let whole = ran.is_ok() && finished.is_ok();
         earlier.into_iter().for_each(if whole { Aside::replaced } else { Aside::keep_both });
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
         let summary = Summary::of_rows(rows.rows())?;
+        verification = before.map(|before| before.compare(rows.rows())).transpose()?;
         let text = || format!("{} ({pairs} pairs)\n{summary}", recording.display());
-        if args.json { print_json(&summary)? } else { print(&text())? }
+        if args.json {
+            print_json(&Answer { summary: &summary, verification: &verification })?
+        } else {
+            print(&text())?
+        }
     }
     let outcome = ran?;
     finished?;
@@ -134,7 +155,22 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
     }
+    if let Some(verification) = verification {
+        let proved = verification.proved()?;
+        if !args.json {
+            print(&proved)?;
+        }
+    }
     run_info::complete(outcome.failures)
+}
+
+/// What `--json` prints.
+#[derive(serde::Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verification: &'a Option<Verification>,
 }
 
 /// The newest recording there is, or else the arena, recorded for this.

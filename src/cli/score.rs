@@ -5,12 +5,13 @@ use super::progress::Progress;
 use super::{cache, run_info};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
+use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::report::html::Page;
 use svl::report::{Summary, Tables};
 use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
-use svl::sink::{Judge, RerunSink, RerunTarget, Sink};
+use svl::sink::{Identity, Judge, RerunSink, RerunTarget, Sink};
 use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
 
@@ -106,22 +107,22 @@ fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result
 /// The report under way.
 struct Report {
     folder: PathBuf,
-    run_id: String,
+    manifest: Manifest,
     judge: Judge,
     rerun: RerunSink,
 }
 
 impl Report {
     fn begin(scenario: &Scenario, folder: &Path) -> anyhow::Result<Self> {
-        let run_id = run_info::run_id(&scenario.name);
-        let shape = scenario.grid.shape();
-        let identity = run_info::identity(&run_id, &scenario.name, &scenario.algorithms, scenario.cells, shape);
+        let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+        let identity = Identity::new(&manifest, scenario.cells, scenario.grid.shape());
         let labels = scenario.labels().into_iter().map(str::to_owned).collect();
         let tables = Tables::create(folder)?;
-        let info = run_info::rerun(&identity, &scenario.algorithms, run_info::wireframe(scenario, None));
+        let info = run_info::rerun(&manifest, &identity, run_info::wireframe(scenario, None));
+        write_json(&folder.join(MANIFEST), &manifest)?;
         Ok(Self {
             folder: folder.to_owned(),
-            run_id,
+            manifest,
             judge: Judge::new(identity, labels, scenario.checkpoints.clone(), tables),
             rerun: RerunSink::new(RerunTarget::File(folder.join("run.rrd")), &info)?,
         })
@@ -145,9 +146,10 @@ impl Report {
     }
 
     fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<Summary> {
-        let Self { folder, run_id, judge, mut rerun } = self;
+        let Self { folder, mut manifest, judge, mut rerun } = self;
         let (mut summary, figures) = judge.finish()?;
         summary.incomplete = incomplete;
+        summary.complete(&mut manifest);
         rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
         rerun.finish()?;
         let write = |name: &str, text: String| {
@@ -155,11 +157,12 @@ impl Report {
             std::fs::write(&path, text).with_context(|| path.display().to_string())
         };
         write("summary.md", summary.markdown(&scenario.name))?;
-        write("summary.json", serde_json::to_string_pretty(&summary)? + "\n")?;
+        write_json(&folder.join("summary.json"), &summary)?;
+        write_json(&folder.join(MANIFEST), &manifest)?;
         let page = Page {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
-            identity: run_info::manifest(&run_id, &scenario.algorithms)?,
+            identity: manifest.entries(),
             summary: summary.clone(),
             figures,
         };
@@ -167,6 +170,13 @@ impl Report {
         Ok(summary)
     }
 }
+
+fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
+    std::fs::write(path, serde_json::to_string_pretty(value)? + "\n").with_context(|| path.display().to_string())
+}
+
+/// What identifies the run of a report.
+const MANIFEST: &str = "manifest.json";
 
 /// The files of a report, which a later report of the same folder replaces.
 const REPORT_FILES: &[&str] = &[
@@ -176,6 +186,7 @@ const REPORT_FILES: &[&str] = &[
     "cells.parquet",
     "checkpoints.csv",
     "checkpoints.parquet",
+    MANIFEST,
     "summary.md",
     "summary.json",
     "index.html",

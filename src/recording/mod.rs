@@ -11,11 +11,13 @@
 //! | `/truth/visibility` | foxglove.RawImage mono8, codes of [`crate::stereo::Visibility`] | known |
 //! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
 //! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
+//! | `/algo/<name>/result` | JSON with schema (result.schema.json): its hash | a result of a replay |
 //!
 //! log_time and publish_time are the exposure stamp; the right camera's messages carry the right stamp. Calibration
 //! and baseline stand with every pair (200 bytes after compression), so that a recording cut anywhere still has them.
 //! Where there is no depth or disparity, float images are NaN (REP 118), and a point at infinity has depth +∞.
-//! The metadata record `svl` is the [`Header`]; scenario and calibration files are attachments.
+//! The metadata record `svl` is the [`Header`]; the manifest of the run that wrote it, scenario and calibration files are
+//! attachments.
 
 mod chunk;
 mod float_image;
@@ -26,6 +28,7 @@ mod messages;
 mod pairing;
 mod reader;
 mod records;
+mod result;
 mod summary;
 mod sync;
 mod truth;
@@ -34,6 +37,7 @@ mod writer;
 pub use gray_image::ImageFormat;
 pub use header::{Header, attachment, header};
 pub use reader::Reader;
+pub use result::{AlgorithmResult, results};
 pub use summary::{Gap, Skew, Summary, Topic};
 pub use writer::Writer;
 
@@ -42,6 +46,9 @@ use std::borrow::Cow;
 
 /// Name of the attachment that is the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
+
+/// Name of the attachment that is the manifest of the run which wrote the recording.
+pub const MANIFEST: &str = "manifest.json";
 
 /// One of the two cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,8 +2,9 @@
 
 use super::messages::{Channel, Event, Messages};
 use super::sync::StereoSync;
-use super::{Camera, Header, Kind};
+use super::{Camera, Header, Kind, MANIFEST};
 use crate::error::{Error, Result};
+use crate::manifest::Manifest;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,8 @@ pub struct Summary {
     pub profile: String,
     /// Nothing when svl did not write it.
     pub header: Option<Header>,
+    /// The run that wrote it, where it says.
+    pub manifest: Option<Manifest>,
     /// Names and sizes in bytes.
     pub attachments: Vec<(String, u64)>,
     /// In the order of their names.
@@ -107,6 +110,7 @@ struct Seen {
     library: String,
     profile: String,
     header: Option<Header>,
+    manifest: Option<Manifest>,
     attachments: Vec<(String, u64)>,
     topics: BTreeMap<String, Topic>,
     left_stamps: Vec<u64>,
@@ -119,7 +123,12 @@ impl Seen {
         match event {
             Event::Library(header) => (self.library, self.profile) = (header.library, header.profile),
             Event::Metadata(metadata) => self.header = self.header.take().or_else(|| Header::from_record(&metadata)),
-            Event::Attachment { name, data } => self.attachments.push((name, data.len() as u64)),
+            Event::Attachment { name, data } => {
+                if name == MANIFEST {
+                    self.manifest = serde_json::from_slice(&data).ok();
+                }
+                self.attachments.push((name, data.len() as u64));
+            }
             Event::Counts(_) => {}
             Event::Message { channel, log_time, data } => self.count(channel, log_time, &data),
         }
@@ -175,6 +184,7 @@ impl Seen {
             library: self.library,
             profile: self.profile,
             header: self.header,
+            manifest: self.manifest,
             attachments: self.attachments,
             start_ns: self.topics.values().map(|topic| topic.start_ns).min().unwrap_or(0),
             end_ns: self.topics.values().map(|topic| topic.end_ns).max().unwrap_or(0),

@@ -1,8 +1,12 @@
 //! Writes recordings that survive a crash.
 
 use super::sync::StereoSync;
-use super::{Camera, Encoded, Header, ImageFormat, Kind, Stamp, float_image, geometry, gray_image, truth};
+use super::{
+    AlgorithmResult, Camera, Encoded, Header, ImageFormat, Kind, MANIFEST, Stamp, float_image, geometry, gray_image,
+    truth,
+};
 use crate::error::{Error, Result};
+use crate::manifest::Manifest;
 use crate::stereo::{Estimate, Frame, Gray, Truth};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
@@ -81,6 +85,16 @@ impl Writer {
         self.tell(|mcap| mcap.attach(&attachment))
     }
 
+    /// Keeps the identity of the run that writes this.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn identify(&mut self, manifest: &Manifest) -> Result<()> {
+        // Strings and numbers under fixed keys always serialise.
+        let json = serde_json::to_vec_pretty(manifest).expect("plain data");
+        self.attach(MANIFEST, "application/json", &json)
+    }
+
     /// Writes a pair and all that is known about it.
     ///
     /// # Errors
@@ -142,9 +156,11 @@ impl Writer {
     /// As [`Writer::write`].
     pub fn write_estimate(&mut self, frame: &Frame, estimate: &Estimate) -> Result<()> {
         let stamp = Stamp::new(frame.stamp_ns)?;
-        let topic = format!("/algo/{}/disparity", estimate.algorithm.replace('/', "_"));
+        let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
         let disparity = truth::to_file(estimate.disparity.disparity());
-        self.put(&topic, stamp, frame.sequence as u32, float_image::encode(&disparity, stamp, ""))
+        let sequence = frame.sequence as u32;
+        self.put(&topic("disparity"), stamp, sequence, float_image::encode(&disparity, stamp, ""))?;
+        self.put(&topic("result"), stamp, sequence, AlgorithmResult::of(frame, estimate).encode())
     }
 
     /// Closes the chunk and brings it to the disk.

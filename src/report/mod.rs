@@ -10,12 +10,14 @@
 pub mod html;
 mod markdown;
 pub mod plot;
+mod read;
 mod rows;
 mod summary;
 mod tables;
 mod text;
 mod words;
 
+pub use read::read_rows;
 pub use rows::{CellRow, CheckpointRow, Record, Row};
 pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
 pub use tables::{Table, Tables};

@@ -50,6 +50,8 @@ record! {
         name: String,
         /// What the arena was drawn from.
         seed: Option<u64>,
+        /// Hash of the pair's pixels, hexadecimal.
+        pair_hash: String,
         /// As it was asked for, e.g. `v3:max_disparity=64`.
         algorithm: String,
         parameters_hash: String,

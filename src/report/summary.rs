@@ -2,6 +2,7 @@
 
 use super::rows::{Record, Row};
 use crate::error::{Error, Result};
+use crate::manifest::{Manifest, hash};
 use polars::prelude::{ChunkQuantile, DataFrame, PolarsResult, QuantileMethod};
 use serde::Serialize;
 
@@ -10,6 +11,8 @@ use serde::Serialize;
 pub struct Summary {
     /// Why the run ended before its end, if it did.
     pub incomplete: Option<String>,
+    /// Digest of the pairs' hashes in their order; absent when there are none.
+    pub pairs_hash: Option<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
@@ -35,6 +38,8 @@ pub struct AlgorithmSummary {
     pub p50_ms: f64,
     /// 99th percentile by nearest rank: the slowest pair when there are fewer than a hundred.
     pub p99_ms: f64,
+    /// Digest of the hashes of its results in their order.
+    pub results_hash: String,
 }
 
 /// One checkpoint through one algorithm over all runs.
@@ -75,6 +80,15 @@ impl Summary {
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
 
+    /// Completes what identifies the run with the digests of what it took and gave.
+    pub fn complete(&self, manifest: &mut Manifest) {
+        manifest.pairs_hash.clone_from(&self.pairs_hash);
+        for contestant in &mut manifest.algorithms {
+            let summary = self.algorithms.iter().find(|a| a.algorithm == contestant.label);
+            contestant.results_hash = summary.map(|a| a.results_hash.clone());
+        }
+    }
+
     /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
     pub(super) fn of(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
         let algorithms: Vec<_> = groups(rows, &["algorithm"])?.iter().map(algorithm).collect::<PolarsResult<_>>()?;
@@ -82,7 +96,7 @@ impl Summary {
             groups(checkpoints, &["checkpoint", "algorithm"])?.iter().map(checkpoint).collect::<PolarsResult<_>>()?;
         let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
-        Ok(Self { incomplete: None, algorithms, checkpoints })
+        Ok(Self { incomplete: None, pairs_hash: pairs_hash(rows)?, algorithms, checkpoints })
     }
 }
 
@@ -106,6 +120,7 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         bad2: mean(rows, "bad2")?,
         p50_ms: quantile_ms(rows, 0.50)?,
         p99_ms: quantile_ms(rows, 0.99)?,
+        results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
     })
 }
 
@@ -121,6 +136,21 @@ fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
         best_passed: (!best.is_empty()).then(|| best.contains(&true)),
         worst_passed: (!worst.is_empty()).then(|| !worst.contains(&false)),
     })
+}
+
+/// A pair's rows stand one after another.
+fn pairs_hash(rows: &DataFrame) -> PolarsResult<Option<String>> {
+    if rows.height() == 0 {
+        return Ok(None);
+    }
+    let (seeds, sequences) = (rows.column("seed")?.u64()?, rows.column("sequence")?.u64()?);
+    let mut pairs: Vec<_> = seeds.iter().zip(sequences.iter()).zip(rows.column("pair_hash")?.str()?.iter()).collect();
+    pairs.dedup();
+    Ok(Some(digest(pairs.into_iter().filter_map(|(_, hash)| hash))))
+}
+
+fn digest<'a>(hashes: impl Iterator<Item = &'a str>) -> String {
+    hash(&hashes.collect::<Vec<_>>().join("\n"))
 }
 
 fn first(group: &DataFrame, column: &str) -> PolarsResult<String> {

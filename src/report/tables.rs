@@ -158,7 +158,7 @@ fn both<R: Record>(folder: &Path, name: &str) -> Result<Table<R>> {
     Ok(Table { csv: Some(csv), parquet: Some(parquet) })
 }
 
-fn csv_error(path: &Path, error: csv::Error) -> Error {
+pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
     let reason = error.to_string();
     match error.into_kind() {
         csv::ErrorKind::Io(source) => Error::io(path, source),

@@ -1,6 +1,7 @@
 //! One pair through one algorithm as rows of the tables.
 
 use crate::error::Result;
+use crate::manifest::Manifest;
 use crate::report::{CellRow, Row, Table};
 use crate::score::{CellJudgement, CellRule, CellTally, DisparityScore, judge_cells, true_grid};
 use crate::stereo::{DepthGrid, Estimate, Frame, GridShape};
@@ -29,15 +30,22 @@ pub(super) struct Judged {
 }
 
 impl Identity {
+    pub fn new(manifest: &Manifest, rule: CellRule, shape: GridShape) -> Self {
+        let parameters = manifest.algorithms.iter().map(|a| (a.label.clone(), a.parameters_hash.clone())).collect();
+        let (run_id, scenario) = (manifest.run_id.clone(), manifest.scenario.clone());
+        Self { run_id, scenario, seed: None, parameters, rule, shape }
+    }
+
     /// Judges every estimate of a frame.
     pub(super) fn judge(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<Judged> {
         let truth = true_grid(frame, self.shape);
-        let hash = |label: &str| self.parameters.iter().find(|(of, _)| of == label).map_or("", |(_, hash)| hash);
-        let one = |estimate| self.judge_one(frame, truth.as_ref(), estimate, hash(&estimate.algorithm));
-        estimates.iter().map(one).collect()
+        let pair_hash = format!("{:032x}", frame.pair.hash());
+        estimates.iter().map(|estimate| self.judge_one(frame, truth.as_ref(), estimate, &pair_hash)).collect()
     }
 
-    fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate, parameters: &str) -> Judged {
+    fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate, pair_hash: &str) -> Judged {
+        let of_algorithm = |(label, _): &&(String, String)| *label == estimate.algorithm;
+        let parameters = self.parameters.iter().find(of_algorithm).map_or("", |(_, hash)| hash);
         let judgements = truth.map(|truth| judge_cells(truth, &estimate.grid, self.rule));
         let tally = judgements.as_deref().map(CellTally::of);
         let count = |f: fn(&CellTally) -> usize| tally.as_ref().map(|t| f(t) as u64);
@@ -51,6 +59,7 @@ impl Identity {
             stamp_ns: frame.stamp_ns,
             name: frame.name.clone().unwrap_or_default(),
             seed: self.seed,
+            pair_hash: pair_hash.to_owned(),
             algorithm: estimate.algorithm.clone(),
             parameters_hash: parameters.to_owned(),
             smoothing_us: stage(Stage::Smoothing),

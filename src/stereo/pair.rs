@@ -30,6 +30,16 @@ impl StereoPair {
         &self.right
     }
 
+    /// Hash of size and pixels: equal pairs have equal hashes on every machine.
+    pub fn hash(&self) -> u128 {
+        let (width, height) = self.size();
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        hasher.update(&(width as u32).to_le_bytes());
+        hasher.update(&(height as u32).to_le_bytes());
+        self.left.rows().chain(self.right.rows()).for_each(|row| hasher.update(row));
+        hasher.digest128()
+    }
+
     /// `(width, height)` of both images.
     pub fn size(&self) -> (usize, usize) {
         self.left.size()

@@ -127,3 +127,37 @@ fn force_replaces_what_is_there_only_by_something_whole() {
     let earlier = names.into_iter().find(|path| path.extension().is_some_and(|e| e == "earlier")).unwrap();
     assert_eq!(std::fs::read(earlier).unwrap(), b"precious");
 }
+
+#[test]
+fn verify_proves_equal_results() {
+    let fixture = recorded("3");
+    let args = ["replay", "a.mcap", "--algo", "v3", "--algo", "bm", "-o", "result.mcap", "--rows", "rows.csv"];
+    fixture.svl(&args).done();
+    let text = fixture.svl(&["replay", "result.mcap", "--verify"]).done();
+    assert!(text.ends_with("verified: 6 results equal those of result.mcap\n"), "{text}");
+    let json = fixture.svl(&["replay", "a.mcap", "--algo", "bm", "--verify=rows.csv", "--json"]).done();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((json["verification"]["equal"].as_u64(), json["algorithms"][0]["pairs"].as_u64()), (Some(3), Some(3)));
+}
+
+#[test]
+fn verify_tells_what_differs() {
+    let fixture = recorded("3");
+    fixture.svl(&["replay", "a.mcap", "--rows", "rows.csv"]).done();
+    let rows = std::fs::read_to_string(fixture.path("rows.csv")).unwrap();
+    let hash = column(&fixture, "rows.csv")[1].clone();
+    std::fs::write(fixture.path("other.csv"), rows.replace(&hash, "0")).unwrap();
+    let fails = |verify: &str, words: &str| fixture.svl(&["replay", "a.mcap", verify]).failed(1, &[words]);
+    fails("--verify=other.csv", "error: v3: 1 results differ from those of other.csv, the first on pair 1");
+    let lines: Vec<_> = rows.lines().collect();
+    std::fs::write(fixture.path("short.csv"), lines[..3].join("\n")).unwrap();
+    fails("--verify=short.csv", "1 results have no counterpart in short.csv");
+    // A table of v3 under the name of another range: equal labels, other parameters.
+    let parameters = lines[1].split(',').nth(8).unwrap();
+    std::fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
+    fails("--verify=set.csv", "its parameters are not those of set.csv");
+    fails("--verify", "holds no results");
+    fails("--verify=a.txt", "expected RESULT.mcap, ROWS.csv or the folder of a report");
+    std::fs::write(fixture.path("bad.csv"), "run_id\nx\n").unwrap();
+    fails("--verify=bad.csv", "bad.csv");
+}

@@ -1,0 +1,145 @@
+//! `svl replay --verify`: whether a replay gives what an earlier run gave.
+
+use anyhow::{Context, bail};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use svl::manifest::Manifest;
+use svl::matcher::Algorithm;
+use svl::recording::{self, MANIFEST};
+use svl::report::Row;
+
+/// The results of an earlier run.
+pub(super) struct Earlier {
+    path: PathBuf,
+    /// Labels in the order of the run.
+    labels: Vec<String>,
+    /// Hash of each result, by label and number of the pair.
+    hashes: BTreeMap<(String, u64), String>,
+    /// Hash of each algorithm's parameters, by label.
+    parameters: BTreeMap<String, String>,
+}
+
+/// How a replay compares with the earlier run.
+#[derive(Serialize)]
+pub(super) struct Verification {
+    against: PathBuf,
+    /// Results that are equal.
+    equal: usize,
+    /// Algorithms whose results are not, each with the pairs' numbers.
+    differing: BTreeMap<String, Vec<u64>>,
+    /// Results of now without an earlier one, and of the same algorithms then without a present one.
+    only_now: usize,
+    only_then: usize,
+}
+
+impl Earlier {
+    /// Reads the results in a result recording, a table of rows (CSV) or the folder of a report; of a report only the run
+    /// with that seed.
+    pub(super) fn read(path: &Path, seed: Option<u64>) -> anyhow::Result<Self> {
+        let mut earlier =
+            Self { path: path.to_owned(), labels: Vec::new(), hashes: BTreeMap::new(), parameters: BTreeMap::new() };
+        match path.extension().and_then(|e| e.to_str()) {
+            _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), seed)?,
+            Some("csv") => earlier.read_rows(path, seed)?,
+            Some("mcap") => earlier.read_recording(path)?,
+            _ => bail!("{}: expected RESULT.mcap, ROWS.csv or the folder of a report", path.display()),
+        }
+        if earlier.hashes.is_empty() {
+            let cure = "`svl replay -o RESULT.mcap`, `svl replay --rows ROWS.csv` and `svl score` leave some";
+            bail!("{}: holds no results of that recording to compare with; {cure}", path.display());
+        }
+        Ok(earlier)
+    }
+
+    fn read_rows(&mut self, path: &Path, seed: Option<u64>) -> anyhow::Result<()> {
+        for row in svl::report::read_rows::<Row>(path)?.into_iter().filter(|row| row.seed.is_none() || row.seed == seed)
+        {
+            self.add(row.algorithm.clone(), row.sequence, row.result_hash);
+            self.parameters.insert(row.algorithm, row.parameters_hash);
+        }
+        Ok(())
+    }
+
+    fn read_recording(&mut self, path: &Path) -> anyhow::Result<()> {
+        for result in recording::results(path)? {
+            self.add(result.algorithm, result.sequence, result.hash);
+        }
+        if let Some(json) = recording::attachment(path, MANIFEST)? {
+            let manifest: Manifest =
+                serde_json::from_slice(&json).with_context(|| format!("{}: {MANIFEST}", path.display()))?;
+            self.parameters.extend(manifest.algorithms.into_iter().map(|a| (a.label, a.parameters_hash)));
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, label: String, sequence: u64, hash: String) {
+        if !self.labels.contains(&label) {
+            self.labels.push(label.clone());
+        }
+        self.hashes.insert((label, sequence), hash);
+    }
+
+    /// The algorithms of the earlier run.
+    pub(super) fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
+        let parse = |label: &String| label.parse().with_context(|| self.path.display().to_string());
+        self.labels.iter().map(parse).collect()
+    }
+
+    /// Compares the rows of a replay.
+    pub(super) fn compare(&self, rows: &[Row]) -> anyhow::Result<Verification> {
+        let mut found = Verification {
+            against: self.path.clone(),
+            equal: 0,
+            differing: BTreeMap::new(),
+            only_now: 0,
+            only_then: 0,
+        };
+        for row in rows {
+            if self.parameters.get(&row.algorithm).is_some_and(|then| *then != row.parameters_hash) {
+                let label = &row.algorithm;
+                bail!(
+                    "{label}: its parameters are not those of {}; give them all, as `{label}:key=value`",
+                    self.path.display()
+                );
+            }
+            match self.hashes.get(&(row.algorithm.clone(), row.sequence)) {
+                None => found.only_now += 1,
+                Some(then) if *then == row.result_hash => found.equal += 1,
+                Some(_) => found.differing.entry(row.algorithm.clone()).or_default().push(row.sequence),
+            }
+        }
+        // Algorithms of then that were not asked for now are not missed.
+        let ran = |label: &str| rows.iter().any(|row| row.algorithm == label);
+        let then = self.hashes.keys().filter(|(label, _)| ran(label)).count();
+        let compared = found.equal + found.differing.values().map(Vec::len).sum::<usize>();
+        found.only_then = then.saturating_sub(compared);
+        Ok(found)
+    }
+}
+
+impl Verification {
+    /// What was proved, in a line.
+    ///
+    /// # Errors
+    /// What was not: results that differ, or that the earlier run does not have, or that this one lacks.
+    pub(super) fn proved(&self) -> anyhow::Result<String> {
+        let against = self.against.display();
+        if let Some((label, pairs)) = self.differing.first_key_value() {
+            let more = match self.differing.len() {
+                1 => String::new(),
+                n => format!(" (and {} more algorithms)", n - 1),
+            };
+            bail!(
+                "{label}{more}: {} results differ from those of {against}, the first on pair {}",
+                pairs.len(),
+                pairs[0]
+            );
+        }
+        if self.only_now + self.only_then > 0 {
+            let (now, then, equal) = (self.only_now, self.only_then, self.equal);
+            bail!("{now} results have no counterpart in {against}, {then} of its results none here; {equal} are equal");
+        }
+        Ok(format!("verified: {} results equal those of {against}\n", self.equal))
+    }
+}

@@ -1,0 +1,150 @@
+//! What identifies a run: who computed what from what, on which machine.
+
+use crate::error::Result;
+use crate::kernel;
+use crate::matcher::Algorithm;
+use serde::{Deserialize, Serialize};
+use std::fs::read_to_string;
+
+/// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata `svl.run`).
+///
+/// Equal pairs, algorithms and parameters have equal result hashes, whatever else stands here.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// No other run has it.
+    pub run_id: String,
+    /// RFC 3339, UTC.
+    pub began: String,
+    /// Version of svl.
+    pub svl: String,
+    /// Git revision of svl, where its build knew it.
+    pub git_revision: Option<String>,
+    pub scenario: String,
+    /// Hash of the scenario's text, where there is one.
+    pub scenario_hash: Option<String>,
+    /// Digest of all pairs' pixels in their order, once the run is over.
+    pub pairs_hash: Option<String>,
+    pub algorithms: Vec<Contestant>,
+    pub machine: Machine,
+}
+
+/// An algorithm of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Contestant {
+    /// As it was asked for.
+    pub label: String,
+    /// All its parameters, `key=value,...`.
+    pub parameters: String,
+    pub parameters_hash: String,
+    /// Digest of all its results in their order, once the run is over.
+    pub results_hash: Option<String>,
+}
+
+/// The machine: what times depend on, and results do not.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Machine {
+    pub processor: String,
+    /// Instruction set that the kernels run on.
+    pub isa: String,
+    pub threads: usize,
+    /// Frequency governor of the first core, where the system tells.
+    pub governor: Option<String>,
+}
+
+impl Manifest {
+    /// A run of `algorithms` on `scenario` that begins now, on this machine.
+    ///
+    /// # Errors
+    /// When `SVL_ISA` names an instruction set this CPU lacks.
+    pub fn new(scenario: &str, scenario_text: Option<&str>, algorithms: &[Algorithm]) -> Result<Self> {
+        let now = jiff::Timestamp::now();
+        let run_id = hash(&format!("{scenario} {} {}", now.as_nanosecond(), std::process::id()))[..12].to_owned();
+        Ok(Self {
+            run_id,
+            began: format!("{now:.0}"),
+            svl: env!("CARGO_PKG_VERSION").to_owned(),
+            git_revision: option_env!("SVL_GIT_REVISION").map(str::to_owned),
+            scenario: scenario.to_owned(),
+            scenario_hash: scenario_text.map(hash),
+            pairs_hash: None,
+            algorithms: algorithms.iter().map(Contestant::of).collect(),
+            machine: Machine::this()?,
+        })
+    }
+
+    /// Names and values, as a person reads them. Names differ, and none is empty.
+    pub fn entries(&self) -> Vec<(String, String)> {
+        let Machine { processor, isa, threads, governor } = &self.machine;
+        let revision = self.git_revision.as_deref().unwrap_or("revision unknown");
+        let fixed = [
+            ("run", Some(self.run_id.clone())),
+            ("began", Some(self.began.clone())),
+            ("svl", Some(format!("{} ({revision})", self.svl))),
+            ("scenario", Some(self.scenario.clone())),
+            ("scenario hash", self.scenario_hash.clone()),
+            ("pairs hash", self.pairs_hash.clone()),
+            ("processor", Some(processor.clone())),
+            ("instruction set", Some(isa.clone())),
+            ("threads", Some(threads.to_string())),
+            ("governor", governor.clone()),
+        ];
+        let fixed = fixed.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        fixed.chain(self.algorithms.iter().flat_map(Contestant::entries)).collect()
+    }
+}
+
+impl Contestant {
+    fn of(algorithm: &Algorithm) -> Self {
+        let parameters = algorithm.parameters().to_string();
+        let parameters_hash = hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
+        Self { label: algorithm.label().to_owned(), parameters, parameters_hash, results_hash: None }
+    }
+
+    fn entries(&self) -> impl Iterator<Item = (String, String)> {
+        let results = self.results_hash.clone().map(|hash| (format!("{} results hash", self.label), hash));
+        std::iter::once((self.label.clone(), self.parameters.clone())).chain(results)
+    }
+}
+
+impl Machine {
+    fn this() -> Result<Self> {
+        let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+        let governor = read_to_string("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor").ok();
+        Ok(Self {
+            processor: model.map_or(std::env::consts::ARCH, |(_, name)| name).to_owned(),
+            isa: kernel::isa()?.name().to_owned(),
+            threads: rayon::current_num_threads(),
+            governor: governor.map(|text| text.trim().to_owned()),
+        })
+    }
+}
+
+/// The hash by which svl tells texts apart: XXH3, 128 bits, hexadecimal.
+pub fn hash(text: &str) -> String {
+    format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_decide_not_how_they_were_asked_for() {
+        let algorithms: Vec<Algorithm> =
+            ["v3", "v3:max_disparity=80", "v3:max_disparity=64", "v1"].map(|a| a.parse().unwrap()).into();
+        let manifest = Manifest::new("s", Some("text"), &algorithms).unwrap();
+        let [plain, spelled, other, v1] = &manifest.algorithms[..] else { panic!() };
+        assert_eq!(plain.parameters_hash, spelled.parameters_hash);
+        assert_ne!(plain.parameters_hash, other.parameters_hash);
+        assert_ne!(plain.parameters_hash, v1.parameters_hash);
+        assert_ne!(manifest.run_id, Manifest::new("s", None, &[]).unwrap().run_id);
+    }
+
+    #[test]
+    fn json_round_trip() {
+        let manifest = Manifest::new("s", None, &["v3".parse().unwrap()]).unwrap();
+        let json = serde_json::to_string(&manifest).unwrap();
+        assert_eq!(serde_json::from_str::<Manifest>(&json).unwrap(), manifest);
+    }
+}

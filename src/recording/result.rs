@@ -1,0 +1,60 @@
+//! What an algorithm answered to a pair, in few words.
+
+use super::Encoded;
+use super::messages::{Event, Messages};
+use crate::error::{Error, Result};
+use crate::stereo::{Estimate, Frame};
+use std::borrow::Cow;
+use std::path::Path;
+
+const SCHEMA: &str = "svl.Result";
+const DEFINITION: &str = include_str!("result.schema.json");
+
+/// The message of `/algo/<name>/result`: the result as a hash, so that a replay can prove that it had the same.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct AlgorithmResult {
+    /// Number of the pair in its source, from 0.
+    pub sequence: u64,
+    /// As it was asked for.
+    pub algorithm: String,
+    /// [`crate::stereo::DisparityMap::hash`], hexadecimal.
+    pub hash: String,
+    /// Share of the pixels with a disparity.
+    pub coverage: f64,
+}
+
+impl AlgorithmResult {
+    pub(super) fn of(frame: &Frame, estimate: &Estimate) -> Self {
+        Self {
+            sequence: frame.sequence,
+            algorithm: estimate.algorithm.clone(),
+            hash: format!("{:032x}", estimate.disparity.hash()),
+            coverage: estimate.disparity.coverage(),
+        }
+    }
+
+    pub(super) fn encode(&self) -> Encoded {
+        let definition = Cow::Borrowed(DEFINITION.as_bytes());
+        // Finite numbers and strings under fixed keys always serialise.
+        let data = serde_json::to_vec(self).expect("plain data");
+        Encoded { schema: SCHEMA, schema_encoding: "jsonschema", definition, encoding: "json", data }
+    }
+}
+
+/// The results that the recording at `path` holds, in its order; none in a recording that no replay wrote.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] for what is no MCAP file, or a result that is none; [`Error::Damaged`].
+pub fn results(path: &Path) -> Result<Vec<AlgorithmResult>> {
+    let mut messages = Messages::open(path)?;
+    let mut results = Vec::new();
+    while let Some(event) = messages.next()? {
+        if let Event::Message { channel, log_time, data } = event
+            && channel.schema == SCHEMA
+        {
+            let bad = |e| Error::format(path, format!("{} at {log_time} ns: {e}", channel.topic));
+            results.push(serde_json::from_slice(&data).map_err(bad)?);
+        }
+    }
+    Ok(results)
+}
