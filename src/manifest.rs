@@ -31,6 +31,8 @@ pub struct Manifest {
 /// An algorithm of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Contestant {
+    /// Its name in the registry.
+    pub name: String,
     /// As it was asked for.
     pub label: String,
     /// All its parameters, `key=value,...`.
@@ -97,7 +99,8 @@ impl Contestant {
     fn of(algorithm: &Algorithm) -> Self {
         let parameters = algorithm.parameters().to_string();
         let parameters_hash = hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
-        Self { label: algorithm.label().to_owned(), parameters, parameters_hash, results_hash: None }
+        let (name, label) = (algorithm.spec().name.to_owned(), algorithm.label().to_owned());
+        Self { name, label, parameters, parameters_hash, results_hash: None }
     }
 
     fn entries(&self) -> impl Iterator<Item = (String, String)> {

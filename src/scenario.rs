@@ -5,6 +5,7 @@ use crate::depth::MIN_VALID;
 use crate::error::{Error, Result};
 use crate::files::read_text;
 use crate::matcher::Algorithm;
+use crate::report::Limit;
 use crate::score::{CellRule, Checkpoint};
 use crate::stereo::GridShape;
 use serde::Deserialize;
@@ -26,6 +27,8 @@ pub struct Scenario {
     pub cells: CellRule,
     pub source: ScenarioSource,
     pub checkpoints: Vec<Checkpoint>,
+    /// What a run has to keep to pass the gate.
+    pub gate: Vec<Limit>,
     /// The file, to the letter.
     pub text: String,
 }
@@ -77,6 +80,8 @@ struct File {
     arena: Option<ArenaConfig>,
     #[serde(default)]
     checkpoint: Vec<Checkpoint>,
+    #[serde(default)]
+    gate: Vec<toml::Spanned<Limit>>,
 }
 
 #[derive(Deserialize)]
@@ -151,6 +156,8 @@ impl File {
             return invalid("algorithms is empty: name at least one, as `svl algos` lists them".into());
         }
         let algorithms = self.algorithms.iter().map(|a| a.parse()).collect::<Result<_>>()?;
+        let gate = self.gate.into_iter().map(|limit| check_limit(limit, text, &self.checkpoint));
+        let gate = gate.collect::<Result<_>>()?;
         let source = self.source.check(self.arena)?;
         if matches!(source, ScenarioSource::Dataset { .. }) && !self.checkpoint.is_empty() {
             return invalid("checkpoints need poses, which data-set scenes do not have".into());
@@ -163,8 +170,24 @@ impl File {
             cells: self.cells,
             source,
             checkpoints: self.checkpoint,
+            gate,
             text: text.to_owned(),
         })
+    }
+}
+
+fn check_limit(limit: toml::Spanned<Limit>, text: &str, checkpoints: &[Checkpoint]) -> Result<Limit> {
+    let line = line(text, limit.span().start);
+    let limit = Limit { line, ..limit.into_inner() };
+    limit.validate()?;
+    for name in [Some(&limit.algorithm), limit.relative_to.as_ref()].into_iter().flatten() {
+        name.parse::<Algorithm>().map_err(|e| Error::Invalid(format!("gate in line {line}: {e}")))?;
+    }
+    match limit.checkpoint {
+        Some(number) if !checkpoints.iter().any(|c| c.number == number) => {
+            invalid(format!("gate in line {line}: there is no checkpoint {number}"))
+        }
+        _ => Ok(limit),
     }
 }
 
@@ -194,12 +217,17 @@ fn invalid<T>(what: String) -> Result<T> {
     Err(Error::Invalid(what))
 }
 
+/// Number of the line in which the byte `at` stands, from 1.
+fn line(text: &str, at: usize) -> usize {
+    text.get(..at).unwrap_or(text).matches('\n').count() + 1
+}
+
 /// One line with line and column, from the several that the parser prints.
 fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
     let message = error.message().lines().collect::<Vec<_>>().join(" ");
     let place = error.span().map(|span| {
         let before = text.get(..span.start).unwrap_or(text);
-        let line = before.matches('\n').count() + 1;
+        let line = line(text, span.start);
         let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
         format!("line {line}, column {column}: ")
     });
@@ -250,6 +278,28 @@ mod tests {
         ] {
             let error = parse(&MINIMAL.replacen(from, to, 1)).unwrap_err().to_string();
             assert!(error.contains(word), "{to}: {error}");
+        }
+    }
+
+    #[test]
+    fn limits_are_checked_and_know_their_lines() {
+        let gate = |limit: &str| parse(&format!("{MINIMAL}[[gate]]\nalgorithm = \"v3\"\n{limit}"));
+        let scenario = gate("metric = \"time\"\nrelative_to = \"bm\"\nmax = 2").unwrap();
+        assert_eq!((scenario.gate[0].line, scenario.gate[0].max), (8, Some(2.0)));
+        for (limit, word) in [
+            ("metric = \"wrong\"", "gate in line 8: needs min or max"),
+            ("metric = \"wrong\"\nmax = 5", "5 % is 0.05"),
+            ("metric = \"wrong\"\nmax = nan", "0 or more"),
+            ("metric = \"wrong\"\nmin = 0.2\nmax = 0.1", "min is above max"),
+            ("metric = \"time\"\nmax = 5", "relative_to"),
+            ("metric = \"wrong\"\nmax = 0.1\nrelative_to = \"v1\"", "absolute"),
+            ("metric = \"wrong\"\nmax = 0.1\ncheckpoint = 1", "passed"),
+            ("metric = \"passed\"\nmin = 0.1\ncheckpoint = 1", "no checkpoint 1"),
+            ("metric = \"time\"\nmax = 1\nrelative_to = \"bn\"", "did you mean"),
+            ("metric = \"wrnog\"\nmax = 1", "line 10"),
+        ] {
+            let error = gate(limit).unwrap_err().to_string();
+            assert!(error.contains(word), "{limit}: {error}");
         }
     }
 }

@@ -21,7 +21,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("manifest", &["kernel", "matcher"]),
     ("report", &["score", "overlay", "manifest"]),
     ("sink", &["stereo", "manifest", "recording", "score", "report", "overlay", "files"]),
-    ("scenario", &["stereo", "depth", "matcher", "score", "arena", "files"]),
+    ("scenario", &["stereo", "depth", "matcher", "score", "arena", "files", "report"]),
     ("run", &["stereo", "depth", "matcher", "scenario", "source", "sink"]),
 ];
 

@@ -3,6 +3,7 @@
 mod algos;
 mod bench;
 mod cache;
+mod compare;
 mod completions;
 mod info;
 mod matching;
@@ -58,6 +59,7 @@ enum Command {
     Record(record::Args),
     Replay(replay::Args),
     Score(score::Args),
+    Compare(compare::Args),
     Match(matching::Args),
     Bench(bench::Args),
     View(view::Args),
@@ -113,6 +115,7 @@ impl Command {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
+            Self::Compare(args) => compare::run(&args),
             Self::Match(args) => matching::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::View(args) => view::run(&args),

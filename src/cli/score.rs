@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::report::html::Page;
-use svl::report::{Summary, Tables};
+use svl::report::{Ruling, Summary, Tables};
 use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Identity, Judge, RerunSink, RerunTarget, Sink};
@@ -24,7 +24,8 @@ use svl::source::dataset::{Scene, SceneSource};
 Examples:
   svl score scenarios/arena.toml
   svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64 --out reports/range
-  svl score scenarios/middlebury.toml --data DATASETS")]
+  svl score scenarios/middlebury.toml --data DATASETS
+  svl score scenarios/arena.toml --gate          for a CI: exit 1 when a limit of the scenario is broken")]
 pub(super) struct Args {
     /// Scenario file
     scenario: PathBuf,
@@ -37,6 +38,9 @@ pub(super) struct Args {
     /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
+    /// Fail when a limit of the scenario's [[gate]] is broken
+    #[arg(long)]
+    gate: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -46,6 +50,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut scenario = Scenario::read(&args.scenario)?;
     if !args.algo.is_empty() {
         scenario.algorithms.clone_from(&args.algo);
+    }
+    if args.gate && scenario.gate.is_empty() {
+        bail!(
+            "{}: has no [[gate]], so there is nothing to fail; scenarios/arena.toml shows some",
+            args.scenario.display()
+        );
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
     let mut lineup = Lineup::new(&scenario.algorithms)?;
@@ -64,17 +74,50 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     });
     // What came before an error or Ctrl-C is reported all the same.
     let incomplete = ran.as_ref().err().map(super::one_line);
-    let summary = match (report.finish(&scenario, incomplete), ran.is_err()) {
+    let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
-        (summary, _) => summary?,
+        (finished, _) => finished?,
     };
+    let limits = if args.gate { &scenario.gate[..] } else { &[] };
+    let gate: Vec<_> = limits.iter().flat_map(|limit| limit.judge(&summary, &manifest)).collect();
     if args.json {
-        print_json(&summary)?;
+        print_json(&Answer { summary: &summary, gate: &gate })?;
     } else {
-        print(&format!("{summary}\n{}\n", folder.join("index.html").display()))?;
+        let rulings: String = gate.iter().map(ruling).collect();
+        print(&format!("{summary}\n{}\n{rulings}", folder.join("index.html").display()))?;
     }
     ran?;
-    run_info::complete(failures)
+    run_info::complete(failures)?;
+    if args.gate { pass(&gate) } else { Ok(()) }
+}
+
+/// What `--json` prints.
+#[derive(serde::Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    gate: &'a [Ruling],
+}
+
+fn ruling(ruling: &Ruling) -> String {
+    let word = match ruling.kept {
+        Some(true) => "kept",
+        Some(false) => "BROKEN",
+        None => "–",
+    };
+    format!("{word:<6}  {ruling}\n")
+}
+
+/// Refuses a run that broke a limit, or that no limit was for.
+fn pass(gate: &[Ruling]) -> anyhow::Result<()> {
+    let broken: Vec<_> = gate.iter().filter(|ruling| ruling.kept == Some(false)).collect();
+    match broken[..] {
+        [] if gate.iter().any(|ruling| ruling.kept.is_some()) => Ok(()),
+        [] => bail!("gate: none of the scenario's limits is for the algorithms that took part"),
+        [one] => bail!("gate: {one}"),
+        [first, ..] => bail!("gate: {first}; and {} more", broken.len() - 1),
+    }
 }
 
 /// One run of a scenario.
@@ -145,7 +188,7 @@ impl Report {
         Ok(outcome.failures)
     }
 
-    fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<Summary> {
+    fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<(Summary, Manifest)> {
         let Self { folder, mut manifest, judge, mut rerun } = self;
         let (mut summary, figures) = judge.finish()?;
         summary.incomplete = incomplete;
@@ -167,7 +210,7 @@ impl Report {
             figures,
         };
         page.write(&folder.join("index.html"))?;
-        Ok(summary)
+        Ok((summary, manifest))
     }
 }
 

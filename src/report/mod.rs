@@ -7,8 +7,11 @@
 //!                                   └─▶ Summary ──▶ Display, markdown, JSON, html::Page
 //! ```
 
+pub mod compare;
+mod gate;
 pub mod html;
 mod markdown;
+mod metric;
 pub mod plot;
 mod read;
 mod rows;
@@ -17,6 +20,8 @@ mod tables;
 mod text;
 mod words;
 
+pub use gate::{Limit, Ruling};
+pub use metric::Metric;
 pub use read::read_rows;
 pub use rows::{CellRow, CheckpointRow, Record, Row};
 pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};

@@ -4,6 +4,7 @@ mod fixture;
 
 mod algos;
 mod bench;
+mod compare;
 mod exec;
 mod help;
 mod info;

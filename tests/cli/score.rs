@@ -73,3 +73,35 @@ fn real_scenes_score_as_measured() {
     let cells = ["cells_right", "cells_wrong", "cells_unknown"].map(|key| v3[key].as_u64().unwrap());
     assert_eq!(cells, [186, 23, 133]);
 }
+
+#[test]
+fn a_gate_passes_v3_and_stops_a_worse_one() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 60);
+    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    // So few frames have their own numbers.
+    let limits = "[[gate]]\nalgorithm = \"v3\"\nmetric = \"passed\"\nmin = 0.9\n";
+    fixture.write("short.toml", format!("{}{limits}", &text[..text.find("[[gate]]").unwrap()]));
+    let text = fixture.svl(&["score", "short.toml", "-q", "--gate", "--algo", "v3"]).done();
+    assert!(text.contains("kept    v3: frames passed 100.0 %, at least 90.0 % (line "), "{text}");
+    // Deliberately worse: what is near needs more disparities than these.
+    let gate = |more: &[&str]| {
+        fixture.svl(&[&["score", "short.toml", "-q", "--gate", "--algo", "v3:max_disparity=24"], more].concat())
+    };
+    assert!(gate(&[]).stdout.contains("BROKEN  v3:max_disparity=24: frames passed"));
+    gate(&[]).failed(1, &["gate: v3:max_disparity=24: frames passed ", ", at least 90.0 % (line "]);
+    let json: serde_json::Value = serde_json::from_str(&gate(&["--json"]).stdout).unwrap();
+    assert_eq!(json["gate"][0]["kept"], false, "{json}");
+}
+
+#[test]
+fn a_gate_that_judges_nothing_does_not_pass() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.svl(&["score", "short.toml", "-q", "--gate", "--algo", "dp"]).failed(1, &["none of the scenario's limits"]);
+    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    fixture.write("none.toml", &text[..text.find("[[gate]]").unwrap()]);
+    fixture.svl(&["score", "none.toml", "--gate"]).failed(1, &["has no [[gate]]"]);
+    fixture.write("bad.toml", text.replace("max = 0.075", "max = 7.5"));
+    fixture.svl(&["score", "bad.toml", "--gate"]).failed(1, &["gate in line", "5 % is 0.05"]);
+}

@@ -1,0 +1,230 @@
+//! Two runs side by side: what changed, and how sure that is.
+
+mod bootstrap;
+mod sample;
+mod text;
+
+use super::metric::{Better, Metric};
+use super::read_rows;
+use super::rows::{CheckpointRow, Row};
+use crate::error::{Error, Result};
+use crate::manifest::Manifest;
+use bootstrap::{Interval, Resamples};
+use sample::Sample;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A report of `svl score` as its folder holds it.
+pub struct Run {
+    pub folder: PathBuf,
+    pub manifest: Manifest,
+    rows: Vec<Row>,
+    checkpoints: Vec<CheckpointRow>,
+}
+
+/// How the second run differs from the first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    pub base: PathBuf,
+    pub other: PathBuf,
+    pub scenario: String,
+    /// Algorithms that both runs have, in the order of the first.
+    pub algorithms: Vec<AlgorithmChange>,
+    /// Algorithms that only one run has, which are not compared.
+    pub only_in_base: Vec<String>,
+    pub only_in_other: Vec<String>,
+}
+
+/// One algorithm in both runs, over the pairs that both took.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlgorithmChange {
+    pub algorithm: String,
+    /// As the second run calls it, where each run has just one algorithm and they differ.
+    pub other_algorithm: String,
+    pub same_parameters: bool,
+    pub pairs: usize,
+    /// Pairs of either run that the other does not have, or not with the same pixels.
+    pub unmatched: usize,
+    /// Pairs whose results are equal to the bit.
+    pub equal_results: usize,
+    pub metrics: Vec<Change>,
+    /// Share of frames passed, per checkpoint.
+    pub checkpoints: Vec<CheckpointChange>,
+}
+
+/// A number in both runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    pub metric: Metric,
+    pub base: f64,
+    pub other: f64,
+    /// `other - base`; of times `other / base`.
+    pub difference: f64,
+    /// 95 % bootstrap interval of the difference.
+    pub interval: Option<Interval>,
+    pub judgement: Judgement,
+}
+
+/// A checkpoint in both runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckpointChange {
+    pub checkpoint: u32,
+    pub name: String,
+    #[serde(flatten)]
+    pub change: Change,
+}
+
+/// What an interval says of a difference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Judgement {
+    /// There is none.
+    Equal,
+    /// The interval holds no difference, too.
+    Unclear,
+    Better,
+    Worse,
+    /// Surely, but neither way is better.
+    Differs,
+}
+
+impl Run {
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`] with the file that is missing or is no part of a report.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join("manifest.json");
+        if !path.is_file() {
+            return Err(Error::format(folder, "is not a report of `svl score`: it has no manifest.json"));
+        }
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
+        let manifest = serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))?;
+        let rows = read_rows(&folder.join("rows.csv"))?;
+        let checkpoints = read_rows(&folder.join("checkpoints.csv"))?;
+        Ok(Self { folder: folder.to_owned(), manifest, rows, checkpoints })
+    }
+
+    fn labels(&self) -> Vec<&str> {
+        self.manifest.algorithms.iter().map(|a| a.label.as_str()).collect()
+    }
+
+    fn parameters_hash(&self, label: &str) -> Option<&str> {
+        self.manifest.algorithms.iter().find(|a| a.label == label).map(|a| a.parameters_hash.as_str())
+    }
+
+    /// The rows of an algorithm by seed, sequence and name of their pairs.
+    fn rows(&self, label: &str) -> BTreeMap<(Option<u64>, u64, &str), &Row> {
+        let own = self.rows.iter().filter(|row| row.algorithm == label);
+        own.map(|row| ((row.seed, row.sequence, row.name.as_str()), row)).collect()
+    }
+
+    /// Frames and passed frames per checkpoint over all seeds, with its name.
+    fn checkpoints(&self, label: &str) -> BTreeMap<u32, (&str, u64, u64)> {
+        let mut sums = BTreeMap::new();
+        for row in self.checkpoints.iter().filter(|row| row.algorithm == label) {
+            let (_, frames, passed) = sums.entry(row.checkpoint).or_insert((row.name.as_str(), 0, 0));
+            *frames += row.frames;
+            *passed += row.passed;
+        }
+        sums
+    }
+}
+
+impl Comparison {
+    /// Compares the algorithms of equal labels; where each run has just one, these two.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when the runs have no algorithm or no pair in common.
+    pub fn of(base: &Run, other: &Run) -> Result<Self> {
+        let (ours, theirs) = (base.labels(), other.labels());
+        let shared: Vec<_> = match (&ours[..], &theirs[..]) {
+            ([one], [another]) => vec![(*one, *another)],
+            _ => ours.iter().filter(|label| theirs.contains(label)).map(|label| (*label, *label)).collect(),
+        };
+        let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
+        if shared.is_empty() {
+            let (ours, theirs) = (ours.join(", "), theirs.join(", "));
+            return Err(Error::Invalid(format!("{}: no algorithm in common ({ours}; {theirs})", shown())));
+        }
+        let algorithms: Vec<_> = shared.iter().map(|labels| AlgorithmChange::of(base, other, *labels)).collect();
+        if algorithms.iter().all(|a| a.pairs == 0) {
+            let cure = "they took other pairs, as other scenarios, seeds or versions of the arena do";
+            return Err(Error::Invalid(format!("{}: no pair in common: {cure}", shown())));
+        }
+        let left = |labels: &[&str], side: fn(&(&str, &str)) -> String| {
+            let taken: Vec<_> = shared.iter().map(side).collect();
+            labels.iter().filter(|label| !taken.contains(&(**label).to_owned())).map(|l| (*l).to_owned()).collect()
+        };
+        Ok(Self {
+            base: base.folder.clone(),
+            other: other.folder.clone(),
+            scenario: base.manifest.scenario.clone(),
+            algorithms,
+            only_in_base: left(&ours, |pair| pair.0.to_owned()),
+            only_in_other: left(&theirs, |pair| pair.1.to_owned()),
+        })
+    }
+}
+
+impl AlgorithmChange {
+    fn of(base: &Run, other: &Run, (label, other_label): (&str, &str)) -> Self {
+        let (ours, theirs) = (base.rows(label), other.rows(other_label));
+        let pairs: Vec<_> = ours.iter().filter_map(|(key, row)| Some((*row, *theirs.get(key)?))).collect();
+        let pairs: Vec<_> = pairs.into_iter().filter(|(a, b)| a.pair_hash == b.pair_hash).collect();
+        let stretches: Vec<_> = pairs.chunk_by(|a, b| a.0.seed == b.0.seed).map(<[_]>::len).collect();
+        let independent = pairs.iter().all(|(row, _)| !row.name.is_empty());
+        let resamples = Resamples::draw(&stretches, independent);
+        let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+        let change =
+            |&metric: &Metric| Change::of(metric, &Sample::of(metric, &a)?, &Sample::of(metric, &b)?, &resamples);
+        let visits = other.checkpoints(other_label);
+        let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
+            let (_, other_frames, other_passed) = *visits.get(&number)?;
+            let change = Change::of_shares((passed, frames), (other_passed, other_frames))?;
+            Some(CheckpointChange { checkpoint: number, name: name.to_owned(), change })
+        };
+        Self {
+            algorithm: label.to_owned(),
+            other_algorithm: other_label.to_owned(),
+            same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
+            pairs: pairs.len(),
+            unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
+            equal_results: pairs.iter().filter(|(a, b)| a.result_hash == b.result_hash).count(),
+            metrics: Metric::OF_PAIRS.iter().filter_map(change).collect(),
+            checkpoints: base.checkpoints(label).into_iter().filter_map(checkpoint).collect(),
+        }
+    }
+}
+
+impl Change {
+    fn of(metric: Metric, base: &Sample, other: &Sample, resamples: &Resamples) -> Option<Self> {
+        let difference = |a: f64, b: f64| if metric == Metric::Time { b / a } else { b - a };
+        let all: Vec<_> = (0..base.len()).collect();
+        let (a, b) = (base.value(&all)?, other.value(&all)?);
+        let interval = resamples.interval(|items| Some(difference(base.value(items)?, other.value(items)?)));
+        Some(Self::new(metric, (a, b), difference(a, b), interval))
+    }
+
+    fn of_shares(base: (u64, u64), other: (u64, u64)) -> Option<Self> {
+        let share = |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
+        let (a, b) = (share(base)?, share(other)?);
+        Some(Self::new(Metric::Passed, (a, b), b - a, bootstrap::shares(base, other)))
+    }
+
+    fn new(metric: Metric, (base, other): (f64, f64), difference: f64, interval: Option<Interval>) -> Self {
+        let judgement = match interval {
+            _ if base == other => Judgement::Equal,
+            // The pairs of a run share its moment: their times say nothing of how the machine was at another.
+            _ if metric == Metric::Time => Judgement::Unclear,
+            Some((low, high)) if low > 0.0 || high < 0.0 => match (metric.better(), difference > 0.0) {
+                (Better::Neither, _) => Judgement::Differs,
+                (Better::More, true) | (Better::Less, false) => Judgement::Better,
+                _ => Judgement::Worse,
+            },
+            _ => Judgement::Unclear,
+        };
+        Self { metric, base, other, difference, interval, judgement }
+    }
+}
