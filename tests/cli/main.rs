@@ -1,9 +1,11 @@
 //! The program as a user meets it: one file per subcommand.
 
 mod fixture;
+mod server;
 
 mod algos;
 mod bench;
+mod datasets;
 mod exec;
 mod help;
 mod info;

@@ -27,7 +27,7 @@ pub(super) const MIDDEVAL3: Dataset = Dataset {
     home: "https://vision.middlebury.edu/stereo/submit3/",
     licence: LICENCE,
     citation: GCPR2014,
-    parts: &[eval3!("Q", true, 45), eval3!("H", false, 170), eval3!("F", false, 640)],
+    parts: &[eval3!("Q", true, 45), eval3!("H", false, 165), eval3!("F", false, 640)],
     files: Files {
         pairs: IM0_IM1,
         truths: &[TruthFile { name: "disp0GT.pfm", form: Form::Pfm, seen: Seen::RightTruth("disp1GT.pfm") }],
