@@ -16,7 +16,8 @@ const MAX_BYTES: u64 = 8 << 30;
 const MAX_IDLE_BREAKS: u32 = 3;
 
 /// Downloads `url` to `path`, which must not exist. Until it is whole the file is called `path.part`; one that is there
-/// is continued (RFC 9110, section 14). A connection that breaks is taken up again.
+/// is continued (RFC 9110, section 14). A connection that breaks is taken up again. That the file is still the same then
+/// is for the archive's CRCs and the receipts to see.
 ///
 /// # Errors
 /// [`Error::Download`] with the cure: no network, no such file, an answer that is not the file, or `watch` said stop;

@@ -3,7 +3,7 @@ use crate::server::{Manners, Server};
 use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
 
-const POLITE: Manners = Manners { ranges: true, breaks_after: None, silent_length: false };
+const POLITE: Manners = Manners { ranges: true, breaks_after: None, silent_length: false, drips: false };
 
 /// The archives of Middlebury 2003, with an image of noise that does not shrink.
 fn cones_and_teddy() -> Vec<(&'static str, Vec<u8>)> {

@@ -13,6 +13,8 @@ pub struct Manners {
     pub breaks_after: Option<usize>,
     /// Says not how long the file is.
     pub silent_length: bool,
+    /// Sends a little at a time.
+    pub drips: bool,
 }
 
 pub struct Server {
@@ -77,5 +79,12 @@ fn answer(
         write!(stream, "Content-Length: {}\r\n", body.len())?;
     }
     write!(stream, "Connection: close\r\n\r\n")?;
-    stream.write_all(&body[..manners.breaks_after.unwrap_or(body.len()).min(body.len())])
+    let body = &body[..manners.breaks_after.unwrap_or(body.len()).min(body.len())];
+    for drop in body.chunks(if manners.drips { 500 } else { usize::MAX }) {
+        stream.write_all(drop)?;
+        if manners.drips {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+    }
+    Ok(())
 }
