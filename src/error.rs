@@ -42,6 +42,9 @@ pub enum Error {
     /// A program that matches pairs failed; `stderr` is the end of what it said there.
     #[error("program `{command}` {reason}{}", said(.stderr))]
     Program { command: String, reason: String, stderr: String },
+    /// A file could not be got from where it is published.
+    #[error("{url}: {reason}")]
+    Download { url: String, reason: String },
     /// A scenario or setting that contradicts itself.
     #[error("{0}")]
     Invalid(String),
@@ -56,6 +59,11 @@ impl Error {
     /// A malformed file at `path`.
     pub fn format(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
         Self::Format { path: path.into(), reason: reason.into() }
+    }
+
+    /// A download of `url` that failed.
+    pub fn download(url: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Download { url: url.into(), reason: reason.into() }
     }
 
     /// A recording at `path` that is good only up to here.

@@ -35,6 +35,8 @@ pub mod stereo;
 pub mod timing;
 
 #[cfg(feature = "bench")]
+pub mod fetch;
+#[cfg(feature = "bench")]
 pub mod files;
 #[cfg(feature = "bench")]
 pub mod manifest;

@@ -38,7 +38,8 @@ pub struct Scenario {
 pub enum ScenarioSource {
     /// The simulated arena, one run per seed.
     Arena { config: Box<ArenaConfig>, seeds: Vec<u64> },
-    /// Scene folders below the folder of data sets.
+    /// Scenes below the folder of data sets, as [`crate::source::dataset::Scene::find_all`] takes them: folders, numbered
+    /// scenes of a folder, or with `*` as their last part all scenes of a folder.
     Dataset { scenes: Vec<String> },
 }
 

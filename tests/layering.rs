@@ -14,6 +14,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("depth", &["stereo", "kernel"]),
     ("arena", &["stereo", "kernel"]),
     ("files", &["stereo"]),
+    ("fetch", &["files"]),
     ("overlay", &["stereo"]),
     ("recording", &["stereo", "files", "manifest"]),
     ("score", &["stereo", "depth"]),

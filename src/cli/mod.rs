@@ -5,6 +5,7 @@ mod bench;
 mod cache;
 mod compare;
 mod completions;
+mod datasets;
 mod info;
 mod matching;
 mod output;
@@ -65,6 +66,7 @@ enum Command {
     View(view::Args),
     Info(info::Args),
     Algos(algos::Args),
+    Datasets(datasets::Args),
     Completions(completions::Args),
     /// Print the man page
     #[command(hide = true)]
@@ -121,6 +123,7 @@ impl Command {
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
             Self::Algos(args) => algos::run(&args),
+            Self::Datasets(args) => datasets::run(&args, quiet),
             Self::Completions(args) => completions::run(&args),
             Self::Man => completions::man(),
         }

@@ -1,4 +1,4 @@
-//! The progress bar of long work, and Ctrl-C.
+//! The progress bars of long work, and Ctrl-C.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::OnceLock;
@@ -64,5 +64,37 @@ impl Monitor for Progress {
     fn go_on(&mut self, done: u64) -> bool {
         self.0.set_position(done);
         !interrupted()
+    }
+}
+
+/// A bar that counts bytes, with their rate.
+pub(super) struct Bytes(ProgressBar);
+
+impl Bytes {
+    pub(super) fn new(what: &str, quiet: bool) -> Self {
+        listen_for_interrupt();
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::no_length() };
+        let form = "{prefix:<36} {bar:24} {bytes:>10}/{total_bytes} {bytes_per_sec:>12} {eta:>4} left";
+        // The template above is a constant; the tests run it.
+        bar.set_style(ProgressStyle::with_template(form).expect("a valid template"));
+        bar.set_prefix(what.to_owned());
+        Self(bar)
+    }
+
+    /// `done` bytes of `total`, where that is known; whether to go on.
+    pub(super) fn go_on(&self, done: u64, total: Option<u64>) -> bool {
+        if let Some(total) = total.filter(|&total| self.0.length() != Some(total)) {
+            self.0.set_length(total);
+            // What an earlier download left is no measure of this one's rate.
+            self.0.set_position(done);
+            self.0.reset_eta();
+        }
+        self.0.set_position(done);
+        !interrupted()
+    }
+
+    /// Takes the bar away.
+    pub(super) fn clear(self) {
+        self.0.finish_and_clear();
     }
 }

@@ -20,7 +20,8 @@ use svl::source::Limited;
 Sources:
   arena            the simulated arena of scenarios/arena.toml (default)
   SCENARIO.toml    the arena with other parameters
-  FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), or left/ and right/ with equally named images
+  FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
+                   (the pairs with truth), or left/ and right/ with equally named images
   FILE.mcap        another recording
 
 Examples:

@@ -2,6 +2,7 @@
 
 use super::output::{print, print_json};
 use super::progress::Progress;
+use super::source::data_folder;
 use super::{cache, run_info};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -61,7 +62,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut lineup = Lineup::new(&scenario.algorithms)?;
     let earlier = earlier_report(&folder)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
-    let data = args.data.clone().or_else(|| std::env::var_os("SVL_DATASETS").map(PathBuf::from));
+    let data = data_folder(args.data.as_deref());
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
     for path in earlier {
         std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;

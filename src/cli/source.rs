@@ -83,15 +83,18 @@ fn arena_hash(config: &ArenaConfig, seed: u64) -> String {
 fn folder(path: &Path) -> anyhow::Result<Opened> {
     let stem =
         path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_str()?.to_owned())).unwrap_or("pairs".into());
-    let source: Box<dyn Source> = match Scene::find(path, &stem) {
-        Some(scene) => Box::new(SceneSource::new(vec![scene])),
-        None => {
-            let source = FolderSource::new(path, FOLDER_RATE_HZ)?;
-            if source.unpaired() > 0 {
-                tracing::warn!("{}: {} images without a partner are left out", path.display(), source.unpaired());
-            }
-            Box::new(source)
+    let scenes = match Scene::find(path, &stem) {
+        Some(scene) => vec![scene],
+        None => Scene::all_in(path, "")?,
+    };
+    let source: Box<dyn Source> = if scenes.is_empty() {
+        let source = FolderSource::new(path, FOLDER_RATE_HZ)?;
+        if source.unpaired() > 0 {
+            tracing::warn!("{}: {} images without a partner are left out", path.display(), source.unpaired());
         }
+        Box::new(source)
+    } else {
+        Box::new(SceneSource::new(scenes))
     };
     let header = Header { scenario: Some(stem.clone()), ..Header::new(path.display().to_string()) };
     Ok(Opened { source, header, scenario: None, stem })
@@ -103,6 +106,11 @@ fn recording(path: &Path) -> anyhow::Result<Opened> {
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
     let scenario = source.scenario()?;
     Ok(Opened { source: Box::new(source), header, scenario, stem })
+}
+
+/// The folder of the data sets: the one named, or what `SVL_DATASETS` names.
+pub(super) fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
+    named.map(Path::to_owned).or_else(|| std::env::var_os("SVL_DATASETS").map(PathBuf::from))
 }
 
 /// Makes the folder where recordings are kept.

@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 use crate::fixture::Fixture;
+use crate::server::{Manners, Server};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use svl::source::{RecordingSource, Source};
@@ -10,6 +11,8 @@ use svl::source::{RecordingSource, Source};
 fn interrupted(fixture: &Fixture, args: &[&str], ready: impl Fn() -> bool) -> (Option<i32>, String) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
     command.current_dir(fixture.path("")).args(args).stdout(Stdio::null()).stderr(Stdio::piped());
+    // Servers of tests are on this machine, whatever proxy there is.
+    command.env("NO_PROXY", "127.0.0.1");
     let child = command.spawn().unwrap();
     let began = Instant::now();
     while !ready() {
@@ -51,4 +54,17 @@ fn a_score_reports_what_it_had() {
     assert!((1..400).contains(&pairs), "{pairs}");
     let lines = std::fs::read_to_string(fixture.path(rows)).unwrap().lines().count() as u64;
     assert_eq!(lines, total + 1);
+}
+
+#[test]
+fn a_download_keeps_what_came() {
+    let fixture = Fixture::new();
+    let file = "cones/cones-png-2.zip";
+    let server = Server::new(&[(file, vec![7; 1 << 20])], Manners { drips: true, ..Manners::default() });
+    let part = format!("d/middlebury2003/{file}.part");
+    let args = ["datasets", "fetch", "middlebury2003", "--from", &server.url, "--data", "d", "-q"];
+    let (code, stderr) = interrupted(&fixture, &args, || size(&fixture, &part) > 2000);
+    assert_eq!(code, Some(1));
+    assert!(stderr.contains("stopped; run it again to go on from there") && stderr.lines().count() == 1, "{stderr}");
+    assert!(size(&fixture, &part) > 2000 && !fixture.path(&format!("d/middlebury2003/{file}")).exists());
 }

@@ -1,10 +1,12 @@
 //! The program as a user meets it: one file per subcommand.
 
 mod fixture;
+mod server;
 
 mod algos;
 mod bench;
 mod compare;
+mod datasets;
 mod exec;
 mod help;
 mod info;

@@ -1,9 +1,62 @@
 //! Scenes of stereo data sets and plain folders of pairs, as users have them on disk.
+//!
+//! [`DATASETS`] says all there is to say of a data set: whence it is fetched, under which terms, and how its files are
+//! called. One more is one more entry there.
 
 mod calib;
+mod entry;
+mod eth3d;
 mod folder;
+mod kitti;
+mod middlebury;
 mod scene;
+mod truth;
 
 pub use calib::read_calib;
+pub use entry::{Dataset, Part};
 pub use folder::FolderSource;
 pub use scene::{Scene, SceneSource};
+
+use crate::error::nearest;
+use entry::{Files, PairFiles, Seen, TruthFile};
+
+/// The data sets svl knows. Where a folder could be of several, the first is taken.
+pub const DATASETS: &[Dataset] = &[
+    middlebury::MIDDEVAL3,
+    middlebury::MIDDLEBURY2021,
+    middlebury::MIDDLEBURY2014,
+    middlebury::MIDDLEBURY2006,
+    middlebury::MIDDLEBURY2005,
+    middlebury::MIDDLEBURY2003,
+    middlebury::MIDDLEBURY2001,
+    kitti::KITTI2015,
+    kitti::KITTI2012,
+    eth3d::ETH3D,
+];
+
+/// Names that stand in nobody's archives but on many a disk.
+const OTHERS: Files = Files {
+    pairs: &[PairFiles::beside("left", "right"), PairFiles::beside("imL", "imR")],
+    truths: &[
+        TruthFile { name: "truedisp.pgm", form: middlebury::SIXTEENTHS, seen: Seen::Unknown },
+        TruthFile { name: "disp_occ.png", form: kitti::KITTI_PNG, seen: Seen::Alone("disp_noc.png") },
+    ],
+    masks: &["mask_nonocc.png"],
+};
+
+/// The data set of that name.
+///
+/// # Errors
+/// One line that suggests the nearest name.
+pub fn find(name: &str) -> Result<&'static Dataset, String> {
+    DATASETS.iter().find(|d| d.name == name).ok_or_else(|| {
+        let near = nearest(name, DATASETS.iter().map(|d| d.name));
+        let hint = near.map(|near| format!(" (did you mean '{near}'?)")).unwrap_or_default();
+        format!("unknown data set '{name}'{hint}; `svl datasets` lists them")
+    })
+}
+
+/// All names svl knows, in the order in which they are looked for.
+fn files() -> impl Iterator<Item = &'static Files> {
+    DATASETS.iter().map(|d| &d.files).chain([&OTHERS])
+}

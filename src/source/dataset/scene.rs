@@ -1,48 +1,26 @@
 //! One scene of a data set: a pair, and what is known of its truth and its camera.
 
-use super::read_calib;
+use super::calib::{read_calib, read_projections};
+use super::entry::{Calib, PairFiles};
+use super::{files, find, truth};
 use crate::error::{Error, Result};
-use crate::files::{read_gray, read_mask, read_pfm, read_scaled_disparity};
+use crate::files::read_gray;
 use crate::source::Source;
-use crate::stereo::{Exposure, Frame, Plane, StereoPair, Truth};
+use crate::stereo::{Exposure, Frame, Rig, StereoPair};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-
-/// Names that left and right images have in the data sets svl knows, the usual one first.
-const PAIRS: &[(&str, &str)] = &[("im0", "im1"), ("left", "right"), ("im2", "im6"), ("view1", "view5"), ("imL", "imR")];
 
 /// Image formats, the usual one first.
 pub(super) const ENDINGS: &[&str] = &["png", "ppm", "pgm", "jpg", "jpeg"];
 
-/// How a data set stores the truth of the left image.
-enum TruthForm {
-    Pfm,
-    /// Value divided by `scale`; 0 is unknown where the data set says so.
-    Scaled {
-        scale: f32,
-        zero_unknown: bool,
-    },
-}
-
-/// File name and form of the truths svl knows, by the conventions of Middlebury 2001 (scale 8; tsukuba 16), 2003
-/// (quarter size, 4), 2005/2006 (third size, 3), 2014 and MiddEval3, ETH3D, and KITTI.
-const TRUTHS: &[(&str, TruthForm)] = &[
-    ("disp0GT.pfm", TruthForm::Pfm),
-    ("disp0.pfm", TruthForm::Pfm),
-    ("disp2.png", TruthForm::Scaled { scale: 4.0, zero_unknown: true }),
-    ("disp2.pgm", TruthForm::Scaled { scale: 8.0, zero_unknown: false }),
-    ("disp1.png", TruthForm::Scaled { scale: 3.0, zero_unknown: true }),
-    ("truedisp.pgm", TruthForm::Scaled { scale: 16.0, zero_unknown: true }),
-    ("disp_occ.png", TruthForm::Scaled { scale: 256.0, zero_unknown: true }),
-];
-
-/// Masks of the pixels that both cameras see, Middlebury's codes.
-const MASKS: &[&str] = &["mask0nocc.png", "mask_nonocc.png"];
-
-/// A scene folder: a left and a right image, and beside them, where they exist, truth, mask and `calib.txt`.
+/// A left and a right image, and where they exist, truth, mask and calibration: a folder of its own, or one of many
+/// numbered scenes that share a folder, as in KITTI.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scene {
     name: String,
     folder: PathBuf,
+    number: Option<String>,
+    pair: &'static PairFiles,
     left: PathBuf,
     right: PathBuf,
 }
@@ -50,28 +28,87 @@ pub struct Scene {
 impl Scene {
     /// The scene in `folder`, called `name`; nothing when the folder holds no pair by a name svl knows.
     pub fn find(folder: &Path, name: &str) -> Option<Self> {
-        let image = |stem: &str| ENDINGS.iter().map(|e| folder.join(format!("{stem}.{e}"))).find(|p| p.is_file());
-        PAIRS.iter().find_map(|(left, right)| {
-            let (left, right) = (image(left)?, image(right)?);
-            Some(Self { name: name.to_owned(), folder: folder.to_owned(), left, right })
+        let image = |name| image(folder, name, "");
+        files().flat_map(|f| f.pairs).filter(|pair| !pair.numbered()).find_map(|pair| {
+            let (left, right) = (image(pair.left)?, image(pair.right)?);
+            Some(Self { name: name.to_owned(), folder: folder.to_owned(), number: None, pair, left, right })
         })
     }
 
-    /// Scenes `names` below `root`.
+    /// All scenes in `folder`, each called `prefix` and its own name: the numbered ones that share it, or those in its
+    /// subfolders, in the order of their names; none when it holds neither.
     ///
     /// # Errors
-    /// [`Error::Format`] naming the folder that is missing or holds no pair.
-    pub fn find_all(root: &Path, names: &[String]) -> Result<Vec<Self>> {
-        let find = |name: &String| {
-            let folder = root.join(name);
-            let nothing = || {
-                let what =
-                    if folder.is_dir() { "holds no stereo pair (im0.png and im1.png, say)" } else { "no such scene" };
-                Error::format(&folder, format!("{what}; is '{}' the folder of the data sets?", root.display()))
-            };
-            Self::find(&folder, name).ok_or_else(nothing)
+    /// [`Error::Io`]; [`Error::Format`] for a numbered image without a partner.
+    pub fn all_in(folder: &Path, prefix: &str) -> Result<Vec<Self>> {
+        for pair in files().flat_map(|f| f.pairs).filter(|pair| pair.numbered()) {
+            let numbers = numbers(folder, pair.left)?;
+            let scene = |number: String| Self::numbered(folder, pair, prefix, number);
+            if !numbers.is_empty() {
+                return numbers.into_iter().map(scene).collect();
+            }
+        }
+        let names = names(folder)?.into_iter().filter(|name| folder.join(name).is_dir());
+        Ok(names.filter_map(|name| Self::find(&folder.join(&name), &format!("{prefix}{name}"))).collect())
+    }
+
+    fn numbered(folder: &Path, pair: &'static PairFiles, prefix: &str, number: String) -> Result<Self> {
+        let image = |name: &str| {
+            let missing =
+                || Error::format(folder.join(name.replace('*', &number)), "no such image; its partner exists");
+            image(folder, name, &number).ok_or_else(missing)
         };
-        names.iter().map(find).collect()
+        let (left, right) = (image(pair.left)?, image(pair.right)?);
+        Ok(Self {
+            name: format!("{prefix}{number}"),
+            folder: folder.to_owned(),
+            number: Some(number),
+            pair,
+            left,
+            right,
+        })
+    }
+
+    /// Scenes `names` below `root`: `cones`, a folder; `kitti2015/training/000000`, a numbered scene;
+    /// `kitti2015/training/*`, all scenes in that folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] naming the folder that is missing or holds no pair.
+    pub fn find_all(root: &Path, names: &[String]) -> Result<Vec<Self>> {
+        let mut scenes = Vec::new();
+        for name in names {
+            let found = match name.rsplit_once('/').unwrap_or(("", name)) {
+                (folder, "*") => {
+                    let below = root.join(folder);
+                    if below.is_dir() { Self::all_in(&below, &prefix(folder))? } else { Vec::new() }
+                }
+                (folder, own) => Self::find(&root.join(name), name).map_or_else(
+                    || Self::of_number(&root.join(folder), &prefix(folder), own),
+                    |scene| Ok(vec![scene]),
+                )?,
+            };
+            if found.is_empty() {
+                return Err(nothing(root, name));
+            }
+            scenes.extend(found);
+        }
+        Ok(scenes)
+    }
+
+    fn of_number(folder: &Path, prefix: &str, number: &str) -> Result<Vec<Self>> {
+        let pairs = files().flat_map(|f| f.pairs).filter(|pair| pair.numbered());
+        let pair = pairs.into_iter().find(|pair| image(folder, pair.left, number).is_some());
+        pair.map(|pair| Self::numbered(folder, pair, prefix, number.to_owned())).into_iter().collect()
+    }
+
+    /// The file of the scene that a data set calls so, where it exists.
+    pub(super) fn file(&self, name: &str) -> Option<PathBuf> {
+        let own = self.folder.file_name().and_then(|n| n.to_str()).unwrap_or(&self.name);
+        let name = match &self.number {
+            Some(number) => name.replace('*', number),
+            None => name.replace("{}", own),
+        };
+        Some(self.folder.join(name)).filter(|p| p.is_file())
     }
 
     /// Reads it as frame number `sequence`.
@@ -80,44 +117,80 @@ impl Scene {
     /// [`Error::Io`], [`Error::Format`], [`Error::PairSize`], each naming the file.
     pub fn read(&self, sequence: u64) -> Result<Frame> {
         let pair = StereoPair::new(read_gray(&self.left)?, read_gray(&self.right)?)
-            .map_err(|e| Error::format(&self.folder, e.to_string()))?;
-        let calib = self.folder.join("calib.txt");
-        let rig = calib.is_file().then(|| read_calib(&calib)).transpose()?;
+            .map_err(|e| Error::format(&self.left, e.to_string()))?;
         Ok(Frame {
             sequence,
             stamp_ns: sequence * 1_000_000_000,
             name: Some(self.name.clone()),
-            truth: self.truth(pair.size())?,
+            truth: truth::read(self, pair.size())?,
             pair,
-            rig,
+            rig: self.rig()?,
             pose: None,
             exposure: Exposure { trigger_id: sequence, ..Exposure::default() },
         })
     }
 
-    fn truth(&self, size: (usize, usize)) -> Result<Option<Truth>> {
-        let file = |name: &str| Some(self.folder.join(name)).filter(|p| p.is_file());
-        let Some((path, form)) = TRUTHS.iter().find_map(|(name, form)| Some((file(name)?, form))) else {
-            return Ok(None);
-        };
-        let disparity = match *form {
-            TruthForm::Pfm => read_pfm(&path)?,
-            TruthForm::Scaled { scale, zero_unknown } => read_scaled_disparity(&path, scale, zero_unknown)?,
-        };
-        same_size(&path, &disparity, size)?;
-        let mask = MASKS.iter().find_map(|name| file(name));
-        let visibility = mask.map(|path| read_mask(&path).and_then(|m| same_size(&path, &m, size).map(|()| m)));
-        Ok(Some(Truth { disparity, visibility: visibility.transpose()? }))
+    fn rig(&self) -> Result<Option<Rig>> {
+        match self.pair.calib {
+            Calib::Middlebury => self.file("calib.txt").map(|path| read_calib(&path)).transpose(),
+            Calib::Projections { file, left, right } => {
+                self.file(file).map(|path| read_projections(&path, left, right)).transpose()
+            }
+        }
     }
 }
 
-fn same_size<T: Copy>(path: &Path, plane: &Plane<T>, (width, height): (usize, usize)) -> Result<()> {
-    let (w, h) = plane.size();
-    if (w, h) == (width, height) {
-        Ok(())
-    } else {
-        Err(Error::format(path, format!("is {w}x{h}, the left image is {width}x{height}")))
+/// What stands before the names of a folder's scenes.
+fn prefix(folder: &str) -> String {
+    if folder.is_empty() { String::new() } else { format!("{folder}/") }
+}
+
+/// The image of that name, whatever its format.
+fn image(folder: &Path, name: &str, number: &str) -> Option<PathBuf> {
+    let name = name.replace('*', number);
+    ENDINGS.iter().map(|ending| folder.join(format!("{name}.{ending}"))).find(|p| p.is_file())
+}
+
+/// What stands for `*` in the images that `pattern` names, in order.
+fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
+    let Some((subfolder, (before, after))) =
+        pattern.rsplit_once('/').and_then(|(folder, name)| Some((folder, name.split_once('*')?)))
+    else {
+        return Ok(BTreeSet::new());
+    };
+    let subfolder = folder.join(subfolder);
+    if !subfolder.is_dir() {
+        return Ok(BTreeSet::new());
     }
+    let number = |name: String| {
+        let (stem, ending) = name.rsplit_once('.')?;
+        let number = stem.strip_prefix(before)?.strip_suffix(after)?;
+        (ENDINGS.contains(&ending) && !number.is_empty()).then(|| number.to_owned())
+    };
+    Ok(names(&subfolder)?.into_iter().filter_map(number).collect())
+}
+
+/// The names in a folder, in order; what is not text is none of a data set's.
+fn names(folder: &Path) -> Result<BTreeSet<String>> {
+    let io = |e| Error::io(folder, e);
+    let entries = std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>().map_err(io)?;
+    Ok(entries.into_iter().filter_map(|entry| entry.file_name().into_string().ok()).collect())
+}
+
+/// Why there is no scene `name` below `root`, with the cure.
+fn nothing(root: &Path, name: &str) -> Error {
+    let path = root.join(name);
+    let shown = root.display();
+    let what = if path.is_dir() || name.ends_with('*') && path.parent().is_some_and(Path::is_dir) {
+        "holds no stereo pair (im0.png and im1.png, say)"
+    } else {
+        "no such scene"
+    };
+    let cure = match name.split('/').next().map(find) {
+        Some(Ok(dataset)) => format!("`svl datasets fetch {} --data {shown}` gets it", dataset.name),
+        _ => format!("is '{shown}' the folder of the data sets?"),
+    };
+    Error::format(path, format!("{what}; {cure}"))
 }
 
 /// Scenes, one frame each.

@@ -1,0 +1,122 @@
+//! What svl knows of a data set, as data: where it comes from and how its scenes lie on disk.
+
+/// A public data set.
+#[derive(Debug)]
+pub struct Dataset {
+    /// Its name on the command line, and of the folder it is fetched into.
+    pub name: &'static str,
+    pub title: &'static str,
+    /// Where its authors describe it.
+    pub home: &'static str,
+    /// Under which terms, in short; the home page has the last word.
+    pub licence: &'static str,
+    /// What its authors ask to be cited.
+    pub citation: &'static str,
+    /// What can be fetched, the usual parts and the others.
+    pub parts: &'static [Part],
+    pub(super) files: Files,
+}
+
+/// A part of a data set that is fetched whole.
+#[derive(Debug)]
+pub struct Part {
+    pub name: &'static str,
+    /// Whether it is fetched where no part is named.
+    pub usual: bool,
+    /// About what is downloaded.
+    pub megabytes: u32,
+    /// What the addresses of `files` begin with, up to a slash.
+    pub base: &'static str,
+    /// Archives and single files below `base`.
+    pub files: &'static [&'static str],
+    /// Folder that they belong into, below the data set's; empty for that itself.
+    pub folder: &'static str,
+}
+
+/// The names that files have. In each, `*` is the scene's number where one folder holds many scenes, `{}` the name of
+/// the scene's own folder where it has one; what has no ending may have that of any image.
+#[derive(Debug)]
+pub(super) struct Files {
+    pub pairs: &'static [PairFiles],
+    pub truths: &'static [TruthFile],
+    /// Masks of the pixels that both cameras see, Middlebury's codes.
+    pub masks: &'static [&'static str],
+}
+
+/// The images of a scene.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct PairFiles {
+    pub left: &'static str,
+    pub right: &'static str,
+    pub calib: Calib,
+}
+
+/// Where a scene's camera is described.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Calib {
+    /// `calib.txt` beside the images, where there is one.
+    Middlebury,
+    /// A file of named 3 x 4 projection matrices, with the names of the left and the right one.
+    Projections { file: &'static str, left: &'static str, right: &'static str },
+}
+
+/// The true disparities of the left image.
+#[derive(Debug)]
+pub(super) struct TruthFile {
+    pub name: &'static str,
+    pub form: Form,
+    pub seen: Seen,
+}
+
+/// How a file holds disparities.
+#[derive(Debug)]
+pub(super) enum Form {
+    Pfm,
+    /// Value divided by `scale`; 0 is unknown where the data set says so.
+    Scaled {
+        scale: f32,
+        zero_unknown: bool,
+    },
+    /// Value divided by a scale that goes with the image's height; 0 is unknown.
+    ScaledBySize(&'static [(usize, f32)]),
+}
+
+/// Which pixels of the truth both cameras see, where there is no mask.
+#[derive(Debug)]
+pub(super) enum Seen {
+    /// Nobody knows.
+    Unknown,
+    /// The truth of the right image, of the same form: where the two agree.
+    RightTruth(&'static str),
+    /// The truth again, of the seen pixels alone.
+    Alone(&'static str),
+}
+
+impl Dataset {
+    /// The parts called `names`, or the usual ones.
+    ///
+    /// # Errors
+    /// The name that is none, with those there are.
+    pub fn parts(&self, names: &[String]) -> Result<Vec<&'static Part>, String> {
+        if names.is_empty() {
+            return Ok(self.parts.iter().filter(|p| p.usual).collect());
+        }
+        let known = || self.parts.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+        let part = |name: &String| {
+            let unknown = || format!("{} has no part '{name}'; it has {}", self.name, known());
+            self.parts.iter().find(|p| p.name.eq_ignore_ascii_case(name)).ok_or_else(unknown)
+        };
+        names.iter().map(part).collect()
+    }
+}
+
+impl PairFiles {
+    pub(super) const fn beside(left: &'static str, right: &'static str) -> Self {
+        Self { left, right, calib: Calib::Middlebury }
+    }
+
+    /// Whether one folder holds many such pairs.
+    pub(super) fn numbered(&self) -> bool {
+        self.left.contains('*')
+    }
+}

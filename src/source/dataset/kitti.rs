@@ -1,0 +1,64 @@
+//! KITTI's stereo benchmarks of 2012 and 2015, and the names of plain folders that are no published data set.
+
+use super::entry::{Calib, Dataset, Files, Form, PairFiles, Part, Seen, TruthFile};
+
+const LICENCE: &str = "CC BY-NC-SA 3.0";
+
+/// 16-bit PNG, 0 where the laser scanner saw nothing.
+pub(super) const KITTI_PNG: Form = Form::Scaled { scale: 256.0, zero_unknown: true };
+
+/// Cameras 0 and 1 are grey, 2 and 3 coloured; the truth is that of camera 0. Of each scene only the pair `_10` has truth.
+pub(super) const KITTI2012: Dataset = Dataset {
+    name: "kitti2012",
+    title: "KITTI stereo 2012, 194 training and 195 test pairs from a car",
+    home: "https://www.cvlibs.net/datasets/kitti/eval_stereo_flow.php?benchmark=stereo",
+    licence: LICENCE,
+    citation: "A. Geiger, P. Lenz, R. Urtasun, Are we ready for autonomous driving? The KITTI vision benchmark suite, \
+               CVPR 2012",
+    parts: &[Part {
+        name: "all",
+        usual: true,
+        megabytes: 2000,
+        base: "https://s3.eu-central-1.amazonaws.com/avg-kitti/",
+        files: &["data_stereo_flow.zip"],
+        folder: "",
+    }],
+    files: Files {
+        pairs: &[
+            PairFiles { left: "image_0/*_10", right: "image_1/*_10", calib: calib("calib/*.txt", "P0", "P1") },
+            PairFiles { left: "colored_0/*_10", right: "colored_1/*_10", calib: calib("calib/*.txt", "P2", "P3") },
+        ],
+        truths: &[TruthFile { name: "disp_occ/*_10.png", form: KITTI_PNG, seen: Seen::Alone("disp_noc/*_10.png") }],
+        masks: &[],
+    },
+};
+
+/// Cameras 2 and 3, coloured.
+pub(super) const KITTI2015: Dataset = Dataset {
+    name: "kitti2015",
+    title: "KITTI stereo 2015, 200 training and 200 test pairs with moving cars",
+    home: "https://www.cvlibs.net/datasets/kitti/eval_scene_flow.php?benchmark=stereo",
+    licence: LICENCE,
+    citation: "M. Menze, A. Geiger, Object scene flow for autonomous vehicles, CVPR 2015",
+    parts: &[Part {
+        name: "all",
+        usual: true,
+        megabytes: 1683,
+        base: "https://s3.eu-central-1.amazonaws.com/avg-kitti/",
+        files: &["data_scene_flow.zip", "data_scene_flow_calib.zip"],
+        folder: "",
+    }],
+    files: Files {
+        pairs: &[PairFiles {
+            left: "image_2/*_10",
+            right: "image_3/*_10",
+            calib: calib("calib_cam_to_cam/*.txt", "P_rect_02", "P_rect_03"),
+        }],
+        truths: &[TruthFile { name: "disp_occ_0/*_10.png", form: KITTI_PNG, seen: Seen::Alone("disp_noc_0/*_10.png") }],
+        masks: &[],
+    },
+};
+
+const fn calib(file: &'static str, left: &'static str, right: &'static str) -> Calib {
+    Calib::Projections { file, left, right }
+}

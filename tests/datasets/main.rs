@@ -1,0 +1,6 @@
+//! The public data sets: their layouts on disk, their scenarios, and what is refused on the way there.
+
+mod archive;
+mod layouts;
+mod scenarios;
+mod tree;
