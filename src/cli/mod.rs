@@ -5,6 +5,7 @@ mod bench;
 mod cache;
 mod compare;
 mod completions;
+mod eval;
 mod info;
 mod matching;
 mod output;
@@ -61,6 +62,7 @@ enum Command {
     Score(score::Args),
     Compare(compare::Args),
     Match(matching::Args),
+    Eval(eval::Args),
     Bench(bench::Args),
     View(view::Args),
     Info(info::Args),
@@ -81,10 +83,13 @@ impl Cli {
         cli.configure();
         match cli.command.run(cli.quiet) {
             Ok(()) => ExitCode::SUCCESS,
-            Err(error) => {
-                eprintln!("error: {}", one_line(&error));
-                ExitCode::FAILURE
-            }
+            Err(error) => match error.downcast_ref() {
+                Some(usage) => wrong_usage(usage),
+                None => {
+                    eprintln!("error: {}", one_line(&error));
+                    ExitCode::FAILURE
+                }
+            },
         }
     }
 
@@ -117,6 +122,7 @@ impl Command {
             Self::Score(args) => score::run(&args, quiet),
             Self::Compare(args) => compare::run(&args),
             Self::Match(args) => matching::run(&args),
+            Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),

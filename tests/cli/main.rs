@@ -5,6 +5,7 @@ mod fixture;
 mod algos;
 mod bench;
 mod compare;
+mod eval;
 mod exec;
 mod help;
 mod info;
