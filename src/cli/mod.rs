@@ -6,6 +6,7 @@ mod cache;
 mod compare;
 mod completions;
 mod datasets;
+mod eval;
 mod info;
 mod matching;
 mod output;
@@ -62,6 +63,7 @@ enum Command {
     Score(score::Args),
     Compare(compare::Args),
     Match(matching::Args),
+    Eval(eval::Args),
     Bench(bench::Args),
     View(view::Args),
     Info(info::Args),
@@ -83,10 +85,13 @@ impl Cli {
         cli.configure();
         match cli.command.run(cli.quiet) {
             Ok(()) => ExitCode::SUCCESS,
-            Err(error) => {
-                eprintln!("error: {}", one_line(&error));
-                ExitCode::FAILURE
-            }
+            Err(error) => match error.downcast_ref() {
+                Some(usage) => wrong_usage(usage),
+                None => {
+                    eprintln!("error: {}", one_line(&error));
+                    ExitCode::FAILURE
+                }
+            },
         }
     }
 
@@ -119,6 +124,7 @@ impl Command {
             Self::Score(args) => score::run(&args, quiet),
             Self::Compare(args) => compare::run(&args),
             Self::Match(args) => matching::run(&args),
+            Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),

@@ -1,7 +1,7 @@
-//! Disparity maps as files: PFM, KITTI's 16-bit PNG, and data sets' scaled grey images.
+//! Disparity maps as files: PFM, npz, KITTI's 16-bit PNG, and data sets' scaled grey images.
 
 use super::image::{decode, encode};
-use super::{write_pfm, write_png};
+use super::{known, npz, pfm, write_pfm, write_png};
 use crate::error::{Error, Result};
 use crate::stereo::{DisparityMap, Plane};
 use image::{DynamicImage, ExtendedColorType};
@@ -22,6 +22,64 @@ pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Res
     };
     Plane::from_vec(width, height, values)
 }
+
+/// KITTI's multiple of the disparity, which 16-bit images hold.
+const KITTI_SCALE: f32 = 256.0;
+
+/// Reads true disparities, `+∞` where unknown, by the file's ending: `.pfm`, `.npz`, or a grey image whose values are
+/// `scale` times the disparity and 0 is unknown. Images of 16 bits have KITTI's 256 where `scale` is not given.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`]; the latter also for an 8-bit image without a scale, and for a colour image.
+pub fn read_truth(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
+    Ok(known(&values(path, scale.unwrap_or(KITTI_SCALE), scale)?))
+}
+
+/// As [`read_truth`], for what is to be judged: what has no disparity is `+∞` there, so that anything else which is not
+/// finite is a mistake. Images of 16 bits are KITTI's, whatever the scale of a truth.
+///
+/// # Errors
+/// [`Error::Format`] besides, for NaN and `-∞`.
+pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
+    let values = values(path, KITTI_SCALE, scale)?;
+    let wrong = values.pixels().position(|d| d.is_nan() || d == f32::NEG_INFINITY);
+    if let Some(at) = wrong {
+        let (x, y) = (at % values.width(), at / values.width());
+        let what = values.get(x, y);
+        return Err(Error::format(path, format!("holds {what} at ({x}, {y}); a pixel without disparity is +inf")));
+    }
+    Ok(values)
+}
+
+/// What a file holds, images divided by their scale and `+∞` where they are 0.
+fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("pfm") => return pfm::values(path),
+        Some("npz") => return npz::values(path),
+        _ => {}
+    }
+    let image = decode(path)?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let disparity = |value: u16, scale: f32| if value == 0 { f32::INFINITY } else { f32::from(value) / scale };
+    let values = match image {
+        DynamicImage::ImageLuma16(grey) => grey.into_raw().into_iter().map(|v| disparity(v, scale_16)).collect(),
+        DynamicImage::ImageRgb16(_) | DynamicImage::ImageRgba16(_) => return Err(Error::format(path, COLOUR)),
+        other => {
+            let rgb = other.into_rgb8();
+            if rgb.pixels().any(|p| p[0] != p[1] || p[1] != p[2]) {
+                return Err(Error::format(path, COLOUR));
+            }
+            let scale = scale_8.ok_or_else(|| Error::format(path, NO_SCALE))?;
+            rgb.pixels().map(|p| disparity(p[0].into(), scale)).collect()
+        }
+    };
+    Plane::from_vec(width, height, values)
+}
+
+const COLOUR: &str = "is a colour picture; disparities are read from grey images, .pfm and .npz";
+
+const NO_SCALE: &str = "has 8 bits, which hold a multiple of the disparity: name it with --scale \
+     (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
 
 /// Writes the disparities by the file's ending: `.pfm` with `+∞` for none, or `.png`, 16-bit in KITTI's form: 256·d,
 /// 0 = none, a true 0 written as 1.
@@ -74,6 +132,41 @@ mod tests {
         assert_eq!(kitti(1.5), Some(384));
         assert_eq!(kitti(255.99), Some(65533));
         assert_eq!((kitti(256.0), kitti(-1.0)), (None, None));
+    }
+
+    #[test]
+    fn images_are_read_by_their_form() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let row = |plane: Result<Plane<f32>>| plane.unwrap().row(0).to_vec();
+        let wide = file("16.pgm", b"P5\n2 1\n65535\n\0\0\x03\0");
+        assert_eq!(row(read_truth(&wide, None)), [f32::INFINITY, 3.0]);
+        assert_eq!(row(read_truth(&wide, Some(128.0))), [f32::INFINITY, 6.0]);
+        assert_eq!(row(read_estimate(&wide, Some(128.0))), [f32::INFINITY, 3.0]);
+        let narrow = file("8.pgm", b"P5\n2 1\n255\n\0\x06");
+        assert_eq!(row(read_truth(&narrow, Some(4.0))), [f32::INFINITY, 1.5]);
+        let message = |plane: Result<Plane<f32>>| plane.unwrap_err().to_string();
+        assert!(message(read_truth(&narrow, None)).contains("8.pgm: has 8 bits"));
+        let colour = file("colour.ppm", b"P6\n1 1\n255\n\x01\x01\x02");
+        assert!(message(read_truth(&colour, Some(4.0))).contains("colour picture"));
+        let grey = file("grey.ppm", b"P6\n1 1\n255\n\x02\x02\x02");
+        assert_eq!(row(read_truth(&grey, Some(4.0))), [0.5]);
+    }
+
+    #[test]
+    fn an_estimate_is_a_number_or_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("d.pfm");
+        for (value, word) in [(f32::NAN, "NaN at (1, 0)"), (f32::NEG_INFINITY, "-inf at (1, 0)")] {
+            write_pfm(&path, &Plane::from_vec(2, 1, vec![f32::INFINITY, value]).unwrap()).unwrap();
+            let error = read_estimate(&path, None).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+            assert_eq!(read_truth(&path, None).unwrap().row(0), [f32::INFINITY; 2]);
+        }
     }
 
     #[test]

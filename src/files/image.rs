@@ -43,6 +43,16 @@ pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
     Ok(read_gray(path)?.map(Visibility::from_code))
 }
 
+/// Reads KITTI's object map: whether a pixel belongs to an object, 0 being the background.
+///
+/// # Errors
+/// As [`read_gray`].
+pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
+    let image = decode(path)?.into_luma16();
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    Plane::from_vec(width, height, image.into_raw().into_iter().map(|object| object > 0).collect())
+}
+
 /// A PNG of interleaved `rgb` (3 bytes a pixel) or grey (1 byte), `width` x `height`.
 ///
 /// # Errors

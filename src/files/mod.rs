@@ -2,13 +2,16 @@
 
 mod disparity;
 mod image;
+mod npz;
 mod pfm;
 
-pub use disparity::{read_scaled_disparity, write_disparity, write_why};
-pub use image::{encode_png, read_gray, read_mask, write_png};
+pub use disparity::{read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
+pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
+pub use npz::read_npz;
 pub use pfm::{read_pfm, write_pfm};
 
 use crate::error::{Error, Result};
+use crate::stereo::Plane;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -41,4 +44,9 @@ pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
 /// As [`read_bounded`], for text.
 pub(crate) fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     String::from_utf8(read_bounded(path, max_bytes)?).map_err(|_| Error::format(path, "is not UTF-8 text"))
+}
+
+/// The values with `+∞`, "unknown", for all that is not finite.
+fn known(values: &Plane<f32>) -> Plane<f32> {
+    values.map(|v| if v.is_finite() { v } else { f32::INFINITY })
 }

@@ -1,6 +1,6 @@
 //! PFM, the float maps of Middlebury and ETH3D: a `Pf` header, then rows bottom-up.
 
-use super::{MAX_BYTES, read_bounded};
+use super::{MAX_BYTES, known, read_bounded};
 use crate::error::{Error, Result};
 use crate::stereo::{MAX_SIDE, Plane};
 use std::io::Write;
@@ -12,6 +12,11 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] saying what is missing.
 pub fn read_pfm(path: &Path) -> Result<Plane<f32>> {
+    Ok(known(&values(path)?))
+}
+
+/// The values as they stand in the file.
+pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
     parse(&read_bounded(path, MAX_BYTES)?).map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
 }
 
@@ -47,8 +52,7 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     let mut plane = Plane::filled(width, height, f32::INFINITY).map_err(|e| e.to_string())?;
     for (i, row) in rest[..expected].chunks_exact(width * 4).enumerate() {
         for (pixel, bytes) in plane.row_mut(height - 1 - i).iter_mut().zip(row.as_chunks::<4>().0) {
-            let value = read(*bytes);
-            *pixel = if value.is_finite() { value } else { f32::INFINITY };
+            *pixel = read(*bytes);
         }
     }
     Ok(plane)
@@ -74,7 +78,7 @@ mod tests {
     fn both_byte_orders_and_upside_down() {
         let mut big = b"Pf\n1 2\n1.0\n".to_vec();
         [7.5f32, f32::NAN].iter().for_each(|v| big.extend(v.to_be_bytes()));
-        assert_eq!(parse(&big).unwrap().pixels().collect::<Vec<_>>(), [f32::INFINITY, 7.5]);
+        assert_eq!(known(&parse(&big).unwrap()).pixels().collect::<Vec<_>>(), [f32::INFINITY, 7.5]);
         let mut little = b"Pf 1 1 -0.0039\n".to_vec();
         little.extend(7.5f32.to_le_bytes());
         assert_eq!(parse(&little).unwrap().get(0, 0), 7.5);

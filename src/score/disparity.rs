@@ -1,6 +1,7 @@
 //! Disparity errors of one map.
 
-use crate::stereo::{DisparityMap, Truth, Visibility};
+use super::judged::judged;
+use crate::stereo::{DisparityMap, Truth};
 
 /// How far a disparity map is from the truth, over the pixels whose truth is known and that both cameras see
 /// (all known pixels where nobody knows which are hidden).
@@ -22,19 +23,14 @@ impl DisparityScore {
     pub fn of(map: &DisparityMap, truth: &Truth) -> Self {
         debug_assert_eq!(map.size(), truth.disparity.size());
         let mut score = Self::default();
-        for (y, (estimates, truths)) in map.disparity().rows().zip(truth.disparity.rows()).enumerate() {
-            let visible = truth.visibility.as_ref().map(|v| v.row(y));
-            for (x, (&estimate, &true_disparity)) in estimates.iter().zip(truths).enumerate() {
-                let judged = true_disparity.is_finite() && visible.is_none_or(|v| v[x] == Visibility::Visible);
-                if judged {
-                    score.pixels += 1;
-                    if estimate.is_finite() {
-                        let error = (estimate - true_disparity).abs();
-                        score.estimated += 1;
-                        score.bad1 += usize::from(error > 1.0);
-                        score.bad2 += usize::from(error > 2.0);
-                    }
-                }
+        for (x, y, true_disparity) in judged(&truth.disparity, truth.visibility.as_ref()) {
+            let estimate = map.disparity().get(x, y);
+            score.pixels += 1;
+            if estimate.is_finite() {
+                let error = (estimate - true_disparity).abs();
+                score.estimated += 1;
+                score.bad1 += usize::from(error > 1.0);
+                score.bad2 += usize::from(error > 2.0);
             }
         }
         score
@@ -63,7 +59,7 @@ fn share(part: usize, whole: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Plane, Reason};
+    use crate::stereo::{Plane, Reason, Visibility};
 
     #[test]
     fn hand_computed() {

@@ -1,8 +1,10 @@
-//! Judgements: disparities and cells against truth, checkpoints over runs.
+//! Judgements: disparities and cells against truth, checkpoints over runs, and the benchmarks' metric protocols.
 
 mod cells;
 mod checkpoint;
 mod disparity;
+mod judged;
+pub mod protocol;
 
 pub use cells::{CellJudgement, CellRule, CellTally, Verdict, judge_cells, true_grid};
 pub use checkpoint::{Checkpoint, CheckpointFrame, CheckpointTally};

@@ -8,7 +8,21 @@ fn help_tells_what_svl_is_for() {
 #[test]
 fn every_subcommand_has_help_with_an_example() {
     let fixture = Fixture::new();
-    for command in ["record", "replay", "score", "match", "bench", "algos", "datasets", "info", "view", "completions"] {
+    let commands = [
+        "record",
+        "replay",
+        "score",
+        "compare",
+        "match",
+        "eval",
+        "bench",
+        "algos",
+        "datasets",
+        "info",
+        "view",
+        "completions",
+    ];
+    for command in commands {
         let text = fixture.svl(&[command, "--help"]).done();
         assert!(text.contains("Example"), "{command} --help shows no example");
     }

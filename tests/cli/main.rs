@@ -7,6 +7,7 @@ mod algos;
 mod bench;
 mod compare;
 mod datasets;
+mod eval;
 mod exec;
 mod help;
 mod info;

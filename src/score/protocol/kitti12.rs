@@ -1,0 +1,45 @@
+//! KITTI 2012: outliers beyond 1 … 5 px and the mean error, of each image; over several the mean of the images.
+
+use super::errors::Errors;
+use super::kitti::{Maps, stored};
+use super::numbers::{Numbers, Unit, percent};
+use super::{Image, judged};
+use crate::error::Result;
+use crate::stereo::Plane;
+
+/// Outliers of the map as it is, densified, and of the estimated pixels alone, by threshold.
+const OUTLIERS: [(f32, [&str; 3]); 5] = [
+    (1.0, ["out1", "out1_dense", "out1_est"]),
+    (2.0, ["out2", "out2_dense", "out2_est"]),
+    (3.0, ["out3", "out3_dense", "out3_est"]),
+    (4.0, ["out4", "out4_dense", "out4_est"]),
+    (5.0, ["out5", "out5_dense", "out5_est"]),
+];
+
+pub(super) fn numbers(image: &Image) -> Result<Numbers> {
+    let Maps { sparse, dense } = Maps::of(image);
+    let errors = |map: &Plane<f32>, read: fn(f32) -> f32| {
+        Errors::collect(judged(image.truth, image.mask).map(|(x, y, truth)| (truth, read(map.get(x, y)))))
+    };
+    let as_is = errors(&sparse, stored)?;
+    let densified = errors(&dense, stored)?;
+    let estimated = errors(&sparse, |d| d)?;
+    let filled = judged(image.truth, image.mask).filter(|&(x, y, _)| dense.get(x, y).is_finite()).count();
+
+    let mut numbers = Numbers::default();
+    let outliers = |numbers: &mut Numbers, column: usize, errors: &Errors| {
+        for (threshold_px, names) in OUTLIERS {
+            numbers.add(names[column], Unit::Percent, percent(errors.over(threshold_px), errors.estimated()));
+        }
+    };
+    outliers(&mut numbers, 0, &as_is);
+    // A hole has no error to average.
+    numbers.add("avgerr", Unit::Px, estimated.mean());
+    numbers.add("density", Unit::Percent, percent(estimated.estimated(), estimated.pixels()));
+    outliers(&mut numbers, 1, &densified);
+    numbers.add("avgerr_dense", Unit::Px, densified.mean());
+    numbers.add("density_dense", Unit::Percent, percent(filled, estimated.pixels()));
+    outliers(&mut numbers, 2, &estimated);
+    numbers.add("pixels", Unit::Count, Some(as_is.pixels() as f64));
+    Ok(numbers)
+}

@@ -1,0 +1,71 @@
+//! A protocol's numbers by name, in the order of its table.
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+/// Named numbers. As JSON an object of them, `null` for what there is not.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Numbers(Vec<Number>);
+
+/// One number of a protocol; no value where it would be divided by nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Number {
+    pub name: &'static str,
+    pub value: Option<f64>,
+    pub unit: Unit,
+}
+
+/// What a number counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Of the judged pixels, or as the protocol has it.
+    Percent,
+    /// Disparity.
+    Px,
+    /// Of pixels; the sum over several images.
+    Count,
+}
+
+impl Numbers {
+    pub(super) fn add(&mut self, name: &'static str, unit: Unit, value: Option<f64>) {
+        self.0.push(Number { name, value, unit });
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = &Number> {
+        self.0.iter()
+    }
+
+    /// The value of that name; nothing also where it has none.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.iter().find(|number| number.name == name)?.value
+    }
+
+    /// The mean of one protocol's numbers over images, counts summed; no value where an image has none.
+    pub(super) fn mean(images: &[Self]) -> Self {
+        let first = images.first().map_or(&[][..], |numbers| &numbers.0);
+        let over = |(i, number): (usize, &Number)| {
+            let sum: Option<f64> = images.iter().map(|numbers| numbers.0[i].value).sum();
+            let parts = if number.unit == Unit::Count { 1.0 } else { images.len() as f64 };
+            Number { value: sum.map(|sum| sum / parts), ..*number }
+        };
+        Self(first.iter().enumerate().map(over).collect())
+    }
+}
+
+/// `100 part / whole`.
+pub(super) fn percent(part: usize, whole: usize) -> Option<f64> {
+    (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
+}
+
+impl Serialize for Numbers {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for Number { name, value, unit } in self.iter() {
+            match (unit, value) {
+                (Unit::Count, Some(count)) => map.serialize_entry(name, &(*count as u64))?,
+                _ => map.serialize_entry(name, value)?,
+            }
+        }
+        map.end()
+    }
+}
