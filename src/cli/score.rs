@@ -26,6 +26,7 @@ Examples:
   svl score scenarios/arena.toml
   svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64 --out reports/range
   svl score scenarios/middlebury.toml --data DATASETS
+  svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
   svl score scenarios/arena.toml --gate          for a CI: exit 1 when a limit of the scenario is broken")]
 pub(super) struct Args {
     /// Scenario file
@@ -39,6 +40,9 @@ pub(super) struct Args {
     /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
+    /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in a folder
+    #[arg(long, value_name = "SCENE", num_args = 1..)]
+    scenes: Vec<String>,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -57,6 +61,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             "{}: has no [[gate]], so there is nothing to fail; scenarios/arena.toml shows some",
             args.scenario.display()
         );
+    }
+    if !args.scenes.is_empty() {
+        let ScenarioSource::Dataset { scenes } = &mut scenario.source else {
+            bail!("{}: does not read scenes; --scenes is for scenarios that do", args.scenario.display());
+        };
+        scenes.clone_from(&args.scenes);
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
     let mut lineup = Lineup::new(&scenario.algorithms)?;
