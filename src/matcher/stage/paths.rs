@@ -5,7 +5,7 @@
 //! in the rows that it comes to first and adds them in those that the other was in before, where the disparities then
 //! are chosen. The result depends on nothing but the costs.
 
-use super::CostVolume;
+use super::{CostVolume, both};
 use crate::kernel::{
     ChosenRow, Isa, Lanes, Paths, Penalties, RowPaths, Totals, VolumeShape, choose_row, finish_paths, follow_paths,
     follow_rows,
@@ -83,16 +83,6 @@ impl PathSums {
             || work.finish(down, middle..height, bottom, bottom_chosen),
             || work.finish(up, 0..middle, top, top_chosen),
         );
-    }
-}
-
-/// Runs both, at the same time where rayon's current pool has threads for it.
-fn both(a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
-    if rayon::current_num_threads() == 1 {
-        a();
-        b();
-    } else {
-        rayon::join(a, b);
     }
 }
 
