@@ -70,10 +70,10 @@ pub(super) fn follow(paths: &mut RowPaths, costs: &[Lanes<u8>], image: &Gray, to
         }
     }
     for (block, steps) in steps.as_chunks_mut::<ROWS>().0.iter_mut().enumerate() {
-        for row in 0..rows {
+        for (row, steps) in steps.iter_mut().take(rows).enumerate() {
             let grey = image.row(top + row);
-            for (i, x) in (block * ROWS..shape.width.min((block + 1) * ROWS)).enumerate() {
-                steps[row][i] = penalties.large[usize::from(grey[x].abs_diff(grey[x.saturating_sub(1)]))];
+            for (step, x) in steps.iter_mut().zip(block * ROWS..shape.width) {
+                *step = penalties.large[usize::from(grey[x].abs_diff(grey[x.saturating_sub(1)]))];
             }
         }
         *steps = turn(steps);

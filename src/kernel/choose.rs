@@ -96,9 +96,12 @@ fn least(totals: &Totals, range: std::ops::Range<usize>, x: impl Fn(usize) -> i3
     let (mut least, mut place) = ([u16::MAX; N], [0u16; N]);
     for i in range {
         let sums = totals.at(i, x(i));
+        // Masks and a copy: a choice becomes a conditional store, which is a branch where the instruction set has none.
+        let (was, before) = (least, place);
         for l in 0..N {
-            place[l] = if sums[l] < least[l] { i as u16 } else { place[l] };
-            least[l] = least[l].min(sums[l]);
+            let takes = u16::from(sums[l] < was[l]).wrapping_neg();
+            place[l] = (i as u16 & takes) | (before[l] & !takes);
+            least[l] = was[l].min(sums[l]);
         }
     }
     (least, place)
@@ -112,8 +115,8 @@ fn other(totals: &Totals, x: i32, reached: usize, place: &[u16; N]) -> [u16; N] 
         let sums = totals.at(i, x);
         for l in 0..N {
             // 0 ..= 2 for the place and its neighbours.
-            let near = (i as u16).wrapping_sub(place[l]).wrapping_add(1) <= 2;
-            other[l] = other[l].min(if near { u16::MAX } else { sums[l] });
+            let near = (i as u16).wrapping_sub(place[l]).wrapping_add(1);
+            other[l] = other[l].min(sums[l] | u16::from(near <= 2).wrapping_neg());
         }
     }
     other

@@ -109,8 +109,7 @@ impl Line {
 fn steps(x: usize, grey: &[u8], behind: &[u8], penalties: &Penalties) -> [[u8; N]; 3] {
     let mut large = [[0; N]; 3];
     let last = grey.len() - 1;
-    for i in 0..N.min(grey.len() - x) {
-        let x = x + i;
+    for (i, x) in (x..grey.len().min(x + N)).enumerate() {
         let step = |from: usize| penalties.large[usize::from(grey[x].abs_diff(behind[from]))];
         large[0][i] = step(x.saturating_sub(1));
         large[1][i] = step(x);
