@@ -32,7 +32,7 @@ fn sizes() -> impl Strategy<Value = (usize, usize)> {
 
 fn matchers() -> impl Strategy<Value = Sgm> {
     let ends = prop_oneof![4 => (-20i32..=20, 0i32..=70), 1 => (-160i32..=160, 0i32..=160)];
-    let penalties = prop_oneof![3 => (0i32..=20, 0i32..=76), 1 => Just((96, 0)), 1 => Just((0, 96))];
+    let penalties = prop_oneof![3 => (0i32..=20, 0i32..=65), 1 => Just((85, 0)), 1 => Just((0, 85))];
     let edge = prop::sample::select(vec![1, 8, 256]);
     let checks = (prop::sample::select(vec![0, 5, 100]), -1i32..=2, any::<bool>());
     (ends, penalties, edge, checks).prop_map(|((min, span), (p1, more), edge, checks)| Sgm {

@@ -1,31 +1,15 @@
 //! The census of a pixel, which of its neighbours are darker (Zabih & Woodfill 1994), and in how many of them two differ.
 
+use super::{Lanes, VolumeShape};
+
 /// Half of the window, 9 x 7 pixels: 62 neighbours.
 pub const CENSUS_REACH: [usize; 2] = [4, 3];
 
 /// Bytes that a census takes. Those of a row lie in as many planes, so that pixels are lanes.
 pub const CENSUS_BYTES: usize = 8;
 
-/// Disparities handled together.
-pub const DISPARITIES: usize = 32;
-
-/// Matching costs of neighbouring disparities: 0 ..= 62, or [`Costs::OUTSIDE`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(32))]
-pub struct Costs(pub [u8; DISPARITIES]);
-
-impl Costs {
-    /// Of a disparity beyond the range or the right image.
-    pub const OUTSIDE: u8 = u8::MAX;
-
-    /// How many of `chunks` a pixel in column `x` has use for: at the left edge the higher disparities lead outside.
-    /// What lies beyond them is neither written nor read.
-    #[inline(always)]
-    pub(super) fn reached(x: usize, first: i32, chunks: usize) -> usize {
-        let disparities = (x as i32 - first).max(0) as usize;
-        chunks.min(disparities / DISPARITIES + 1)
-    }
-}
+/// Places before the first pixel in a plane of censuses, and after the last block of pixels.
+pub const CENSUS_MARGIN: usize = Lanes::COUNT;
 
 /// See [`super::census_row`].
 #[inline(always)]
@@ -46,27 +30,27 @@ pub(super) fn census(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) {
 
 /// See [`super::census_costs`].
 #[inline(always)]
-pub(super) fn costs(left: &[u8], right: &[u8], outside: &[u8], first: i32, tail: &[Costs], out: &mut [Costs]) {
-    let chunks = tail.len();
-    let width = out.len() / chunks;
-    let stride = right.len() / CENSUS_BYTES;
-    for (x, out) in out.chunks_exact_mut(chunks).enumerate() {
-        let out = &mut out[..Costs::reached(x, first, chunks)];
-        for (chunk, (out, tail)) in out.iter_mut().zip(tail).enumerate() {
-            let at = width - 1 - x + chunk * DISPARITIES;
-            // Each plane goes on for the whole range beyond its last pixel.
-            let lanes = |row: &[u8]| *row[at..].first_chunk::<DISPARITIES>().expect("a row as long as the range");
-            let mut bytes = [[0; DISPARITIES]; CENSUS_BYTES];
-            for (b, bytes) in bytes.iter_mut().enumerate() {
-                *bytes = lanes(&right[b * stride..]);
-            }
-            let outside = lanes(outside);
-            for i in 0..DISPARITIES {
+pub(super) fn costs(shape: &VolumeShape, left: &[u8], right: &[u8], outside: &[u8], out: &mut [Lanes<u8>]) {
+    const N: usize = Lanes::COUNT;
+    let stride = outside.len();
+    let lanes = |row: &[u8], at: usize| -> [u8; N] { *row[at..].first_chunk().expect("a margin after the last block") };
+    for (block, out) in out.chunks_exact_mut(shape.count).enumerate() {
+        let x = CENSUS_MARGIN + block * N;
+        let mut here = [[0; N]; CENSUS_BYTES];
+        here.iter_mut().enumerate().for_each(|(b, here)| *here = lanes(&left[b * stride..], x));
+        let beyond = lanes(outside, x);
+        for (d, out) in (shape.first..).zip(&mut out[..shape.reached_in(block)]) {
+            // Never before the margin, as some pixel has use for the disparity; in the other margin all are outside.
+            let at = (x as i32 - d).min((stride - N) as i32) as usize;
+            let outside = lanes(outside, at);
+            let mut there = [[0; N]; CENSUS_BYTES];
+            there.iter_mut().enumerate().for_each(|(b, there)| *there = lanes(&right[b * stride..], at));
+            for i in 0..N {
                 let mut differing = [0; CENSUS_BYTES];
                 for b in 0..CENSUS_BYTES {
-                    differing[b] = bytes[b][i] ^ left[b * width + width - 1 - x];
+                    differing[b] = here[b][i] ^ there[b][i];
                 }
-                out.0[i] = ones(differing) | outside[i] | tail.0[i];
+                out.0[i] = ones(differing) | outside[i] | beyond[i];
             }
         }
     }

@@ -1,15 +1,19 @@
 //! The best disparity of every pixel from the sums over its paths, in both images.
 
-use super::{Costs, DISPARITIES, Sums};
+use super::{Lanes, VolumeShape};
 use crate::stereo::Reason;
 
-/// What becomes of the sums of a row.
-#[derive(Clone, Copy, Debug)]
-pub struct SumTest {
-    /// First disparity.
-    pub first: i32,
-    /// By how many per cent another disparity must be worse, 0 = off.
-    pub uniqueness: u32,
+const N: usize = Lanes::COUNT;
+
+/// Sum of eight path costs where a disparity is not admissible, or more.
+const OUTSIDE: u16 = 8 * super::volume::OUTSIDE as u16;
+
+/// Sums of eight path costs of a row of pixels.
+pub struct Totals {
+    shape: VolumeShape,
+    span: usize,
+    /// By disparity, then pixel, with none for a block of pixels at both ends.
+    sums: Vec<u16>,
 }
 
 /// The chosen disparities of a row.
@@ -18,93 +22,113 @@ pub struct ChosenRow<'a> {
     pub left: &'a mut [i16],
     /// *Valid*, *ambiguous*, or *border* where no disparity leads into the right image.
     pub why: &'a mut [Reason],
-    /// Of the right image, in pixels; **its pixels run backwards**, from the last but the first disparity on.
+    /// Of the right image, in pixels, whole blocks; [`ChosenRow::NONE`] where no disparity leads into the left image.
     pub right: &'a mut [i16],
-    /// Least sums of the right image.
-    pub right_sums: &'a mut [u16],
 }
 
-/// Sum of eight path costs where none is admissible.
-const OUTSIDE: u16 = 8 * 255;
+impl ChosenRow<'_> {
+    /// No disparity.
+    pub const NONE: i16 = i16::MIN;
+}
+
+impl Totals {
+    /// For rows of volumes of that shape.
+    pub fn new(shape: VolumeShape) -> Self {
+        let span = shape.padded() + 2 * N;
+        Self { shape, span, sums: vec![OUTSIDE; shape.count * span] }
+    }
+
+    /// The sums at place `i` of the range, of the pixels from `x` on.
+    #[inline(always)]
+    fn at(&self, i: usize, x: i32) -> &[u16; N] {
+        self.sums[i * self.span..][..self.span][(x + N as i32) as usize..].first_chunk().expect("a block at both ends")
+    }
+
+    #[inline(always)]
+    pub(super) fn at_mut(&mut self, i: usize, x: usize) -> &mut [u16; N] {
+        self.sums[i * self.span..][..self.span][x + N..].first_chunk_mut().expect("a block at both ends")
+    }
+}
 
 /// See [`super::choose_row`].
 #[inline(always)]
-pub(super) fn choose(sums: &[Sums], chunks: usize, test: &SumTest, row: &mut ChosenRow<'_>) {
-    let width = row.left.len();
-    row.right_sums.fill(OUTSIDE);
-    for (x, sums) in sums.chunks_exact(chunks).enumerate() {
-        let sums = &sums[..Costs::reached(x, test.first, chunks)];
-        let (least, place) = least(sums);
-        if least == OUTSIDE {
-            (row.left[x], row.why[x]) = (0, Reason::Border);
-            continue;
+pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) {
+    let shape = totals.shape;
+    for (block, (left, why)) in row.left.chunks_mut(N).zip(row.why.chunks_mut(N)).enumerate() {
+        let (x, reached) = ((block * N) as i32, shape.reached_in(block));
+        let (least, place) = least(totals, 0..reached, |_| x);
+        let other = other(totals, x, reached, &place);
+        let mut beside = [[0; N]; 2];
+        for l in 0..N {
+            let sum = |i: usize| if i < reached { totals.at(i, x)[l] } else { OUTSIDE };
+            let place = usize::from(place[l]);
+            (beside[0][l], beside[1][l]) = (sum(place.wrapping_sub(1)), sum(place + 1));
         }
-        let other = u32::from(other(sums, place));
-        let ambiguous = 100 * other < u32::from(least) * (100 + test.uniqueness);
-        row.why[x] = if ambiguous { Reason::Ambiguous } else { Reason::Valid };
-        row.left[x] = (16 * (test.first + place as i32) + fraction(sums, place, least)) as i16;
-
-        let right = width - 1 - x..;
-        let right_sums = row.right_sums[right.clone()].as_chunks_mut::<DISPARITIES>().0;
-        let right = row.right[right].as_chunks_mut::<DISPARITIES>().0;
-        for (chunk, (sums, (least, disparity))) in sums.iter().zip(right_sums.iter_mut().zip(right)).enumerate() {
-            let first = test.first as i16 + (chunk * DISPARITIES) as i16;
-            let (was, here) = (*least, *disparity);
-            for i in 0..DISPARITIES {
-                let takes = u16::from(sums.0[i] < was[i]).wrapping_neg() as i16;
-                least[i] = was[i].min(sums.0[i]);
-                disparity[i] = (first + i as i16) & takes | here[i] & !takes;
-            }
+        let mut sixteenths = [0; N];
+        for l in 0..N {
+            let found = 16 * (shape.first + i32::from(place[l])) + fraction(beside[0][l], least[l], beside[1][l]);
+            sixteenths[l] = if least[l] < OUTSIDE { found as i16 } else { 0 };
+        }
+        left.copy_from_slice(&sixteenths[..left.len()]);
+        for (l, why) in why.iter_mut().enumerate() {
+            let limit = u32::from(least[l]) * (100 + uniqueness);
+            let ambiguous = (other[l] < OUTSIDE) & (100 * u32::from(other[l]) < limit);
+            let reason = if ambiguous { Reason::Ambiguous } else { Reason::Valid };
+            *why = if least[l] < OUTSIDE { reason } else { Reason::Border };
+        }
+    }
+    for (block, right) in row.right.as_chunks_mut::<N>().0.iter_mut().enumerate() {
+        // The right pixel x meets the left one x + d.
+        let x = (block * N) as i32 + shape.first;
+        let place = |x: i32| (x.max(0) as usize).min(shape.count);
+        let met = place(1 - N as i32 - x)..place(shape.width as i32 - x);
+        let (least, place) = least(totals, met, |i| x + i as i32);
+        for l in 0..N {
+            let disparity = (shape.first + i32::from(place[l])) as i16;
+            right[l] = if least[l] < OUTSIDE { disparity } else { ChosenRow::NONE };
         }
     }
 }
 
-/// The least of the sums and its place, the first at a tie: both in one word, so that one minimum finds them.
+/// The least sums over a part of the range and their places, the first at a tie.
 #[inline(always)]
-fn least(sums: &[Sums]) -> (u16, u16) {
-    let mut lanes = [u32::MAX; DISPARITIES];
-    for (chunk, sums) in sums.iter().enumerate() {
-        for (i, (lane, &sum)) in lanes.iter_mut().zip(&sums.0).enumerate() {
-            *lane = (*lane).min(u32::from(sum) << 16 | (chunk * DISPARITIES + i) as u32);
+fn least(totals: &Totals, range: std::ops::Range<usize>, x: impl Fn(usize) -> i32) -> ([u16; N], [u16; N]) {
+    let (mut least, mut place) = ([u16::MAX; N], [0u16; N]);
+    for i in range {
+        let sums = totals.at(i, x(i));
+        // Masks and a copy: a choice becomes a conditional store, which is a branch where the instruction set has none.
+        let (was, before) = (least, place);
+        for l in 0..N {
+            let takes = u16::from(sums[l] < was[l]).wrapping_neg();
+            place[l] = (i as u16 & takes) | (before[l] & !takes);
+            least[l] = was[l].min(sums[l]);
         }
     }
-    let mut least = u32::MAX;
-    for lane in lanes {
-        least = least.min(lane);
-    }
-    ((least >> 16) as u16, least as u16)
+    (least, place)
 }
 
-/// The least of the sums but for `place` and its neighbours.
+/// The least sums but for `place` and its neighbours.
 #[inline(always)]
-fn other(sums: &[Sums], place: u16) -> u16 {
-    let mut lanes = [u16::MAX; DISPARITIES];
-    for (chunk, sums) in sums.iter().enumerate() {
-        for (i, (lane, &sum)) in lanes.iter_mut().zip(&sums.0).enumerate() {
+fn other(totals: &Totals, x: i32, reached: usize, place: &[u16; N]) -> [u16; N] {
+    let mut other = [u16::MAX; N];
+    for i in 0..reached {
+        let sums = totals.at(i, x);
+        for l in 0..N {
             // 0 ..= 2 for the place and its neighbours.
-            let near = ((chunk * DISPARITIES + i) as u16).wrapping_sub(place).wrapping_add(1);
-            *lane = (*lane).min(sum | u16::from(near <= 2).wrapping_neg());
+            let near = (i as u16).wrapping_sub(place[l]).wrapping_add(1);
+            other[l] = other[l].min(sums[l] | u16::from(near <= 2).wrapping_neg());
         }
     }
-    let mut least = u16::MAX;
-    for lane in lanes {
-        least = least.min(lane);
-    }
-    least
+    other
 }
 
 /// Where between its neighbours the minimum lies, in 16ths.
 #[inline(always)]
-fn fraction(sums: &[Sums], place: u16, least: u16) -> i32 {
-    let place = usize::from(place);
-    let sum = |place: usize| i32::from(sums[place / DISPARITIES].0[place % DISPARITIES]);
-    if place == 0 || place + 1 == sums.len() * DISPARITIES {
-        return 0;
-    }
-    let (lower, higher, least) = (sum(place - 1), sum(place + 1), i32::from(least));
-    if lower >= i32::from(OUTSIDE) || higher >= i32::from(OUTSIDE) {
-        return 0;
-    }
-    let curvature = 2 * (lower.max(higher) - least);
-    if curvature == 0 { 0 } else { (16 * (lower - higher) + (lower - higher).signum() * curvature / 2) / curvature }
+fn fraction(lower: u16, least: u16, higher: u16) -> i32 {
+    let between = (lower < OUTSIDE) & (higher < OUTSIDE);
+    let rise = i32::from(lower.max(higher)) - i32::from(least);
+    let fall = i32::from(lower) - i32::from(higher);
+    // Half away from zero. The numbers are small enough for single precision to find the whole part exactly.
+    let sixteenths = ((16 * fall + fall.signum() * rise) as f32 / (2 * rise.max(1)) as f32) as i32;
+    if between { sixteenths } else { 0 }
 }

@@ -5,6 +5,7 @@
 //! vectors. Arithmetic is on integers, and where it is not (the spread of v2) each lane's operations are single and in
 //! order, so every variant gives the same bytes; `tests/v3.rs` and `tests/thesis.rs` hold them to it.
 
+mod along;
 mod block;
 mod census;
 mod choose;
@@ -21,20 +22,24 @@ mod slide;
 mod smooth;
 mod ssd;
 mod table;
+mod turn;
+mod volume;
 mod write;
 
+pub use along::RowPaths;
 pub use block::Lanes;
-pub use census::{CENSUS_BYTES, CENSUS_REACH, Costs, DISPARITIES};
-pub use choose::{ChosenRow, SumTest};
+pub use census::{CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH};
+pub use choose::{ChosenRow, Totals};
 pub use dog::DogTaps;
 pub use exact::{Doubt, Match, Search};
 pub use isa::{Isa, isa};
-pub use paths::{Paths, Penalties, Sums};
+pub use paths::{Paths, Penalties};
 pub use prefilter::PREFILTER_CAP;
 pub use sad::{PIXELS, SadTest, SadWinners};
 pub use scanline::{ScanlinePaths, edge, edge_before};
 pub use ssd::{CAP, Winner, Winners};
 pub use table::{Claim, NO_SUM, TableSearch, WindowTable, window_sums};
+pub use volume::{OUTSIDE, VolumeShape};
 
 use crate::stereo::{Gray, RowMut};
 
@@ -186,35 +191,50 @@ kernels! {
     /// `rows` are the row and the three above and below, each with [`CENSUS_REACH`] further pixels at both ends.
     pub fn census_row(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) = census::census;
 
-    /// Hamming distances between the censuses of a row of the left image and those of the right one, `tail.len()`
-    /// [`Costs`] per pixel.
+    /// Hamming distances between the censuses of a row of the left image and those of the right one: a row of the volume.
     ///
-    /// Both rows run backwards, so that disparities run forwards; the right one's place `width - 1 - x` is what the left
-    /// pixel `x` meets at the first disparity, `first`, and its planes go on for the whole range. `outside` and `tail` have [`Costs::OUTSIDE`], else 0, where a place
-    /// is outside the image and where a disparity is beyond the range.
+    /// Both and `outside` have [`CENSUS_MARGIN`] places before the first pixel and after the last block; `outside` has
+    /// [`OUTSIDE`] where a place is outside the image, else 0.
     pub fn census_costs(
+        shape: &VolumeShape,
         left: &[u8],
         right: &[u8],
         outside: &[u8],
-        first: i32,
-        tail: &[Costs],
-        out: &mut [Costs],
+        out: &mut [Lanes<u8>],
     ) = census::costs;
 
-    /// Moves `paths` on by a row, and writes their costs to `sums` or adds them.
+    /// Follows the paths along the rows from `top` of `image` on, whose `costs` are given: those of a band or less.
+    pub fn follow_rows(
+        paths: &mut RowPaths,
+        costs: &[Lanes<u8>],
+        image: &Gray,
+        top: usize,
+        penalties: &Penalties,
+    ) = along::follow;
+
+    /// Moves `paths` on by a row, and writes what they add to its costs.
     ///
     /// `grey` is the row of the left image and the one before it in the direction of the sweep.
     pub fn follow_paths(
         paths: &mut Paths,
-        costs: &[Costs],
+        costs: &[Lanes<u8>],
         grey: [&[u8]; 2],
         penalties: &Penalties,
-        add: bool,
-        sums: &mut [Sums],
+        sums: &mut [Lanes<u8>],
     ) = paths::follow;
 
-    /// The best disparities of a row, with `chunks` [`Sums`] per pixel.
-    pub fn choose_row(sums: &[Sums], chunks: usize, test: &SumTest, row: &mut ChosenRow<'_>) = choose::choose;
+    /// As [`follow_paths`], but sums all path costs: `sums` are what the paths of the other sweep and those along the row add.
+    pub fn finish_paths(
+        paths: &mut Paths,
+        costs: &[Lanes<u8>],
+        grey: [&[u8]; 2],
+        penalties: &Penalties,
+        sums: [&[Lanes<u8>]; 2],
+        totals: &mut Totals,
+    ) = paths::finish;
+
+    /// The best disparities of a row. Other disparities must be worse by `uniqueness` per cent.
+    pub fn choose_row(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) = choose::choose;
 
     /// Medians of nine, three rows by three columns; the outermost columns have no neighbour beyond them and count twice.
     pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = median::row;

@@ -1,14 +1,13 @@
-//! Costs summed along paths (Hirschmüller 2008, equation 13), half of the eight directions in one sweep over the image.
+//! Costs summed along paths (Hirschmüller 2008, equation 13): three directions that come from the row behind in a sweep
+//! over the image.
 //!
-//! Disparities are the lanes. A path's costs fit a byte: the matching cost is at most 62 and what a path adds to it at
-//! most P2, so with P2 up to [`Paths::LARGEST_PENALTY`] even the least cost plus P2 does.
+//! A path's costs fit a byte: the matching cost is at most 62 and what a path adds to it at most P2. What three paths add
+//! fits a byte too, with P2 up to [`Paths::LARGEST_PENALTY`].
 
-use super::{Costs, DISPARITIES};
+use super::volume::OUTSIDE;
+use super::{Lanes, Totals, VolumeShape};
 
-/// Sums of path costs of neighbouring disparities.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(64))]
-pub struct Sums(pub [u16; DISPARITIES]);
+const N: usize = Lanes::COUNT;
 
 /// What a step of disparity costs.
 #[derive(Clone, Debug)]
@@ -19,73 +18,150 @@ pub struct Penalties {
     pub large: [u8; 256],
 }
 
-/// The paths of a sweep, downwards or upwards: along the row, along the column and along both diagonals.
+/// The paths of a sweep, downwards or upwards: along the column and along both diagonals.
 pub struct Paths {
-    /// The lowest disparity.
-    lowest: i32,
-    /// [`Costs`] per pixel.
-    chunks: usize,
-    upwards: bool,
-    /// Nothing lies behind the next row.
-    first: bool,
-    /// Of the row behind and of this one, by direction; and of two neighbours in this row.
-    behind: [Lines; 3],
-    here: [Lines; 3],
-    along: [Lines; 2],
-    /// What a path begins with: nothing is added to its first cost.
-    none: Lines,
+    shape: VolumeShape,
+    /// Rows behind the next one.
+    behind: usize,
+    /// From the pixel before, the same and the next in the row behind.
+    lines: [Line; 3],
 }
 
-/// Path costs of pixels: bytes by disparity, [`Costs::OUTSIDE`] between pixels, and the least of each pixel.
-struct Lines {
+/// Path costs of a row, by disparity and then by pixel: [`OUTSIDE`] where there is no path, as behind the image.
+///
+/// Costs stay where they are until the path's next pixel replaces them. As a diagonal path moves on by a column per row,
+/// the place of the row's first pixel moves as far the other way.
+struct Line {
+    span: usize,
     costs: Vec<u8>,
     least: Vec<u8>,
 }
 
 impl Paths {
     /// Largest P2.
-    pub const LARGEST_PENALTY: i32 = 96;
+    pub const LARGEST_PENALTY: i32 = 85;
 
-    /// Paths over rows of `width` pixels with `chunks` [`Costs`] each, from the disparity `lowest` on.
-    pub fn new(width: usize, lowest: i32, chunks: usize, upwards: bool) -> Self {
-        let lines = |count: usize| Lines {
-            costs: vec![Costs::OUTSIDE; (count * (chunks + 1) + 1) * DISPARITIES],
-            least: vec![0; count],
-        };
-        let mut none = lines(1);
-        none.costs[DISPARITIES..][..chunks * DISPARITIES].fill(0);
-        Self {
-            lowest,
-            chunks,
-            upwards,
-            first: true,
-            behind: [(); 3].map(|()| lines(width)),
-            here: [(); 3].map(|()| lines(width)),
-            along: [(); 2].map(|()| lines(1)),
-            none,
-        }
+    /// Paths over volumes of that shape.
+    pub fn new(shape: VolumeShape) -> Self {
+        let lines = [(); 3].map(|()| {
+            // An odd number of cache lines, so that neighbouring disparities do not contend for the same ones.
+            let span = ((shape.padded() + shape.height).div_ceil(N) | 1) * N;
+            Line { span, costs: vec![OUTSIDE; (shape.count + 1) * span], least: vec![OUTSIDE; span] }
+        });
+        Self { shape, behind: 0, lines }
     }
 
     /// Begins a sweep.
     pub fn restart(&mut self) {
-        self.first = true;
+        self.behind = 0;
+        for line in &mut self.lines {
+            line.costs.fill(OUTSIDE);
+            line.least.fill(OUTSIDE);
+        }
+    }
+
+    /// Moves on by a row, and passes what the three paths add, block by block and disparity by disparity.
+    #[inline(always)]
+    fn advance(
+        &mut self,
+        costs: &[Lanes<u8>],
+        [grey, grey_behind]: [&[u8]; 2],
+        penalties: &Penalties,
+        mut out: impl FnMut(usize, usize, &[u8; N], [u8; N]),
+    ) {
+        let Self { shape, behind, lines } = self;
+        let starts = [shape.height - 1 - *behind, 0, *behind];
+        for (block, costs) in costs.chunks_exact(shape.count).enumerate() {
+            let large = steps(block * N, grey, grey_behind, penalties);
+            let at = starts.map(|start| start + block * N);
+            let [falling, column, rising] = lines.each_mut();
+            let (falling, falling_least) = falling.at(at[0]);
+            let (column, column_least) = column.at(at[1]);
+            let (rising, rising_least) = rising.at(at[2]);
+            let costs = costs[..shape.reached_in(block)].iter().map(|lanes| &lanes.0);
+            let least = [falling_least, column_least, rising_least];
+            advance([falling, column, rising], least, costs, penalties.small, large, |i, cost, added| {
+                let mut sum = [0; N];
+                for l in 0..N {
+                    sum[l] = added[0][l] + added[1][l] + added[2][l];
+                }
+                out(block, i, cost, sum);
+            });
+        }
+        *behind += 1;
     }
 }
 
-impl Lines {
-    /// The costs of pixel `i`, with one more at either end, and their least.
+impl Line {
+    /// The costs of the block at `place`, and their least.
     #[inline(always)]
-    fn read(&self, i: usize, chunks: usize) -> (&[u8], u8) {
-        let at = (i * (chunks + 1) + 1) * DISPARITIES - 1;
-        (&self.costs[at..][..chunks * DISPARITIES + 2], self.least[i])
+    fn at(&mut self, place: usize) -> (impl Iterator<Item = &mut [u8; N]>, &mut [u8; N]) {
+        let costs = self.costs.chunks_exact_mut(self.span);
+        (
+            costs.map(move |row| row[place..].first_chunk_mut().expect("a block within the line")),
+            self.least[place..].first_chunk_mut().expect("a block within the line"),
+        )
     }
+}
 
-    /// The first `reached` chunks of pixel `i`, and its least. Beyond them nothing is reached.
-    #[inline(always)]
-    fn write(&mut self, i: usize, chunks: usize, reached: usize) -> (&mut [[u8; DISPARITIES]], &mut u8) {
-        let at = (i * (chunks + 1) + 1) * DISPARITIES;
-        self.costs[at + reached * DISPARITIES] = Costs::OUTSIDE;
-        (self.costs[at..][..reached * DISPARITIES].as_chunks_mut().0, &mut self.least[i])
+/// P2 of the steps from the three pixels behind to those from `x` on; of none where there are none.
+#[inline(always)]
+fn steps(x: usize, grey: &[u8], behind: &[u8], penalties: &Penalties) -> [[u8; N]; 3] {
+    let mut large = [[0; N]; 3];
+    let last = grey.len() - 1;
+    for (i, x) in (x..grey.len().min(x + N)).enumerate() {
+        let step = |from: usize| penalties.large[usize::from(grey[x].abs_diff(behind[from]))];
+        large[0][i] = step(x.saturating_sub(1));
+        large[1][i] = step(x);
+        large[2][i] = step(last.min(x + 1));
+    }
+    large
+}
+
+/// Moves R paths on to a pixel, per lane. `lines` and `least` have the costs of the pixels behind and get those of this
+/// one; they go on beyond its disparities, `costs`. `out` gets what each path adds to a cost.
+#[inline(always)]
+pub(super) fn advance<'a, const R: usize, const N: usize>(
+    lines: [impl Iterator<Item = &'a mut [u8; N]>; R],
+    least: [&mut [u8; N]; R],
+    costs: impl Iterator<Item = &'a [u8; N]>,
+    small: u8,
+    large: [[u8; N]; R],
+    mut out: impl FnMut(usize, &[u8; N], [[u8; N]; R]),
+) {
+    let mut lines = lines;
+    let mut slots = lines.each_mut().map(|line| line.next().expect("one more than there are disparities"));
+    let mut lower = [[OUTSIDE; N]; R];
+    let mut same = slots.each_ref().map(|slot| **slot);
+    let before = least.each_ref().map(|least| **least);
+    let mut limit = [[0; N]; R];
+    for r in 0..R {
+        for l in 0..N {
+            limit[r][l] = before[r][l].saturating_add(large[r][l]);
+        }
+    }
+    let mut fewest = [[OUTSIDE; N]; R];
+    for (i, cost) in costs.enumerate() {
+        let mut added = [[0; N]; R];
+        for r in 0..R {
+            let next = lines[r].next().expect("one more than there are disparities");
+            let higher = *next;
+            let mut now = [0; N];
+            for l in 0..N {
+                let step = lower[r][l].min(higher[l]).saturating_add(small);
+                added[r][l] = same[r][l].min(step).min(limit[r][l]) - before[r][l];
+                now[l] = cost[l].saturating_add(added[r][l]);
+                fewest[r][l] = fewest[r][l].min(now[l]);
+            }
+            *std::mem::replace(&mut slots[r], next) = now;
+            lower[r] = std::mem::replace(&mut same[r], higher);
+        }
+        out(i, cost, added);
+    }
+    for (r, least) in least.into_iter().enumerate() {
+        // A diagonal path may have had use for more disparities before.
+        *slots[r] = [OUTSIDE; N];
+        *least = fewest[r];
     }
 }
 
@@ -93,106 +169,31 @@ impl Lines {
 #[inline(always)]
 pub(super) fn follow(
     paths: &mut Paths,
-    costs: &[Costs],
-    [grey, grey_behind]: [&[u8]; 2],
+    costs: &[Lanes<u8>],
+    grey: [&[u8]; 2],
     penalties: &Penalties,
-    add: bool,
-    sums: &mut [Sums],
+    sums: &mut [Lanes<u8>],
 ) {
-    let Paths { lowest, chunks, upwards, first, behind, here, along, none } = paths;
-    let (width, chunks) = (grey.len(), *chunks);
-    let none = none.read(0, chunks);
-    let [falling, column, rising] = &*behind;
-    let [falling_here, column_here, rising_here] = here;
-    let [mut last, mut next] = along.each_mut();
-    // Left over from the row behind, where more may have been reached.
-    last.costs.fill(Costs::OUTSIDE);
-    next.costs.fill(Costs::OUTSIDE);
-    for i in 0..width {
-        // In the direction of the sweep: the pixels behind and ahead in a row.
-        let (back, ahead) = (i.saturating_sub(1), (i + 1).min(width - 1));
-        let place = |i: usize| if *upwards { width - 1 - i } else { i };
-        let x = place(i);
-        let reached = Costs::reached(x, *lowest, chunks);
-        let step = |other: u8| penalties.large[usize::from(grey[x].abs_diff(other))];
-        let large = [
-            step(grey[place(back)]),
-            step(grey_behind[place(back)]),
-            step(grey_behind[x]),
-            step(grey_behind[place(ahead)]),
-        ];
-        let before = [
-            if i == 0 { none } else { last.read(0, chunks) },
-            if i == 0 || *first { none } else { falling.read(back, chunks) },
-            if *first { none } else { column.read(i, chunks) },
-            if i == width - 1 || *first { none } else { rising.read(ahead, chunks) },
-        ];
-        let now = [
-            next.write(0, chunks, reached),
-            falling_here.write(i, chunks, reached),
-            column_here.write(i, chunks, reached),
-            rising_here.write(i, chunks, reached),
-        ];
-        let pixel = x * chunks..x * chunks + reached;
-        advance(before, now, &costs[pixel.clone()], penalties.small, large, add, &mut sums[pixel]);
-        std::mem::swap(&mut last, &mut next);
-    }
-    std::mem::swap(behind, here);
-    *first = false;
+    let count = paths.shape.count;
+    paths.advance(costs, grey, penalties, |block, i, _, added| sums[block * count + i].0 = added);
 }
 
-/// Moves four paths on to a pixel.
+/// See [`super::finish_paths`].
 #[inline(always)]
-fn advance(
-    before: [(&[u8], u8); 4],
-    [(row, row_least), (falling, falling_least), (column, column_least), (rising, rising_least)]: [(&mut [[u8; DISPARITIES]], &mut u8);
-        4],
-    costs: &[Costs],
-    small: u8,
-    large: [u8; 4],
-    add: bool,
-    sums: &mut [Sums],
+pub(super) fn finish(
+    paths: &mut Paths,
+    costs: &[Lanes<u8>],
+    grey: [&[u8]; 2],
+    penalties: &Penalties,
+    [sums, along]: [&[Lanes<u8>]; 2],
+    totals: &mut Totals,
 ) {
-    let mut least = [[u8::MAX; DISPARITIES]; 4];
-    let out = row.iter_mut().zip(falling).zip(column).zip(rising).zip(sums);
-    for (chunk, (costs, ((((row, falling), column), rising), sums))) in costs.iter().zip(out).enumerate() {
-        let mut total = [0u16; DISPARITIES];
-        let mut now = [[0; DISPARITIES]; 4];
-        for r in 0..4 {
-            let (behind, behind_least) = before[r];
-            let limit = behind_least.saturating_add(large[r]);
-            let (lower, same, higher) = around(behind, chunk);
-            for i in 0..DISPARITIES {
-                let step = lower[i].min(higher[i]).saturating_add(small);
-                now[r][i] = costs.0[i].saturating_add(same[i].min(step).min(limit) - behind_least);
-                least[r][i] = least[r][i].min(now[r][i]);
-                total[i] += u16::from(now[r][i]);
-            }
+    let count = paths.shape.count;
+    paths.advance(costs, grey, penalties, |block, i, cost, added| {
+        let (sums, along) = (&sums[block * count + i].0, &along[block * count + i].0);
+        let total = totals.at_mut(i, block * N);
+        for l in 0..N {
+            total[l] = 8 * u16::from(cost[l]) + u16::from(sums[l]) + u16::from(along[l]) + u16::from(added[l]);
         }
-        (*row, *falling, *column, *rising) = (now[0], now[1], now[2], now[3]);
-        for (sum, total) in sums.0.iter_mut().zip(total) {
-            *sum = total + if add { *sum } else { 0 };
-        }
-    }
-    *row_least = least_lane(&least[0]);
-    *falling_least = least_lane(&least[1]);
-    *column_least = least_lane(&least[2]);
-    *rising_least = least_lane(&least[3]);
-}
-
-/// The costs of a chunk at one disparity less, at the same and at one more.
-#[inline(always)]
-fn around(costs: &[u8], chunk: usize) -> ([u8; DISPARITIES], [u8; DISPARITIES], [u8; DISPARITIES]) {
-    let window: &[u8; DISPARITIES + 2] = costs[chunk * DISPARITIES..].first_chunk().expect("one more at either end");
-    let at = |i: usize| -> [u8; DISPARITIES] { *window[i..].first_chunk().expect("one more at either end") };
-    (at(0), at(1), at(2))
-}
-
-#[inline(always)]
-fn least_lane(lanes: &[u8; DISPARITIES]) -> u8 {
-    let mut least = u8::MAX;
-    for &lane in lanes {
-        least = least.min(lane);
-    }
-    least
+    });
 }

@@ -9,7 +9,7 @@
 //! disparity range; with a negative `min_disparity` windows that leave the right image are *border*; the speckle filter's
 //! step is in pixels, and what it removes is *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
 
-use super::stage::{Claims, DisparityRange, Edges, Prefilter, SadSearch, Speckles};
+use super::stage::{Claims, DisparityRange, Edges, Prefilter, SadSearch, Speckles, both};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
@@ -96,7 +96,7 @@ impl Bm {
         // Each band sums its first window anew, so a band is several windows high.
         let bands = match rayon::current_num_threads() {
             1 => 1,
-            threads => (2 * threads).min(height.div_ceil(4 * self.window)),
+            threads => threads.min(height.div_ceil(4 * self.window)),
         };
         let band_rows = height.div_ceil(bands);
         let search = || SadSearch::new((width, height), self.range, self.window, self.texture, self.uniqueness);
@@ -121,8 +121,7 @@ impl Matcher for Bm {
         };
         let Scratch { left, right, band_rows, searches, speckles, .. } = &mut scratch;
 
-        left.load(isa, self.prefilter, pair.left());
-        right.load(isa, self.prefilter, pair.right());
+        both(|| left.load(isa, self.prefilter, pair.left()), || right.load(isa, self.prefilter, pair.right()));
         clock.lap(Stage::Smoothing);
 
         map.each_band_mut(*band_rows, searches, |top, band, (search, claims)| {

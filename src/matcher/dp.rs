@@ -14,7 +14,7 @@
 //! the code, and here, parameter 3 (12) is what a *slightly* reliable disparity needs to withstand a larger one, and
 //! parameter 5 (25) what makes a disparity *highly* reliable, so that it spreads even over one that is larger by one.
 
-use super::stage::{Blocks, PathCosts, Scanlines, Spread, SpreadPixel, bridge, each_row};
+use super::stage::{Blocks, PathCosts, Scanlines, Spread, SpreadPixel, both, bridge, each_band, each_row};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
@@ -73,9 +73,10 @@ struct Scratch {
     /// One per band, as `rows`.
     scanlines: Vec<Scanlines>,
     rows: Vec<Vec<SpreadPixel>>,
-    /// Edges up and down, column by column, as `columns`.
-    steep: Vec<bool>,
     columns: Vec<SpreadPixel>,
+    column_band: usize,
+    /// Per band of columns, edges up and down in one column and in both beside it.
+    steep: Vec<[Vec<bool>; 3]>,
 }
 
 impl Dp {
@@ -99,6 +100,10 @@ impl Scratch {
     fn new((width, height): (usize, usize), max_disparity: u8, costs: PathCosts) -> Self {
         let (bands, band_rows) = Blocks::bands(height);
         let rows = band_rows.min(height);
+        let column_band = match rayon::current_num_threads() {
+            1 => width,
+            threads => width.div_ceil(4 * threads),
+        };
         Self {
             size: (width, height),
             left: Blocks::new(width, height),
@@ -106,15 +111,15 @@ impl Scratch {
             band_rows,
             scanlines: (0..bands).map(|_| Scanlines::new(width, rows, max_disparity, costs)).collect(),
             rows: (0..bands).map(|_| vec![SpreadPixel::default(); width]).collect(),
-            steep: vec![false; width * height],
             columns: vec![SpreadPixel::default(); width * height],
+            column_band,
+            steep: (0..width.div_ceil(column_band)).map(|_| [(); 3].map(|()| vec![false; height])).collect(),
         }
     }
 
     fn match_rows(&mut self, isa: Isa, pair: &StereoPair) {
         let Self { size: (_, height), left, right, band_rows, scanlines, .. } = self;
-        left.load(isa, pair.left());
-        right.load(isa, pair.right());
+        both(|| left.load(isa, pair.left()), || right.load(isa, pair.right()));
         each_row(scanlines, 1, 1, |band, scanlines| {
             let top = band * *band_rows;
             scanlines[0].search(isa, left, right, top..(top + *band_rows).min(*height));
@@ -122,19 +127,24 @@ impl Scratch {
     }
 
     fn refine_columns(&mut self, spread: Spread) {
-        let Self { size: (width, height), left, scanlines, steep, columns, .. } = self;
-        each_row(steep, *height, 16, |x, steep| mark_steep(left.column(x), steep));
-        each_row(columns, *height, 16, |x, column| {
-            // An edge counts where it goes on to either side, as far as there are columns.
-            let at = |x: usize| &steep[x * *height..][..*height];
-            let [before, here, after] = [x.saturating_sub(1), x, x + 1].map(|x| at(x.min(*width - 1)));
-            let inner = x > 0 && x + 1 < *width;
-            let disparities = scanlines.iter().flat_map(|band| band.column(x));
-            for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
-                *pixel = SpreadPixel { disparity, edge: here[y] & (!inner | (before[y] & after[y])), run: 0 };
+        let Self { size: (width, height), left, scanlines, columns, column_band, steep, .. } = self;
+        each_band(columns, *column_band * *height, steep, |band, columns, [before, here, after]| {
+            let first = band * *column_band;
+            mark_steep(left.column(first.saturating_sub(1)), here);
+            mark_steep(left.column(first), after);
+            for (x, column) in (first..).zip(columns.chunks_exact_mut(*height)) {
+                std::mem::swap(before, here);
+                std::mem::swap(here, after);
+                mark_steep(left.column((x + 1).min(*width - 1)), after);
+                // An edge counts where it goes on to either side, as far as there are columns.
+                let inner = x > 0 && x + 1 < *width;
+                let disparities = scanlines.iter().flat_map(|band| band.column(x));
+                for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
+                    *pixel = SpreadPixel { disparity, edge: here[y] & (!inner | (before[y] & after[y])), run: 0 };
+                }
+                bridge(column);
+                spread.apply(column);
             }
-            bridge(column);
-            spread.apply(column);
         });
     }
 

@@ -13,7 +13,7 @@
 use super::stage::{Chosen, CostVolume, DisparityRange, PathSums, Speckles};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
-use crate::kernel::{Isa, Paths, Penalties, SumTest, median_row};
+use crate::kernel::{ChosenRow, Isa, Paths, Penalties, VolumeShape, median_row};
 use crate::stereo::{DisparityMap, Reason, RowMut, StereoPair};
 use crate::timing::{Clock, Stage};
 
@@ -121,21 +121,23 @@ impl Sgm {
         if range.is_empty() {
             return Ok(None);
         }
-        let bytes = width * height * (range.end() - range.start() + 1) as usize * CostVolume::BYTES;
+        let (first, count) = (*range.start(), range.count());
+        let shape = VolumeShape { width, height, first, count };
+        let bytes = shape.stride() * height * PathSums::BYTES;
         if bytes > Self::MEMORY {
             return Err(Error::Invalid(format!(
                 "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow the range",
-                range.end() - range.start() + 1,
+                count,
                 bytes >> 20,
                 Self::MEMORY >> 20
             )));
         }
-        let costs = CostVolume::new((width, height), range);
+        let costs = CostVolume::new(shape);
         let band_rows = height.div_ceil(4 * rayon::current_num_threads());
         Ok(Some(Scratch {
             size: (width, height),
-            sums: PathSums::new(&costs),
-            chosen: Chosen::new(&costs),
+            sums: PathSums::new(shape),
+            chosen: Chosen::new(shape),
             costs,
             band_rows,
             medians: (0..height.div_ceil(band_rows)).map(|_| vec![0; width]).collect(),
@@ -145,13 +147,15 @@ impl Sgm {
 
     /// Writes row `y` of what was chosen: the median of `rows`, checked.
     fn write(&self, chosen: &Chosen, y: usize, disparities: &[i16], row: &mut RowMut<'_>) {
+        let right = chosen.right(y);
         for (x, (&disparity, &why)) in disparities.iter().zip(chosen.why(y)).enumerate() {
             let consistent = || {
                 let match_x = x as i32 - (i32::from(disparity) + 8).div_euclid(16);
-                self.tolerance < 0
-                    || chosen.right(match_x, y).is_some_and(|right| {
-                        (16 * i32::from(right) - i32::from(disparity)).abs() <= 16 * self.tolerance
-                    })
+                let agrees = |&right: &i16| {
+                    right != ChosenRow::NONE
+                        && (16 * i32::from(right) - i32::from(disparity)).abs() <= 16 * self.tolerance
+                };
+                self.tolerance < 0 || usize::try_from(match_x).is_ok_and(|x| right.get(x).is_some_and(agrees))
             };
             match why {
                 Reason::Valid if consistent() => row.accept(x, f32::from(disparity) / 16.0, DisparityMap::NO_SSDPI),
@@ -179,8 +183,7 @@ impl Matcher for Sgm {
         costs.load(isa, pair.left(), pair.right());
         clock.lap(Stage::Matching);
 
-        let test = SumTest { first: costs.first(), uniqueness: self.uniqueness };
-        sums.choose(isa, costs, pair.left(), &self.penalties, &test, chosen);
+        sums.choose(isa, costs, pair.left(), &self.penalties, self.uniqueness, chosen);
         clock.lap(Stage::Matching);
 
         let (chosen, last) = (&*chosen, size.1 - 1);

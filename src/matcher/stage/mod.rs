@@ -65,3 +65,13 @@ pub(super) fn each_band<T: Send, S: Send>(
         plane.par_chunks_mut(pixels).zip(scratch).enumerate().for_each(work);
     }
 }
+
+/// Runs both, at the same time where rayon's current pool has threads for it.
+pub(super) fn both(a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
+    if rayon::current_num_threads() == 1 {
+        a();
+        b();
+    } else {
+        rayon::join(a, b);
+    }
+}

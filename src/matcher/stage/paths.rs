@@ -5,35 +5,38 @@
 //! in the rows that it comes to first and adds them in those that the other was in before, where the disparities then
 //! are chosen. The result depends on nothing but the costs.
 
-use super::CostVolume;
-use crate::kernel::{ChosenRow, DISPARITIES, Isa, Paths, Penalties, SumTest, Sums, choose_row, follow_paths};
+use super::{CostVolume, both};
+use crate::kernel::{
+    ChosenRow, Isa, Lanes, Paths, Penalties, RowPaths, Totals, VolumeShape, choose_row, finish_paths, follow_paths,
+    follow_rows,
+};
 use crate::stereo::{Gray, Reason};
+use std::ops::Range;
 
-/// The sums, with all that is needed to make them.
+/// What paths add to the costs, with all that is needed to sum it.
 pub struct PathSums {
-    size: (usize, usize),
-    chunks: usize,
-    sums: Vec<Sums>,
+    shape: VolumeShape,
+    /// By the sweep that came to a row first.
+    sums: Vec<Lanes<u8>>,
     down: Sweep,
     up: Sweep,
 }
 
 /// The disparities chosen from the sums.
 pub struct Chosen {
-    width: usize,
+    shape: VolumeShape,
     /// Of the left image, in 16ths of a pixel.
     left: Vec<i16>,
     why: Vec<Reason>,
-    /// Of the right image, in pixels, backwards.
+    /// Of the right image, in pixels, whole blocks.
     right: Vec<i16>,
-    first: i32,
-    right_stride: usize,
 }
 
 struct Sweep {
     upwards: bool,
     paths: Paths,
-    right_sums: Vec<u16>,
+    along: RowPaths,
+    totals: Totals,
 }
 
 /// Neighbouring rows of [`Chosen`].
@@ -44,58 +47,42 @@ struct Part<'a> {
 }
 
 impl PathSums {
+    /// Bytes per [`Lanes`] of the volume of costs, for that and for what is added.
+    pub const BYTES: usize = 2 * size_of::<Lanes<u8>>();
+
     /// For costs of that shape.
-    pub fn new(costs: &CostVolume) -> Self {
-        let (size, chunks) = (costs.size(), costs.chunks());
+    pub fn new(shape: VolumeShape) -> Self {
         let sweep = |upwards| Sweep {
             upwards,
-            paths: Paths::new(size.0, costs.first(), chunks, upwards),
-            right_sums: vec![0; size.0 + chunks * DISPARITIES],
+            paths: Paths::new(shape),
+            along: RowPaths::new(shape),
+            totals: Totals::new(shape),
         };
-        Self {
-            size,
-            chunks,
-            sums: vec![Sums([0; DISPARITIES]); size.0 * size.1 * chunks],
-            down: sweep(false),
-            up: sweep(true),
-        }
+        Self { shape, sums: vec![Lanes::splat(0); shape.stride() * shape.height], down: sweep(false), up: sweep(true) }
     }
 
-    /// Sums `costs`, those of the left image `image`, and chooses.
+    /// Sums `costs`, those of the left image `image`, and chooses. Other disparities must be worse by `uniqueness` per cent.
     pub fn choose(
         &mut self,
         isa: Isa,
         costs: &CostVolume,
         image: &Gray,
         penalties: &Penalties,
-        test: &SumTest,
+        uniqueness: u32,
         chosen: &mut Chosen,
     ) {
-        let Self { size: (width, height), chunks, sums, down, up } = self;
-        let (middle, stride) = (*height / 2, *width * *chunks);
-        let work = Work { isa, costs, image, penalties, test };
+        let Self { shape, sums, down, up } = self;
+        let (middle, height, stride) = (shape.height / 2, shape.height, shape.stride());
+        let work = Work { isa, costs, image, penalties, uniqueness };
         let (top, bottom) = sums.split_at_mut(middle * stride);
         down.paths.restart();
         up.paths.restart();
-        both(
-            || work.sweep(down, 0..middle, 0, top, None),
-            || work.sweep(up, (middle..*height).rev(), middle, bottom, None),
-        );
+        both(|| work.begin(down, 0..middle, 0, top), || work.begin(up, (middle..height).rev(), middle, bottom));
         let (top_chosen, bottom_chosen) = chosen.split(middle);
         both(
-            || work.sweep(down, middle..*height, middle, bottom, Some(bottom_chosen)),
-            || work.sweep(up, (0..middle).rev(), 0, top, Some(top_chosen)),
+            || work.finish(down, middle..height, bottom, bottom_chosen),
+            || work.finish(up, 0..middle, top, top_chosen),
         );
-    }
-}
-
-/// Runs both, at the same time where rayon's current pool has threads for it.
-fn both(a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
-    if rayon::current_num_threads() == 1 {
-        a();
-        b();
-    } else {
-        rayon::join(a, b);
     }
 }
 
@@ -105,85 +92,90 @@ struct Work<'a> {
     costs: &'a CostVolume,
     image: &'a Gray,
     penalties: &'a Penalties,
-    test: &'a SumTest,
+    uniqueness: u32,
 }
 
 impl Work<'_> {
-    /// Follows the paths over `rows` of a half of the image, whose first row is `top`: writes the sums where there is nothing
-    /// to choose yet, else adds them and chooses.
-    fn sweep(
-        &self,
-        sweep: &mut Sweep,
-        rows: impl Iterator<Item = usize>,
-        top: usize,
-        sums: &mut [Sums],
-        mut chosen: Option<Part<'_>>,
-    ) {
-        let (last, stride) = (self.image.height() - 1, self.image.width() * self.costs.chunks());
+    /// Row `y` of the image and the one behind it. The first row of a sweep has none; no path of it looks there.
+    fn grey(&self, upwards: bool, y: usize) -> [&[u8]; 2] {
+        let behind = if upwards { (y + 1).min(self.image.height() - 1) } else { y.saturating_sub(1) };
+        [self.image.row(y), self.image.row(behind)]
+    }
+
+    /// Follows the paths over `rows` of a half of the image, whose first row is `top`, and keeps what they add.
+    fn begin(&self, sweep: &mut Sweep, rows: impl Iterator<Item = usize>, top: usize, sums: &mut [Lanes<u8>]) {
+        let stride = self.costs.shape().stride();
         for y in rows {
-            let local = y - top;
-            // The first row of a sweep has none behind it; no path of it looks there.
-            let behind = if sweep.upwards { last.min(y + 1) } else { y.saturating_sub(1) };
-            let sums = &mut sums[local * stride..][..stride];
-            let grey = [self.image.row(y), self.image.row(behind)];
-            follow_paths(self.isa, &mut sweep.paths, self.costs.row(y), grey, self.penalties, chosen.is_some(), sums);
-            if let Some(part) = &mut chosen {
-                let mut row = part.row(local, grey[0].len(), &mut sweep.right_sums);
-                choose_row(self.isa, sums, self.costs.chunks(), self.test, &mut row);
+            let (grey, sums) = (self.grey(sweep.upwards, y), &mut sums[(y - top) * stride..][..stride]);
+            follow_paths(self.isa, &mut sweep.paths, self.costs.row(y), grey, self.penalties, sums);
+        }
+    }
+
+    /// Follows them over the half that the other sweep began with, adds everything and chooses.
+    fn finish(&self, sweep: &mut Sweep, half: Range<usize>, sums: &[Lanes<u8>], mut chosen: Part<'_>) {
+        let shape = self.costs.shape();
+        let Sweep { upwards, paths, along, totals } = sweep;
+        let bands = half.clone().step_by(RowPaths::ROWS).map(|top| top..half.end.min(top + RowPaths::ROWS));
+        for band in in_order(bands, *upwards) {
+            follow_rows(self.isa, along, self.costs.rows(band.clone()), self.image, band.start, self.penalties);
+            for y in in_order(band.clone(), *upwards) {
+                let grey = self.grey(*upwards, y);
+                let sums = [&sums[(y - half.start) * shape.stride()..], along.row(y - band.start)];
+                finish_paths(self.isa, paths, self.costs.row(y), grey, self.penalties, sums, totals);
+                choose_row(self.isa, totals, self.uniqueness, &mut chosen.row(y - half.start, &shape));
             }
         }
     }
 }
 
+/// What a sweep comes to, in its order.
+fn in_order<T>(items: impl DoubleEndedIterator<Item = T> + Clone, upwards: bool) -> impl Iterator<Item = T> {
+    let (down, up) = if upwards { (None, Some(items.rev())) } else { (Some(items), None) };
+    down.into_iter().flatten().chain(up.into_iter().flatten())
+}
+
 impl Chosen {
     /// For costs of that shape.
-    pub fn new(costs: &CostVolume) -> Self {
-        let (width, height) = costs.size();
-        let right_stride = width + costs.chunks() * DISPARITIES;
+    pub fn new(shape: VolumeShape) -> Self {
+        let pixels = shape.width * shape.height;
         Self {
-            width,
-            first: costs.first(),
-            right_stride,
-            left: vec![0; width * height],
-            why: vec![Reason::Border; width * height],
-            right: vec![0; right_stride * height],
+            shape,
+            left: vec![0; pixels],
+            why: vec![Reason::Border; pixels],
+            right: vec![ChosenRow::NONE; shape.padded() * shape.height],
         }
     }
 
     /// The disparities of row `y` of the left image, in 16ths of a pixel; 0 at the *border*.
     pub fn left(&self, y: usize) -> &[i16] {
-        &self.left[y * self.width..][..self.width]
+        &self.left[y * self.shape.width..][..self.shape.width]
     }
 
     /// *Valid*, *ambiguous* or *border*.
     pub fn why(&self, y: usize) -> &[Reason] {
-        &self.why[y * self.width..][..self.width]
+        &self.why[y * self.shape.width..][..self.shape.width]
     }
 
-    /// The disparity of the pixel `(x, y)` of the right image, in pixels; nothing outside the image.
-    pub fn right(&self, x: i32, y: usize) -> Option<i16> {
-        let place = self.width as i32 - 1 - self.first - x;
-        let inside = (0..self.width as i32).contains(&x) && (0..self.right_stride as i32).contains(&place);
-        inside.then(|| self.right[y * self.right_stride + place as usize])
+    /// The disparities of row `y` of the right image, in pixels; [`ChosenRow::NONE`] where there is none.
+    pub fn right(&self, y: usize) -> &[i16] {
+        &self.right[y * self.shape.padded()..][..self.shape.width]
     }
 
     /// The rows above `middle`, and the others.
     fn split(&mut self, middle: usize) -> (Part<'_>, Part<'_>) {
-        let (left, left_below) = self.left.split_at_mut(middle * self.width);
-        let (why, why_below) = self.why.split_at_mut(middle * self.width);
-        let (right, right_below) = self.right.split_at_mut(middle * self.right_stride);
+        let (left, left_below) = self.left.split_at_mut(middle * self.shape.width);
+        let (why, why_below) = self.why.split_at_mut(middle * self.shape.width);
+        let (right, right_below) = self.right.split_at_mut(middle * self.shape.padded());
         (Part { left, why, right }, Part { left: left_below, why: why_below, right: right_below })
     }
 }
 
 impl Part<'_> {
-    fn row<'a>(&'a mut self, y: usize, width: usize, right_sums: &'a mut [u16]) -> ChosenRow<'a> {
-        let stride = right_sums.len();
+    fn row(&mut self, y: usize, shape: &VolumeShape) -> ChosenRow<'_> {
         ChosenRow {
-            left: &mut self.left[y * width..][..width],
-            why: &mut self.why[y * width..][..width],
-            right: &mut self.right[y * stride..][..stride],
-            right_sums,
+            left: &mut self.left[y * shape.width..][..shape.width],
+            why: &mut self.why[y * shape.width..][..shape.width],
+            right: &mut self.right[y * shape.padded()..][..shape.padded()],
         }
     }
 }

@@ -1,0 +1,116 @@
+//! Costs summed along rows, from both ends, in bands of rows: the blocks of a volume are turned first, so that neighbours in
+//! a column are the lanes, and the sums are turned back.
+
+use super::paths::advance;
+use super::turn::{SIDE, Square, turn};
+use super::volume::OUTSIDE;
+use super::{Lanes, Penalties, VolumeShape};
+use crate::stereo::Gray;
+
+const N: usize = Lanes::COUNT;
+const ROWS: usize = RowPaths::ROWS;
+
+/// The paths along the rows of a band. It holds one thread's scratch.
+pub struct RowPaths {
+    shape: VolumeShape,
+    /// By column, then disparity.
+    costs: Vec<[u8; ROWS]>,
+    added: Vec<[u8; ROWS]>,
+    /// P2 of the step from the column before.
+    steps: Vec<[u8; ROWS]>,
+    /// Path costs of the column behind, by disparity; none after the last.
+    line: Vec<[u8; ROWS]>,
+    /// What the paths add, as rows of a volume.
+    sums: Vec<Lanes<u8>>,
+}
+
+impl RowPaths {
+    /// Rows of a band: as many as leave the scratch in a core's own cache.
+    pub const ROWS: usize = SIDE;
+
+    /// Paths over volumes of that shape.
+    pub fn new(shape: VolumeShape) -> Self {
+        let lanes = |count: usize| vec![[0; ROWS]; count];
+        let columns = shape.padded();
+        Self {
+            shape,
+            costs: lanes(columns * shape.count),
+            added: lanes(columns * shape.count),
+            steps: lanes(columns),
+            line: lanes(shape.count + 1),
+            sums: vec![Lanes::splat(0); shape.stride() * ROWS],
+        }
+    }
+
+    /// What the paths of the band last followed add to its row `y`.
+    pub fn row(&self, y: usize) -> &[Lanes<u8>] {
+        &self.sums[y * self.shape.stride()..][..self.shape.stride()]
+    }
+}
+
+/// See [`super::follow_rows`].
+#[inline(always)]
+pub(super) fn follow(paths: &mut RowPaths, costs: &[Lanes<u8>], image: &Gray, top: usize, penalties: &Penalties) {
+    let RowPaths { shape, costs: turned, added, steps, line, sums } = paths;
+    let (count, stride) = (shape.count, shape.stride());
+    let rows = costs.len() / stride;
+    for block in 0..shape.blocks() {
+        for i in 0..shape.reached_in(block) {
+            for l in (0..N).step_by(ROWS) {
+                let mut square = Square::default();
+                for row in 0..ROWS {
+                    // A band at the bottom may have fewer rows; what the others hold does not matter.
+                    let lanes = &costs[row.min(rows - 1) * stride + block * count + i].0;
+                    square[row].copy_from_slice(&lanes[l..][..ROWS]);
+                }
+                for (column, lanes) in turn(&square).iter().enumerate() {
+                    turned[(block * N + l + column) * count + i] = *lanes;
+                }
+            }
+        }
+    }
+    for (block, steps) in steps.as_chunks_mut::<ROWS>().0.iter_mut().enumerate() {
+        for (row, steps) in steps.iter_mut().take(rows).enumerate() {
+            let grey = image.row(top + row);
+            for (step, x) in steps.iter_mut().zip(block * ROWS..shape.width) {
+                *step = penalties.large[usize::from(grey[x].abs_diff(grey[x.saturating_sub(1)]))];
+            }
+        }
+        *steps = turn(steps);
+    }
+
+    line.fill([OUTSIDE; ROWS]);
+    let mut least = [OUTSIDE; ROWS];
+    for x in 0..shape.width {
+        let (costs, added) = (&turned[x * count..][..shape.reached(x)], &mut added[x * count..][..count]);
+        advance([line.iter_mut()], [&mut least], costs.iter(), penalties.small, [steps[x]], |i, _, [from_left]| {
+            added[i] = from_left
+        });
+    }
+    line.fill([OUTSIDE; ROWS]);
+    least.fill(OUTSIDE);
+    for x in (0..shape.width).rev() {
+        let (costs, added) = (&turned[x * count..][..shape.reached(x)], &mut added[x * count..][..count]);
+        // At the last column nothing lies behind.
+        let step = steps[(x + 1).min(shape.width - 1)];
+        advance([line.iter_mut()], [&mut least], costs.iter(), penalties.small, [step], |i, _, [from_right]| {
+            for l in 0..ROWS {
+                added[i][l] += from_right[l];
+            }
+        });
+    }
+
+    for block in 0..shape.blocks() {
+        for i in 0..shape.reached_in(block) {
+            for l in (0..N).step_by(ROWS) {
+                let mut square = Square::default();
+                for (column, lanes) in square.iter_mut().enumerate() {
+                    *lanes = added[(block * N + l + column) * count + i];
+                }
+                for (row, part) in turn(&square).iter().enumerate() {
+                    sums[row * stride + block * count + i].0[l..][..ROWS].copy_from_slice(part);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! How a number per pixel and disparity lies in memory: row by row, in blocks of neighbouring pixels, which are the lanes,
+//! and in a block disparity by disparity. A path that comes from another row then never looks across lanes.
+
+use super::Lanes;
+
+/// Matching cost of a disparity that leads outside the right image; others are 0 ..= 62.
+pub const OUTSIDE: u8 = u8::MAX;
+
+/// Extent of a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VolumeShape {
+    pub width: usize,
+    pub height: usize,
+    /// The first disparity, and how many there are.
+    pub first: i32,
+    pub count: usize,
+}
+
+impl VolumeShape {
+    /// Blocks per row.
+    pub fn blocks(&self) -> usize {
+        self.width.div_ceil(Lanes::COUNT)
+    }
+
+    /// Pixels in the blocks of a row, those beyond the image with them.
+    pub fn padded(&self) -> usize {
+        self.blocks() * Lanes::COUNT
+    }
+
+    /// Lanes per row.
+    pub fn stride(&self) -> usize {
+        self.blocks() * self.count
+    }
+
+    /// How many of the disparities lead to a right pixel from column `x` or from one before it. What lies beyond them is
+    /// neither written nor read.
+    #[inline(always)]
+    pub(super) fn reached(&self, x: usize) -> usize {
+        self.count.min((x as i32 + 1 - self.first).max(0) as usize)
+    }
+
+    /// As [`VolumeShape::reached`], for the pixels of a block.
+    #[inline(always)]
+    pub(super) fn reached_in(&self, block: usize) -> usize {
+        self.reached((block + 1) * Lanes::COUNT - 1)
+    }
+}
