@@ -94,7 +94,7 @@ impl<F: CostFilter + Copy + Send> Matcher for Symmetric<F> {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 let lane = y % Blocks::ROWS;
                 if lane == 0 {
-                    search.search(isa, left_blocks.around(y), right_blocks.around(y));
+                    search.search(isa, left_blocks.around(y), right_blocks.around(y), Blocks::ROWS.min(size.1 - y));
                 }
                 search.write_row(lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
             }
@@ -105,7 +105,7 @@ impl<F: CostFilter + Copy + Send> Matcher for Symmetric<F> {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 let lane = y % Blocks::ROWS;
                 if lane == 0 {
-                    check.search(isa, left_blocks.around(y), right_blocks.around(y));
+                    check.search(isa, left_blocks.around(y), right_blocks.around(y), Blocks::ROWS.min(size.1 - y));
                 }
                 check.check_row(lane, &mut row);
                 if self.subpixel {

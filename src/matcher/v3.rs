@@ -112,9 +112,9 @@ impl Matcher for V3 {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 let lane = y % Blocks::ROWS;
                 if lane == 0 {
-                    search.search(isa, left_blocks.around(y), right_blocks.around(y));
+                    search.search(isa, left_blocks.around(y), right_blocks.around(y), Blocks::ROWS.min(size.1 - y));
                 }
-                search.write_row(isa, lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
+                search.write_row(isa, lane, textured.row(y), &mut row);
             }
         });
         clock.lap(Stage::Matching);

@@ -1,0 +1,109 @@
+//! Products of pairs of 16-bit numbers, summed: an instruction that the compiler does not find by itself.
+//!
+//! It makes the sums of squared differences slide in four operations instead of six and one load less; the matching of
+//! v1 to v3 takes two thirds of the time.
+
+/// A number for each of sixteen rows: in 32 bits a vector of AVX-512.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub struct Group<T>(pub [T; Group::<()>::ROWS]);
+
+impl Group<()> {
+    pub const ROWS: usize = 16;
+}
+
+impl<T: Copy> Group<T> {
+    pub const fn splat(value: T) -> Self {
+        Self([value; Group::ROWS])
+    }
+}
+
+impl<T> AsRef<[T]> for Group<T> {
+    fn as_ref(&self) -> &[T] {
+        &self.0
+    }
+}
+
+/// How an instruction set multiplies pairs.
+pub trait Pairs {
+    /// `sum + a + b + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
+    fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32>;
+}
+
+pub struct Portable;
+
+impl Pairs for Portable {
+    #[inline(always)]
+    fn sum(&self, mut sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+        for l in 0..Group::ROWS {
+            let product = |k: usize| i32::from(pairs[0].0[l][k]) * i32::from(pairs[1].0[l][k]);
+            let squares = squares[0].0[l].wrapping_add(squares[1].0[l]);
+            sum.0[l] = sum.0[l].wrapping_add_signed(product(0) + product(1)).wrapping_add(squares);
+        }
+        sum
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub use x86::{Avx2, Avx512};
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Group, Pairs};
+    use std::arch::x86_64::*;
+    use std::mem::transmute;
+
+    /// A token that this CPU has AVX2.
+    pub struct Avx2(());
+    /// A token that this CPU has AVX-512.
+    pub struct Avx512(());
+
+    impl Avx2 {
+        /// # Safety
+        /// The CPU must have AVX2.
+        #[inline(always)]
+        pub unsafe fn new() -> Self {
+            Self(())
+        }
+    }
+
+    impl Avx512 {
+        /// # Safety
+        /// The CPU must have AVX-512 with its bytes and words.
+        #[inline(always)]
+        pub unsafe fn new() -> Self {
+            Self(())
+        }
+    }
+
+    impl Pairs for Avx2 {
+        #[inline(always)]
+        fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+            // SAFETY: the token says that the CPU has the instructions; arrays of numbers are vectors of their size.
+            unsafe {
+                let sum: [__m256i; 2] = transmute(sum);
+                let [squares, pairs]: [[[__m256i; 2]; 2]; 2] = [transmute(squares), transmute(pairs)];
+                let half = |i: usize| {
+                    let squares = _mm256_add_epi32(squares[0][i], squares[1][i]);
+                    let products = _mm256_madd_epi16(pairs[0][i], pairs[1][i]);
+                    _mm256_add_epi32(_mm256_add_epi32(sum[i], products), squares)
+                };
+                transmute([half(0), half(1)])
+            }
+        }
+    }
+
+    impl Pairs for Avx512 {
+        #[inline(always)]
+        fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+            // SAFETY: as above.
+            unsafe {
+                let sum = transmute(sum);
+                let [squares, pairs]: [[__m512i; 2]; 2] = [transmute(squares), transmute(pairs)];
+                let squares = _mm512_add_epi32(squares[0], squares[1]);
+                let products = _mm512_madd_epi16(pairs[0], pairs[1]);
+                transmute(_mm512_add_epi32(_mm512_add_epi32(sum, products), squares))
+            }
+        }
+    }
+}
