@@ -126,7 +126,7 @@ kernels! {
 
     /// For each window of a row of the right image the cheapest window of the table it may match. Ties: the nearest row,
     /// then the row above, then the lower disparity.
-    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row;
+    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row, pairs;
 
     /// Finds the cheapest paths through the rows `first ..` of a block, as many as [`ScanlinePaths::ROWS`]. An occlusion costs
     /// `occlusion` per pixel, a match that keeps its disparity earns `reward`.

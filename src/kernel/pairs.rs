@@ -28,6 +28,9 @@ impl<T> AsRef<[T]> for Group<T> {
 pub trait Pairs {
     /// `sum + a + b + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
     fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32>;
+
+    /// `sum + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
+    fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32>;
 }
 
 pub struct Portable;
@@ -36,9 +39,16 @@ impl Pairs for Portable {
     #[inline(always)]
     fn sum(&self, mut sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
         for l in 0..Group::ROWS {
+            sum.0[l] = sum.0[l].wrapping_add(squares[0].0[l].wrapping_add(squares[1].0[l]));
+        }
+        self.add_products(sum, pairs)
+    }
+
+    #[inline(always)]
+    fn add_products(&self, mut sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+        for l in 0..Group::ROWS {
             let product = |k: usize| i32::from(pairs[0].0[l][k]) * i32::from(pairs[1].0[l][k]);
-            let squares = squares[0].0[l].wrapping_add(squares[1].0[l]);
-            sum.0[l] = sum.0[l].wrapping_add_signed(product(0) + product(1)).wrapping_add(squares);
+            sum.0[l] = sum.0[l].wrapping_add_signed(product(0) + product(1));
         }
         sum
     }
@@ -76,18 +86,26 @@ mod x86 {
         }
     }
 
+    // SAFETY of all below: the token says that the CPU has the instructions; arrays of numbers are vectors of their size.
+
     impl Pairs for Avx2 {
         #[inline(always)]
-        fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
-            // SAFETY: the token says that the CPU has the instructions; arrays of numbers are vectors of their size.
+        fn sum(&self, sum: Group<u32>, [a, b]: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+            // SAFETY: see above.
+            let sum = unsafe {
+                let [sum, a, b]: [[__m256i; 2]; 3] = transmute([sum, a, b]);
+                let half = |i: usize| _mm256_add_epi32(sum[i], _mm256_add_epi32(a[i], b[i]));
+                transmute([half(0), half(1)])
+            };
+            self.add_products(sum, pairs)
+        }
+
+        #[inline(always)]
+        fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+            // SAFETY: see above.
             unsafe {
-                let sum: [__m256i; 2] = transmute(sum);
-                let [squares, pairs]: [[[__m256i; 2]; 2]; 2] = [transmute(squares), transmute(pairs)];
-                let half = |i: usize| {
-                    let squares = _mm256_add_epi32(squares[0][i], squares[1][i]);
-                    let products = _mm256_madd_epi16(pairs[0][i], pairs[1][i]);
-                    _mm256_add_epi32(_mm256_add_epi32(sum[i], products), squares)
-                };
+                let (sum, [a, b]): ([__m256i; 2], [[__m256i; 2]; 2]) = (transmute(sum), transmute(pairs));
+                let half = |i: usize| _mm256_add_epi32(sum[i], _mm256_madd_epi16(a[i], b[i]));
                 transmute([half(0), half(1)])
             }
         }
@@ -95,14 +113,21 @@ mod x86 {
 
     impl Pairs for Avx512 {
         #[inline(always)]
-        fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
-            // SAFETY: as above.
+        fn sum(&self, sum: Group<u32>, [a, b]: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+            // SAFETY: see above.
+            let sum = unsafe {
+                let [sum, a, b]: [__m512i; 3] = transmute([sum, a, b]);
+                transmute(_mm512_add_epi32(sum, _mm512_add_epi32(a, b)))
+            };
+            self.add_products(sum, pairs)
+        }
+
+        #[inline(always)]
+        fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+            // SAFETY: see above.
             unsafe {
-                let sum = transmute(sum);
-                let [squares, pairs]: [[__m512i; 2]; 2] = [transmute(squares), transmute(pairs)];
-                let squares = _mm512_add_epi32(squares[0], squares[1]);
-                let products = _mm512_madd_epi16(pairs[0], pairs[1]);
-                transmute(_mm512_add_epi32(_mm512_add_epi32(sum, products), squares))
+                let (sum, [a, b]): (__m512i, [__m512i; 2]) = (transmute(sum), transmute(pairs));
+                transmute(_mm512_add_epi32(sum, _mm512_madd_epi16(a, b)))
             }
         }
     }
