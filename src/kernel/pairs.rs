@@ -93,9 +93,9 @@ mod x86 {
         fn sum(&self, sum: Group<u32>, [a, b]: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
             // SAFETY: see above.
             let sum = unsafe {
-                let [sum, a, b]: [[__m256i; 2]; 3] = transmute([sum, a, b]);
+                let [sum, a, b] = transmute::<[Group<u32>; 3], [[__m256i; 2]; 3]>([sum, a, b]);
                 let half = |i: usize| _mm256_add_epi32(sum[i], _mm256_add_epi32(a[i], b[i]));
-                transmute([half(0), half(1)])
+                transmute::<[__m256i; 2], Group<u32>>([half(0), half(1)])
             };
             self.add_products(sum, pairs)
         }
@@ -104,9 +104,10 @@ mod x86 {
         fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
             // SAFETY: see above.
             unsafe {
-                let (sum, [a, b]): ([__m256i; 2], [[__m256i; 2]; 2]) = (transmute(sum), transmute(pairs));
+                let sum = transmute::<Group<u32>, [__m256i; 2]>(sum);
+                let [a, b] = transmute::<[Group<[i16; 2]>; 2], [[__m256i; 2]; 2]>(pairs);
                 let half = |i: usize| _mm256_add_epi32(sum[i], _mm256_madd_epi16(a[i], b[i]));
-                transmute([half(0), half(1)])
+                transmute::<[__m256i; 2], Group<u32>>([half(0), half(1)])
             }
         }
     }
@@ -116,8 +117,8 @@ mod x86 {
         fn sum(&self, sum: Group<u32>, [a, b]: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
             // SAFETY: see above.
             let sum = unsafe {
-                let [sum, a, b]: [__m512i; 3] = transmute([sum, a, b]);
-                transmute(_mm512_add_epi32(sum, _mm512_add_epi32(a, b)))
+                let [sum, a, b] = transmute::<[Group<u32>; 3], [__m512i; 3]>([sum, a, b]);
+                transmute::<__m512i, Group<u32>>(_mm512_add_epi32(sum, _mm512_add_epi32(a, b)))
             };
             self.add_products(sum, pairs)
         }
@@ -126,8 +127,9 @@ mod x86 {
         fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
             // SAFETY: see above.
             unsafe {
-                let (sum, [a, b]): (__m512i, [__m512i; 2]) = (transmute(sum), transmute(pairs));
-                transmute(_mm512_add_epi32(sum, _mm512_madd_epi16(a, b)))
+                let sum = transmute::<Group<u32>, __m512i>(sum);
+                let [a, b] = transmute::<[Group<[i16; 2]>; 2], [__m512i; 2]>(pairs);
+                transmute::<__m512i, Group<u32>>(_mm512_add_epi32(sum, _mm512_madd_epi16(a, b)))
             }
         }
     }

@@ -21,8 +21,7 @@ pub(super) struct Symmetric<F> {
     tolerance_px: i32,
     subpixel: bool,
     back_check: bool,
-    /// With the size of the pairs it is for.
-    scratch: Option<((usize, usize), Bands<Scratch<F>>)>,
+    scratch: Option<Bands<Scratch<F>>>,
 }
 
 /// Memory for a block of rows.
@@ -104,10 +103,10 @@ impl<F: CostFilter + Copy + Send> Matcher for Symmetric<F> {
     fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
         let size = pair.size();
         map.resize(size.0, size.1)?;
-        let fitting = self.scratch.take().filter(|(fitting, _)| *fitting == size).map(|(_, bands)| bands);
-        let mut bands = fitting.map_or_else(|| Bands::new(size.1, || self.scratch(size.0)), Ok)?;
+        let fitting = self.scratch.take().filter(|bands| bands.size() == size);
+        let mut bands = fitting.map_or_else(|| Bands::new(size, || self.scratch(size.0)), Ok)?;
         bands.each_block(map, clock, |top, rows, scratch, clock| self.match_rows(pair, top, rows, scratch, clock));
-        self.scratch = Some((size, bands));
+        self.scratch = Some(bands);
         Ok(())
     }
 }

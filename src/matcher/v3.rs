@@ -40,8 +40,7 @@ struct V3 {
     texture: DogTexture,
     subpixel: bool,
     back_check: bool,
-    /// With the size of the pairs it is for.
-    scratch: Option<((usize, usize), Bands<Scratch>)>,
+    scratch: Option<Bands<Scratch>>,
 }
 
 /// Memory for a block of rows.
@@ -116,10 +115,10 @@ impl Matcher for V3 {
     fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
         let size = pair.size();
         map.resize(size.0, size.1)?;
-        let fitting = self.scratch.take().filter(|(fitting, _)| *fitting == size).map(|(_, bands)| bands);
-        let mut bands = fitting.map_or_else(|| Bands::new(size.1, || self.scratch(size.0)), Ok)?;
+        let fitting = self.scratch.take().filter(|bands| bands.size() == size);
+        let mut bands = fitting.map_or_else(|| Bands::new(size, || self.scratch(size.0)), Ok)?;
         bands.each_block(map, clock, |top, rows, scratch, clock| self.match_rows(pair, top, rows, scratch, clock));
-        self.scratch = Some((size, bands));
+        self.scratch = Some(bands);
         Ok(())
     }
 }

@@ -57,20 +57,26 @@ impl Strip {
 
 /// The scratch of all bands that images are cut into.
 pub struct Bands<S> {
+    size: (usize, usize),
     rows: usize,
     /// With the time that the last pair took there.
     scratch: Vec<(S, StageTimes)>,
 }
 
 impl<S: Send> Bands<S> {
-    /// For images of `height` rows, each band with its own scratch.
+    /// For images of `size`, each band with its own scratch.
     ///
     /// # Errors
     /// What `scratch` says.
-    pub fn new(height: usize, scratch: impl Fn() -> Result<S>) -> Result<Self> {
-        let (bands, rows) = Blocks::bands(height);
+    pub fn new(size: (usize, usize), scratch: impl Fn() -> Result<S>) -> Result<Self> {
+        let (bands, rows) = Blocks::bands(size.1);
         let scratch = (0..bands).map(|_| Ok((scratch()?, StageTimes::default()))).collect::<Result<_>>()?;
-        Ok(Self { rows, scratch })
+        Ok(Self { size, rows, scratch })
+    }
+
+    /// Width and height of the images.
+    pub fn size(&self) -> (usize, usize) {
+        self.size
     }
 
     /// Runs `work` on each block of rows of `map` with the number of the first, on the threads of rayon's current pool.
