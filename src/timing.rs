@@ -70,6 +70,18 @@ impl Clock {
         self.last = now;
     }
 
+    /// Ends the lap: the time since the last one is divided among the stages as `times` are, which threads took side by
+    /// side.
+    pub fn lap_as(&mut self, times: StageTimes) {
+        let now = Instant::now();
+        let share = (now - self.last).as_secs_f64() / times.total().as_secs_f64().max(f64::MIN_POSITIVE);
+        for stage in Stage::ALL {
+            self.times
+                .add(stage, Duration::try_from_secs_f64(share * times.get(stage).as_secs_f64()).unwrap_or_default());
+        }
+        self.last = now;
+    }
+
     pub fn times(&self) -> StageTimes {
         self.times
     }

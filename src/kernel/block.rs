@@ -21,6 +21,12 @@ impl<T: Copy> Lanes<T> {
     }
 }
 
+impl<T> AsRef<[T]> for Lanes<T> {
+    fn as_ref(&self) -> &[T] {
+        &self.0
+    }
+}
+
 /// See [`super::transpose`].
 #[inline(always)]
 pub(super) fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) {
@@ -35,15 +41,15 @@ pub(super) fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) {
     }
 }
 
-/// The lanes of a block as rows, one after the other.
+/// The lanes of columns as rows, one after the other.
 #[inline(always)]
-pub(super) fn transpose_back<T: Copy>(columns: &[Lanes<T>], out: &mut [T]) {
+pub(super) fn transpose_back<T: Copy, C: AsRef<[T]>>(columns: &[C], out: &mut [T]) {
     const TILE: usize = 16;
     let width = columns.len();
     for (tile, columns) in columns.chunks(TILE).enumerate() {
         for (lane, row) in out.chunks_exact_mut(width).enumerate() {
             let row = &mut row[tile * TILE..][..columns.len()];
-            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.0[lane]);
+            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.as_ref()[lane]);
         }
     }
 }

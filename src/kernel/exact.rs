@@ -1,17 +1,26 @@
-//! Block matching with whole sums, for filters that look at all costs of a window and not only at the least.
+//! Block matching: for each window the cheapest disparity, and filters that look at the costs of all of them.
 
 use super::Lanes;
-use super::slide::{REACH, slide};
+use super::block::transpose_back;
+use super::pairs::{Group, Pairs};
+use super::slide::{REACH, Rows, Step};
 
-/// What is matched: a block of rows of an image with the same rows of another.
-#[derive(Clone, Copy)]
-pub struct Search<'a> {
-    pub left: &'a [Lanes<u16>],
-    pub right: &'a [Lanes<u16>],
-    /// The first disparity.
-    pub first: i32,
-    /// What multiplies the SSD of each disparity from the first on to make it a cost; costs fit 32 bits.
-    pub weights: &'a [u32],
+/// A search along rows of some width, with its memory.
+pub struct Search {
+    range: Range,
+    steps: Vec<Step>,
+    /// One per disparity.
+    sums: Vec<Group<u32>>,
+    /// One per column.
+    matches: Vec<Group<Match>>,
+    doubts: Vec<Group<Doubt>>,
+}
+
+/// The disparities to be tried.
+struct Range {
+    first: i32,
+    /// What multiplies the SSD of each to make it a cost.
+    weights: Vec<u32>,
 }
 
 /// A disparity, counted from the first, and its SSD, in one word.
@@ -22,7 +31,7 @@ impl Match {
     /// Nothing compared.
     pub const NONE: Self = Self(u32::MAX);
     /// Bits of an SSD: 9 · 255² < 2²⁰.
-    const BITS: u32 = 20;
+    pub(super) const BITS: u32 = 20;
     /// How many disparities there may be.
     pub const DISPARITIES: usize = 1 << (u32::BITS - Self::BITS);
 
@@ -47,118 +56,174 @@ pub enum Doubt {
 
 /// The costs of a column of windows: `sums` times `weights`, for the disparities from `index` on.
 struct Costs<'a> {
-    sums: &'a [Lanes<u32>],
+    sums: &'a [Group<u32>],
     weights: &'a [u32],
     index: usize,
 }
 
 /// The cheapest disparity of a column of windows.
-struct Winners {
-    cost: Lanes<u32>,
-    winner: Lanes<Match>,
+#[derive(Clone, Copy)]
+pub(super) struct Winners {
+    cost: Group<u32>,
+    winner: Group<Match>,
 }
 
-impl<'a> Search<'a> {
-    /// The columns that have a window.
-    #[inline(always)]
-    fn columns(&self) -> std::ops::Range<usize> {
-        REACH..self.left.len().saturating_sub(REACH)
+impl Search {
+    /// For rows of `width` pixels and the disparities from `first` on, with what multiplies the SSD of each to make it a
+    /// cost. Costs fit 32 bits, and there are at most [`Match::DISPARITIES`].
+    pub fn new(width: usize, first: i32, weights: Vec<u32>) -> Self {
+        Self {
+            steps: vec![Step::NONE; width],
+            sums: vec![Group::splat(0); weights.len()],
+            matches: vec![Group::splat(Match::NONE); width],
+            doubts: vec![Group::splat(Doubt::Certain); width],
+            range: Range { first, weights },
+        }
     }
 
-    /// The costs of the windows in column `x`, if there are any, from `sums` as they were for column `x - 1`.
-    #[inline(always)]
-    fn costs<'s>(&self, x: usize, sums: &'s mut [Lanes<u32>]) -> Option<Costs<'s>>
-    where
-        'a: 's,
-    {
-        let &Search { left, right, first, weights } = self;
-        let (width, count, reach) = (left.len() as i32, sums.len() as i32, REACH as i32);
-        // Disparities that keep the window inside the right image, counted from the first.
-        let from = (x as i32 - (width - 1 - reach) - first).clamp(0, count) as usize;
-        let to = (x as i32 - reach + 1 - first).clamp(0, count) as usize;
-        if from >= to {
-            return None;
-        }
-        // The windows of those disparities, from the right to the left.
-        let last = (x as i32 - first) as usize + 1;
-        slide(&mut sums[from..to], left, x, right, last - to..last - from);
-        Some(Costs { sums: &sums[from..to], weights: &weights[from..to], index: from })
+    /// The lowest disparity.
+    pub fn first(&self) -> i32 {
+        self.range.first
+    }
+
+    /// What multiplies the SSD of the disparity at that index.
+    pub fn weight(&self, index: u32) -> u32 {
+        self.range.weights[index as usize]
     }
 }
 
-impl Costs<'_> {
+impl Range {
+    /// Calls `visit` with each column that has windows, their winners and all their costs.
     #[inline(always)]
-    fn winners(&self) -> Winners {
-        let mut winners = Winners { cost: Lanes::splat(u32::MAX), winner: Lanes::splat(Match::NONE) };
-        let (fours, rest) = self.sums.as_chunks::<4>();
-        let (weights_of_fours, weights_of_rest) = self.weights.as_chunks::<4>();
-        for (i, (sums, weights)) in fours.iter().zip(weights_of_fours).enumerate() {
-            select(sums, weights, self.index + 4 * i, &mut winners);
+    fn scan(
+        &self,
+        pairs: &impl Pairs,
+        rows: &Rows<'_>,
+        width: usize,
+        sums: &mut [Group<u32>],
+        mut visit: impl FnMut(usize, &Winners, &Costs<'_>),
+    ) {
+        let count = sums.len() as i32;
+        for x in REACH..width.saturating_sub(REACH) {
+            // Disparities that keep the window inside the right image, counted from the first.
+            let from = ((x + REACH + 1) as i32 - width as i32 - self.first).clamp(0, count) as usize;
+            let to = ((x + 1) as i32 - REACH as i32 - self.first).clamp(0, count) as usize;
+            if from >= to {
+                continue;
+            }
+            // The windows of those disparities, from the right to the left.
+            let last = (x as i32 - self.first) as usize + 1;
+            let (sums, weights) = (&mut sums[from..to], &self.weights[from..to]);
+            let winners = rows.slide(pairs, x, last - to..last - from, weights, from, sums);
+            visit(x, &winners, &Costs { sums, weights, index: from });
         }
-        for (i, (sum, weight)) in rest.iter().zip(weights_of_rest).enumerate() {
-            let index = self.index + 4 * fours.len() + i;
-            select(std::array::from_ref(sum), std::array::from_ref(weight), index, &mut winners);
+    }
+}
+
+impl Winners {
+    pub(super) const NONE: Self = Self { cost: Group::splat(u32::MAX), winner: Group::splat(Match::NONE) };
+
+    /// These or, where it is cheaper, the disparity of that place.
+    #[inline(always)]
+    pub(super) fn or(self, ssds: Group<u32>, weight: u32, place: u32) -> Self {
+        let mut winners = self;
+        for l in 0..Group::ROWS {
+            let (cost, least) = (ssds.0[l] * weight, self.cost.0[l]);
+            winners.winner.0[l] = if cost < least { Match(place | ssds.0[l]) } else { self.winner.0[l] };
+            winners.cost.0[l] = least.min(cost);
         }
         winners
     }
 }
 
-#[inline(always)]
-fn select<const N: usize>(sums: &[Lanes<u32>; N], weights: &[u32; N], index: usize, winners: &mut Winners) {
-    for l in 0..Lanes::COUNT {
-        let (mut least, mut winner) = (winners.cost.0[l], winners.winner.0[l].0);
-        for k in 0..N {
-            let ssd = sums[k].0[l];
-            let cost = ssd * weights[k];
-            winner = if cost < least { ((index + k) as u32) << Match::BITS | ssd } else { winner };
-            least = least.min(cost);
-        }
-        (winners.cost.0[l], winners.winner.0[l]) = (least, Match(winner));
-    }
-}
-
 /// See [`super::matches`].
 #[inline(always)]
-pub(super) fn matches(search: &Search<'_>, sums: &mut [Lanes<u32>], out: &mut [Lanes<Match>]) {
-    for x in search.columns() {
-        if let Some(costs) = search.costs(x, sums) {
-            out[x] = costs.winners().winner;
-        }
+pub(super) fn matches(
+    pairs: impl Pairs,
+    left: &[Lanes<u16>],
+    right: &[Lanes<u16>],
+    search: &mut Search,
+    out: &mut [Match],
+) {
+    let width = left.len();
+    let Search { range, steps, sums, matches, .. } = search;
+    for (group, out) in out.chunks_mut(Group::ROWS * width).enumerate() {
+        let rows = Rows::new(left, right, group, steps);
+        range.scan(&pairs, &rows, width, sums, |x, winners, _| matches[x] = winners.winner);
+        transpose_back(matches, out);
     }
 }
 
 /// See [`super::matches_and_rivals`].
 #[inline(always)]
 pub(super) fn matches_and_rivals(
-    search: &Search<'_>,
+    pairs: impl Pairs,
+    left: &[Lanes<u16>],
+    right: &[Lanes<u16>],
+    search: &mut Search,
     thousandths: u32,
-    sums: &mut [Lanes<u32>],
-    out: &mut [Lanes<Match>],
-    doubts: &mut [Lanes<Doubt>],
+    out: &mut [Match],
+    doubts: &mut [Doubt],
 ) {
-    for x in search.columns() {
-        let Some(costs) = search.costs(x, sums) else { continue };
-        let winners = costs.winners();
-        let rivals = rivals(&costs, &winners);
-        for l in 0..Lanes::COUNT {
+    matches_and_doubts(pairs, left, right, search, out, doubts, |winners, costs| {
+        let rivals = rivals(costs, winners);
+        let mut doubts = Group::splat(Doubt::Certain);
+        for l in 0..Group::ROWS {
             let (least, rival) = (winners.cost.0[l], rivals.0[l]);
             let near = 1000 * u64::from(rival - least) < u64::from(thousandths) * u64::from(least);
-            doubts[x].0[l] = if near & (rival != u32::MAX) { Doubt::Ambiguous } else { Doubt::Certain };
+            doubts.0[l] = if near & (rival != u32::MAX) { Doubt::Ambiguous } else { Doubt::Certain };
         }
-        out[x] = winners.winner;
+        doubts
+    });
+}
+
+/// See [`super::matches_and_spread`].
+#[inline(always)]
+pub(super) fn matches_and_spread(
+    pairs: impl Pairs,
+    left: &[Lanes<u16>],
+    right: &[Lanes<u16>],
+    search: &mut Search,
+    threshold_px: f32,
+    out: &mut [Match],
+    doubts: &mut [Doubt],
+) {
+    matches_and_doubts(pairs, left, right, search, out, doubts, |_, costs| spread(costs, threshold_px));
+}
+
+#[inline(always)]
+fn matches_and_doubts(
+    pairs: impl Pairs,
+    left: &[Lanes<u16>],
+    right: &[Lanes<u16>],
+    search: &mut Search,
+    out: &mut [Match],
+    doubts_out: &mut [Doubt],
+    filter: impl Fn(&Winners, &Costs<'_>) -> Group<Doubt>,
+) {
+    let width = left.len();
+    let Search { range, steps, sums, matches, doubts } = search;
+    let bands = out.chunks_mut(Group::ROWS * width).zip(doubts_out.chunks_mut(Group::ROWS * width));
+    for (group, (out, doubts_out)) in bands.enumerate() {
+        let rows = Rows::new(left, right, group, steps);
+        range.scan(&pairs, &rows, width, sums, |x, winners, costs| {
+            (matches[x], doubts[x]) = (winners.winner, filter(winners, costs));
+        });
+        transpose_back(matches, out);
+        transpose_back(doubts, doubts_out);
     }
 }
 
 /// The least costs of disparities that are not beside the winners.
 #[inline(always)]
-fn rivals(costs: &Costs<'_>, winners: &Winners) -> Lanes<u32> {
-    let mut rivals = Lanes::splat(u32::MAX);
-    let mut beside = Lanes::splat(0);
-    for l in 0..Lanes::COUNT {
+fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
+    let mut rivals = Group::splat(u32::MAX);
+    let mut beside = Group::splat(0);
+    for l in 0..Group::ROWS {
         beside.0[l] = winners.winner.0[l].index().wrapping_sub(1);
     }
     for (index, (sum, &weight)) in (costs.index as u32..).zip(costs.sums.iter().zip(costs.weights)) {
-        for l in 0..Lanes::COUNT {
+        for l in 0..Group::ROWS {
             let elsewhere = index.wrapping_sub(beside.0[l]) > 2;
             let rival = rivals.0[l].min(sum.0[l] * weight);
             rivals.0[l] = if elsewhere { rival } else { rivals.0[l] };
@@ -167,34 +232,17 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Lanes<u32> {
     rivals
 }
 
-/// See [`super::matches_and_spread`].
-#[inline(always)]
-pub(super) fn matches_and_spread(
-    search: &Search<'_>,
-    threshold_px: f32,
-    sums: &mut [Lanes<u32>],
-    out: &mut [Lanes<Match>],
-    doubts: &mut [Lanes<Doubt>],
-) {
-    for x in search.columns() {
-        if let Some(costs) = search.costs(x, sums) {
-            out[x] = costs.winners().winner;
-            spread(&costs, threshold_px, &mut doubts[x]);
-        }
-    }
-}
-
 /// The spread of the disparities, each weighted by `(cost + 25)⁻²`, against the threshold.
 ///
 /// With u the unit roundoff, a weight is off by at most 8 u of itself, each of the three sums of n positive terms by
 /// (n + 10) u, and so the variance by 6 (n + 10) u times the mean square. What is within twice that of the threshold
 /// stays open.
 #[inline(always)]
-fn spread(costs: &Costs<'_>, threshold_px: f32, doubts: &mut Lanes<Doubt>) {
-    let [mut zeroth, mut first, mut second] = [Lanes::splat(0f32); 3];
+fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<Doubt> {
+    let [mut zeroth, mut first, mut second] = [Group::splat(0f32); 3];
     for (i, (sum, &weight)) in costs.sums.iter().zip(costs.weights).enumerate() {
         let (d, weight) = (i as f32, weight as f32);
-        for l in 0..Lanes::COUNT {
+        for l in 0..Group::ROWS {
             // An SSD has 20 bits: signed, as AVX2 converts no other.
             let inverse = 1.0 / ((sum.0[l] as i32 as f32) * weight + 25.0);
             let q = inverse * inverse;
@@ -205,11 +253,13 @@ fn spread(costs: &Costs<'_>, threshold_px: f32, doubts: &mut Lanes<Doubt>) {
     }
     let margin = 6.0 * (costs.sums.len() + 10) as f32 * f32::EPSILON;
     let threshold = threshold_px * threshold_px;
-    for l in 0..Lanes::COUNT {
+    let mut doubts = Group::splat(Doubt::Certain);
+    for l in 0..Group::ROWS {
         let (mean, square) = (first.0[l] / zeroth.0[l], second.0[l] / zeroth.0[l]);
         let excess = square - mean * mean - threshold;
         let margin = margin * (square + threshold);
         let sure = if excess > 0.0 { Doubt::Ambiguous } else { Doubt::Certain };
         doubts.0[l] = if excess.abs() > margin { sure } else { Doubt::Open };
     }
+    doubts
 }

@@ -14,6 +14,7 @@ mod dog;
 mod exact;
 mod isa;
 mod median;
+mod pairs;
 mod paths;
 mod prefilter;
 mod sad;
@@ -37,26 +38,29 @@ pub use paths::{Paths, Penalties};
 pub use prefilter::PREFILTER_CAP;
 pub use sad::{PIXELS, SadTest, SadWinners};
 pub use scanline::{ScanlinePaths, edge, edge_before};
-pub use ssd::{CAP, Winner, Winners};
+pub use ssd::CAP;
 pub use table::{Claim, NO_SUM, TableSearch, WindowTable, window_sums};
 pub use volume::{OUTSIDE, VolumeShape};
 
 use crate::stereo::{Gray, RowMut};
 
-/// Makes, per kernel, a safe function that runs its body compiled for the given instruction set.
+/// Makes, per kernel, a safe function that runs its body compiled for the given instruction set; a body with `, pairs`
+/// behind it gets that set's [`pairs::Pairs`] as its first argument.
 macro_rules! kernels {
-    ($($(#[$doc:meta])* pub fn $name:ident($($arg:ident: $ty:ty),* $(,)?) = $body:path;)*) => {$(
+    ($($(#[$doc:meta])* pub fn $name:ident($($arg:ident: $ty:ty),* $(,)?) = $body:path $(, $pairs:ident)?;)*) => {$(
         $(#[$doc])*
         pub fn $name(isa: Isa, $($arg: $ty),*) {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma")]
                 fn avx512($($arg: $ty),*) {
-                    $body($($arg),*)
+                    // SAFETY: this runs on CPUs that have it.
+                    $body($(unsafe { $pairs::Avx512::new() },)? $($arg),*)
                 }
                 #[target_feature(enable = "avx2,fma")]
                 fn avx2($($arg: $ty),*) {
-                    $body($($arg),*)
+                    // SAFETY: as above.
+                    $body($(unsafe { $pairs::Avx2::new() },)? $($arg),*)
                 }
                 if isa == Isa::AVX512 {
                     // SAFETY: an `Isa` other than portable comes from `Isa::available` alone, which asked this CPU.
@@ -68,7 +72,7 @@ macro_rules! kernels {
                 }
             }
             debug_assert_eq!(isa, Isa::PORTABLE);
-            $body($($arg),*)
+            $body($($pairs::Portable,)? $($arg),*)
         }
     )*};
 }
@@ -88,59 +92,46 @@ kernels! {
     /// Rows `y ..` of `image`, as many as a block has, as columns of lanes: one per pixel of a row.
     pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = block::transpose;
 
-    /// For each window of a block of rows the disparity of least `capped SSD · weight`, ties to the lower one.
-    ///
-    /// `sums` and `weights` have an element for each disparity from `first` on, `out` one per column.
-    pub fn winners(
-        left: &[Lanes<u16>],
-        right: &[Lanes<u16>],
-        first: i32,
-        weights: &[u32],
-        sums: &mut [Lanes<u16>],
-        out: &mut [Winners],
-    ) = ssd::winners;
-
     /// For each window of a block of rows the least capped SSD with windows up to `sums.len()` pixels to either side,
     /// `u16::MAX` where there is none.
     pub fn least_ssd(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) = ssd::least;
 
-    /// The winners of a block as rows, one after the other.
-    pub fn winner_rows(columns: &[Winners], out: &mut [Winner]) = ssd::winner_rows;
-
     /// The lanes of a block as rows, one after the other.
     pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = block::transpose_back;
 
-    /// For each window of a block of rows its match, exact; `sums` has an element per disparity of the search.
-    pub fn matches(search: &Search<'_>, sums: &mut [Lanes<u32>], out: &mut [Lanes<Match>]) = exact::matches;
+    /// For each window of a block of rows the disparity of least cost, ties to the lower one, as rows one after the other;
+    /// as many rows as `out` holds.
+    pub fn matches(
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut Search,
+        out: &mut [Match],
+    ) = exact::matches, pairs;
 
     /// As [`matches()`], and whether a disparity not beside the winner costs less than `thousandths` more.
     pub fn matches_and_rivals(
-        search: &Search<'_>,
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut Search,
         thousandths: u32,
-        sums: &mut [Lanes<u32>],
-        out: &mut [Lanes<Match>],
-        doubts: &mut [Lanes<Doubt>],
-    ) = exact::matches_and_rivals;
+        out: &mut [Match],
+        doubts: &mut [Doubt],
+    ) = exact::matches_and_rivals, pairs;
 
     /// As [`matches()`], and whether the standard deviation of all disparities, each weighted by `(cost + 25)⁻²`, is at
     /// least `threshold_px`; [`Doubt::Open`] where single precision cannot tell.
     pub fn matches_and_spread(
-        search: &Search<'_>,
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut Search,
         threshold_px: f32,
-        sums: &mut [Lanes<u32>],
-        out: &mut [Lanes<Match>],
-        doubts: &mut [Lanes<Doubt>],
-    ) = exact::matches_and_spread;
-
-    /// The matches of a block as rows, one after the other.
-    pub fn match_rows(columns: &[Lanes<Match>], out: &mut [Match]) = block::transpose_back;
-
-    /// The doubts of a block as rows, one after the other.
-    pub fn doubt_rows(columns: &[Lanes<Doubt>], out: &mut [Doubt]) = block::transpose_back;
+        out: &mut [Match],
+        doubts: &mut [Doubt],
+    ) = exact::matches_and_spread, pairs;
 
     /// For each window of a row of the right image the cheapest window of the table it may match. Ties: the nearest row,
     /// then the row above, then the lower disparity.
-    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row;
+    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row, pairs;
 
     /// Finds the cheapest paths through the rows `first ..` of a block, as many as [`ScanlinePaths::ROWS`]. An occlusion costs
     /// `occlusion` per pixel, a match that keeps its disparity earns `reward`.
@@ -154,7 +145,7 @@ kernels! {
     ) = scanline::find;
 
     /// Writes a row of winners: valid where textured, else untextured. Disparities count from `first`.
-    pub fn accept_row(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) = write::accept;
+    pub fn accept_row(first: i32, winners: &[Match], textured: &[bool], row: &mut RowMut<'_>) = write::accept;
 
     /// Rejects the valid pixels of a row whose SSD is not below its reference, where neither is capped.
     pub fn self_check_row(references: &[u16], row: &mut RowMut<'_>) = write::self_check;

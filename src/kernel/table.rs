@@ -1,12 +1,15 @@
 //! Windows found by the sum of their pixels (thesis, section 5.3.4).
 
+use super::pairs::{Group, Pairs};
 use super::slide::REACH;
 use crate::stereo::{Gray, Plane};
 
 /// Pixels of a window.
 const WINDOW: usize = 2 * REACH + 1;
+/// Pairs of pixels of a window; the last lacks its second.
+const PAIRS: usize = WINDOW.div_ceil(2);
 /// Windows compared at a time.
-const CHUNK: usize = 32;
+const CHUNK: usize = 2 * Group::ROWS;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
 
@@ -19,22 +22,29 @@ pub const NO_SUM: u16 = u16::MAX;
 /// pixels.
 ///
 /// Buckets lie one after the other, so that those of neighbouring sums are one range of places. A place's pixels stand
-/// in nine planes, so that windows at neighbouring places are compared at a time.
+/// in five planes of pairs, so that windows at neighbouring places are compared at a time.
 #[derive(Clone, Debug)]
 pub struct WindowTable {
     /// The place where the bucket of each sum begins, and where the last one ends.
     starts: Vec<u32>,
     /// Per place the rank of the window's row, then 16 bits for its column. There is room for a chunk behind the last,
-    /// and so there is in the pixels.
+    /// and so there is in the others.
     windows: Vec<u32>,
-    pixels: [Vec<u16>; WINDOW],
+    pairs: [Vec<[i16; 2]>; PAIRS],
+    /// Sums of the squares of the pixels.
+    squares: Vec<u32>,
 }
 
 impl WindowTable {
     /// For rows of `width` pixels, at most [`crate::stereo::MAX_SIDE`], and windows up to `row_tolerance` rows away.
     pub fn new(width: usize, row_tolerance: usize) -> Self {
         let places = width * (2 * row_tolerance + 1) + CHUNK;
-        Self { starts: vec![0; SUMS + 1], windows: vec![0; places], pixels: std::array::from_fn(|_| vec![0; places]) }
+        Self {
+            starts: vec![0; SUMS + 1],
+            windows: vec![0; places],
+            pairs: std::array::from_fn(|_| vec![[0; 2]; places]),
+            squares: vec![0; places],
+        }
     }
 
     /// Takes the windows of the rows of `image` around row `y`, as near as `row_tolerance`. Their sums stand in `sums`.
@@ -58,8 +68,9 @@ impl WindowTable {
                 *start -= 1;
                 let place = *start as usize;
                 self.windows[place] = (rank << 16 | x) as u32;
-                let window = &image.row(row)[x - REACH..];
-                self.pixels.iter_mut().zip(window).for_each(|(pixels, &pixel)| pixels[place] = u16::from(pixel));
+                let pixels = window(image.row(row), x);
+                self.squares[place] = squares(pixels);
+                self.pairs.iter_mut().zip(pairs(pixels)).for_each(|(pairs, pair)| pairs[place] = pair);
             }
         }
     }
@@ -115,19 +126,19 @@ impl Claim {
 
 /// See [`super::claim_row`].
 #[inline(always)]
-pub(super) fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) {
+pub(super) fn claim_row(pairs: impl Pairs, search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) {
     out.fill(Claim::NONE);
     let end = row.len().saturating_sub(REACH);
     for (u, claim) in out.iter_mut().enumerate().take(end).skip(REACH) {
         let window = Window::around(row, u);
         let mut best = [Candidate::NONE; CHUNK];
         let near = search.table.near(window.sum, search.sum_tolerance.min(FIRST));
-        window.compare(search, near.clone(), &mut best);
+        window.compare(&pairs, search, near.clone(), &mut best);
         let tolerance = search.sum_tolerance.min(least(&best).farthest_sum());
         if tolerance > FIRST {
             let rest = search.table.near(window.sum, tolerance);
-            window.compare(search, rest.start..near.start, &mut best);
-            window.compare(search, near.end..rest.end, &mut best);
+            window.compare(&pairs, search, rest.start..near.start, &mut best);
+            window.compare(&pairs, search, near.end..rest.end, &mut best);
         }
         *claim = least(&best).claim(search.min_disparity);
     }
@@ -180,47 +191,75 @@ fn weight(disparity: i32) -> u32 {
     25 + 4 * disparity.unsigned_abs()
 }
 
+/// The pixels of the window around `x`.
+#[inline(always)]
+fn window(row: &[u8], x: usize) -> &[u8; WINDOW] {
+    row[x - REACH..].first_chunk().expect("a window inside the row")
+}
+
+#[inline(always)]
+fn squares(pixels: &[u8; WINDOW]) -> u32 {
+    pixels.iter().map(|&pixel| u32::from(pixel).pow(2)).sum()
+}
+
+#[inline(always)]
+fn pairs(pixels: &[u8; WINDOW]) -> [[i16; 2]; PAIRS] {
+    std::array::from_fn(|k| [2 * k, 2 * k + 1].map(|i| if i < WINDOW { i16::from(pixels[i]) } else { 0 }))
+}
+
 /// A window of the right image.
 struct Window {
     u: usize,
-    pixels: [u16; WINDOW],
     sum: u32,
+    squares: u32,
+    /// Its pixels times −2, the same for all windows that it is compared with.
+    pairs: [Group<[i16; 2]>; PAIRS],
 }
 
 impl Window {
     #[inline(always)]
     fn around(row: &[u8], u: usize) -> Self {
-        let mut window = Self { u, pixels: [0; WINDOW], sum: 0 };
-        for i in 0..WINDOW {
-            window.pixels[i] = u16::from(row[u - REACH + i]);
-            window.sum += u32::from(row[u - REACH + i]);
+        let pixels = window(row, u);
+        Self {
+            u,
+            sum: pixels.iter().map(|&pixel| u32::from(pixel)).sum(),
+            squares: squares(pixels),
+            pairs: pairs(pixels).map(|pair| Group::splat(pair.map(|pixel| -2 * pixel))),
         }
-        window
     }
 
     /// Keeps in `best` the better of what it holds and the matches at those `places`.
     #[inline(always)]
-    fn compare(&self, search: &TableSearch<'_>, places: std::ops::Range<usize>, best: &mut [Candidate; CHUNK]) {
+    fn compare(
+        &self,
+        pairs: &impl Pairs,
+        search: &TableSearch<'_>,
+        places: std::ops::Range<usize>,
+        best: &mut [Candidate; CHUNK],
+    ) {
         let table = search.table;
         let first = self.u as i32 + search.min_disparity;
         let count = (search.max_disparity - search.min_disparity) as u32;
         for start in places.clone().step_by(CHUNK) {
-            let windows = chunk(&table.windows, start);
-            let pixels: [&[u16; CHUNK]; WINDOW] = table.pixels.each_ref().map(|pixels| chunk(pixels, start));
+            let windows: &[u32; CHUNK] = chunk(&table.windows, start);
             let len = (places.end - start) as u32;
+            // (l − r)² = l² − 2·l·r + r²
             let mut ssds = [0; CHUNK];
-            for l in 0..CHUNK {
-                for (left, &right) in pixels.iter().zip(&self.pixels) {
-                    // Right modulo 65536 whatever the difference's sign.
-                    let difference = left[l].wrapping_sub(right);
-                    ssds[l] += u32::from(difference.wrapping_mul(difference));
+            for (group, ssds) in ssds.as_chunks_mut().0.iter_mut().enumerate() {
+                let start = start + group * Group::ROWS;
+                let mut sums = Group(*chunk(&table.squares, start));
+                for (left, right) in table.pairs.iter().zip(self.pairs) {
+                    sums = pairs.add_products(sums, [Group(*chunk(left, start)), right]);
                 }
+                *ssds = sums.0;
             }
             let mut costs = [0; CHUNK];
             let mut ranks_and_indices = [0; CHUNK];
             for l in 0..CHUNK {
                 let index = ((windows[l] & 0xffff) as i32 - first) as u32;
-                let cost = ssds[l].wrapping_mul(weight(search.min_disparity.wrapping_add(index as i32)));
+                let cost = ssds[l]
+                    .wrapping_add(self.squares)
+                    .wrapping_mul(weight(search.min_disparity.wrapping_add(index as i32)));
                 costs[l] = if (index <= count) & ((l as u32) < len) { cost } else { u32::MAX };
                 ranks_and_indices[l] = windows[l] & !0xffff | index & 0xffff;
             }
@@ -232,7 +271,7 @@ impl Window {
 }
 
 #[inline(always)]
-fn chunk<T>(places: &[T], start: usize) -> &[T; CHUNK] {
+fn chunk<T, const N: usize>(places: &[T], start: usize) -> &[T; N] {
     // Places end a chunk behind the last window's.
     places[start..].first_chunk().expect("room for a chunk")
 }

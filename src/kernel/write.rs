@@ -1,18 +1,18 @@
 //! Writing results into the rows of a map without branches.
 
-use super::{CAP, Winner};
+use super::{CAP, Match};
 use crate::stereo::{DisparityMap, Reason, RowMut};
 
 /// See [`super::accept_row`].
 #[inline(always)]
-pub(super) fn accept(first: i32, winners: &[Winner], textured: &[bool], row: &mut RowMut<'_>) {
+pub(super) fn accept(first: i32, winners: &[Match], textured: &[bool], row: &mut RowMut<'_>) {
     let (disparity, why, ssdpi) = row.planes_mut();
     for (((disparity, why), ssdpi), (winner, &textured)) in
         disparity.iter_mut().zip(why).zip(ssdpi).zip(winners.iter().zip(textured))
     {
         *disparity = if textured { (first + winner.index() as i32) as f32 } else { f32::INFINITY };
         *why = if textured { Reason::Valid } else { Reason::Untextured };
-        *ssdpi = if textured { winner.capped_ssd() } else { DisparityMap::NO_SSDPI };
+        *ssdpi = if textured { winner.ssd() } else { DisparityMap::NO_SSDPI };
     }
 }
 

@@ -1,13 +1,13 @@
 //! What v1 and v2 have in common: smoothing, block matching with a filter on its costs, and the symmetric check.
 
 use super::stage::{
-    BACK_CHECK, Blocks, CostFilter, CostSearch, DeviationTexture, DisparityRange, SUBPIXEL, SymmetricCheck,
-    VerticalSmoothing, back_check, refine,
+    BACK_CHECK, Bands, Blocks, CostFilter, CostSearch, DeviationTexture, DisparityRange, SUBPIXEL, Strip,
+    SymmetricCheck, VerticalSmoothing, back_check, refine,
 };
 use super::{Matcher, Parameters};
 use crate::error::Result;
 use crate::kernel::Isa;
-use crate::stereo::{DisparityMap, Gray, Plane, StereoPair};
+use crate::stereo::{BandMut, DisparityMap, Plane, StereoPair};
 use crate::timing::{Clock, Stage};
 
 /// A matcher that matches both ways.
@@ -21,20 +21,15 @@ pub(super) struct Symmetric<F> {
     tolerance_px: i32,
     subpixel: bool,
     back_check: bool,
-    scratch: Option<Scratch<F>>,
+    scratch: Option<Bands<Scratch<F>>>,
 }
 
-/// Memory for pairs of one size.
+/// Memory for a block of rows.
 struct Scratch<F> {
-    left: Gray,
-    right: Gray,
+    strip: Strip,
     textured: Plane<bool>,
-    left_blocks: Blocks,
-    right_blocks: Blocks,
-    band_rows: usize,
-    /// One per band, as `checks`.
-    searches: Vec<CostSearch<F>>,
-    checks: Vec<SymmetricCheck>,
+    search: CostSearch<F>,
+    check: SymmetricCheck,
 }
 
 impl<F: CostFilter + Copy> Symmetric<F> {
@@ -55,68 +50,63 @@ impl<F: CostFilter + Copy> Symmetric<F> {
         })
     }
 
-    fn scratch(&self, (width, height): (usize, usize)) -> Result<Scratch<F>> {
-        let (bands, band_rows) = Blocks::bands(height);
+    fn scratch(&self, width: usize) -> Result<Scratch<F>> {
         Ok(Scratch {
-            left: Gray::filled(width, height, 0)?,
-            right: Gray::filled(width, height, 0)?,
-            textured: Plane::filled(width, height, true)?,
-            left_blocks: Blocks::new(width, height),
-            right_blocks: Blocks::new(width, height),
-            band_rows,
-            searches: (0..bands).map(|_| CostSearch::new(self.filter, width, self.range)).collect(),
-            checks: (0..bands).map(|_| SymmetricCheck::new(self.tolerance_px, width, self.range)).collect(),
+            strip: Strip::new(width)?,
+            textured: Plane::filled(width, Blocks::ROWS, true)?,
+            search: CostSearch::new(self.filter, width, self.range),
+            check: SymmetricCheck::new(self.tolerance_px, width, self.range),
         })
+    }
+
+    /// Matches the rows from `top` on.
+    fn match_rows(
+        &self,
+        pair: &StereoPair,
+        top: usize,
+        mut rows: BandMut<'_>,
+        scratch: &mut Scratch<F>,
+        clock: &mut Clock,
+    ) {
+        let (isa, count, Scratch { strip, textured, search, check }) = (self.isa, rows.rows(), scratch);
+        strip.load(isa, &self.smoothing, pair, top, count);
+        clock.lap(Stage::Smoothing);
+
+        if let Some(texture) = self.texture {
+            (0..count).for_each(|lane| texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
+        }
+        clock.lap(Stage::Texture);
+
+        strip.transpose(isa);
+        let [left, right] = strip.columns();
+        search.search(isa, left, right, count);
+        for (lane, mut row) in rows.rows_mut().enumerate() {
+            search.write_row(lane, [strip.left(lane), strip.right(lane)], textured.row(lane), &mut row);
+        }
+        clock.lap(Stage::Matching);
+
+        check.search(isa, left, right, count);
+        for (lane, mut row) in rows.rows_mut().enumerate() {
+            check.check_row(lane, &mut row);
+            if self.subpixel {
+                refine(self.range, strip.left(lane), |_| strip.right(lane), &mut row);
+            }
+            if self.back_check {
+                back_check(&mut row);
+            }
+        }
+        clock.lap(Stage::Checks);
     }
 }
 
 impl<F: CostFilter + Copy + Send> Matcher for Symmetric<F> {
     fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
-        let (isa, size) = (self.isa, pair.size());
+        let size = pair.size();
         map.resize(size.0, size.1)?;
-        let fitting = self.scratch.take().filter(|scratch| scratch.left.size() == size);
-        let scratch = fitting.map_or_else(|| self.scratch(size), Ok)?;
-        let Scratch { left, right, textured, left_blocks, right_blocks, band_rows, searches, checks } =
-            self.scratch.insert(scratch);
-
-        self.smoothing.apply(isa, pair.left(), left);
-        self.smoothing.apply(isa, pair.right(), right);
-        clock.lap(Stage::Smoothing);
-
-        if let Some(texture) = self.texture {
-            texture.apply(isa, left, textured);
-        }
-        clock.lap(Stage::Texture);
-
-        left_blocks.load(isa, left);
-        right_blocks.load(isa, right);
-        map.each_band_mut(*band_rows, searches, |top, band, search| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                let lane = y % Blocks::ROWS;
-                if lane == 0 {
-                    search.search(isa, left_blocks.around(y), right_blocks.around(y));
-                }
-                search.write_row(lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
-            }
-        });
-        clock.lap(Stage::Matching);
-
-        map.each_band_mut(*band_rows, checks, |top, band, check| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                let lane = y % Blocks::ROWS;
-                if lane == 0 {
-                    check.search(isa, left_blocks.around(y), right_blocks.around(y));
-                }
-                check.check_row(lane, &mut row);
-                if self.subpixel {
-                    refine(self.range, left.row(y), |_| right.row(y), &mut row);
-                }
-                if self.back_check {
-                    back_check(&mut row);
-                }
-            }
-        });
-        clock.lap(Stage::Checks);
+        let fitting = self.scratch.take().filter(|bands| bands.size() == size);
+        let mut bands = fitting.map_or_else(|| Bands::new(size, || self.scratch(size.0)), Ok)?;
+        bands.each_block(map, clock, |top, rows, scratch, clock| self.match_rows(pair, top, rows, scratch, clock));
+        self.scratch = Some(bands);
         Ok(())
     }
 }

@@ -7,13 +7,13 @@
 //! right image; the back check sends negative disparities to 0.
 
 use super::stage::{
-    BACK_CHECK, BlockSearch, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, VerticalSmoothing,
+    BACK_CHECK, Bands, BlockSearch, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, Strip, VerticalSmoothing,
+    back_check, refine,
 };
-use super::stage::{back_check, refine};
 use super::{Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::Isa;
-use crate::stereo::{DisparityMap, Gray, Plane, StereoPair};
+use crate::stereo::{BandMut, DisparityMap, Plane, StereoPair};
 use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -40,20 +40,15 @@ struct V3 {
     texture: DogTexture,
     subpixel: bool,
     back_check: bool,
-    scratch: Option<Scratch>,
+    scratch: Option<Bands<Scratch>>,
 }
 
-/// Memory for pairs of one size.
+/// Memory for a block of rows.
 struct Scratch {
-    left: Gray,
-    right: Gray,
+    strip: Strip,
     textured: Plane<bool>,
-    left_blocks: Blocks,
-    right_blocks: Blocks,
-    band_rows: usize,
-    /// One per band, as `checks`.
-    searches: Vec<BlockSearch>,
-    checks: Vec<SelfCheck>,
+    search: BlockSearch,
+    check: SelfCheck,
 }
 
 impl V3 {
@@ -68,73 +63,62 @@ impl V3 {
             scratch: None,
         })
     }
-}
 
-impl Scratch {
-    fn new((width, height): (usize, usize), range: DisparityRange) -> Result<Self> {
-        let (bands, band_rows) = Blocks::bands(height);
-        Ok(Self {
-            left: Gray::filled(width, height, 0)?,
-            right: Gray::filled(width, height, 0)?,
-            textured: Plane::filled(width, height, false)?,
-            left_blocks: Blocks::new(width, height),
-            right_blocks: Blocks::new(width, height),
-            band_rows,
-            searches: (0..bands).map(|_| BlockSearch::new(width, range)).collect(),
-            checks: (0..bands).map(|_| SelfCheck::new(width, range)).collect(),
+    fn scratch(&self, width: usize) -> Result<Scratch> {
+        Ok(Scratch {
+            strip: Strip::new(width)?,
+            textured: Plane::filled(width, Blocks::ROWS, false)?,
+            search: BlockSearch::new(width, self.range),
+            check: SelfCheck::new(width, self.range),
         })
+    }
+
+    /// Matches the rows from `top` on.
+    fn match_rows(
+        &self,
+        pair: &StereoPair,
+        top: usize,
+        mut rows: BandMut<'_>,
+        scratch: &mut Scratch,
+        clock: &mut Clock,
+    ) {
+        let (isa, count, Scratch { strip, textured, search, check }) = (self.isa, rows.rows(), scratch);
+        strip.load(isa, &self.smoothing, pair, top, count);
+        clock.lap(Stage::Smoothing);
+
+        (0..count).for_each(|lane| self.texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
+        clock.lap(Stage::Texture);
+
+        strip.transpose(isa);
+        let [left, right] = strip.columns();
+        search.search(isa, left, right, count);
+        for (lane, mut row) in rows.rows_mut().enumerate() {
+            search.write_row(isa, lane, textured.row(lane), &mut row);
+        }
+        clock.lap(Stage::Matching);
+
+        check.search(isa, left);
+        for (lane, mut row) in rows.rows_mut().enumerate() {
+            check.check_row(isa, lane, strip.left(lane), &mut row);
+            if self.subpixel {
+                refine(self.range, strip.left(lane), |_| strip.right(lane), &mut row);
+            }
+            if self.back_check {
+                back_check(&mut row);
+            }
+        }
+        clock.lap(Stage::Checks);
     }
 }
 
 impl Matcher for V3 {
     fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
-        let (isa, size) = (self.isa, pair.size());
+        let size = pair.size();
         map.resize(size.0, size.1)?;
-        if self.scratch.as_ref().is_none_or(|scratch| scratch.left.size() != size) {
-            self.scratch = None;
-        }
-        let Scratch { left, right, textured, left_blocks, right_blocks, band_rows, searches, checks } =
-            match &mut self.scratch {
-                Some(scratch) => scratch,
-                none => none.insert(Scratch::new(size, self.range)?),
-            };
-
-        self.smoothing.apply(isa, pair.left(), left);
-        self.smoothing.apply(isa, pair.right(), right);
-        clock.lap(Stage::Smoothing);
-
-        self.texture.apply(isa, left, textured);
-        clock.lap(Stage::Texture);
-
-        left_blocks.load(isa, left);
-        right_blocks.load(isa, right);
-        map.each_band_mut(*band_rows, searches, |top, band, search| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                let lane = y % Blocks::ROWS;
-                if lane == 0 {
-                    search.search(isa, left_blocks.around(y), right_blocks.around(y));
-                }
-                search.write_row(isa, lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
-            }
-        });
-        clock.lap(Stage::Matching);
-
-        map.each_band_mut(*band_rows, checks, |top, band, check| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                let lane = y % Blocks::ROWS;
-                if lane == 0 {
-                    check.search(isa, left_blocks.around(y));
-                }
-                check.check_row(isa, lane, left.row(y), &mut row);
-                if self.subpixel {
-                    refine(self.range, left.row(y), |_| right.row(y), &mut row);
-                }
-                if self.back_check {
-                    back_check(&mut row);
-                }
-            }
-        });
-        clock.lap(Stage::Checks);
+        let fitting = self.scratch.take().filter(|bands| bands.size() == size);
+        let mut bands = fitting.map_or_else(|| Bands::new(size, || self.scratch(size.0)), Ok)?;
+        bands.each_block(map, clock, |top, rows, scratch, clock| self.match_rows(pair, top, rows, scratch, clock));
+        self.scratch = Some(bands);
         Ok(())
     }
 }

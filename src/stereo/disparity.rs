@@ -2,7 +2,7 @@
 
 use super::{BandMut, Plane, Reason, RowMut};
 use crate::error::Result;
-use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// Disparity, reason and SSDPI for every pixel of the left image.
 ///
@@ -125,13 +125,8 @@ impl DisparityMap {
         let work = |(index, (((disparity, why), ssdpi), scratch)): (usize, PlanesAnd<'_, S>)| {
             work(index * rows, BandMut { width, disparity, why, ssdpi }, scratch);
         };
-        if rayon::current_num_threads() == 1 {
-            let planes = disparity.chunks_mut(pixels).zip(why.chunks_mut(pixels)).zip(ssdpi.chunks_mut(pixels));
-            planes.zip(scratch).enumerate().for_each(work);
-        } else {
-            let planes = disparity.par_chunks_mut(pixels).zip(why.par_chunks_mut(pixels));
-            planes.zip(ssdpi.par_chunks_mut(pixels)).zip(scratch).enumerate().for_each(work);
-        }
+        let planes = disparity.chunks_mut(pixels).zip(why.chunks_mut(pixels)).zip(ssdpi.chunks_mut(pixels));
+        share(planes.zip(scratch).enumerate(), work);
     }
 
     fn whole_mut(&mut self) -> BandMut<'_> {
@@ -182,6 +177,22 @@ impl DisparityMap {
         }
         hasher.digest128()
     }
+}
+
+/// Runs `work` on all items. The calling thread takes its share at once, while the others of rayon's current pool are
+/// still waking up: a whole pair takes a fraction of a millisecond.
+fn share<T: Send>(items: impl ExactSizeIterator<Item = T> + Send, work: impl Fn(T) + Sync) {
+    let helpers = rayon::current_num_threads().min(items.len()).saturating_sub(1);
+    if helpers == 0 {
+        return items.for_each(work);
+    }
+    let items = Mutex::new(items);
+    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let work_off = || std::iter::from_fn(next).for_each(&work);
+    rayon::in_place_scope(|scope| {
+        (0..helpers).for_each(|_| scope.spawn(|_| work_off()));
+        work_off();
+    });
 }
 
 /// A band's planes and its scratch.

@@ -11,6 +11,24 @@ pub struct BandMut<'a> {
 }
 
 impl<'a> BandMut<'a> {
+    /// The rows as writers, top to bottom, to be filled again later.
+    pub fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
+        BandMut { width: self.width, disparity: self.disparity, why: self.why, ssdpi: self.ssdpi }.into_rows()
+    }
+
+    /// Rows of the band.
+    pub fn rows(&self) -> usize {
+        self.why.len() / self.width
+    }
+
+    /// Cuts the band into bands of `rows` rows, top to bottom; the last may have fewer.
+    pub fn into_bands(self, rows: usize) -> impl Iterator<Item = BandMut<'a>> {
+        let (width, pixels) = (self.width, self.width * rows);
+        let planes = self.disparity.chunks_mut(pixels).zip(self.why.chunks_mut(pixels));
+        let planes = planes.zip(self.ssdpi.chunks_mut(pixels));
+        planes.map(move |((disparity, why), ssdpi)| BandMut { width, disparity, why, ssdpi })
+    }
+
     /// The rows as writers, top to bottom.
     pub fn into_rows(self) -> impl Iterator<Item = RowMut<'a>> {
         let disparity = self.disparity.chunks_exact_mut(self.width);

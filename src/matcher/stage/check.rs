@@ -1,10 +1,10 @@
 //! Checks of a match that need no second matching (thesis, section 5.3.3, "Validity Test" and "Back checking").
 
 use super::DisparityRange;
-use super::ssd::{REACH, each_capped, farthest_shift, ssd};
-use crate::kernel::{Isa, Lanes, least_ssd, self_check_row, transpose_back};
+use super::ssd::{REACH, farthest_shift, ssd};
+use crate::kernel::{CAP, Isa, Lanes, least_ssd, self_check_row, transpose_back};
 use crate::matcher::{Parameter, Range};
-use crate::stereo::{Reason, RowMut};
+use crate::stereo::{DisparityMap, Reason, RowMut};
 
 /// The self check: a match must be better than the window's best match in its own image.
 ///
@@ -53,6 +53,22 @@ impl SelfCheck {
         let inside = REACH..left.len() - REACH;
         let around = (1..=self.farthest).flat_map(|o| [x.wrapping_sub(o), x + o]);
         around.filter(|u| inside.contains(u)).any(|u| ssd(left, x, left, u) <= ssdpi)
+    }
+}
+
+/// Calls `look_up` with each pixel of `row` that has an SSD which may be capped; they are few.
+fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<'_>)) {
+    const CHUNK: usize = 32;
+    let capped = |ssd: u32| (u32::from(CAP)..DisparityMap::NO_SSDPI).contains(&ssd);
+    for start in (0..row.width()).step_by(CHUNK) {
+        let end = row.width().min(start + CHUNK);
+        if row.ssdpis()[start..end].iter().fold(false, |any, &ssd| any | capped(ssd)) {
+            (start..end).for_each(|x| {
+                if capped(row.ssdpi(x)) {
+                    look_up(x, row);
+                }
+            });
+        }
     }
 }
 

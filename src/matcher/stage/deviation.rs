@@ -5,10 +5,8 @@
 //!
 //! Departure from the thesis: squares instead of roots, so that the test is exact in integers.
 
-use super::each_row;
 use crate::kernel::{Isa, deviating_row};
 use crate::matcher::{Parameter, Range};
-use crate::stereo::{Gray, Plane};
 
 /// Marks the pixels whose window of nine has a standard deviation of at least a threshold.
 #[derive(Clone, Copy, Debug)]
@@ -31,12 +29,8 @@ impl DeviationTexture {
         Self { least: (9.0 * threshold).powi(2).ceil() as u32 }
     }
 
-    /// Marks in `textured`, which holds as many pixels, where `image` has texture; nowhere where no window fits.
-    pub fn apply(&self, isa: Isa, image: &Gray, textured: &mut Plane<bool>) {
-        let width = image.width();
-        // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
-        each_row(textured.as_mut_slice().expect("gapless"), width, 16, |y, row| {
-            deviating_row(isa, image.row(y), self.least, row);
-        });
+    /// Marks in `textured` where `row` has texture; nowhere where no window fits.
+    pub fn apply_row(&self, isa: Isa, row: &[u8], textured: &mut [bool]) {
+        deviating_row(isa, row, self.least, textured);
     }
 }

@@ -5,14 +5,15 @@ use crate::matcher::{Parameter, Range};
 
 /// A filter on the costs of a window, run along with the search for the winner.
 pub trait CostFilter: Sync {
-    /// Finds the matches of a block of rows, and what the filter says of each.
+    /// Finds the matches of rows of two blocks, and what the filter says of each.
     fn search(
         &self,
         isa: Isa,
-        search: &Search<'_>,
-        sums: &mut [Lanes<u32>],
-        out: &mut [Lanes<Match>],
-        doubts: &mut [Lanes<Doubt>],
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut Search,
+        matches: &mut [Match],
+        doubts: &mut [Doubt],
     );
 
     /// Whether a window is ambiguous that [`CostFilter::search`] left open, by its least cost and all its costs, as pairs
@@ -50,12 +51,13 @@ impl CostFilter for ErrorFilter {
     fn search(
         &self,
         isa: Isa,
-        search: &Search<'_>,
-        sums: &mut [Lanes<u32>],
-        out: &mut [Lanes<Match>],
-        doubts: &mut [Lanes<Doubt>],
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut Search,
+        matches: &mut [Match],
+        doubts: &mut [Doubt],
     ) {
-        matches_and_rivals(isa, search, self.thousandths, sums, out, doubts);
+        matches_and_rivals(isa, left, right, search, self.thousandths, matches, doubts);
     }
 }
 
@@ -87,12 +89,13 @@ impl CostFilter for SpreadFilter {
     fn search(
         &self,
         isa: Isa,
-        search: &Search<'_>,
-        sums: &mut [Lanes<u32>],
-        out: &mut [Lanes<Match>],
-        doubts: &mut [Lanes<Doubt>],
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut Search,
+        matches: &mut [Match],
+        doubts: &mut [Doubt],
     ) {
-        matches_and_spread(isa, search, self.threshold_px as f32, sums, out, doubts);
+        matches_and_spread(isa, left, right, search, self.threshold_px as f32, matches, doubts);
     }
 
     fn settle(&self, least: u32, costs: impl Iterator<Item = (i32, u32)>) -> bool {

@@ -39,8 +39,13 @@ impl VerticalSmoothing {
         let width = image.width();
         // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
         each_row(out.as_mut_slice().expect("gapless"), width, 16, |y, row| {
-            smooth_row(isa, image, y, &self.weights, row)
+            self.apply_row(isa, image, y, row);
         });
+    }
+
+    /// Smooths row `y` of `image` into `out`.
+    pub fn apply_row(&self, isa: Isa, image: &Gray, y: usize, out: &mut [u8]) {
+        smooth_row(isa, image, y, &self.weights, out);
     }
 }
 

@@ -4,9 +4,9 @@
 //! also a penalty behind the point where the view axes cross.
 
 use crate::error::{Error, Result};
-use crate::kernel::{CAP, Isa, Lanes, Winner, Winners, accept_row, winner_rows, winners};
+use crate::kernel::{Isa, Lanes, Match, Search, accept_row, matches};
 use crate::matcher::{Parameter, Parameters, Range};
-use crate::stereo::{DisparityMap, Reason, RowMut};
+use crate::stereo::{Reason, RowMut};
 use std::ops;
 
 /// Half of the one-dimensional window of nine pixels.
@@ -98,77 +98,40 @@ impl DisparityRange {
     }
 }
 
+/// The search for the cheapest of the disparities of `range` in rows of `width` pixels.
+pub(super) fn search(width: usize, range: DisparityRange) -> Search {
+    let disparities = range.within(width);
+    Search::new(width, *disparities.start(), disparities.map(DisparityRange::weight).collect())
+}
+
 /// Finds the cheapest match of each textured pixel. It holds one thread's scratch.
 pub struct BlockSearch {
     range: DisparityRange,
-    /// Lowest disparity that is admissible anywhere in the image.
-    first: i32,
-    weights: Vec<u32>,
-    sums: Vec<Lanes<u16>>,
-    columns: Vec<Winners>,
-    winners: Vec<Winner>,
+    search: Search,
+    /// Rows, one after the other.
+    matches: Vec<Match>,
 }
 
 impl BlockSearch {
     /// For rows of `width` pixels.
     pub fn new(width: usize, range: DisparityRange) -> Self {
-        let disparities = range.within(width);
-        Self {
-            range,
-            first: *disparities.start(),
-            weights: disparities.clone().map(DisparityRange::weight).collect(),
-            sums: disparities.map(|_| Lanes::splat(0)).collect(),
-            columns: vec![Winners::NONE; width],
-            winners: vec![Winner::NONE; width * Lanes::COUNT],
-        }
+        Self { range, search: search(width, range), matches: vec![Match::NONE; width * Lanes::COUNT] }
     }
 
-    /// Matches a block of rows of the left image with the same rows of the right one.
-    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>]) {
-        winners(isa, left, right, self.first, &self.weights, &mut self.sums, &mut self.columns);
-        winner_rows(isa, &self.columns, &mut self.winners);
+    /// Matches the first `rows` of a block of the left image with the same rows of the right one.
+    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
+        matches(isa, left, right, &mut self.search, &mut self.matches[..rows * left.len()]);
     }
 
     /// Fills `row`, the one of that `lane` in the block: the winners, *border* where no disparity is admissible,
     /// *untextured* elsewhere.
-    pub fn write_row(&self, isa: Isa, lane: usize, [left, right]: [&[u8]; 2], textured: &[bool], row: &mut RowMut<'_>) {
-        let columns = self.range.columns(row.width());
-        let winners = &self.winners[lane * row.width()..][..row.width()];
+    pub fn write_row(&self, isa: Isa, lane: usize, textured: &[bool], row: &mut RowMut<'_>) {
+        let (width, columns) = (row.width(), self.range.columns(row.width()));
+        let matches = &self.matches[lane * width..][..width];
         row.part_mut(0..columns.start).clear(Reason::Border);
-        row.part_mut(columns.end..left.len()).clear(Reason::Border);
+        row.part_mut(columns.end..width).clear(Reason::Border);
         let part = &mut row.part_mut(columns.clone());
-        accept_row(isa, self.first, &winners[columns.clone()], &textured[columns.clone()], part);
-        each_capped(row, |x, row| {
-            let (disparity, ssd) = self.exact(left, right, x);
-            row.accept(x, disparity as f32, ssd);
-        });
-    }
-
-    /// The winner at `x` and its SSD, without caps.
-    fn exact(&self, left: &[u8], right: &[u8], x: usize) -> (i32, u32) {
-        let candidates = self.range.admissible(x, left.len()).map(|d| {
-            let ssd = ssd(left, x, right, (x as i32 - d) as usize);
-            (ssd * DisparityRange::weight(d), d, ssd)
-        });
-        // `DisparityRange::columns` names only pixels with an admissible disparity.
-        let (_, disparity, ssd) = candidates.min().expect("an admissible disparity");
-        (disparity, ssd)
-    }
-}
-
-/// Calls `look_up` with each pixel of `row` that has an SSD which may be capped; they are few.
-pub(super) fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<'_>)) {
-    const CHUNK: usize = 32;
-    let capped = |ssd: u32| (u32::from(CAP)..DisparityMap::NO_SSDPI).contains(&ssd);
-    for start in (0..row.width()).step_by(CHUNK) {
-        let end = row.width().min(start + CHUNK);
-        if row.ssdpis()[start..end].iter().fold(false, |any, &ssd| any | capped(ssd)) {
-            (start..end).for_each(|x| {
-                if capped(row.ssdpi(x)) {
-                    look_up(x, row);
-                }
-            });
-        }
+        accept_row(isa, self.search.first(), &matches[columns.clone()], &textured[columns], part);
     }
 }
 

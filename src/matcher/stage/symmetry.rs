@@ -1,8 +1,7 @@
 //! The symmetric check (thesis, section 5.3.3, "Validity Test", after Fua): the right image must prefer the same match.
 
-use super::costs::Costs;
-use super::ssd::DisparityRange;
-use crate::kernel::{Isa, Lanes, Match, Search, match_rows, matches};
+use super::ssd::{DisparityRange, search};
+use crate::kernel::{Isa, Lanes, Match, Search, matches};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Reason, RowMut};
 
@@ -13,10 +12,9 @@ use crate::stereo::{Reason, RowMut};
 /// would have to be read and written for every disparity of every pixel, which takes as long.
 pub struct SymmetricCheck {
     tolerance_px: i32,
-    within: Costs,
+    search: Search,
     left: Vec<Lanes<u16>>,
     right: Vec<Lanes<u16>>,
-    columns: Vec<Lanes<Match>>,
     /// Rows of the mirrored right image.
     matches: Vec<Match>,
 }
@@ -34,23 +32,19 @@ impl SymmetricCheck {
     pub fn new(tolerance_px: i32, width: usize, range: DisparityRange) -> Self {
         Self {
             tolerance_px,
-            within: Costs::new(width, range),
+            search: search(width, range),
             left: vec![Lanes::splat(0); width],
             right: vec![Lanes::splat(0); width],
-            columns: vec![Lanes::splat(Match::NONE); width],
             matches: vec![Match::NONE; width * Lanes::COUNT],
         }
     }
 
-    /// Matches a block of rows of the right image with the same rows of the left one.
-    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>]) {
+    /// Matches the first `rows` of a block of the right image with the same rows of the left one.
+    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
         for (mirrored, block) in [(&mut self.left, left), (&mut self.right, right)] {
             mirrored.iter_mut().zip(block.iter().rev()).for_each(|(to, from)| *to = *from);
         }
-        let Costs { first, weights, sums } = &mut self.within;
-        let search = Search { left: &self.right, right: &self.left, first: *first, weights };
-        matches(isa, &search, sums, &mut self.columns);
-        match_rows(isa, &self.columns, &mut self.matches);
+        matches(isa, &self.right, &self.left, &mut self.search, &mut self.matches[..rows * left.len()]);
     }
 
     /// Rejects the matches of `row`, the one of that `lane` in the block, that the right image does not share.
@@ -62,7 +56,7 @@ impl SymmetricCheck {
                 // Matchers of whole pixels: `d` is one of the range, and its window lies inside the right image.
                 let d = d as i32;
                 let matched = matches[(width as i32 - 1 - (x as i32 - d)) as usize];
-                if (self.within.first + matched.index() as i32).abs_diff(d) > self.tolerance_px as u32 {
+                if (self.search.first() + matched.index() as i32).abs_diff(d) > self.tolerance_px as u32 {
                     row.reject(x, Reason::Inconsistent, row.ssdpi(x));
                 }
             }

@@ -55,8 +55,13 @@ impl DogTexture {
         let width = image.width();
         // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
         each_row(textured.as_mut_slice().expect("gapless"), width, 16, |y, row| {
-            textured_row(isa, image.row(y), &self.taps, row);
+            self.apply_row(isa, image.row(y), row);
         });
+    }
+
+    /// Marks in `textured` where `row` has texture.
+    pub fn apply_row(&self, isa: Isa, row: &[u8], textured: &mut [bool]) {
+        textured_row(isa, row, &self.taps, textured);
     }
 }
 

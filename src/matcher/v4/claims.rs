@@ -1,7 +1,7 @@
 //! v4's matching: right windows claim left ones, each left one keeps its cheapest claim.
 
 use crate::kernel::{Claim, Isa, NO_SUM, TableSearch, WindowTable, claim_row, window_sums};
-use crate::matcher::stage::{Blocks, DisparityRange, each_band, each_row};
+use crate::matcher::stage::{DisparityRange, each_band, each_row};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Gray, Plane};
 
@@ -50,13 +50,18 @@ impl Claims {
         range: DisparityRange,
         tolerance: Tolerance,
     ) -> crate::Result<Self> {
-        let (bands, band_rows) = Blocks::bands(height);
+        // Rows differ in what they have to look up: more and smaller bands than blocks give.
+        let wanted = match rayon::current_num_threads() {
+            1 => 1,
+            threads => 8 * threads,
+        };
+        let band_rows = height.div_ceil(wanted);
         Ok(Self {
             range,
             tolerance,
             sums: Plane::filled(width, height, NO_SUM)?,
             band_rows,
-            tables: vec![WindowTable::new(width, tolerance.rows); bands],
+            tables: vec![WindowTable::new(width, tolerance.rows); height.div_ceil(band_rows)],
             claims: Plane::filled(width, height, Claim::NONE)?,
             granted: Plane::filled(width, height, Claim::NONE)?,
         })

@@ -1,0 +1,102 @@
+//! Rows of a pair that are matched together, with all that is done to them: one task for a thread from the smoothing to
+//! the last check, which finds its rows in the cache.
+
+use super::{Blocks, VerticalSmoothing};
+use crate::error::Result;
+use crate::kernel::{Isa, Lanes, transpose};
+use crate::stereo::{BandMut, DisparityMap, Gray, StereoPair};
+use crate::timing::{Clock, Stage, StageTimes};
+
+/// A block of rows of a pair, smoothed, and its columns.
+pub struct Strip {
+    left: Gray,
+    right: Gray,
+    left_columns: Vec<Lanes<u16>>,
+    right_columns: Vec<Lanes<u16>>,
+}
+
+impl Strip {
+    /// For pairs of that width.
+    ///
+    /// # Errors
+    /// [`crate::Error::Dimensions`].
+    pub fn new(width: usize) -> Result<Self> {
+        let [left, right] = [0; 2].map(|_| Gray::filled(width, Blocks::ROWS, 0));
+        let [left_columns, right_columns] = [0; 2].map(|_| vec![Lanes::splat(0); width]);
+        Ok(Self { left: left?, right: right?, left_columns, right_columns })
+    }
+
+    /// Takes `rows` rows of `pair` from `top` on, smoothed.
+    pub fn load(&mut self, isa: Isa, smoothing: &VerticalSmoothing, pair: &StereoPair, top: usize, rows: usize) {
+        for (image, strip) in [(pair.left(), &mut self.left), (pair.right(), &mut self.right)] {
+            (0..rows).for_each(|lane| smoothing.apply_row(isa, image, top + lane, strip.row_mut(lane)));
+        }
+    }
+
+    /// Lays the rows out as columns.
+    pub fn transpose(&mut self, isa: Isa) {
+        transpose(isa, &self.left, 0, &mut self.left_columns);
+        transpose(isa, &self.right, 0, &mut self.right_columns);
+    }
+
+    /// A row of the left image.
+    pub fn left(&self, lane: usize) -> &[u8] {
+        self.left.row(lane)
+    }
+
+    /// A row of the right image.
+    pub fn right(&self, lane: usize) -> &[u8] {
+        self.right.row(lane)
+    }
+
+    /// The columns of the left and the right image; those of rows that were not loaded mean nothing.
+    pub fn columns(&self) -> [&[Lanes<u16>]; 2] {
+        [&self.left_columns, &self.right_columns]
+    }
+}
+
+/// The scratch of all bands that images are cut into.
+pub struct Bands<S> {
+    size: (usize, usize),
+    rows: usize,
+    /// With the time that the last pair took there.
+    scratch: Vec<(S, StageTimes)>,
+}
+
+impl<S: Send> Bands<S> {
+    /// For images of `size`, each band with its own scratch.
+    ///
+    /// # Errors
+    /// What `scratch` says.
+    pub fn new(size: (usize, usize), scratch: impl Fn() -> Result<S>) -> Result<Self> {
+        let (bands, rows) = Blocks::bands(size.1);
+        let scratch = (0..bands).map(|_| Ok((scratch()?, StageTimes::default()))).collect::<Result<_>>()?;
+        Ok(Self { size, rows, scratch })
+    }
+
+    /// Width and height of the images.
+    pub fn size(&self) -> (usize, usize) {
+        self.size
+    }
+
+    /// Runs `work` on each block of rows of `map` with the number of the first, on the threads of rayon's current pool.
+    pub fn each_block(
+        &mut self,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+        work: impl Fn(usize, BandMut<'_>, &mut S, &mut Clock) + Sync,
+    ) {
+        map.each_band_mut(self.rows, &mut self.scratch, |top, band, (scratch, times)| {
+            let mut clock = Clock::start();
+            for (block, rows) in band.into_bands(Blocks::ROWS).enumerate() {
+                work(top + block * Blocks::ROWS, rows, scratch, &mut clock);
+            }
+            *times = clock.times();
+        });
+        let mut times = StageTimes::default();
+        for (_, band) in &self.scratch {
+            Stage::ALL.into_iter().for_each(|stage| times.add(stage, band.get(stage)));
+        }
+        clock.lap_as(times);
+    }
+}
