@@ -3,10 +3,12 @@
 mod disparity;
 mod image;
 mod pfm;
+mod picture;
 
 pub use disparity::{read_scaled_disparity, write_disparity, write_why};
 pub use image::{encode_png, read_gray, read_mask, write_png};
 pub use pfm::{read_pfm, write_pfm};
+pub use picture::{encode_jpeg, encode_palette_png};
 
 use crate::error::{Error, Result};
 use std::fs::File;
