@@ -13,6 +13,7 @@ mod replay;
 mod run_info;
 mod score;
 mod source;
+mod sweep;
 mod view;
 
 use clap::error::ErrorKind;

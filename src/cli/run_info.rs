@@ -34,6 +34,7 @@ pub(super) fn identity(
         scenario: scenario.to_owned(),
         seed: None,
         parameters: algorithms.iter().map(parameters).collect(),
+        disparities: algorithms.iter().map(Algorithm::disparities).collect(),
         rule,
         shape,
     }

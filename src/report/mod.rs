@@ -4,13 +4,15 @@
 //! Row, CellRow, CheckpointRow ──▶ Tables ──▶ rows.csv cells.csv checkpoints.csv   while the run goes
 //!                                   │ finish
 //!                                   ├─▶ rows.parquet cells.parquet checkpoints.parquet
-//!                                   └─▶ Summary ──▶ Display, markdown, JSON, html::Page
+//!                                   └─▶ Summary ──▶ Display, markdown, JSON, html::Page,
+//!                                                   summary and verdicts as .csv and .parquet
 //! ```
 
 pub mod html;
 mod markdown;
 pub mod plot;
 mod rows;
+mod speed;
 mod summary;
 mod tables;
 mod text;

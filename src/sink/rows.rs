@@ -16,6 +16,8 @@ pub struct Identity {
     pub seed: Option<u64>,
     /// The algorithms' labels, each with the hash of its complete parameters.
     pub parameters: Vec<(String, String)>,
+    /// How many disparities they try, where their parameters tell.
+    pub disparities: Vec<Option<u32>>,
     pub rule: CellRule,
     pub shape: GridShape,
 }
@@ -32,15 +34,17 @@ impl Identity {
     /// Judges every estimate of a frame.
     pub(super) fn judge(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<Judged> {
         let truth = true_grid(frame, self.shape);
-        let hash = |label: &str| self.parameters.iter().find(|(of, _)| of == label).map_or("", |(_, hash)| hash);
-        let one = |estimate| self.judge_one(frame, truth.as_ref(), estimate, hash(&estimate.algorithm));
-        estimates.iter().map(one).collect()
+        estimates.iter().map(|estimate| self.judge_one(frame, truth.as_ref(), estimate)).collect()
     }
 
-    fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate, parameters: &str) -> Judged {
+    fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate) -> Judged {
+        let place = self.parameters.iter().position(|(label, _)| *label == estimate.algorithm);
+        let (width, height) = frame.pair.size();
         let judgements = truth.map(|truth| judge_cells(truth, &estimate.grid, self.rule));
         let tally = judgements.as_deref().map(CellTally::of);
         let count = |f: fn(&CellTally) -> usize| tally.as_ref().map(|t| f(t) as u64);
+        // Obstacles are a matter of distance: elsewhere none missed would be said of none looked for.
+        let obstacles = |f| count(f).filter(|_| self.rule == CellRule::Distance && frame.rig.is_some());
         let score = frame.truth.as_ref().map(|truth| DisparityScore::of(&estimate.disparity, truth));
         let us = |time: Duration| time.as_micros() as u64;
         let stage = |stage| us(estimate.times.get(stage));
@@ -52,7 +56,10 @@ impl Identity {
             name: frame.name.clone().unwrap_or_default(),
             seed: self.seed,
             algorithm: estimate.algorithm.clone(),
-            parameters_hash: parameters.to_owned(),
+            parameters_hash: place.map_or_else(String::new, |i| self.parameters[i].1.clone()),
+            width: width as u32,
+            height: height as u32,
+            disparities: place.and_then(|i| *self.disparities.get(i)?),
             smoothing_us: stage(Stage::Smoothing),
             texture_us: stage(Stage::Texture),
             matching_us: stage(Stage::Matching),
@@ -65,8 +72,8 @@ impl Identity {
             cells_right: count(|t| t.right),
             cells_wrong: count(|t| t.wrong),
             cells_unknown: count(|t| t.unknown),
-            missed_obstacles: count(|t| t.missed_obstacles),
-            false_obstacles: count(|t| t.false_obstacles),
+            missed_obstacles: obstacles(|t| t.missed_obstacles),
+            false_obstacles: obstacles(|t| t.false_obstacles),
             result_hash: format!("{:032x}", estimate.disparity.hash()),
         };
         Judged { cells: self.cells(frame, estimate, judgements.as_deref()), row, judgements }
