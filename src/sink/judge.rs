@@ -217,3 +217,16 @@ fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
     let Picture { codes, palette } = picture.at_most(width);
     files::encode_palette_png(&codes, &palette)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_spread_over_the_algorithms() {
+        let names = |n: usize| (0..n).map(|i| i.to_string()).collect::<Vec<_>>();
+        assert_eq!(pictured(&names(3)), ["0", "1", "2"]);
+        assert_eq!(pictured(&names(32)), ["0", "4", "8", "13", "17", "22", "26", "31"]);
+        assert!(pictured(&[]).is_empty());
+    }
+}

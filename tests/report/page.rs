@@ -90,7 +90,9 @@ fn the_page_shows_scenes_with_truth_and_errors() {
     );
     assert!(html.contains("</i>53 px") && html.contains("45 × 37 pixels"));
     // The key of the errors: its ends, KITTI's 3 px in its middle, and what is none.
-    for words in ["&lt; 0.19<", "&lt; 3<", "&lt; 6<", "≥ 48 px<", "no estimate", "not judged"] {
+    for words in
+        ["&lt;\u{202f}0.19<", "&lt;\u{202f}3<", "&lt;\u{202f}6<", "≥\u{202f}48 px<", "no estimate", "not judged"]
+    {
         assert!(html.contains(words), "{words}");
     }
     assert!(!html.contains("Pictures of"));

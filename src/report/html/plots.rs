@@ -16,6 +16,9 @@ pub(super) struct PlotView {
 /// A place of an algorithm in a plot, where it has one.
 type Place = fn(&AlgorithmSummary) -> Option<(f64, f64)>;
 
+/// A number of every algorithm.
+type Number = fn(&AlgorithmSummary) -> f64;
+
 fn percent(share: f64) -> f64 {
     100.0 * share
 }
@@ -105,7 +108,7 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
         return Ok(Vec::new());
     }
     let latency = Strips { title: String::new(), label: "ms per pair".into(), strips: page.times_ms.clone() };
-    let stages: [(&str, fn(&AlgorithmSummary) -> f64); 5] = [
+    let stages: [(&str, Number); 5] = [
         ("smoothing", |a| a.smoothing_ms),
         ("texture", |a| a.texture_ms),
         ("matching", |a| a.matching_ms),
@@ -113,7 +116,7 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
         ("other", |a| a.other_ms),
     ];
     // Rows hold whole microseconds: less than a hundredth is what rounding leaves.
-    let counts = |of: fn(&AlgorithmSummary) -> f64| page.summary.algorithms.iter().any(|a| of(a) > 0.01 * a.p50_ms);
+    let counts = |of: Number| page.summary.algorithms.iter().any(|a| of(a) > 0.01 * a.p50_ms);
     let stages: Vec<_> = stages.into_iter().filter(|(_, of)| counts(*of)).collect();
     let bars = Bars {
         title: String::new(),

@@ -73,8 +73,8 @@ impl ErrorKey {
                 px => format!("{px}"),
             };
             match i {
-                _ if end.is_finite() => swatch(*color, &format!("< {}", px(*end))),
-                _ => swatch(*color, &format!("≥ {} px", px(BINS[i - 1].0))),
+                _ if end.is_finite() => swatch(*color, &format!("<\u{202f}{}", px(*end))),
+                _ => swatch(*color, &format!("≥\u{202f}{} px", px(BINS[i - 1].0))),
             }
         });
         let others = [

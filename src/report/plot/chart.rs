@@ -1,11 +1,9 @@
 //! Lines and points over two axes.
 
-use super::labels::Labels;
-use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text};
+use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, labels, svg, text};
 use crate::error::Result;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// A plot of series over common axes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,7 +48,6 @@ pub enum Form {
 }
 
 const HEIGHT: u32 = 640;
-const LABEL: u32 = TEXT - 4;
 
 impl Axis {
     /// A linear axis over what the data span.
@@ -156,27 +153,8 @@ impl Chart {
         }
         let place = |p: &(f64, f64)| chart.backend_coord(p);
         let (across, down) = chart.plotting_area().get_pixel_range();
-        let mut labels = Labels::new([across.start, down.start, WIDTH as i32, down.end], LABEL);
-        for series in &self.series {
-            let drawn: Vec<_> = series.points.iter().filter(shown).map(place).collect();
-            drawn.iter().for_each(|p| labels.avoid(*p, 10));
-            if series.form == Form::Both {
-                drawn.windows(2).flat_map(|ends| between(ends[0], ends[1])).for_each(|p| labels.avoid(p, 4));
-            }
-        }
-        let style = text(LABEL).pos(Pos::new(HPos::Left, VPos::Center));
-        for (form, away) in [(Form::Named, 3), (Form::Caption, 3), (Form::Label, 1)] {
-            for series in self.series.iter().filter(|s| s.form == form) {
-                for point in series.points.iter().filter(shown).map(place) {
-                    let (at, hidden) = labels.place(&series.name, point, away);
-                    if form == Form::Label && hidden > 0 {
-                        labels.withdraw();
-                    } else {
-                        canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;
-                    }
-                }
-            }
-        }
+        let bounds = [across.start, down.start, WIDTH as i32, down.end];
+        labels::write(canvas, &self.series, bounds, |p| Some(p).filter(shown).map(place))?;
         if self.series.iter().any(|s| keyed(&s)) {
             let drawn = self.series.iter().flat_map(|s| &s.points).filter(shown).map(place);
             let corner = emptiest(&drawn.collect::<Vec<_>>());
@@ -191,12 +169,6 @@ impl Chart {
         }
         Ok(())
     }
-}
-
-/// Points of the line from `a` to `b`, a text's height apart.
-fn between(a: (i32, i32), b: (i32, i32)) -> impl Iterator<Item = (i32, i32)> {
-    let steps = (f64::from(b.0 - a.0).hypot(f64::from(b.1 - a.1)) / f64::from(LABEL / 2)).ceil().max(1.0) as i32;
-    (1..steps).map(move |i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps))
 }
 
 /// The corner of the plot with the fewest points, where the key hides least.

@@ -1,12 +1,54 @@
 //! Texts beside points, where they hide least.
 
-use super::text_width;
+use super::chart::{Form, Series};
+use super::{Canvas, Failure, TEXT, text, text_width};
+use plotters::element::Text;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+const SIZE: u32 = TEXT - 4;
+
+/// Writes the names that stand beside points, where `place` says these are if anywhere, within `bounds`.
+pub(super) fn write(
+    canvas: &Canvas,
+    series: &[Series],
+    bounds: Area,
+    place: impl Fn(&(f64, f64)) -> Option<(i32, i32)>,
+) -> Result<(), Failure> {
+    let mut labels = Labels::new(bounds, SIZE);
+    for series in series {
+        let drawn: Vec<_> = series.points.iter().filter_map(&place).collect();
+        drawn.iter().for_each(|p| labels.avoid(*p, 10));
+        if series.form == Form::Both {
+            drawn.windows(2).flat_map(|ends| between(ends[0], ends[1])).for_each(|p| labels.avoid(p, 4));
+        }
+    }
+    let style = text(SIZE).pos(Pos::new(HPos::Left, VPos::Center));
+    for (form, away) in [(Form::Named, 3), (Form::Caption, 3), (Form::Label, 1)] {
+        for series in series.iter().filter(|s| s.form == form) {
+            for point in series.points.iter().filter_map(&place) {
+                let (at, hidden) = labels.place(&series.name, point, away);
+                if form == Form::Label && hidden > 0 {
+                    labels.withdraw();
+                } else {
+                    canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Points of the line from `a` to `b`, half a text's height apart.
+fn between(a: (i32, i32), b: (i32, i32)) -> impl Iterator<Item = (i32, i32)> {
+    let steps = (f64::from(b.0 - a.0).hypot(f64::from(b.1 - a.1)) / f64::from(SIZE / 2)).ceil().max(1.0) as i32;
+    (1..steps).map(move |i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps))
+}
 
 /// A rectangle of the plot: left, top, right, bottom.
-pub(super) type Area = [i32; 4];
+type Area = [i32; 4];
 
 /// The areas that are taken, as texts are placed among them.
-pub(super) struct Labels {
+struct Labels {
     bounds: Area,
     taken: Vec<Area>,
     size: u32,
@@ -14,18 +56,18 @@ pub(super) struct Labels {
 
 impl Labels {
     /// Texts of that `size` stay within `bounds`.
-    pub(super) fn new(bounds: Area, size: u32) -> Self {
+    fn new(bounds: Area, size: u32) -> Self {
         Self { bounds, taken: Vec::new(), size }
     }
 
     /// Nothing should stand within `radius` of that point.
-    pub(super) fn avoid(&mut self, (x, y): (i32, i32), radius: i32) {
+    fn avoid(&mut self, (x, y): (i32, i32), radius: i32) {
         self.taken.push([x - radius, y - radius, x + radius, y + radius]);
     }
 
     /// The left middle of `text` beside `point`, up to `away` lines from it; with how much of it is hidden or hides,
     /// square units.
-    pub(super) fn place(&mut self, text: &str, (x, y): (i32, i32), away: i32) -> ((i32, i32), i32) {
+    fn place(&mut self, text: &str, (x, y): (i32, i32), away: i32) -> ((i32, i32), i32) {
         let (width, height) = (text_width(text, self.size), self.size as i32);
         let area = |left: i32, middle: i32| [left, middle - height / 2, left + width, middle + height / 2];
         let mut best: Option<(i32, Area)> = None;
@@ -50,7 +92,7 @@ impl Labels {
     }
 
     /// Gives back the room of the last text, which is not drawn.
-    pub(super) fn withdraw(&mut self) {
+    fn withdraw(&mut self) {
         self.taken.pop();
     }
 }
