@@ -12,9 +12,7 @@ svl score scenarios/arena.toml --quiet >/dev/null
 svl score scenarios/middlebury.toml --data "$datasets" --quiet >/dev/null
 table() { awk -v want="$2" '/^\|/ { if (!inside) n++; inside = 1; if (n == want) print; next } { inside = 0 }' "$1"; }
 table reports/arena/summary.md 1 >"$work/arena"
-# Of each algorithm's best, worst and share, the share.
-table reports/arena/summary.md 2 |
-  awk -F'|' '{ printf "|%s", $2; for (i = 5; i < NF; i += 3) printf "|%s", $i; print "|" }' >"$work/checkpoints"
+table reports/arena/summary.md 2 >"$work/checkpoints"
 table reports/middlebury/summary.md 1 >"$work/middlebury"
 { echo '```text'; svl bench; echo '```'; } >"$work/bench"
 

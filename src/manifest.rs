@@ -38,6 +38,8 @@ pub struct Contestant {
     /// All its parameters, `key=value,...`.
     pub parameters: String,
     pub parameters_hash: String,
+    /// How many disparities it tries for a pixel, where its parameters tell.
+    pub disparities: Option<u32>,
     /// Digest of all its results in their order, once the run is over.
     pub results_hash: Option<String>,
 }
@@ -100,7 +102,8 @@ impl Contestant {
         let parameters = algorithm.parameters().to_string();
         let parameters_hash = hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
         let (name, label) = (algorithm.spec().name.to_owned(), algorithm.label().to_owned());
-        Self { name, label, parameters, parameters_hash, results_hash: None }
+        let disparities = algorithm.disparities();
+        Self { name, label, parameters, parameters_hash, disparities, results_hash: None }
     }
 
     fn entries(&self) -> impl Iterator<Item = (String, String)> {

@@ -57,7 +57,7 @@ struct Figures {
     algo: String,
     width: usize,
     height: usize,
-    disparities: i64,
+    disparities: u32,
     threads: usize,
     isa: &'static str,
     runs: usize,
@@ -144,9 +144,7 @@ fn figures(
 ) -> Figures {
     times.sort_unstable();
     let rank = |percent: usize| times[(percent * times.len()).div_ceil(100).max(1) - 1].as_secs_f64() * 1e3;
-    let bound = |name: &str| algorithm.parameters().iter().find(|(n, _)| *n == name).map(|(_, v)| v.to_string());
-    let bound = |name: &str| bound(name).and_then(|v| v.parse::<i64>().ok()).unwrap_or(0);
-    let disparities = bound("max_disparity") - bound("min_disparity") + 1;
+    let disparities = algorithm.disparities().unwrap_or(1);
     Figures {
         algo: algorithm.label().to_owned(),
         width,
@@ -159,7 +157,7 @@ fn figures(
         median_ms: rank(50),
         p95_ms: rank(95),
         p99_ms: rank(99),
-        mde_per_s: (width * height) as f64 * disparities as f64 / rank(50) / 1e3,
+        mde_per_s: (width * height) as f64 * f64::from(disparities) / rank(50) / 1e3,
     }
 }
 

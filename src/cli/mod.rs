@@ -16,6 +16,7 @@ mod replay;
 mod run_info;
 mod score;
 mod source;
+mod sweep;
 mod verify;
 mod view;
 

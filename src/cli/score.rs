@@ -3,37 +3,44 @@
 use super::output::{print, print_json};
 use super::progress::Progress;
 use super::source::data_folder;
+use super::sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
 use super::{cache, run_info};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
-use svl::matcher::Algorithm;
 use svl::report::html::Page;
 use svl::report::{Ruling, Summary, Tables};
 use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
-use svl::sink::{Identity, Judge, RerunSink, RerunTarget, Sink};
+use svl::sink::{Findings, Identity, Judge, RerunSink, RerunTarget, Sink};
 use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
 
 /// Score algorithms on a scenario and write a report
 ///
 /// Records what is missing (recordings/ is a cache), replays it through the algorithms, judges every cell and every
-/// checkpoint, prints a summary, and writes tables, index.html and run.rrd.
+/// checkpoint, prints a summary, and writes a report: index.html to read, summary.md, run.rrd for Rerun, and as .csv and
+/// .parquet the tables summary (per algorithm), verdicts (per checkpoint), rows (per pair), cells and checkpoints (per
+/// run).
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl score scenarios/arena.toml
   svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64 --out reports/range
+  svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
-  svl score scenarios/arena.toml --gate          for a CI: exit 1 when a limit of the scenario is broken")]
+  svl score scenarios/arena.toml --gate          for a CI: exit 1 when a limit of the scenario is broken
+
+A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for seven algorithms, uniqueness=0, 10, … 60. The
+report joins what differs in one number by a line, in its plots of accuracy against speed and of coverage against error.
+A run takes at most 32 algorithms.")]
 pub(super) struct Args {
     /// Scenario file
     scenario: PathBuf,
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: the scenario's]
+    /// Algorithm, as `svl algos` lists them, or a sweep; may be given more than once [default: the scenario's]
     #[arg(long, value_name = "NAME[:key=value,…]")]
-    algo: Vec<Algorithm>,
+    algo: Vec<Algorithms>,
     /// Folder for the report; a report of svl's that is there is replaced [default: reports/SCENARIO]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -54,7 +61,10 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut scenario = Scenario::read(&args.scenario)?;
     if !args.algo.is_empty() {
-        scenario.algorithms.clone_from(&args.algo);
+        scenario.algorithms = args.algo.iter().flat_map(|Algorithms(all)| all.clone()).collect();
+    }
+    if scenario.algorithms.len() > MAX_ALGORITHMS {
+        bail!("{} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps", scenario.algorithms.len());
     }
     if args.gate && scenario.gate.is_empty() {
         bail!(
@@ -201,9 +211,10 @@ impl Report {
 
     fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<(Summary, Manifest)> {
         let Self { folder, mut manifest, judge, mut rerun } = self;
-        let (mut summary, figures) = judge.finish()?;
+        let Findings { mut summary, times_ms, figures, scenes } = judge.finish()?;
         summary.incomplete = incomplete;
         summary.complete(&mut manifest);
+        summary.write_tables(&folder)?;
         rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
         rerun.finish()?;
         let write = |name: &str, text: String| {
@@ -218,7 +229,10 @@ impl Report {
             description: scenario.description.clone(),
             identity: manifest.entries(),
             summary: summary.clone(),
+            times_ms,
+            sweeps: sweeps(&scenario.algorithms),
             figures,
+            scenes,
         };
         page.write(&folder.join("index.html"))?;
         Ok((summary, manifest))
@@ -241,6 +255,10 @@ const REPORT_FILES: &[&str] = &[
     "checkpoints.csv",
     "checkpoints.parquet",
     MANIFEST,
+    "summary.csv",
+    "summary.parquet",
+    "verdicts.csv",
+    "verdicts.parquet",
     "summary.md",
     "summary.json",
     "index.html",

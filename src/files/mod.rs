@@ -4,11 +4,13 @@ mod disparity;
 mod image;
 mod npz;
 mod pfm;
+mod picture;
 
 pub use disparity::{read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 pub use npz::read_npz;
 pub use pfm::{read_pfm, write_pfm};
+pub use picture::{encode_jpeg, encode_palette_png};
 
 use crate::error::{Error, Result};
 use crate::stereo::Plane;

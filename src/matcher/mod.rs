@@ -114,6 +114,16 @@ impl Algorithm {
         &self.parameters
     }
 
+    /// How many disparities are tried for a pixel, where the parameters tell: `max_disparity`, from `min_disparity` or 0.
+    pub fn disparities(&self) -> Option<u32> {
+        let bound = |name| self.parameters.iter().find(|(n, _)| *n == name).map(|(_, value)| value);
+        match (bound("min_disparity"), bound("max_disparity")?) {
+            (Some(Value::Int(min)), Value::Int(max)) => u32::try_from(max - min + 1).ok(),
+            (_, Value::Int(max)) => u32::try_from(max + 1).ok(),
+            _ => None,
+        }
+    }
+
     /// A matcher on the instruction set in use, [`crate::kernel::isa`].
     ///
     /// # Errors

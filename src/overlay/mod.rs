@@ -4,8 +4,11 @@
 //!
 //! [`marks`] is the geometry; the HTML report draws it as SVG and the Rerun sink as boxes.
 
+pub mod errors;
 mod geometry;
+mod picture;
 mod preview;
 
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
-pub use preview::preview;
+pub use picture::Picture;
+pub use preview::{disparities, preview, viridis};

@@ -1,7 +1,7 @@
 //! A summary as Markdown.
 
 use super::summary::Summary;
-use super::words::{COLUMNS, Checkpoints, NOTES, pass, percent, totals};
+use super::words::{COLUMNS, Cell, Checkpoints, Column, SPEED, VERDICTS, notes, shown};
 
 impl Summary {
     /// The summary as a Markdown page under `title`.
@@ -10,53 +10,52 @@ impl Summary {
         if let Some(why) = &self.incomplete {
             page.push_str(&format!("\n**Incomplete:** {}\n", escape(why)));
         }
-        let heads = COLUMNS.iter().map(|c| match c.group {
-            "" => c.head.to_owned(),
-            group => format!("{group}: {}", c.head),
-        });
-        let lines = self.algorithms.iter().map(|a| {
-            let cells = COLUMNS.iter().map(|column| (column.cell)(a));
-            std::iter::once(escape(&a.algorithm)).chain(cells).collect()
-        });
-        table(&mut page, std::iter::once("algorithm".to_owned()).chain(heads).collect(), lines);
-        page.push('\n');
-        for (term, meaning) in NOTES {
-            page.push_str(&format!("- {}: {}\n", escape(term), escape(meaning)));
-        }
-        if !self.checkpoints.is_empty() {
+        self.algorithms_markdown(&mut page, COLUMNS);
+        if let Some(checkpoints) = Checkpoints::of(self) {
             page.push_str("\n## Checkpoints\n");
-            self.checkpoints_markdown(&mut page);
+            checkpoints_markdown(&mut page, &checkpoints);
         }
+        page.push_str("\n## Speed\n");
+        self.algorithms_markdown(&mut page, SPEED);
         page
     }
 
     /// The checkpoints' verdicts alone, under `title`; the whole summary where there are no checkpoints.
     pub fn verdicts_markdown(&self, title: &str) -> String {
-        if self.checkpoints.is_empty() {
-            return self.markdown(title);
-        }
+        let Some(checkpoints) = Checkpoints::of(self) else { return self.markdown(title) };
         let mut page = format!("# {}\n", escape(title));
-        self.checkpoints_markdown(&mut page);
+        checkpoints_markdown(&mut page, &checkpoints);
         page
     }
 
-    fn checkpoints_markdown(&self, page: &mut String) {
-        let checkpoints = Checkpoints::of(self);
-        let heads = checkpoints.algorithms.iter().flat_map(|a| ["best", "worst", "frames, %"].map(|h| (a, h)));
-        let heads = heads.map(|(algorithm, head)| format!("{} {head}", escape(algorithm)));
-        let lines = checkpoints.lines.iter().map(|line| {
-            let cells = line.cells.iter().flat_map(|cell| {
-                let best = pass(cell.and_then(|c| c.best_passed));
-                let worst = pass(cell.and_then(|c| c.worst_passed));
-                [best.to_owned(), worst.to_owned(), percent(cell.and_then(|c| c.share()))]
-            });
-            std::iter::once(escape(&line.name)).chain(cells).collect()
+    fn algorithms_markdown(&self, page: &mut String, columns: &'static [Column]) {
+        let columns = shown(columns, self);
+        let heads = columns.iter().map(|c| match c.group {
+            "" => c.head.to_owned(),
+            group => format!("{group}: {}", c.head),
         });
-        let sums = checkpoints.algorithms.iter().flat_map(|a| totals(self, a));
-        let sums = std::iter::once("all".to_owned()).chain(sums).collect();
-        table(page, std::iter::once("checkpoint".to_owned()).chain(heads).collect(), lines.chain([sums]));
-        page.push_str("\nBest and worst frame of all runs, and the share of frames in which the checkpoint passes.\n");
+        let lines = self.algorithms.iter().map(|a| {
+            let cells = columns.iter().map(|column| (column.cell)(a));
+            std::iter::once(escape(&a.algorithm)).chain(cells).collect()
+        });
+        table(page, std::iter::once("algorithm".to_owned()).chain(heads).collect(), lines);
+        page.push('\n');
+        for (term, meaning) in notes(&columns) {
+            page.push_str(&format!("- {}: {}\n", escape(term), escape(meaning)));
+        }
     }
+}
+
+fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
+    let heads = std::iter::once("algorithm".to_owned()).chain(checkpoints.heads.iter().map(|head| escape(head)));
+    // Blanks align on the terminal alone.
+    let told = |cell: &Cell| cell.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+    let lines = checkpoints
+        .lines
+        .iter()
+        .map(|(algorithm, cells)| std::iter::once(escape(algorithm)).chain(cells.iter().map(told)).collect());
+    table(page, heads.collect(), lines);
+    page.push_str(&format!("\n{VERDICTS}.\n"));
 }
 
 /// Appends a table whose first column is text and whose others are numbers.

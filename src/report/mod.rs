@@ -4,7 +4,8 @@
 //! Row, CellRow, CheckpointRow ──▶ Tables ──▶ rows.csv cells.csv checkpoints.csv   while the run goes
 //!                                   │ finish
 //!                                   ├─▶ rows.parquet cells.parquet checkpoints.parquet
-//!                                   └─▶ Summary ──▶ Display, markdown, JSON, html::Page
+//!                                   └─▶ Summary ──▶ Display, markdown, JSON, html::Page,
+//!                                                   summary and verdicts as .csv and .parquet
 //! ```
 
 pub mod compare;
@@ -15,6 +16,7 @@ mod metric;
 pub mod plot;
 mod read;
 mod rows;
+mod speed;
 mod summary;
 mod tables;
 mod text;

@@ -4,8 +4,8 @@
 //! is absent where there is none.
 
 use crate::score::Verdict;
-use polars::prelude::{Column, DataFrame, PolarsResult};
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use polars::prelude::{DataFrame, PolarsResult};
+use serde::{Serialize, de::DeserializeOwned};
 
 /// A row that can also stand as the columns of a data frame.
 pub trait Record: Serialize + DeserializeOwned {
@@ -23,21 +23,23 @@ pub trait Record: Serialize + DeserializeOwned {
 macro_rules! record {
     ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $field:ident: $kind:ty,)* }) => {
         $(#[$about])*
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
         pub struct $name { $($(#[$doc])* pub $field: $kind,)* }
 
-        impl Record for $name {
+        impl $crate::report::rows::Record for $name {
             const COLUMNS: &'static [&'static str] = &[$(stringify!($field),)*];
 
-            fn frame(rows: &[Self]) -> PolarsResult<DataFrame> {
-                DataFrame::new(rows.len(), vec![$({
+            fn frame(rows: &[Self]) -> polars::prelude::PolarsResult<polars::prelude::DataFrame> {
+                use $crate::report::rows::Stored as _;
+                polars::prelude::DataFrame::new(rows.len(), vec![$({
                     let values: Vec<_> = rows.iter().map(|row| row.$field.stored()).collect();
-                    Column::new(stringify!($field).into(), values)
+                    polars::prelude::Column::new(stringify!($field).into(), values)
                 },)*])
             }
         }
     };
 }
+pub(super) use record;
 
 record! {
     /// One pair through one algorithm.
@@ -55,6 +57,10 @@ record! {
         /// As it was asked for, e.g. `v3:max_disparity=64`.
         algorithm: String,
         parameters_hash: String,
+        width: u32,
+        height: u32,
+        /// How many disparities the algorithm tries for a pixel, where its parameters tell.
+        disparities: Option<u32>,
         smoothing_us: u64,
         texture_us: u64,
         matching_us: u64,
@@ -130,7 +136,7 @@ record! {
 }
 
 /// A field as polars stores it.
-trait Stored {
+pub(super) trait Stored {
     type As;
     fn stored(&self) -> Self::As;
 }
@@ -146,7 +152,7 @@ macro_rules! stored_as_itself {
     };
 }
 
-stored_as_itself!(String, u32, u64, f64, bool, Option<u64>, Option<f64>, Option<bool>);
+stored_as_itself!(String, u32, u64, f64, bool, Option<u32>, Option<u64>, Option<f64>, Option<bool>);
 
 impl Stored for Verdict {
     type As = &'static str;

@@ -1,9 +1,10 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
-use super::rows::{Record, Row};
+use super::rows::{Record, Row, record};
+use super::speed::Speed;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
-use polars::prelude::{ChunkQuantile, DataFrame, PolarsResult, QuantileMethod};
+use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
 
 /// What a run comes to. `Display` is a table for the terminal.
@@ -19,41 +20,60 @@ pub struct Summary {
     pub checkpoints: Vec<CheckpointSummary>,
 }
 
-/// One algorithm over all pairs. Absent: no pair has the truth it takes.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct AlgorithmSummary {
-    pub algorithm: String,
-    pub pairs: u64,
-    pub cells_right: Option<u64>,
-    pub cells_wrong: Option<u64>,
-    pub cells_unknown: Option<u64>,
-    pub missed_obstacles: Option<u64>,
-    pub false_obstacles: Option<u64>,
-    /// Mean of the pairs' shares, 0..=1, as are the next three.
-    pub coverage: f64,
-    pub invalid: Option<f64>,
-    pub bad1: Option<f64>,
-    pub bad2: Option<f64>,
-    /// Median time a pair by nearest rank.
-    pub p50_ms: f64,
-    /// 99th percentile by nearest rank: the slowest pair when there are fewer than a hundred.
-    pub p99_ms: f64,
-    /// Digest of the hashes of its results in their order.
-    pub results_hash: String,
+record! {
+    /// One algorithm over all pairs. Absent: no pair has what it takes.
+    AlgorithmSummary {
+        algorithm: String,
+        pairs: u64,
+        cells_right: Option<u64>,
+        cells_wrong: Option<u64>,
+        cells_unknown: Option<u64>,
+        missed_obstacles: Option<u64>,
+        false_obstacles: Option<u64>,
+        /// Mean of the pairs' shares, 0..=1, as are the next three.
+        coverage: f64,
+        invalid: Option<f64>,
+        bad1: Option<f64>,
+        bad2: Option<f64>,
+        /// Median time a pair by nearest rank.
+        p50_ms: f64,
+        /// Percentiles by nearest rank: the 99th is the slowest pair when there are fewer than a hundred.
+        p95_ms: f64,
+        p99_ms: f64,
+        max_ms: f64,
+        /// Median seconds per million pixels.
+        time_per_mp_s: f64,
+        /// Median seconds per 10⁹ pixels times disparities.
+        time_per_gd_s: Option<f64>,
+        /// Million pixels times disparities a second, of the median pair.
+        mde_per_s: Option<f64>,
+        /// Mean over the half of the pairs whose total is nearest to the median, so that the stages add up and an outlier
+        /// does not count; as are the next four.
+        smoothing_ms: f64,
+        texture_ms: f64,
+        matching_ms: f64,
+        checks_ms: f64,
+        /// What belongs to no stage.
+        other_ms: f64,
+        /// Digest of the hashes of its results in their order.
+        results_hash: String,
+    }
 }
 
-/// One checkpoint through one algorithm over all runs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CheckpointSummary {
-    pub checkpoint: u32,
-    pub name: String,
-    pub algorithm: String,
-    pub frames: u64,
-    pub passed: u64,
-    /// Whether the best frame of all runs passes; absent when no frame shows the checkpoint.
-    pub best_passed: Option<bool>,
-    /// Whether the worst frame of all runs passes.
-    pub worst_passed: Option<bool>,
+record! {
+    /// One checkpoint through one algorithm over all runs.
+    CheckpointSummary {
+        checkpoint: u32,
+        name: String,
+        algorithm: String,
+        /// Frames that show the checkpoint.
+        frames: u64,
+        passed: u64,
+        /// Whether the best frame of all runs passes; absent when no frame shows the checkpoint.
+        best_passed: Option<bool>,
+        /// Whether the worst frame of all runs passes.
+        worst_passed: Option<bool>,
+    }
 }
 
 impl AlgorithmSummary {
@@ -106,6 +126,9 @@ fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
 }
 
 fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
+    let speed = Speed::of(rows)?;
+    let [smoothing_ms, texture_ms, matching_ms, checks_ms, other_ms] = speed.stages_ms;
+    let time_per_gd_s = speed.time_per_gd_s();
     Ok(AlgorithmSummary {
         algorithm: first(rows, "algorithm")?,
         pairs: rows.height() as u64,
@@ -118,8 +141,18 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         invalid: mean(rows, "invalid")?,
         bad1: mean(rows, "bad1")?,
         bad2: mean(rows, "bad2")?,
-        p50_ms: quantile_ms(rows, 0.50)?,
-        p99_ms: quantile_ms(rows, 0.99)?,
+        p50_ms: speed.rank_ms(0.50),
+        p95_ms: speed.rank_ms(0.95),
+        p99_ms: speed.rank_ms(0.99),
+        max_ms: speed.rank_ms(1.0),
+        time_per_mp_s: speed.time_per_mp_s(),
+        time_per_gd_s,
+        mde_per_s: time_per_gd_s.filter(|t| *t > 0.0).map(|t| 1e3 / t),
+        smoothing_ms,
+        texture_ms,
+        matching_ms,
+        checks_ms,
+        other_ms,
         results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
     })
 }
@@ -164,12 +197,6 @@ fn sum(group: &DataFrame, column: &str) -> PolarsResult<Option<u64>> {
 
 fn mean(group: &DataFrame, column: &str) -> PolarsResult<Option<f64>> {
     Ok(group.column(column)?.as_materialized_series().mean())
-}
-
-/// `Equiprobable` is the nearest rank: the smallest time that at least `q` of the pairs do not exceed.
-fn quantile_ms(rows: &DataFrame, q: f64) -> PolarsResult<f64> {
-    let us = rows.column("total_us")?.u64()?.quantile(q, QuantileMethod::Equiprobable)?;
-    Ok(us.unwrap_or_default() / 1000.0)
 }
 
 fn flags(group: &DataFrame, column: &str) -> PolarsResult<Vec<bool>> {

@@ -152,6 +152,22 @@ impl Tables {
     }
 }
 
+impl Summary {
+    /// Writes `summary`, a row per algorithm, and `verdicts`, a row per checkpoint and algorithm, each as `.csv` and
+    /// `.parquet`, into a folder that exists.
+    ///
+    /// # Errors
+    /// As [`Tables::push`].
+    pub fn write_tables(&self, folder: &Path) -> Result<()> {
+        let mut algorithms = both(folder, "summary")?;
+        algorithms.push(self.algorithms.iter().cloned())?;
+        algorithms.finish()?;
+        let mut checkpoints = both(folder, "verdicts")?;
+        checkpoints.push(self.checkpoints.iter().cloned())?;
+        checkpoints.finish()
+    }
+}
+
 fn both<R: Record>(folder: &Path, name: &str) -> Result<Table<R>> {
     let csv = Csv::create::<R>(&folder.join(name).with_extension("csv"))?;
     let parquet = Parquet::create(&folder.join(name).with_extension("parquet"))?;

@@ -1,18 +1,13 @@
 //! A summary on the terminal: plain text, aligned, at most 100 columns.
 
 use super::summary::Summary;
-use super::words::{COLUMNS, Checkpoints, Column, NOTES, pass, percent, totals};
+use super::words::{COLUMNS, Checkpoints, Column, VERDICTS, notes, shown};
 use std::fmt::{Display, Formatter, Result};
 
 const WIDTH: usize = 100;
 
-/// The columns, each with the gap before it: two blanks between groups, one within.
-fn columns() -> impl Iterator<Item = (usize, &'static Column)> {
-    COLUMNS.iter().enumerate().map(|(i, column)| {
-        let begins = i == 0 || COLUMNS[i - 1].group != column.group;
-        (if begins { 2 } else { 1 }, column)
-    })
-}
+/// Longest name that stands beside its checkpoints.
+const NAME: usize = 24;
 
 impl Display for Summary {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
@@ -22,79 +17,78 @@ impl Display for Summary {
         if self.algorithms.is_empty() {
             return writeln!(f, "No pairs.");
         }
-        let numbers: usize = columns().map(|(gap, column)| gap + column.width).sum();
-        let room = WIDTH - numbers;
-        let longest = self.algorithms.iter().map(|a| a.algorithm.chars().count()).max().unwrap_or_default();
-        let name = longest.max("algorithm".len()).min(room);
+        let columns = shown(COLUMNS, self);
+        // Two blanks between groups, one within.
+        let gap = |i: usize| if i == 0 || columns[i - 1].group != columns[i].group { 2 } else { 1 };
+        let numbers: usize = columns.iter().enumerate().map(|(i, column)| gap(i) + column.width).sum();
+        let name = name_width(self.algorithms.iter().map(|a| a.algorithm.as_str()), WIDTH - numbers);
 
-        writeln!(f, "{}", head_of_groups(name).trim_end())?;
+        writeln!(f, "{}", head_of_groups(name, &columns).trim_end())?;
         write!(f, "{:name$}", "algorithm")?;
-        for (gap, column) in columns() {
-            write!(f, "{:gap$}{:>width$}", "", column.head, width = column.width)?;
+        for (i, column) in columns.iter().enumerate() {
+            write!(f, "{:gap$}{:>width$}", "", column.head, gap = gap(i), width = column.width)?;
         }
         writeln!(f)?;
         for algorithm in &self.algorithms {
-            // A name too long for its column stands on a line of its own: cut short it could be mistaken for another.
-            match algorithm.algorithm.chars().count() {
-                n if n > name => write!(f, "{}\n{:name$}", algorithm.algorithm, "")?,
-                _ => write!(f, "{:name$}", algorithm.algorithm)?,
-            }
-            for (gap, column) in columns() {
-                write!(f, "{:gap$}{:>width$}", "", (column.cell)(algorithm), width = column.width)?;
+            label(f, &algorithm.algorithm, name)?;
+            for (i, column) in columns.iter().enumerate() {
+                write!(f, "{:gap$}{:>width$}", "", (column.cell)(algorithm), gap = gap(i), width = column.width)?;
             }
             writeln!(f)?;
         }
         writeln!(f)?;
-        NOTES.iter().try_for_each(|(term, meaning)| writeln!(f, "{term}: {meaning}"))?;
-        checkpoints(self, f)
+        notes(&columns).iter().try_for_each(|(term, meaning)| writeln!(f, "{term}: {meaning}"))?;
+        Checkpoints::of(self).map_or(Ok(()), |table| checkpoints(&table, f))
     }
 }
 
+/// Width of the column of names: the longest, where there is room.
+fn name_width<'a>(names: impl Iterator<Item = &'a str>, room: usize) -> usize {
+    let longest = names.map(|name| name.chars().count()).max().unwrap_or_default();
+    longest.max("algorithm".len()).min(room)
+}
+
+/// A name too long for its column stands on a line of its own: cut short it could be mistaken for another.
+fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
+    if name.chars().count() > width { write!(f, "{name}\n{:width$}", "") } else { write!(f, "{name:width$}") }
+}
+
 /// The line above the heads, a group's word centred over its columns.
-fn head_of_groups(name: usize) -> String {
+fn head_of_groups(name: usize, columns: &[&Column]) -> String {
     let mut line = " ".repeat(name);
-    for group in COLUMNS.chunk_by(|a, b| a.group == b.group) {
+    for group in columns.chunk_by(|a, b| a.group == b.group) {
         let span = group.iter().map(|column| column.width).sum::<usize>() + group.len() - 1;
         line.push_str(&format!("  {:^span$}", group[0].group));
     }
     line
 }
 
-/// The table of checkpoints, as many algorithms abreast as fit.
-fn checkpoints(summary: &Summary, f: &mut Formatter<'_>) -> Result {
-    const HEADS: &str = "best worst frames, %";
-    let table = Checkpoints::of(summary);
-    let widest = |texts: &mut dyn Iterator<Item = &str>| texts.map(|t| t.chars().count()).max().unwrap_or_default();
-    let name = widest(&mut table.lines.iter().map(|line| line.name.as_str())).max("checkpoint".len());
-    let block = widest(&mut table.algorithms.iter().copied()).max(HEADS.len());
-    let abreast = (WIDTH.saturating_sub(name) / (block + 2)).max(1);
-    let cells =
-        |best: &str, worst: &str, share: &str| format!("  {:<block$}", format!("{best:>4} {worst:>5} {share:>9}"));
-
-    for (i, algorithms) in table.algorithms.chunks(abreast).enumerate() {
-        let labels: String = algorithms.iter().map(|a| format!("  {a:<block$}")).collect();
-        let heads = format!("  {HEADS:<block$}").repeat(algorithms.len());
-        writeln!(f, "\n{:name$}{}", "", labels.trim_end())?;
-        writeln!(f, "{:name$}{}", "checkpoint", heads.trim_end())?;
-        for line in &table.lines {
-            let here = &line.cells[i * abreast..][..algorithms.len()];
-            let text: String = here
-                .iter()
-                .map(|cell| {
-                    let [best, worst] = [cell.and_then(|c| c.best_passed), cell.and_then(|c| c.worst_passed)].map(pass);
-                    cells(best, worst, &percent(cell.and_then(|c| c.share())))
-                })
-                .collect();
-            writeln!(f, "{:name$}{}", line.name, text.trim_end())?;
+/// The table of checkpoints, as many abreast as fit.
+fn checkpoints(table: &Checkpoints<'_>, f: &mut Formatter<'_>) -> Result {
+    let name = name_width(table.lines.iter().map(|(algorithm, _)| *algorithm), NAME);
+    let lines: Vec<Vec<String>> =
+        table.lines.iter().map(|(_, cells)| cells.iter().map(ToString::to_string).collect()).collect();
+    let longest =
+        |i: usize| lines.iter().map(|line| &line[i]).chain([&table.heads[i]]).map(|t| t.chars().count()).max();
+    let widths: Vec<_> = (0..table.heads.len()).map(|i| longest(i).unwrap_or_default()).collect();
+    let aligned = |texts: &[String], from: usize| {
+        let texts = texts.iter().zip(&widths[from..]).map(|(text, width)| format!("  {text:<width$}"));
+        texts.collect::<String>().trim_end().to_owned()
+    };
+    let mut from = 0;
+    while from < widths.len() {
+        let mut end = name;
+        let fits = widths[from..].iter().take_while(|&&width| {
+            end += 2 + width;
+            end <= WIDTH
+        });
+        let to = from + fits.count().max(1);
+        writeln!(f, "\n{:name$}{}", "algorithm", aligned(&table.heads[from..to], from))?;
+        for ((algorithm, _), cells) in table.lines.iter().zip(&lines) {
+            label(f, algorithm, name)?;
+            writeln!(f, "{}", aligned(&cells[from..to], from))?;
         }
-        let text: String = algorithms
-            .iter()
-            .map(|algorithm| {
-                let [best, worst, share] = totals(summary, algorithm);
-                cells(&best, &worst, &share)
-            })
-            .collect();
-        writeln!(f, "{:name$}{}", "all", text.trim_end())?;
+        from = to;
     }
-    Ok(())
+    writeln!(f, "\n{VERDICTS}")
 }

@@ -5,7 +5,7 @@ mod recording;
 mod rerun;
 mod rows;
 
-pub use judge::Judge;
+pub use judge::{Findings, Judge};
 pub use recording::RecordingSink;
 pub use rerun::{Edges, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
 pub use rows::{Identity, RowSink};

@@ -1,7 +1,7 @@
 //! One pair through one algorithm as rows of the tables.
 
 use crate::error::Result;
-use crate::manifest::Manifest;
+use crate::manifest::{Contestant, Manifest};
 use crate::report::{CellRow, Row, Table};
 use crate::score::{CellJudgement, CellRule, CellTally, DisparityScore, judge_cells, true_grid};
 use crate::stereo::{DepthGrid, Estimate, Frame, GridShape};
@@ -15,8 +15,7 @@ pub struct Identity {
     pub scenario: String,
     /// Seed of the arena's run that is being read.
     pub seed: Option<u64>,
-    /// The algorithms' labels, each with the hash of its complete parameters.
-    pub parameters: Vec<(String, String)>,
+    pub algorithms: Vec<Contestant>,
     pub rule: CellRule,
     pub shape: GridShape,
 }
@@ -31,9 +30,8 @@ pub(super) struct Judged {
 
 impl Identity {
     pub fn new(manifest: &Manifest, rule: CellRule, shape: GridShape) -> Self {
-        let parameters = manifest.algorithms.iter().map(|a| (a.label.clone(), a.parameters_hash.clone())).collect();
-        let (run_id, scenario) = (manifest.run_id.clone(), manifest.scenario.clone());
-        Self { run_id, scenario, seed: None, parameters, rule, shape }
+        let Manifest { run_id, scenario, algorithms, .. } = manifest.clone();
+        Self { run_id, scenario, seed: None, algorithms, rule, shape }
     }
 
     /// Judges every estimate of a frame.
@@ -44,11 +42,13 @@ impl Identity {
     }
 
     fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate, pair_hash: &str) -> Judged {
-        let of_algorithm = |(label, _): &&(String, String)| *label == estimate.algorithm;
-        let parameters = self.parameters.iter().find(of_algorithm).map_or("", |(_, hash)| hash);
+        let contestant = self.algorithms.iter().find(|contestant| contestant.label == estimate.algorithm);
+        let (width, height) = frame.pair.size();
         let judgements = truth.map(|truth| judge_cells(truth, &estimate.grid, self.rule));
         let tally = judgements.as_deref().map(CellTally::of);
         let count = |f: fn(&CellTally) -> usize| tally.as_ref().map(|t| f(t) as u64);
+        // Obstacles are a matter of distance: elsewhere none missed would be said of none looked for.
+        let obstacles = |f| count(f).filter(|_| self.rule == CellRule::Distance && frame.rig.is_some());
         let score = frame.truth.as_ref().map(|truth| DisparityScore::of(&estimate.disparity, truth));
         let us = |time: Duration| time.as_micros() as u64;
         let stage = |stage| us(estimate.times.get(stage));
@@ -61,7 +61,10 @@ impl Identity {
             seed: self.seed,
             pair_hash: pair_hash.to_owned(),
             algorithm: estimate.algorithm.clone(),
-            parameters_hash: parameters.to_owned(),
+            parameters_hash: contestant.map_or_else(String::new, |c| c.parameters_hash.clone()),
+            width: width as u32,
+            height: height as u32,
+            disparities: contestant.and_then(|c| c.disparities),
             smoothing_us: stage(Stage::Smoothing),
             texture_us: stage(Stage::Texture),
             matching_us: stage(Stage::Matching),
@@ -74,8 +77,8 @@ impl Identity {
             cells_right: count(|t| t.right),
             cells_wrong: count(|t| t.wrong),
             cells_unknown: count(|t| t.unknown),
-            missed_obstacles: count(|t| t.missed_obstacles),
-            false_obstacles: count(|t| t.false_obstacles),
+            missed_obstacles: obstacles(|t| t.missed_obstacles),
+            false_obstacles: obstacles(|t| t.false_obstacles),
             result_hash: format!("{:032x}", estimate.disparity.hash()),
         };
         Judged { cells: self.cells(frame, estimate, judgements.as_deref()), row, judgements }

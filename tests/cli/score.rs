@@ -6,7 +6,7 @@ fn scores_the_arena_and_writes_the_whole_report() {
     fixture.write_short_arena("short.toml", 60);
     let text = fixture.svl(&["score", "short.toml"]).done();
     assert!(text.contains("v3") && text.contains("reports/arena/index.html"), "{text}");
-    for file in ["rows", "cells", "checkpoints"] {
+    for file in ["summary", "verdicts", "rows", "cells", "checkpoints"] {
         for ending in ["csv", "parquet"] {
             assert!(fixture.path(&format!("reports/arena/{file}.{ending}")).is_file(), "{file}.{ending}");
         }
@@ -23,6 +23,21 @@ fn scores_the_arena_and_writes_the_whole_report() {
     assert_eq!(recordings(), 2);
     fixture.svl(&["score", "short.toml", "-q"]).done();
     assert_eq!(recordings(), 2);
+}
+
+#[test]
+fn a_sweep_is_scored_as_so_many_algorithms_and_plotted_as_one() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    let sweep = ["score", "short.toml", "--algo", "bm:uniqueness=0..20/10", "--algo", "v3", "--json"];
+    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&sweep).done()).unwrap();
+    let labels: Vec<_> = json["algorithms"].as_array().unwrap().iter().map(|a| a["algorithm"].clone()).collect();
+    assert_eq!(labels, ["bm:uniqueness=0", "bm:uniqueness=10", "bm:uniqueness=20", "v3"]);
+    let html = std::fs::read_to_string(fixture.path("reports/arena/index.html")).unwrap();
+    assert!(html.contains("bm: uniqueness = 0") && !html.contains("v3: "));
+    let many = ["score", "short.toml", "--algo", "bm:uniqueness=0..30/1", "--algo", "v3:texture_sigma=1..5/1"];
+    fixture.svl(&many).failed(1, &["36 algorithms", "at most 32"]);
+    fixture.svl(&["score", "short.toml", "--algo", "bm:uniqueness=0..9"]).failed(2, &["FROM..TO/STEP"]);
 }
 
 #[test]
@@ -72,6 +87,10 @@ fn real_scenes_score_as_measured() {
     // What v3 gives here to the last cell and bit, so that any change of metric, truth or matcher shows.
     let cells = ["cells_right", "cells_wrong", "cells_unknown"].map(|key| v3[key].as_u64().unwrap());
     assert_eq!(cells, [186, 23, 133]);
+    // Judged by disparities: nobody looked for obstacles, so none is not the number of those missed.
+    assert!(v3["missed_obstacles"].is_null() && v3["false_obstacles"].is_null());
+    let page = fixture.path("reports/middlebury/index.html").metadata().unwrap().len();
+    assert!(page < 5_000_000, "the page has {page} bytes");
 }
 
 #[test]

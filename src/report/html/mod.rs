@@ -1,5 +1,9 @@
 //! `index.html`: one file without scripts or anything to fetch, with the thesis's figure 7.3 as vector graphics.
 
+mod frames;
+mod plots;
+mod scenes;
+mod tables;
 mod view;
 
 use super::rows::{CellRow, Row};
@@ -16,17 +20,31 @@ pub struct Page {
     /// What identifies the run: names and values of its manifest.
     pub identity: Vec<(String, String)>,
     pub summary: Summary,
-    /// One per checkpoint, or one per scene.
+    /// Per algorithm what each pair took, ms.
+    pub times_ms: Vec<(String, Vec<f64>)>,
+    pub sweeps: Vec<Sweep>,
+    /// One per checkpoint.
     pub figures: Vec<Figure>,
+    /// Where the frames are scenes of a data set.
+    pub scenes: Vec<Scene>,
+}
+
+/// Algorithms that differ in one parameter alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// What is swept, e.g. `v3: texture_sigma`.
+    pub name: String,
+    /// Values of the parameter, ascending, and the algorithms' labels.
+    pub points: Vec<(String, String)>,
 }
 
 /// A row of shots under one heading.
 pub struct Figure {
-    /// The checkpoint's or the scene's name.
+    /// The checkpoint's name.
     pub title: String,
     /// What is to be seen, may be empty.
     pub about: String,
-    pub shots: Vec<Shot>,
+    pub shots: Vec<(Rank, Shot)>,
 }
 
 /// One frame through one algorithm: its overlay, beside it the truth's, and the disparities.
@@ -35,18 +53,35 @@ pub struct Shot {
     pub row: Row,
     /// The frame's cells, from which the caption tells the wrong ones.
     pub cells: Vec<CellRow>,
-    /// Why this frame stands here; nothing where there is no choice.
-    pub rank: Option<Rank>,
     /// Whether the checkpoint passes in this frame.
-    pub passed: Option<bool>,
-    /// The left image as a PNG file. The page holds it once, however many shots show it.
-    pub left_png: Vec<u8>,
-    /// Width and height of the left image, pixels.
+    pub passed: bool,
+    /// The left image as a PNG or JPEG file. The page holds it once, however many shots show it.
+    pub left: Vec<u8>,
+    /// Width and height that the marks are made for, pixels.
     pub size: (usize, usize),
     pub estimate: Vec<Mark>,
     pub truth: Option<Vec<Mark>>,
-    /// The disparities as colours, a PNG file.
-    pub preview_png: Option<Vec<u8>>,
+    /// The disparities as colours, an image file likewise.
+    pub preview: Vec<u8>,
+}
+
+/// A scene with what each algorithm makes of it. Pictures are PNG or JPEG files.
+pub struct Scene {
+    pub title: String,
+    /// Width and height of the scene, to whose proportions the pictures are.
+    pub size: (usize, usize),
+    pub left: Vec<u8>,
+    /// The disparity at the end of the colours' scale, which truth and algorithms share, pixels.
+    pub max_px: f64,
+    pub truth: Option<Vec<u8>>,
+    pub shots: Vec<SceneShot>,
+}
+
+/// A scene through one algorithm.
+pub struct SceneShot {
+    pub row: Row,
+    pub disparities: Vec<u8>,
+    pub errors: Option<Vec<u8>>,
 }
 
 /// Place of a frame among those of its checkpoint.
@@ -68,8 +103,9 @@ impl Page {
     /// The page. All texts are escaped.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what the template engine says.
+    /// [`Error::Invalid`] with what the template engine or the plotting library says.
     pub fn render(&self) -> Result<String> {
+        let view = view::View::of(self)?;
         let mut templates = minijinja::Environment::new();
         templates.set_trim_blocks(true);
         templates.set_lstrip_blocks(true);
@@ -77,7 +113,7 @@ impl Page {
         templates
             .add_template("index.html", include_str!("index.html"))
             .and_then(|()| templates.add_template("style.css", include_str!("style.css")))
-            .and_then(|()| templates.get_template("index.html")?.render(view::View::of(self)))
+            .and_then(|()| templates.get_template("index.html")?.render(view))
             .map_err(|e| Error::Invalid(format!("report page: {e:#}")))
     }
 }

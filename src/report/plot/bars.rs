@@ -1,7 +1,6 @@
 //! Horizontal bars of several parts.
 
-use super::chart::number;
-use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text};
+use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text, text_width};
 use crate::error::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -18,13 +17,16 @@ pub struct Bars {
     pub bars: Vec<(String, Vec<f64>)>,
 }
 
-/// Height of a bar with its gap, of what stands above and below the bars, and room for the names.
+/// Height of a bar with its gap, of the title, of a line of the key, and of what stands below the bars.
 const BAR: i32 = 52;
-const HEAD: i32 = 116;
-const FOOT: i32 = 88;
-const NAMES: i32 = 300;
+const TITLE: i32 = 64;
+const KEY: i32 = 44;
+const FOOT: i32 = 72;
+/// Most room for the names.
+const NAMES: i32 = 400;
 /// Room for a bar's sum behind it.
-const SUM: i32 = 120;
+const SUM: i32 = 110;
+const SIZE: u32 = TEXT - 2;
 
 impl Bars {
     /// The plot as an SVG document.
@@ -32,43 +34,79 @@ impl Bars {
     /// # Errors
     /// [`crate::Error::Invalid`] with what the drawing library says.
     pub fn svg(&self) -> Result<String> {
-        let height = HEAD + FOOT + BAR * self.bars.len() as i32;
-        svg(height as u32, &self.title, |canvas| self.draw(canvas))
+        self.drawn(|sum| sum)
     }
 
-    fn draw(&self, canvas: &Canvas) -> std::result::Result<(), Failure> {
-        let sum = |parts: &[f64]| parts.iter().sum::<f64>();
-        let longest = self.bars.iter().map(|(_, parts)| sum(parts)).fold(0.0, f64::max);
-        let scale = if longest > 0.0 { f64::from(WIDTH as i32 - NAMES - SUM) / longest } else { 0.0 };
-        let place = |v: f64| NAMES + (v * scale).round() as i32;
-        let at = |h, v| text(TEXT - 2).pos(Pos::new(h, v));
-        canvas.draw(&Text::new(
-            self.title.clone(),
-            (WIDTH as i32 / 2, 16),
-            text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top)),
-        ))?;
-        let mut x = NAMES;
-        for (i, part) in self.parts.iter().enumerate().filter(|_| self.parts.len() > 1) {
-            canvas.draw(&Rectangle::new([(x, 72), (x + 24, 96)], color(i).filled()))?;
-            canvas.draw(&Text::new(part.clone(), (x + 36, 84), at(HPos::Left, VPos::Center)))?;
-            x += 80 + 16 * part.chars().count() as i32;
+    /// As [`Bars::svg`], every bar as long as the plot is wide: what the parts' shares are. The sums stand behind them.
+    ///
+    /// # Errors
+    /// As [`Bars::svg`].
+    pub fn shares_svg(&self) -> Result<String> {
+        self.drawn(|_| 1.0)
+    }
+
+    /// `length` of a bar, of its sum.
+    fn drawn(&self, length: impl Fn(f64) -> f64) -> Result<String> {
+        let (key, key_height) = self.key();
+        let head = key_height + if self.title.is_empty() { 12 } else { TITLE };
+        let height = head + FOOT + BAR * self.bars.len() as i32;
+        svg(height as u32, &self.title, |canvas| {
+            let title = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
+            canvas.draw(&Text::new(self.title.clone(), (WIDTH as i32 / 2, 16), title))?;
+            for (i, (part, (x, y))) in self.parts.iter().zip(key).enumerate() {
+                let y = y + head - key_height;
+                canvas.draw(&Rectangle::new([(x, y), (x + 24, y + 24)], color(i).filled()))?;
+                canvas.draw(&Text::new(part.clone(), (x + 34, y + 12), at(HPos::Left)))?;
+            }
+            self.draw(canvas, head, length)
+        })
+    }
+
+    /// Where the parts of the key stand, in lines as wide as the plot, and how high they are.
+    fn key(&self) -> (Vec<(i32, i32)>, i32) {
+        if self.parts.len() < 2 {
+            return (Vec::new(), 0);
         }
+        let (mut x, mut y, mut places) = (0, 0, Vec::new());
+        for part in &self.parts {
+            let width = 34 + text_width(part, SIZE);
+            if x > 0 && x + width > WIDTH as i32 {
+                (x, y) = (0, y + KEY);
+            }
+            places.push((x, y));
+            x += width + 28;
+        }
+        (places, y + KEY)
+    }
+
+    fn draw(&self, canvas: &Canvas, head: i32, length: impl Fn(f64) -> f64) -> std::result::Result<(), Failure> {
+        let names = self.bars.iter().map(|(name, _)| text_width(name, SIZE) + 16).max().unwrap_or(0).min(NAMES);
+        let sum = |parts: &[f64]| parts.iter().sum::<f64>();
+        let longest = self.bars.iter().map(|(_, parts)| length(sum(parts))).fold(0.0, f64::max);
+        let scale = if longest > 0.0 { f64::from(WIDTH as i32 - names - SUM) / longest } else { 0.0 };
         for (i, (name, parts)) in self.bars.iter().enumerate() {
-            let y = HEAD + BAR * i as i32;
-            canvas.draw(&Text::new(name.clone(), (NAMES - 16, y + BAR / 2), at(HPos::Right, VPos::Center)))?;
+            let y = head + BAR * i as i32;
+            canvas.draw(&Text::new(name.clone(), (names - 16, y + BAR / 2), at(HPos::Right)))?;
+            let total = sum(parts);
+            let unit = if total > 0.0 { length(total) / total * scale } else { 0.0 };
+            let place = |v: f64| names + (v * unit).round() as i32;
             let mut from = 0.0;
             for (k, part) in parts.iter().enumerate() {
                 let corners = [(place(from), y + 8), (place(from + part), y + BAR - 8)];
                 canvas.draw(&Rectangle::new(corners, color(k).filled()))?;
                 from += part;
             }
-            let end = (place(sum(parts)) + 12, y + BAR / 2);
-            canvas.draw(&Text::new(number(sum(parts)), end, at(HPos::Left, VPos::Center)))?;
+            canvas.draw(&Text::new(format!("{total:.2}"), (place(total) + 12, y + BAR / 2), at(HPos::Left)))?;
         }
-        let foot = HEAD + BAR * self.bars.len() as i32;
-        canvas.draw(&PathElement::new([(NAMES, HEAD), (NAMES, foot)], AXIS))?;
-        canvas.draw(&Text::new(self.label.clone(), (NAMES, foot + 24), at(HPos::Left, VPos::Top)))
+        let foot = head + BAR * self.bars.len() as i32;
+        canvas.draw(&PathElement::new([(names, head), (names, foot)], AXIS))?;
+        canvas.draw(&Text::new(self.label.clone(), (names, foot + 36), at(HPos::Left)))
     }
+}
+
+/// Texts beside a point, in the middle of its height.
+fn at<'a>(h: HPos) -> TextStyle<'a> {
+    text(SIZE).pos(Pos::new(h, VPos::Center))
 }
 
 #[cfg(test)]
@@ -81,7 +119,16 @@ mod tests {
         let bars = vec![("v1".to_owned(), vec![1.0, 0.5]), ("v3".to_owned(), vec![0.5, 0.25])];
         let svg = Bars { title: "times".into(), label: "ms".into(), parts, bars }.svg().unwrap();
         assert_eq!(svg.matches("<rect").count(), 2 + 4);
-        assert!(svg.contains("\n1.5\n"), "{svg}");
+        assert!(svg.contains("\n1.50\n"), "{svg}");
+    }
+
+    #[test]
+    fn shares_are_as_long_as_the_plot() {
+        let bars = vec![("v1".to_owned(), vec![1.0, 3.0]), ("v3".to_owned(), vec![0.5, 0.0])];
+        let svg = Bars { bars, ..Bars::default() }.shares_svg().unwrap();
+        let ends = |svg: &str| svg.matches("x=\"862\"").count();
+        // Both sums stand behind bars that end at 850.
+        assert_eq!((ends(&svg), svg.contains("\n0.50\n")), (2, true), "{svg}");
     }
 
     #[test]

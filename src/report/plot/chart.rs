@@ -1,6 +1,6 @@
 //! Lines and points over two axes.
 
-use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text};
+use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, labels, svg, text};
 use crate::error::Result;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
@@ -39,9 +39,15 @@ pub enum Form {
     Points,
     /// Points joined by lines.
     Both,
+    /// Points with the series' name beside each, which then stands in no key; all such series have one colour.
+    Named,
+    /// The name alone beside each point: what another series is, as a key would say.
+    Caption,
+    /// Likewise where there is room beside it: what a point of another series stands for.
+    Label,
 }
 
-const HEIGHT: u32 = 800;
+const HEIGHT: u32 = 640;
 
 impl Axis {
     /// A linear axis over what the data span.
@@ -98,18 +104,23 @@ impl Chart {
         X::CoordDescType: ValueFormatter<f64>,
         Y::CoordDescType: ValueFormatter<f64>,
     {
-        let mut chart = ChartBuilder::on(canvas)
-            .caption(&self.title, text(TEXT + 4))
-            .margin(16)
-            .margin_right(40)
-            .x_label_area_size(88)
-            .y_label_area_size(128)
+        let mut builder = ChartBuilder::on(canvas);
+        if !self.title.is_empty() {
+            builder.caption(&self.title, text(TEXT + 4));
+        }
+        let mut chart = builder
+            .margin(12)
+            .margin_right(36)
+            .x_label_area_size(84)
+            .y_label_area_size(110)
             .build_cartesian_2d(x, y)?;
         let number = |v: &f64| number(*v);
         chart
             .configure_mesh()
             .x_desc(&self.x.label)
             .y_desc(&self.y.label)
+            .x_labels(8)
+            .y_labels(8)
             .label_style(text(TEXT - 4))
             .axis_desc_style(text(TEXT))
             .axis_style(AXIS.stroke_width(2))
@@ -120,25 +131,32 @@ impl Chart {
             .y_label_formatter(&number)
             .draw()?;
         let shown = |p: &&(f64, f64)| self.x.shows(p.0) && self.y.shows(p.1);
-        for (i, series) in self.series.iter().enumerate() {
-            let color = color(i);
+        let keyed = |s: &&Series| !s.name.is_empty() && matches!(s.form, Form::Line | Form::Points | Form::Both);
+        let named = usize::from(self.series.iter().any(|s| s.form == Form::Named));
+        let mut colors = (named..).map(color);
+        for series in self.series.iter().filter(|s| !matches!(s.form, Form::Caption | Form::Label)) {
+            let color = if series.form == Form::Named { color(0) } else { colors.next().unwrap_or(AXIS) };
             let symbol = series.form != Form::Line;
-            if series.form != Form::Points {
+            if matches!(series.form, Form::Line | Form::Both) {
                 for run in series.points.split(|p| !shown(&p)) {
                     chart.draw_series(LineSeries::new(run.iter().copied(), color.stroke_width(4)))?;
                 }
             }
             let marks = series.points.iter().filter(shown).filter(|_| symbol);
             let marks = chart.draw_series(marks.map(|&p| Circle::new(p, 8, color.filled())))?;
-            if !series.name.is_empty() {
+            if keyed(&series) {
                 marks.label(&series.name).legend(move |(x, y)| {
                     let size = if symbol { 10 } else { 3 };
                     Rectangle::new([(x, y - size), (x + 28, y + size)], color.filled())
                 });
             }
         }
-        if self.series.iter().any(|s| !s.name.is_empty()) {
-            let drawn = self.series.iter().flat_map(|s| &s.points).filter(shown).map(|p| chart.backend_coord(p));
+        let place = |p: &(f64, f64)| chart.backend_coord(p);
+        let (across, down) = chart.plotting_area().get_pixel_range();
+        let bounds = [across.start, down.start, WIDTH as i32, down.end];
+        labels::write(canvas, &self.series, bounds, |p| Some(p).filter(shown).map(place))?;
+        if self.series.iter().any(|s| keyed(&s)) {
+            let drawn = self.series.iter().flat_map(|s| &s.points).filter(shown).map(place);
             let corner = emptiest(&drawn.collect::<Vec<_>>());
             chart
                 .configure_series_labels()
@@ -194,7 +212,25 @@ mod tests {
         assert_eq!(circles(&chart), 3);
         let svg = chart.svg().unwrap();
         assert!(svg.contains("v3 &lt;&amp;&gt;"), "{svg}");
-        assert!(svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 1280 800\""), "{svg}");
+        assert!(svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 640\""), "{svg}");
+    }
+
+    #[test]
+    fn names_stand_beside_points_and_in_no_key() {
+        let series = |name: &str, form, x| Series { name: name.into(), form, points: vec![(x, 1.0), (x, f64::NAN)] };
+        let series =
+            vec![series("bm", Form::Named, 1.0), series("sgm", Form::Named, 1.0), series("0.4", Form::Label, 2.0)];
+        let svg = Chart { series, ..Chart::default() }.svg().unwrap();
+        assert_eq!(["<circle", "\nbm\n", "\nsgm\n", "\n0.4\n"].map(|t| svg.matches(t).count()), [2, 1, 1, 1]);
+        // No frame of a key.
+        assert!(!svg.contains("opacity=\"0.8\""), "{svg}");
+    }
+
+    #[test]
+    fn a_value_without_room_is_left_out() {
+        let label = |i: i32| Series { name: format!("value {i}"), form: Form::Label, points: vec![(1.0, 1.0)] };
+        let svg = Chart { series: (0..60).map(label).collect(), ..Chart::default() }.svg().unwrap();
+        assert!((2..9).contains(&svg.matches("\nvalue ").count()), "{svg}");
     }
 
     #[test]

@@ -4,19 +4,23 @@
 
 mod bars;
 mod chart;
+mod labels;
+mod strips;
 
 pub use bars::Bars;
 pub use chart::{Axis, Chart, Form, Series};
+pub use strips::Strips;
 
 use crate::error::{Error, Result};
 use plotters::prelude::*;
 use plotters::style::FontFamily;
 
-/// Width of every plot in the SVG's own units, which are whole; a page scales it, to about half a pixel each.
-const WIDTH: u32 = 1280;
+/// Width of every plot in the SVG's own units, which are whole; a page scales it, to between a third and two thirds of
+/// a pixel each: on a phone and on paper the texts are still texts.
+const WIDTH: u32 = 960;
 
 /// Text size in the same units.
-const TEXT: u32 = 28;
+const TEXT: u32 = 30;
 
 /// Grid and axes; the page's style replaces it.
 const AXIS: RGBColor = RGBColor(0x80, 0x80, 0x80);
@@ -40,6 +44,11 @@ fn color(i: usize) -> RGBColor {
 
 fn text<'a>(size: u32) -> TextStyle<'a> {
     (FontFamily::SansSerif, size).into_font().color(&BLACK)
+}
+
+/// Width of a text in the sans-serif fonts that browsers have, about; nobody knows which it will be.
+fn text_width(text: &str, size: u32) -> i32 {
+    (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as i32
 }
 
 /// Draws on an empty canvas of `height` and hands back the SVG.

@@ -1,0 +1,91 @@
+//! Small image files for pages.
+
+use crate::error::{Error, Result};
+use crate::stereo::{Gray, Plane};
+use image::codecs::jpeg::JpegEncoder;
+use image::{GrayImage, imageops};
+
+/// Quality of a JPEG: grey noise stays what it is to the eye at a fifth of a PNG's bytes.
+const QUALITY: u8 = 78;
+
+/// A PNG of at most 256 colours: `codes` are places in `palette`, which is RGB.
+///
+/// # Errors
+/// [`Error::Invalid`] for a palette that is empty or too large, or a code beyond it.
+pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<u8>> {
+    let (width, height) = codes.size();
+    if palette.is_empty() || palette.len() > 256 || codes.pixels().any(|c| usize::from(c) >= palette.len()) {
+        return Err(Error::Invalid(format!("PNG encoder: codes beyond a palette of {} colours", palette.len())));
+    }
+    let half_bytes = palette.len() <= 16;
+    // A row of half bytes begins with a whole one.
+    let packed = |row: &[u8]| -> Vec<u8> {
+        if half_bytes {
+            row.chunks(2).map(|pair| pair[0] << 4 | pair.get(1).copied().unwrap_or_default()).collect()
+        } else {
+            row.to_vec()
+        }
+    };
+    let data: Vec<u8> = codes.rows().flat_map(packed).collect();
+    let wrong = |e: png::EncodingError| Error::Invalid(format!("PNG encoder: {e}"));
+    let mut file = Vec::new();
+    // Sides are at most MAX_SIDE, so they fit in 32 bits.
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(if half_bytes { png::BitDepth::Four } else { png::BitDepth::Eight });
+    encoder.set_palette(palette.as_flattened());
+    encoder.set_compression(png::Compression::High);
+    // Codes are names, not amounts: their differences mean nothing.
+    encoder.set_filter(png::Filter::NoFilter);
+    encoder.write_header().and_then(|mut writer| writer.write_image_data(&data)).map_err(wrong)?;
+    Ok(file)
+}
+
+/// A JPEG of `image` in at most `width` columns, in its proportions.
+///
+/// # Errors
+/// [`Error::Invalid`] with what the encoder says.
+pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
+    let (w, h) = image.size();
+    let pixels: Vec<u8> = image.pixels().collect();
+    let grey = GrayImage::from_raw(w as u32, h as u32, pixels);
+    let mut grey = grey.ok_or_else(|| Error::Invalid(format!("JPEG encoder: {w}x{h} pixels")))?;
+    if w > width && width > 0 {
+        let height = (h * width / w).max(1);
+        grey = imageops::resize(&grey, width as u32, height as u32, imageops::FilterType::Triangle);
+    }
+    let mut file = Vec::new();
+    let encoded = JpegEncoder::new_with_quality(&mut file, QUALITY).encode_image(&grey);
+    encoded.map_err(|e| Error::Invalid(format!("JPEG encoder: {e}")))?;
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decoded(png: &[u8]) -> Vec<[u8; 3]> {
+        image::load_from_memory(png).unwrap().into_rgb8().pixels().map(|p| p.0).collect()
+    }
+
+    #[test]
+    fn colours_survive_in_half_and_in_whole_bytes() {
+        let codes = Plane::from_vec(3, 2, vec![0, 1, 2, 2, 1, 0]).unwrap();
+        for colors in [3, 16, 17] {
+            let palette: Vec<_> = (0..colors).map(|i| [i, 2 * i, 255 - i]).collect();
+            let expected: Vec<_> = codes.pixels().map(|code| palette[usize::from(code)]).collect();
+            assert_eq!(decoded(&encode_palette_png(&codes, &palette).unwrap()), expected);
+        }
+        assert!(encode_palette_png(&codes, &[[0; 3]; 2]).is_err() && encode_palette_png(&codes, &[]).is_err());
+    }
+
+    #[test]
+    fn a_jpeg_is_no_wider_than_asked() {
+        let image = Gray::from_fn(40, 30, |x, _| 5 * x as u8).unwrap();
+        let size = |width| {
+            let grey = image::load_from_memory(&encode_jpeg(&image, width).unwrap()).unwrap();
+            (grey.width(), grey.height())
+        };
+        assert_eq!((size(40), size(20), size(99)), ((40, 30), (20, 15), (40, 30)));
+    }
+}

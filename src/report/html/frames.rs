@@ -1,0 +1,157 @@
+//! The checkpoints' frames: the thesis's figure 7.3, worst and best of every algorithm.
+
+use super::super::rows::{CellRow, Row};
+use super::super::words::{ms, percent};
+use super::view::Images;
+use super::{Figure, Rank, Shot};
+use crate::overlay::Mark;
+use crate::score::Verdict;
+use serde::Serialize;
+
+#[derive(Serialize)]
+pub(super) struct FigureView<'a> {
+    title: &'a str,
+    about: &'a str,
+    shots: Vec<ShotView<'a>>,
+}
+
+#[derive(Serialize)]
+struct ShotView<'a> {
+    algorithm: &'a str,
+    rank: &'static str,
+    passed: bool,
+    origin: String,
+    cells: String,
+    wrong: Vec<String>,
+    numbers: String,
+    width: usize,
+    height: usize,
+    pictures: Vec<PictureView>,
+}
+
+#[derive(Serialize)]
+struct PictureView {
+    label: &'static str,
+    image: usize,
+    marks: Vec<MarkView>,
+}
+
+#[derive(Serialize)]
+struct MarkView {
+    #[serde(flatten)]
+    mark: Mark,
+    center: (f64, f64),
+    radius: f64,
+    /// What the cell says, for pointer and screen reader.
+    words: String,
+    wrong: bool,
+}
+
+impl<'a> FigureView<'a> {
+    pub(super) fn of(figure: &'a Figure, images: &mut Images<'a>) -> Self {
+        let shots = figure.shots.iter().map(|(rank, shot)| shot_view(*rank, shot, images)).collect();
+        Self { title: &figure.title, about: &figure.about, shots }
+    }
+}
+
+fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut Images<'a>) -> ShotView<'a> {
+    let (width, height) = shot.size;
+    let left = images.index(&shot.left, shot.size);
+    let estimate = |cell: &CellRow| match cell.verdict {
+        Verdict::Unknown => "unknown".to_owned(),
+        Verdict::Wrong => format!("{}, wrong", depth(cell.distance_m, cell.median_px)),
+        _ => depth(cell.distance_m, cell.median_px),
+    };
+    let truth = |cell: &CellRow| depth(cell.true_distance_m, cell.true_median_px);
+    let mut pictures =
+        vec![PictureView { label: "estimate", image: left, marks: mark_views(shot, &shot.estimate, estimate, true) }];
+    if let Some(marks) = &shot.truth {
+        pictures.push(PictureView { label: "truth", image: left, marks: mark_views(shot, marks, truth, false) });
+    }
+    pictures.push(PictureView { label: "disparity", image: images.index(&shot.preview, shot.size), marks: Vec::new() });
+    ShotView {
+        algorithm: &shot.row.algorithm,
+        rank: match rank {
+            Rank::Worst => "worst frame",
+            Rank::Best => "best frame",
+        },
+        passed: shot.passed,
+        origin: origin(&shot.row),
+        cells: cells(&shot.row),
+        wrong: wrong_cells(&shot.cells),
+        numbers: numbers(&shot.row),
+        width,
+        height,
+        pictures,
+    }
+}
+
+fn mark_views(shot: &Shot, marks: &[Mark], words: impl Fn(&CellRow) -> String, judged: bool) -> Vec<MarkView> {
+    let view = |mark: &Mark| {
+        let at = (mark.column, mark.row);
+        let cell = shot.cells.iter().find(|c| (c.column as usize, c.row as usize) == at);
+        MarkView {
+            mark: *mark,
+            center: mark.cell.center(),
+            radius: mark.cell.width.min(mark.cell.height) / 16.0,
+            words: format!("({}, {}): {}", at.0, at.1, cell.map_or_else(|| "unknown".to_owned(), &words)),
+            wrong: judged && cell.is_some_and(|c| c.verdict == Verdict::Wrong),
+        }
+    };
+    marks.iter().map(view).collect()
+}
+
+fn origin(row: &Row) -> String {
+    let seed = row.seed.map(|seed| format!("seed {seed}, ")).unwrap_or_default();
+    format!("{seed}frame {}", row.sequence)
+}
+
+pub(super) fn cells(row: &Row) -> String {
+    match (row.cells_right, row.cells_wrong, row.cells_unknown) {
+        (Some(right), Some(wrong), Some(unknown)) => {
+            format!("cells: {right} right, {wrong} wrong, {unknown} unknown")
+        }
+        _ => String::new(),
+    }
+}
+
+/// The first wrong cells in words; the crosses show all.
+fn wrong_cells(cells: &[CellRow]) -> Vec<String> {
+    const TOLD: usize = 3;
+    let all: Vec<_> = cells.iter().filter(|c| c.verdict == Verdict::Wrong).collect();
+    let more = all.len().saturating_sub(TOLD);
+    all.iter().take(TOLD).map(|cell| wrong(cell)).chain((more > 0).then(|| format!("{more} more"))).collect()
+}
+
+fn wrong(cell: &CellRow) -> String {
+    let obstacle = match (cell.missed_obstacle, cell.false_obstacle) {
+        (true, _) => ", obstacle missed",
+        (_, true) => ", false obstacle",
+        _ => "",
+    };
+    let estimate = depth(cell.distance_m, cell.median_px);
+    let truth = depth(cell.true_distance_m, cell.true_median_px);
+    format!("({}, {}) {estimate}, truly {truth}{obstacle}", cell.column, cell.row)
+}
+
+pub(super) fn numbers(row: &Row) -> String {
+    let shares = [
+        (Some(row.coverage), "covered"),
+        (row.invalid, "invalid"),
+        (row.bad1, ">\u{a0}1\u{a0}px"),
+        (row.bad2, ">\u{a0}2\u{a0}px"),
+    ];
+    let shares = shares.into_iter().filter(|(share, _)| share.is_some());
+    let mut words: Vec<_> = shares.map(|(share, what)| format!("{}\u{a0}%\u{a0}{what}", percent(share))).collect();
+    words.push(format!("{}\u{a0}ms", ms(row.total_us as f64 / 1000.0)));
+    words.join(", ")
+}
+
+/// A distance where there is one, else the disparity.
+fn depth(distance_m: Option<f64>, median_px: Option<f64>) -> String {
+    match (distance_m, median_px) {
+        (Some(distance_m), _) => format!("{distance_m:.2} m"),
+        (None, Some(median_px)) => format!("{median_px:.1} px"),
+        (None, None) => "nothing".to_owned(),
+    }
+}

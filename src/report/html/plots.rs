@@ -1,0 +1,146 @@
+//! The plots of the page.
+
+use super::super::plot::{Axis, Bars, Chart, Form, Series, Strips};
+use super::super::summary::AlgorithmSummary;
+use super::{Page, Sweep};
+use crate::error::Result;
+use serde::Serialize;
+
+#[derive(Serialize)]
+pub(super) struct PlotView {
+    title: &'static str,
+    about: &'static str,
+    svg: String,
+}
+
+/// A place of an algorithm in a plot, where it has one.
+type Place = fn(&AlgorithmSummary) -> Option<(f64, f64)>;
+
+/// A number of every algorithm.
+type Number = fn(&AlgorithmSummary) -> f64;
+
+fn percent(share: f64) -> f64 {
+    100.0 * share
+}
+
+/// Wrong among the cells that the algorithm claims to know; nothing where it knows none.
+fn wrong_of_known(a: &AlgorithmSummary) -> Option<f64> {
+    let (right, wrong) = (a.cells_right? as f64, a.cells_wrong? as f64);
+    (right + wrong > 0.0).then(|| percent(wrong / (right + wrong)))
+}
+
+/// Known cells of all with truth.
+fn known(a: &AlgorithmSummary) -> Option<f64> {
+    let cells = a.cells().filter(|n| *n > 0)? as f64;
+    Some(percent((a.cells_right? + a.cells_wrong?) as f64 / cells))
+}
+
+/// Accuracy against speed: cells, and pixels.
+pub(super) fn accuracy(page: &Page) -> Result<Vec<PlotView>> {
+    let time = || Axis { log: true, ..Axis::new("median ms per pair") };
+    let cells: Place = |a| Some((a.p50_ms, wrong_of_known(a)?));
+    let pixels: Place = |a| Some((a.p50_ms, percent(a.bad2?)));
+    let about = "Better is farther left and lower.";
+    let plots = [
+        ("Wrong cells against time", cells, Axis::new("wrong, of the known cells, %")),
+        ("Wrong pixels against time", pixels, Axis::new("off by > 2 px, of the estimates, %")),
+    ];
+    let plots = plots.into_iter().map(|(title, place, y)| scatter(page, title, about, place, time(), y));
+    Ok(plots.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+}
+
+/// Coverage against error: cells, and pixels.
+pub(super) fn coverage(page: &Page) -> Result<Vec<PlotView>> {
+    let cells: Place = |a| Some((known(a)?, wrong_of_known(a)?));
+    let pixels: Place = |a| Some((percent(1.0 - a.invalid?), percent(a.bad2?)));
+    let about = "Better is farther right and lower.";
+    let plots = [
+        ("Wrong cells against known ones", cells, "known, of the cells, %", "wrong, of the known cells, %"),
+        (
+            "Wrong pixels against coverage",
+            pixels,
+            "estimated, of the visible pixels, %",
+            "off by > 2 px, of the estimates, %",
+        ),
+    ];
+    let plots =
+        plots.into_iter().map(|(title, place, x, y)| scatter(page, title, about, place, Axis::new(x), Axis::new(y)));
+    Ok(plots.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+}
+
+/// The algorithms as points, those of a sweep joined; nothing where none has a place.
+fn scatter(
+    page: &Page,
+    title: &'static str,
+    about: &'static str,
+    place: Place,
+    x: Axis,
+    y: Axis,
+) -> Result<Option<PlotView>> {
+    let of = |label: &str| page.summary.algorithms.iter().find(|a| a.algorithm == label).and_then(place);
+    let swept = |label: &str| page.sweeps.iter().any(|sweep| sweep.points.iter().any(|(_, of)| of == label));
+    let one = |name: &str, form, point| Series { name: name.to_owned(), form, points: vec![point] };
+    let alone = page.summary.algorithms.iter().filter(|a| !swept(&a.algorithm));
+    let mut series: Vec<_> = alone.filter_map(|a| Some(one(&a.algorithm, Form::Named, place(a)?))).collect();
+    for Sweep { name, points } in &page.sweeps {
+        let places: Vec<_> = points.iter().filter_map(|(value, label)| Some((value, label, of(label)?))).collect();
+        let line = places.iter().map(|(.., point)| *point).collect();
+        series.push(Series { name: String::new(), form: Form::Both, points: line });
+        series.extend(places.iter().enumerate().map(|(i, (value, label, point))| {
+            // A label without settings is how the algorithm is called in the tables.
+            let value = if label.contains(':') { (*value).clone() } else { format!("{value}, {label}") };
+            match i {
+                0 => one(&format!("{name} = {value}"), Form::Caption, *point),
+                _ => one(&value, Form::Label, *point),
+            }
+        }));
+    }
+    if series.iter().all(|s| s.points.is_empty()) {
+        return Ok(None);
+    }
+    let svg = Chart { title: String::new(), x, y, series }.svg()?;
+    Ok(Some(PlotView { title, about, svg }))
+}
+
+/// Latency, and where the time goes; nothing without pairs.
+pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
+    if page.times_ms.is_empty() {
+        return Ok(Vec::new());
+    }
+    let latency = Strips { title: String::new(), label: "ms per pair".into(), strips: page.times_ms.clone() };
+    let stages: [(&str, Number); 5] = [
+        ("smoothing", |a| a.smoothing_ms),
+        ("texture", |a| a.texture_ms),
+        ("matching", |a| a.matching_ms),
+        ("checks", |a| a.checks_ms),
+        ("other", |a| a.other_ms),
+    ];
+    // Rows hold whole microseconds: less than a hundredth is what rounding leaves.
+    let counts = |of: Number| page.summary.algorithms.iter().any(|a| of(a) > 0.01 * a.p50_ms);
+    let stages: Vec<_> = stages.into_iter().filter(|(_, of)| counts(*of)).collect();
+    let bars = Bars {
+        title: String::new(),
+        label: "ms per pair".into(),
+        parts: stages.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        bars: page
+            .summary
+            .algorithms
+            .iter()
+            .map(|a| (a.algorithm.clone(), stages.iter().map(|(_, of)| of(a)).collect()))
+            .collect(),
+    };
+    let shares = Bars { label: "shares; the number: ms per pair".into(), ..bars.clone() };
+    Ok(vec![
+        PlotView {
+            title: "Latency",
+            about: "How many pairs took how long, each strip to its own scale of height.",
+            svg: latency.svg()?,
+        },
+        PlotView {
+            title: "Time by stage",
+            about: "Mean over the half of the pairs nearest to the median.",
+            svg: bars.svg()?,
+        },
+        PlotView { title: "Share of each stage", about: "Of the same times.", svg: shares.shares_svg()? },
+    ])
+}

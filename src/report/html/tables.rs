@@ -1,0 +1,104 @@
+//! The tables of the page: one wide table, and for narrow screens one per group of its columns.
+
+use super::super::summary::Summary;
+use super::super::words::{Cell, Checkpoints, Column, notes, percent, shown};
+use serde::Serialize;
+
+#[derive(Serialize)]
+pub(super) struct TableView<'a> {
+    label: &'static str,
+    groups: Vec<GroupView>,
+    /// The groups of the narrow tables, which leave no column without a title.
+    narrow: Vec<GroupView>,
+    /// Name and cells.
+    lines: Vec<(&'a str, Vec<CellView>)>,
+    notes: Vec<(&'static str, &'static str)>,
+}
+
+/// Neighbouring columns.
+#[derive(Clone, Serialize)]
+struct GroupView {
+    title: String,
+    /// One per column; empty where the title is head enough.
+    heads: Vec<&'static str>,
+    /// Its columns of the line, `from..to`.
+    from: usize,
+    to: usize,
+}
+
+#[derive(Serialize)]
+struct CellView {
+    /// Verdicts, each passed or failed, before the text.
+    marks: Vec<bool>,
+    text: String,
+    /// In words where there are marks.
+    words: String,
+}
+
+impl<'a> TableView<'a> {
+    /// A line per algorithm; nothing without pairs.
+    pub(super) fn of_algorithms(label: &'static str, columns: &'static [Column], summary: &'a Summary) -> Option<Self> {
+        let columns = shown(columns, summary);
+        let plain = |text| CellView { marks: Vec::new(), text, words: String::new() };
+        let lines = summary.algorithms.iter().map(|algorithm| {
+            (algorithm.algorithm.as_str(), columns.iter().map(|column| plain((column.cell)(algorithm))).collect())
+        });
+        let lines: Vec<_> = lines.collect();
+        (!lines.is_empty()).then(|| Self {
+            label,
+            groups: groups(&columns, |a, b| a.group == b.group),
+            narrow: groups(&columns, |a, b| a.group == b.group || a.group.is_empty()),
+            lines,
+            notes: notes(&columns),
+        })
+    }
+
+    /// A line per algorithm, a group per checkpoint; nothing without checkpoints.
+    pub(super) fn of_checkpoints(summary: &'a Summary) -> Option<Self> {
+        let Checkpoints { heads, lines } = Checkpoints::of(summary)?;
+        let group = |(i, title)| GroupView { title, heads: Vec::new(), from: i, to: i + 1 };
+        let groups: Vec<_> = heads.into_iter().enumerate().map(group).collect();
+        let lines =
+            lines.into_iter().map(|(algorithm, cells)| (algorithm, cells.into_iter().map(CellView::of).collect()));
+        Some(Self {
+            label: "Checkpoints per algorithm",
+            narrow: groups.clone(),
+            groups,
+            lines: lines.collect(),
+            notes: Vec::new(),
+        })
+    }
+}
+
+/// Neighbours that belong `together`, under the title of the last.
+fn groups(columns: &[&'static Column], together: impl Fn(&Column, &Column) -> bool) -> Vec<GroupView> {
+    let mut from = 0;
+    let group = |group: &[&'static Column]| {
+        let to = from + group.len();
+        let title = group.last().map_or("", |column| column.group).to_owned();
+        let view = GroupView { title, heads: group.iter().map(|column| column.head).collect(), from, to };
+        from = to;
+        view
+    };
+    columns.chunk_by(|a, b| together(a, b)).map(group).collect()
+}
+
+impl CellView {
+    fn of(cell: Cell) -> Self {
+        match cell {
+            Cell::Seen { best, worst, share } => {
+                let word = |passed| if passed { "passes" } else { "fails" };
+                let share = percent(Some(share));
+                let words = format!("best frame {}, worst frame {}, {share} % pass", word(best), word(worst));
+                Self { marks: vec![best, worst], text: share, words }
+            }
+            Cell::All { seen, best, worst, share } => {
+                let share = percent(Some(share));
+                let words =
+                    format!("best frames of {best} of {seen} checkpoints pass, worst of {worst}, {share} % in all");
+                Self { marks: Vec::new(), text: share, words }
+            }
+            Cell::NeverSeen => Self { marks: Vec::new(), text: cell.to_string(), words: String::new() },
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Hand-made rows.
+
+use polars::prelude::{DataFrame, ParquetReader, SerReader};
+use std::fs::File;
+use std::path::Path;
+use svl::report::{CellRow, CheckpointRow, Record, Row, Summary, Tables};
+use svl::score::Verdict;
+
+/// A pair with truth that took `total_us`.
+pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
+    Row {
+        run_id: "run-1".into(),
+        scenario: "arena, \"2007\"".into(),
+        sequence,
+        stamp_ns: 33_333_333 * sequence,
+        name: String::new(),
+        seed: Some(7),
+        algorithm: algorithm.into(),
+        pair_hash: "58d0".into(),
+        parameters_hash: "9f3c".into(),
+        width: 320,
+        height: 240,
+        disparities: Some(81),
+        smoothing_us: 100,
+        texture_us: 200,
+        matching_us: 300,
+        checks_us: 400,
+        total_us,
+        coverage: 0.1 + 0.2,
+        bad1: Some(0.04),
+        bad2: Some(0.02),
+        invalid: Some(0.5),
+        cells_right: Some(12),
+        cells_wrong: Some(1),
+        cells_unknown: Some(2),
+        missed_obstacles: Some(1),
+        false_obstacles: Some(0),
+        result_hash: "00ff".into(),
+    }
+}
+
+/// A pair without truth.
+pub fn blind(algorithm: &str, total_us: u64) -> Row {
+    Row {
+        seed: None,
+        disparities: None,
+        bad1: None,
+        bad2: None,
+        invalid: None,
+        cells_right: None,
+        cells_wrong: None,
+        cells_unknown: None,
+        missed_obstacles: None,
+        false_obstacles: None,
+        ..row(algorithm, 0, total_us)
+    }
+}
+
+pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
+    CellRow {
+        run_id: "run-1".into(),
+        scenario: "arena".into(),
+        sequence: 0,
+        seed: Some(1),
+        algorithm: algorithm.into(),
+        column,
+        row: 0,
+        valid_share: 1.0 / 3.0,
+        median_px: Some(20.0),
+        p20_px: Some(18.0),
+        p80_px: Some(22.0),
+        distance_m: (verdict != Verdict::Unknown).then_some(0.8),
+        true_median_px: Some(36.0),
+        true_distance_m: Some(0.4),
+        verdict,
+        missed_obstacle: verdict == Verdict::Wrong,
+        false_obstacle: false,
+    }
+}
+
+/// `passed` of `frames` in one run; the best frame passes when any does, the worst when all do.
+pub fn checkpoint(number: u32, name: &str, algorithm: &str, (passed, frames): (u64, u64)) -> CheckpointRow {
+    let shown = frames > 0;
+    CheckpointRow {
+        run_id: "run-1".into(),
+        scenario: "arena".into(),
+        seed: Some(7),
+        checkpoint: number,
+        name: name.into(),
+        algorithm: algorithm.into(),
+        frames,
+        passed,
+        share: shown.then(|| passed as f64 / frames as f64),
+        best_sequence: shown.then_some(3),
+        best_passed: shown.then_some(passed > 0),
+        worst_sequence: shown.then_some(4),
+        worst_passed: shown.then_some(passed == frames),
+    }
+}
+
+pub fn summary(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Summary {
+    let folder = tempfile::tempdir().unwrap();
+    let mut tables = Tables::create(folder.path()).unwrap();
+    rows.into_iter().for_each(|row| tables.push(row, []).unwrap());
+    checkpoints.into_iter().for_each(|row| tables.push_checkpoint(row).unwrap());
+    tables.finish().unwrap()
+}
+
+/// Two algorithms, one with a long name and no truth, on three checkpoints.
+pub fn example() -> Summary {
+    let rows = vec![row("v3", 0, 5_000), row("v3", 1, 7_500), blind("sgm:paths=8,p1=7,p2=86", 12_340)];
+    let names = ["opening", "close obstacle", "never seen"];
+    let passed = [[(4, 4), (1, 4)], [(0, 4), (2, 4)], [(0, 0), (0, 0)]];
+    let algorithms = ["v3", "sgm:paths=8,p1=7,p2=86"];
+    let checkpoints = names.iter().zip(passed).zip(1..).flat_map(|((name, passed), number)| {
+        algorithms.iter().zip(passed).map(move |(algorithm, passed)| checkpoint(number, name, algorithm, passed))
+    });
+    summary(rows, checkpoints.collect())
+}
+
+pub fn csv_rows<R: Record>(path: &Path) -> Vec<R> {
+    csv::Reader::from_path(path).unwrap().deserialize().map(Result::unwrap).collect()
+}
+
+pub fn parquet(path: &Path) -> DataFrame {
+    ParquetReader::new(File::open(path).unwrap()).finish().unwrap()
+}

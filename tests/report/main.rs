@@ -1,0 +1,6 @@
+//! Tables, summaries and pages, from hand-made rows.
+
+mod fixture;
+mod page;
+mod summary;
+mod tables;
