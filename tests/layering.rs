@@ -21,6 +21,13 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("report", &["score", "overlay"]),
     ("sink", &["stereo", "recording", "score", "report", "overlay", "files"]),
     ("scenario", &["stereo", "depth", "matcher", "score", "arena", "files"]),
+    (
+        "reproduce",
+        &[
+            "stereo", "kernel", "matcher", "depth", "arena", "files", "overlay", "score", "report", "source", "sink",
+            "scenario", "run",
+        ],
+    ),
     ("run", &["stereo", "depth", "matcher", "scenario", "source", "sink"]),
 ];
 

@@ -4,12 +4,14 @@ mod algos;
 mod bench;
 mod cache;
 mod completions;
+mod folder;
 mod info;
 mod matching;
 mod output;
 mod progress;
 mod record;
 mod replay;
+mod reproduce;
 mod run_info;
 mod score;
 mod source;
@@ -57,6 +59,7 @@ enum Command {
     Record(record::Args),
     Replay(replay::Args),
     Score(score::Args),
+    Reproduce(reproduce::Args),
     Match(matching::Args),
     Bench(bench::Args),
     View(view::Args),
@@ -112,6 +115,7 @@ impl Command {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
+            Self::Reproduce(args) => reproduce::run(&args, quiet),
             Self::Match(args) => matching::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::View(args) => view::run(&args),

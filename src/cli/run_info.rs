@@ -90,7 +90,8 @@ pub(super) fn manifest(run_id: &str, algorithms: &[Algorithm]) -> svl::Result<Ve
     Ok(manifest)
 }
 
-fn processor() -> String {
+/// The processor's name, or its kind.
+pub(super) fn processor() -> String {
     let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model =
         cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name));

@@ -2,8 +2,8 @@
 
 use super::output::{print, print_json};
 use super::progress::Progress;
-use super::{cache, run_info};
-use anyhow::{Context, bail};
+use super::{cache, folder, run_info};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
 use svl::report::html::Page;
@@ -48,13 +48,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
     let mut lineup = Lineup::new(&scenario.algorithms)?;
-    let earlier = earlier_report(&folder)?;
+    let earlier = folder::earlier_report(&folder, REPORT_FILES)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = args.data.clone().or_else(|| std::env::var_os("SVL_DATASETS").map(PathBuf::from));
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
-    for path in earlier {
-        std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;
-    }
+    folder::remove(earlier)?;
     let mut report = Report::begin(&scenario, &folder)?;
     let mut failures = 0;
     let ran = runs.iter_mut().try_for_each(|run| {
@@ -150,12 +148,8 @@ impl Report {
         summary.incomplete = incomplete;
         rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
         rerun.finish()?;
-        let write = |name: &str, text: String| {
-            let path = folder.join(name);
-            std::fs::write(&path, text).with_context(|| path.display().to_string())
-        };
-        write("summary.md", summary.markdown(&scenario.name))?;
-        write("summary.json", serde_json::to_string_pretty(&summary)? + "\n")?;
+        folder::write(&folder, "summary.md", summary.markdown(&scenario.name))?;
+        folder::write(&folder, "summary.json", serde_json::to_string_pretty(&summary)? + "\n")?;
         let page = Page {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
@@ -181,16 +175,3 @@ const REPORT_FILES: &[&str] = &[
     "index.html",
     "run.rrd",
 ];
-
-/// Makes the folder, or lists the files of the report that is there; refuses a folder that holds anything else.
-fn earlier_report(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-    let paths = entries.map(|entry| entry.map(|e| e.path())).collect::<Result<Vec<_>, _>>();
-    let paths = paths.with_context(|| folder.display().to_string())?;
-    let foreign = |path: &&PathBuf| !REPORT_FILES.iter().any(|name| path.file_name() == Some(name.as_ref()));
-    if let Some(path) = paths.iter().find(foreign) {
-        bail!("{}: not part of a report; name another folder with --out", path.display());
-    }
-    Ok(paths)
-}

@@ -8,4 +8,4 @@ mod geometry;
 mod preview;
 
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
-pub use preview::preview;
+pub use preview::{preview, viridis};

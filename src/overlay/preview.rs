@@ -12,7 +12,7 @@ pub fn preview(map: &DisparityMap, max_px: f32) -> Vec<u8> {
 
 /// Viridis at `t` of 0..=1, straight between nine of its colours (S. van der Walt and N. Smith, matplotlib 1.5; the nine
 /// as the R package viridisLite gives them).
-fn viridis(t: f32) -> [u8; 3] {
+pub fn viridis(t: f32) -> [u8; 3] {
     const COLOURS: [[u8; 3]; 9] = [
         [0x44, 0x01, 0x54],
         [0x47, 0x2d, 0x7b],

@@ -57,6 +57,11 @@ impl Scene {
         })
     }
 
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// Scenes `names` below `root`.
     ///
     /// # Errors

@@ -1,0 +1,106 @@
+//! v3 up to its validity test, and the two tests that the thesis compares.
+
+use crate::error::Result;
+use crate::kernel::{Isa, isa};
+use crate::matcher::stage::{
+    BlockSearch, Blocks, DisparityRange, DogTexture, SelfCheck, SymmetricCheck, VerticalSmoothing,
+};
+use crate::stereo::{DisparityMap, Gray, Plane, StereoPair};
+
+/// A pair smoothed as v3 does it, with the matches of its textured pixels.
+pub(super) struct Correlated {
+    isa: Isa,
+    range: DisparityRange,
+    left: Gray,
+    right: Gray,
+    /// Every match, none of them checked.
+    pub(super) matches: DisparityMap,
+}
+
+impl Correlated {
+    /// The thesis's range of disparities.
+    pub(super) const DISPARITIES: (i32, i32) = (0, 80);
+
+    pub(super) fn of(pair: &StereoPair) -> Result<Self> {
+        let (width, height) = pair.size();
+        let isa = isa()?;
+        let range = DisparityRange::new(Self::DISPARITIES.0, Self::DISPARITIES.1)?;
+        let smoothing = VerticalSmoothing::new(1.0);
+        let (mut left, mut right) = (Gray::filled(width, height, 0)?, Gray::filled(width, height, 0)?);
+        smoothing.apply(isa, pair.left(), &mut left);
+        smoothing.apply(isa, pair.right(), &mut right);
+        let mut textured = Plane::filled(width, height, false)?;
+        DogTexture::new(0.4, 3.35).apply(isa, &left, &mut textured);
+
+        let mut this = Self { isa, range, left, right, matches: DisparityMap::new(width, height)? };
+        let (left_blocks, right_blocks) = this.blocks();
+        let mut search = BlockSearch::new(width, range);
+        let Self { left, right, matches, .. } = &mut this;
+        for (y, mut row) in matches.rows_mut().enumerate() {
+            let lane = y % Blocks::ROWS;
+            if lane == 0 {
+                search.search(isa, left_blocks.around(y), right_blocks.around(y));
+            }
+            search.write_row(isa, lane, [left.row(y), right.row(y)], textured.row(y), &mut row);
+        }
+        Ok(this)
+    }
+
+    /// The matches that pass the self check: what v3 gives.
+    pub(super) fn self_checked(&self) -> DisparityMap {
+        let (left, _) = self.blocks();
+        let mut map = self.matches.clone();
+        let mut check = SelfCheck::new(self.left.width(), self.range);
+        for (y, mut row) in map.rows_mut().enumerate() {
+            let lane = y % Blocks::ROWS;
+            if lane == 0 {
+                check.search(self.isa, left.around(y));
+            }
+            check.check_row(self.isa, lane, self.left.row(y), &mut row);
+        }
+        map
+    }
+
+    /// The matches that the right image shares, to `tolerance_px`: v1's and v2's symmetric check.
+    pub(super) fn symmetric(&self, tolerance_px: i32) -> DisparityMap {
+        let (left, right) = self.blocks();
+        let mut map = self.matches.clone();
+        let mut check = SymmetricCheck::new(tolerance_px, self.left.width(), self.range);
+        for (y, mut row) in map.rows_mut().enumerate() {
+            let lane = y % Blocks::ROWS;
+            if lane == 0 {
+                check.search(self.isa, left.around(y), right.around(y));
+            }
+            check.check_row(lane, &mut row);
+        }
+        map
+    }
+
+    fn blocks(&self) -> (Blocks, Blocks) {
+        let blocks = |image: &Gray| {
+            let mut blocks = Blocks::new(image.width(), image.height());
+            blocks.load(self.isa, image);
+            blocks
+        };
+        (blocks(&self.left), blocks(&self.right))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arena::{Arena, ArenaConfig};
+    use crate::matcher::Algorithm;
+    use crate::timing::Clock;
+
+    #[test]
+    fn with_the_self_check_it_is_v3() {
+        let pair = Arena::new(&ArenaConfig::default(), 1).unwrap().frame(40).unwrap().pair;
+        let mut v3 = DisparityMap::new(1, 1).unwrap();
+        let algorithm: Algorithm = "v3".parse().unwrap();
+        algorithm.build().unwrap().compute(&pair, &mut v3, &mut Clock::start()).unwrap();
+        let correlated = Correlated::of(&pair).unwrap();
+        assert_eq!(correlated.self_checked().hash(), v3.hash());
+        assert!(correlated.symmetric(0).valid() < correlated.symmetric(1).valid());
+    }
+}

@@ -1,0 +1,137 @@
+//! What an experiment comes to.
+
+use crate::error::Result;
+use crate::overlay::Mark;
+use crate::report::plot::Chart;
+use serde::Serialize;
+
+/// The outcome of an experiment.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Finding {
+    /// One sentence that tells the outcome by its numbers.
+    pub why: String,
+    /// What must be so for the claim to hold.
+    pub conditions: Vec<Condition>,
+    pub quantities: Vec<Quantity>,
+    #[serde(skip)]
+    pub exhibits: Vec<Exhibit>,
+}
+
+/// Something that is so if the claim holds, and whether it is.
+#[derive(Clone, Debug, Serialize)]
+pub struct Condition {
+    /// The rule with its thresholds, and the numbers that it was tested on.
+    pub says: String,
+    pub met: bool,
+}
+
+/// A measured number beside the thesis's.
+#[derive(Clone, Debug, Serialize)]
+pub struct Quantity {
+    pub name: String,
+    pub unit: &'static str,
+    /// As the thesis says it; nothing where it does not.
+    pub thesis: Option<String>,
+    /// Nothing where there was nothing to measure.
+    pub ours: Option<f64>,
+}
+
+/// Whether the thesis's claim holds here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Every condition is met.
+    Holds,
+    /// Some conditions are met and some are not.
+    HoldsInPart,
+    /// No condition is met.
+    DoesNotHold,
+    /// No condition could be tested.
+    CannotBeTold,
+}
+
+/// Something to look at.
+#[derive(Clone, Debug)]
+pub enum Exhibit {
+    /// A plot as SVG.
+    Plot(String),
+    /// A picture, with a depth grid drawn on it.
+    Picture { caption: String, png: Vec<u8>, size: (usize, usize), marks: Vec<Drawn> },
+}
+
+/// What is drawn in one cell of a picture.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Drawn {
+    #[serde(flatten)]
+    pub mark: Mark,
+    /// Whether the cell is crossed out.
+    pub wrong: bool,
+}
+
+impl Finding {
+    /// What the conditions come to.
+    pub fn verdict(&self) -> Verdict {
+        let met = self.conditions.iter().filter(|c| c.met).count();
+        match (met, self.conditions.len()) {
+            (_, 0) => Verdict::CannotBeTold,
+            (0, _) => Verdict::DoesNotHold,
+            (met, all) if met == all => Verdict::Holds,
+            _ => Verdict::HoldsInPart,
+        }
+    }
+
+    pub(super) fn condition(&mut self, met: bool, says: impl Into<String>) {
+        self.conditions.push(Condition { says: says.into(), met });
+    }
+
+    /// `thesis` is empty where the thesis says nothing.
+    pub(super) fn quantity(
+        &mut self,
+        name: impl Into<String>,
+        unit: &'static str,
+        thesis: &str,
+        ours: impl Into<Option<f64>>,
+    ) {
+        let thesis = (!thesis.is_empty()).then(|| thesis.to_owned());
+        let ours = ours.into().filter(|v| v.is_finite());
+        self.quantities.push(Quantity { name: name.into(), unit, thesis, ours });
+    }
+
+    pub(super) fn plot(&mut self, chart: &Chart) -> Result<()> {
+        self.exhibits.push(Exhibit::Plot(chart.svg()?));
+        Ok(())
+    }
+}
+
+impl Verdict {
+    /// All verdicts, the best first.
+    pub const ALL: [Self; 4] = [Self::Holds, Self::HoldsInPart, Self::DoesNotHold, Self::CannotBeTold];
+
+    /// The words for it.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::HoldsInPart => "holds in part",
+            Self::DoesNotHold => "does not hold",
+            Self::CannotBeTold => "cannot be told",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_verdict_follows_from_the_conditions() {
+        let verdict = |met: &[bool]| {
+            let mut finding = Finding::default();
+            met.iter().for_each(|&met| finding.condition(met, ""));
+            finding.verdict()
+        };
+        assert_eq!(verdict(&[]), Verdict::CannotBeTold);
+        assert_eq!(verdict(&[true, true]), Verdict::Holds);
+        assert_eq!(verdict(&[false, true]), Verdict::HoldsInPart);
+        assert_eq!(verdict(&[false, false]), Verdict::DoesNotHold);
+    }
+}
