@@ -2,7 +2,7 @@
 
 use super::checks::Correlated;
 use super::measure::{SSDPI_TOP, Spread, Valid, gray_picture, ssdpi_picture, valid};
-use super::{Context, Experiment, Finding, stage};
+use super::{Context, Experiment, Finding, Value, stage};
 use crate::error::Result;
 use crate::report::plot::{Axis, Chart, Form, Series};
 use crate::stereo::Frame;
@@ -15,7 +15,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     method: "A block turned by 35° and a ball, with forest pictures, 0.25 m and 1 m before the arena's stereo head. SSDPI, as \
              ln(SSDPI + 1), is of all of v3's matches on the subject before any check of them; what belongs to the subject \
              the truth tells. Real scenes stand still, so there the nearer half of the matches, by the truth, is compared \
-             with the farther half.",
+             with the farther half, which shows other things.",
     records: false,
     run,
 };
@@ -54,10 +54,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         ),
     );
     finding.condition(close.mean > far.mean, format!("So is the mean: {:.2} and {:.2}.", close.mean, far.mean));
-    for (name, spread) in [("close", close), ("far", far)] {
-        finding.quantity(format!("{name}: median ln SSDPI"), "", "", spread.median);
-        finding.quantity(format!("{name}: mean ln SSDPI"), "", "", spread.mean);
-    }
+    let values = |near: Spread, far: Spread| [near.median, far.median, near.mean, far.mean].map(Value::from);
+    let mut rows = vec![("arena, one subject at two distances".to_owned(), values(close, far))];
     let (mut scenes, mut higher) = (0, 0);
     for frame in context.real() {
         let frame = frame?;
@@ -66,9 +64,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         scenes += 1;
         higher += usize::from(near.median > far.median);
         let name = frame.name.clone().unwrap_or_default();
-        finding.quantity(format!("{name}: median ln SSDPI, nearer half"), "", "", near.median);
-        finding.quantity(format!("{name}: median ln SSDPI, farther half"), "", "", far.median);
+        rows.push((format!("{name}, nearer and farther half"), values(near, far)));
     }
+    let table = finding.table(["ln SSDPI", "close, median", "far, median", "close, mean", "far, mean"]);
+    rows.into_iter().for_each(|(name, values)| table.row(name, values));
     let real = if scenes == 0 {
         String::new()
     } else {

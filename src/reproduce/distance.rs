@@ -1,7 +1,7 @@
 //! Figure 5.1: the distance curve, from the thesis's measurements and from a simulated target.
 
 use super::measure::Spread;
-use super::{Context, Experiment, Finding, stage};
+use super::{Context, Experiment, Finding, Value, stage};
 use crate::arena::ArenaConfig;
 use crate::depth::{self, DistanceCurve, MIN_VALID};
 use crate::error::Result;
@@ -52,7 +52,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
     let thesis = DistanceCurve::annex_b()?;
     let ours = DistanceCurve::fit(&measured)?;
-    let at_points = worst(table.iter().map(|&(cm, px)| (cm, px)), &thesis);
+    let at_points = worst(table.into_iter(), &thesis);
     let steps = |curve: &DistanceCurve| {
         let (first, last) = (*curve.measured_px().start(), *curve.measured_px().end());
         (0..=2 * (last - first) as usize).map(|i| first + 0.5 * i as f64).collect::<Vec<_>>()
@@ -85,16 +85,32 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             between.1
         ),
     );
+    let pinhole = table.iter().map(|(cm, px)| (product / px - cm).abs() / cm).fold(0.0, f64::max);
+    finding.quantity("target at 16 cm", "px", "81", measured.last().map(|(_, px)| *px));
+    finding.quantity("target at 130 cm", "px", "11", measured.first().map(|(_, px)| *px));
+    let rows = finding.table([
+        "distance, cm",
+        "thesis: disparity, px",
+        "thesis: its curve there, cm",
+        "here: true disparity, px",
+        "here: disparity, px",
+        "here: its curve there, cm",
+    ]);
     for (cm, px) in table {
         let found = measured.iter().find(|(at, _)| *at == cm).map(|(_, px)| *px);
-        finding.quantity(format!("disparity at {cm:.0} cm"), "px", &format!("{px:.0}"), found);
+        let curve = found.and_then(|px| ours.distance_cm(px));
+        let here = [Some(product / cm), found, curve].map(Value::from);
+        let [true_px, found, curve] = here;
+        rows.row(format!("{cm:.0}"), [px.into(), thesis.distance_cm(px).into(), true_px, found, curve]);
     }
     finding.why = format!(
         "A target's disparity fixes its distance to within {off_px:.1} px, but degree 5 swings between the near \
          measurements: the thesis's own curve rises by {rise_cm:.0} cm where it should fall, and the one through the \
-         simulated target is {:.0} % off at {:.0} px; f·B/d is not.",
+         simulated target is {:.0} % off at {:.0} px. f·B/d cannot swing, and is at most {:.0} % off at the thesis's own \
+         measurements.",
         100.0 * between.0,
-        between.1
+        between.1,
+        100.0 * pinhole
     );
     let line = |name: &str, curve: &DistanceCurve| Series {
         name: name.into(),

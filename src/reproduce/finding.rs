@@ -12,7 +12,9 @@ pub struct Finding {
     pub why: String,
     /// What must be so for the claim to hold.
     pub conditions: Vec<Condition>,
+    /// Numbers beside those of the thesis.
     pub quantities: Vec<Quantity>,
+    pub tables: Vec<Table>,
     #[serde(skip)]
     pub exhibits: Vec<Exhibit>,
 }
@@ -34,6 +36,23 @@ pub struct Quantity {
     pub thesis: Option<String>,
     /// Nothing where there was nothing to measure.
     pub ours: Option<f64>,
+}
+
+/// Numbers of several things of one kind.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table {
+    /// Of the columns, the first of which names the things.
+    pub heads: Vec<String>,
+    pub rows: Vec<(String, Vec<Value>)>,
+}
+
+/// What stands in a table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Value {
+    Number(f64),
+    Text(String),
+    Nothing,
 }
 
 /// Whether the thesis's claim holds here.
@@ -97,15 +116,44 @@ impl Finding {
         self.quantities.push(Quantity { name: name.into(), unit, thesis, ours });
     }
 
+    pub(super) fn table<const N: usize>(&mut self, heads: [&str; N]) -> &mut Table {
+        self.tables.push(Table { heads: heads.map(str::to_owned).to_vec(), rows: Vec::new() });
+        let last = self.tables.len() - 1;
+        &mut self.tables[last]
+    }
+
     pub(super) fn plot(&mut self, chart: &Chart) -> Result<()> {
         self.exhibits.push(Exhibit::Plot(chart.svg()?));
         Ok(())
     }
 }
 
+impl Table {
+    pub(super) fn row<const N: usize>(&mut self, name: impl Into<String>, values: [Value; N]) {
+        debug_assert_eq!(N + 1, self.heads.len());
+        self.rows.push((name.into(), values.into()));
+    }
+}
+
+impl<V: Into<Option<f64>>> From<V> for Value {
+    fn from(value: V) -> Self {
+        value.into().filter(|v| v.is_finite()).map_or(Self::Nothing, Self::Number)
+    }
+}
+
 impl Verdict {
     /// All verdicts, the best first.
     pub const ALL: [Self; 4] = [Self::Holds, Self::HoldsInPart, Self::DoesNotHold, Self::CannotBeTold];
+
+    /// The words for it, of several claims.
+    pub fn plural(self) -> &'static str {
+        match self {
+            Self::Holds => "hold",
+            Self::HoldsInPart => "hold in part",
+            Self::DoesNotHold => "do not hold",
+            Self::CannotBeTold => "cannot be told",
+        }
+    }
 
     /// The words for it.
     pub fn words(self) -> &'static str {

@@ -22,7 +22,7 @@ mod stage;
 mod texture;
 mod validity;
 
-pub use finding::{Condition, Drawn, Exhibit, Finding, Quantity, Verdict};
+pub use finding::{Condition, Drawn, Exhibit, Finding, Quantity, Table, Value, Verdict};
 pub use page::{Entry, Page};
 
 use crate::error::{Error, Result, did_you_mean, nearest};

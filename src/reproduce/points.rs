@@ -1,7 +1,7 @@
 //! Figure 7.3: the arena's six points through v3 and through the Small Vision System.
 
 use super::measure::percent;
-use super::{Context, Drawn, Exhibit, Experiment, Finding};
+use super::{Context, Drawn, Exhibit, Experiment, Finding, Value};
 use crate::error::{Error, Result};
 use crate::files::encode_png;
 use crate::matcher::Algorithm;
@@ -72,6 +72,23 @@ struct Cells {
     first_column: usize,
 }
 
+impl Point {
+    /// Best and worst frame, the share that passes and that with a wrong cell.
+    fn values(&self) -> [Value; 4] {
+        let leading = |lead: &Option<(Exhibit, CheckpointFrame)>| match lead {
+            Some((_, frame)) => Value::Text(if frame.passed { "pass" } else { "fail" }.to_owned()),
+            None => Value::Nothing,
+        };
+        let frames = self.tally.frames;
+        [
+            leading(&self.tally.best),
+            leading(&self.tally.worst),
+            percent(self.tally.passed, frames).into(),
+            percent(self.wrong, frames).into(),
+        ]
+    }
+}
+
 impl Points {
     fn new(scenario: &Scenario) -> Self {
         let points = scenario.checkpoints.iter().map(|_| <[Point; 2]>::default()).collect();
@@ -83,17 +100,28 @@ impl Points {
         let mut finding = Finding::default();
         let share = |p: &Point| percent(p.tally.passed, p.tally.frames).unwrap_or(f64::NAN);
         conclude(&scenario.checkpoints, &points, cells, &mut finding);
-        for (checkpoint, point) in scenario.checkpoints.iter().zip(&points) {
-            for (name, point) in NAMES.iter().zip(point) {
-                let title = format!("point {}, {}, {name}", checkpoint.number, checkpoint.name);
-                finding.quantity(format!("{title}: frames that pass"), "%", "", share(point));
-                finding.quantity(
-                    format!("{title}: frames with a wrong cell"),
-                    "%",
-                    "",
-                    percent(point.wrong, point.tally.frames),
-                );
-            }
+        let rows = finding.table([
+            "point",
+            "thesis",
+            "v3: best",
+            "v3: worst",
+            "v3: frames that pass, %",
+            "v3: frames with a wrong cell, %",
+            "SVS: best",
+            "SVS: worst",
+            "SVS: frames that pass, %",
+            "SVS: frames with a wrong cell, %",
+        ]);
+        for (checkpoint, [v3, svs]) in scenario.checkpoints.iter().zip(&points) {
+            let thesis = match checkpoint.number {
+                2 => "v3 erroneous, SVS better",
+                3 => "v3 unknown where flat",
+                6 => "SVS better",
+                _ => "near results",
+            };
+            let ([a, b, c, d], [e, f, g, h]) = (v3.values(), svs.values());
+            let name = format!("{}. {}", checkpoint.number, checkpoint.name);
+            rows.row(name, [Value::Text(thesis.to_owned()), a, b, c, d, e, f, g, h]);
         }
         for (name, cells) in NAMES.iter().zip(cells) {
             finding.quantity(format!("all frames, {name}: cells right"), "%", "", percent(cells.right, cells.all));

@@ -1,7 +1,7 @@
 //! Figure 5.3: what vertical smoothing does to the matches of a misaligned pair.
 
 use super::measure::{Spread, percent, right, ssdpi, ssdpi_picture, valid};
-use super::{Context, Experiment, Finding};
+use super::{Context, Experiment, Finding, Value};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
 use crate::report::plot::{Axis, Chart, Form, Series};
@@ -64,14 +64,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             sharp.wrong_percent, smooth.wrong_percent
         ),
     );
+    let rows = finding.table(HEADS);
     for (offset_px, sharp, smooth) in &outcomes {
-        for (outcome, how) in [(sharp, "without"), (smooth, "with")] {
-            let name = |what: &str| format!("{offset_px} px too low, {how} smoothing: {what}");
-            finding.quantity(name("median ln SSDPI"), "", "", outcome.ssdpi.median);
-            finding.quantity(name("mean ln SSDPI"), "", "", outcome.ssdpi.mean);
-            finding.quantity(name("valid pixels"), "%", "", outcome.valid_percent);
-            finding.quantity(name("wrong matches"), "%", "", outcome.wrong_percent);
-        }
+        rows.row(format!("arena, {offset_px} px, without"), sharp.values());
+        rows.row(format!("arena, {offset_px} px, with"), smooth.values());
     }
     finding.why = format!(
         "With the right image 1 px too low, smoothing lowers the median ln SSDPI from {:.2} to {:.2} and the share of wrong \
@@ -126,14 +122,21 @@ fn real(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
             smooth.wrong_percent
         ),
     );
-    for (outcome, how) in [(sharp, "without"), (smooth, "with")] {
-        let name = |what: &str| format!("real scenes, 1 px too low, {how} smoothing: {what}");
-        finding.quantity(name("median ln SSDPI"), "", "", outcome.ssdpi.median);
-        finding.quantity(name("valid pixels"), "%", "", outcome.valid_percent);
-        finding.quantity(name("wrong matches"), "%", "", outcome.wrong_percent);
+    for rows in &mut finding.tables {
+        rows.row("real scenes, 1 px, without", sharp.values());
+        rows.row("real scenes, 1 px, with", smooth.values());
     }
     Ok(())
 }
+
+const HEADS: [&str; 6] = [
+    "right image too low by, smoothing",
+    "median ln SSDPI",
+    "mean ln SSDPI",
+    "valid pixels, %",
+    "right matches, % of all pixels",
+    "wrong matches, % of the matches",
+];
 
 /// Maps of the frames without and with smoothing.
 fn both(context: &mut Context<'_>, frames: &[Frame]) -> Result<[Vec<DisparityMap>; 2]> {
@@ -160,6 +163,11 @@ struct Outcome {
 }
 
 impl Outcome {
+    fn values(&self) -> [Value; 5] {
+        let Self { ssdpi, valid_percent, right_percent, wrong_percent } = *self;
+        [ssdpi.median, ssdpi.mean, valid_percent, right_percent, wrong_percent].map(Value::from)
+    }
+
     fn of(frames: &[Frame], maps: &[DisparityMap]) -> Self {
         let (mut pixels, mut matches, mut known, mut good) = (0, 0, 0, 0);
         for (frame, map) in frames.iter().zip(maps) {

@@ -1,7 +1,7 @@
 //! Figure 5.5: the difference-of-Gaussians filter along a row.
 
 use super::measure::{Spread, gray_picture, percent};
-use super::{Context, Experiment, Finding};
+use super::{Context, Experiment, Finding, Value};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
 use crate::kernel::isa;
@@ -36,24 +36,29 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let arena = Filtered::of(&left)?;
     let row_kept = arena.kept.row(ROW).iter().filter(|kept| **kept).count();
     let row_percent = percent(left.width() - row_kept, left.width());
-    finding.quantity("initial σ", "px", "0.4", SIGMA);
-    finding.quantity("scale factor Δ", "px", "3.35", DELTA);
-    finding.quantity(format!("row {ROW}: pixels dropped"), "%", "", row_percent);
-    arena.tell("arena", &mut finding);
-    let mut all = vec![("the arena".to_owned(), arena)];
+    let mut all = vec![("arena".to_owned(), arena)];
     for frame in context.real() {
         let frame = frame?;
         context.step()?;
         let filtered = Filtered::of(&smoothed(frame.pair.left())?)?;
-        let name = frame.name.unwrap_or_default();
-        filtered.tell(&name, &mut finding);
-        all.push((name, filtered));
+        all.push((frame.name.unwrap_or_default(), filtered));
     }
-    for (name, filtered) in all.iter().take(1) {
+    let rows = finding.table([
+        "view",
+        "pixels dropped, %",
+        "median contrast of what is kept, grey levels",
+        "of what is dropped, grey levels",
+        "answers that half the brightness changes, %",
+        "the same of the standard deviation, %",
+    ]);
+    for (name, filtered) in &all {
+        rows.row(name, filtered.values());
+    }
+    if let Some((name, filtered)) = all.first() {
         finding.condition(
             filtered.dropped_contrast <= 0.5 * filtered.kept_contrast,
             format!(
-                "In {name} what is dropped has at most half the contrast of what is kept, by their medians: {:.1} and {:.1} grey \
+                "In the {name} what is dropped has at most half the contrast of what is kept, by their medians: {:.1} and {:.1} grey \
                  levels.",
                 filtered.dropped_contrast, filtered.kept_contrast
             ),
@@ -61,7 +66,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         finding.condition(
             filtered.dog_changes < filtered.deviation_changes,
             format!(
-                "In {name} half the brightness changes fewer answers than the standard deviation's: {:.1} % \
+                "In the {name} half the brightness changes fewer answers than the standard deviation's: {:.1} % \
                  against {:.1} % of the pixels.",
                 filtered.dog_changes, filtered.deviation_changes
             ),
@@ -180,17 +185,9 @@ impl Filtered {
         })
     }
 
-    fn tell(&self, name: &str, finding: &mut Finding) {
-        finding.quantity(format!("{name}: pixels dropped"), "%", "", self.dropped_percent);
-        finding.quantity(format!("{name}: median contrast of what is kept"), "grey levels", "", self.kept_contrast);
-        finding.quantity(
-            format!("{name}: median contrast of what is dropped"),
-            "grey levels",
-            "",
-            self.dropped_contrast,
-        );
-        finding.quantity(format!("{name}: answers that half the brightness changes"), "%", "", self.dog_changes);
-        finding.quantity(format!("{name}: the same of the standard deviation"), "%", "", self.deviation_changes);
+    fn values(&self) -> [Value; 5] {
+        let Self { dropped_percent, kept_contrast, dropped_contrast, dog_changes, deviation_changes, .. } = *self;
+        [dropped_percent, kept_contrast, dropped_contrast, dog_changes, deviation_changes].map(Value::from)
     }
 }
 

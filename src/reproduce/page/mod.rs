@@ -1,6 +1,6 @@
 //! What experiments leave to read: `index.html`, one file without scripts or anything to fetch, Markdown and JSON.
 
-use super::{Drawn, Exhibit, Experiment, Finding, Verdict};
+use super::{Drawn, Exhibit, Experiment, Finding, Quantity, Table, Value, Verdict};
 use crate::error::{Error, Result};
 use crate::overlay::Rect;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -48,11 +48,18 @@ struct ReportView<'a> {
 struct SectionView<'a> {
     heading: String,
     words: &'static str,
-    rows: Vec<[String; 3]>,
+    numbers: Vec<TableView<'a>>,
     plots: Vec<&'a str>,
     pictures: Vec<PictureView<'a>>,
     #[serde(flatten)]
     entry: EntryView<'a>,
+}
+
+/// A table with its numbers worded.
+#[derive(Serialize)]
+struct TableView<'a> {
+    heads: Vec<&'a str>,
+    rows: Vec<(&'a str, Vec<String>)>,
 }
 
 #[derive(Serialize)]
@@ -86,9 +93,12 @@ impl Page<'_> {
     /// How many experiments came to which verdict, in words.
     pub fn tally(&self) -> String {
         let count = |verdict| self.entries.iter().filter(|e| e.finding.verdict() == verdict).count();
-        let counted = Verdict::ALL.map(|verdict| (count(verdict), verdict.words()));
-        let words = counted.iter().filter(|(n, _)| *n > 0).map(|(n, words)| format!("{n} {words}"));
-        words.collect::<Vec<_>>().join(", ")
+        let words = |verdict: Verdict| match count(verdict) {
+            0 => None,
+            1 => Some(format!("1 {}", verdict.words())),
+            n => Some(format!("{n} {}", verdict.plural())),
+        };
+        Verdict::ALL.into_iter().filter_map(words).collect::<Vec<_>>().join(", ")
     }
 
     /// The report as JSON values.
@@ -118,9 +128,11 @@ impl Page<'_> {
             for condition in &finding.conditions {
                 let _ = writeln!(text, "- {} {}", if condition.met { "met:" } else { "not met:" }, condition.says);
             }
-            let _ = writeln!(text, "\n| | thesis | here |\n|---|---:|---:|");
-            for [name, thesis, ours] in rows(finding) {
-                let _ = writeln!(text, "| {name} | {thesis} | {ours} |");
+            for TableView { heads, rows } in numbers(finding) {
+                let _ = writeln!(text, "\n| {} |\n|---|{}", heads.join(" | "), "---:|".repeat(heads.len() - 1));
+                for (name, cells) in rows {
+                    let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
+                }
             }
             let _ = writeln!(text, "\n{method}");
         }
@@ -170,8 +182,8 @@ impl Entry {
             }
         }
         let words = self.finding.verdict().words();
-        let rows = rows(&self.finding);
-        SectionView { heading: heading(self.experiment), words, rows, plots, pictures, entry: self.view() }
+        let numbers = numbers(&self.finding);
+        SectionView { heading: heading(self.experiment), words, numbers, plots, pictures, entry: self.view() }
     }
 }
 
@@ -192,17 +204,29 @@ fn heading(experiment: &Experiment) -> String {
     }
 }
 
-/// Name, the thesis's number and ours.
-fn rows(finding: &Finding) -> Vec<[String; 3]> {
-    let unit = |number: String, unit: &str| match unit {
-        "" => number,
-        unit => format!("{number}\u{a0}{unit}"),
+/// The quantities beside the thesis's, then the other tables.
+fn numbers(finding: &Finding) -> Vec<TableView<'_>> {
+    let beside =
+        || TableView { heads: vec!["", "thesis", "here"], rows: finding.quantities.iter().map(quantity).collect() };
+    let others = finding.tables.iter().map(table_view);
+    (!finding.quantities.is_empty()).then(beside).into_iter().chain(others).collect()
+}
+
+fn quantity(quantity: &Quantity) -> (&str, Vec<String>) {
+    let Quantity { name, unit, thesis, ours } = quantity;
+    let with_unit = |number: String| if unit.is_empty() { number } else { format!("{number}\u{a0}{unit}") };
+    let thesis = thesis.clone().map_or_else(String::new, with_unit);
+    (name, vec![thesis, ours.map_or_else(|| "–".to_owned(), |v| with_unit(number(v)))])
+}
+
+fn table_view(table: &Table) -> TableView<'_> {
+    let cell = |value: &Value| match value {
+        Value::Number(value) => number(*value),
+        Value::Text(text) => text.clone(),
+        Value::Nothing => "–".to_owned(),
     };
-    let row = |q: &super::Quantity| {
-        let thesis = q.thesis.as_ref().map_or_else(String::new, |t| unit(t.clone(), q.unit));
-        [q.name.clone(), thesis, q.ours.map_or_else(|| "–".to_owned(), |v| unit(number(v), q.unit))]
-    };
-    finding.quantities.iter().map(row).collect()
+    let rows = table.rows.iter().map(|(name, values)| (name.as_str(), values.iter().map(cell).collect()));
+    TableView { heads: table.heads.iter().map(String::as_str).collect(), rows: rows.collect() }
 }
 
 /// Three digits or so.
@@ -228,13 +252,22 @@ mod tests {
         finding.condition(true, "x > 1");
         finding.quantity("share <i>", "%", "35", 33.333);
         finding.quantity("nothing", "", "", f64::NAN);
+        finding.table(["scene", "share, %"]).row("cones & co", [Value::from(12.34)]);
         let marks = Vec::new();
         finding.exhibits.push(Exhibit::Picture { caption: "c & d".into(), png: vec![1, 2, 3], size: (4, 2), marks });
         let entries = [Entry { experiment: &super::super::EXPERIMENTS[0], finding }];
         let html = page(&entries).html().unwrap();
-        for text in
-            ["a &lt; b", "x &gt; 1", "share &lt;i&gt;", "33.3\u{a0}%", "c &amp; d", "AQID", "tsukuba &lt;&amp;&gt;"]
-        {
+        for text in [
+            "a &lt; b",
+            "x &gt; 1",
+            "share &lt;i&gt;",
+            "33.3\u{a0}%",
+            "c &amp; d",
+            "AQID",
+            "cones &amp; co",
+            "<td>12.3</td>",
+            "tsukuba &lt;&amp;&gt;",
+        ] {
             assert!(html.contains(text), "{text}");
         }
         assert_eq!(page(&entries).tally(), "1 holds");
