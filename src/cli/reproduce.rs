@@ -3,10 +3,10 @@
 use super::output::{print, print_json};
 use super::progress::{self, Progress};
 use super::{cache, folder, one_line, run_info};
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use svl::reproduce::{Context, EXPERIMENTS, Entry, Experiment, Page, find, scenes};
+use svl::reproduce::{Context, EXPERIMENTS, Entry, Experiment, Finding, Page, find, scenes};
 use svl::scenario::Scenario;
 use svl::source::Source;
 use svl::source::dataset::Scene;
@@ -47,8 +47,10 @@ fn figure(text: &str) -> svl::Result<Figure> {
 /// The files of a report.
 const REPORT_FILES: &[&str] = &["index.html", "reproduce.md", "reproduce.json"];
 
+const STOPPED: &str = "stopped by Ctrl-C; the report holds what was found before";
+
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let asked = |e: &&Experiment| args.figures.is_empty() || args.figures.iter().any(|f| std::ptr::eq(f.0, *e));
+    let asked = |e: &&Experiment| args.figures.is_empty() || args.figures.iter().any(|f| f.0.figure() == e.figure());
     let experiments: Vec<&'static Experiment> = EXPERIMENTS.iter().filter(asked).collect();
     let earlier = folder::earlier_report(&args.out, REPORT_FILES)?;
     let data = args.data.clone().or_else(|| std::env::var_os("SVL_DATASETS").map(PathBuf::from));
@@ -56,9 +58,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut recording = if experiments.iter().any(|e| e.records) { Some(arena_run(quiet)?) } else { None };
     let mut entries = Vec::new();
     let ran = experiments.iter().try_for_each(|experiment| {
+        if progress::interrupted() {
+            bail!("{STOPPED}");
+        }
         let recording = recording.take_if(|_| experiment.records);
         entries.push(Entry { experiment, finding: repeat(experiment, &scenes, recording, quiet)? });
-        anyhow::Ok(())
+        Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
     if entries.is_empty() {
@@ -92,15 +97,15 @@ fn repeat(
     scenes: &[Scene],
     recording: Option<(Scenario, Box<dyn Source>)>,
     quiet: bool,
-) -> anyhow::Result<svl::reproduce::Finding> {
+) -> anyhow::Result<Finding> {
     let mut progress = Progress::new(&format!("{} {}", experiment.figure(), experiment.title), None, quiet);
     let machine = run_info::processor();
     let found = (experiment.run)(&mut Context::new(&machine, scenes, recording, &mut progress));
     progress.clear();
-    if progress::interrupted() {
-        bail!("stopped by Ctrl-C; the report holds what was found before");
+    match found {
+        Err(_) if progress::interrupted() => bail!("{STOPPED}"),
+        found => found.with_context(|| format!("figure {}", experiment.figure())),
     }
-    Ok(found.map_err(|e| anyhow::anyhow!(e).context(format!("figure {}", experiment.figure())))?)
 }
 
 fn write_report(page: &Page<'_>, out: &Path) -> anyhow::Result<()> {

@@ -55,7 +55,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     finding.condition(close.mean > far.mean, format!("So is the mean: {:.2} and {:.2}.", close.mean, far.mean));
     let values = |near: Spread, far: Spread| [near.median, far.median, near.mean, far.mean].map(Value::from);
-    let mut rows = vec![("arena, one subject at two distances".to_owned(), values(close, far))];
+    let mut rows = vec![("arena".to_owned(), values(close, far))];
     let (mut scenes, mut higher) = (0, 0);
     for frame in context.real() {
         let frame = frame?;
@@ -64,7 +64,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         scenes += 1;
         higher += usize::from(near.median > far.median);
         let name = frame.name.clone().unwrap_or_default();
-        rows.push((format!("{name}, nearer and farther half"), values(near, far)));
+        rows.push((name, values(near, far)));
     }
     let table = finding.table(["ln SSDPI", "close, median", "far, median", "close, mean", "far, mean"]);
     rows.into_iter().for_each(|(name, values)| table.row(name, values));

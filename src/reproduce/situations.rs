@@ -74,8 +74,8 @@ fn small_escape() -> ArenaConfig {
 /// An even wall in little light.
 fn low_light() -> ArenaConfig {
     let mut config = normal();
-    config.sensor.white_e_per_ms = 300.0;
-    config.world.forest_contrast = 0.15;
+    config.sensor.white_e_per_ms = 450.0;
+    config.world.forest_contrast = 0.1;
     config
 }
 

@@ -2,10 +2,10 @@
 
 use super::checks::Correlated;
 use super::measure::{Spread, gray_picture, percent, right, ssdpi_picture, valid};
-use super::{Context, Exhibit, Experiment, Finding, Value, stage};
+use super::{Context, Experiment, Finding, Value, stage};
 use crate::arena::ArenaConfig;
 use crate::error::Result;
-use crate::report::plot::{Axis, Bars, Chart, Form, Series};
+use crate::report::plot::{Axis, Chart, Form, Series};
 use crate::stereo::{DisparityMap, Frame};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -42,13 +42,13 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let approach = approach(context, &mut finding)?;
 
     let mut real = Contest::default();
-    let mut bars = vec![Vec::new(), Vec::new()];
+    let mut shares = Vec::new();
     for frame in context.real() {
         let frame = frame?;
         context.step()?;
         let scene = Checked::of(&frame)?.contest;
-        let name = frame.name.clone().unwrap_or_default();
-        bars.iter_mut().zip(scene.dropped()).for_each(|(bars, share)| bars.push((name.clone(), vec![share])));
+        let [own, symmetric] = scene.dropped();
+        shares.push((symmetric, own));
         real.add(scene);
     }
     if real.matches > 0 {
@@ -67,13 +67,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     ]);
     rows.into_iter().for_each(|(name, values)| table.row(name, values));
     finding.plot(&approach)?;
-    for (title, bars) in ["Dropped by the self check", "Dropped by the symmetric check"].into_iter().zip(bars) {
-        if !bars.is_empty() {
-            let label = "share of the matches, %".into();
-            let chart = Bars { title: title.into(), label, parts: vec![String::new()], bars };
-            finding.exhibits.push(Exhibit::Plot(chart.svg()?));
-        }
-    }
+    finding.plot(&both_checks(shares, dropped))?;
     finding.exhibits.push(gray_picture("the left image", frame.pair.left())?);
     finding.exhibits.push(ssdpi_picture("ln SSDPI of all matches", &close.matches)?);
     finding.exhibits.push(ssdpi_picture("ln SSDPI of what the self check keeps", &close.own)?);
@@ -118,6 +112,23 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
         y: Axis { range: Some((0.0, 80.0)), ..Axis::new("matches dropped, %") },
         series: vec![series("self check", 0), series("symmetric check", 1)],
     })
+}
+
+/// Each view by what the two checks drop of it.
+fn both_checks(real: Vec<(f64, f64)>, [own, symmetric]: [f64; 2]) -> Chart {
+    let series = |name: &str, form, points| Series { name: name.into(), form, points };
+    let axis = |label: &str| Axis { range: Some((0.0, 80.0)), ..Axis::new(label) };
+    Chart {
+        title: "What both checks drop".into(),
+        x: axis("dropped by the symmetric check, %"),
+        y: axis("dropped by the self check, %"),
+        series: vec![
+            series("real scenes", Form::Points, real),
+            series("close object, thesis", Form::Points, vec![(55.0, 35.0)]),
+            series("close object, here", Form::Points, vec![(symmetric, own)]),
+            series("as much", Form::Line, vec![(0.0, 0.0), (80.0, 80.0)]),
+        ],
+    }
 }
 
 struct Checked {

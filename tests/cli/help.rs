@@ -8,7 +8,8 @@ fn help_tells_what_svl_is_for() {
 #[test]
 fn every_subcommand_has_help_with_an_example() {
     let fixture = Fixture::new();
-    for command in ["record", "replay", "score", "match", "bench", "algos", "info", "view", "completions"] {
+    for command in ["record", "replay", "score", "reproduce", "match", "bench", "algos", "info", "view", "completions"]
+    {
         let text = fixture.svl(&[command, "--help"]).done();
         assert!(text.contains("Example"), "{command} --help shows no example");
     }

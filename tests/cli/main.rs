@@ -11,4 +11,5 @@ mod interrupt;
 mod matching;
 mod record;
 mod replay;
+mod reproduce;
 mod score;

@@ -194,13 +194,13 @@ fn mark(drawn: &Drawn) -> MarkView {
     MarkView { drawn: *drawn, center: cell.center(), radius, cross }
 }
 
-/// `Figure 5.1`, `Table 5.1`.
+/// `Figure 5.1`, `Table 5.1`; the speeds stand in the text of chapter 7.
 fn heading(experiment: &Experiment) -> String {
     let figure = experiment.figure();
     match figure.strip_prefix("table") {
         Some(number) => format!("Table {number}"),
         None if figure.starts_with(|c: char| c.is_ascii_digit()) => format!("Figure {figure}"),
-        None => figure.to_owned(),
+        None => "Chapter 7".to_owned(),
     }
 }
 
