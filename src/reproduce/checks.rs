@@ -5,7 +5,7 @@ use crate::kernel::{Isa, isa};
 use crate::matcher::stage::{
     BlockSearch, Blocks, DisparityRange, DogTexture, SelfCheck, SymmetricCheck, VerticalSmoothing,
 };
-use crate::stereo::{DisparityMap, Gray, Plane, StereoPair};
+use crate::stereo::{DisparityMap, Gray, Plane, Reason, StereoPair};
 
 /// A pair smoothed as v3 does it, with the matches of its textured pixels.
 pub(super) struct Correlated {
@@ -13,6 +13,7 @@ pub(super) struct Correlated {
     range: DisparityRange,
     left: Gray,
     right: Gray,
+    right_textured: Plane<bool>,
     /// Every match, none of them checked.
     pub(super) matches: DisparityMap,
 }
@@ -29,10 +30,13 @@ impl Correlated {
         let (mut left, mut right) = (Gray::filled(width, height, 0)?, Gray::filled(width, height, 0)?);
         smoothing.apply(isa, pair.left(), &mut left);
         smoothing.apply(isa, pair.right(), &mut right);
-        let mut textured = Plane::filled(width, height, false)?;
-        DogTexture::new(0.4, 3.35).apply(isa, &left, &mut textured);
+        let texture = DogTexture::new(0.4, 3.35);
+        let (mut textured, mut right_textured) =
+            (Plane::filled(width, height, false)?, Plane::filled(width, height, false)?);
+        texture.apply(isa, &left, &mut textured);
+        texture.apply(isa, &right, &mut right_textured);
 
-        let mut this = Self { isa, range, left, right, matches: DisparityMap::new(width, height)? };
+        let mut this = Self { isa, range, left, right, right_textured, matches: DisparityMap::new(width, height)? };
         let (left_blocks, right_blocks) = this.blocks();
         let mut search = BlockSearch::new(width, range);
         let Self { left, right, matches, .. } = &mut this;
@@ -76,6 +80,20 @@ impl Correlated {
         map
     }
 
+    /// As [`Self::symmetric`], and the right pixel must be textured too: untextured ones are not matched back.
+    pub(super) fn symmetric_on_texture(&self, tolerance_px: i32) -> DisparityMap {
+        let mut map = self.symmetric(tolerance_px);
+        for (y, mut row) in map.rows_mut().enumerate() {
+            for x in 0..row.width() {
+                // The window of a match lies inside the right image.
+                if row.at(x).is_ok_and(|d| !self.right_textured.get(x - d as usize, y)) {
+                    row.reject(x, Reason::Inconsistent, row.ssdpi(x));
+                }
+            }
+        }
+        map
+    }
+
     fn blocks(&self) -> (Blocks, Blocks) {
         let blocks = |image: &Gray| {
             let mut blocks = Blocks::new(image.width(), image.height());
@@ -102,5 +120,6 @@ mod tests {
         let correlated = Correlated::of(&pair).unwrap();
         assert_eq!(correlated.self_checked().hash(), v3.hash());
         assert!(correlated.symmetric(0).valid() < correlated.symmetric(1).valid());
+        assert!(correlated.symmetric_on_texture(1).valid() < correlated.symmetric(1).valid());
     }
 }

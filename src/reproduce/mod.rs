@@ -4,7 +4,7 @@
 //! EXPERIMENTS ──run(Context)──▶ Finding (conditions, quantities, exhibits) ──▶ Page: HTML, Markdown, JSON
 //! ```
 //!
-//! What an experiment looks at is built from the arena's parts, with exact truth ([`Context::still`]), and real scenes
+//! What an experiment looks at is built from the arena's parts, with exact truth, and real scenes
 //! besides where there are some. Its verdict follows from its [`Condition`]s, which it tests on what it measured.
 
 mod checks;

@@ -246,3 +246,39 @@ fn judged(context: &mut Context<'_>, algorithm: &str, situation: &Situation, fra
     };
     Ok(Judged { judgements, exhibit: Some(exhibit) })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An answer with so many wrong cells from the first on; the others are right.
+    fn answer(wrong: usize) -> Judged {
+        let cell = |i| CellJudgement {
+            verdict: if i < wrong { Verdict::Wrong } else { Verdict::Right },
+            ..CellJudgement::NO_TRUTH
+        };
+        Judged { judgements: (0..SHAPE.cells()).map(cell).collect(), exhibit: None }
+    }
+
+    #[test]
+    fn what_the_thesis_saw_holds() {
+        let met = |dp: [usize; 8], v3: usize| {
+            let mut finding = Finding::default();
+            let outcomes: Vec<_> = dp.into_iter().map(|wrong| [answer(wrong), answer(v3)]).collect();
+            conclude(&outcomes, &mut finding);
+            finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>()
+        };
+        // The door's cell is the eleventh.
+        assert_eq!(met([4, 11, 18, 5, 5, 5, 18, 5], 0), [true; 4]);
+        assert_eq!(met([5, 10, 9, 5, 5, 5, 5, 5], 5), [false; 4]);
+    }
+
+    #[test]
+    fn the_door_fills_its_cell() {
+        let arena = Arena::new(&small_escape(), stage::SEED).unwrap();
+        let frame = arena.frame(0).unwrap();
+        let truth = true_grid(&frame, SHAPE).unwrap();
+        let distance = |column: usize| truth.cell(column, 1).depth.unwrap().distance_m.unwrap();
+        assert!(distance(DOOR) > 1.5 && distance(DOOR - 1) < 0.6 && distance(DOOR + 1) < 0.6);
+    }
+}
