@@ -194,7 +194,10 @@ fn conclude(checkpoints: &[Checkpoint], points: &[[Point; 2]], cells: [Cells; 2]
         ),
     );
     let elsewhere: Vec<_> = checkpoints.iter().zip(points).filter(|(c, p)| c.number != 2 && p[0].wrong > 0).collect();
-    let places: Vec<_> = elsewhere.iter().map(|(c, p)| format!("{} ({} frames)", c.number, p[0].wrong)).collect();
+    let places: Vec<_> = elsewhere
+        .iter()
+        .map(|(c, p)| format!("{} (in {} of {} frames)", c.number, p[0].wrong, p[0].tally.frames))
+        .collect();
     finding.condition(
         elsewhere.is_empty(),
         match &places[..] {

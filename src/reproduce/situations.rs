@@ -193,12 +193,14 @@ fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
     let all = |algorithm: usize| (0..outcomes.len()).map(|s| wrong(s, algorithm)).sum::<usize>();
     finding.why = format!(
         "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in low light, {} in all eight \
-         situations; v3 has {}, and says of the rest that it does not know.",
+         situations; v3 has {}, and of {} of the {} it says that it does not know.",
         wrong(normal, 0),
         wrong(escape, 0),
         wrong(low, 0),
         all(0),
-        all(1)
+        all(1),
+        outcomes.iter().map(|[_, v3]| v3.tally().unknown).sum::<usize>(),
+        cells * outcomes.len()
     );
 }
 
