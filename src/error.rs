@@ -93,7 +93,8 @@ fn words(cause: &std::io::Error) -> String {
     words.to_owned()
 }
 
-fn did_you_mean(nearest: &Option<String>) -> String {
+/// The hint to `nearest`, empty without one.
+pub(crate) fn did_you_mean(nearest: &Option<String>) -> String {
     nearest.as_ref().map(|n| format!(" (did you mean '{n}'?)")).unwrap_or_default()
 }
 

@@ -47,6 +47,8 @@ pub mod recording;
 #[cfg(feature = "bench")]
 pub mod report;
 #[cfg(feature = "bench")]
+pub mod reproduce;
+#[cfg(feature = "bench")]
 pub mod run;
 #[cfg(feature = "bench")]
 pub mod scenario;

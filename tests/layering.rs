@@ -17,12 +17,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("fetch", &["files"]),
     ("overlay", &["stereo"]),
     ("recording", &["stereo", "files", "manifest"]),
-    ("score", &["stereo", "depth"]),
+    ("score", &["stereo", "depth", "overlay"]),
     ("source", &["stereo", "recording", "arena", "files"]),
     ("manifest", &["kernel", "matcher"]),
     ("report", &["score", "overlay", "manifest"]),
     ("sink", &["stereo", "manifest", "recording", "score", "report", "overlay", "files"]),
     ("scenario", &["stereo", "depth", "matcher", "score", "arena", "files", "report"]),
+    (
+        "reproduce",
+        &[
+            "stereo", "kernel", "matcher", "depth", "arena", "files", "overlay", "score", "report", "source", "sink",
+            "scenario", "run", "manifest",
+        ],
+    ),
     ("run", &["stereo", "depth", "matcher", "scenario", "source", "sink"]),
 ];
 

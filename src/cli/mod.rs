@@ -7,12 +7,15 @@ mod compare;
 mod completions;
 mod datasets;
 mod eval;
+mod folder;
+mod gate;
 mod info;
 mod matching;
 mod output;
 mod progress;
 mod record;
 mod replay;
+mod reproduce;
 mod run_info;
 mod score;
 mod source;
@@ -63,6 +66,7 @@ enum Command {
     Replay(replay::Args),
     Score(score::Args),
     Compare(compare::Args),
+    Reproduce(reproduce::Args),
     Match(matching::Args),
     Eval(eval::Args),
     Bench(bench::Args),
@@ -124,6 +128,7 @@ impl Command {
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
             Self::Compare(args) => compare::run(&args),
+            Self::Reproduce(args) => reproduce::run(&args, quiet),
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),

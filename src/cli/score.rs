@@ -4,8 +4,8 @@ use super::output::{print, print_json};
 use super::progress::Progress;
 use super::source::data_folder;
 use super::sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
-use super::{cache, run_info};
-use anyhow::{Context, bail};
+use super::{cache, folder, gate, run_info};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::report::html::Page;
@@ -80,13 +80,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
     let mut lineup = Lineup::new(&scenario.algorithms)?;
-    let earlier = earlier_report(&folder)?;
+    let earlier = folder::earlier_report(&folder, REPORT_FILES)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = data_folder(args.data.as_deref());
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
-    for path in earlier {
-        std::fs::remove_file(&path).with_context(|| format!("{}: cannot replace it", path.display()))?;
-    }
+    folder::remove(earlier)?;
     let mut report = Report::begin(&scenario, &folder)?;
     let mut failures = 0;
     let ran = runs.iter_mut().try_for_each(|run| {
@@ -100,16 +98,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (finished, _) => finished?,
     };
     let limits = if args.gate { &scenario.gate[..] } else { &[] };
-    let gate: Vec<_> = limits.iter().flat_map(|limit| limit.judge(&summary, &manifest)).collect();
+    let rulings: Vec<_> = limits.iter().flat_map(|limit| limit.judge(&summary, &manifest)).collect();
     if args.json {
-        print_json(&Answer { summary: &summary, gate: &gate })?;
+        print_json(&Answer { summary: &summary, gate: &rulings })?;
     } else {
-        let rulings: String = gate.iter().map(ruling).collect();
-        print(&format!("{summary}\n{}\n{rulings}", folder.join("index.html").display()))?;
+        let gate: String = rulings.iter().map(gate::line).collect();
+        print(&format!("{summary}\n{}\n{gate}", folder.join("index.html").display()))?;
     }
     ran?;
     run_info::complete(failures)?;
-    if args.gate { pass(&gate) } else { Ok(()) }
+    if args.gate { gate::pass(&rulings) } else { Ok(()) }
 }
 
 /// What `--json` prints.
@@ -119,26 +117,6 @@ struct Answer<'a> {
     summary: &'a Summary,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     gate: &'a [Ruling],
-}
-
-fn ruling(ruling: &Ruling) -> String {
-    let word = match ruling.kept {
-        Some(true) => "kept",
-        Some(false) => "BROKEN",
-        None => "–",
-    };
-    format!("{word:<6}  {ruling}\n")
-}
-
-/// Refuses a run that broke a limit, or that no limit was for.
-fn pass(gate: &[Ruling]) -> anyhow::Result<()> {
-    let broken: Vec<_> = gate.iter().filter(|ruling| ruling.kept == Some(false)).collect();
-    match broken[..] {
-        [] if gate.iter().any(|ruling| ruling.kept.is_some()) => Ok(()),
-        [] => bail!("gate: none of the scenario's limits is for the algorithms that took part"),
-        [one] => bail!("gate: {one}"),
-        [first, ..] => bail!("gate: {first}; and {} more", broken.len() - 1),
-    }
 }
 
 /// One run of a scenario.
@@ -183,7 +161,7 @@ impl Report {
         let labels = scenario.labels().into_iter().map(str::to_owned).collect();
         let tables = Tables::create(folder)?;
         let info = run_info::rerun(&manifest, &identity, run_info::wireframe(scenario, None));
-        write_json(&folder.join(MANIFEST), &manifest)?;
+        folder::write_json(folder, MANIFEST, &manifest)?;
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
@@ -217,13 +195,9 @@ impl Report {
         summary.write_tables(&folder)?;
         rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
         rerun.finish()?;
-        let write = |name: &str, text: String| {
-            let path = folder.join(name);
-            std::fs::write(&path, text).with_context(|| path.display().to_string())
-        };
-        write("summary.md", summary.markdown(&scenario.name))?;
-        write_json(&folder.join("summary.json"), &summary)?;
-        write_json(&folder.join(MANIFEST), &manifest)?;
+        folder::write(&folder, "summary.md", summary.markdown(&scenario.name))?;
+        folder::write_json(&folder, "summary.json", &summary)?;
+        folder::write_json(&folder, MANIFEST, &manifest)?;
         let page = Page {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
@@ -237,10 +211,6 @@ impl Report {
         page.write(&folder.join("index.html"))?;
         Ok((summary, manifest))
     }
-}
-
-fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
-    std::fs::write(path, serde_json::to_string_pretty(value)? + "\n").with_context(|| path.display().to_string())
 }
 
 /// What identifies the run of a report.
@@ -264,16 +234,3 @@ const REPORT_FILES: &[&str] = &[
     "index.html",
     "run.rrd",
 ];
-
-/// Makes the folder, or lists the files of the report that is there; refuses a folder that holds anything else.
-fn earlier_report(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
-    let paths = entries.map(|entry| entry.map(|e| e.path())).collect::<Result<Vec<_>, _>>();
-    let paths = paths.with_context(|| folder.display().to_string())?;
-    let foreign = |path: &&PathBuf| !REPORT_FILES.iter().any(|name| path.file_name() == Some(name.as_ref()));
-    if let Some(path) = paths.iter().find(foreign) {
-        bail!("{}: not part of a report; name another folder with --out", path.display());
-    }
-    Ok(paths)
-}

@@ -28,7 +28,8 @@ pub const UNKNOWN: [u8; 3] = [0, 0, 0];
 /// The size of an error as KITTI 2015 counts it: 1 at 3 px or at 5 % of the true disparity, whichever is more.
 pub fn error_size(disparity_px: f32, true_px: f32) -> f32 {
     let error = (disparity_px - true_px).abs();
-    if true_px > 0.0 { (error / 3.0).min(20.0 * error / true_px) } else { error / 3.0 }
+    // `min` drops the NaN of no error at a truth of 0.
+    (error / 3.0).min(20.0 * error / true_px.abs())
 }
 
 /// The number of the bin of [`BINS`] that an error of that size falls into.

@@ -68,3 +68,15 @@ fn a_download_keeps_what_came() {
     assert!(stderr.contains("stopped; run it again to go on from there") && stderr.lines().count() == 1, "{stderr}");
     assert!(size(&fixture, &part) > 2000 && !fixture.path(&format!("d/middlebury2003/{file}")).exists());
 }
+
+#[test]
+fn a_reproduction_keeps_an_earlier_report_until_it_has_another() {
+    let fixture = Fixture::new();
+    fixture.write("reports/reproduce/reproduce.md", "earlier");
+    let recordings = || std::fs::read_dir(fixture.path("recordings")).is_ok_and(|files| files.count() > 0);
+    // Of 7.3 the arena's run is made first: there is nothing to report yet.
+    let (code, stderr) = interrupted(&fixture, &["reproduce", "7.3", "-q"], recordings);
+    assert_eq!(code, Some(1));
+    assert!(stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1, "{stderr}");
+    assert_eq!(std::fs::read_to_string(fixture.path("reports/reproduce/reproduce.md")).unwrap(), "earlier");
+}

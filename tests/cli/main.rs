@@ -15,4 +15,5 @@ mod interrupt;
 mod matching;
 mod record;
 mod replay;
+mod reproduce;
 mod score;

@@ -2,21 +2,8 @@
 
 use super::Image;
 use super::kitti::{Maps, stored};
+use crate::overlay::errors::{BINS, bin, error_size};
 use crate::stereo::{Plane, Visibility};
-
-/// Upper end of each bin of the normalized error, 1 being the threshold of an outlier, and its colour.
-const BINS: [(f32, [u8; 3]); 10] = [
-    (1.0 / 16.0, [49, 54, 149]),
-    (1.0 / 8.0, [69, 117, 180]),
-    (1.0 / 4.0, [116, 173, 209]),
-    (1.0 / 2.0, [171, 217, 233]),
-    (1.0, [224, 243, 248]),
-    (2.0, [254, 224, 144]),
-    (4.0, [253, 174, 97]),
-    (8.0, [244, 109, 67]),
-    (16.0, [215, 48, 39]),
-    (f32::INFINITY, [165, 0, 38]),
-];
 
 const NO_TRUTH: [u8; 3] = [0; 3];
 const NO_ESTIMATE: [u8; 3] = [128; 3];
@@ -57,10 +44,7 @@ fn each(image: &Image, mut paint: impl FnMut(usize, usize, f32, fn([u8; 3]) -> [
 }
 
 fn colour(truth: f32, d: f32) -> [u8; 3] {
-    let error = (d - truth).abs();
-    // `min` drops the NaN of no error at a truth of 0.
-    let normalized = (error / 3.0).min(20.0 * error / truth.abs());
-    BINS.iter().find(|(end, _)| normalized < *end).map_or(BINS[9].1, |(_, colour)| *colour)
+    BINS[bin(error_size(d, truth))].1
 }
 
 #[cfg(test)]

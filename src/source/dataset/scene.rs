@@ -35,6 +35,11 @@ impl Scene {
         })
     }
 
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// All scenes in `folder`, each called `prefix` and its own name: the numbered ones that share it, or those in its
     /// subfolders, in the order of their names; none when it holds neither.
     ///

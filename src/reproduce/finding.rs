@@ -1,0 +1,185 @@
+//! What an experiment comes to.
+
+use crate::error::Result;
+use crate::overlay::Mark;
+use crate::report::plot::Chart;
+use serde::Serialize;
+
+/// The outcome of an experiment.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Finding {
+    /// One sentence that tells the outcome by its numbers.
+    pub why: String,
+    /// What must be so for the claim to hold.
+    pub conditions: Vec<Condition>,
+    /// Numbers beside those of the thesis.
+    pub quantities: Vec<Quantity>,
+    pub tables: Vec<Table>,
+    #[serde(skip)]
+    pub exhibits: Vec<Exhibit>,
+}
+
+/// Something that is so if the claim holds, and whether it is.
+#[derive(Clone, Debug, Serialize)]
+pub struct Condition {
+    /// The rule with its thresholds, and the numbers that it was tested on.
+    pub says: String,
+    pub met: bool,
+}
+
+/// A measured number beside the thesis's.
+#[derive(Clone, Debug, Serialize)]
+pub struct Quantity {
+    pub name: String,
+    pub unit: &'static str,
+    /// As the thesis says it; nothing where it does not.
+    pub thesis: Option<String>,
+    /// Nothing where there was nothing to measure.
+    pub ours: Option<f64>,
+}
+
+/// Numbers of several things of one kind.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table {
+    /// Of the columns, the first of which names the things.
+    pub heads: Vec<String>,
+    pub rows: Vec<(String, Vec<Value>)>,
+}
+
+/// What stands in a table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Value {
+    Number(f64),
+    Text(String),
+    Nothing,
+}
+
+/// Whether the thesis's claim holds here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Every condition is met.
+    Holds,
+    /// Some conditions are met and some are not.
+    HoldsInPart,
+    /// No condition is met.
+    DoesNotHold,
+    /// No condition could be tested.
+    CannotBeTold,
+}
+
+/// Something to look at.
+#[derive(Clone, Debug)]
+pub enum Exhibit {
+    /// A plot as SVG.
+    Plot(String),
+    /// A picture, with a depth grid drawn on it.
+    Picture { caption: String, png: Vec<u8>, size: (usize, usize), marks: Vec<Drawn> },
+}
+
+/// What is drawn in one cell of a picture.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Drawn {
+    #[serde(flatten)]
+    pub mark: Mark,
+    /// Whether the cell is crossed out.
+    pub wrong: bool,
+}
+
+impl Finding {
+    /// What the conditions come to.
+    pub fn verdict(&self) -> Verdict {
+        let met = self.conditions.iter().filter(|c| c.met).count();
+        match (met, self.conditions.len()) {
+            (_, 0) => Verdict::CannotBeTold,
+            (0, _) => Verdict::DoesNotHold,
+            (met, all) if met == all => Verdict::Holds,
+            _ => Verdict::HoldsInPart,
+        }
+    }
+
+    pub(super) fn condition(&mut self, met: bool, says: impl Into<String>) {
+        self.conditions.push(Condition { says: says.into(), met });
+    }
+
+    /// `thesis` is empty where the thesis says nothing.
+    pub(super) fn quantity(
+        &mut self,
+        name: impl Into<String>,
+        unit: &'static str,
+        thesis: &str,
+        ours: impl Into<Option<f64>>,
+    ) {
+        let thesis = (!thesis.is_empty()).then(|| thesis.to_owned());
+        let ours = ours.into().filter(|v| v.is_finite());
+        self.quantities.push(Quantity { name: name.into(), unit, thesis, ours });
+    }
+
+    pub(super) fn table<const N: usize>(&mut self, heads: [&str; N]) -> &mut Table {
+        self.tables.push(Table { heads: heads.map(str::to_owned).to_vec(), rows: Vec::new() });
+        let last = self.tables.len() - 1;
+        &mut self.tables[last]
+    }
+
+    pub(super) fn plot(&mut self, chart: &Chart) -> Result<()> {
+        self.exhibits.push(Exhibit::Plot(chart.svg()?));
+        Ok(())
+    }
+}
+
+impl Table {
+    pub(super) fn row<const N: usize>(&mut self, name: impl Into<String>, values: [Value; N]) {
+        debug_assert_eq!(N + 1, self.heads.len());
+        self.rows.push((name.into(), values.into()));
+    }
+}
+
+impl<V: Into<Option<f64>>> From<V> for Value {
+    fn from(value: V) -> Self {
+        value.into().filter(|v| v.is_finite()).map_or(Self::Nothing, Self::Number)
+    }
+}
+
+impl Verdict {
+    /// All verdicts, the best first.
+    pub const ALL: [Self; 4] = [Self::Holds, Self::HoldsInPart, Self::DoesNotHold, Self::CannotBeTold];
+
+    /// The words for it, of several claims.
+    pub fn plural(self) -> &'static str {
+        match self {
+            Self::Holds => "hold",
+            Self::HoldsInPart => "hold in part",
+            Self::DoesNotHold => "do not hold",
+            Self::CannotBeTold => "cannot be told",
+        }
+    }
+
+    /// The words for it.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::HoldsInPart => "holds in part",
+            Self::DoesNotHold => "does not hold",
+            Self::CannotBeTold => "cannot be told",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_verdict_follows_from_the_conditions() {
+        let verdict = |met: &[bool]| {
+            let mut finding = Finding::default();
+            met.iter().for_each(|&met| finding.condition(met, ""));
+            finding.verdict()
+        };
+        assert_eq!(verdict(&[]), Verdict::CannotBeTold);
+        assert_eq!(verdict(&[true, true]), Verdict::Holds);
+        assert_eq!(verdict(&[false, true]), Verdict::HoldsInPart);
+        assert_eq!(verdict(&[false, false]), Verdict::DoesNotHold);
+    }
+}

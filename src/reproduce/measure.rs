@@ -1,0 +1,112 @@
+//! Numbers and pictures that several experiments take of a map.
+
+use super::Exhibit;
+use crate::error::Result;
+use crate::files::encode_png;
+use crate::overlay::viridis;
+use crate::stereo::{DisparityMap, Gray, Truth};
+
+/// Mean and median.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spread {
+    pub(super) mean: f64,
+    pub(super) median: f64,
+}
+
+impl Spread {
+    /// Of values that are finite; nothing of none. The median is by nearest rank.
+    pub(super) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let mut values: Vec<f64> = values.into_iter().collect();
+        let middle = values.len().checked_sub(1)? / 2;
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+        Some(Self { mean, median })
+    }
+}
+
+/// The top of the thesis's scale of SSDPI, its logarithm (section 5.3.3).
+pub(super) const SSDPI_TOP: f64 = 12.0;
+
+/// A valid pixel.
+#[derive(Clone, Copy)]
+pub(super) struct Valid {
+    pub(super) at: (usize, usize),
+    pub(super) disparity_px: f32,
+    /// `ln(SSDPI + 1)`.
+    pub(super) ln_ssdpi: f64,
+}
+
+/// The valid pixels of a map that has SSDPIs, in raster order.
+pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
+    let (width, height) = map.size();
+    let places = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+    places.filter_map(|(x, y)| {
+        let disparity_px = map.at(x, y).ok()?;
+        Some(Valid { at: (x, y), disparity_px, ln_ssdpi: f64::from(map.ssdpi().get(x, y)).ln_1p() })
+    })
+}
+
+/// Mean and median ln SSDPI of all valid pixels of some maps.
+pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> Option<Spread> {
+    Spread::of(maps.into_iter().flat_map(valid).map(|v| v.ln_ssdpi))
+}
+
+/// Whether a disparity is within 2 px of the truth; nothing where there is no truth.
+pub(super) fn right(truth: &Truth, valid: &Valid) -> Option<bool> {
+    let true_px = truth.disparity.get(valid.at.0, valid.at.1);
+    true_px.is_finite().then(|| (valid.disparity_px - true_px).abs() <= 2.0)
+}
+
+/// A share as a percentage; nothing of nothing.
+pub(super) fn percent(part: usize, whole: usize) -> Option<f64> {
+    (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
+}
+
+/// The ln SSDPIs of the valid pixels as colours, from dark blue at 0 to yellow at 12; black where there is none.
+pub(super) fn ssdpi_picture(caption: impl Into<String>, map: &DisparityMap) -> Result<Exhibit> {
+    let (width, height) = map.size();
+    let mut rgb = vec![0; 3 * width * height];
+    for Valid { at: (x, y), ln_ssdpi, .. } in valid(map) {
+        rgb[3 * (y * width + x)..][..3].copy_from_slice(&viridis((ln_ssdpi / SSDPI_TOP) as f32));
+    }
+    picture(caption, (width, height), &rgb)
+}
+
+/// An image as it is.
+pub(super) fn gray_picture(caption: impl Into<String>, image: &Gray) -> Result<Exhibit> {
+    picture(caption, image.size(), &image.pixels().collect::<Vec<_>>())
+}
+
+fn picture(caption: impl Into<String>, size: (usize, usize), pixels: &[u8]) -> Result<Exhibit> {
+    let png = encode_png(size.0, size.1, pixels)?;
+    Ok(Exhibit::Picture { caption: caption.into(), png, size, marks: Vec::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::{Plane, Reason};
+
+    #[test]
+    fn medians_are_nearest_ranks() {
+        assert_eq!(Spread::of([]), None);
+        assert_eq!(Spread::of([4.0, 1.0, 1.0, 2.0]), Some(Spread { mean: 2.0, median: 1.0 }));
+        assert_eq!(Spread::of([4.0, 0.0, 2.0]), Some(Spread { mean: 2.0, median: 2.0 }));
+    }
+
+    #[test]
+    fn only_valid_pixels_count() {
+        let mut map = DisparityMap::new(4, 1).unwrap();
+        let mut row = map.rows_mut().next().unwrap();
+        row.accept(0, 5.0, 0);
+        row.accept(1, 9.0, 99);
+        row.reject(2, Reason::SelfCheck, 5000);
+        let spread = ssdpi([&map]).unwrap();
+        assert_eq!(spread, Spread { mean: 0.5 * 100f64.ln(), median: 0.0 });
+        let mut disparity = Plane::filled(4, 1, 7.0).unwrap();
+        disparity.set(1, 0, f32::INFINITY);
+        let truth = Truth { disparity, visibility: None };
+        assert_eq!(valid(&map).map(|v| right(&truth, &v)).collect::<Vec<_>>(), [Some(true), None]);
+        assert_eq!(percent(1, 0), None);
+    }
+}

@@ -1,0 +1,172 @@
+//! The thesis's experiments, run anew: each with its figure, its numbers beside the thesis's, and whether its claim holds.
+//!
+//! ```text
+//! EXPERIMENTS ──run(Context)──▶ Finding (conditions, quantities, exhibits) ──▶ Page: HTML, Markdown, JSON
+//! ```
+//!
+//! What an experiment looks at is built from the arena's parts, with exact truth, and real scenes
+//! besides where there are some. Its verdict follows from its [`Condition`]s, which it tests on what it measured.
+
+mod checks;
+mod closeness;
+mod distance;
+mod finding;
+mod hashing;
+mod measure;
+mod page;
+mod points;
+mod situations;
+mod smoothing;
+mod speed;
+mod stage;
+mod texture;
+mod validity;
+
+pub use finding::{Condition, Drawn, Exhibit, Finding, Quantity, Table, Value, Verdict};
+pub use page::{Entry, Page};
+
+use crate::error::{Error, Result, did_you_mean, nearest};
+use crate::matcher::Algorithm;
+use crate::run::Monitor;
+use crate::scenario::Scenario;
+use crate::source::Source;
+use crate::source::dataset::Scene;
+use crate::stereo::{DisparityMap, Frame, StereoPair};
+use crate::timing::Clock;
+
+/// One of the thesis's figures or tables, and what svl does in its place.
+pub struct Experiment {
+    /// What it is called on the command line, then other figures of the same experiment.
+    pub figures: &'static [&'static str],
+    pub title: &'static str,
+    /// What the thesis claims, with its section.
+    pub claim: &'static str,
+    /// What is done here, and where that departs from the thesis.
+    pub method: &'static str,
+    /// Whether it looks at a run of the arena, [`Context::recording`].
+    pub records: bool,
+    pub run: fn(&mut Context<'_>) -> Result<Finding>,
+}
+
+/// Every experiment of the thesis that svl knows how to repeat, in the thesis's order.
+pub const EXPERIMENTS: &[Experiment] = &[
+    distance::EXPERIMENT,
+    situations::EXPERIMENT,
+    smoothing::EXPERIMENT,
+    texture::EXPERIMENT,
+    closeness::EXPERIMENT,
+    validity::EXPERIMENT,
+    hashing::EXPERIMENT,
+    points::EXPERIMENT,
+    speed::EXPERIMENT,
+];
+
+/// The experiment of that figure.
+///
+/// # Errors
+/// [`Error::Invalid`] with the nearest figure.
+pub fn find(figure: &str) -> Result<&'static Experiment> {
+    EXPERIMENTS.iter().find(|e| e.figures.contains(&figure)).ok_or_else(|| {
+        let nearest = nearest(figure, EXPERIMENTS.iter().flat_map(|e| e.figures).copied());
+        let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
+        Error::Invalid(format!("unknown figure '{figure}'{}; known are {}", did_you_mean(&nearest), known.join(", ")))
+    })
+}
+
+impl Experiment {
+    /// What it is called on the command line.
+    pub fn figure(&self) -> &'static str {
+        self.figures[0]
+    }
+}
+
+/// What experiments work with.
+pub struct Context<'a> {
+    /// Real scenes; none where no folder of data sets was named.
+    pub scenes: &'a [Scene],
+    /// What the experiments run on, for a person.
+    pub machine: &'a str,
+    /// A run of the scenario's arena, for the experiment that [`Experiment::records`].
+    pub recording: Option<(Scenario, Box<dyn Source>)>,
+    monitor: &'a mut dyn Monitor,
+    done: u64,
+}
+
+/// The folders of the real scenes that experiments look at, below the folder of data sets: Middlebury 2001, 2003, 2006 and
+/// 2014 in quarter size.
+const SCENES: &[&str] = &[
+    "tsukuba",
+    "venus",
+    "teddy",
+    "cones",
+    "middlebury2006/Art",
+    "middlebury2006/Baby1",
+    "middlebury2006/Books",
+    "middlebury2006/Reindeer",
+    "middlebury2014q/Adirondack",
+    "middlebury2014q/Motorcycle",
+];
+
+/// The real scenes that are there below `data`.
+///
+/// # Errors
+/// [`Error::Invalid`] when there is none.
+pub fn scenes(data: &std::path::Path) -> Result<Vec<Scene>> {
+    let scenes: Vec<_> = SCENES.iter().filter_map(|name| Scene::find(&data.join(name), name)).collect();
+    if scenes.is_empty() {
+        let wanted = SCENES.join(", ");
+        return Err(Error::Invalid(format!("{}: holds none of the scenes {wanted}", data.display())));
+    }
+    Ok(scenes)
+}
+
+impl<'a> Context<'a> {
+    /// The monitor is told after every pair and may end the work.
+    pub fn new(
+        machine: &'a str,
+        scenes: &'a [Scene],
+        recording: Option<(Scenario, Box<dyn Source>)>,
+        monitor: &'a mut dyn Monitor,
+    ) -> Self {
+        Self { machine, scenes, recording, monitor, done: 0 }
+    }
+
+    /// Counts a pair.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when the monitor ends the work.
+    fn step(&mut self) -> Result<()> {
+        self.done += 1;
+        if self.monitor.go_on(self.done) { Ok(()) } else { Err(Error::Invalid("stopped".into())) }
+    }
+
+    /// What an algorithm, `NAME[:key=value,...]`, makes of a pair.
+    fn matched(&mut self, algorithm: &str, pair: &StereoPair) -> Result<DisparityMap> {
+        let (width, height) = pair.size();
+        let mut map = DisparityMap::new(width, height)?;
+        algorithm.parse::<Algorithm>()?.build()?.compute(pair, &mut map, &mut Clock::start())?;
+        self.step()?;
+        Ok(map)
+    }
+
+    /// The real scenes as frames.
+    fn real(&self) -> impl Iterator<Item = Result<Frame>> + use<'a> {
+        self.scenes.iter().enumerate().map(|(i, scene)| scene.read(i as u64))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_unique_and_slips_are_guessed() {
+        let mut figures: Vec<_> = EXPERIMENTS.iter().flat_map(|e| e.figures).collect();
+        let all = figures.len();
+        figures.sort_unstable();
+        figures.dedup();
+        assert_eq!(figures.len(), all);
+        let error = find("5.12").err().unwrap().to_string();
+        assert!(error.starts_with("unknown figure '5.12' (did you mean '5.1"), "{error}");
+    }
+}

@@ -1,0 +1,287 @@
+//! What experiments leave to read: `index.html`, one file without scripts or anything to fetch, Markdown and JSON.
+
+use super::{Drawn, Exhibit, Experiment, Finding, Quantity, Table, Value, Verdict};
+use crate::error::{Error, Result};
+use crate::overlay::Rect;
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Everything there is to read.
+pub struct Page<'a> {
+    pub entries: &'a [Entry],
+    /// Names of the real scenes that were looked at.
+    pub scenes: Vec<String>,
+    /// What identifies the machine and the program: names and values.
+    pub identity: Vec<(String, String)>,
+    /// Why the work ended before its end, if it did.
+    pub incomplete: Option<String>,
+}
+
+/// An experiment and what it came to.
+pub struct Entry {
+    pub experiment: &'static Experiment,
+    pub finding: Finding,
+}
+
+/// As JSON and for the template.
+#[derive(Serialize)]
+struct EntryView<'a> {
+    figure: &'static str,
+    title: &'static str,
+    claim: &'static str,
+    method: &'static str,
+    verdict: Verdict,
+    #[serde(flatten)]
+    finding: &'a Finding,
+}
+
+#[derive(Serialize)]
+struct ReportView<'a> {
+    incomplete: &'a Option<String>,
+    identity: &'a [(String, String)],
+    scenes: &'a [String],
+    experiments: Vec<EntryView<'a>>,
+}
+
+#[derive(Serialize)]
+struct SectionView<'a> {
+    heading: String,
+    words: &'static str,
+    numbers: Vec<TableView<'a>>,
+    plots: Vec<&'a str>,
+    pictures: Vec<PictureView<'a>>,
+    #[serde(flatten)]
+    entry: EntryView<'a>,
+}
+
+/// A table with its numbers worded.
+#[derive(Serialize)]
+struct TableView<'a> {
+    heads: Vec<&'a str>,
+    rows: Vec<(&'a str, Vec<String>)>,
+}
+
+#[derive(Serialize)]
+struct PictureView<'a> {
+    caption: &'a str,
+    base64: String,
+    width: usize,
+    height: usize,
+    marks: Vec<MarkView>,
+}
+
+#[derive(Serialize)]
+struct MarkView {
+    #[serde(flatten)]
+    drawn: Drawn,
+    center: (f64, f64),
+    radius: f64,
+    cross: Rect,
+}
+
+#[derive(Serialize)]
+struct PageView<'a> {
+    incomplete: &'a Option<String>,
+    identity: &'a [(String, String)],
+    scenes: String,
+    tally: String,
+    sections: Vec<SectionView<'a>>,
+}
+
+impl Page<'_> {
+    /// How many experiments came to which verdict, in words.
+    pub fn tally(&self) -> String {
+        let count = |verdict| self.entries.iter().filter(|e| e.finding.verdict() == verdict).count();
+        let words = |verdict: Verdict| match count(verdict) {
+            0 => None,
+            1 => Some(format!("1 {}", verdict.words())),
+            n => Some(format!("{n} {}", verdict.plural())),
+        };
+        Verdict::ALL.into_iter().filter_map(words).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The report as JSON values.
+    ///
+    /// # Errors
+    /// None in fact: it is numbers and text.
+    pub fn json(&self) -> Result<serde_json::Value> {
+        let Self { incomplete, identity, scenes, .. } = self;
+        let experiments = self.entries.iter().map(Entry::view).collect();
+        let report = ReportView { incomplete, identity, scenes, experiments };
+        serde_json::to_value(report).map_err(|e| Error::Invalid(format!("report: {e}")))
+    }
+
+    /// The report without its figures.
+    pub fn markdown(&self) -> String {
+        let mut text = format!("# The thesis's experiments\n\n{}.\n", self.tally());
+        for Entry { experiment, finding } in self.entries {
+            let Experiment { title, claim, method, .. } = experiment;
+            let verdict = finding.verdict().words();
+            // Writing to a String cannot fail.
+            let _ = write!(
+                text,
+                "\n## {}: {title}\n\n> {claim}\n\n**{verdict}**: {}\n\n",
+                heading(experiment),
+                finding.why
+            );
+            for condition in &finding.conditions {
+                let _ = writeln!(text, "- {} {}", if condition.met { "met:" } else { "not met:" }, condition.says);
+            }
+            for TableView { heads, rows } in numbers(finding) {
+                let _ = writeln!(text, "\n| {} |\n|---|{}", heads.join(" | "), "---:|".repeat(heads.len() - 1));
+                for (name, cells) in rows {
+                    let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
+                }
+            }
+            let _ = writeln!(text, "\n{method}");
+        }
+        text
+    }
+
+    /// The report as one HTML file. All texts are escaped.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with what the template engine says.
+    pub fn html(&self) -> Result<String> {
+        let Self { incomplete, identity, scenes, .. } = self;
+        let sections = self.entries.iter().map(Entry::section).collect();
+        let view = PageView { incomplete, identity, scenes: scenes.join(", "), tally: self.tally(), sections };
+        let mut templates = minijinja::Environment::new();
+        templates.set_trim_blocks(true);
+        templates.set_lstrip_blocks(true);
+        templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
+        templates
+            .add_template("page.html", include_str!("page.html"))
+            .and_then(|()| templates.add_template("style.css", include_str!("../../report/html/style.css")))
+            .and_then(|()| templates.add_template("page.css", include_str!("page.css")))
+            .and_then(|()| templates.get_template("page.html")?.render(view))
+            .map_err(|e| Error::Invalid(format!("page of experiments: {e:#}")))
+    }
+}
+
+impl Entry {
+    fn view(&self) -> EntryView<'_> {
+        let Experiment { title, claim, method, .. } = *self.experiment;
+        let verdict = self.finding.verdict();
+        EntryView { figure: self.experiment.figure(), title, claim, method, verdict, finding: &self.finding }
+    }
+
+    fn section(&self) -> SectionView<'_> {
+        let (mut plots, mut pictures) = (Vec::new(), Vec::new());
+        for exhibit in &self.finding.exhibits {
+            match exhibit {
+                Exhibit::Plot(svg) => plots.push(svg.as_str()),
+                Exhibit::Picture { caption, png, size: (width, height), marks } => pictures.push(PictureView {
+                    caption,
+                    base64: STANDARD.encode(png),
+                    width: *width,
+                    height: *height,
+                    marks: marks.iter().map(mark).collect(),
+                }),
+            }
+        }
+        let words = self.finding.verdict().words();
+        let numbers = numbers(&self.finding);
+        SectionView { heading: heading(self.experiment), words, numbers, plots, pictures, entry: self.view() }
+    }
+}
+
+fn mark(drawn: &Drawn) -> MarkView {
+    let cell = drawn.mark.cell;
+    let radius = cell.width.min(cell.height) / 16.0;
+    let cross = Rect { x: cell.x + 2.0, y: cell.y + 2.0, width: 4.0 * radius, height: 4.0 * radius };
+    MarkView { drawn: *drawn, center: cell.center(), radius, cross }
+}
+
+/// `Figure 5.1`, `Table 5.1`; the speeds stand in the text of chapter 7.
+fn heading(experiment: &Experiment) -> String {
+    let figure = experiment.figure();
+    match figure.strip_prefix("table") {
+        Some(number) => format!("Table {number}"),
+        None if figure.starts_with(|c: char| c.is_ascii_digit()) => format!("Figure {figure}"),
+        None => "Chapter 7".to_owned(),
+    }
+}
+
+/// The quantities beside the thesis's, then the other tables.
+fn numbers(finding: &Finding) -> Vec<TableView<'_>> {
+    let beside =
+        || TableView { heads: vec!["", "thesis", "here"], rows: finding.quantities.iter().map(quantity).collect() };
+    let others = finding.tables.iter().map(table_view);
+    (!finding.quantities.is_empty()).then(beside).into_iter().chain(others).collect()
+}
+
+fn quantity(quantity: &Quantity) -> (&str, Vec<String>) {
+    let Quantity { name, unit, thesis, ours } = quantity;
+    let with_unit = |number: String| if unit.is_empty() { number } else { format!("{number}\u{a0}{unit}") };
+    let thesis = thesis.clone().map_or_else(String::new, with_unit);
+    (name, vec![thesis, ours.map_or_else(|| "–".to_owned(), |v| with_unit(number(v)))])
+}
+
+fn table_view(table: &Table) -> TableView<'_> {
+    let cell = |value: &Value| match value {
+        Value::Number(value) => number(*value),
+        Value::Text(text) => text.clone(),
+        Value::Nothing => "–".to_owned(),
+    };
+    let rows = table.rows.iter().map(|(name, values)| (name.as_str(), values.iter().map(cell).collect()));
+    TableView { heads: table.heads.iter().map(String::as_str).collect(), rows: rows.collect() }
+}
+
+/// Three digits or so.
+fn number(value: f64) -> String {
+    match value.abs() {
+        v if v >= 100.0 || value == value.round() => format!("{value:.0}"),
+        v if v >= 10.0 => format!("{value:.1}"),
+        _ => format!("{value:.2}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn page(entries: &[Entry]) -> Page<'_> {
+        Page { entries, scenes: vec!["tsukuba <&>".into()], identity: Vec::new(), incomplete: None }
+    }
+
+    #[test]
+    fn everything_is_there_and_escaped() {
+        let mut finding = Finding { why: "a < b".into(), ..Finding::default() };
+        finding.condition(true, "x > 1");
+        finding.quantity("share <i>", "%", "35", 33.333);
+        finding.quantity("nothing", "", "", f64::NAN);
+        finding.table(["scene", "share, %"]).row("cones & co", [Value::from(12.34)]);
+        let marks = Vec::new();
+        finding.exhibits.push(Exhibit::Picture { caption: "c & d".into(), png: vec![1, 2, 3], size: (4, 2), marks });
+        let entries = [Entry { experiment: &super::super::EXPERIMENTS[0], finding }];
+        let html = page(&entries).html().unwrap();
+        for text in [
+            "a &lt; b",
+            "x &gt; 1",
+            "share &lt;i&gt;",
+            "33.3\u{a0}%",
+            "c &amp; d",
+            "AQID",
+            "cones &amp; co",
+            "<td>12.3</td>",
+            "tsukuba &lt;&amp;&gt;",
+        ] {
+            assert!(html.contains(text), "{text}");
+        }
+        assert_eq!(page(&entries).tally(), "1 holds");
+        assert!(page(&entries).markdown().contains("| share <i> | 35\u{a0}% | 33.3\u{a0}% |"));
+        let json = page(&entries).json().unwrap();
+        assert_eq!(
+            (json["experiments"][0]["verdict"].as_str(), json["experiments"][0]["figure"].as_str()),
+            (Some("holds"), Some("5.1"))
+        );
+        assert!(json["experiments"][0]["quantities"][1]["ours"].is_null());
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([0.0, 6.0, 1800.4, 35.26, 0.456].map(number), ["0", "6", "1800", "35.3", "0.46"]);
+    }
+}

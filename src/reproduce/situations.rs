@@ -1,0 +1,286 @@
+//! Table 5.1 and annex A: the situations in which the thesis gave up dynamic programming.
+
+use super::{Context, Drawn, Exhibit, Experiment, Finding, Value, stage};
+use crate::arena::{Arena, ArenaConfig};
+use crate::depth::{self, MIN_VALID};
+use crate::error::Result;
+use crate::files::encode_png;
+use crate::overlay::{Nearness, marks};
+use crate::report::plot::Bars;
+use crate::score::{CellJudgement, CellRule, CellTally, Verdict, judge_cells, true_grid};
+use crate::stereo::{Frame, GridShape};
+
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    figures: &["table5.1", "A.1", "A.2"],
+    title: "Eight situations through dynamic programming",
+    claim: "Dynamic programming as OpenCV has it answers a normal view as expected, but misses a small escape and makes a \
+            completely wrong depth map where little light leaves an even texture (section 5.2, annex A).",
+    method: "The thesis shows frames of a walk, most without a word; here each situation of its tables is a still view with \
+             exact truth, and v3 answers beside dp. 6 x 3 cells; a cell is right within 0.10 m or 20 % of the true distance, \
+             and unknown when the algorithm says so. In the pictures red squares are as large as things are near, a dot is \
+             unknown, a cross is wrong.",
+    records: false,
+    run,
+};
+
+const SHAPE: GridShape = GridShape { columns: 6, rows: 3 };
+const ALGORITHMS: [&str; 2] = ["dp", "v3"];
+
+/// A view of table 5.1 or annex A.
+struct Situation {
+    name: &'static str,
+    /// What the thesis says of dp.
+    thesis: &'static str,
+    view: fn() -> ArenaConfig,
+}
+
+const SITUATIONS: [Situation; 8] = [
+    Situation { name: "normal", thesis: "as expected", view: normal },
+    Situation { name: "small escape", thesis: "totally missed", view: small_escape },
+    Situation { name: "low light", thesis: "completely wrong", view: low_light },
+    Situation { name: "single object", thesis: "", view: single_object },
+    Situation { name: "infinite distance", thesis: "", view: infinite_distance },
+    Situation { name: "tilt", thesis: "", view: tilt },
+    Situation { name: "dark", thesis: "", view: dark },
+    Situation { name: "too far", thesis: "", view: too_far },
+];
+
+/// A wall to the left and one to the right, high enough to leave the view above, and one behind.
+fn normal() -> ArenaConfig {
+    let mut config = stage::empty();
+    config.world.blocks = vec![
+        stage::block(0.7, -0.45, [0.6, 0.1, 0.6], 0.0),
+        stage::block(0.5, 0.4, [0.5, 0.1, 0.6], 0.0),
+        stage::block(1.3, 0.0, [3.0, 0.1, 1.0], 0.0),
+    ];
+    config
+}
+
+/// The escape: a door as wide as a column of cells, in a wall 0.5 m ahead.
+const DOOR: usize = 4;
+
+fn small_escape() -> ArenaConfig {
+    let mut config = stage::empty();
+    // Seen from the left camera, 22 mm left of the middle, 0.5 m away: columns 4 to 5 of 6 are 81 mm to 163 mm right.
+    let (from, to) = (0.050, 0.150);
+    config.world.blocks = vec![
+        stage::block(0.5, from - 0.5, [1.0, 0.05, 0.6], 0.0),
+        stage::block(0.5, to + 0.5, [1.0, 0.05, 0.6], 0.0),
+        stage::block(1.6, 0.0, [3.0, 0.1, 1.2], 0.0),
+    ];
+    config
+}
+
+/// An even wall in little light.
+fn low_light() -> ArenaConfig {
+    let mut config = normal();
+    config.sensor.white_e_per_ms = 450.0;
+    config.world.forest_contrast = 0.1;
+    config
+}
+
+fn single_object() -> ArenaConfig {
+    let mut config = stage::empty();
+    config.world.balls = vec![stage::ball(0.4, 0.05, 0.08)];
+    config
+}
+
+fn infinite_distance() -> ArenaConfig {
+    let mut config = stage::empty();
+    config.world.length_m = 20.0;
+    config.world.room_margin_m = 20.0;
+    config.world.wall_height_m = 0.05;
+    config
+}
+
+/// The normal view with the robot's head on its side by up to 20°.
+fn tilt() -> ArenaConfig {
+    let mut config = normal();
+    config.frames = 20;
+    config.rate_hz = 10.0;
+    config.robot.roll_sway_deg = 20.0;
+    config
+}
+
+fn dark() -> ArenaConfig {
+    let mut config = normal();
+    config.sensor.white_e_per_ms = 60.0;
+    config
+}
+
+/// A wall 4 m away: 3.6 px of disparity, where a pixel is a metre.
+fn too_far() -> ArenaConfig {
+    let mut config = stage::empty();
+    config.rig.above_floor_m = 0.3;
+    config.world.blocks = vec![stage::block(4.0, 0.0, [4.0, 0.1, 4.0], 0.0)];
+    config
+}
+
+fn run(context: &mut Context<'_>) -> Result<Finding> {
+    let mut finding = Finding::default();
+    let mut outcomes = Vec::new();
+    for situation in &SITUATIONS {
+        let frame = most_tilted(context, &(situation.view)())?;
+        let [dp, v3] = ALGORITHMS.map(|algorithm| judged(context, algorithm, situation, &frame));
+        outcomes.push([dp?, v3?]);
+    }
+    let rows = finding.table([
+        "cells of 18",
+        "thesis on dp",
+        "dp: right",
+        "dp: wrong",
+        "v3: right",
+        "v3: wrong",
+        "v3: unknown",
+    ]);
+    for (situation, outcome) in SITUATIONS.iter().zip(&outcomes) {
+        let thesis = if situation.thesis.is_empty() { "–" } else { situation.thesis };
+        let [dp, v3] = outcome.each_ref().map(Judged::tally);
+        let [a, b, c, d, e] = [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown].map(|n| Value::from(n as f64));
+        rows.row(situation.name, [Value::Text(thesis.to_owned()), a, b, c, d, e]);
+    }
+    finding.exhibits.extend(outcomes.iter_mut().flatten().filter_map(|judged| judged.exhibit.take()));
+    conclude(&outcomes, &mut finding);
+    let bars = SITUATIONS.iter().zip(&outcomes).flat_map(|(situation, outcome)| {
+        ALGORITHMS.iter().zip(outcome).map(move |(algorithm, judged)| {
+            let CellTally { right, wrong, unknown, .. } = judged.tally();
+            (format!("{}, {algorithm}", situation.name), [right, wrong, unknown].map(|n| n as f64).to_vec())
+        })
+    });
+    let chart = Bars {
+        title: "Cells of eight situations".into(),
+        label: "cells of 18".into(),
+        parts: ["right", "wrong", "unknown"].map(str::to_owned).to_vec(),
+        bars: bars.collect(),
+    };
+    finding.exhibits.push(Exhibit::Plot(chart.svg()?));
+    Ok(finding)
+}
+
+/// The conditions, and what they come to.
+fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
+    let wrong = |situation: usize, algorithm: usize| outcomes[situation][algorithm].tally().wrong;
+    let cells = SHAPE.cells();
+    let [normal, escape, low] = [0, 1, 2];
+    let lowest = (0..SHAPE.columns).filter(|&column| outcomes[normal][0].at(column, SHAPE.rows - 1) == Verdict::Wrong);
+    finding.condition(
+        4 * wrong(normal, 0) <= cells,
+        format!(
+            "In the normal view at most a quarter of dp's {cells} cells is wrong: {} are, {} of them in the lowest row, on plain \
+             floor.",
+            wrong(normal, 0),
+            lowest.count()
+        ),
+    );
+    let door = |algorithm: usize| outcomes[escape][algorithm].at(DOOR, 1);
+    finding.condition(
+        door(0) != Verdict::Right,
+        format!(
+            "dp misses the small escape: its cell with the door is {}; v3's is {}.",
+            door(0).name(),
+            door(1).name()
+        ),
+    );
+    finding.condition(
+        2 * wrong(low, 0) > cells,
+        format!("In low light more than half of dp's cells are wrong: {}.", wrong(low, 0)),
+    );
+    let better = (0..outcomes.len()).filter(|&s| wrong(s, 1) < wrong(s, 0)).count();
+    finding.condition(
+        better == outcomes.len(),
+        format!("v3 has fewer wrong cells in every situation: in {better} of {}.", outcomes.len()),
+    );
+    let all = |algorithm: usize| (0..outcomes.len()).map(|s| wrong(s, algorithm)).sum::<usize>();
+    finding.why = format!(
+        "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in low light, {} in all eight \
+         situations; v3 has {}, and of {} of the {} it says that it does not know.",
+        wrong(normal, 0),
+        wrong(escape, 0),
+        wrong(low, 0),
+        all(0),
+        all(1),
+        outcomes.iter().map(|[_, v3]| v3.tally().unknown).sum::<usize>(),
+        cells * outcomes.len()
+    );
+}
+
+/// The frame of the run in which the head is most on its side.
+fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame> {
+    if config.frames == 1 {
+        return context.still(config);
+    }
+    let arena = Arena::new(config, stage::SEED)?;
+    let roll = |i: &u64| (arena.pose(*i).rotation * nalgebra::Vector3::x()).z.abs();
+    let frame = (0..arena.frames()).max_by(|a, b| roll(a).total_cmp(&roll(b))).unwrap_or(0);
+    context.step()?;
+    arena.frame(frame)
+}
+
+/// An algorithm's answer to a situation.
+struct Judged {
+    judgements: Vec<CellJudgement>,
+    exhibit: Option<Exhibit>,
+}
+
+impl Judged {
+    fn tally(&self) -> CellTally {
+        CellTally::of(&self.judgements)
+    }
+
+    fn at(&self, column: usize, row: usize) -> Verdict {
+        self.judgements[row * SHAPE.columns + column].verdict
+    }
+}
+
+fn judged(context: &mut Context<'_>, algorithm: &str, situation: &Situation, frame: &Frame) -> Result<Judged> {
+    let map = context.matched(algorithm, &frame.pair)?;
+    let grid = depth::grid(map.disparity(), SHAPE, MIN_VALID, frame.rig.as_ref());
+    let truth = true_grid(frame, SHAPE);
+    let judgements = truth.map_or_else(Vec::new, |truth| judge_cells(&truth, &grid, CellRule::Distance));
+    let size = frame.pair.size();
+    let drawn = marks(&grid, size, Nearness::of_frame(frame)).into_iter().zip(&judgements);
+    let CellTally { right, wrong, unknown, .. } = CellTally::of(&judgements);
+    let exhibit = Exhibit::Picture {
+        caption: format!("{}, {algorithm}: {right} right, {wrong} wrong, {unknown} unknown", situation.name),
+        png: encode_png(size.0, size.1, &frame.pair.left().pixels().collect::<Vec<_>>())?,
+        size,
+        marks: drawn.map(|(mark, j)| Drawn { mark, wrong: j.verdict == Verdict::Wrong }).collect(),
+    };
+    Ok(Judged { judgements, exhibit: Some(exhibit) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An answer with so many wrong cells from the first on; the others are right.
+    fn answer(wrong: usize) -> Judged {
+        let cell = |i| CellJudgement {
+            verdict: if i < wrong { Verdict::Wrong } else { Verdict::Right },
+            ..CellJudgement::NO_TRUTH
+        };
+        Judged { judgements: (0..SHAPE.cells()).map(cell).collect(), exhibit: None }
+    }
+
+    #[test]
+    fn what_the_thesis_saw_holds() {
+        let met = |dp: [usize; 8], v3: usize| {
+            let mut finding = Finding::default();
+            let outcomes: Vec<_> = dp.into_iter().map(|wrong| [answer(wrong), answer(v3)]).collect();
+            conclude(&outcomes, &mut finding);
+            finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>()
+        };
+        // The door's cell is the eleventh.
+        assert_eq!(met([4, 11, 18, 5, 5, 5, 18, 5], 0), [true; 4]);
+        assert_eq!(met([5, 10, 9, 5, 5, 5, 5, 5], 5), [false; 4]);
+    }
+
+    #[test]
+    fn the_door_fills_its_cell() {
+        let arena = Arena::new(&small_escape(), stage::SEED).unwrap();
+        let frame = arena.frame(0).unwrap();
+        let truth = true_grid(&frame, SHAPE).unwrap();
+        let distance = |column: usize| truth.cell(column, 1).depth.unwrap().distance_m.unwrap();
+        assert!(distance(DOOR) > 1.5 && distance(DOOR - 1) < 0.6 && distance(DOOR + 1) < 0.6);
+    }
+}
