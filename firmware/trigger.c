@@ -28,8 +28,7 @@ enum {
 
 enum { TICKS_PER_US = F_CPU / 8 / 1000000 };
 
-// Ticks between writing a compare value and the edge that it ends, less those between the first edge and reading the
-// timer. Measured by sim/check.c.
+// By how much the interrupt that ends a pulse comes later than the timer; sim/check.c measures it.
 enum { LAG_TICKS = 10 };
 
 // Each is sent in its turn; what happened several times before, once and with its count.
@@ -211,11 +210,16 @@ int main(void) {
     PORTB = IDLE; // before the pins become outputs, so that none glitches
     DDRB = LOW_LINE | HIGH_LINE | LED;
 
+    // A bootloader may have left the UART and the timer in use.
+    UCSR0B = 0; // drops what was received
+    UCSR0A = 0;
     UBRR0 = F_CPU / 16 / BAUD - 1;
     UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 
+    TCCR1A = 0;
     TCCR1B = _BV(CS11); // F_CPU / 8, running through
+    TCNT1 = 0;
     TIMSK1 = _BV(OCIE1A) | _BV(TOIE1);
 
     UDR0 = '\n'; // ends the line that a reset may have cut off

@@ -10,14 +10,8 @@
 
 DEFINE_FIFO(uint16_t, uart_fifo);
 
-enum { DDRB = 0x24, PORTB = 0x25 };
+enum { DDRB = 0x24, PORTB = 0x25, TCCR1A = 0x80, UCSR0A = 0xc0, U2X0 = 1 << 1, WGM10 = 1 << 0 };
 enum { RECEIVER_FRAMES = 3, INTERRUPT_CYCLES = 4, WAKING_CYCLES = 4 };
-
-static avr_cycle_count_t bit_cycles(const struct board *board) {
-    const avr_uart_t *uart = board->uart;
-    const unsigned divider = avr_regbit_get(board->avr, uart->ubrrl) | avr_regbit_get(board->avr, uart->ubrrh) << 8;
-    return (divider + 1) * (avr_regbit_get(board->avr, uart->u2x) ? 8 : 16);
-}
 
 static avr_cycle_count_t frame_arrived(avr_t *avr, avr_cycle_count_t when, void *param) {
     struct board *board = param;
@@ -34,7 +28,7 @@ static avr_cycle_count_t frame_arrived(avr_t *avr, avr_cycle_count_t when, void 
         avr_raise_interrupt(avr, &uart->rxc);
         board->received = avr->cycle;
     }
-    return board_wire_is_quiet(board) ? 0 : when + FRAME_BITS * bit_cycles(board);
+    return board_wire_is_quiet(board) ? 0 : when + FRAME_CYCLES;
 }
 
 static avr_cycle_count_t tick(avr_t *avr, avr_cycle_count_t when, void *param) {
@@ -47,7 +41,7 @@ static avr_cycle_count_t tick(avr_t *avr, avr_cycle_count_t when, void *param) {
 static void byte_sent(avr_irq_t *irq, uint32_t byte, void *param) {
     (void)irq;
     struct board *board = param;
-    board->uart->cycles_per_byte = FRAME_BITS * bit_cycles(board);
+    board->uart->cycles_per_byte = FRAME_CYCLES;
     if (board->on_sent) board->on_sent(board, byte);
 }
 
@@ -94,6 +88,8 @@ bool board_open(struct board *board, const char *hex) {
     board->io = (avr_io_t){.kind = "board", .reset = was_reset};
     avr_register_io(avr, &board->io);
     board->pins = IDLE;
+    avr->data[UCSR0A] |= U2X0;
+    avr->data[TCCR1A] |= WGM10;
     if (board->on_tick) avr_cycle_timer_register(avr, 1, tick, board);
     return true;
 }
@@ -102,8 +98,19 @@ bool board_send(struct board *board, const uint16_t *frames, size_t count) {
     if (board->wire_head - board->wire_tail + count > WIRE_BYTES) return false;
     const bool quiet = board_wire_is_quiet(board);
     for (size_t i = 0; i < count; i++) board->wire[board->wire_head++ % WIRE_BYTES] = frames[i];
-    if (quiet && count) avr_cycle_timer_register(board->avr, FRAME_BITS * bit_cycles(board), frame_arrived, board);
+    if (quiet && count) avr_cycle_timer_register(board->avr, FRAME_CYCLES, frame_arrived, board);
     return true;
+}
+
+void board_reset(struct board *board) {
+    avr_reset(board->avr);
+    avr_regbit_set(board->avr, board->avr->reset_flags.extrf);
+}
+
+double board_baud(const struct board *board) {
+    const avr_uart_t *uart = board->uart;
+    const unsigned divider = avr_regbit_get(board->avr, uart->ubrrl) | avr_regbit_get(board->avr, uart->ubrrh) << 8;
+    return MHZ * 1e6 / (divider + 1) / (avr_regbit_get(board->avr, uart->u2x) ? 8 : 16);
 }
 
 bool board_wire_is_quiet(const struct board *board) {

@@ -13,7 +13,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { MHZ = 16, FRAME_BITS = 10, WIRE_BYTES = 1 << 16 };
+#include "../protocol.h"
+
+enum { MHZ = 16, FRAME_BITS = 10, FRAME_CYCLES = FRAME_BITS * MHZ * 1000000 / BAUD, WIRE_BYTES = 1 << 16 };
 
 // What the pins D8, D9 and D13 of the Uno are at. A pin that is no output follows the resistor of the wiring.
 enum { LOW_LINE = 1 << 0, HIGH_LINE = 1 << 1, LED = 1 << 5, PINS = LOW_LINE | HIGH_LINE | LED };
@@ -42,11 +44,17 @@ struct board {
     avr_cycle_count_t (*on_tick)(struct board *);                   // cycles to the next tick; also after a reset
 };
 
-// Powers the board up with the program of an Intel hex file. False, with a line on stderr, where that cannot be read.
+// Powers the board up with the program of an Intel hex file, its UART and timer as a bootloader may leave them. False, with a line on stderr, where that cannot be read.
 bool board_open(struct board *board, const char *hex);
 
 // Puts frames on the wire to the chip, back to back behind those on it. False where the wire has no room.
 bool board_send(struct board *board, const uint16_t *frames, size_t count);
+
+// As the reset pin does.
+void board_reset(struct board *board);
+
+// At which the chip's UART is set to work.
+double board_baud(const struct board *board);
 
 bool board_wire_is_quiet(const struct board *board);
 
