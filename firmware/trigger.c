@@ -117,44 +117,53 @@ static void set_length(void) {
     waiting |= _BV(LENGTH);
 }
 
-// Any byte but REQUEST_PULSE. A call, so that a pulse need not wait until the registers for all this are saved.
-__attribute__((noinline)) static void command(uint8_t byte) {
-    const bool digit = byte >= '0' && byte <= '9', end = byte == '\r' || byte == '\n';
-    if (asking && digit) {
-        if (asked_us < 100000000) asked_us = asked_us * 10 + (byte - '0');
-        return;
-    }
-    if (asking && end) set_length();
-    if (asking && !end) count(UNKNOWN, REQUEST_LENGTH);
-    asking = byte == REQUEST_LENGTH;
-    asked_us = 0;
-    if (byte == REQUEST_STATUS) waiting |= _BV(STATUS);
-    if (byte != REQUEST_STATUS && byte != REQUEST_LENGTH && !end) count(UNKNOWN, byte);
-}
-
-// A length of which a byte is missing is none.
+// A length that something else interrupts is none.
 static inline void abandon_length(void) {
     if (asking) count(UNKNOWN, REQUEST_LENGTH);
     asking = false;
 }
 
+// A call, so that a pulse need not wait until the registers for all this are saved.
+__attribute__((noinline)) static void other_request(uint8_t byte) {
+    if (asking && byte >= '0' && byte <= '9') {
+        if (asked_us < 100000000) asked_us = asked_us * 10 + (byte - '0');
+        return;
+    }
+    if (byte == '\r' || byte == '\n') {
+        if (asking) set_length();
+        asking = false;
+        return;
+    }
+    abandon_length();
+    if (byte == REQUEST_LENGTH) {
+        asking = true;
+        asked_us = 0;
+    } else if (byte == REQUEST_STATUS) {
+        waiting |= _BV(STATUS);
+    } else {
+        count(UNKNOWN, byte);
+    }
+}
+
 ISR(USART_RX_vect) {
     const uint8_t status = UCSR0A; // before UDR0, whose reading clears it
     const uint8_t byte = UDR0;
-    const bool broken = status & _BV(FE0), overrun = status & _BV(DOR0);
-    if (byte == REQUEST_PULSE && !broken) {
+    if (status & _BV(DOR0)) {
+        abandon_length();
+        count(OVERRUN, byte);
+    }
+    if (status & _BV(FE0)) {
+        abandon_length();
+        count(FRAMING, byte);
+    } else if (byte == REQUEST_PULSE) {
         if (raised || (waiting & _BV(PULSE))) {
             count(BUSY, byte);
         } else {
             raise_lines();
         }
-    }
-    if (overrun || broken || byte == REQUEST_PULSE) abandon_length();
-    if (overrun) count(OVERRUN, byte);
-    if (broken) {
-        count(FRAMING, byte);
-    } else if (byte != REQUEST_PULSE) {
-        command(byte);
+        abandon_length();
+    } else {
+        other_request(byte);
     }
 }
 

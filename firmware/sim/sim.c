@@ -2,7 +2,7 @@
 //
 // Prints the pty's path, then runs until it is killed; at SIGINT or SIGTERM it says how many pulses its pins have seen.
 // Opening the path resets the board, as opening its port does with an Uno. It runs in real time; with --fast as fast as
-// it can, and its clock stands still while nothing goes on.
+// it can, and its clock hardly moves while nothing goes on.
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
