@@ -3,11 +3,11 @@
 # says. Installs the tools with apt-get where they are missing.
 set -eu
 cd "$(dirname "$0")"
-packages="gcc-avr avr-libc binutils-avr libsimavr-dev"
+packages="make gcc libc6-dev gcc-avr avr-libc binutils-avr libsimavr-dev"
 
 missing() {
-  ! command -v avr-gcc >/dev/null || ! command -v avr-objcopy >/dev/null ||
-    [ ! -e /usr/lib/avr/include/avr/io.h ] || [ ! -e /usr/include/simavr/sim_avr.h ]
+  for tool in make cc avr-gcc avr-objcopy; do command -v $tool >/dev/null || return 0; done
+  [ ! -e /usr/lib/avr/include/avr/io.h ] || [ ! -e /usr/include/simavr/sim_avr.h ]
 }
 if missing; then
   if ! command -v apt-get >/dev/null; then

@@ -53,7 +53,8 @@ static void byte_sent(struct board *b, uint8_t byte) {
 }
 
 void request(const char *bytes) {
-    for (; *bytes; bytes++) board_send(&board, &(uint16_t){*bytes}, 1);
+    for (; *bytes; bytes++)
+        if (!board_send(&board, &(uint16_t){*bytes}, 1)) printf("FAIL the wire is full\n"), exit(1);
 }
 
 void run(avr_cycle_count_t cycles) {

@@ -155,10 +155,12 @@ static void flood(const char *name, int requests, bool one) {
     for (int i = 0; i < requests; i++) request("T");
     run(US(requests * 20 + 1030000));
     const uint64_t pulses = lines(ANSWER_PULSE), refused = total(ANSWER_BUSY);
-    verdict(pulses + refused == (uint64_t)requests && pulses == seen.pulses && (!one || pulses == 1) && !seen.torn &&
-                !seen.garbled && !lines(ANSWER_OVERRUN) && !lines(ANSWER_RESET) && seen.latency_cycles.most < 250,
-            name, "%d at line rate: %" PRIu64 " pulses + %" PRIu64 " refused in %zu answers; byte to edge %.0f to "
-            "%.0f cycles; length %.2f to %.2f us",
+    const bool accounted = pulses + refused == (uint64_t)requests && pulses == seen.pulses && (!one || pulses == 1);
+    const bool sound = !seen.torn && !seen.garbled && !lines(ANSWER_OVERRUN) && !lines(ANSWER_RESET);
+    const bool told_in_time = lines(ANSWER_BUSY) >= pulses / 2;
+    verdict(accounted && sound && told_in_time && seen.latency_cycles.most < 250, name,
+            "%d at line rate: %" PRIu64 " pulses + %" PRIu64 " refused in %zu answers; byte to edge %.0f to %.0f cycles; "
+            "length %.2f to %.2f us",
             requests, pulses, refused, lines(ANSWER_BUSY), seen.latency_cycles.least, seen.latency_cycles.most,
             seen.length_us.least, seen.length_us.most);
 }
@@ -183,6 +185,28 @@ static void unknown_bytes(void) {
     verdict(seen.answered == 0, "line ends alone", "are no requests");
 }
 
+static void random_bytes(void) {
+    static const char BYTES[] = "TTTTSL0123456789\r\nx";
+    forget();
+    uint32_t noise = 1;
+    unsigned requests = 0;
+    for (int i = 0; i < 100000; i++) {
+        noise = noise * 1664525 + 1013904223;
+        const char byte[] = {BYTES[(noise >> 24) % (sizeof BYTES - 1)], 0};
+        requests += *byte == REQUEST_PULSE;
+        request(byte);
+        if (noise & 0x800000) run(noise >> 8 & 0x7fff);
+    }
+    run(US(2000000));
+    request("L20000\n");
+    run(US(1000));
+    const uint64_t pulses = lines(ANSWER_PULSE), refused = total(ANSWER_BUSY);
+    verdict(pulses + refused == requests && pulses == seen.pulses && !seen.torn && !seen.garbled &&
+                !lines(ANSWER_OVERRUN) && !lines(ANSWER_FRAMING) && !lines(ANSWER_RESET),
+            "random bytes", "100000 in bursts, %u of them requests: %" PRIu64 " pulses + %" PRIu64 " refused", requests,
+            pulses, refused);
+}
+
 static void line_errors(void) {
     forget();
     board.deaf = true;
@@ -192,6 +216,19 @@ static void line_errors(void) {
     run(US(3000));
     verdict(total(ANSWER_OVERRUN) == 1 && total(ANSWER_UNKNOWN) == 3, "overrun",
             "three bytes of six survive 150 us without interrupts, and O says that some did not");
+
+    forget();
+    request("L30");
+    run(US(200));
+    board.deaf = true;
+    request("0000\n");
+    run(US(150));
+    board.deaf = false;
+    run(US(3000));
+    request("L\n");
+    run(US(1000));
+    verdict(seen.answers[seen.answered - 1].first == 20000 && lines(ANSWER_OVERRUN) == 1, "overrun in a length",
+            "spoils it, instead of making it shorter");
 
     forget();
     board_send(&board, &(uint16_t){'T' | BROKEN}, 1);
@@ -261,6 +298,7 @@ int main(int argc, char **argv) {
     flood("flood of short pulses", 50000, false);
     request("L20000\n"), run(US(1000));
     unknown_bytes();
+    random_bytes();
     line_errors();
     watchdog("everything hangs", &board.hung);
     watchdog("interrupts hang", &board.deaf);

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/wait.h>
 #include <termios.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "../protocol.h"
@@ -57,19 +58,28 @@ static void open_port(const char *path) {
     if (answer.letter != ANSWER_RESET || answer.second != PROTOCOL_VERSION) fail("opening did not reset the board");
 }
 
-static void pulses(uint32_t count) {
+static double now_us(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * 1e6 + now.tv_nsec / 1e3;
+}
+
+// Returns how far the board's clock has got ahead of the host's meanwhile.
+static double pulses(uint32_t count) {
+    const double start_us = now_us() - ask(REQUEST_STATUS).second;
+    struct answer status = {0};
     for (uint32_t number = 1; number <= count; number++) {
         const struct answer pulse = ask(REQUEST_PULSE);
         if (pulse.letter != ANSWER_PULSE || pulse.first != number) fail("not the next pulse");
-        struct answer status;
         do { // the board's own clock says when the pulse is over
             status = ask(REQUEST_STATUS);
             if (status.letter != ANSWER_STATUS || status.first != number) fail("no status");
         } while (status.second - pulse.second < LENGTH_DEFAULT_US + 1000);
     }
+    return status.second - (now_us() - start_us);
 }
 
-static void session(char **command, unsigned count) {
+static double session(char **command, unsigned count) {
     int output[2];
     if (pipe(output)) fail("no pipe");
     child = fork();
@@ -85,7 +95,7 @@ static void session(char **command, unsigned count) {
     path[strcspn(path, "\n")] = 0;
 
     open_port(path);
-    pulses(count);
+    const double ahead_us = pulses(count);
     close(port);
     usleep(20000); // the board looks every half millisecond
     open_port(path);
@@ -97,11 +107,12 @@ static void session(char **command, unsigned count) {
     fclose(said);
     close(port);
     waitpid(child, NULL, 0);
+    return ahead_us;
 }
 
 int main(int argc, char **argv) {
     if (argc != 3) return fprintf(stderr, "usage: check_pty SIM FILE.hex\n"), 2;
-    session((char *[]){argv[1], argv[2], NULL}, 30);
+    if (session((char *[]){argv[1], argv[2], NULL}, 30) > 5000) fail("faster than real time");
     session((char *[]){argv[1], "--fast", argv[2], NULL}, 1000);
     printf("ok   pty                    30 pulses in real time, 1000 as fast as it goes; opening it resets the board\n");
 }

@@ -16,7 +16,7 @@
 
 #include "board.h"
 
-enum { TICK_US = 500 };
+enum { TICK_US = 500, LEAD_NS = 2 * TICK_US * 1000 };
 
 static struct board board;
 static bool fast;
@@ -53,14 +53,15 @@ static int64_t ahead_of_real_time_ns(void) {
     return (int64_t)(board.avr->cycle * 1000 / MHZ) - real_ns;
 }
 
-// Until the host has sent something or it is time to go on.
+// Until the host has sent something or it is time to go on. A host that never stops sending does not make time go faster.
 static void wait_for_host(bool idle) {
     const int64_t ahead_ns = ahead_of_real_time_ns();
     struct timespec time = {ahead_ns / 1000000000, ahead_ns % 1000000000};
     if (fast) time = (struct timespec){0, idle ? 10000000 : 0};
     if (!fast && ahead_ns <= 0) time = (struct timespec){0, 0};
     struct pollfd poll = {pty, POLLIN, 0};
-    ppoll(&poll, opened, &time, NULL); // a pty that nobody has open would not let us wait
+    const bool listen = opened && (fast || ahead_ns < LEAD_NS); // a pty that nobody has open would not let us wait
+    ppoll(&poll, listen, &time, NULL);
 }
 
 static avr_cycle_count_t tick(struct board *b) {
@@ -76,12 +77,13 @@ static avr_cycle_count_t tick(struct board *b) {
     reset_wanted = opened && !was_open;
     if (!opened) unsent_count = 0;
 
-    uint8_t bytes[512];
+    uint8_t bytes[TICK_US * MHZ / FRAME_CYCLES]; // what the line carries in a tick; the rest waits in the pty
     const ssize_t count = opened && was_open && state.revents & POLLIN ? read(pty, bytes, sizeof bytes) : 0;
     for (ssize_t i = 0; i < count; i++) board_send(b, &(uint16_t){bytes[i]}, 1);
     return TICK_US * MHZ;
 }
 
+// Raw from the start: an echo would send the board its own answers.
 static bool open_pty(void) {
     struct termios raw = {0};
     cfmakeraw(&raw);
