@@ -31,10 +31,11 @@ enum { TICKS_PER_US = F_CPU / 8 / 1000000 };
 // By how much the interrupt that ends a pulse comes later than the timer; sim/check.c measures it.
 enum { LAG_TICKS = 10 };
 
-// Each is sent in its turn; what happened several times before, once and with its count.
-enum answer { PULSE, LENGTH, STATUS, BUSY, OVERRUN, FRAMING, UNKNOWN, ANSWERS };
-static const char letters[ANSWERS] = {ANSWER_PULSE,   ANSWER_LENGTH,  ANSWER_STATUS, ANSWER_BUSY,
-                                      ANSWER_OVERRUN, ANSWER_FRAMING, ANSWER_UNKNOWN};
+// Each is sent in its turn; what happened several times before, once and with its count. The status is sent when no
+// other waits: whoever has it knows that all he sent before has been answered.
+enum answer { PULSE, LENGTH, BUSY, OVERRUN, FRAMING, UNKNOWN, STATUS, ANSWERS };
+static const char letters[ANSWERS] = {ANSWER_PULSE,   ANSWER_LENGTH,  ANSWER_BUSY,  ANSWER_OVERRUN,
+                                      ANSWER_FRAMING, ANSWER_UNKNOWN, ANSWER_STATUS};
 static volatile uint8_t waiting; // a bit per answer
 static uint16_t counts[ANSWERS];
 static uint8_t bytes[ANSWERS]; // the last that was counted
@@ -187,13 +188,18 @@ static void compose(char letter, uint32_t first, uint32_t second) {
 }
 
 static void compose_next(void) {
-    static uint8_t kind;
-    do kind = (kind + 1) % ANSWERS;
-    while (!(waiting & _BV(kind)));
+    static uint8_t turn;
+    uint8_t kind = STATUS;
+    if (waiting & ~_BV(STATUS)) {
+        do turn = (turn + 1) % STATUS;
+        while (!(waiting & _BV(turn)));
+        kind = turn;
+    }
 
     uint32_t first, second;
     struct instant instant;
     ATOMIC_BLOCK(ATOMIC_FORCEON) {
+        if (kind == STATUS && waiting != _BV(STATUS)) return; // another has come meanwhile
         waiting &= ~_BV(kind);
         first = counts[kind];
         second = pulses;

@@ -74,6 +74,10 @@ size_t lines(char letter) {
     return count;
 }
 
+struct answer last(void) {
+    return seen.answered ? seen.answers[seen.answered - 1] : (struct answer){0};
+}
+
 bool only(char letter, uint32_t first, uint32_t second) {
     const struct answer *a = seen.answers;
     return seen.answered == 1 && !seen.garbled && a->letter == letter && a->first == first && a->second == second;

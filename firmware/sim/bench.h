@@ -36,6 +36,9 @@ void run(avr_cycle_count_t cycles);
 size_t lines(char letter);
 uint64_t total(char letter);
 
+// The last answer; all zero where there is none.
+struct answer last(void);
+
 // Whether this was the only answer.
 bool only(char letter, uint32_t first, uint32_t second);
 

@@ -128,7 +128,8 @@ bool board_step(struct board *board) {
     if (board->hung || board->deaf) avr->sreg[S_I] = 0, avr->state = cpu_Running;
     const bool asleep = avr->state == cpu_Sleeping;
     int state = avr_run(avr);
-    if (board->deaf && state == cpu_Done) state = avr->state = cpu_Running; // asleep with interrupts off, where simavr ends
+    // Where simavr ends because nothing can wake the processor, the main loop shall go on.
+    if (board->deaf && state == cpu_Done) state = avr->state = cpu_Running;
     if (asleep && state == cpu_Running) avr->cycle += WAKING_CYCLES;
     if (board->hung) avr->pc = pc;
 

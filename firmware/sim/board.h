@@ -44,7 +44,8 @@ struct board {
     avr_cycle_count_t (*on_tick)(struct board *);                   // cycles to the next tick; also after a reset
 };
 
-// Powers the board up with the program of an Intel hex file, its UART and timer as a bootloader may leave them. False, with a line on stderr, where that cannot be read.
+// Powers the board up with the program of an Intel hex file, its UART and timer as a bootloader may leave them.
+// False, with a line on stderr, where that cannot be read.
 bool board_open(struct board *board, const char *hex);
 
 // Puts frames on the wire to the chip, back to back behind those on it. False where the wire has no room.

@@ -68,6 +68,7 @@ static void ten_thousand(void) {
     bool consecutive = true;
     uint32_t noise = 1;
     double expected_us = 0;
+    struct answer previous = {0};
     for (int i = 0; i < 10000; i++) {
         const avr_cycle_count_t before = seen.rise;
         const size_t answered = seen.answered;
@@ -75,19 +76,20 @@ static void ten_thousand(void) {
         noise = noise * 1664525 + 1013904223; // any phase to the timer's laps
         run(US(20600) + noise % US(1000));
         consecutive &= seen.answered == answered + 1;
-        const struct answer *answer = &seen.answers[seen.answered - 1];
-        consecutive &= answer->letter == ANSWER_PULSE;
+        const struct answer answer = last();
+        consecutive &= answer.letter == ANSWER_PULSE;
         if (i) {
-            consecutive &= answer->first == answer[-1].first + 1 && answer->second > answer[-1].second;
+            consecutive &= answer.first == previous.first + 1 && answer.second > previous.second;
             expected_us += (double)(seen.rise - before) / MHZ;
-            widen(&clock_error_us, (uint32_t)(answer->second - seen.answers[0].second) - expected_us);
+            widen(&clock_error_us, (uint32_t)(answer.second - seen.answers[0].second) - expected_us);
         }
+        previous = answer;
     }
     verdict(seen.pulses == 10000 && seen.answered == 10000 && consecutive && !seen.torn && !seen.garbled,
             "10,000 requests", "%u pulses, %zu answers with consecutive numbers, %u torn edges", seen.pulses,
             lines(ANSWER_PULSE), seen.torn);
-    verdict(seen.latency_cycles.most < 160,
-            "byte to edge", "%.0f cycles, %.2f us, for %u of them, at most %.0f cycles, %.2f us",
+    verdict(seen.latency_cycles.most < 160, "byte to edge",
+            "%.0f cycles, %.2f us, for %u of them, at most %.0f cycles, %.2f us",
             seen.latency_cycles.least, seen.latency_cycles.least / MHZ, seen.soonest, seen.latency_cycles.most,
             seen.latency_cycles.most / MHZ);
     verdict(seen.length_us.least > 19999 && seen.length_us.most < 20005, "pulse length", "%.2f to %.2f us",
@@ -114,22 +116,27 @@ static void races(void) {
             requests += 2;
             request("T");
             run(moment == 0 ? US(10000) : US(22000));
-            const struct answer first = seen.answers[seen.answered - 1];
+            const struct answer first = last();
             const avr_cycle_count_t rise = seen.rise;
             const unsigned pulses = seen.pulses;
-            if (moment == 0) request_at(rise + US(20000) + offset); // the pulse's end
-            if (moment == 1) request_at(seen.fall + LAP_CYCLES + offset); // the same compare, a lap later
-            if (moment == 2) request_at(rise + US(2 * LAP_US - first.second % LAP_US) + offset); // the clock's overflow
+            const avr_cycle_count_t moments[] = {
+                rise + US(20000),                              // the pulse's end
+                seen.fall + LAP_CYCLES,                        // the same compare, a lap later
+                rise + US(2 * LAP_US - first.second % LAP_US), // the clock's overflow
+            };
+            request_at(moments[moment] + offset);
             if (seen.pulses > pulses)
-                widen(&clock_error_us, (uint32_t)(seen.answers[seen.answered - 1].second - first.second) -
+                widen(&clock_error_us, (uint32_t)(last().second - first.second) -
                                            (double)(seen.rise - rise) / MHZ);
         }
     }
-    verdict(seen.answered == requests && seen.pulses == lines(ANSWER_PULSE) && !seen.torn && !seen.garbled &&
-                seen.pulses + total(ANSWER_BUSY) == requests && seen.length_us.least > 19999 &&
-                seen.length_us.most < 20012 && seen.latency_cycles.most < 250 && clock_error_us.least > -1.5 && clock_error_us.most < 1.5,
-            "races with the timer",
-            "%u requests, %zu refused; byte to edge %.0f to %.0f cycles; length %.2f to %.2f us; clock %+.2f to %+.2f us",
+    const bool accounted = seen.answered == requests && seen.pulses == lines(ANSWER_PULSE) &&
+                           seen.pulses + total(ANSWER_BUSY) == requests;
+    const bool in_time = seen.length_us.least > 19999 && seen.length_us.most < 20012 &&
+                         seen.latency_cycles.most < 250 && clock_error_us.least > -1.5 && clock_error_us.most < 1.5;
+    verdict(accounted && in_time && !seen.torn && !seen.garbled, "races with the timer",
+            "%u requests, %zu refused; byte to edge %.0f to %.0f cycles; length %.2f to %.2f us; "
+            "clock %+.2f to %+.2f us",
             requests, lines(ANSWER_BUSY), seen.latency_cycles.least, seen.latency_cycles.most, seen.length_us.least,
             seen.length_us.most, clock_error_us.least, clock_error_us.most);
 }
@@ -159,8 +166,8 @@ static void flood(const char *name, int requests, bool one) {
     const bool sound = !seen.torn && !seen.garbled && !lines(ANSWER_OVERRUN) && !lines(ANSWER_RESET);
     const bool told_in_time = lines(ANSWER_BUSY) >= pulses / 2;
     verdict(accounted && sound && told_in_time && seen.latency_cycles.most < 250, name,
-            "%d at line rate: %" PRIu64 " pulses + %" PRIu64 " refused in %zu answers; byte to edge %.0f to %.0f cycles; "
-            "length %.2f to %.2f us",
+            "%d at line rate: %" PRIu64 " pulses + %" PRIu64 " refused in %zu answers; "
+            "byte to edge %.0f to %.0f cycles; length %.2f to %.2f us",
             requests, pulses, refused, lines(ANSWER_BUSY), seen.latency_cycles.least, seen.latency_cycles.most,
             seen.length_us.least, seen.length_us.most);
 }
@@ -185,11 +192,23 @@ static void unknown_bytes(void) {
     verdict(seen.answered == 0, "line ends alone", "are no requests");
 }
 
+// Whether each status came after the answers to all that it counts.
+static bool status_is_last(void) {
+    uint32_t pulses = seen.answers[0].first - 1;
+    for (size_t i = 0; i < seen.answered; i++) {
+        const struct answer *answer = &seen.answers[i];
+        if (answer->letter == ANSWER_PULSE) pulses = answer->first;
+        if (answer->letter == ANSWER_STATUS && answer->first != pulses) return false;
+    }
+    return true;
+}
+
 static void random_bytes(void) {
     static const char BYTES[] = "TTTTSL0123456789\r\nx";
     forget();
+    request("T");
     uint32_t noise = 1;
-    unsigned requests = 0;
+    unsigned requests = 1;
     for (int i = 0; i < 100000; i++) {
         noise = noise * 1664525 + 1013904223;
         const char byte[] = {BYTES[(noise >> 24) % (sizeof BYTES - 1)], 0};
@@ -201,10 +220,10 @@ static void random_bytes(void) {
     request("L20000\n");
     run(US(1000));
     const uint64_t pulses = lines(ANSWER_PULSE), refused = total(ANSWER_BUSY);
-    verdict(pulses + refused == requests && pulses == seen.pulses && !seen.torn && !seen.garbled &&
-                !lines(ANSWER_OVERRUN) && !lines(ANSWER_FRAMING) && !lines(ANSWER_RESET),
-            "random bytes", "100000 in bursts, %u of them requests: %" PRIu64 " pulses + %" PRIu64 " refused", requests,
-            pulses, refused);
+    const bool sound = !seen.torn && !seen.garbled && !lines(ANSWER_OVERRUN) && !lines(ANSWER_FRAMING);
+    verdict(pulses + refused == requests && pulses == seen.pulses && sound && !lines(ANSWER_RESET) && status_is_last(),
+            "random bytes", "100000 in bursts, %u requests: %" PRIu64 " pulses + %" PRIu64 " refused; %zu status, each "
+            "after what it counts", requests, pulses, refused, lines(ANSWER_STATUS));
 }
 
 static void line_errors(void) {
@@ -227,7 +246,7 @@ static void line_errors(void) {
     run(US(3000));
     request("L\n");
     run(US(1000));
-    verdict(seen.answers[seen.answered - 1].first == 20000 && lines(ANSWER_OVERRUN) == 1, "overrun in a length",
+    verdict(last().first == 20000 && lines(ANSWER_OVERRUN) == 1, "overrun in a length",
             "spoils it, instead of making it shorter");
 
     forget();
@@ -241,7 +260,7 @@ static void line_errors(void) {
     run(US(3000));
     request("L\n");
     run(US(1000));
-    verdict(no_pulse && seen.answers[seen.answered - 1].first == 20000, "framing error",
+    verdict(no_pulse && last().first == 20000, "framing error",
             "answered; a broken T raises nothing, a broken digit spoils its length");
 }
 

@@ -114,5 +114,5 @@ int main(int argc, char **argv) {
     if (argc != 3) return fprintf(stderr, "usage: check_pty SIM FILE.hex\n"), 2;
     if (session((char *[]){argv[1], argv[2], NULL}, 30) > 5000) fail("faster than real time");
     session((char *[]){argv[1], "--fast", argv[2], NULL}, 1000);
-    printf("ok   pty                    30 pulses in real time, 1000 as fast as it goes; opening it resets the board\n");
+    printf("ok   %-22s %s\n", "pty", "30 pulses in real time, 1000 as fast as it goes; opening it resets the board");
 }

@@ -53,7 +53,7 @@ static int64_t ahead_of_real_time_ns(void) {
     return (int64_t)(board.avr->cycle * 1000 / MHZ) - real_ns;
 }
 
-// Until the host has sent something or it is time to go on. A host that never stops sending does not make time go faster.
+// Until the host has sent something or it is time to go on. Time goes no faster for a host that never stops sending.
 static void wait_for_host(bool idle) {
     const int64_t ahead_ns = ahead_of_real_time_ns();
     struct timespec time = {ahead_ns / 1000000000, ahead_ns % 1000000000};
