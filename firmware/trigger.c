@@ -188,18 +188,14 @@ static void compose(char letter, uint32_t first, uint32_t second) {
 }
 
 static void compose_next(void) {
-    static uint8_t turn;
-    uint8_t kind = STATUS;
-    if (waiting & ~_BV(STATUS)) {
-        do turn = (turn + 1) % STATUS;
-        while (!(waiting & _BV(turn)));
-        kind = turn;
-    }
+    static uint8_t kind;
+    do kind = (kind + 1) % ANSWERS;
+    while (!(waiting & _BV(kind)));
 
     uint32_t first, second;
     struct instant instant;
     ATOMIC_BLOCK(ATOMIC_FORCEON) {
-        if (kind == STATUS && waiting != _BV(STATUS)) return; // another has come meanwhile
+        if (kind == STATUS && waiting != _BV(STATUS)) return; // the others first
         waiting &= ~_BV(kind);
         first = counts[kind];
         second = pulses;
