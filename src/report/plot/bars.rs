@@ -84,6 +84,8 @@ impl Bars {
         let sum = |parts: &[f64]| parts.iter().sum::<f64>();
         let longest = self.bars.iter().map(|(_, parts)| length(sum(parts))).fold(0.0, f64::max);
         let scale = if longest > 0.0 { f64::from(WIDTH as i32 - names - SUM) / longest } else { 0.0 };
+        // Counts have no decimals.
+        let digits = if self.bars.iter().flat_map(|(_, parts)| parts).all(|v| v.fract() == 0.0) { 0 } else { 2 };
         for (i, (name, parts)) in self.bars.iter().enumerate() {
             let y = head + BAR * i as i32;
             canvas.draw(&Text::new(name.clone(), (names - 16, y + BAR / 2), at(HPos::Right)))?;
@@ -96,7 +98,7 @@ impl Bars {
                 canvas.draw(&Rectangle::new(corners, color(k).filled()))?;
                 from += part;
             }
-            canvas.draw(&Text::new(format!("{total:.2}"), (place(total) + 12, y + BAR / 2), at(HPos::Left)))?;
+            canvas.draw(&Text::new(format!("{total:.digits$}"), (place(total) + 12, y + BAR / 2), at(HPos::Left)))?;
         }
         let foot = head + BAR * self.bars.len() as i32;
         canvas.draw(&PathElement::new([(names, head), (names, foot)], AXIS))?;
