@@ -4,15 +4,20 @@ use std::path::Path;
 use std::process::Command;
 
 fn main() {
-    for path in [".git/HEAD", ".git/refs/heads", ".git/packed-refs"] {
-        if Path::new(path).exists() {
+    // Where they lie differs in a worktree.
+    for name in ["HEAD", "refs/heads", "packed-refs"] {
+        if let Some(path) = git(&["rev-parse", "--git-path", name]).filter(|path| Path::new(path).exists()) {
             println!("cargo:rerun-if-changed={path}");
         }
     }
     println!("cargo:rerun-if-changed=build.rs");
-    let git = Command::new("git").args(["rev-parse", "--short=12", "HEAD"]).output();
-    let revision = git.ok().filter(|out| out.status.success()).and_then(|out| String::from_utf8(out.stdout).ok());
-    if let Some(revision) = revision {
-        println!("cargo:rustc-env=SVL_GIT_REVISION={}", revision.trim());
+    if let Some(revision) = git(&["rev-parse", "--short=12", "HEAD"]) {
+        println!("cargo:rustc-env=SVL_GIT_REVISION={revision}");
     }
+}
+
+/// What git prints, where there is one.
+fn git(args: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(args).output().ok().filter(|output| output.status.success())?;
+    Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
 }

@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt::Write;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::fetch::{self, Receipt, Receipts};
 use svl::source::dataset::{self, DATASETS, Dataset, Part};
@@ -174,13 +175,24 @@ impl Fetching {
             return Ok(());
         }
         let own = self.folder.join(&key);
+        let downloads = !matches!(self.origin, Origin::Folder(_)) && !own.exists();
         let (path, from) = self.obtain(part, file, &own)?;
+        let page =
+            std::fs::File::open(&path).map(|file| file.take(1).bytes().next().is_some_and(|b| matches!(b, Ok(b'<'))));
+        if page.with_context(|| path.display().to_string())? {
+            if downloads {
+                // It would be taken for the file the next time.
+                let _ = std::fs::remove_file(&path);
+            }
+            bail!("{from}: is a web page and not {file}; is the address right, and this machine let through?");
+        }
         let (sha256, bytes) = self.with_bar("check", &path, |bar| fetch::sha256(&path, bar))?;
         self.receipts.agrees(&key, &path, &sha256)?;
         let made = self.place(part, &path, &own)?;
         let made = made.into_iter().map(|top| join(part.folder, &top)).collect();
         self.receipts.add(&key, Receipt { from, bytes, sha256, made })?;
-        if fetch::is_archive(file) && path == own {
+        // What the user put there stays.
+        if fetch::is_archive(file) && downloads {
             std::fs::remove_file(&path).with_context(|| path.display().to_string())?;
         }
         Ok(())
@@ -201,11 +213,12 @@ impl Fetching {
                 return Ok((path.clone(), path.display().to_string()));
             }
         };
-        if !own.exists() {
-            let folder = own.parent().unwrap_or(&self.folder);
-            std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-            self.with_bar("fetch", own, |bar| fetch::download(&url, own, bar))?;
+        if own.exists() {
+            return Ok((own.to_owned(), own.display().to_string()));
         }
+        let folder = own.parent().unwrap_or(&self.folder);
+        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+        self.with_bar("fetch", own, |bar| fetch::download(&url, own, bar))?;
         Ok((own.to_owned(), url))
     }
 
@@ -224,7 +237,10 @@ impl Fetching {
             if path != own {
                 let folder = own.parent().unwrap_or(&self.folder);
                 std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-                std::fs::copy(path, own).with_context(|| own.display().to_string())?;
+                // Half a copy must not be taken for the file.
+                let partial = own.with_extension("copy");
+                std::fs::copy(path, &partial).with_context(|| partial.display().to_string())?;
+                std::fs::rename(&partial, own).with_context(|| own.display().to_string())?;
             }
             self.written += 1;
         }

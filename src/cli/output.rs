@@ -27,8 +27,9 @@ pub(super) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow:
     let mut seen: Vec<PathBuf> = Vec::new();
     for path in paths {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let real =
-            folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default());
+        let named =
+            || folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default());
+        let real = path.canonicalize().unwrap_or_else(|_| named());
         if seen.contains(&real) {
             bail!("{}: named twice; inputs and outputs are different files", path.display());
         }

@@ -138,7 +138,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
         let summary = Summary::of_rows(rows.rows())?;
-        verification = before.map(|before| before.compare(rows.rows())).transpose()?;
+        verification = before.map(|before| before.compare(rows.rows(), &algorithms)).transpose()?;
         let text = || format!("{} ({pairs} pairs)\n{summary}", recording.display());
         if args.json {
             print_json(&Answer { summary: &summary, verification: &verification })?

@@ -47,14 +47,17 @@ fn figure(text: &str) -> svl::Result<Figure> {
 }
 
 /// The files of a report.
-const REPORT_FILES: &[&str] = &["index.html", "reproduce.md", "reproduce.json"];
+const REPORT_FILES: &[&str] = &["index.html", "reproduce.md", JSON];
+
+/// The one by which svl knows its own.
+const JSON: &str = "reproduce.json";
 
 const STOPPED: &str = "stopped by Ctrl-C; the report holds what was found before";
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let asked = |e: &&Experiment| args.figures.is_empty() || args.figures.iter().any(|f| f.0.figure() == e.figure());
     let experiments: Vec<&'static Experiment> = EXPERIMENTS.iter().filter(asked).collect();
-    let earlier = folder::earlier_report(&args.out, REPORT_FILES)?;
+    let earlier = folder::earlier_report(&args.out, REPORT_FILES, JSON)?;
     let data = data_folder(args.data.as_deref());
     let scenes = data.as_deref().map_or(Ok(Vec::new()), scenes)?;
     let mut recording = if experiments.iter().any(|e| e.records) { Some(arena_run(quiet)?) } else { None };
@@ -79,8 +82,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         identity: manifest.entries(),
         incomplete: ran.as_ref().err().map(one_line),
     };
-    folder::remove(earlier)?;
+    let earlier = folder::Aside::of(&args.out, earlier)?;
     write_report(&page, &args.out)?;
+    if ran.is_ok() {
+        earlier.replaced()?;
+    }
     if args.json {
         print_json(&page.json()?)?
     } else {
@@ -113,8 +119,8 @@ fn repeat(
 }
 
 fn write_report(page: &Page<'_>, out: &Path) -> anyhow::Result<()> {
+    folder::write_json(out, JSON, &page.json()?)?;
     folder::write(out, "reproduce.md", page.markdown())?;
-    folder::write_json(out, "reproduce.json", &page.json()?)?;
     folder::write(out, "index.html", page.html()?)
 }
 

@@ -77,14 +77,18 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             bail!("{}: does not read scenes; --scenes is for scenarios that do", args.scenario.display());
         };
         scenes.clone_from(&args.scenes);
+        // The page and the scenario's hash say what was judged.
+        let named = args.scenes.join(", ");
+        scenario.description.push_str(&format!("\n\nOf other scenes than the scenario's: {named}."));
+        scenario.text.push_str(&format!("\n# --scenes {named}\n"));
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
     let mut lineup = Lineup::new(&scenario.algorithms)?;
-    let earlier = folder::earlier_report(&folder, REPORT_FILES)?;
+    let earlier = folder::earlier_report(&folder, REPORT_FILES, MANIFEST)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = data_folder(args.data.as_deref());
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
-    folder::remove(earlier)?;
+    let earlier = folder::Aside::of(&folder, earlier)?;
     let mut report = Report::begin(&scenario, &folder)?;
     let mut failures = 0;
     let ran = runs.iter_mut().try_for_each(|run| {
@@ -106,6 +110,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         print(&format!("{summary}\n{}\n{gate}", folder.join("index.html").display()))?;
     }
     ran?;
+    earlier.replaced()?;
     run_info::complete(failures)?;
     if args.gate { gate::pass(&rulings) } else { Ok(()) }
 }

@@ -14,8 +14,8 @@ pub(super) struct Earlier {
     path: PathBuf,
     /// Labels in the order of the run.
     labels: Vec<String>,
-    /// Hash of each result, by label and number of the pair.
-    hashes: BTreeMap<(String, u64), String>,
+    /// Hashes of each result and of its pair, by label and number of the pair.
+    hashes: BTreeMap<(String, u64), (String, String)>,
     /// Hash of each algorithm's parameters, by label.
     parameters: BTreeMap<String, String>,
 }
@@ -55,7 +55,7 @@ impl Earlier {
     fn read_rows(&mut self, path: &Path, seed: Option<u64>) -> anyhow::Result<()> {
         for row in svl::report::read_rows::<Row>(path)?.into_iter().filter(|row| row.seed.is_none() || row.seed == seed)
         {
-            self.add(row.algorithm.clone(), row.sequence, row.result_hash);
+            self.add(row.algorithm.clone(), row.sequence, (row.result_hash, row.pair_hash));
             self.parameters.insert(row.algorithm, row.parameters_hash);
         }
         Ok(())
@@ -63,7 +63,7 @@ impl Earlier {
 
     fn read_recording(&mut self, path: &Path) -> anyhow::Result<()> {
         for result in recording::results(path)? {
-            self.add(result.algorithm, result.sequence, result.hash);
+            self.add(result.algorithm, result.sequence, (result.hash, result.pair_hash));
         }
         if let Some(json) = recording::attachment(path, MANIFEST)? {
             let manifest: Manifest =
@@ -73,21 +73,28 @@ impl Earlier {
         Ok(())
     }
 
-    fn add(&mut self, label: String, sequence: u64, hash: String) {
+    fn add(&mut self, label: String, sequence: u64, hashes: (String, String)) {
         if !self.labels.contains(&label) {
             self.labels.push(label.clone());
         }
-        self.hashes.insert((label, sequence), hash);
+        self.hashes.insert((label, sequence), hashes);
     }
 
     /// The algorithms of the earlier run.
     pub(super) fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
-        let parse = |label: &String| label.parse().with_context(|| self.path.display().to_string());
+        let parse = |label: &String| {
+            let algorithm: Algorithm = label.parse().with_context(|| self.path.display().to_string())?;
+            if algorithm.spec().name == "exec" {
+                let shown = self.path.display();
+                bail!("{shown}: names a program, which is not started unasked; name it yourself with --algo '{label}'");
+            }
+            Ok(algorithm)
+        };
         self.labels.iter().map(parse).collect()
     }
 
-    /// Compares the rows of a replay.
-    pub(super) fn compare(&self, rows: &[Row]) -> anyhow::Result<Verification> {
+    /// Compares the rows of a replay of `algorithms`.
+    pub(super) fn compare(&self, rows: &[Row], algorithms: &[Algorithm]) -> anyhow::Result<Verification> {
         let mut found = Verification {
             against: self.path.clone(),
             equal: 0,
@@ -105,12 +112,15 @@ impl Earlier {
             }
             match self.hashes.get(&(row.algorithm.clone(), row.sequence)) {
                 None => found.only_now += 1,
-                Some(then) if *then == row.result_hash => found.equal += 1,
+                Some((_, pair)) if *pair != row.pair_hash => {
+                    bail!("{}: is of other pairs than these; pair {} differs", self.path.display(), row.sequence);
+                }
+                Some((then, _)) if *then == row.result_hash => found.equal += 1,
                 Some(_) => found.differing.entry(row.algorithm.clone()).or_default().push(row.sequence),
             }
         }
         // Algorithms of then that were not asked for now are not missed.
-        let ran = |label: &str| rows.iter().any(|row| row.algorithm == label);
+        let ran = |label: &str| algorithms.iter().any(|algorithm| algorithm.label() == label);
         let then = self.hashes.keys().filter(|(label, _)| ran(label)).count();
         let compared = found.equal + found.differing.values().map(Vec::len).sum::<usize>();
         found.only_then = then.saturating_sub(compared);

@@ -19,6 +19,8 @@ pub struct AlgorithmResult {
     pub algorithm: String,
     /// [`crate::stereo::DisparityMap::hash`], hexadecimal.
     pub hash: String,
+    /// [`crate::stereo::StereoPair::hash`] of its pair, hexadecimal.
+    pub pair_hash: String,
     /// Share of the pixels with a disparity.
     pub coverage: f64,
 }
@@ -29,6 +31,7 @@ impl AlgorithmResult {
             sequence: frame.sequence,
             algorithm: estimate.algorithm.clone(),
             hash: format!("{:032x}", estimate.disparity.hash()),
+            pair_hash: format!("{:032x}", frame.pair.hash()),
             coverage: estimate.disparity.coverage(),
         }
     }

@@ -59,6 +59,9 @@ impl Limit {
             Self { metric: Metric::Time, relative_to: None, .. } => {
                 wrong("time is judged as a ratio: name another algorithm with relative_to")
             }
+            Self { algorithm, relative_to: Some(other), .. } if algorithm == other => {
+                wrong("relative_to names the algorithm itself: name another")
+            }
             Self { metric, relative_to: Some(_), .. } if *metric != Metric::Time => {
                 wrong("relative_to belongs to metric = \"time\"; quality has absolute limits")
             }
@@ -115,7 +118,15 @@ impl std::fmt::Display for Ruling {
         match (self.kept, self.value) {
             (None, _) => f.write_str(" is not judged, as not all of its algorithms took part")?,
             (_, None) => f.write_str(" is not measured in this run")?,
-            (_, Some(value)) => write!(f, " {}", metric.show(value))?,
+            (_, Some(value)) => {
+                // Rounded to the bound itself it would not be seen to break it.
+                let hidden =
+                    [min, max].into_iter().flatten().any(|b| *b != value && metric.show(*b) == metric.show(value));
+                match (hidden, metric.is_share()) {
+                    (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
+                    _ => write!(f, " {}", metric.show(value))?,
+                }
+            }
         }
         let bounds = [("at least", min), ("at most", max)].map(|(words, bound)| bound.map(|b| (words, metric.show(b))));
         for (i, (words, bound)) in bounds.into_iter().flatten().enumerate() {

@@ -40,6 +40,22 @@ fn equal_runs_are_equal_and_json_says_all() {
 }
 
 #[test]
+fn another_yardstick_judges_nothing() {
+    let fixture = scored(&[&["v1"]]);
+    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    fixture.write("one.toml", text.replace("seeds = [1, 2]", "seeds = [2]"));
+    fixture.svl(&["score", "one.toml", "-q", "--algo", "v1", "--out", "1"]).done();
+    let text = fixture.svl(&["compare", "0", "1"]).done();
+    assert!(text.contains("The scenarios differ") && text.contains("40 pairs of one run alone"), "{text}");
+    assert!(!text.contains("WORSE") && !text.contains("better\n"), "{text}");
+    // Checkpoints are summed over the runs that both have, so equal results are equal there too.
+    let json = fixture.svl(&["compare", "0", "1", "--json"]).done();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let checkpoints = json[0]["algorithms"][0]["checkpoints"].as_array().unwrap();
+    assert!(checkpoints.iter().all(|c| c["judgement"] == "equal"), "{checkpoints:?}");
+}
+
+#[test]
 fn what_cannot_be_compared_is_said() {
     let fixture = scored(&[&["v3", "bm"], &["v1", "v2"]]);
     fixture.svl(&["compare", "0", "1"]).failed(1, &["0 and 1: no algorithm in common (v3, bm; v1, v2)"]);

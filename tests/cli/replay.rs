@@ -155,6 +155,13 @@ fn verify_tells_what_differs() {
     // A table of v3 under the name of another range: equal labels, other parameters.
     let parameters = lines[1].split(',').nth(8).unwrap();
     std::fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
+    // What stands in a file starts no program.
+    std::fs::write(fixture.path("evil.csv"), rows.replace(",v3,", ",exec:command=touch pwned,")).unwrap();
+    fails("--verify=evil.csv", "names a program, which is not started unasked");
+    assert!(!fixture.path("pwned").exists());
+    let pair = lines[1].split(',').nth(6).unwrap();
+    std::fs::write(fixture.path("pairs.csv"), rows.replace(pair, "0")).unwrap();
+    fails("--verify=pairs.csv", "is of other pairs than these; pair 0 differs");
     fails("--verify=set.csv", "its parameters are not those of set.csv");
     fails("--verify", "holds no results");
     fails("--verify=a.txt", "expected RESULT.mcap, ROWS.csv or the folder of a report");

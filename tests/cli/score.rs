@@ -124,3 +124,32 @@ fn a_gate_that_judges_nothing_does_not_pass() {
     fixture.write("bad.toml", text.replace("max = 0.075", "max = 7.5"));
     fixture.svl(&["score", "bad.toml", "--gate"]).failed(1, &["gate in line", "5 % is 0.05"]);
 }
+
+#[test]
+fn a_folder_is_a_report_only_with_its_manifest() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.write("site/index.html", "my homepage");
+    fixture
+        .svl(&["score", "short.toml", "--out", "site"])
+        .failed(1, &["site: holds files but no manifest.json", "--out"]);
+    fixture.svl(&["reproduce", "5.5", "--out", "site"]).failed(1, &["site: holds files but no reproduce.json"]);
+    assert_eq!(std::fs::read_to_string(fixture.path("site/index.html")).unwrap(), "my homepage");
+}
+
+#[test]
+fn what_fails_leaves_the_earlier_report() {
+    let fixture = Fixture::new();
+    std::fs::create_dir_all(fixture.path("d/s")).unwrap();
+    fixture.write_pair("d/s/im0.pgm", "d/s/im1.pgm", (64, 48), 4);
+    let text = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"disparity\"\ntolerance_px = 2.0\n[source]\nkind = \"dataset\"\nscenes = [\"s\"]\n";
+    fixture.write("m.toml", text);
+    let score = || fixture.svl(&["score", "m.toml", "--data", "d"]);
+    score().done();
+    let rows = |folder: &str| std::fs::read_to_string(fixture.path(&format!("reports/{folder}/rows.csv"))).unwrap();
+    let earlier = rows("m");
+    fixture.write("d/s/im1.pgm", "P5\n64 48\n255\nshort");
+    score().failed(1, &["d/s/im1.pgm"]);
+    assert_eq!(rows("m.earlier-1"), earlier);
+    assert!(rows("m").lines().count() < earlier.lines().count());
+}

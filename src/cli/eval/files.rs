@@ -91,7 +91,8 @@ impl<'a> Folder<'a> {
         let mut files = BTreeMap::new();
         for entry in std::fs::read_dir(path).with_context(|| format!("{shown}: is no folder to look into"))? {
             let file = entry.with_context(|| shown.to_string())?.path();
-            let ours = file.extension().is_some_and(|e| ENDINGS.iter().any(|ending| e == *ending)) && file.is_file();
+            let ours = file.extension().is_some_and(|e| ENDINGS.iter().any(|ending| e.eq_ignore_ascii_case(ending)))
+                && file.is_file();
             let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).filter(|_| ours);
             let Some(name) = name else { continue };
             if let Some(other) = files.insert(name, file.clone()) {

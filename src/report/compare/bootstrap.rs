@@ -2,17 +2,30 @@
 //!
 //! Efron, "Bootstrap Methods: Another Look at the Jackknife", 1979, percentile intervals. Pairs of one drive resemble
 //! their neighbours, so they are drawn in blocks: Politis and Romano, "A Circular Block-Resampling Procedure for
-//! Stationary Data", 1992, with blocks of the cube root of the drive's length.
+//! Stationary Data", 1992, with blocks of twice the cube root of the drive's length, in which the arena's pairs forget
+//! each other.
 
 /// Resamples drawn. Equal data give equal intervals: the generator begins with a fixed number.
 const DRAWS: usize = 1000;
 const SEED: u64 = 2007;
 
+/// Fewest blocks that say anything of what others would be like.
+const FEWEST: usize = 8;
+
 /// The middle 95 % of what the resamples come to.
 pub type Interval = (f64, f64);
 
 /// Resamples of the items `0..n`.
-pub(super) struct Resamples(Vec<Vec<usize>>);
+pub(super) struct Resamples {
+    draws: Vec<Vec<usize>>,
+    /// Of how many blocks each is made.
+    blocks: usize,
+}
+
+/// How many neighbours are drawn together of a stretch of `length`.
+fn block(length: usize) -> usize {
+    (2.0 * (length as f64).cbrt()).ceil() as usize
+}
 
 impl Resamples {
     /// `stretches`: lengths of the drives that stand one after another; `independent` when items do not resemble their
@@ -23,7 +36,7 @@ impl Resamples {
             let mut items = Vec::with_capacity(stretches.iter().sum());
             let mut begin = 0;
             for &length in stretches {
-                let block = if independent { 1 } else { (length as f64).cbrt().ceil() as usize };
+                let block = if independent { 1 } else { block(length) };
                 let end = begin + length;
                 while items.len() < end {
                     let first = random.usize(0..length);
@@ -34,20 +47,29 @@ impl Resamples {
             }
             items
         };
-        Self((0..DRAWS).map(|_| draw()).collect())
+        let blocks = |&length: &usize| if independent { length } else { length.div_ceil(block(length).max(1)) };
+        Self { draws: (0..DRAWS).map(|_| draw()).collect(), blocks: stretches.iter().map(blocks).sum() }
     }
 
-    /// The interval of a statistic of the items; nothing where some resample does not have it.
+    /// The interval of a statistic of the items; nothing for too few blocks, or where some resample does not have it.
     pub(super) fn interval(&self, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
-        middle(self.0.iter().map(|items| statistic(items)).collect::<Option<_>>()?)
+        if self.blocks < FEWEST {
+            return None;
+        }
+        middle(self.draws.iter().map(|items| statistic(items)).collect::<Option<_>>()?)
     }
 }
 
 /// The interval of the difference of two shares, each of `passed` of `frames`, drawn independently.
+///
+/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, from a share that half a frame on
+/// either side keeps from certainty.
 pub(super) fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
     let mut share = |(passed, frames): (u64, u64)| {
-        (0..frames).filter(|_| random.u64(0..frames) < passed).count() as f64 / frames as f64
+        let blocks = (frames as usize).div_ceil(block(frames as usize)) as f64;
+        let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
+        (0..blocks as usize).filter(|_| random.f64() < expected).count() as f64 / blocks
     };
     (a.1 > 0 && b.1 > 0).then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect()).and_then(middle)
 }
@@ -69,7 +91,8 @@ mod tests {
 
     #[test]
     fn resamples_stay_in_their_stretch() {
-        let Resamples(draws) = Resamples::draw(&[3, 1, 10], false);
+        let Resamples { draws, blocks } = Resamples::draw(&[3, 1, 10], false);
+        assert_eq!(blocks, 1 + 1 + 2);
         assert_eq!(draws.len(), DRAWS);
         for draw in draws {
             assert!(
@@ -85,17 +108,26 @@ mod tests {
         let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
         let (low, high) = Resamples::draw(&[400], true).interval(mean(&values)).unwrap();
         assert!((0.43..0.47).contains(&low) && (0.53..0.57).contains(&high), "{low} {high}");
-        // The same values where neighbours are equal say less: four times the block, about twice the interval.
+        // The same values where neighbours are equal say less.
         let alike: Vec<f64> = (0..400).map(|i| f64::from(i / 8 % 2)).collect();
         let (low, high) = Resamples::draw(&[400], false).interval(mean(&alike)).unwrap();
         assert!(high - low > 0.15, "{low} {high}");
     }
 
     #[test]
+    fn too_little_says_nothing() {
+        assert_eq!(Resamples::draw(&[7], true).interval(|_| Some(1.0)), None);
+        assert_eq!(Resamples::draw(&[20], false).interval(|_| Some(1.0)), None);
+        assert!(Resamples::draw(&[8], true).interval(|_| Some(1.0)).is_some());
+    }
+
+    #[test]
     fn shares_of_few_frames_are_uncertain() {
         let (low, high) = shares((10, 20), (12, 20)).unwrap();
-        assert!(low < -0.1 && high > 0.3, "{low} {high}");
-        assert_eq!(shares((20, 20), (20, 20)), Some((0.0, 0.0)));
+        assert!(low < -0.3 && high > 0.3, "{low} {high}");
+        // Few frames that all agree may still be chance.
+        let (low, high) = shares((5, 5), (0, 5)).unwrap();
+        assert!(low == -1.0 && high > -0.5, "{low} {high}");
         assert_eq!(shares((0, 0), (1, 2)), None);
     }
 }

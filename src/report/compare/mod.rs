@@ -29,6 +29,8 @@ pub struct Comparison {
     pub base: PathBuf,
     pub other: PathBuf,
     pub scenario: String,
+    /// Whether both were judged by the same scenario; otherwise nothing is called better or worse.
+    pub same_scenario: bool,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
     /// Algorithms that only one run has, which are not compared.
@@ -120,10 +122,11 @@ impl Run {
         own.map(|row| ((row.seed, row.sequence, row.name.as_str()), row)).collect()
     }
 
-    /// Frames and passed frames per checkpoint over all seeds, with its name.
-    fn checkpoints(&self, label: &str) -> BTreeMap<u32, (&str, u64, u64)> {
+    /// Frames and passed frames per checkpoint over those seeds, with its name.
+    fn checkpoints(&self, label: &str, seeds: &[Option<u64>]) -> BTreeMap<u32, (&str, u64, u64)> {
         let mut sums = BTreeMap::new();
-        for row in self.checkpoints.iter().filter(|row| row.algorithm == label) {
+        let own = self.checkpoints.iter().filter(|row| row.algorithm == label && seeds.contains(&row.seed));
+        for row in own {
             let (_, frames, passed) = sums.entry(row.checkpoint).or_insert((row.name.as_str(), 0, 0));
             *frames += row.frames;
             *passed += row.passed;
@@ -148,7 +151,14 @@ impl Comparison {
             let (ours, theirs) = (ours.join(", "), theirs.join(", "));
             return Err(Error::Invalid(format!("{}: no algorithm in common ({ours}; {theirs})", shown())));
         }
-        let algorithms: Vec<_> = shared.iter().map(|labels| AlgorithmChange::of(base, other, *labels)).collect();
+        let mut algorithms: Vec<_> = shared.iter().map(|labels| AlgorithmChange::of(base, other, *labels)).collect();
+        let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
+        if !same_scenario {
+            let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
+            metrics.for_each(Change::withdraw);
+            let checkpoints = algorithms.iter_mut().flat_map(|a| &mut a.checkpoints);
+            checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
+        }
         if algorithms.iter().all(|a| a.pairs == 0) {
             let cure = "they took other pairs, as other scenarios, seeds or versions of the arena do";
             return Err(Error::Invalid(format!("{}: no pair in common: {cure}", shown())));
@@ -161,6 +171,7 @@ impl Comparison {
             base: base.folder.clone(),
             other: other.folder.clone(),
             scenario: base.manifest.scenario.clone(),
+            same_scenario,
             algorithms,
             only_in_base: left(&ours, |pair| pair.0.to_owned()),
             only_in_other: left(&theirs, |pair| pair.1.to_owned()),
@@ -179,7 +190,14 @@ impl AlgorithmChange {
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
         let change =
             |&metric: &Metric| Change::of(metric, &Sample::of(metric, &a)?, &Sample::of(metric, &b)?, &resamples);
-        let visits = other.checkpoints(other_label);
+        // Of checkpoints only sums are known: only runs of which both took all pairs are compared.
+        let count = |rows: &[&Row], seed| rows.iter().filter(|row| row.seed == seed).count();
+        let (all_ours, all_theirs): (Vec<_>, Vec<_>) =
+            (ours.values().copied().collect(), theirs.values().copied().collect());
+        let mut seeds: Vec<_> = a.iter().map(|row| row.seed).collect();
+        seeds.dedup();
+        seeds.retain(|&seed| count(&a, seed) == count(&all_ours, seed) && count(&b, seed) == count(&all_theirs, seed));
+        let visits = other.checkpoints(other_label, &seeds);
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
             let change = Change::of_shares((passed, frames), (other_passed, other_frames))?;
@@ -193,7 +211,7 @@ impl AlgorithmChange {
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
             equal_results: pairs.iter().filter(|(a, b)| a.result_hash == b.result_hash).count(),
             metrics: Metric::OF_PAIRS.iter().filter_map(change).collect(),
-            checkpoints: base.checkpoints(label).into_iter().filter_map(checkpoint).collect(),
+            checkpoints: base.checkpoints(label, &seeds).into_iter().filter_map(checkpoint).collect(),
         }
     }
 }
@@ -211,6 +229,13 @@ impl Change {
         let share = |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
         let (a, b) = (share(base)?, share(other)?);
         Some(Self::new(Metric::Passed, (a, b), b - a, bootstrap::shares(base, other)))
+    }
+
+    /// The two were not measured by one yardstick.
+    fn withdraw(&mut self) {
+        if self.judgement != Judgement::Equal {
+            self.judgement = Judgement::Unclear;
+        }
     }
 
     fn new(metric: Metric, (base, other): (f64, f64), difference: f64, interval: Option<Interval>) -> Self {

@@ -8,6 +8,12 @@ impl Display for Comparison {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         writeln!(f, "base   {}", self.base.display())?;
         writeln!(f, "other  {}", self.other.display())?;
+        if !self.same_scenario {
+            writeln!(
+                f,
+                "The scenarios differ, and with them what counts as right: nothing is called better or worse."
+            )?;
+        }
         self.algorithms.iter().try_for_each(|algorithm| write!(f, "\n{algorithm}"))?;
         for (labels, folder) in [(&self.only_in_base, &self.base), (&self.only_in_other, &self.other)] {
             if !labels.is_empty() {

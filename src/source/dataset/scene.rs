@@ -95,7 +95,8 @@ impl Scene {
             if found.is_empty() {
                 return Err(nothing(root, name));
             }
-            scenes.extend(found);
+            // A scene counts once, however often it is named.
+            scenes.extend(found.into_iter().filter(|scene| !scenes.contains(scene)).collect::<Vec<_>>());
         }
         Ok(scenes)
     }
