@@ -62,11 +62,24 @@ impl Messages {
         Ok(counts.map(|c| c.iter().filter(|(id, _)| of_topic(id)).fold(0, |sum: u64, (_, &n)| sum.saturating_add(n))))
     }
 
-    /// Topics met so far, sorted.
-    pub(super) fn topics(&self) -> Vec<&str> {
-        let mut topics: Vec<_> = self.channels.values().map(|channel| channel.topic.as_str()).collect();
-        topics.sort_unstable();
-        topics
+    /// Channels met so far, in the order of their topics.
+    pub(super) fn channels(&self) -> Vec<&Channel> {
+        let mut channels: Vec<_> = self.channels.values().collect();
+        channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
+        channels
+    }
+
+    /// All channels of the file at `path`: those its summary names, or else those met on reading it, as far as it goes.
+    pub(super) fn all_channels(path: &Path) -> Result<Vec<Channel>> {
+        let mut messages = Self::open(path)?;
+        if messages.records.seek_summary()? {
+            while let Ok(Some(_)) = messages.next() {}
+        }
+        if messages.channels.is_empty() {
+            messages = Self::open(path)?;
+            while let Ok(Some(_)) = messages.next() {}
+        }
+        Ok(messages.channels().into_iter().cloned().collect())
     }
 
     /// The next piece; nothing at the end of the file, and after an error.

@@ -2,8 +2,8 @@
 
 use super::sync::StereoSync;
 use super::{
-    AlgorithmResult, Camera, Encoded, Header, ImageFormat, Kind, MANIFEST, Stamp, float_image, geometry, gray_image,
-    truth,
+    AlgorithmResult, Camera, Encoded, Header, ImageFormat, Kind, MANIFEST, PROFILE, Stamp, float_image, geometry,
+    gray_image, truth,
 };
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
@@ -59,7 +59,7 @@ impl Writer {
         })?;
         let memory = Memory::default();
         let mcap = WriteOptions::new()
-            .profile("svl")
+            .profile(PROFILE)
             .library(concat!("svl ", env!("CARGO_PKG_VERSION")))
             // Of the arena's pairs with truth (539 kB) level 1 makes 390 kB, lz4 465, level 3 378 at half the speed.
             .compression(Some(Compression::Zstd))

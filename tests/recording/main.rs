@@ -1,7 +1,9 @@
 //! Recordings: what is written comes back, and what is damaged says so.
 
 mod bad_input;
+mod bag;
 mod disk;
+mod foreign_bags;
 mod foreign_readers;
 mod frames;
 mod round_trip;
