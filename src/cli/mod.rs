@@ -12,6 +12,7 @@ mod matching;
 mod output;
 mod progress;
 mod record;
+mod recover;
 mod replay;
 mod run_info;
 mod score;
@@ -67,6 +68,7 @@ enum Command {
     Bench(bench::Args),
     View(view::Args),
     Info(info::Args),
+    Recover(recover::Args),
     Algos(algos::Args),
     Datasets(datasets::Args),
     Completions(completions::Args),
@@ -128,6 +130,7 @@ impl Command {
             Self::Bench(args) => bench::run(&args),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
+            Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),
             Self::Datasets(args) => datasets::run(&args, quiet),
             Self::Completions(args) => completions::run(&args),

@@ -22,6 +22,7 @@
 //! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are found by their types, and
 //! two images are a pair when their stamps are near enough; see [`Selection`].
 
+mod append;
 mod chunk;
 mod float_image;
 mod foreign;
@@ -32,6 +33,7 @@ mod messages;
 mod pairing;
 mod reader;
 mod records;
+mod recovery;
 mod result;
 mod ros;
 mod summary;
@@ -43,6 +45,8 @@ pub use foreign::Selection;
 pub use gray_image::ImageFormat;
 pub use header::{Header, attachment, header};
 pub use reader::Reader;
+pub use records::Loss;
+pub use recovery::{Recovery, recover};
 pub use result::{AlgorithmResult, results};
 pub use summary::{Gap, Skew, Summary, Topic};
 pub use writer::Writer;
@@ -58,6 +62,9 @@ pub const MANIFEST: &str = "manifest.json";
 
 /// MCAP's profile of svl's own recordings.
 const PROFILE: &str = "svl";
+
+/// What MCAP files of svl name as their writer.
+const LIBRARY: &str = concat!("svl ", env!("CARGO_PKG_VERSION"));
 
 /// One of the two cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,3 +16,4 @@ mod matching;
 mod record;
 mod replay;
 mod score;
+mod survive;

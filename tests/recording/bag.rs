@@ -1,6 +1,5 @@
 //! Small ROS 2 bags and Foxglove recordings, written without svl.
 
-use foxglove::Encode as _;
 use re_cdr::{CdrWriter, LittleEndian};
 use std::path::{Path, PathBuf};
 

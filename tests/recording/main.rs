@@ -6,5 +6,7 @@ mod disk;
 mod foreign_bags;
 mod foreign_readers;
 mod frames;
+mod kill;
+mod recovery;
 mod round_trip;
 mod summary;
