@@ -132,10 +132,8 @@ impl Salvage {
             Record::Schema { header, data } => {
                 self.schemas.insert(header.id, (header, data.into_owned()));
             }
-            Record::Channel(channel) => {
-                if self.channels.get(&channel.id).is_none_or(|(known, _)| *known != channel) {
-                    self.channels.insert(channel.id, (channel, None));
-                }
+            Record::Channel(channel) if self.channels.get(&channel.id).is_none_or(|(known, _)| *known != channel) => {
+                self.channels.insert(channel.id, (channel, None));
             }
             Record::Message { header, data } => {
                 let Some((channel, number)) = self.channels.get_mut(&header.channel_id) else {
