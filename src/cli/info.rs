@@ -1,15 +1,17 @@
 //! `svl info`: what a recording holds, and whether it is whole.
 
 use super::output::{print, print_json};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use svl::manifest::Manifest;
-use svl::recording::{Summary, Topic};
+use svl::recording::{Loss, Summary, Topic};
 
 /// Show what a recording holds, and whether it is whole
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl info recordings/arena.mcap
+  svl info bag.mcap                               which topics of a ROS 2 bag svl would take
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(super) struct Args {
     /// The recording; any other MCAP file will do
@@ -19,8 +21,8 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// Gaps that are listed one by one.
-const LISTED_GAPS: usize = 5;
+/// Gaps and losses that are listed one by one.
+const LISTED: usize = 5;
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let summary = Summary::of(&args.file)?;
@@ -52,6 +54,11 @@ fn table(summary: &Summary) -> String {
         lines.push(format!("skew       {min:.1} .. {max:.1} µs, median {median:.1} µs"));
     }
     lines.extend(gaps(summary));
+    lines.extend(missing(&summary.missing));
+    if !summary.is_whole() {
+        lines.extend(losses(&summary.losses));
+        lines.push(format!("to save    svl recover {} -o OUT.mcap", summary.path.display()));
+    }
     lines.extend(summary.attachments.iter().map(|(name, bytes)| format!("attached   {name}, {bytes} bytes")));
     lines.push(String::new());
     lines.extend(topics(&summary.topics));
@@ -60,9 +67,34 @@ fn table(summary: &Summary) -> String {
 }
 
 fn pairs(summary: &Summary) -> String {
+    if let Some([left, right]) = &summary.stereo {
+        return format!("pairs      those of {left} and {right}, by their stamps: svl replay counts them");
+    }
     let rate = summary.period_ns.filter(|&period| period > 0).map(|period| 1e9 / period as f64);
     let rate = rate.map(|hz| format!(", {hz:.2} a second")).unwrap_or_default();
-    format!("pairs      {}{rate}, {} frames dropped", summary.pairs, summary.drops)
+    let missing = match summary.missing_pairs {
+        0 => String::new(),
+        n => format!(", {n} missing between the first and the last"),
+    };
+    format!("pairs      {}{rate}, {} frames dropped{missing}", summary.pairs, summary.drops)
+}
+
+/// What cannot be read of a file, a line each.
+pub(super) fn losses(losses: &[Loss]) -> Vec<String> {
+    let part = |Loss { at_byte, bytes, reason }: &Loss| match bytes {
+        0 => format!("lost       at byte {at_byte}: {reason}"),
+        _ => format!("lost       {} at byte {at_byte}: {reason}", size(*bytes)),
+    };
+    let mut lines: Vec<_> = losses.iter().take(LISTED).map(part).collect();
+    if losses.len() > LISTED {
+        lines.push(format!("           and {} more; --json lists them", losses.len() - LISTED));
+    }
+    lines
+}
+
+/// What the file's own summary promises and it does not hold.
+pub(super) fn missing(missing: &BTreeMap<String, u64>) -> Vec<String> {
+    missing.iter().map(|(topic, n)| format!("missing    {n} messages of {topic}")).collect()
 }
 
 fn gaps(summary: &Summary) -> Vec<String> {
@@ -71,10 +103,10 @@ fn gaps(summary: &Summary) -> Vec<String> {
     };
     let mut lines = vec![format!("gaps       {}, the longest {}", summary.gaps.len(), seconds(longest))];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
-    let listed = summary.gaps.iter().take(LISTED_GAPS);
+    let listed = summary.gaps.iter().take(LISTED);
     lines.extend(listed.map(|gap| format!("           {} after {}", seconds(gap.length_ns), after(gap.after_ns))));
-    if summary.gaps.len() > LISTED_GAPS {
-        lines.push(format!("           and {} more; --json lists them", summary.gaps.len() - LISTED_GAPS));
+    if summary.gaps.len() > LISTED {
+        lines.push(format!("           and {} more; --json lists them", summary.gaps.len() - LISTED));
     }
     lines
 }
@@ -92,7 +124,7 @@ fn topics(topics: &[Topic]) -> Vec<String> {
     std::iter::once(head).chain(rows).collect()
 }
 
-fn size(bytes: u64) -> String {
+pub(super) fn size(bytes: u64) -> String {
     match bytes {
         ..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
         1_000_000.. => format!("{:.1} MB", bytes as f64 / 1e6),

@@ -14,6 +14,7 @@ mod matching;
 mod output;
 mod progress;
 mod record;
+mod recover;
 mod replay;
 mod reproduce;
 mod run_info;
@@ -72,6 +73,7 @@ enum Command {
     Bench(bench::Args),
     View(view::Args),
     Info(info::Args),
+    Recover(recover::Args),
     Algos(algos::Args),
     Datasets(datasets::Args),
     Completions(completions::Args),
@@ -134,6 +136,7 @@ impl Command {
             Self::Bench(args) => bench::run(&args),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
+            Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),
             Self::Datasets(args) => datasets::run(&args, quiet),
             Self::Completions(args) => completions::run(&args),

@@ -22,12 +22,13 @@ Sources:
   SCENARIO.toml    the arena with other parameters
   FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
                    (the pairs with truth), or left/ and right/ with equally named images
-  FILE.mcap        another recording
+  FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
   svl record arena --seed 7 --duration 5 -o five-seconds.mcap
-  svl record datasets/cones -o cones.mcap")]
+  svl record datasets/cones -o cones.mcap
+  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap")]
 pub(super) struct Args {
     /// What to record
     #[arg(default_value = "arena")]
@@ -44,6 +45,8 @@ pub(super) struct Args {
     /// What the arena's textures, path and noise are drawn from [default: 1]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
+    #[command(flatten)]
+    topics: source::Topics,
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
@@ -57,7 +60,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         may_write(path, &["mcap"], args.force)?;
         distinct([path.as_path(), Path::new(&args.source)])?;
     }
-    let mut opened = source::open(&args.source, args.seed)?;
+    let mut opened = source::open(&args.source, args.seed, &args.topics)?;
     let output = match &args.output {
         Some(path) => path.clone(),
         None => {
@@ -106,6 +109,7 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet:
         // A file without a pair is of no use, and would stand in the way of the next attempt.
         let _ = std::fs::remove_file(path);
     }
+    source::tell_unpaired(&*opened.source);
     let outcome = ran?;
     finished?;
     Ok(outcome)

@@ -31,11 +31,13 @@ Examples:
   svl replay run.mcap --algo v3 -o result.mcap && svl replay result.mcap --verify
   svl replay run.mcap --verify=rows.csv           against a table of rows, or the folder of a report")]
 pub(super) struct Args {
-    /// Recording to replay [default: the newest of recordings/, else the arena, recorded first]
+    /// Recording to replay, svl's or another program's [default: the newest of recordings/, else the arena, recorded first]
     recording: Option<PathBuf>,
     /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of then]
     #[arg(long, value_name = "NAME[:key=value,…]")]
     algo: Vec<Algorithm>,
+    #[command(flatten)]
+    topics: source::Topics,
     /// As soon as possible, or so many times the recorded speed
     #[arg(long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap", value_parser = pace)]
     rate: Pace,
@@ -78,7 +80,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
     distinct(outputs.iter().map(|(path, _)| *path).chain(args.recording.as_deref()))?;
     let mut source = match &args.recording {
-        Some(path) => RecordingSource::open(path)?,
+        Some(path) => source::open_recording(path, &args.topics)?,
         None => newest_or_arena(quiet)?,
     };
     let recording = source.reader().path().to_owned();
@@ -148,10 +150,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let outcome = ran?;
     finished?;
-    let unpaired = source.reader().unpaired();
-    if unpaired > 0 {
-        tracing::warn!("{}: {unpaired} images found no partner and were left out", recording.display());
-    }
+    source::tell_unpaired(&source);
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
     }

@@ -3,7 +3,7 @@
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
-use svl::recording::Header;
+use svl::recording::{Header, Selection};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
 use svl::source::{ArenaSource, RecordingSource, Source};
@@ -24,9 +24,59 @@ pub(super) struct Opened {
     pub stem: String,
 }
 
+/// Which pairs to read of a recording that svl did not write.
+#[derive(clap::Args)]
+pub(super) struct Topics {
+    /// Topic of the left images, in another program's recording [default: found by type and name]
+    #[arg(long, value_name = "TOPIC")]
+    left: Option<String>,
+    /// Topic of the right images
+    #[arg(long, value_name = "TOPIC")]
+    right: Option<String>,
+    /// How far the stamps of a pair may be apart, in another program's recording [default: 5]
+    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = milliseconds)]
+    max_skew_ms: Option<f64>,
+}
+
+fn milliseconds(text: &str) -> Result<f64, String> {
+    let fits = |ms: &f64| (0.0..=60_000.0).contains(ms);
+    text.parse().ok().filter(fits).ok_or_else(|| "expected milliseconds, 0 to 60000".to_owned())
+}
+
+impl Topics {
+    pub(super) fn selection(&self) -> Selection {
+        Selection {
+            left: self.left.clone(),
+            right: self.right.clone(),
+            max_skew_ns: self.max_skew_ms.map_or(Selection::MAX_SKEW_NS, |ms| (ms * 1e6) as u64),
+        }
+    }
+
+    fn are_given(&self) -> bool {
+        self.left.is_some() || self.right.is_some() || self.max_skew_ms.is_some()
+    }
+}
+
+/// Opens a recording and says what to know of it.
+pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<RecordingSource> {
+    let source = RecordingSource::open_selection(path, &topics.selection())?;
+    source.reader().remarks().iter().for_each(|remark| tracing::warn!("{}: {remark}", path.display()));
+    Ok(source)
+}
+
+/// Says how many images of a source found no partner.
+pub(super) fn tell_unpaired(source: &dyn Source) {
+    if source.unpaired() > 0 {
+        tracing::warn!("{}: {} images found no partner and were left out", source.name(), source.unpaired());
+    }
+}
+
 /// Opens `arena`, a scenario file of the arena, a scene or image folder, or a recording.
-pub(super) fn open(name: &str, seed: Option<u64>) -> anyhow::Result<Opened> {
+pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Result<Opened> {
     let path = Path::new(name);
+    if topics.are_given() && path.extension().is_none_or(|e| e != "mcap") {
+        bail!("{name}: --left, --right and --max-skew-ms choose topics of a recording (.mcap)");
+    }
     if name == "arena" {
         return arena(&Scenario::arena()?, seed.unwrap_or(1));
     }
@@ -47,7 +97,7 @@ pub(super) fn open(name: &str, seed: Option<u64>) -> anyhow::Result<Opened> {
     }
     match path.extension().and_then(|e| e.to_str()) {
         Some("toml") => arena(&Scenario::read(path)?, seed.unwrap_or(1)),
-        Some("mcap") => recording(path),
+        Some("mcap") => recording(path, topics),
         _ => bail!(
             "{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
         ),
@@ -100,8 +150,8 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
     Ok(Opened { source, header, scenario: None, stem })
 }
 
-fn recording(path: &Path) -> anyhow::Result<Opened> {
-    let source = RecordingSource::open(path)?;
+fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
+    let source = open_recording(path, topics)?;
     let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(path.display().to_string()));
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
     let scenario = source.scenario()?;

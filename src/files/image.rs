@@ -10,13 +10,17 @@ use std::path::Path;
 /// Reads an image of any format and depth the `image` crate knows here; its sides are at most [`MAX_SIDE`].
 pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
     let bytes = read_bounded(path, MAX_BYTES)?;
-    let wrong = |e: &dyn std::fmt::Display| Error::format(path, format!("not a readable PNG, JPEG or PNM image: {e}"));
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| Error::io(path, e))?;
+    let wrong = |e| Error::format(path, format!("not a readable PNG, JPEG or PNM image: {e}"));
+    decode_bytes(&bytes).map_err(wrong)
+}
+
+fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(MAX_SIDE as u32);
     reader.limits(limits);
-    reader.decode().map_err(|e| wrong(&e))
+    reader.decode().map_err(|e| e.to_string())
 }
 
 /// Reads an image as 8-bit grey: grey as it is (16 bits keep their upper 8), colour by [`Gray::from_rgb`].
@@ -24,7 +28,15 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Dimensions`].
 pub fn read_gray(path: &Path) -> Result<Gray> {
-    let image = decode(path)?;
+    gray(decode(path)?)
+}
+
+/// As [`read_gray`], of a file that is in memory.
+pub(crate) fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
+    gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
+}
+
+fn gray(image: DynamicImage) -> Result<Gray> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     match image {
         DynamicImage::ImageLuma8(grey) => Gray::from_vec(width, height, grey.into_raw()),

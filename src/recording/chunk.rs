@@ -25,13 +25,18 @@ impl Chunk {
     /// # Errors
     /// Why it cannot be used; then it has no records.
     pub(super) fn open(&mut self, record: &[u8]) -> Result<(), String> {
-        self.records.clear();
-        (self.next, self.body) = (0, 0..0);
+        self.clear();
         let opened = self.decompress(record);
         if opened.is_err() {
-            self.records.clear();
+            self.clear();
         }
         opened
+    }
+
+    /// Leaves out what records there still are.
+    pub(super) fn clear(&mut self) {
+        self.records.clear();
+        (self.next, self.body) = (0, 0..0);
     }
 
     fn decompress(&mut self, record: &[u8]) -> Result<(), String> {

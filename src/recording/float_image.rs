@@ -1,13 +1,12 @@
 //! Planes of 32-bit floats as sensor_msgs/msg/Image 32FC1 in ROS 2 CDR, which Rerun shows as depth images.
 
+use super::ros::{self, CDR_LE};
 use super::{Encoded, Stamp};
 use crate::stereo::Plane;
-use re_cdr::{CdrReader, CdrWriter, LittleEndian};
+use re_cdr::{CdrWriter, LittleEndian};
 use std::borrow::Cow;
 
 const SCHEMA: &str = "sensor_msgs/msg/Image";
-/// OMG encapsulation header of little-endian CDR.
-const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 const DEFINITION: &str = "\
 std_msgs/Header header # Header timestamp should be acquisition time of image
 uint32 height # image height, that is, number of rows
@@ -56,8 +55,7 @@ pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Plane<f32>, String> {
     if schema != SCHEMA {
         return Err(format!("it is a {schema}, svl reads {SCHEMA}"));
     }
-    let body = data.strip_prefix(&CDR_LE).ok_or("it is not little-endian CDR")?;
-    let image = parse(body).map_err(|e| e.to_string())?;
+    let image = ros::read(data, ros::image)?;
     if image.encoding != "32FC1" || image.big_endian {
         return Err(format!("its pixels are '{}', svl reads little-endian 32FC1", image.encoding));
     }
@@ -70,26 +68,4 @@ pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Plane<f32>, String> {
     let rows = image.data.chunks_exact(step).take(height);
     let floats = rows.flat_map(|row| row[..row_bytes].as_chunks::<4>().0).map(|&b| f32::from_le_bytes(b)).collect();
     Plane::from_vec(image.width as usize, height, floats).map_err(|e| e.to_string())
-}
-
-struct RosImage<'a> {
-    height: u32,
-    width: u32,
-    encoding: &'a str,
-    big_endian: bool,
-    step: u32,
-    data: &'a [u8],
-}
-
-fn parse(body: &[u8]) -> re_cdr::Result<RosImage<'_>> {
-    let mut cdr = CdrReader::<LittleEndian>::new(body);
-    let (_seconds, _nanoseconds, _frame_id) = (cdr.read_u32()?, cdr.read_u32()?, cdr.read_str()?);
-    Ok(RosImage {
-        height: cdr.read_u32()?,
-        width: cdr.read_u32()?,
-        encoding: cdr.read_str()?,
-        big_endian: cdr.read_u8()? != 0,
-        step: cdr.read_u32()?,
-        data: cdr.read_byte_sequence()?,
-    })
 }

@@ -2,10 +2,11 @@
 
 use super::{Encoded, Stamp, decode_protobuf};
 use crate::error::Error;
-use crate::stereo::{Gray, MAX_SIDE};
+use crate::files;
+use crate::stereo::Gray;
 use foxglove::messages::{CompressedImage, RawImage};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{DynamicImage, ExtendedColorType, ImageEncoder as _, ImageReader, Limits};
+use image::{ExtendedColorType, ImageEncoder as _};
 
 const RAW: &str = "foxglove.RawImage";
 const COMPRESSED: &str = "foxglove.CompressedImage";
@@ -62,23 +63,8 @@ pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Gray, String> {
             if format != "png" {
                 return Err(format!("it is compressed as '{format}', svl reads png"));
             }
-            decode_png(&data)
+            files::gray_of(&data)
         }
         other => Err(format!("it is a {other}, svl reads {RAW} and {COMPRESSED}")),
-    }
-}
-
-fn decode_png(png: &[u8]) -> Result<Gray, String> {
-    let mut reader = ImageReader::with_format(std::io::Cursor::new(png), image::ImageFormat::Png);
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
-    reader.limits(limits);
-    match reader.decode().map_err(|e| e.to_string())? {
-        DynamicImage::ImageLuma8(image) => {
-            let (width, height) = image.dimensions();
-            Gray::from_vec(width as usize, height as usize, image.into_raw()).map_err(|e| e.to_string())
-        }
-        other => Err(format!("its pixels are {:?}, svl reads 8-bit grey", other.color())),
     }
 }

@@ -1,6 +1,6 @@
 //! The messages of an MCAP file with their channels, and what stands between them.
 
-use super::records::Records;
+use super::records::{Loss, Records};
 use crate::error::Result;
 use mcap::records::{Header, Metadata, Record, op};
 use std::borrow::Cow;
@@ -28,8 +28,8 @@ pub(super) enum Event<'a> {
         data: Cow<'a, [u8]>,
     },
     Library(Header),
-    /// Messages per channel, from the summary section.
-    Counts(BTreeMap<u16, u64>),
+    /// Messages per topic, from the summary section.
+    Counts(BTreeMap<String, u64>),
 }
 
 /// Reads a file from start to end.
@@ -46,6 +46,31 @@ impl Messages {
         Ok(Self { records: Records::open(path)?, schemas: HashMap::new(), channels: HashMap::new() })
     }
 
+    /// As [`Messages::open`], for what is still good in a damaged file: see [`Records`].
+    pub(super) fn salvage(path: &Path) -> Result<Self> {
+        let mut messages = Self::open(path)?;
+        // What a damaged chunk declared, the summary declares again; a damaged one is of no use.
+        if messages.records.seek_summary()? {
+            let whole = loop {
+                match messages.next() {
+                    Ok(Some(_)) => {}
+                    end => break end.is_ok(),
+                }
+            };
+            if !whole {
+                messages = Self::open(path)?;
+            }
+        }
+        messages.records = Records::open(path)?;
+        messages.records.salvage();
+        Ok(messages)
+    }
+
+    /// What was passed over.
+    pub(super) fn take_losses(&mut self) -> Vec<Loss> {
+        self.records.take_losses()
+    }
+
     /// How many messages `topic` has by the file's summary, where it has one.
     pub(super) fn count(path: &Path, topic: &str) -> Result<Option<u64>> {
         let mut summary = Self::open(path)?;
@@ -58,15 +83,27 @@ impl Messages {
                 counts = Some(found);
             }
         }
-        let of_topic = |id: &u16| summary.channels.get(id).is_some_and(|channel| channel.topic == topic);
-        Ok(counts.map(|c| c.iter().filter(|(id, _)| of_topic(id)).fold(0, |sum: u64, (_, &n)| sum.saturating_add(n))))
+        Ok(counts.map(|counts| counts.get(topic).copied().unwrap_or(0)))
     }
 
-    /// Topics met so far, sorted.
-    pub(super) fn topics(&self) -> Vec<&str> {
-        let mut topics: Vec<_> = self.channels.values().map(|channel| channel.topic.as_str()).collect();
-        topics.sort_unstable();
-        topics
+    /// Channels met so far, in the order of their topics.
+    pub(super) fn channels(&self) -> Vec<&Channel> {
+        let mut channels: Vec<_> = self.channels.values().collect();
+        channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
+        channels
+    }
+
+    /// All channels of the file at `path`: those its summary names, or else those met on reading it, as far as it goes.
+    pub(super) fn all_channels(path: &Path) -> Result<Vec<Channel>> {
+        let mut messages = Self::open(path)?;
+        if messages.records.seek_summary()? {
+            while let Ok(Some(_)) = messages.next() {}
+        }
+        if messages.channels.is_empty() {
+            messages = Self::open(path)?;
+            while let Ok(Some(_)) = messages.next() {}
+        }
+        Ok(messages.channels().into_iter().cloned().collect())
     }
 
     /// The next piece; nothing at the end of the file, and after an error.
@@ -75,8 +112,11 @@ impl Messages {
     /// [`crate::Error::Damaged`] where the file ends early or is not what its CRCs say.
     pub(super) fn next(&mut self) -> Result<Option<Event<'_>>> {
         while let Some(opcode) = self.records.advance()? {
+            if let Err(reason) = self.check(opcode) {
+                self.records.lose(&reason)?;
+                continue;
+            }
             match opcode {
-                op::SCHEMA | op::CHANNEL => self.declare(opcode)?,
                 op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER | op::STATISTICS => {
                     return self.event(opcode);
                 }
@@ -86,7 +126,12 @@ impl Messages {
         Ok(None)
     }
 
-    fn declare(&mut self, opcode: u8) -> Result<()> {
+    /// Takes in what the current record declares, and makes sure that it can be read.
+    fn check(&mut self, opcode: u8) -> std::result::Result<(), String> {
+        match opcode {
+            op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER | op::STATISTICS | op::SCHEMA | op::CHANNEL => {}
+            _ => return Ok(()),
+        }
         match self.records.parse(opcode)? {
             Record::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name);
@@ -96,22 +141,34 @@ impl Messages {
                 let (topic, encoding) = (channel.topic, channel.message_encoding);
                 self.channels.insert(channel.id, Channel { topic, schema, encoding });
             }
+            Record::Message { header, .. } if !self.channels.contains_key(&header.channel_id) => {
+                return Err(format!("a message of unknown channel {}", header.channel_id));
+            }
             _ => {}
         }
         Ok(())
     }
 
     fn event(&self, opcode: u8) -> Result<Option<Event<'_>>> {
-        Ok(match self.records.parse(opcode)? {
+        let record = self.records.parse(opcode).map_err(|reason| self.records.damaged(&reason))?;
+        Ok(match record {
             Record::Message { header, data } => {
-                let unknown = || self.records.damaged(&format!("a message of unknown channel {}", header.channel_id));
-                let channel = self.channels.get(&header.channel_id).ok_or_else(unknown)?;
-                Some(Event::Message { channel, log_time: header.log_time, data })
+                let channel = self.channels.get(&header.channel_id);
+                channel.map(|channel| Event::Message { channel, log_time: header.log_time, data })
             }
             Record::Metadata(metadata) => Some(Event::Metadata(metadata)),
             Record::Attachment { header, data, .. } => Some(Event::Attachment { name: header.name, data }),
             Record::Header(header) => Some(Event::Library(header)),
-            Record::Statistics(statistics) => Some(Event::Counts(statistics.channel_message_counts)),
+            Record::Statistics(statistics) => {
+                let mut counts = BTreeMap::<String, u64>::new();
+                for (id, n) in &statistics.channel_message_counts {
+                    if let Some(channel) = self.channels.get(id) {
+                        let count = counts.entry(channel.topic.clone()).or_default();
+                        *count = count.saturating_add(*n);
+                    }
+                }
+                Some(Event::Counts(counts))
+            }
             _ => None,
         })
     }

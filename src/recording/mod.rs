@@ -18,9 +18,14 @@
 //! Where there is no depth or disparity, float images are NaN (REP 118), and a point at infinity has depth +∞.
 //! The metadata record `svl` is the [`Header`]; the manifest of the run that wrote it, scenario and calibration files are
 //! attachments.
+//!
+//! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are found by their types, and
+//! two images are a pair when their stamps are near enough; see [`Selection`].
 
+mod append;
 mod chunk;
 mod float_image;
+mod foreign;
 mod geometry;
 mod gray_image;
 mod header;
@@ -28,15 +33,20 @@ mod messages;
 mod pairing;
 mod reader;
 mod records;
+mod recovery;
 mod result;
+mod ros;
 mod summary;
 mod sync;
 mod truth;
 mod writer;
 
+pub use foreign::Selection;
 pub use gray_image::ImageFormat;
 pub use header::{Header, attachment, header};
 pub use reader::Reader;
+pub use records::Loss;
+pub use recovery::{Recovery, recover};
 pub use result::{AlgorithmResult, results};
 pub use summary::{Gap, Skew, Summary, Topic};
 pub use writer::Writer;
@@ -50,6 +60,12 @@ pub const SCENARIO: &str = "scenario.toml";
 /// Name of the attachment that is the manifest of the run which wrote the recording.
 pub const MANIFEST: &str = "manifest.json";
 
+/// MCAP's profile of svl's own recordings.
+const PROFILE: &str = "svl";
+
+/// What MCAP files of svl name as their writer.
+const LIBRARY: &str = concat!("svl ", env!("CARGO_PKG_VERSION"));
+
 /// One of the two cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Camera {
@@ -58,6 +74,8 @@ enum Camera {
 }
 
 impl Camera {
+    const BOTH: [Camera; 2] = [Camera::Left, Camera::Right];
+
     /// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
     fn frame_id(self) -> &'static str {
         match self {

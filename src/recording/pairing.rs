@@ -101,14 +101,10 @@ impl Pairing {
         self.unpaired += std::mem::take(&mut self.right).values().filter(|right| right.image.is_some()).count() as u64;
     }
 
-    /// Why there was no pair among messages of these topics.
-    pub(super) fn why_none(&self, topics: &[&str]) -> String {
+    /// Why there was no pair.
+    pub(super) fn why_none(&self) -> String {
         match (self.left_images, self.right_images) {
-            (0, 0) if topics.is_empty() => "has no pairs: its recording ended before the first".to_owned(),
-            (0, 0) => {
-                let (left, right) = (Kind::Image(Camera::Left).topic(), Kind::Image(Camera::Right).topic());
-                format!("has no stereo pairs: svl needs {left} and {right}, it has {}", topics.join(", "))
-            }
+            (0, 0) => "has no pairs: its recording ended before the first".to_owned(),
             (n, 0) => format!("has no stereo pairs: {n} images of the left camera, none of the right"),
             (0, n) => format!("has no stereo pairs: {n} images of the right camera, none of the left"),
             (n, m) => {

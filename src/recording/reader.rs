@@ -1,23 +1,32 @@
 //! Reads recordings.
 
-use super::messages::{Event, Messages};
+use super::foreign::{Foreign, Selection};
+use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
-use super::{Header, Kind};
+use super::{Header, Kind, PROFILE};
 use crate::error::{Error, Result};
 use crate::stereo::Frame;
 use std::path::{Path, PathBuf};
 
 /// Reads the pairs of one recording in the order of the file, holding a few in memory at a time.
 ///
-/// Left and right belong together as `/stereo/sync` says.
+/// In svl's own recordings left and right belong together as `/stereo/sync` says, in others as their stamps do.
 pub struct Reader {
     path: PathBuf,
     messages: Messages,
-    pairing: Pairing,
+    pairs_of: PairsOf,
     header: Option<Header>,
     pairs: Option<u64>,
     /// The first pair, read when the file was opened.
     first: Option<Frame>,
+    /// Damage that was met, to be told after the pairs that came before it.
+    damage: Option<Error>,
+}
+
+/// Whose pairs they are.
+enum PairsOf {
+    Svl(Pairing),
+    Others(Box<Foreign>),
 }
 
 impl Reader {
@@ -27,19 +36,36 @@ impl Reader {
     /// [`Error::Io`]; [`Error::Format`] for what is no recording, has no pairs, or begins with a pair that is none;
     /// [`Error::Damaged`] when it ends before its first pair does.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        Self::open_selection(path, &Selection::default())
+    }
+
+    /// As [`Reader::open`], choosing the topics of a recording that svl did not write.
+    ///
+    /// # Errors
+    /// [`Error::Format`] besides, where no two topics are, or more than two may be, the cameras.
+    pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
         let path = path.into();
+        let is_own = !selection.names_topics() && is_own(&path)?;
         let mut reader = Self {
             messages: Messages::open(&path)?,
-            pairing: Pairing::default(),
-            header: None,
             // Without a good summary the length is unknown; what is wrong with it, reading on will tell.
-            pairs: Messages::count(&path, Kind::Sync.topic()).unwrap_or(None),
+            pairs: if is_own { Messages::count(&path, Kind::Sync.topic()).unwrap_or(None) } else { None },
+            pairs_of: match is_own {
+                true => PairsOf::Svl(Pairing::default()),
+                false => PairsOf::Others(Box::new(Foreign::open(&path, selection)?)),
+            },
+            header: None,
             first: None,
+            damage: None,
             path,
         };
         reader.first = reader.read()?;
         if reader.first.is_none() {
-            return Err(Error::format(&reader.path, reader.pairing.why_none(&reader.messages.topics())));
+            let reason = match &reader.pairs_of {
+                PairsOf::Svl(pairing) => pairing.why_none(),
+                PairsOf::Others(foreign) => foreign.why_none(),
+            };
+            return Err(Error::format(&reader.path, reason));
         }
         Ok(reader)
     }
@@ -53,14 +79,25 @@ impl Reader {
         self.header.as_ref()
     }
 
-    /// Number of pairs by the file's summary; nothing when it has none, as when it was never finished.
+    /// Number of pairs by the file's summary; nothing when it has none, as when it was never finished, or does not say.
     pub fn pairs(&self) -> Option<u64> {
         self.pairs
     }
 
     /// Images read so far that found no partner. Complete once the end is reached.
     pub fn unpaired(&self) -> u64 {
-        self.pairing.unpaired()
+        match &self.pairs_of {
+            PairsOf::Svl(pairing) => pairing.unpaired(),
+            PairsOf::Others(foreign) => foreign.unpaired(),
+        }
+    }
+
+    /// What a person should know before trusting the pairs of a recording that svl did not write, a line each.
+    pub fn remarks(&self) -> Vec<String> {
+        match &self.pairs_of {
+            PairsOf::Svl(_) => Vec::new(),
+            PairsOf::Others(foreign) => foreign.remarks(),
+        }
     }
 
     /// The next pair, or nothing at the end.
@@ -76,44 +113,82 @@ impl Reader {
     }
 
     fn read(&mut self) -> Result<Option<Frame>> {
+        let mut ended = false;
         loop {
-            let event = match self.messages.next() {
-                Ok(event) => event,
-                Err(error) => {
-                    self.pairing.end();
-                    return Err(self.counted(error));
-                }
-            };
-            match event {
-                Some(Event::Message { channel, log_time, data }) => {
-                    let Some(kind) = Kind::of(&channel.topic) else { continue };
-                    let told = self.pairing.take_in(kind, &channel.schema, log_time, &data);
+            if let Some(frame) = self.pairs_of.pop() {
+                return frame.map(Some).map_err(|reason| Error::format(&self.path, reason));
+            }
+            if ended {
+                return self.damage.take().map_or(Ok(None), |damage| Err(self.counted(damage)));
+            }
+            match self.messages.next() {
+                Ok(Some(Event::Message { channel, log_time, data })) => {
+                    let told = self.pairs_of.take_in(channel, log_time, &data);
                     let bad =
-                        |reason| Error::format(&self.path, format!("{} at {log_time} ns: {reason}", kind.topic()));
+                        |reason| Error::format(&self.path, format!("{} at {log_time} ns: {reason}", channel.topic));
                     if let Some(frame) = told.map_err(bad)? {
                         return Ok(Some(frame));
                     }
                 }
-                Some(Event::Metadata(metadata)) => {
+                Ok(Some(Event::Metadata(metadata))) => {
                     self.header = self.header.take().or_else(|| Header::from_record(&metadata));
                 }
-                Some(_) => {}
-                None => {
-                    self.pairing.end();
-                    return Ok(None);
-                }
+                Ok(Some(_)) => {}
+                Ok(None) => ended = true,
+                Err(error) => (ended, self.damage) = (true, Some(error)),
+            }
+            if ended {
+                self.pairs_of.end();
             }
         }
     }
 
     /// The error with the number of pairs that came before it.
     fn counted(&self, error: Error) -> Error {
-        match (error, self.pairing.pairs()) {
-            (Error::Damaged { path, reason }, 1) => Error::damaged(path, format!("{reason}; 1 whole pair was read")),
-            (Error::Damaged { path, reason }, n) => {
-                Error::damaged(path, format!("{reason}; {n} whole pairs were read"))
-            }
-            (error, _) => error,
+        let Error::Damaged { path, reason } = error else { return error };
+        let pairs = match &self.pairs_of {
+            PairsOf::Svl(pairing) => pairing.pairs(),
+            PairsOf::Others(foreign) => foreign.pairs(),
+        };
+        let plural = if pairs == 1 { "pair was" } else { "pairs were" };
+        Error::damaged(path, format!("{reason}; {pairs} whole {plural} read"))
+    }
+}
+
+/// Whether svl wrote the recording at `path`.
+fn is_own(path: &Path) -> Result<bool> {
+    // The header stands first. Where that is not to be read, nothing is.
+    if !matches!(Messages::open(path)?.next(), Ok(Some(Event::Library(header))) if header.profile != PROFILE) {
+        return Ok(true);
+    }
+    Ok(Messages::all_channels(path)?.iter().any(|channel| channel.topic == Kind::Sync.topic()))
+}
+
+impl PairsOf {
+    /// Takes in one message, and gives back the pair that it completes.
+    fn take_in(&mut self, channel: &Channel, log_time: u64, data: &[u8]) -> std::result::Result<Option<Frame>, String> {
+        match self {
+            Self::Svl(pairing) => match Kind::of(&channel.topic) {
+                Some(kind) => pairing.take_in(kind, &channel.schema, log_time, data),
+                None => Ok(None),
+            },
+            Self::Others(foreign) => foreign.take_in(channel, log_time, data).map(|()| None),
+        }
+    }
+
+    /// A pair that is ready.
+    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        match self {
+            Self::Svl(_) => None,
+            Self::Others(foreign) => foreign.pop(),
+        }
+    }
+
+    /// There are no more messages.
+    fn end(&mut self) {
+        match self {
+            Self::Svl(pairing) => pairing.end(),
+            Self::Others(foreign) => foreign.end(),
         }
     }
 }

@@ -17,13 +17,32 @@ pub(super) const MAX_RECORD: u64 = 2 << 30;
 /// Footer record and end magic.
 const TAIL: u64 = 9 + 20 + 8;
 
+/// A part of a file that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Loss {
+    pub at_byte: u64,
+    /// How long the part is; 0 where something was never written.
+    pub bytes: u64,
+    pub reason: String,
+}
+
+impl std::fmt::Display for Loss {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the recording is incomplete or damaged at byte {}: {}", self.at_byte, self.reason)
+    }
+}
+
 /// Raw records, those inside chunks included.
+///
+/// Reading ends at the first damage, unless they are salvaged: then what is damaged is passed over, and noted.
 pub(super) struct Records {
     path: PathBuf,
     file: BufReader<File>,
     len: u64,
     /// Bytes read so far.
     at: u64,
+    /// Where the current record of the file itself begins.
+    start: u64,
     /// Of the section being read.
     crc: crc32fast::Hasher,
     body: Vec<u8>,
@@ -32,6 +51,8 @@ pub(super) struct Records {
     in_chunk: bool,
     /// In a cell, because whoever finds damage ends the reading.
     ended: Cell<bool>,
+    /// What was passed over, where they are salvaged.
+    losses: Option<Vec<Loss>>,
 }
 
 impl Records {
@@ -47,11 +68,13 @@ impl Records {
             file: BufReader::with_capacity(1 << 18, file),
             len: metadata.len(),
             at: 0,
+            start: 0,
             crc: crc32fast::Hasher::new(),
             body: Vec::new(),
             chunk: Chunk::new().map_err(io)?,
             in_chunk: false,
             ended: Cell::new(false),
+            losses: None,
         };
         if records.len == 0 {
             return Err(Error::format(path, "is empty: nothing was recorded, or not yet"));
@@ -61,6 +84,16 @@ impl Records {
             return Err(Error::format(path, "is not an MCAP file; svl reads recordings in MCAP (.mcap)"));
         }
         Ok(records)
+    }
+
+    /// From here on passes over what is damaged.
+    pub(super) fn salvage(&mut self) {
+        self.losses = Some(Vec::new());
+    }
+
+    /// What was passed over.
+    pub(super) fn take_losses(&mut self) -> Vec<Loss> {
+        self.losses.take().unwrap_or_default()
     }
 
     /// Goes to the summary section; false where the file has none.
@@ -104,25 +137,36 @@ impl Records {
         if self.in_chunk { self.chunk.body() } else { &self.body }
     }
 
-    /// The current record, taken apart.
-    pub(super) fn parse(&self, opcode: u8) -> Result<Record<'_>> {
+    /// The current record, taken apart, or why it cannot be read.
+    pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
         let body = self.body();
         // mcap 0.25 panics on an attachment that ends before its CRC.
         if opcode == op::ATTACHMENT && !attachment_fits(body) {
-            return Err(self.damaged("an attachment is cut short"));
+            return Err("an attachment is cut short".to_owned());
         }
-        mcap::parse_record(opcode, body).map_err(|e| self.damaged(&format!("a record cannot be read: {e}")))
+        mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))
     }
 
     fn step(&mut self) -> Result<Option<u8>> {
         loop {
             self.in_chunk = !self.chunk.is_done();
             if self.in_chunk {
-                let opcode = self.chunk.advance();
-                return opcode.map(Some).map_err(|reason| self.damaged(reason));
+                match self.chunk.advance() {
+                    Ok(opcode) => return Ok(Some(opcode)),
+                    Err(reason) => {
+                        self.chunk.clear();
+                        self.lose(reason)?;
+                        continue;
+                    }
+                }
             }
+            self.start = self.at;
             match self.top()? {
-                Some(op::CHUNK) => self.open_chunk()?,
+                Some(op::CHUNK) => {
+                    if let Err(reason) = self.chunk.open(&self.body) {
+                        self.lose(&format!("a chunk is damaged: {reason}"))?;
+                    }
+                }
                 opcode => return Ok(opcode),
             }
         }
@@ -132,10 +176,10 @@ impl Records {
     fn top(&mut self) -> Result<Option<u8>> {
         let left = self.len - self.at;
         if left == 0 {
-            return Err(self.damaged("it was never finished"));
+            return self.lose_the_rest("it was never finished");
         }
         if left < 9 {
-            return Err(self.damaged("it ends inside a record"));
+            return self.lose_the_rest("it ends inside a record");
         }
         let section = self.crc.clone();
         let mut head = [0; 9];
@@ -143,10 +187,11 @@ impl Records {
         let (opcode, length) = (head[0], u64_at(&head, 1).unwrap_or(u64::MAX));
         let left = self.len - self.at;
         if length > left {
-            return Err(self.damaged(&format!("it ends inside a record of {length} bytes, of which it has {left}")));
+            let reason = format!("it ends inside a record of {length} bytes, of which it has {left}");
+            return self.lose_the_rest(&reason);
         }
         if length > MAX_RECORD {
-            return Err(self.damaged(&format!("a record of {length} bytes is longer than {MAX_RECORD}")));
+            return self.lose_the_rest(&format!("a record of {length} bytes is longer than {MAX_RECORD}"));
         }
         self.body.resize(length as usize, 0);
         self.file.read_exact(&mut self.body).map_err(|e| Error::io(&self.path, e))?;
@@ -172,31 +217,48 @@ impl Records {
     fn finish(&mut self) -> Result<Option<u8>> {
         let mut magic = [0; 8];
         if self.len - self.at != 8 || self.read(&mut magic).is_err() || magic != mcap::MAGIC {
-            return Err(self.damaged("it does not end as an MCAP file does"));
+            return self.lose_the_rest("it does not end as an MCAP file does");
         }
         Ok(None)
     }
 
-    fn open_chunk(&mut self) -> Result<()> {
-        let opened = self.chunk.open(&self.body);
-        opened.map_err(|reason| self.damaged(&format!("a chunk is damaged: {reason}")))
+    /// Passes over the current record of the file and notes why; an error unless records are salvaged.
+    pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
+        let loss = Loss { at_byte: self.start, bytes: self.at - self.start, reason: reason.to_owned() };
+        match &mut self.losses {
+            Some(losses) => losses.push(loss),
+            None => return Err(self.damaged(reason)),
+        }
+        Ok(())
     }
 
-    fn check_crc(&self, section: &str, crc: crc32fast::Hasher, saved: Option<u32>) -> Result<()> {
+    /// As [`Records::lose`], of all that follows.
+    fn lose_the_rest(&mut self, reason: &str) -> Result<Option<u8>> {
+        if self.losses.is_some() {
+            self.at = self.len;
+        }
+        self.lose(reason).map(|()| None)
+    }
+
+    fn check_crc(&mut self, section: &str, crc: crc32fast::Hasher, saved: Option<u32>) -> Result<()> {
         let calculated = crc.finalize();
         match saved {
             Some(saved) if saved == 0 || saved == calculated => Ok(()),
+            // Explained by what was found damaged already.
+            Some(_) if self.losses.as_ref().is_some_and(|losses| !losses.is_empty()) => Ok(()),
             Some(saved) => {
-                Err(self.damaged(&format!("the CRC of its {section} is {calculated:08x}, {saved:08x} expected")))
+                self.start = self.at;
+                self.lose(&format!("the CRC of its {section} is {calculated:08x}, {saved:08x} expected"))
             }
-            None => Err(self.damaged(&format!("the end of its {section} is cut short"))),
+            None => self.lose(&format!("the end of its {section} is cut short")),
         }
     }
 
     /// The error for damage met at this place, after which there are no more records.
     pub(super) fn damaged(&self, reason: &str) -> Error {
         self.ended.set(true);
-        Error::damaged(&self.path, format!("the recording is incomplete or damaged at byte {}: {reason}", self.at))
+        let loss = Loss { at_byte: self.at, bytes: 0, reason: reason.to_owned() };
+        Error::damaged(&self.path, loss.to_string())
     }
 }
 

@@ -1,11 +1,13 @@
 //! What a recording holds, for a person to look over.
 
+use super::foreign::{Selection, choose};
 use super::messages::{Channel, Event, Messages};
+use super::records::Loss;
 use super::sync::StereoSync;
-use super::{Camera, Header, Kind, MANIFEST};
+use super::{Camera, Header, Kind, MANIFEST, PROFILE};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// A pair later than this many median periods after the last one is behind a gap.
@@ -18,6 +20,14 @@ pub struct Summary {
     pub bytes: u64,
     /// Why the file is not whole, where it is not.
     pub damage: Option<String>,
+    /// What cannot be read of it, in the order of the file.
+    pub losses: Vec<Loss>,
+    /// Messages that the file's own summary counts and that are not there, by topic.
+    pub missing: BTreeMap<String, u64>,
+    /// Numbers between those of the pairs that none has: pairs lost in the middle, or dropped by the recorder.
+    pub missing_pairs: u64,
+    /// Topics of the images that `svl replay` would take for left and right, of a recording that svl did not write.
+    pub stereo: Option<[String; 2]>,
     /// Program that wrote it, and the profile of MCAP it claims.
     pub library: String,
     pub profile: String,
@@ -79,18 +89,18 @@ impl Summary {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for what is not an MCAP file. Damage is no error here but part of the answer.
     pub fn of(path: &Path) -> Result<Self> {
-        let mut messages = Messages::open(path)?;
+        let mut messages = Messages::salvage(path)?;
         let mut seen = Seen::default();
-        let damage = loop {
-            match messages.next() {
-                Ok(Some(event)) => seen.take_in(event),
-                Ok(None) => break None,
-                Err(Error::Damaged { reason, .. }) => break Some(reason),
-                Err(error) => return Err(error),
-            }
-        };
+        while let Some(event) = messages.next()? {
+            seen.take_in(event);
+        }
+        seen.losses = messages.take_losses();
+        if seen.profile != PROFILE && seen.sequences.is_empty() {
+            let channels: Vec<_> = messages.channels().into_iter().cloned().collect();
+            seen.stereo = choose(&channels, &Selection::default()).ok();
+        }
         let bytes = path.metadata().map_err(|e| Error::io(path, e))?.len();
-        Ok(seen.summary(path, bytes, damage))
+        Ok(seen.summary(path, bytes))
     }
 
     /// Whether the file was finished and is as it was written.
@@ -115,7 +125,11 @@ struct Seen {
     topics: BTreeMap<String, Topic>,
     left_stamps: Vec<u64>,
     skews: Vec<i64>,
+    sequences: BTreeSet<u64>,
     drops: u64,
+    promised: BTreeMap<String, u64>,
+    losses: Vec<Loss>,
+    stereo: Option<[String; 2]>,
 }
 
 impl Seen {
@@ -129,7 +143,7 @@ impl Seen {
                 }
                 self.attachments.push((name, data.len() as u64));
             }
-            Event::Counts(_) => {}
+            Event::Counts(promised) => self.promised = promised,
             Event::Message { channel, log_time, data } => self.count(channel, log_time, &data),
         }
     }
@@ -157,6 +171,7 @@ impl Seen {
             Some(Kind::Sync) => {
                 if let Ok(sync) = StereoSync::decode(&channel.schema, data) {
                     self.skews.push(sync.exposure.skew_ns);
+                    self.sequences.insert(sync.sequence);
                     self.drops = self.drops.max(sync.exposure.drops);
                 }
             }
@@ -164,7 +179,7 @@ impl Seen {
         }
     }
 
-    fn summary(mut self, path: &Path, bytes: u64, damage: Option<String>) -> Summary {
+    fn summary(mut self, path: &Path, bytes: u64) -> Summary {
         self.left_stamps.sort_unstable();
         self.skews.sort_unstable();
         let steps: Vec<_> = self.left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
@@ -177,10 +192,21 @@ impl Seen {
             (Some(&min_ns), Some(median_ns), Some(&max_ns)) => Some(Skew { min_ns, median_ns, max_ns }),
             _ => None,
         };
+        let found = |topic: &String| self.topics.get(topic).map_or(0, |topic| topic.messages);
+        let missing = self.promised.iter().map(|(topic, n)| (topic.clone(), n.saturating_sub(found(topic))));
+        let missing = missing.filter(|&(_, n)| n > 0).collect();
+        let numbers = match (self.sequences.first(), self.sequences.last()) {
+            (Some(first), Some(last)) => (last - first).saturating_add(1),
+            _ => 0,
+        };
         Summary {
             path: path.to_owned(),
             bytes,
-            damage,
+            damage: self.losses.first().map(Loss::to_string),
+            missing,
+            missing_pairs: numbers - self.sequences.len() as u64,
+            losses: self.losses,
+            stereo: self.stereo,
             library: self.library,
             profile: self.profile,
             header: self.header,

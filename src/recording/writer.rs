@@ -1,28 +1,23 @@
 //! Writes recordings that survive a crash.
 
+use super::append::Append;
 use super::sync::StereoSync;
 use super::{
-    AlgorithmResult, Camera, Encoded, Header, ImageFormat, Kind, MANIFEST, Stamp, float_image, geometry, gray_image,
-    truth,
+    AlgorithmResult, Camera, Encoded, Header, ImageFormat, Kind, LIBRARY, MANIFEST, PROFILE, Stamp, float_image,
+    geometry, gray_image, truth,
 };
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::stereo::{Estimate, Frame, Gray, Truth};
+use mcap::Attachment;
 use mcap::records::MessageHeader;
-use mcap::write::NoSeek;
-use mcap::{Attachment, Compression, McapError, McapResult, WriteOptions};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// How much of a recording a crash may cost.
 const SYNC_PERIOD: Duration = Duration::from_secs(1);
-/// Chunks close when they grow beyond this, at the latest after [`SYNC_PERIOD`]: two pairs of 320x240 with truth.
-const CHUNK_BYTES: u64 = 1 << 20;
 
 /// Writes one recording.
 ///
@@ -30,17 +25,10 @@ const CHUNK_BYTES: u64 = 1 << 20;
 /// a recording; about once a second they are synced to the disk. Dropping the writer finishes the file and discards
 /// errors; call [`Writer::finish`] to see them.
 pub struct Writer {
-    path: PathBuf,
-    file: File,
+    file: Append,
     images: ImageFormat,
-    /// mcap writes into memory, where it cannot fail: its writer panics when it is dropped after some failures.
-    mcap: mcap::Writer<NoSeek<Memory>>,
-    memory: Memory,
     channels: HashMap<String, u16>,
     synced: Instant,
-    /// Bytes in the file.
-    written: u64,
-    open: bool,
 }
 
 impl Writer {
@@ -49,30 +37,9 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`] when the file exists already or cannot be made.
     pub fn create(path: impl Into<PathBuf>, header: &Header, images: ImageFormat) -> Result<Self> {
-        let path = path.into();
-        let file = File::create_new(&path).map_err(|e| match e.kind() {
-            io::ErrorKind::AlreadyExists => {
-                let cure = "exists already, and a recording is never overwritten: remove it or choose another name";
-                Error::io(&path, io::Error::new(e.kind(), cure))
-            }
-            _ => Error::io(&path, e),
-        })?;
-        let memory = Memory::default();
-        let mcap = WriteOptions::new()
-            .profile("svl")
-            .library(concat!("svl ", env!("CARGO_PKG_VERSION")))
-            // Of the arena's pairs with truth (539 kB) level 1 makes 390 kB, lz4 465, level 3 378 at half the speed.
-            .compression(Some(Compression::Zstd))
-            .compression_level(1)
-            .compression_threads(0)
-            .chunk_size(Some(CHUNK_BYTES))
-            .disable_seeking(true)
-            .create(NoSeek::new(memory.clone()))
-            .map_err(|e| refused(&path, e))?;
-        let (channels, synced) = (HashMap::new(), Instant::now());
-        let mut writer = Self { path, file, images, mcap, memory, channels, synced, written: 0, open: true };
-        writer.tell(|mcap| mcap.write_metadata(&header.to_record()))?;
-        Ok(writer)
+        let mut file = Append::create(path.into(), PROFILE, LIBRARY)?;
+        file.metadata(&header.to_record())?;
+        Ok(Self { file, images, channels: HashMap::new(), synced: Instant::now() })
     }
 
     /// Keeps a file beside the pairs: the scenario, the calibration.
@@ -82,7 +49,7 @@ impl Writer {
     pub fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<()> {
         let (name, media_type) = (name.to_owned(), media_type.to_owned());
         let attachment = Attachment { log_time: 0, create_time: 0, name, media_type, data: Cow::Borrowed(data) };
-        self.tell(|mcap| mcap.attach(&attachment))
+        self.file.attach(&attachment)
     }
 
     /// Keeps the identity of the run that writes this.
@@ -168,10 +135,7 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`], also when the file is gone from its folder.
     pub fn sync(&mut self) -> Result<()> {
-        self.tell(mcap::Writer::flush)?;
-        self.file.sync_data().map_err(|e| self.failed(e))?;
-        // A file whose folder was removed takes bytes without complaint, and they are lost.
-        self.path.metadata().map_err(|e| self.failed(e))?;
+        self.file.sync()?;
         self.synced = Instant::now();
         Ok(())
     }
@@ -181,85 +145,21 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`].
     pub fn finish(&mut self) -> Result<()> {
-        if self.open {
-            self.tell(|mcap| mcap.finish().map(drop))?;
-            self.open = false;
-            self.file.sync_all().map_err(|e| Error::io(&self.path, e))?;
-            self.path.metadata().map_err(|e| Error::io(&self.path, e))?;
-        }
-        Ok(())
+        self.file.finish()
     }
 
     fn put(&mut self, topic: &str, stamp: Stamp, sequence: u32, message: Encoded) -> Result<()> {
-        self.check_open()?;
         let channel_id = match self.channels.get(topic) {
             Some(&id) => id,
             None => {
                 let Encoded { schema, schema_encoding, definition, encoding, .. } = &message;
-                let schema = self.mcap.add_schema(schema, schema_encoding, definition);
-                let channel = schema.and_then(|id| self.mcap.add_channel(id, topic, encoding, &BTreeMap::new()));
-                let id = channel.map_err(|e| refused(&self.path, e))?;
+                let schema = Some((*schema, *schema_encoding, &**definition));
+                let id = self.file.channel(topic, schema, encoding, &BTreeMap::new())?;
                 self.channels.insert(topic.to_owned(), id);
                 id
             }
         };
         let header = MessageHeader { channel_id, sequence, log_time: stamp.ns(), publish_time: stamp.ns() };
-        self.tell(|mcap| mcap.write_to_known_channel(&header, &message.data))
-    }
-
-    /// Tells mcap to do something, and brings what that wrote into the file.
-    fn tell(&mut self, act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>) -> Result<()> {
-        self.check_open()?;
-        act(&mut self.mcap).map_err(|e| refused(&self.path, e))?;
-        let bytes = self.memory.take();
-        self.file.write_all(&bytes).map_err(|e| self.failed(e))?;
-        self.written += bytes.len() as u64;
-        Ok(())
-    }
-
-    /// mcap panics when it is told to write into a finished file.
-    fn check_open(&self) -> Result<()> {
-        let closed = || Error::format(&self.path, "takes no more pairs: it is finished, or writing to it failed");
-        self.open.then_some(()).ok_or_else(closed)
-    }
-
-    /// Gives up: the file keeps what is whole of it.
-    fn failed(&mut self, error: io::Error) -> Error {
-        self.open = false;
-        // Half a chunk may have been written. Where it cannot be cut off, readers stop before it.
-        let _ = self.file.set_len(self.written);
-        Error::io(&self.path, error)
-    }
-}
-
-impl Drop for Writer {
-    fn drop(&mut self) {
-        let _ = self.finish();
-    }
-}
-
-/// What mcap refuses though it writes to memory: more topics than a file can have.
-fn refused(path: &Path, error: McapError) -> Error {
-    Error::format(path, error.to_string())
-}
-
-/// Bytes on their way from mcap to the file.
-#[derive(Clone, Default)]
-struct Memory(Arc<Mutex<Vec<u8>>>);
-
-impl Memory {
-    fn take(&self) -> Vec<u8> {
-        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
-
-impl io::Write for Memory {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
+        self.file.message(&header, &message.data)
     }
 }

@@ -44,4 +44,8 @@ impl Source for Limited {
             (all, frames) => frames.or(all),
         }
     }
+
+    fn unpaired(&self) -> u64 {
+        self.source.unpaired()
+    }
 }

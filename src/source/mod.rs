@@ -25,4 +25,9 @@ pub trait Source: Send {
 
     /// How many frames there are in all, where that is known.
     fn pairs(&self) -> Option<u64>;
+
+    /// Images that found no partner so far and were left out.
+    fn unpaired(&self) -> u64 {
+        0
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::Source;
 use crate::error::Result;
-use crate::recording::{self, Reader, SCENARIO};
+use crate::recording::{self, Reader, SCENARIO, Selection};
 use crate::stereo::Frame;
 use std::path::PathBuf;
 
@@ -19,6 +19,14 @@ impl RecordingSource {
     /// As [`Reader::open`].
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         Reader::open(path).map(Self)
+    }
+
+    /// As [`RecordingSource::open`], choosing the topics of a recording that svl did not write.
+    ///
+    /// # Errors
+    /// As [`Reader::open_selection`].
+    pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
+        Reader::open_selection(path, selection).map(Self)
     }
 
     /// The scenario file that the recording was made by, where it holds one.
@@ -47,5 +55,9 @@ impl Source for RecordingSource {
 
     fn pairs(&self) -> Option<u64> {
         self.0.pairs()
+    }
+
+    fn unpaired(&self) -> u64 {
+        self.0.unpaired()
     }
 }

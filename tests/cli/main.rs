@@ -17,3 +17,4 @@ mod record;
 mod replay;
 mod reproduce;
 mod score;
+mod survive;

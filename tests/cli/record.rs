@@ -73,3 +73,22 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.svl(&["record", "--frames", "0"]).failed(2, &["--frames"]);
     fixture.svl(&["record", "--duration", "-1"]).failed(2, &["--duration"]);
 }
+
+#[test]
+fn topics_of_another_programs_recording_are_named() {
+    let fixture = Fixture::new();
+    fixture.svl(&["record", "--frames", "3", "-o", "a.mcap"]).done();
+    let named = ["--left", "/stereo/left/image", "--right", "/stereo/right/image"];
+    let ran = fixture.svl(&[&["record", "a.mcap", "-o", "b.mcap", "--max-skew-ms", "1"], &named[..]].concat());
+    assert!(ran.code == Some(0) && ran.stderr.is_empty(), "{}", ran.stderr);
+    let pairs = |name: &str| {
+        let mut source = RecordingSource::open(fixture.path(name)).unwrap();
+        let frames = std::iter::from_fn(|| source.next().unwrap());
+        frames.map(|frame| (frame.stamp_ns, frame.pair, frame.rig)).collect::<Vec<_>>()
+    };
+    assert!(pairs("a.mcap") == pairs("b.mcap"));
+    let wrong = ["replay", "a.mcap", "--left", "/stereo/sync", "--right", "/stereo/right/image"];
+    fixture.svl(&wrong).failed(1, &["a.mcap", "--left /stereo/sync has messages of svl.StereoSync"]);
+    fixture.svl(&["record", "--left", "/x", "-o", "c.mcap"]).failed(1, &["arena: --left, --right and --max-skew-ms"]);
+    fixture.svl(&["replay", "a.mcap", "--max-skew-ms", "-1"]).failed(2, &["--max-skew-ms"]);
+}

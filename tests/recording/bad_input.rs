@@ -80,13 +80,16 @@ fn files_that_are_no_recordings() {
 #[test]
 fn recordings_without_pairs() {
     let image = raw_image(4, 2, "mono8", 8);
-    assert!(complaint(&mcap_of(&[])).contains("ended before the first"));
-    assert!(complaint(&mcap_of(&[("/scan", "LaserScan", 1, b"x")])).contains("it has /scan"));
+    assert!(complaint(&mcap_of(&[])).contains("it has no images"));
+    assert!(complaint(&mcap_of(&[("/scan", "LaserScan", 1, b"x")])).contains("it has no images"));
     let left = ("/stereo/left/image", "foxglove.RawImage", 1, &*image);
-    assert!(complaint(&mcap_of(&[left, left])).contains("2 images of the left camera, none of the right"));
     let right = ("/stereo/right/image", "foxglove.RawImage", 1, &*image);
-    assert!(complaint(&mcap_of(&[right])).contains("1 images of the right camera, none of the left"));
-    assert!(complaint(&mcap_of(&[left, right])).contains("no /stereo/sync"));
+    let sync = ("/stereo/sync", "svl.StereoSync", 9, SYNC);
+    assert!(complaint(&mcap_of(&[left])).contains("/stereo/left/image is its only topic of images"));
+    assert!(complaint(&mcap_of(&[sync])).contains("ended before the first"));
+    assert!(complaint(&mcap_of(&[left, left, sync])).contains("2 images of the left camera, none of the right"));
+    assert!(complaint(&mcap_of(&[right, sync])).contains("1 images of the right camera, none of the left"));
+    assert!(complaint(&mcap_of(&[left, right, sync])).contains("no /stereo/sync says which"));
 }
 
 #[test]
@@ -102,7 +105,8 @@ fn pairs_that_are_none() {
     says(&raw_image(0, 2, "mono8", 8), "0x2 pixels");
     says(&raw_image(u32::MAX, u32::MAX, "mono8", 8), "4294967295x4294967295 pixels");
     says(b"\xff\xff\xff", "");
-    let foreign = mcap_of(&[("/stereo/left/image", "sensor_msgs/msg/Image", 9, &good)]);
+    let sync = ("/stereo/sync", "svl.StereoSync", 9, SYNC);
+    let foreign = mcap_of(&[("/stereo/left/image", "sensor_msgs/msg/Image", 9, &good), sync]);
     assert!(complaint(&foreign).contains("it is a sensor_msgs/msg/Image, svl reads foxglove.RawImage"));
 }
 

@@ -31,36 +31,46 @@ fn expected(topic: &str, frame: &Frame) -> f64 {
     }
 }
 
-fn check(images: ImageFormat) {
+/// The recording of `frames` as the script reads it; nothing where Python lacks one of `modules`.
+fn read_by(script: &str, modules: &str, frames: &[Frame], images: ImageFormat) -> Option<serde_json::Value> {
     let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let modules = "import mcap, mcap_protobuf, mcap_ros2, numpy, PIL";
-    if !Command::new(&python).args(["-c", modules]).output().is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: `{python} -c '{modules}'` fails; set SVL_PYTHON to a Python that has them");
-        return;
+    let import = format!("import {modules}");
+    if !Command::new(&python).args(["-c", &import]).output().is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: `{python} -c '{import}'` fails; set SVL_PYTHON to a Python that has them");
+        return None;
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
-    let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
     let header = Header { seed: Some(7), ..Header::new("arena") };
     let mut writer = Writer::create(&path, &header, images).unwrap();
     writer.attach("scenario.toml", "application/toml", b"seed = 7").unwrap();
     frames.iter().for_each(|frame| writer.write(frame).unwrap());
     writer.finish().unwrap();
-
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/read_recording.py");
+    let script = format!("{}/tests/python/{script}", env!("CARGO_MANIFEST_DIR"));
     let output = Command::new(&python).arg(script).arg(&path).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(found["metadata"]["svl"]["seed"], "7");
-    assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
-    let topics = found["topics"].as_object().unwrap();
-    assert_eq!(topics.len(), 9);
-    for (topic, found) in topics {
+    Some(serde_json::from_slice(&output.stdout).unwrap())
+}
+
+/// Checks the counts and sums of topics against what was written.
+fn compare(found: &serde_json::Value, frames: &[Frame], topics: usize) {
+    let found = found["topics"].as_object().unwrap();
+    assert_eq!(found.len(), topics);
+    for (topic, found) in found {
         let sum: f64 = frames.iter().map(|frame| expected(topic, frame)).sum();
         let error = (found[1].as_f64().unwrap() - sum).abs();
         assert!(error <= 1e-6 * sum.abs(), "{topic}: {found} found, {sum} written");
         assert_eq!(found[0], FRAMES, "{topic}");
     }
+}
+
+fn check(images: ImageFormat) {
+    let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
+    let modules = "mcap, mcap_protobuf, mcap_ros2, numpy, PIL";
+    let Some(found) = read_by("read_recording.py", modules, &frames, images) else { return };
+    assert_eq!(found["metadata"]["svl"]["seed"], "7");
+    assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
+    compare(&found, &frames, 9);
 }
 
 #[test]
@@ -71,4 +81,11 @@ fn python_reads_raw_recordings() {
 #[test]
 fn python_reads_compressed_recordings() {
     check(ImageFormat::Png);
+}
+
+#[test]
+fn rosbags_reads_the_ros_2_messages() {
+    let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
+    let Some(found) = read_by("read_cdr.py", "mcap, numpy, rosbags", &frames, ImageFormat::Raw) else { return };
+    compare(&found, &frames, 1);
 }

@@ -1,8 +1,12 @@
 //! Recordings: what is written comes back, and what is damaged says so.
 
 mod bad_input;
+mod bag;
 mod disk;
+mod foreign_bags;
 mod foreign_readers;
 mod frames;
+mod kill;
+mod recovery;
 mod round_trip;
 mod summary;

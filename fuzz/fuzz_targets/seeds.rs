@@ -1,0 +1,187 @@
+//! Writes a few small files for each target to begin with, into `corpus/`. A target itself, because what is compiled for
+//! fuzzing has to be linked with libFuzzer; run it with `-runs=0`.
+#![no_main]
+
+use image::{DynamicImage, ImageFormat};
+use std::io::Cursor;
+use std::path::PathBuf;
+use svl::{recording, stereo};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+const CALIB: &str = "cam0=[3979.911 0 1244.772; 0 3979.911 1019.507; 0 0 1]
+cam1=[3979.911 0 1369.115; 0 3979.911 1019.507; 0 0 1]
+doffs=124.343
+baseline=193.001
+width=2964
+height=2000
+ndisp=280
+";
+const KITTI: &str = "P_rect_02: 7.2e+02 0 6.0e+02 4.4e+01 0 7.2e+02 1.7e+02 2.1e-01 0 0 1 2.7e-03
+P_rect_03: 7.2e+02 0 6.0e+02 -3.3e+02 0 7.2e+02 1.7e+02 2.1e+00 0 0 1 2.7e-03
+";
+const SCENARIOS: [&str; 3] = [
+    include_str!("../../scenarios/arena.toml"),
+    include_str!("../../scenarios/middlebury.toml"),
+    include_str!("../../scenarios/kitti2015.toml"),
+];
+
+libfuzzer_sys::fuzz_target!(init: write().expect("a folder to write to"), |_bytes: &[u8]| {});
+
+fn write() -> Result<(), Box<dyn std::error::Error>> {
+    for (i, text) in SCENARIOS.iter().enumerate() {
+        seed("scenario", &format!("{i}"), text.as_bytes())?;
+    }
+    seed("calibration", "middlebury", CALIB.as_bytes())?;
+    seed("calibration", "kitti", KITTI.as_bytes())?;
+    let grey = image::GrayImage::from_fn(9, 7, |x, y| image::Luma([(x * 20 + y) as u8]));
+    let images = [
+        ("grey", DynamicImage::from(grey.clone())),
+        ("rgb", DynamicImage::from(grey.clone()).to_rgb8().into()),
+        ("grey16", DynamicImage::from(grey.clone()).to_luma16().into()),
+        ("rgba", DynamicImage::from(grey).to_rgba8().into()),
+    ];
+    for (name, image) in &images {
+        for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Pnm] {
+            let mut bytes = Cursor::new(Vec::new());
+            // JPEG has neither 16 bits nor alpha.
+            if image.write_to(&mut bytes, format).is_ok() {
+                seed("image", &format!("{name}.{format:?}"), bytes.get_ref())?;
+            }
+        }
+    }
+    for (order, scale) in [("little", "-1.0"), ("big", "2.5")] {
+        let values = [0.0f32, 1.5, f32::INFINITY, f32::NAN, -3.0, 1e9];
+        let bytes = values.iter().flat_map(|v| if order == "big" { v.to_be_bytes() } else { v.to_le_bytes() });
+        let pfm: Vec<u8> = format!("Pf\n3 2\n{scale}\n").bytes().chain(bytes).collect();
+        seed("pfm", order, &pfm)?;
+    }
+    npz()?;
+    mcap()
+}
+
+/// Small recordings: svl's, with everything and compressed, and their messages one by one.
+fn mcap() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("a.mcap");
+    for (name, format) in [("raw", recording::ImageFormat::Raw), ("png", recording::ImageFormat::Png)] {
+        let mut writer = recording::Writer::create(&path, &recording::Header::new("seed"), format)?;
+        writer.attach(recording::SCENARIO, "application/toml", b"name = 'seed'")?;
+        (0..3).try_for_each(|i| frame(i).and_then(|frame| writer.write(&frame)))?;
+        writer.finish()?;
+        let bytes = std::fs::read(&path)?;
+        std::fs::remove_file(&path)?;
+        seed("mcap", name, &bytes)?;
+        let mut plain = Cursor::new(Vec::new());
+        let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
+        let mut copy = options.calculate_data_section_crc(false).create(&mut plain)?;
+        let mut messages = Vec::new();
+        for message in mcap::MessageStream::new(&bytes)? {
+            let message = message?;
+            copy.write(&message)?;
+            let kind = svl_fuzz::KINDS.iter().position(|kind| kind.0 == message.channel.topic);
+            let length = (message.data.len() as u16).to_le_bytes();
+            if let Some(kind) = kind {
+                messages.extend([kind as u8, message.log_time as u8, length[0], length[1]]);
+                messages.extend_from_slice(&message.data);
+            }
+        }
+        copy.finish()?;
+        drop(copy);
+        seed("mcap", &format!("{name}-plain"), plain.get_ref())?;
+        seed("messages", name, &messages)?;
+    }
+    for (kind, (_, schema, encoding)) in svl_fuzz::KINDS.iter().enumerate().take(12) {
+        let data = foreign(schema, encoding);
+        let length = (data.len() as u16).to_le_bytes();
+        seed("messages", &format!("kind{kind}"), &[&[kind as u8, 7, length[0], length[1]], &data[..]].concat())?;
+    }
+    // A pair of ROS images with its calibration.
+    let pair = [0, 1, 9].map(|kind: usize| {
+        let (_, schema, encoding) = svl_fuzz::KINDS[kind];
+        let data = foreign(schema, encoding);
+        [&[kind as u8, 7], &(data.len() as u16).to_le_bytes()[..], &data].concat()
+    });
+    seed("messages", "ros-pair", &pair.concat())?;
+    Ok(())
+}
+
+/// One frame with all that svl writes.
+fn frame(i: u64) -> svl::Result<stereo::Frame> {
+    let image = |seed: usize| stereo::Gray::from_fn(6, 4, |x, y| (x * 40 + y * 9 + seed) as u8);
+    Ok(stereo::Frame {
+        sequence: i,
+        stamp_ns: 20 + i,
+        name: Some("seed".to_owned()),
+        pair: stereo::StereoPair::new(image(0)?, image(1)?)?,
+        rig: Some(stereo::Rig::new(328.0, (3.0, 2.0), 0.044, 0.0)?),
+        pose: Some(stereo::Pose::translation(1.0, 2.0, 3.0)),
+        truth: Some(stereo::Truth { disparity: stereo::Plane::filled(6, 4, 2.5)?, visibility: None }),
+        exposure: stereo::Exposure::default(),
+    })
+}
+
+/// The body of a message of another program: little-endian CDR, JSON, or for protobuf what comes to the fuzzer's mind.
+fn foreign(schema: &str, encoding: &str) -> Vec<u8> {
+    let mut cdr: Vec<u8> = vec![0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 4, 0, 0, 0, b'c', b'a', b'm', 0];
+    let mut word = |v: u32| cdr.extend(v.to_le_bytes());
+    match (schema, encoding) {
+        ("sensor_msgs/msg/Image", "cdr") => {
+            [2, 4, 6].into_iter().for_each(&mut word);
+            cdr.extend(b"mono8\0\0\0");
+            [4u32, 8].iter().for_each(|v| cdr.extend(v.to_le_bytes()));
+            cdr.extend([10, 20, 30, 40, 50, 60, 70, 80]);
+            cdr
+        }
+        ("sensor_msgs/msg/CompressedImage", "cdr") => {
+            word(4);
+            cdr.extend(b"png\0");
+            let png = svl::files::encode_png(2, 2, &[1, 2, 3, 4]).unwrap_or_default();
+            cdr.extend((png.len() as u32).to_le_bytes());
+            [cdr, png].concat()
+        }
+        ("sensor_msgs/msg/CameraInfo", "cdr") => {
+            [2, 4, 10].into_iter().for_each(&mut word);
+            cdr.extend(b"plumb_bob\0\0\0");
+            cdr.extend(1u32.to_le_bytes());
+            cdr.resize(cdr.len().next_multiple_of(8) + 4, 0);
+            (0..31).for_each(|i| cdr.extend(f64::from(i).to_le_bytes()));
+            cdr
+        }
+        ("foxglove.CameraCalibration", "json") => {
+            br#"{"D":[0.1],"R":[1,0,0,0,1,0,0,0,1],"P":[3,0,1,0,0,3,1,0,0,0,1,0]}"#.to_vec()
+        }
+        (_, "json") => {
+            br#"{"timestamp":{"sec":1,"nsec":2},"width":2,"height":1,"encoding":"mono8","step":2,"data":"ECA="}"#
+                .to_vec()
+        }
+        _ => vec![0x2a, 5, b'm', b'o', b'n', b'o', b'8'],
+    }
+}
+
+/// A stored archive of one array, as NumPy writes it.
+fn npz() -> Result<(), Box<dyn std::error::Error>> {
+    for (kind, order) in [("<f4", "False"), ("<f8", "False"), (">f4", "True")] {
+        let bytes = kind[2..].parse::<usize>()? * 6;
+        let mut header = format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': (2, 3), }}");
+        while (header.len() + 11) % 64 != 0 {
+            header.push(' ');
+        }
+        header.push('\n');
+        let length = (header.len() as u16).to_le_bytes();
+        let array = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes(), &vec![0x40; bytes]].concat();
+        for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
+            let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+            zip.start_file("arr_0.npy", SimpleFileOptions::default().compression_method(method))?;
+            std::io::Write::write_all(&mut zip, &array)?;
+            seed("npz", &format!("{}{method}", &kind[1..]), zip.finish()?.get_ref())?;
+        }
+    }
+    Ok(())
+}
+
+fn seed(target: &str, name: &str, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/corpus")).join(target);
+    std::fs::create_dir_all(&folder)?;
+    std::fs::write(folder.join(name), bytes)
+}

@@ -1,0 +1,49 @@
+//! `svl recover`: what an unfinished or damaged recording still holds.
+
+use super::info::{losses, missing, size};
+use super::output::{distinct, may_write, print, print_json};
+use std::path::PathBuf;
+use svl::recording::{Recovery, recover};
+
+/// Save what an unfinished or damaged recording still holds
+///
+/// Everything whole goes into a new file: topics, schemas, messages, attachments and metadata, chunk by chunk, whoever
+/// wrote them. A chunk that is not what its CRC says is passed over. The damaged file stays as it is.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
+pub(super) struct Args {
+    /// The recording; any other MCAP file will do
+    file: PathBuf,
+    /// File to write, which must not exist
+    #[arg(short, long, value_name = "OUT.mcap")]
+    output: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    distinct([args.file.as_path(), args.output.as_path()])?;
+    may_write(&args.output, &["mcap"], false)?;
+    let recovery = recover(&args.file, &args.output)?;
+    if args.json { print_json(&recovery) } else { print(&table(args, &recovery)?) }
+}
+
+fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
+    let Recovery { messages, pairs, attachments, metadata, .. } = recovery;
+    let bytes = args.output.metadata()?.len();
+    let (topics, messages) = (messages.len(), messages.values().sum::<u64>());
+    let pairs = if *pairs > 0 { format!("{pairs} pairs, ") } else { String::new() };
+    let mut lines = vec![
+        format!("{}: {}", args.output.display(), size(bytes)),
+        format!(
+            "saved      {pairs}{messages} messages of {topics} topics, {attachments} attachments, {metadata} metadata"
+        ),
+    ];
+    if recovery.losses.is_empty() {
+        lines.push(format!("lost       nothing: {} is whole", args.file.display()));
+    }
+    lines.extend(losses(&recovery.losses));
+    lines.extend(missing(&recovery.missing));
+    Ok(lines.join("\n") + "\n")
+}

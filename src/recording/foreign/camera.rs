@@ -1,0 +1,128 @@
+//! Calibrations in the messages of ROS 2 and Foxglove, and the rig that two of them make.
+
+use super::json;
+use crate::recording::messages::Channel;
+use crate::recording::{decode_protobuf, ros};
+use crate::stereo::Rig;
+
+/// Messages that are calibrations.
+pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
+
+/// How far the focal lengths of rectified cameras may be apart (relative), and the rows of their centres in pixels:
+/// what rounding in a calibration file makes of equal ones.
+const FOCAL_TOLERANCE: f64 = 1e-4;
+const ROW_TOLERANCE_PX: f64 = 0.1;
+
+/// One camera's calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Calibration {
+    /// Lens distortion.
+    d: Vec<f64>,
+    /// Rotation into the rectified frame.
+    r: Vec<f64>,
+    /// Projection of the rectified camera.
+    p: Vec<f64>,
+}
+
+pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        ("sensor_msgs/msg/CameraInfo", "cdr") => {
+            let ros::CameraInfo { distortion, r, p } = ros::read(data, ros::camera_info)?;
+            Ok(Calibration { d: distortion, r: r.to_vec(), p: p.to_vec() })
+        }
+        ("foxglove.CameraCalibration", "protobuf") => {
+            let foxglove::messages::CameraCalibration { d, r, p, .. } = decode_protobuf(data)?;
+            Ok(Calibration { d, r, p })
+        }
+        ("foxglove.CameraCalibration", "json") => {
+            let json::CameraCalibration { d, r, p } = json::read(data)?;
+            Ok(Calibration { d, r, p })
+        }
+        (schema, encoding) => Err(format!("its {schema} is in '{encoding}', svl reads cdr, protobuf and json")),
+    }
+}
+
+impl Calibration {
+    /// Whether an image straight from this camera is not rectified: its lens distorts, or it has to be turned.
+    pub(super) fn is_of_raw_camera(&self) -> bool {
+        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        // All zeros, as of a camera that was never calibrated, say nothing.
+        let turned = self.r.iter().any(|v| *v != 0.0) && self.r.iter().zip(identity).any(|(a, b)| (a - b).abs() > 1e-9);
+        turned || self.d.iter().any(|coefficient| *coefficient != 0.0)
+    }
+}
+
+/// The rig of two rectified cameras: `P = [f 0 cx Tx; 0 f cy 0; 0 0 1 0]` with `Tx = -f·B` (sensor_msgs/CameraInfo).
+///
+/// # Errors
+/// Why they make none.
+pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String> {
+    let (l, r) = (projection(left)?, projection(right)?);
+    let close = |a: f64, b: f64, tolerance: f64| (a - b).abs() <= tolerance;
+    if !close(l.focal, r.focal, FOCAL_TOLERANCE * l.focal) || !close(l.cy, r.cy, ROW_TOLERANCE_PX) {
+        return Err(format!(
+            "their projections are not rectified to each other: focal lengths {} and {} px, rows of the centres {} and {} px",
+            l.focal, r.focal, l.cy, r.cy
+        ));
+    }
+    let baseline_m = (l.tx - r.tx) / l.focal;
+    if baseline_m < 0.0 {
+        return Err(format!(
+            "the right camera stands {} m left of the left one: exchange --left and --right",
+            -baseline_m
+        ));
+    }
+    Rig::new(l.focal, (l.cx, l.cy), baseline_m, r.cx - l.cx).map_err(|e| e.to_string())
+}
+
+struct Projection {
+    focal: f64,
+    cx: f64,
+    cy: f64,
+    tx: f64,
+}
+
+fn projection(calibration: &Calibration) -> Result<Projection, String> {
+    match calibration.p[..] {
+        [focal, _, cx, tx, _, _, cy, ..] if focal > 0.0 => Ok(Projection { focal, cx, cy, tx }),
+        _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
+        let p = vec![focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
+        Calibration { d: vec![0.0; 5], r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], p }
+    }
+
+    #[test]
+    fn the_baseline_is_between_the_cameras() {
+        // As of KITTI's colour cameras, both of which are beside the origin.
+        let found = rig(&camera(500.0, 120.0, 30.0), &camera(500.0, 120.0, -20.0)).unwrap();
+        assert!((found.baseline_m() - 0.1).abs() < 1e-12);
+        let says = |left: &Calibration, right: &Calibration, what: &str| {
+            let error = rig(left, right).unwrap_err();
+            assert!(error.contains(what), "{error}");
+        };
+        let left = camera(500.0, 120.0, 0.0);
+        says(&left, &camera(500.0, 120.0, 50.0), "exchange --left and --right");
+        says(&left, &left, "baseline");
+        says(&left, &camera(510.0, 120.0, -50.0), "not rectified to each other");
+        says(&left, &camera(500.0, 122.0, -50.0), "not rectified to each other");
+        says(&left, &Calibration { p: vec![0.0; 12], ..left.clone() }, "not calibrated");
+        says(&left, &Calibration { p: vec![], ..left.clone() }, "not calibrated");
+        says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
+    }
+
+    #[test]
+    fn raw_cameras_are_known() {
+        let rectified = camera(500.0, 120.0, 0.0);
+        assert!(!rectified.is_of_raw_camera());
+        assert!(!Calibration { r: vec![0.0; 9], ..rectified.clone() }.is_of_raw_camera());
+        assert!(Calibration { d: vec![-0.28], ..rectified.clone() }.is_of_raw_camera());
+        assert!(Calibration { r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], ..rectified }.is_of_raw_camera());
+    }
+}

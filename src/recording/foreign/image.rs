@@ -1,0 +1,62 @@
+//! Images in the messages of ROS 2 and Foxglove.
+
+use super::json;
+use super::pixels::{self, Raw};
+use crate::files;
+use crate::recording::messages::Channel;
+use crate::recording::{decode_protobuf, ros};
+use crate::stereo::Gray;
+use foxglove::messages::{CompressedImage, RawImage};
+
+/// Messages that are images.
+pub(super) const SCHEMAS: [&str; 4] =
+    ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "foxglove.RawImage", "foxglove.CompressedImage"];
+
+/// The image in a message, with the stamp that stands in it, where there is one.
+pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Gray), String> {
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        ("sensor_msgs/msg/Image", "cdr") => {
+            let ros::Image { stamp, height, width, encoding, big_endian, step, data } = ros::read(data, ros::image)?;
+            let image = pixels::grey(&Raw { width, height, step, encoding, big_endian, data })?;
+            Ok((ros_stamp(stamp)?, image))
+        }
+        ("sensor_msgs/msg/CompressedImage", "cdr") => {
+            let message = ros::read(data, ros::compressed_image)?;
+            Ok((ros_stamp(message.stamp)?, decompress(message.data, message.format)?))
+        }
+        ("foxglove.RawImage", "protobuf") => {
+            let RawImage { timestamp, width, height, encoding, step, data, .. } = decode_protobuf(data)?;
+            let raw = Raw { width, height, step, encoding: &encoding, big_endian: false, data: &data };
+            Ok((stamp(timestamp.map(|t| (t.sec(), t.nsec()))), pixels::grey(&raw)?))
+        }
+        ("foxglove.CompressedImage", "protobuf") => {
+            let CompressedImage { timestamp, data, format, .. } = decode_protobuf(data)?;
+            Ok((stamp(timestamp.map(|t| (t.sec(), t.nsec()))), decompress(&data, &format)?))
+        }
+        ("foxglove.RawImage", "json") => {
+            let json::RawImage { timestamp, width, height, encoding, step, data } = json::read(data)?;
+            let raw = Raw { width, height, step, encoding: &encoding, big_endian: false, data: &data };
+            Ok((stamp(Some((timestamp.sec, timestamp.nsec))), pixels::grey(&raw)?))
+        }
+        ("foxglove.CompressedImage", "json") => {
+            let json::CompressedImage { timestamp, data, format } = json::read(data)?;
+            Ok((stamp(Some((timestamp.sec, timestamp.nsec))), decompress(&data, &format)?))
+        }
+        (schema, encoding) => Err(format!("its {schema} is in '{encoding}', svl reads cdr, protobuf and json")),
+    }
+}
+
+fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
+    files::gray_of(data).map_err(|e| format!("its image, compressed as '{format}', is no readable PNG or JPEG: {e}"))
+}
+
+fn ros_stamp(ros::Time { sec, nanosec }: ros::Time) -> Result<Option<u64>, String> {
+    let sec = u32::try_from(sec).map_err(|_| format!("its stamp of {sec} s is before 1970"))?;
+    Ok(stamp(Some((sec, nanosec))))
+}
+
+/// Nanoseconds; a stamp of 0 was never set.
+fn stamp(parts: Option<(u32, u32)>) -> Option<u64> {
+    let (seconds, nanoseconds) = parts?;
+    Some(u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds)).filter(|&ns| ns > 0)
+}

@@ -1,0 +1,179 @@
+//! Recordings that svl did not write: ROS 2 bags and Foxglove recordings in MCAP.
+
+mod bayer;
+mod camera;
+mod image;
+mod json;
+mod partners;
+mod pixels;
+mod topics;
+
+pub use topics::Selection;
+pub(super) use topics::choose;
+
+use super::Camera;
+use super::messages::{Channel, Event, Messages};
+use crate::error::{Error, Result};
+use crate::stereo::{Exposure, Frame, Gray, Rig, StereoPair};
+use camera::Calibration;
+use partners::Partners;
+use std::path::Path;
+
+/// Makes pairs of the images of two topics.
+pub(super) struct Foreign {
+    images: [String; 2],
+    calibrations: [Option<String>; 2],
+    /// The last calibration of each camera; until there is one, the first that will be.
+    cameras: [Option<Calibration>; 2],
+    partners: Partners<Gray>,
+    max_skew_ns: u64,
+    /// Images of each camera.
+    counts: [u64; 2],
+    pairs: u64,
+}
+
+impl Foreign {
+    /// Chooses the topics of the recording at `path` and looks for the first calibration of each camera.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the cameras.
+    pub(super) fn open(path: &Path, selection: &Selection) -> Result<Self> {
+        let channels = Messages::all_channels(path)?;
+        let images = choose(&channels, selection).map_err(|reason| Error::format(path, reason))?;
+        let calibrations = images.each_ref().map(|topic| topics::calibration(&channels, topic));
+        let mut foreign = Self {
+            images,
+            calibrations,
+            cameras: [None, None],
+            partners: Partners::new(selection.max_skew_ns),
+            max_skew_ns: selection.max_skew_ns,
+            counts: [0, 0],
+            pairs: 0,
+        };
+        let mut messages = Messages::open(path)?;
+        while foreign.lacks_calibration() {
+            match messages.next() {
+                // One that cannot be read is told when its turn comes.
+                Ok(Some(Event::Message { channel, data, .. })) => drop(foreign.calibrate(channel, &data)),
+                Ok(Some(_)) => {}
+                Ok(None) | Err(_) => break,
+            }
+        }
+        Ok(foreign)
+    }
+
+    /// Pairs put together.
+    pub(super) fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
+    /// Images that were given up.
+    pub(super) fn unpaired(&self) -> u64 {
+        self.partners.unpaired()
+    }
+
+    /// Takes in one message.
+    ///
+    /// # Errors
+    /// Why it cannot be read.
+    pub(super) fn take_in(&mut self, channel: &Channel, log_time: u64, data: &[u8]) -> std::result::Result<(), String> {
+        for camera in Camera::BOTH {
+            if channel.topic == self.images[camera as usize] {
+                self.counts[camera as usize] += 1;
+                let (stamp, image) = image::decode(channel, data)?;
+                let (width, height) = image.size();
+                self.partners.push(camera, stamp.unwrap_or(log_time), image, width * height);
+            }
+        }
+        self.calibrate(channel, data)
+    }
+
+    /// The next pair that is certain.
+    ///
+    /// # Errors
+    /// Why two images that belong together are no pair.
+    pub(super) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
+        let sequence = self.pairs;
+        self.pairs += 1;
+        let exposure = Exposure {
+            trigger_id: sequence,
+            skew_ns: right_ns.wrapping_sub(left_ns).cast_signed(),
+            drops: self.unpaired(),
+            ..Exposure::default()
+        };
+        let frame = StereoPair::new(left, right).map(|pair| Frame {
+            sequence,
+            stamp_ns: left_ns,
+            name: None,
+            pair,
+            rig: self.rig().ok(),
+            pose: None,
+            truth: None,
+            exposure,
+        });
+        Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
+    }
+
+    /// There will be no more messages; what waits finds its partner or does not.
+    pub(super) fn end(&mut self) {
+        self.partners.end();
+    }
+
+    /// What a person should know before trusting the pairs.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let [left, right] = &self.images;
+        if self.are_raw() {
+            let why = "by their calibration they are not rectified";
+            let so = "rows of left and right do not agree, and distances are left out; rectify them first";
+            return vec![format!("{left} and {right}: {why}, so {so}")];
+        }
+        let no_rig = self.rig().err();
+        no_rig.map(|reason| format!("disparities but no distances: {reason}")).into_iter().collect()
+    }
+
+    /// Whether the images come straight from a camera whose calibration says that they have to be rectified. That of a
+    /// rectified topic says the same, as ROS has one for both.
+    fn are_raw(&self) -> bool {
+        let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
+            !topic.to_lowercase().contains("rect") && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
+        };
+        self.images.iter().zip(&self.cameras).any(is_raw)
+    }
+
+    /// Why there was no pair.
+    pub(super) fn why_none(&self) -> String {
+        let [left, right] = &self.images;
+        let [lefts, rights] = self.counts;
+        let milliseconds = |ns: u64| ns as f64 / 1e6;
+        let skew = milliseconds(self.max_skew_ns);
+        let miss = match self.partners.nearest_miss_ns() {
+            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
+            None => String::new(),
+        };
+        format!(
+            "has no stereo pairs: none of the {lefts} images of {left} and {rights} of {right} are within {skew} ms of each other{miss}"
+        )
+    }
+
+    fn rig(&self) -> std::result::Result<Rig, String> {
+        match &self.cameras {
+            _ if self.are_raw() => Err("the images are not rectified".to_owned()),
+            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => camera::rig(left, right),
+            _ => Err("it has no calibration of both cameras".to_owned()),
+        }
+    }
+
+    fn lacks_calibration(&self) -> bool {
+        self.calibrations.iter().zip(&self.cameras).any(|(topic, camera)| topic.is_some() && camera.is_none())
+    }
+
+    fn calibrate(&mut self, channel: &Channel, data: &[u8]) -> std::result::Result<(), String> {
+        for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
+            if topic.as_ref() == Some(&channel.topic) {
+                *camera = Some(camera::decode(channel, data)?);
+            }
+        }
+        Ok(())
+    }
+}

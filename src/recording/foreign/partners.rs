@@ -1,0 +1,184 @@
+//! Brings together what two cameras took at about the same time.
+
+use crate::recording::Camera;
+use std::collections::BTreeMap;
+use std::ops::Bound;
+
+/// Images of one camera that may wait for their partners, and bytes of all that wait: room for topics that are written
+/// in turns of half a second, and for two of the largest images.
+const WAITING: usize = 32;
+const WAITING_BYTES: usize = 1 << 29;
+/// How many later images of the other camera prove that an image has no partner, as bags are not in the order of stamps.
+const LATER: usize = 4;
+
+/// Images of two cameras, each waiting for the one of the other camera that is nearest in time.
+pub(super) struct Partners<T> {
+    max_skew_ns: u64,
+    waiting: [BTreeMap<u64, (T, usize)>; 2],
+    bytes: usize,
+    ended: bool,
+    unpaired: u64,
+    /// The least skew that was too much.
+    nearest_miss_ns: Option<u64>,
+}
+
+impl<T> Partners<T> {
+    pub(super) fn new(max_skew_ns: u64) -> Self {
+        let waiting = [BTreeMap::new(), BTreeMap::new()];
+        Self { max_skew_ns, waiting, bytes: 0, ended: false, unpaired: 0, nearest_miss_ns: None }
+    }
+
+    /// Images that were given up.
+    pub(super) fn unpaired(&self) -> u64 {
+        self.unpaired
+    }
+
+    pub(super) fn nearest_miss_ns(&self) -> Option<u64> {
+        self.nearest_miss_ns
+    }
+
+    /// Takes in an image of so many bytes; a second one of the same stamp replaces the first.
+    pub(super) fn push(&mut self, camera: Camera, stamp: u64, image: T, bytes: usize) {
+        self.bytes += bytes;
+        if let Some((_, replaced)) = self.waiting[camera as usize].insert(stamp, (image, bytes)) {
+            self.bytes -= replaced;
+            self.unpaired += 1;
+        }
+    }
+
+    /// There will be no more images.
+    pub(super) fn end(&mut self) {
+        self.ended = true;
+    }
+
+    /// The next pair that no later image can change, with both stamps, left and right.
+    ///
+    /// Two images are a pair when each is the nearest to the other and they are at most the maximal skew apart.
+    pub(super) fn pop(&mut self) -> Option<[(u64, T); 2]> {
+        loop {
+            let (camera, stamp) = self.earliest()?;
+            let (own, other) = (&self.waiting[camera], &self.waiting[1 - camera]);
+            let crowded = self.bytes > WAITING_BYTES || own.len().max(other.len()) > WAITING;
+            let forced = self.ended || crowded;
+            // Nothing waits that is earlier, so the first of the other camera is the nearest.
+            let Some(&partner) = other.keys().next() else {
+                if !forced {
+                    return None;
+                }
+                self.give_up(camera, stamp);
+                continue;
+            };
+            let skew = partner - stamp;
+            let rival = own.range((Bound::Excluded(stamp), Bound::Unbounded)).next().map(|(&rival, _)| rival);
+            if skew > self.max_skew_ns {
+                if !forced && other.len() < LATER {
+                    return None;
+                }
+                self.nearest_miss_ns = Some(self.nearest_miss_ns.map_or(skew, |miss| miss.min(skew)));
+                self.give_up(camera, stamp);
+            } else if rival.is_some_and(|rival| rival.abs_diff(partner) < skew) {
+                self.give_up(camera, stamp);
+            } else if skew == 0 || rival.is_some() || forced {
+                let (first, second) = (self.take(camera, stamp)?, self.take(1 - camera, partner)?);
+                let (first, second) = ((stamp, first), (partner, second));
+                return Some(if camera == 0 { [first, second] } else { [second, first] });
+            } else {
+                return None;
+            }
+        }
+    }
+
+    /// The earliest image that waits, of whichever camera.
+    fn earliest(&self) -> Option<(usize, u64)> {
+        let first = |camera: usize| self.waiting[camera].keys().next().map(|&stamp| (stamp, camera));
+        [first(0), first(1)].into_iter().flatten().min().map(|(stamp, camera)| (camera, stamp))
+    }
+
+    fn take(&mut self, camera: usize, stamp: u64) -> Option<T> {
+        let (image, bytes) = self.waiting[camera].remove(&stamp)?;
+        self.bytes -= bytes;
+        Some(image)
+    }
+
+    fn give_up(&mut self, camera: usize, stamp: u64) {
+        self.unpaired += u64::from(self.take(camera, stamp).is_some());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Camera::{Left, Right};
+
+    /// The stamps of the pairs made of images that come in this order, and how many are left over.
+    fn pairs(max_skew_ns: u64, images: &[(Camera, u64)]) -> (Vec<(u64, u64)>, u64) {
+        let mut partners = Partners::new(max_skew_ns);
+        let mut pairs = Vec::new();
+        let mut collect = |partners: &mut Partners<()>| {
+            while let Some([(left, ()), (right, ())]) = partners.pop() {
+                pairs.push((left, right));
+            }
+        };
+        for &(camera, stamp) in images {
+            partners.push(camera, stamp, (), 1);
+            collect(&mut partners);
+        }
+        partners.end();
+        collect(&mut partners);
+        (pairs, partners.unpaired())
+    }
+
+    #[test]
+    fn the_nearest_within_the_skew_is_the_partner() {
+        let images = [(Left, 100), (Right, 103), (Left, 200), (Right, 196), (Right, 306), (Left, 300)];
+        assert_eq!(pairs(5, &images), (vec![(100, 103), (200, 196)], 2));
+        assert_eq!(pairs(6, &images), (vec![(100, 103), (200, 196), (300, 306)], 0));
+    }
+
+    #[test]
+    fn an_image_is_left_to_a_nearer_one() {
+        let images = [(Left, 100), (Right, 120), (Left, 133), (Right, 153), (Left, 166)];
+        assert_eq!(pairs(30, &images), (vec![(133, 120), (166, 153)], 1));
+    }
+
+    #[test]
+    fn a_missing_image_costs_its_partner_alone() {
+        let lefts = (0..20).map(|i| (Left, i * 100));
+        let rights = (0..20).filter(|i| i % 7 != 3).map(|i| (Right, i * 100 + 1));
+        let mut images: Vec<_> = lefts.chain(rights).collect();
+        images.sort_by_key(|&(_, stamp)| stamp);
+        let (found, unpaired) = pairs(5, &images);
+        assert_eq!((found.len(), unpaired), (17, 3));
+        assert!(found.iter().all(|(left, right)| left + 1 == *right));
+    }
+
+    #[test]
+    fn messages_may_come_out_of_order() {
+        let images = [(Right, 200), (Right, 100), (Left, 200), (Left, 300), (Left, 100), (Right, 300)];
+        assert_eq!(pairs(0, &images), (vec![(100, 100), (200, 200), (300, 300)], 0));
+    }
+
+    #[test]
+    fn few_wait_and_all_are_counted() {
+        let mut partners = Partners::new(5);
+        for i in 0..1000 {
+            partners.push(Left, 10 * i, (), 1);
+            assert!(partners.pop().is_none() && partners.waiting[0].len() <= WAITING);
+        }
+        partners.end();
+        assert!(partners.pop().is_none());
+        assert_eq!(partners.unpaired(), 1000);
+    }
+
+    #[test]
+    fn any_order_and_any_stamps_lose_no_image() {
+        let mut random = fastrand::Rng::with_seed(7);
+        for _ in 0..200 {
+            let camera = |left| if left { Left } else { Right };
+            let images: Vec<_> = (0..60).map(|_| (camera(random.bool()), random.u64(0..500))).collect();
+            let (found, unpaired) = pairs(random.u64(0..40), &images);
+            assert_eq!(2 * found.len() as u64 + unpaired, 60);
+        }
+        assert_eq!(pairs(u64::MAX, &[(Left, 0), (Right, u64::MAX), (Left, u64::MAX)]).0, [(u64::MAX, u64::MAX)]);
+    }
+}

@@ -1,0 +1,101 @@
+//! The ROS 2 messages svl reads, taken out of their CDR.
+
+use re_cdr::{CdrReader, Error, LittleEndian, Result};
+
+/// OMG encapsulation header of little-endian CDR.
+pub(super) const CDR_LE: [u8; 4] = [0, 1, 0, 0];
+
+/// Most coefficients of a lens that any of ROS's distortion models has.
+const MAX_DISTORTION: usize = 14;
+
+/// sensor_msgs/msg/Image.
+pub(super) struct Image<'a> {
+    pub(super) stamp: Time,
+    pub(super) height: u32,
+    pub(super) width: u32,
+    pub(super) encoding: &'a str,
+    pub(super) big_endian: bool,
+    /// Bytes from one row to the next.
+    pub(super) step: u32,
+    pub(super) data: &'a [u8],
+}
+
+/// sensor_msgs/msg/CompressedImage.
+pub(super) struct CompressedImage<'a> {
+    pub(super) stamp: Time,
+    pub(super) format: &'a str,
+    pub(super) data: &'a [u8],
+}
+
+/// sensor_msgs/msg/CameraInfo, as far as svl needs it.
+pub(super) struct CameraInfo {
+    pub(super) distortion: Vec<f64>,
+    pub(super) r: [f64; 9],
+    pub(super) p: [f64; 12],
+}
+
+/// builtin_interfaces/msg/Time.
+#[derive(Clone, Copy)]
+pub(super) struct Time {
+    pub(super) sec: i32,
+    pub(super) nanosec: u32,
+}
+
+/// The body of a message, which `read` takes apart.
+///
+/// # Errors
+/// Why it cannot be read.
+pub(super) fn read<'a, T>(
+    data: &'a [u8],
+    read: impl FnOnce(&mut CdrReader<'a, LittleEndian>) -> Result<T>,
+) -> std::result::Result<T, String> {
+    // The header's last two bytes are options, which XCDR 1 leaves open.
+    let body = match data {
+        [0, 1, _, _, body @ ..] => body,
+        _ => return Err("it is not little-endian CDR".to_owned()),
+    };
+    read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
+}
+
+pub(super) fn image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<Image<'a>> {
+    Ok(Image {
+        stamp: header(cdr)?,
+        height: cdr.read_u32()?,
+        width: cdr.read_u32()?,
+        encoding: cdr.read_str()?,
+        big_endian: cdr.read_u8()? != 0,
+        step: cdr.read_u32()?,
+        data: cdr.read_byte_sequence()?,
+    })
+}
+
+pub(super) fn compressed_image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<CompressedImage<'a>> {
+    Ok(CompressedImage { stamp: header(cdr)?, format: cdr.read_str()?, data: cdr.read_byte_sequence()? })
+}
+
+pub(super) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<CameraInfo> {
+    let (_stamp, _height, _width, _model) = (header(cdr)?, cdr.read_u32()?, cdr.read_u32()?, cdr.read_str()?);
+    let coefficients = cdr.read_sequence_length()?;
+    if coefficients > MAX_DISTORTION {
+        return Err(Error::Custom(format!(
+            "{coefficients} distortion coefficients, at most {MAX_DISTORTION} expected"
+        )));
+    }
+    let distortion = (0..coefficients).map(|_| cdr.read_f64()).collect::<Result<_>>()?;
+    let _k: [f64; 9] = floats(cdr)?;
+    Ok(CameraInfo { distortion, r: floats(cdr)?, p: floats(cdr)? })
+}
+
+fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<Time> {
+    let stamp = Time { sec: cdr.read_i32()?, nanosec: cdr.read_u32()? };
+    let _frame_id = cdr.read_str()?;
+    Ok(stamp)
+}
+
+fn floats<const N: usize>(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<[f64; N]> {
+    let mut floats = [0.0; N];
+    for float in &mut floats {
+        *float = cdr.read_f64()?;
+    }
+    Ok(floats)
+}

@@ -1,0 +1,122 @@
+//! Small ROS 2 bags and Foxglove recordings, written without svl.
+
+use re_cdr::{CdrWriter, LittleEndian};
+use std::path::{Path, PathBuf};
+
+/// A message: topic, schema, encoding, log time, bytes.
+pub(crate) struct Message {
+    pub(crate) topic: &'static str,
+    pub(crate) schema: &'static str,
+    pub(crate) encoding: &'static str,
+    pub(crate) log_time: u64,
+    pub(crate) data: Vec<u8>,
+}
+
+/// Writes the messages in this order, in small chunks.
+pub(crate) fn write(folder: &Path, messages: &[Message]) -> PathBuf {
+    let path = folder.join("bag.mcap");
+    let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
+    let mut writer = mcap::WriteOptions::new().profile("ros2").chunk_size(Some(4096)).create(file).unwrap();
+    for Message { topic, schema, encoding, log_time, data } in messages {
+        let schema = writer.add_schema(schema, "some", b"definition").unwrap();
+        let channel_id = writer.add_channel(schema, topic, encoding, &Default::default()).unwrap();
+        let header =
+            mcap::records::MessageHeader { channel_id, sequence: 7, log_time: *log_time, publish_time: log_time + 1 };
+        writer.write_to_known_channel(&header, data).unwrap();
+    }
+    writer.finish().unwrap();
+    path
+}
+
+fn cdr(stamp: u64, write: impl FnOnce(&mut CdrWriter<'_, LittleEndian>)) -> Vec<u8> {
+    let mut data = vec![0, 1, 0, 0];
+    let mut cdr = CdrWriter::<LittleEndian>::new(&mut data);
+    cdr.write_u32((stamp / 1_000_000_000) as u32);
+    cdr.write_u32((stamp % 1_000_000_000) as u32);
+    cdr.write_string("cam");
+    write(&mut cdr);
+    data
+}
+
+/// A sensor_msgs/msg/Image, logged a while after its stamp.
+pub(crate) fn ros_image(
+    topic: &'static str,
+    stamp: u64,
+    (width, height): (usize, usize),
+    encoding: &str,
+    pixels: &[u8],
+) -> Message {
+    let data = cdr(stamp, |cdr| {
+        cdr.write_u32(height as u32);
+        cdr.write_u32(width as u32);
+        cdr.write_string(encoding);
+        cdr.write_u8(0);
+        cdr.write_u32((pixels.len() / height.max(1)) as u32);
+        cdr.write_bytes(pixels);
+    });
+    Message { topic, schema: "sensor_msgs/msg/Image", encoding: "cdr", log_time: stamp + 1_234_567, data }
+}
+
+/// A sensor_msgs/msg/CompressedImage.
+pub(crate) fn ros_compressed(topic: &'static str, stamp: u64, format: &str, bytes: &[u8]) -> Message {
+    let data = cdr(stamp, |cdr| {
+        cdr.write_string(format);
+        cdr.write_bytes(bytes);
+    });
+    Message { topic, schema: "sensor_msgs/msg/CompressedImage", encoding: "cdr", log_time: stamp, data }
+}
+
+/// A sensor_msgs/msg/CameraInfo with these distortion coefficients and this fourth column of P.
+pub(crate) fn camera_info(topic: &'static str, stamp: u64, distortion: &[f64], tx: f64) -> Message {
+    let data = cdr(stamp, |cdr| {
+        cdr.write_u32(16);
+        cdr.write_u32(24);
+        cdr.write_string("plumb_bob");
+        cdr.write_sequence_length(distortion.len());
+        let k = [328.0, 0.0, 12.0, 0.0, 328.0, 8.0, 0.0, 0.0, 1.0];
+        let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let p = [328.0, 0.0, 12.0, tx, 0.0, 328.0, 8.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        distortion.iter().chain(&k).chain(&r).chain(&p).for_each(|&v| cdr.write_f64(v));
+        (0..6).for_each(|_| cdr.write_u32(0));
+        cdr.write_bool(false);
+    });
+    Message { topic, schema: "sensor_msgs/msg/CameraInfo", encoding: "cdr", log_time: stamp, data }
+}
+
+fn timestamp(stamp: u64) -> Option<foxglove::messages::Timestamp> {
+    Some(foxglove::messages::Timestamp::new((stamp / 1_000_000_000) as u32, (stamp % 1_000_000_000) as u32))
+}
+
+fn protobuf<T: foxglove::Encode>(topic: &'static str, schema: &'static str, log_time: u64, message: &T) -> Message {
+    let mut data = Vec::new();
+    message.encode(&mut data).unwrap();
+    Message { topic, schema, encoding: "protobuf", log_time, data }
+}
+
+/// A foxglove.RawImage in protobuf, mono8.
+pub(crate) fn foxglove_raw(topic: &'static str, stamp: u64, (width, height): (usize, usize), pixels: &[u8]) -> Message {
+    let (width, height, data) = (width as u32, height as u32, pixels.to_vec().into());
+    let (timestamp, encoding) = (timestamp(stamp), "mono8".to_owned());
+    let image =
+        foxglove::messages::RawImage { timestamp, width, height, encoding, step: width, data, ..Default::default() };
+    protobuf(topic, "foxglove.RawImage", stamp, &image)
+}
+
+/// A foxglove.CompressedImage in protobuf.
+pub(crate) fn foxglove_compressed(topic: &'static str, stamp: u64, format: &str, bytes: &[u8]) -> Message {
+    let (timestamp, data, format) = (timestamp(stamp), bytes.to_vec().into(), format.to_owned());
+    let image = foxglove::messages::CompressedImage { timestamp, data, format, ..Default::default() };
+    protobuf(topic, "foxglove.CompressedImage", stamp, &image)
+}
+
+/// A foxglove.RawImage in JSON, mono8.
+pub(crate) fn json_raw(topic: &'static str, stamp: u64, (width, height): (usize, usize), pixels: &[u8]) -> Message {
+    use base64::Engine as _;
+    let data = serde_json::json!({
+        "timestamp": {"sec": stamp / 1_000_000_000, "nsec": stamp % 1_000_000_000}, "frame_id": "cam", "width": width,
+        "height": height, "encoding": "mono8", "step": width,
+        "data": base64::engine::general_purpose::STANDARD.encode(pixels),
+    });
+    let data = data.to_string().into_bytes();
+    Message { topic, schema: "foxglove.RawImage", encoding: "json", log_time: stamp, data }
+}
