@@ -40,6 +40,17 @@ fn a_recording_is_whole_after_ctrl_c() {
 }
 
 #[test]
+fn cameras_stop_orderly() {
+    let fixture = Fixture::new();
+    let args = ["record", "sim:size=320x240,pictures=2", "-o", "a.mcap"];
+    let (code, stderr) = interrupted(&fixture, &args, || size(&fixture, "a.mcap") > 100_000);
+    assert_eq!(code, Some(0), "{stderr}");
+    let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
+    let pairs = source.pairs().expect("a whole recording knows its length");
+    assert!(pairs > 0 && (0..pairs).all(|_| source.next().unwrap().is_some()) && source.next().unwrap().is_none());
+}
+
+#[test]
 fn a_score_reports_what_it_had() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 200);
