@@ -1,5 +1,6 @@
 //! Cameras: how they are fired, paired and queued, and which there are.
 
+use super::progress::{interrupted, listen_for_interrupt};
 use super::source::Opened;
 use anyhow::bail;
 use clap::error::ErrorKind;
@@ -42,6 +43,7 @@ pub(super) struct LiveArgs {
 }
 
 const RATE_HZ: f64 = 30.0;
+const MAX_RATE_HZ: f64 = 1000.0;
 const QUEUE: u16 = 64;
 /// What cameras begin with, before the exposure balance has seen anything.
 const FIRST: Settings = Settings { shutter_us: 4_000, gain_mdb: 0 };
@@ -114,6 +116,8 @@ impl LiveArgs {
         let Some(settings) = name.strip_prefix("sim").map(|rest| rest.strip_prefix(':').unwrap_or(rest)) else {
             bail!("{name}: this svl drives no such cameras yet; `svl record --list` shows what there is");
         };
+        self.check()?;
+        listen_for_interrupt();
         let config: SimulatedConfig = settings.parse()?;
         let rate_hz = self.rate_hz()?;
         let period_ns = (1e9 / rate_hz).round() as u64;
@@ -157,9 +161,26 @@ impl LiveArgs {
             },
             rig,
         })?;
-        let source = LiveSource::new(name, grabber);
+        let source = LiveSource::new(name, grabber, interrupted);
         let header = Header { seed: Some(seed), ..Header::new(name) };
         Ok(Opened { live: Some(source.tally()), source: Box::new(source), header, scenario: None, stem: "sim".into() })
+    }
+
+    /// Refuses what contradicts itself.
+    fn check(&self) -> anyhow::Result<()> {
+        let wrong = match (self.pairing, self.trigger()) {
+            (Some(PairingChoice::Trigger), TriggerChoice::Free) => {
+                "free-running cameras have no trigger to be paired by; use --pairing stamp"
+            }
+            (_, TriggerChoice::Fixed(_)) if self.rate.is_some() => {
+                "--trigger fixed:HZ says the rate already; leave --rate out"
+            }
+            _ if self.max_skew_ms.is_some() && !matches!(self.rule(0), Rule::Stamp { .. }) => {
+                "--max-skew-ms is for --pairing stamp"
+            }
+            _ => return Ok(()),
+        };
+        bail!(clap::Error::raw(ErrorKind::ArgumentConflict, format!("{wrong}\n")))
     }
 
     fn trigger(&self) -> TriggerChoice {
@@ -167,15 +188,14 @@ impl LiveArgs {
     }
 
     fn rate_hz(&self) -> anyhow::Result<f64> {
-        match (self.trigger(), self.rate) {
-            (TriggerChoice::Fixed(_), Some(_)) => bail!(clap::Error::raw(
-                ErrorKind::ArgumentConflict,
-                "--trigger fixed:HZ says the rate already; leave --rate out\n"
-            )),
-            (TriggerChoice::Fixed(hz), None) => Ok(hz),
-            (_, rate) => Ok(rate.unwrap_or(RATE_HZ)),
+        let hz = match self.trigger() {
+            TriggerChoice::Fixed(hz) => hz,
+            _ => self.rate.unwrap_or(RATE_HZ),
+        };
+        if hz > MAX_RATE_HZ {
+            bail!("{hz} pairs a second: at most {MAX_RATE_HZ}");
         }
-        .and_then(|hz| if hz <= 1000.0 { Ok(hz) } else { bail!("{hz} pairs a second: at most 1000") })
+        Ok(hz)
     }
 
     fn rule(&self, period_ns: u64) -> Rule {

@@ -145,12 +145,20 @@ impl Grabber {
     /// # Errors
     /// [`Error::Camera`] when a camera or the trigger failed, once, after all pairs from before.
     pub fn next(&mut self) -> Result<Option<Frame>> {
+        self.next_unless(|| false)
+    }
+
+    /// As [`Grabber::next`], but nothing once `stopped`, which is asked again and again.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn next_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
         if let Some(stamp_ns) = self.last_stamp_ns.take() {
             let lateness_ns = self.clock.now_ns().saturating_sub(stamp_ns);
             // Saturates at an hour.
             self.tally.lock().unwrap_or_else(PoisonError::into_inner).lateness_ns.saturating_record(lateness_ns);
         }
-        let frame = self.queue.pop()?;
+        let frame = self.queue.pop_unless(stopped)?;
         self.last_stamp_ns = frame.as_ref().map(|frame| frame.stamp_ns);
         Ok(frame)
     }

@@ -3,6 +3,7 @@
 use crate::error::Result;
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// What to do with a pair when the writer is behind and the queue is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +25,9 @@ pub enum Pushed {
     /// Nobody will read it.
     Abandoned,
 }
+
+/// From one question whether to stop to the next.
+const ASKING: Duration = Duration::from_millis(50);
 
 /// A queue of bounded length with one end to write and one to read.
 pub struct Queue<T> {
@@ -73,11 +77,11 @@ impl<T> Queue<T> {
         self.changed.notify_all();
     }
 
-    /// The next item, waiting for it. After the last one nothing.
+    /// The next item, waiting for it. After the last one nothing, and when `stopped`, which is asked again and again.
     ///
     /// # Errors
     /// What ended the writing end, once, after the last item.
-    pub fn pop(&self) -> Result<Option<T>> {
+    pub fn pop_unless(&self, stopped: impl Fn() -> bool) -> Result<Option<T>> {
         let mut content = self.lock();
         loop {
             if let Some(item) = content.items.pop_front() {
@@ -87,8 +91,19 @@ impl<T> Queue<T> {
             if content.closed {
                 return content.ended.take().unwrap_or(Ok(())).map(|()| None);
             }
-            content = self.changed.wait(content).unwrap_or_else(PoisonError::into_inner);
+            if stopped() {
+                return Ok(None);
+            }
+            content = self.changed.wait_timeout(content, ASKING).unwrap_or_else(PoisonError::into_inner).0;
         }
+    }
+
+    /// As [`Queue::pop_unless`], for ever.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn pop(&self) -> Result<Option<T>> {
+        self.pop_unless(|| false)
     }
 
     /// Nothing is read any more. Says how many items were left.

@@ -1,17 +1,19 @@
 //! Cameras as a source.
 
 use super::Source;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::grab::{Grabber, Tally};
 use crate::stereo::Frame;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A running grabber as a source that never ends by itself.
+/// A running grabber as a source that ends when it is told to.
 ///
 /// When a camera fails, the pairs from before come first, then one [`crate::Error::Camera`].
 pub struct LiveSource {
     name: String,
     grabber: Grabber,
+    stopped: fn() -> bool,
+    pairs: u64,
     last: LastTally,
 }
 
@@ -26,8 +28,9 @@ impl LastTally {
 }
 
 impl LiveSource {
-    pub fn new(name: impl Into<String>, grabber: Grabber) -> Self {
-        Self { name: name.into(), grabber, last: LastTally::default() }
+    /// `stopped`: asked while no pair comes, whether to end.
+    pub fn new(name: impl Into<String>, grabber: Grabber, stopped: fn() -> bool) -> Self {
+        Self { name: name.into(), grabber, stopped, pairs: 0, last: LastTally::default() }
     }
 
     /// Where the tally will be when this is dropped.
@@ -42,7 +45,13 @@ impl Source for LiveSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        self.grabber.next()
+        let frame = self.grabber.next_unless(self.stopped)?;
+        self.pairs += u64::from(frame.is_some());
+        if self.pairs == 0 {
+            let reason = "gave no pair; the counts say why, and another --trigger or --pairing may help";
+            return Err(Error::camera(&self.name, reason));
+        }
+        Ok(frame)
     }
 
     fn pairs(&self) -> Option<u64> {

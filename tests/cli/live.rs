@@ -64,6 +64,9 @@ fn wrong_usage_is_one_line() {
     fixture.svl(&["record", "sim:arm=3", "-o", "a.mcap"]).failed(1, &["sim", "'arm=3'", "arm_ms"]);
     fixture.svl(&["record", "arena", "--rate", "3"]).failed(2, &["--rate is for cameras", "'arena'"]);
     fixture.svl(&["record", SIM, "--trigger", "fixed:9", "--rate", "9"]).failed(2, &["leave --rate out"]);
+    fixture.svl(&["record", SIM, "--trigger", "free", "--pairing", "trigger"]).failed(2, &["--pairing stamp"]);
+    fixture.svl(&["record", SIM, "--max-skew-ms", "3"]).failed(2, &["--max-skew-ms is for --pairing stamp"]);
+    fixture.svl(&["record", SIM, "--rate", "5000"]).failed(1, &["5000 pairs a second"]);
     fixture.svl(&["record", SIM, "--trigger", "often"]).failed(2, &["--trigger", "serial:DEVICE"]);
     fixture.svl(&["record", SIM, "--trigger", "serial:/dev/nowhere"]).failed(1, &["/dev/nowhere: cannot be opened"]);
     fixture.svl(&["record", SIM, "--list"]).failed(2, &["--list"]);
