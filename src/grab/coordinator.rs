@@ -107,7 +107,10 @@ impl Coordinator {
             match self.reports.receive(self.deadline_ns()) {
                 Received::Closed => return Ok(()),
                 Received::Nothing => self.check_silence()?,
-                Received::Message(Report { event: Event::Failed(error), .. }) => return Err(error),
+                Received::Message(Report { side, event: Event::Failed(error), .. }) => {
+                    self.finish_exposure(side.other())?;
+                    return Err(error);
+                }
                 Received::Message(Report { side, number, event }) => {
                     if number == self.cameras[side as usize].order {
                         self.hear(side, event)?;
@@ -138,6 +141,26 @@ impl Coordinator {
             }
             // Told by the caller.
             Event::Failed(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// Waits for the image that a camera is taking: its partner may be there.
+    fn finish_exposure(&mut self, side: Side) -> Result<()> {
+        let CameraState { phase, order, .. } = self.cameras[side as usize];
+        let until_ns = self.clock.now_ns().saturating_add(self.timeout_ns);
+        let mut taking = phase == Phase::Exposing || phase == Phase::Armed && self.is_awaited(side);
+        while taking {
+            match self.reports.receive(until_ns) {
+                Received::Message(Report { side: from, number, event: event @ Event::Captured(_) }) => {
+                    if (from, number) == (side, order) {
+                        self.hear(side, event)?;
+                        taking = false;
+                    }
+                }
+                Received::Message(_) => {}
+                Received::Nothing | Received::Closed => taking = false,
+            }
         }
         Ok(())
     }

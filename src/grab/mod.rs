@@ -144,15 +144,15 @@ impl Grabber {
     ///
     /// # Errors
     /// [`Error::Camera`] when a camera or the trigger failed, once, after all pairs from before.
-    pub fn next(&mut self) -> Result<Option<Frame>> {
-        self.next_unless(|| false)
+    pub fn next_pair(&mut self) -> Result<Option<Frame>> {
+        self.next_pair_unless(|| false)
     }
 
-    /// As [`Grabber::next`], but nothing once `stopped`, which is asked again and again.
+    /// As [`Grabber::next_pair`], but nothing once `stopped`, which is asked again and again.
     ///
     /// # Errors
     /// As there.
-    pub fn next_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
+    pub fn next_pair_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
         if let Some(stamp_ns) = self.last_stamp_ns.take() {
             let lateness_ns = self.clock.now_ns().saturating_sub(stamp_ns);
             // Saturates at an hour.

@@ -45,7 +45,7 @@ impl Source for LiveSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let frame = self.grabber.next_unless(self.stopped)?;
+        let frame = self.grabber.next_pair_unless(self.stopped)?;
         self.pairs += u64::from(frame.is_some());
         if self.pairs == 0 {
             let reason = "gave no pair; the counts say why, and another --trigger or --pairing may help";

@@ -10,13 +10,13 @@ fn until_it_fails(fired: Fired, right: Temper) -> (usize, String) {
     let mut grabber = Stage::new(slow(1.0, 0.0), right).start(fired, Rule::Trigger);
     let mut pairs = 0;
     let error = loop {
-        match grabber.next() {
+        match grabber.next_pair() {
             Ok(frame) => pairs += usize::from(frame.expect("it fails before it ends").exposure.skew_ns == 0),
             Err(error) => break error,
         }
     };
     assert!(matches!(error, Error::Camera { .. }), "{error}");
-    assert!(grabber.next().unwrap().is_none(), "it is told once");
+    assert!(grabber.next_pair().unwrap().is_none(), "it is told once");
     let tally = adds_up(grabber.stop());
     assert_eq!(tally.pairs, pairs as u64);
     if fired == Fired::WhenArmed {

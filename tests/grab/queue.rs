@@ -56,7 +56,7 @@ fn every_pair_is_read_or_counted() {
         let stage = Stage { queue: 2, when_full, ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)) };
         let mut grabber = stage.start(Fired::WhenArmed, Rule::Trigger);
         // The clock runs as fast as it can meanwhile, so a queue of two is full in no time.
-        let frames: Vec<_> = (0..50).map(|_| grabber.next().unwrap().unwrap()).collect();
+        let frames: Vec<_> = (0..50).map(|_| grabber.next_pair().unwrap().unwrap()).collect();
         let tally = adds_up(grabber.stop());
         assert_eq!(tally.pairs, 50 + tally.dropped + tally.unread, "{tally}");
         assert_eq!(tally.pulses.abs_diff(tally.pairs).min(1), tally.pulses - tally.pairs);

@@ -77,7 +77,7 @@ impl Stage {
     /// Grabs so many pairs, fewer when it ends by itself, and stops.
     pub fn grab(self, fired: Fired, rule: Rule, pairs: usize) -> (Vec<Frame>, Tally) {
         let mut grabber = self.start(fired, rule);
-        let frames = (0..pairs).map_while(|_| grabber.next().unwrap()).collect();
+        let frames = (0..pairs).map_while(|_| grabber.next_pair().unwrap()).collect();
         (frames, adds_up(grabber.stop()))
     }
 }

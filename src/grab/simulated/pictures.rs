@@ -7,7 +7,7 @@ use crate::grab::Side;
 use crate::stereo::{Gray, Rig, StereoPair};
 use rayon::prelude::*;
 
-/// Pairs without noise, exposed with [`REFERENCE`], at a fixed rate.
+/// Pairs without noise, with an exposure of 8 ms, at a fixed rate.
 ///
 /// Rendering one takes longer than a camera's period, so they are rendered once. They show the world at the time of the
 /// exposure, so a pair of two exposures shows two moments. The shutter makes them brighter, not more blurred.
