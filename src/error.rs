@@ -45,6 +45,9 @@ pub enum Error {
     /// A file could not be got from where it is published.
     #[error("{url}: {reason}")]
     Download { url: String, reason: String },
+    /// A camera or its trigger failed while it was being grabbed from. What came before is good.
+    #[error("{camera}: {reason}")]
+    Camera { camera: String, reason: String },
     /// A scenario or setting that contradicts itself.
     #[error("{0}")]
     Invalid(String),
@@ -64,6 +67,11 @@ impl Error {
     /// A download of `url` that failed.
     pub fn download(url: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Download { url: url.into(), reason: reason.into() }
+    }
+
+    /// A camera or trigger that failed.
+    pub fn camera(camera: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Camera { camera: camera.into(), reason: reason.into() }
     }
 
     /// A recording at `path` that is good only up to here.

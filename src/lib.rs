@@ -39,6 +39,8 @@ pub mod fetch;
 #[cfg(feature = "bench")]
 pub mod files;
 #[cfg(feature = "bench")]
+pub mod grab;
+#[cfg(feature = "bench")]
 pub mod manifest;
 #[cfg(feature = "bench")]
 pub mod overlay;

@@ -8,6 +8,7 @@ use crate::sink::Sink;
 use crate::source::Source;
 use crate::stereo::{DisparityMap, Estimate, Frame};
 use crate::timing::Clock;
+use std::sync::mpsc::{channel, sync_channel};
 use std::time::{Duration, Instant};
 
 /// Watches a run and may end it.
@@ -48,6 +49,8 @@ struct Contestant {
     label: String,
     matcher: Box<dyn Matcher>,
     last_failure: String,
+    /// Maps that the sinks are done with.
+    spent: Vec<DisparityMap>,
 }
 
 impl Lineup {
@@ -62,9 +65,18 @@ impl Lineup {
                 return Err(Error::Invalid(format!("{label}: named twice; name each algorithm once")));
             }
             let matcher = algorithm.build().map_err(|e| Error::Invalid(format!("{label}: {e}")))?;
-            Ok(Contestant { label, matcher, last_failure: String::new() })
+            Ok(Contestant { label, matcher, last_failure: String::new(), spent: Vec::new() })
         };
         algorithms.iter().enumerate().map(contestant).collect::<Result<_>>().map(Self)
+    }
+
+    /// Keeps the maps of estimates for later frames.
+    fn take_back(&mut self, estimates: Vec<Estimate>) {
+        for estimate in estimates {
+            if let Some(contestant) = self.0.iter_mut().find(|contestant| contestant.label == estimate.algorithm) {
+                contestant.spent.push(estimate.disparity);
+            }
+        }
     }
 }
 
@@ -72,6 +84,9 @@ impl Lineup {
 ///
 /// The sinks are finished by the caller, who may have more to say to them: also after an error, so that what came
 /// before it is kept.
+///
+/// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads of their own, in the
+/// same order; else all happens in turn, lest the threads disturb the times that are being measured.
 ///
 /// An algorithm that fails on a frame leaves no estimate of it, and the others go on. The monitor is told, but not again
 /// while the algorithm fails for the same reason frame after frame.
@@ -86,38 +101,114 @@ pub fn run(
     sinks: &mut [&mut dyn Sink],
     monitor: &mut dyn Monitor,
 ) -> Result<Outcome> {
-    let mut outcome = Outcome::default();
-    let mut pacer = Pacer { pace, start: None };
+    let mut matching =
+        Matching { lineup, grid, pacer: Pacer { pace, start: None }, monitor, outcome: Outcome::default() };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let ran = if !matching.lineup.0.is_empty() && cores > rayon::current_num_threads() {
+        side_by_side(source, &mut matching, sinks)
+    } else {
+        in_turn(source, &mut matching, sinks)
+    };
+    ran.map(|()| matching.outcome)
+}
+
+fn in_turn(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mut [&mut dyn Sink]) -> Result<()> {
     while let Some(frame) = source.next()? {
-        pacer.wait_for(&frame);
-        let mut estimates = Vec::with_capacity(lineup.0.len());
-        for Contestant { label, matcher, last_failure } in &mut lineup.0 {
+        let estimates = matching.estimate(&frame)?;
+        sinks.iter_mut().try_for_each(|sink| sink.push(&frame, &estimates))?;
+        matching.lineup.take_back(estimates);
+        if !matching.go_on() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Frames that wait between two threads: enough that neither waits for a single slow one.
+const BETWEEN: usize = 2;
+
+fn side_by_side(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mut [&mut dyn Sink]) -> Result<()> {
+    std::thread::scope(|scope| {
+        let (read, frames) = sync_channel(BETWEEN);
+        scope.spawn(move || {
+            // Ends with the source, its first error, or when nobody wants more.
+            while let Some(next) = source.next().transpose() {
+                let failed = next.is_err();
+                if read.send(next).is_err() || failed {
+                    break;
+                }
+            }
+        });
+        let (matched, judged) = sync_channel::<(Frame, Vec<Estimate>)>(BETWEEN);
+        let (spend, spent) = channel();
+        let pushing = scope.spawn(move || {
+            for (frame, estimates) in judged {
+                sinks.iter_mut().try_for_each(|sink| sink.push(&frame, &estimates))?;
+                // At the end nobody wants them back.
+                let _ = spend.send(estimates);
+            }
+            Ok(())
+        });
+        let mut ran = Ok(());
+        for next in frames {
+            let estimated = next.and_then(|frame| matching.estimate(&frame).map(|estimates| (frame, estimates)));
+            let sent = estimated.map(|estimated| matched.send(estimated).is_ok());
+            spent.try_iter().for_each(|estimates| matching.lineup.take_back(estimates));
+            match sent {
+                Ok(true) if matching.go_on() => {}
+                Ok(_) => break,
+                Err(error) => {
+                    ran = Err(error);
+                    break;
+                }
+            }
+        }
+        // The sinks take what was matched, whatever happened after.
+        drop(matched);
+        let pushed = pushing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        pushed.and(ran)
+    })
+}
+
+/// What is between source and sinks.
+struct Matching<'a> {
+    lineup: &'a mut Lineup,
+    grid: GridSettings,
+    pacer: Pacer,
+    monitor: &'a mut dyn Monitor,
+    outcome: Outcome,
+}
+
+impl Matching<'_> {
+    fn estimate(&mut self, frame: &Frame) -> Result<Vec<Estimate>> {
+        self.pacer.wait_for(frame);
+        let mut estimates = Vec::with_capacity(self.lineup.0.len());
+        for Contestant { label, matcher, last_failure, spent } in &mut self.lineup.0 {
             let (width, height) = frame.pair.size();
-            let mut disparity = DisparityMap::new(width, height)?;
+            let mut disparity = spent.pop().map_or_else(|| DisparityMap::new(width, height), Ok)?;
             let mut clock = Clock::start();
             if let Err(error) = matcher.compute(&frame.pair, &mut disparity, &mut clock) {
-                outcome.failures += 1;
+                self.outcome.failures += 1;
                 let failure = error.to_string();
                 if failure != *last_failure {
-                    monitor.failed(&format!("{label} on pair {}: {failure}", frame.sequence));
+                    self.monitor.failed(&format!("{label} on pair {}: {failure}", frame.sequence));
                 }
                 *last_failure = failure;
                 continue;
             }
             last_failure.clear();
-            let grid = depth::grid(disparity.disparity(), grid.shape(), grid.min_valid, frame.rig.as_ref());
+            let GridSettings { min_valid, .. } = self.grid;
+            let grid = depth::grid(disparity.disparity(), self.grid.shape(), min_valid, frame.rig.as_ref());
             estimates.push(Estimate { algorithm: label.clone(), disparity, grid, times: clock.times() });
         }
-        for sink in sinks.iter_mut() {
-            sink.push(&frame, &estimates)?;
-        }
-        outcome.frames += 1;
-        if !monitor.go_on(outcome.frames) {
-            outcome.interrupted = true;
-            break;
-        }
+        Ok(estimates)
     }
-    Ok(outcome)
+
+    fn go_on(&mut self) -> bool {
+        self.outcome.frames += 1;
+        self.outcome.interrupted = !self.monitor.go_on(self.outcome.frames);
+        !self.outcome.interrupted
+    }
 }
 
 struct Pacer {
@@ -131,5 +222,87 @@ impl Pacer {
         let (began, first_ns) = *self.start.get_or_insert((Instant::now(), frame.stamp_ns));
         let due = Duration::from_nanos((frame.stamp_ns.saturating_sub(first_ns) as f64 / factor) as u64);
         std::thread::sleep(due.saturating_sub(began.elapsed()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::{Gray, StereoPair};
+
+    /// So many frames, then an error.
+    struct Failing(u64);
+
+    impl Source for Failing {
+        fn name(&self) -> String {
+            "failing".into()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>> {
+            self.0 = self.0.checked_sub(1).ok_or_else(|| Error::Invalid("source failed".into()))?;
+            let image = Gray::filled(40, 20, self.0 as u8)?;
+            let pair = StereoPair::new(image.clone(), image)?;
+            let (exposure, stamp_ns) = Default::default();
+            let (name, rig, pose, truth) = (None, None, None, None);
+            Ok(Some(Frame { sequence: self.0, stamp_ns, name, pair, rig, pose, truth, exposure }))
+        }
+
+        fn pairs(&self) -> Option<u64> {
+            None
+        }
+    }
+
+    /// Takes so many frames, then fails.
+    struct Full(usize, Vec<u64>);
+
+    impl Sink for Full {
+        fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
+            assert_eq!(estimates.len(), 1);
+            if self.1.len() == self.0 {
+                return Err(Error::Invalid("sink failed".into()));
+            }
+            self.1.push(frame.sequence);
+            Ok(())
+        }
+
+        fn finish(&mut self) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    struct Until(u64);
+
+    impl Monitor for Until {
+        fn go_on(&mut self, done: u64) -> bool {
+            done < self.0
+        }
+    }
+
+    type Flow = fn(&mut dyn Source, &mut Matching<'_>, &mut [&mut dyn Sink]) -> Result<()>;
+
+    /// What the sink took and how it ended, of 20 frames that end in an error.
+    fn ran(flow: Flow, sink_takes: usize, monitor_wants: u64) -> (Vec<u64>, Result<()>, Outcome) {
+        let mut lineup = Lineup::new(&["v3:max_disparity=8".parse().unwrap()]).unwrap();
+        let (mut sink, mut monitor) = (Full(sink_takes, Vec::new()), Until(monitor_wants));
+        let pacer = Pacer { pace: Pace::Asap, start: None };
+        let (grid, outcome) = (GridSettings::default(), Outcome::default());
+        let mut matching = Matching { lineup: &mut lineup, grid, pacer, monitor: &mut monitor, outcome };
+        let ended = flow(&mut Failing(20), &mut matching, &mut [&mut sink]);
+        let outcome = matching.outcome;
+        (sink.1, ended, outcome)
+    }
+
+    #[test]
+    fn both_flows_take_every_frame_in_order_until_the_same_end() {
+        let all: Vec<u64> = (0..20).rev().collect();
+        for flow in [in_turn as Flow, side_by_side] {
+            let (taken, ended, _) = ran(flow, 100, 100);
+            assert_eq!((taken, ended.unwrap_err().to_string().as_str()), (all.clone(), "source failed"));
+            let (taken, ended, _) = ran(flow, 6, 100);
+            assert_eq!((&taken[..], ended.unwrap_err().to_string().as_str()), (&all[..6], "sink failed"));
+            let (taken, ended, outcome) = ran(flow, 100, 4);
+            assert_eq!((&taken[..], outcome.frames, outcome.interrupted), (&all[..4], 4, true));
+            ended.unwrap();
+        }
     }
 }

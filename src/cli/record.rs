@@ -1,6 +1,8 @@
 //! `svl record`: a source into a recording.
 
-use super::output::{Aside, distinct, may_write};
+use super::devices;
+use super::live::{LiveArgs, is_live};
+use super::output::{Aside, distinct, may_write, print};
 use super::progress::Progress;
 use super::source::{self, Opened, RECORDINGS};
 use std::path::{Path, PathBuf};
@@ -23,12 +25,18 @@ Sources:
   FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
                    (the pairs with truth), or left/ and right/ with equally named images
   FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
+  sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60;
+                    for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
+                    happens, phase_ms, drift_ppm, hang_at=N, disconnect_at=N
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
   svl record arena --seed 7 --duration 5 -o five-seconds.mcap
   svl record datasets/cones -o cones.mcap
-  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap")]
+  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap
+  svl record --list                               the cameras and serial ports of this machine
+  svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
+  svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order    what a fixed rate does to the phase")]
 pub(super) struct Args {
     /// What to record
     #[arg(default_value = "arena")]
@@ -53,14 +61,28 @@ pub(super) struct Args {
     /// Replace a file that exists
     #[arg(long)]
     force: bool,
+    /// List the cameras and trigger devices of this machine
+    #[arg(long, exclusive = true)]
+    list: bool,
+    #[command(flatten)]
+    live: LiveArgs,
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    if args.list {
+        return devices::list();
+    }
     if let Some(path) = &args.output {
         may_write(path, &["mcap"], args.force)?;
         distinct([path.as_path(), Path::new(&args.source)])?;
     }
-    let mut opened = source::open(&args.source, args.seed, &args.topics)?;
+    let mut opened = if is_live(&args.source) {
+        args.live.open(&args.source, args.seed.unwrap_or(1))?
+    } else {
+        args.live.none_given(&args.source)?;
+        source::open(&args.source, args.seed, &args.topics)?
+    };
+    let live = opened.live.clone();
     let output = match &args.output {
         Some(path) => path.clone(),
         None => {
@@ -73,7 +95,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
     let format = if args.compress { ImageFormat::Png } else { ImageFormat::Raw };
     let began = Instant::now();
-    let outcome = match write(opened, &output, format, quiet) {
+    let written = write(opened, &output, format, quiet);
+    if let Some(live) = live.filter(|_| !quiet) {
+        print(&format!("{}: {}\n", output.display(), live.get()))?;
+    }
+    let outcome = match written {
         Ok(outcome) => outcome,
         Err(error) => {
             if output.exists() {
@@ -119,7 +145,7 @@ fn report(path: &Path, outcome: Outcome, seconds: f64) -> anyhow::Result<()> {
     let bytes = path.metadata()?.len();
     let rate = outcome.frames as f64 / seconds;
     let stopped = if outcome.interrupted { ", stopped by Ctrl-C" } else { "" };
-    super::output::print(&format!(
+    print(&format!(
         "{}: {} pairs in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
         path.display(),
         outcome.frames,

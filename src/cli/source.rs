@@ -6,7 +6,7 @@ use svl::arena::{Arena, ArenaConfig};
 use svl::recording::{Header, Selection};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
-use svl::source::{ArenaSource, RecordingSource, Source};
+use svl::source::{ArenaSource, LastTally, RecordingSource, Source};
 
 /// Where recordings are kept.
 pub(super) const RECORDINGS: &str = "recordings";
@@ -22,6 +22,8 @@ pub(super) struct Opened {
     pub scenario: Option<String>,
     /// A file stem for its recording.
     pub stem: String,
+    /// What the grabber did, when it comes from cameras.
+    pub live: Option<LastTally>,
 }
 
 /// Which pairs to read of a recording that svl did not write.
@@ -80,9 +82,6 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Re
     if name == "arena" {
         return arena(&Scenario::arena()?, seed.unwrap_or(1));
     }
-    if name.starts_with("v4l2:") || name.starts_with("genicam:") {
-        bail!("{name}: this svl has no live cameras yet; record from the arena, a folder or a recording");
-    }
     if !path.exists() {
         bail!(
             "{name}: no such source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
@@ -119,6 +118,7 @@ pub(super) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
             ..Header::new("arena")
         },
         scenario: Some(scenario.text.clone()),
+        live: None,
     })
 }
 
@@ -147,7 +147,7 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
         Box::new(SceneSource::new(scenes))
     };
     let header = Header { scenario: Some(stem.clone()), ..Header::new(path.display().to_string()) };
-    Ok(Opened { source, header, scenario: None, stem })
+    Ok(Opened { source, header, scenario: None, stem, live: None })
 }
 
 fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
@@ -155,7 +155,7 @@ fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
     let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(path.display().to_string()));
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
     let scenario = source.scenario()?;
-    Ok(Opened { source: Box::new(source), header, scenario, stem })
+    Ok(Opened { source: Box::new(source), header, scenario, stem, live: None })
 }
 
 /// The folder of the data sets: the one named, or what `SVL_DATASETS` names.

@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::stereo::{Estimate, Frame};
 
 /// Takes every frame of a run with the estimates made of it.
-pub trait Sink {
+pub trait Sink: Send {
     /// # Errors
     /// What keeps it from being kept. What was taken before stays readable.
     fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()>;

@@ -3,10 +3,12 @@
 mod arena;
 pub mod dataset;
 mod limited;
+mod live;
 mod recording;
 
 pub use arena::ArenaSource;
 pub use limited::Limited;
+pub use live::{LastTally, LiveSource};
 pub use recording::RecordingSource;
 
 use crate::error::Result;

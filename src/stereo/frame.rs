@@ -33,7 +33,7 @@ pub struct Exposure {
     pub shutter_us: u32,
     /// Sensor gain in thousandths of a decibel.
     pub gain_mdb: i32,
-    /// Frames that found no partner since the recording began.
+    /// Images that are not in the recording since it began: without a partner, or dropped with it.
     pub drops: u64,
 }
 

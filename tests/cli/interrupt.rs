@@ -40,6 +40,28 @@ fn a_recording_is_whole_after_ctrl_c() {
 }
 
 #[test]
+fn cameras_stop_orderly() {
+    let fixture = Fixture::new();
+    let args = ["record", "sim:size=320x240,pictures=2", "-o", "a.mcap"];
+    let (code, stderr) = interrupted(&fixture, &args, || size(&fixture, "a.mcap") > 100_000);
+    assert_eq!(code, Some(0), "{stderr}");
+    let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
+    let pairs = source.pairs().expect("a whole recording knows its length");
+    assert!(pairs > 0 && (0..pairs).all(|_| source.next().unwrap().is_some()) && source.next().unwrap().is_none());
+}
+
+#[test]
+fn cameras_that_give_no_pair_can_be_stopped() {
+    let fixture = Fixture::new();
+    let sim = "sim:size=320x240,pictures=2,right.phase_ms=15";
+    let args = ["record", sim, "--trigger", "free", "-o", "a.mcap"];
+    let (code, stderr) = interrupted(&fixture, &args, || fixture.path("a.mcap").exists());
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(stderr.contains("gave no pair") && stderr.lines().count() == 1, "{stderr}");
+    assert!(!fixture.path("a.mcap").exists(), "a file without a pair stands in the way");
+}
+
+#[test]
 fn a_score_reports_what_it_had() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 200);

@@ -12,6 +12,7 @@ mod exec;
 mod help;
 mod info;
 mod interrupt;
+mod live;
 mod matching;
 mod record;
 mod replay;

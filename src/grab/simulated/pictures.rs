@@ -1,0 +1,68 @@
+//! What simulated cameras see: a piece of the arena's run, rendered before and shown to and fro.
+
+use super::sensor::REFERENCE;
+use crate::arena::{Arena, ArenaConfig};
+use crate::error::{Error, Result};
+use crate::grab::Side;
+use crate::stereo::{Gray, Rig, StereoPair};
+use rayon::prelude::*;
+
+/// Pairs without noise, with an exposure of 8 ms, at a fixed rate.
+///
+/// Rendering one takes longer than a camera's period, so they are rendered once. They show the world at the time of the
+/// exposure, so a pair of two exposures shows two moments. The shutter makes them brighter, not more blurred.
+pub struct Pictures {
+    pairs: Vec<StereoPair>,
+    period_ns: u64,
+    rig: Option<Rig>,
+}
+
+impl Pictures {
+    /// Renders the first `count` pictures of the arena's run in `size`, `rate_hz` a second but at most 100.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when the arena cannot be made so.
+    pub fn render((width_px, height_px): (usize, usize), rate_hz: f64, count: usize, seed: u64) -> Result<Self> {
+        // A sharp picture's shutter has to fit into its period.
+        let rate_hz = rate_hz.min(100.0);
+        let mut config = ArenaConfig::default();
+        let duration_s = config.frames as f64 / config.rate_hz;
+        config.rate_hz = rate_hz;
+        config.frames = (duration_s * rate_hz).ceil() as u64;
+        (config.rig.width_px, config.rig.height_px) = (width_px, height_px);
+        config.sensor.noise = false;
+        (config.sensor.shutter_us, config.sensor.gain_db) = (REFERENCE.shutter_us, f64::from(REFERENCE.gain_mdb) / 1e3);
+        let arena = Arena::new(&config, seed)?;
+        let count = (count as u64).min(arena.frames());
+        let pairs: Result<Vec<_>> =
+            (0..count).into_par_iter().map(|i| arena.frame(i).map(|frame| frame.pair)).collect();
+        Self::new(pairs?, rate_hz, Some(arena.rig()))
+    }
+
+    /// From pictures that there are.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when there are none, or `rate_hz` is none.
+    pub fn new(pairs: Vec<StereoPair>, rate_hz: f64, rig: Option<Rig>) -> Result<Self> {
+        let period_ns = (1e9 / rate_hz).round() as u64;
+        if pairs.is_empty() || period_ns == 0 || !rate_hz.is_finite() {
+            return Err(Error::Invalid(format!("simulated cameras: {} pictures, {rate_hz} a second", pairs.len())));
+        }
+        Ok(Self { pairs, period_ns, rig })
+    }
+
+    pub fn rig(&self) -> Option<Rig> {
+        self.rig
+    }
+
+    /// What a camera has before it at a time: to the end of the pictures, back, and again.
+    pub(super) fn at(&self, side: Side, time_ns: u64) -> &Gray {
+        let turns = (2 * (self.pairs.len() - 1)).max(1);
+        let step = ((time_ns / self.period_ns) % turns as u64) as usize;
+        let pair = &self.pairs[if step < self.pairs.len() { step } else { turns - step }];
+        match side {
+            Side::Left => pair.left(),
+            Side::Right => pair.right(),
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Light to grey values, quickly: what an exposure makes of a picture without noise.
+
+use crate::error::Result;
+use crate::grab::Settings;
+use crate::stereo::Gray;
+
+/// What pictures are exposed with before a sensor exposes them again.
+pub(super) const REFERENCE: Settings = Settings { shutter_us: 8_000, gain_mdb: 0 };
+
+/// Photoelectrons that make 255 at 0 dB, and the deviation of the read noise: those of the arena's cameras.
+const FULL_SCALE_E: f32 = 9_000.0;
+const READ_NOISE_E: f32 = 25.0;
+
+/// Deviates in the table that noise is taken from, a row at a time from anywhere in it.
+const NOISE: usize = 1 << 17;
+
+/// A camera's sensor in a world of some brightness.
+pub(super) struct Sensor {
+    light: f64,
+    random: fastrand::Rng,
+    noise: Vec<f32>,
+}
+
+impl Sensor {
+    /// `light`: 1 as in the arena.
+    pub(super) fn new(light: f64, seed: u64) -> Self {
+        let mut random = fastrand::Rng::with_seed(seed);
+        // The sum of four uniform ones, with unit variance.
+        let noise = (0..NOISE).map(|_| ((0..4).map(|_| random.f32()).sum::<f32>() - 2.0) * 1.732_050_8).collect();
+        Self { light, random, noise }
+    }
+
+    /// The picture as exposed with `settings`: photons, their noise, the amplifier and its noise, 8 bits.
+    pub(super) fn expose(&mut self, picture: &Gray, settings: Settings) -> Result<Gray> {
+        let photons = self.light * f64::from(settings.shutter_us) / f64::from(REFERENCE.shutter_us);
+        let gain = 10f64.powf(f64::from(settings.gain_mdb - REFERENCE.gain_mdb) / 20_000.0);
+        let e_per_grey = FULL_SCALE_E / 255.0;
+        let means: [f32; 256] = std::array::from_fn(|grey| grey as f32 * e_per_grey * photons as f32);
+        let grey_per_e = gain as f32 / e_per_grey;
+        let exposed = means.map(|e| {
+            let deviation_e = (e + READ_NOISE_E * READ_NOISE_E).sqrt();
+            (e * grey_per_e + 0.5, deviation_e * grey_per_e)
+        });
+        let (width, height) = picture.size();
+        let mut pixels = Vec::with_capacity(width * height);
+        for row in picture.rows() {
+            let noise = &self.noise[self.random.usize(..=NOISE - width)..][..width];
+            pixels.extend(row.iter().zip(noise).map(|(&grey, noise)| {
+                let (mean, deviation) = exposed[usize::from(grey)];
+                (mean + deviation * noise) as u8
+            }));
+        }
+        Gray::from_vec(width, height, pixels)
+    }
+}

@@ -1,0 +1,95 @@
+//! What the grabber did, in numbers.
+
+use super::pairing::Unpaired;
+use hdrhistogram::Histogram;
+use std::fmt;
+
+/// Counts of a run. Nothing goes uncounted: `frames` = 2 · `pairs` + `unpaired`, and `pairs` = read by the writer +
+/// `dropped` + `unread`.
+#[derive(Clone, Debug)]
+pub struct Tally {
+    /// Pulses sent to the cameras.
+    pub pulses: u64,
+    /// Pulses that the trigger counted and nobody asked for.
+    pub stray_pulses: u64,
+    /// Images of the left and of the right camera.
+    pub frames: [u64; 2],
+    pub pairs: u64,
+    /// Images in no pair, by reason, in the order of [`Unpaired::ALL`].
+    pub unpaired: [u64; Unpaired::ALL.len()],
+    /// Pairs that a full queue dropped.
+    pub dropped: u64,
+    /// How many times the grabber waited for the writer.
+    pub waited: u64,
+    /// Pairs that were still queued when the writer had enough.
+    pub unread: u64,
+    /// |right − left stamp| of the pairs, nanoseconds.
+    pub skew_ns: Histogram<u64>,
+    /// From the middle of a pair's exposure until it was written, nanoseconds.
+    pub lateness_ns: Histogram<u64>,
+}
+
+/// Three digits of everything up to an hour: 50 kB, however long the run.
+fn histogram() -> Histogram<u64> {
+    // Constants within the bounds that its documentation gives.
+    Histogram::new_with_bounds(1, 3_600_000_000_000, 3).expect("valid bounds")
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        let (skew_ns, lateness_ns) = (histogram(), histogram());
+        Self {
+            pulses: 0,
+            stray_pulses: 0,
+            frames: [0; 2],
+            pairs: 0,
+            unpaired: Default::default(),
+            dropped: 0,
+            waited: 0,
+            unread: 0,
+            skew_ns,
+            lateness_ns,
+        }
+    }
+}
+
+impl Tally {
+    /// Images that are in no recording: without a partner, or dropped with it.
+    pub fn drops(&self) -> u64 {
+        self.unpaired.iter().sum::<u64>() + 2 * self.dropped
+    }
+}
+
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.pulses > 0 {
+            write!(f, "{} pulses, ", self.pulses)?;
+        }
+        if self.stray_pulses > 0 {
+            write!(f, "{} more that nobody asked for, ", self.stray_pulses)?;
+        }
+        let Self { frames: [left, right], pairs, dropped, waited, unread, .. } = self;
+        write!(f, "{left} left and {right} right images, {pairs} pairs; ")?;
+        let unpaired = Unpaired::ALL.iter().zip(self.unpaired).filter(|(_, n)| *n > 0);
+        let unpaired: Vec<_> = unpaired.map(|(reason, n)| format!("{n} {}", reason.words())).collect();
+        match unpaired.is_empty() {
+            true => write!(f, "none unpaired; ")?,
+            false => write!(f, "unpaired: {}; ", unpaired.join(", "))?,
+        }
+        write!(f, "{dropped} pairs dropped by a full queue, {waited} waits for the writer")?;
+        if *unread > 0 {
+            write!(f, ", {unread} grabbed beyond the end")?;
+        }
+        write!(f, "; skew {}; writer's lateness {}", Percentiles(&self.skew_ns), Percentiles(&self.lateness_ns))
+    }
+}
+
+/// In milliseconds.
+struct Percentiles<'a>(&'a Histogram<u64>);
+
+impl fmt::Display for Percentiles<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ms = |quantile| self.0.value_at_quantile(quantile) as f64 / 1e6;
+        write!(f, "p50 {:.3} p99 {:.3} max {:.3} ms", ms(0.5), ms(0.99), ms(1.0))
+    }
+}

@@ -1,0 +1,58 @@
+//! Cameras that hang or are unplugged.
+
+use crate::stage::{Fired, Stage, adds_up, slow};
+use svl::Error;
+use svl::grab::simulated::Temper;
+use svl::grab::{Rule, Unpaired};
+
+/// Grabs until it fails; returns the pairs before and the error.
+fn until_it_fails(fired: Fired, right: Temper) -> (usize, String) {
+    let mut grabber = Stage::new(slow(1.0, 0.0), right).start(fired, Rule::Trigger);
+    let mut pairs = 0;
+    let error = loop {
+        match grabber.next_pair() {
+            Ok(frame) => pairs += usize::from(frame.expect("it fails before it ends").exposure.skew_ns == 0),
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(error, Error::Camera { .. }), "{error}");
+    assert!(grabber.next_pair().unwrap().is_none(), "it is told once");
+    let tally = adds_up(grabber.stop());
+    assert_eq!(tally.pairs, pairs as u64);
+    if fired == Fired::WhenArmed {
+        assert!(tally.unpaired[Unpaired::Unfinished as usize] <= 1, "{tally}");
+    }
+    (pairs, error.to_string())
+}
+
+#[test]
+fn what_came_before_a_camera_hangs_is_kept() {
+    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+        let (pairs, error) = until_it_fails(fired, Temper { hang_at: Some(20), ..Temper::default() });
+        assert_eq!(pairs, 20);
+        assert_eq!(error, "right camera, sim right: silent for 3.0 s; check its power, its cable and its trigger line");
+    }
+}
+
+#[test]
+fn what_came_before_a_camera_is_unplugged_is_kept() {
+    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+        let (pairs, error) = until_it_fails(fired, Temper { disconnect_at: Some(20), ..Temper::default() });
+        assert_eq!(pairs, 20);
+        assert_eq!(error, "right camera, sim right: disconnected; plug it in and record again");
+    }
+}
+
+#[test]
+fn a_camera_that_is_slow_beyond_patience_is_named() {
+    let (pairs, error) = until_it_fails(Fired::WhenArmed, slow(10_000.0, 0.0));
+    assert_eq!(pairs, 0);
+    assert!(error.starts_with("right camera, sim right: silent"), "{error}");
+}
+
+#[test]
+fn a_grabber_that_nobody_reads_ends() {
+    drop(Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)).start(Fired::WhenArmed, Rule::Trigger));
+    let stage = Stage { queue: 1, ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)) };
+    drop(stage.start(Fired::AtFixedRate, Rule::Trigger));
+}

@@ -1,0 +1,104 @@
+//! Two simulated cameras on a scripted clock.
+
+use std::sync::Arc;
+use std::time::Duration;
+use svl::grab::simulated::{Drive, Pictures, SimulatedCamera, SimulatedTrigger, Temper, Wire};
+use svl::grab::{Camera, Clock, Grabber, Policy, Rule, Settings, Setup, Side, Tally, WhenFull};
+use svl::stereo::{Frame, Gray, StereoPair};
+
+pub const MS: u64 = 1_000_000;
+/// 60 a second, nearly.
+pub const PERIOD_NS: u64 = 16 * MS;
+
+/// How the cameras are fired.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Fired {
+    WhenArmed,
+    AtFixedRate,
+    Freely,
+}
+
+/// What a test changes of the usual.
+pub struct Stage {
+    pub clock: Arc<Clock>,
+    pub tempers: [Temper; 2],
+    pub light: f64,
+    pub queue: usize,
+    pub when_full: WhenFull,
+    pub first: Settings,
+    /// Pairs between two looks of the exposure balance; never, unless a test is about it.
+    pub balance_every: u32,
+}
+
+pub const FIRST: Settings = Settings { shutter_us: 4_000, gain_mdb: 0 };
+
+impl Stage {
+    pub fn new(left: Temper, right: Temper) -> Self {
+        let (queue, when_full) = (100_000, WhenFull::Wait);
+        let (tempers, first, balance_every) = ([left, right], FIRST, u32::MAX);
+        Self { clock: Clock::scripted(), tempers, light: 1.0, queue, when_full, first, balance_every }
+    }
+
+    pub fn start(self, fired: Fired, rule: Rule) -> Grabber {
+        let Self { clock, tempers, light, queue, when_full, first, balance_every } = self;
+        let wire = Wire::new(&clock);
+        let pictures = Arc::new(pictures());
+        let [left, right] = tempers;
+        let camera = |side, temper| -> Box<dyn Camera> {
+            let drive = match fired {
+                Fired::Freely => Drive::Free { period_ns: PERIOD_NS },
+                _ => Drive::Wire(wire.clone()),
+            };
+            Box::new(SimulatedCamera::new(side, &clock, drive, &pictures, light, temper))
+        };
+        let cameras = [camera(Side::Left, left), camera(Side::Right, right)];
+        let trigger = Box::new(SimulatedTrigger::new(&wire));
+        let policy = match fired {
+            Fired::WhenArmed => Policy::Coordinated { trigger, period_ns: PERIOD_NS },
+            Fired::AtFixedRate => Policy::FixedRate { trigger, period_ns: PERIOD_NS },
+            Fired::Freely => Policy::Free,
+        };
+        Grabber::start(Setup {
+            clock,
+            cameras,
+            policy,
+            rule,
+            settings: first,
+            max_shutter_us: 8_000,
+            balance_every,
+            timeout: Duration::from_secs(1),
+            queue,
+            when_full,
+            rig: pictures.rig(),
+        })
+        .unwrap()
+    }
+
+    /// Grabs so many pairs, fewer when it ends by itself, and stops.
+    pub fn grab(self, fired: Fired, rule: Rule, pairs: usize) -> (Vec<Frame>, Tally) {
+        let mut grabber = self.start(fired, rule);
+        let frames = (0..pairs).map_while(|_| grabber.next_pair().unwrap()).collect();
+        (frames, adds_up(grabber.stop()))
+    }
+}
+
+/// Nothing is uncounted.
+#[track_caller]
+pub fn adds_up(tally: Tally) -> Tally {
+    assert_eq!(tally.frames.iter().sum::<u64>(), 2 * tally.pairs + tally.unpaired.iter().sum::<u64>(), "{tally}");
+    tally
+}
+
+/// Small pictures, each of one grey: what a frame shows says when it was exposed.
+fn pictures() -> Pictures {
+    let pair = |grey| {
+        let image = Gray::filled(32, 24, grey).unwrap();
+        StereoPair::new(image.clone(), image).unwrap()
+    };
+    Pictures::new((0..60).map(|i| pair(70 + i)).collect(), 60.0, None).unwrap()
+}
+
+/// A camera that needs so long to get ready, and up to so much longer.
+pub fn slow(arm_ms: f64, jitter_ms: f64) -> Temper {
+    Temper { arm_ms, jitter_ms, ..Temper::default() }
+}
