@@ -28,9 +28,6 @@ pub(super) struct LiveArgs {
     /// either [default: trigger with software and serial, else stamp]
     #[arg(long, value_name = "trigger|stamp|order")]
     pairing: Option<PairingChoice>,
-    /// How far stamps of a pair may be apart with --pairing stamp [default: a quarter of the period]
-    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = super::positive)]
-    max_skew_ms: Option<f64>,
     /// Pairs that may wait for the disk [default: 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     queue: Option<u16>,
@@ -97,7 +94,6 @@ impl LiveArgs {
             (self.trigger.is_some(), "--trigger"),
             (self.rate.is_some(), "--rate"),
             (self.pairing.is_some(), "--pairing"),
-            (self.max_skew_ms.is_some(), "--max-skew-ms"),
             (self.queue.is_some(), "--queue"),
             (self.when_full.is_some(), "--when-full"),
             (self.timeout.is_some(), "--timeout"),
@@ -112,11 +108,11 @@ impl LiveArgs {
     }
 
     /// Starts the cameras that `name` says.
-    pub(super) fn open(&self, name: &str, seed: u64) -> anyhow::Result<Opened> {
+    pub(super) fn open(&self, name: &str, seed: u64, max_skew_ms: Option<f64>) -> anyhow::Result<Opened> {
         let Some(settings) = name.strip_prefix("sim").map(|rest| rest.strip_prefix(':').unwrap_or(rest)) else {
             bail!("{name}: this svl drives no such cameras yet; `svl record --list` shows what there is");
         };
-        self.check()?;
+        self.check(max_skew_ms)?;
         listen_for_interrupt();
         let config: SimulatedConfig = settings.parse()?;
         let rate_hz = self.rate_hz()?;
@@ -148,7 +144,7 @@ impl LiveArgs {
             clock,
             cameras,
             policy,
-            rule: self.rule(period_ns),
+            rule: self.rule(period_ns, max_skew_ms),
             settings: FIRST,
             // Half a period is left for arming and transfer.
             max_shutter_us: (period_ns / 2_000) as u32,
@@ -167,7 +163,7 @@ impl LiveArgs {
     }
 
     /// Refuses what contradicts itself.
-    fn check(&self) -> anyhow::Result<()> {
+    fn check(&self, max_skew_ms: Option<f64>) -> anyhow::Result<()> {
         let wrong = match (self.pairing, self.trigger()) {
             (Some(PairingChoice::Trigger), TriggerChoice::Free) => {
                 "free-running cameras have no trigger to be paired by; use --pairing stamp"
@@ -175,7 +171,7 @@ impl LiveArgs {
             (_, TriggerChoice::Fixed(_)) if self.rate.is_some() => {
                 "--trigger fixed:HZ says the rate already; leave --rate out"
             }
-            _ if self.max_skew_ms.is_some() && !matches!(self.rule(0), Rule::Stamp { .. }) => {
+            _ if max_skew_ms.is_some() && !matches!(self.rule(0, max_skew_ms), Rule::Stamp { .. }) => {
                 "--max-skew-ms is for --pairing stamp"
             }
             _ => return Ok(()),
@@ -198,8 +194,8 @@ impl LiveArgs {
         Ok(hz)
     }
 
-    fn rule(&self, period_ns: u64) -> Rule {
-        let max_skew_ns = self.max_skew_ms.map_or(period_ns / 4, |ms| (ms * 1e6) as u64);
+    fn rule(&self, period_ns: u64, max_skew_ms: Option<f64>) -> Rule {
+        let max_skew_ns = max_skew_ms.map_or(period_ns / 4, |ms| (ms * 1e6) as u64);
         match (self.pairing, self.trigger()) {
             (Some(PairingChoice::Trigger), _) => Rule::Trigger,
             (Some(PairingChoice::Stamp), _) => Rule::Stamp { max_skew_ns },

@@ -175,3 +175,18 @@ fn command() -> clap::Command {
 fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0).ok_or_else(|| "expected a positive number".to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    /// clap itself looks only in debug builds.
+    #[test]
+    fn no_option_stands_twice() {
+        for subcommand in super::command().get_subcommands() {
+            let mut longs: Vec<_> = subcommand.get_arguments().filter_map(|argument| argument.get_long()).collect();
+            let all = longs.len();
+            longs.sort_unstable();
+            longs.dedup();
+            assert_eq!(longs.len(), all, "{}", subcommand.get_name());
+        }
+    }
+}

@@ -3,8 +3,9 @@
 use super::devices;
 use super::live::{LiveArgs, is_live};
 use super::output::{Aside, distinct, may_write, print};
-use super::progress::Progress;
+use super::progress::{Progress, listen_for_interrupt};
 use super::source::{self, Opened, RECORDINGS};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::manifest::Manifest;
@@ -77,7 +78,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         distinct([path.as_path(), Path::new(&args.source)])?;
     }
     let mut opened = if is_live(&args.source) {
-        args.live.open(&args.source, args.seed.unwrap_or(1))?
+        if args.topics.are_named() {
+            bail!("{}: --left and --right choose topics of a recording (.mcap)", args.source);
+        }
+        args.live.open(&args.source, args.seed.unwrap_or(1), args.topics.max_skew_ms)?
     } else {
         args.live.none_given(&args.source)?;
         source::open(&args.source, args.seed, &args.topics)?
@@ -117,6 +121,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
 /// Records all of a source into `path`, which does not exist yet.
 pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet: bool) -> anyhow::Result<Outcome> {
+    // From here on Ctrl-C leaves a whole file.
+    listen_for_interrupt();
     let mut writer = Writer::create(path, &opened.header, format)?;
     let scenario = opened.header.scenario.as_deref().unwrap_or(&opened.stem);
     writer.identify(&Manifest::new(scenario, opened.scenario.as_deref(), &[])?)?;

@@ -35,9 +35,9 @@ pub(super) struct Topics {
     /// Topic of the right images
     #[arg(long, value_name = "TOPIC")]
     right: Option<String>,
-    /// How far the stamps of a pair may be apart, in another program's recording [default: 5]
+    /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period]
     #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = milliseconds)]
-    max_skew_ms: Option<f64>,
+    pub max_skew_ms: Option<f64>,
 }
 
 fn milliseconds(text: &str) -> Result<f64, String> {
@@ -54,8 +54,13 @@ impl Topics {
         }
     }
 
+    /// Whether the topics of a recording are named.
+    pub(super) fn are_named(&self) -> bool {
+        self.left.is_some() || self.right.is_some()
+    }
+
     fn are_given(&self) -> bool {
-        self.left.is_some() || self.right.is_some() || self.max_skew_ms.is_some()
+        self.are_named() || self.max_skew_ms.is_some()
     }
 }
 

@@ -164,6 +164,9 @@ fn what_cannot_be_had_is_one_line_with_the_cure() {
         fetch(&fixture, &["middlebury2003", "--from", url, "--data", "d"]).failed(1, words);
     };
     from(&format!("{}/old", server.url), &["no such file there", "home page", "--from", "404"]);
+    from(&server.url, &["cones-png-2.zip: is a web page", "is the address right"]);
+    assert!(!fixture.path("d/middlebury2003/cones/cones-png-2.zip").exists());
+    let server = Server::new(&[("cones/cones-png-2.zip", b"PK not quite".to_vec())], POLITE);
     from(&server.url, &["cones-png-2.zip: not a whole archive", "delete it and fetch it again"]);
     std::fs::remove_file(fixture.path("d/middlebury2003/cones/cones-png-2.zip")).unwrap();
     // A port that was free a moment ago: nobody listens.

@@ -144,7 +144,7 @@ fn what_fails_leaves_the_earlier_report() {
     fixture.write_pair("d/s/im0.pgm", "d/s/im1.pgm", (64, 48), 4);
     let text = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"disparity\"\ntolerance_px = 2.0\n[source]\nkind = \"dataset\"\nscenes = [\"s\"]\n";
     fixture.write("m.toml", text);
-    let score = || fixture.svl(&["score", "m.toml", "--data", "d"]);
+    let score = || fixture.svl(&["score", "m.toml", "--data", "d", "-q"]);
     score().done();
     let rows = |folder: &str| std::fs::read_to_string(fixture.path(&format!("reports/{folder}/rows.csv"))).unwrap();
     let earlier = rows("m");
