@@ -92,7 +92,8 @@ impl Cli {
             Err(error) => return wrong_usage(&error),
         };
         cli.configure();
-        match cli.command.run(cli.quiet) {
+        // As one of rayon's threads: beside them it would be one too many for the cores, and they wait for each other.
+        match rayon::scope(|_| cli.command.run(cli.quiet)) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => match error.downcast_ref() {
                 Some(usage) => wrong_usage(usage),
