@@ -177,8 +177,8 @@ impl Fetching {
         let own = self.folder.join(&key);
         let downloads = !matches!(self.origin, Origin::Folder(_)) && !own.exists();
         let (path, from) = self.obtain(part, file, &own)?;
-        let page =
-            std::fs::File::open(&path).map(|file| file.take(1).bytes().next().is_some_and(|b| matches!(b, Ok(b'<'))));
+        let mut first = [0];
+        let page = std::fs::File::open(&path).and_then(|mut file| Ok(file.read(&mut first)? == 1 && first == *b"<"));
         if page.with_context(|| path.display().to_string())? {
             if downloads {
                 // It would be taken for the file the next time.
