@@ -27,6 +27,8 @@
 
 #[cfg(feature = "bench")]
 pub mod arena;
+#[cfg(feature = "calibrate")]
+pub mod calibrate;
 pub mod depth;
 mod error;
 pub mod kernel;

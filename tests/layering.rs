@@ -13,6 +13,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("matcher", &["stereo", "kernel"]),
     ("depth", &["stereo", "kernel"]),
     ("arena", &["stereo", "kernel"]),
+    ("calibrate", &["stereo", "kernel", "depth"]),
     ("files", &["stereo"]),
     ("fetch", &["files"]),
     ("overlay", &["stereo"]),
