@@ -86,7 +86,9 @@ impl Lineup {
 /// before it is kept.
 ///
 /// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads of their own, in the
-/// same order; else all happens in turn, lest the threads disturb the times that are being measured.
+/// same order; else all happens in turn, lest the threads disturb the times that are being measured. A source or sink that
+/// computes on rayon's own pool, as the arena does, must then not be run from within a pool of one thread: it would wait
+/// for the thread that waits for it. Recordings and svl's sinks do not.
 ///
 /// An algorithm that fails on a frame leaves no estimate of it, and the others go on. The monitor is told, but not again
 /// while the algorithm fails for the same reason frame after frame.
