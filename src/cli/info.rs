@@ -89,12 +89,16 @@ fn skew(skew: &Skew) -> Vec<String> {
     let mut lines = vec![format!("skew       {min} .. {max} {unit}, median {median} {unit}")];
     let most = skew.histogram.iter().map(|bin| bin.pairs).max().unwrap_or(0);
     if skew.histogram.len() > 1 {
+        // Edges are multiples of a bin's width.
+        let width_ns = skew.histogram[0].to_ns.abs_diff(skew.histogram[0].from_ns).max(1) as f64;
+        let digits = (unit_ns / width_ns).log10().ceil().max(0.0) as usize;
+        let edge = |ns: i64| format!("{:.digits$}", ns as f64 / unit_ns);
         lines.extend(skew.histogram.iter().map(|bin| {
             let bar = "#".repeat((bin.pairs * BAR).div_ceil(most) as usize);
             format!(
                 "           {:>7} .. {:>7} {unit} {bar:<width$} {}",
-                number(bin.from_ns),
-                number(bin.to_ns),
+                edge(bin.from_ns),
+                edge(bin.to_ns),
                 bin.pairs,
                 width = BAR as usize
             )
