@@ -1,7 +1,8 @@
 //! `svl record`: a source into a recording.
 
+use super::cameras::is_live;
 use super::devices;
-use super::live::{LiveArgs, is_live};
+use super::live::LiveArgs;
 use super::output::{Aside, distinct, may_write, print};
 use super::progress::{Progress, listen_for_interrupt};
 use super::source::{self, Opened, RECORDINGS};
@@ -81,7 +82,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         if args.topics.are_named() {
             bail!("{}: --left and --right choose topics of a recording (.mcap)", args.source);
         }
-        args.live.open(&args.source, args.seed.unwrap_or(1), args.topics.max_skew_ms)?
+        args.live.open(&args.source, args.seed, args.topics.max_skew_ms)?
     } else {
         args.live.none_given(&args.source)?;
         source::open(&args.source, args.seed, &args.topics)?
