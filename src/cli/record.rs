@@ -29,7 +29,7 @@ Sources:
   FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
   sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60;
                     for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
-                    happens, phase_ms, drift_ppm, hang_at=N, disconnect_at=N
+                    happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
