@@ -255,10 +255,8 @@ impl Coordinator {
             camera.misses += 1;
             if camera.misses >= PATIENCE {
                 let silence_s = self.timeout_ns as f64 * f64::from(PATIENCE) / 1e9;
-                return Err(Error::Camera {
-                    camera: format!("{} camera, {}", side.name(), camera.name),
-                    reason: format!("silent for {silence_s:.1} s; check its power, its cable and its trigger line"),
-                });
+                let reason = format!("silent for {silence_s:.1} s; check its power, its cable and its trigger line");
+                return Err(side.blame(Error::camera(&camera.name, reason)));
             }
             self.order(side);
         }
