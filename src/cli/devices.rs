@@ -8,13 +8,29 @@ pub(super) fn list() -> anyhow::Result<()> {
     let mut lines = vec!["sim                     two simulated cameras".to_owned()];
     let cameras = video_devices(Path::new("/sys/class/video4linux"));
     lines.extend(cameras.iter().map(|(device, name)| format!("{device:<22}  camera: {name}")));
+    let genicam = genicam_cameras();
+    lines.extend(genicam.iter().map(|(name, what)| format!("{name:<22}  camera: {what}")));
     let ports = serial2::SerialPort::available_ports().unwrap_or_default();
     lines.extend(ports.iter().map(|port| format!("serial:{:<15}  serial port", port.display())));
-    if cameras.is_empty() {
+    if cameras.is_empty() && genicam.is_empty() {
         lines.push("no camera of this machine found".to_owned());
     }
     lines.push(String::new());
     print(&lines.join("\n"))
+}
+
+/// GigE Vision and USB3 Vision cameras that answer within a second, with what they are.
+#[cfg(feature = "genicam")]
+fn genicam_cameras() -> Vec<(String, String)> {
+    let what = |found: svl::grab::genicam::Found| {
+        (format!("genicam:{}", found.id), format!("{}, {}, {}", found.model, found.protocol, found.address))
+    };
+    svl::grab::genicam::found().into_iter().map(what).collect()
+}
+
+#[cfg(not(feature = "genicam"))]
+fn genicam_cameras() -> Vec<(String, String)> {
+    Vec::new()
 }
 
 /// Video devices with what their drivers call them, as Linux lists them in a folder.

@@ -3,6 +3,7 @@
 mod algos;
 mod bench;
 mod cache;
+mod cameras;
 mod compare;
 mod completions;
 mod datasets;

@@ -70,6 +70,9 @@ fn wrong_usage_is_one_line() {
     fixture.svl(&["record", SIM, "--trigger", "often"]).failed(2, &["--trigger", "serial:DEVICE"]);
     fixture.svl(&["record", SIM, "--trigger", "serial:/dev/nowhere"]).failed(1, &["/dev/nowhere: cannot be opened"]);
     fixture.svl(&["record", SIM, "--list"]).failed(2, &["--list"]);
-    fixture.svl(&["record", "genicam:a,b"]).failed(1, &["genicam", "svl record --list"]);
+    fixture.svl(&["record", "genicam:a,b", "--seed", "3"]).failed(1, &["genicam:a,b: only", "--seed"]);
+    if cfg!(not(feature = "genicam")) {
+        fixture.svl(&["record", "genicam:a,b"]).failed(1, &["genicam:a,b", "libaravis-dev", "--features genicam"]);
+    }
     assert!(!fixture.path("a.mcap").exists());
 }
