@@ -27,7 +27,8 @@ pub(super) fn list() -> anyhow::Result<()> {
 fn modes(device: &Path) -> Vec<String> {
     let modes = match svl::grab::v4l2::modes(device) {
         Ok(modes) => modes,
-        Err(svl::Error::Camera { reason, .. }) => return vec![reason],
+        // Without the cure, which is to look here.
+        Err(svl::Error::Camera { reason, .. }) => return reason.split(';').take(1).map(str::to_owned).collect(),
         Err(error) => return vec![error.to_string()],
     };
     if modes.is_empty() {
@@ -36,7 +37,7 @@ fn modes(device: &Path) -> Vec<String> {
     let of_one_format = modes.chunk_by(|a, b| a.format == b.format);
     let line = |modes: &[Mode]| {
         let sizes = modes.iter().map(|Mode { size: (width, height), max_rate_hz, .. }| match max_rate_hz {
-            Some(hz) => format!("{width}x{height} ({hz:.0} Hz)"),
+            Some(hz) => format!("{width}x{height} ({} Hz)", (hz * 10.0).round() / 10.0),
             None => format!("{width}x{height}"),
         });
         format!("{}: {}", modes[0].format, sizes.collect::<Vec<_>>().join(", "))

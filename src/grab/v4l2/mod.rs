@@ -54,7 +54,7 @@ pub fn open(config: &V4l2Config, rate_hz: f64, fired: bool, clock: &Clock) -> Re
     let ready = |device: Device| -> Result<Box<dyn Camera>> {
         let layout = device.set_format(format, size)?;
         if let Some(hz) = device.set_rate(rate_hz).filter(|hz| (hz / rate_hz - 1.0).abs() > 0.01) {
-            tracing::warn!("{}: gives {hz:.3} images a second in {format} of {}x{}", device.name, size.0, size.1);
+            tracing::warn!("{}: gives {hz:.1} images a second in {format} of {}x{}", device.name, size.0, size.1);
         }
         let name = device.name.clone();
         Ok(Box::new(V4l2Camera::new(name, Stream::start(device)?, layout, fired, times)?))
