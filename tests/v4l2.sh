@@ -27,7 +27,7 @@ if missing; then
 fi
 if [ $# = 0 ]; then
   cargo build --release --locked --features v4l2
-  set -- "${CARGO_TARGET_DIR:-target}/release/svl"
+  set -- "$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/release/svl"
 fi
 svl="$(realpath "$1")"
 kernel="$(newest_kernel)"

@@ -13,9 +13,11 @@ pub(super) fn list() -> anyhow::Result<()> {
         lines.push(format!("{device:<22}  camera: {name}"));
         lines.extend(modes(Path::new(device)).into_iter().map(|line| format!("{:<22}  {line}", "")));
     }
+    let genicam = genicam_cameras();
+    lines.extend(genicam.iter().map(|(name, what)| format!("{name:<22}  camera: {what}")));
     let ports = serial2::SerialPort::available_ports().unwrap_or_default();
     lines.extend(ports.iter().map(|port| format!("serial:{:<15}  serial port", port.display())));
-    if cameras.is_empty() {
+    if cameras.is_empty() && genicam.is_empty() {
         lines.push("no camera of this machine found".to_owned());
     }
     lines.push(String::new());
@@ -47,6 +49,20 @@ fn modes(device: &Path) -> Vec<String> {
 
 #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
 fn modes(_: &Path) -> Vec<String> {
+    Vec::new()
+}
+
+/// GigE Vision and USB3 Vision cameras that answer within a second, with what they are.
+#[cfg(feature = "genicam")]
+fn genicam_cameras() -> Vec<(String, String)> {
+    let what = |found: svl::grab::genicam::Found| {
+        (format!("genicam:{}", found.id), format!("{}, {}, {}", found.model, found.protocol, found.address))
+    };
+    svl::grab::genicam::found().into_iter().map(what).collect()
+}
+
+#[cfg(not(feature = "genicam"))]
+fn genicam_cameras() -> Vec<(String, String)> {
     Vec::new()
 }
 

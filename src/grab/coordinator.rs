@@ -261,16 +261,15 @@ impl Coordinator {
             camera.misses += 1;
             if camera.misses >= PATIENCE {
                 let silence_s = self.timeout_ns as f64 * f64::from(PATIENCE) / 1e9;
-                return Err(Error::Camera {
-                    camera: format!("{} camera, {}", side.name(), camera.name),
-                    reason: format!("silent for {silence_s:.1} s; check its power, its cable and its trigger line"),
-                });
+                let reason = format!("silent for {silence_s:.1} s; check its power, its cable and its trigger line");
+                return Err(side.blame(Error::camera(&camera.name, reason)));
             }
             self.order(side);
         }
         Ok(())
     }
 
+    /// A camera all of whose images are damaged would be recorded from for ever.
     fn check_damage(&mut self, side: Side) -> Result<()> {
         let now_ns = self.clock.now_ns();
         let camera = &self.cameras[side as usize];
@@ -278,10 +277,8 @@ impl Coordinator {
         if damaged_ns < self.timeout_ns.saturating_mul(PATIENCE.into()) {
             return Ok(());
         }
-        Err(Error::Camera {
-            camera: format!("{} camera, {}", side.name(), camera.name),
-            reason: format!("all its images came damaged for {:.1} s; check its cable", damaged_ns as f64 / 1e9),
-        })
+        let reason = format!("all its images came damaged for {:.1} s; check its cable", damaged_ns as f64 / 1e9);
+        Err(side.blame(Error::camera(&camera.name, reason)))
     }
 
     fn deliver(&mut self, [left, right]: [Capture; 2]) -> Result<()> {

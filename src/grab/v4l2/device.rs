@@ -157,13 +157,13 @@ fn rate_hz([numerator, denominator]: [u32; 2]) -> Option<f64> {
 pub(super) fn trouble(errno: Errno) -> String {
     let words = match errno {
         Errno::NOENT | Errno::NXIO => "no such device; `svl record --list` shows what there is",
-        Errno::NODEV => "disconnected; plug it in and record again",
+        Errno::NODEV | Errno::SHUTDOWN => "disconnected; plug it in and record again",
         Errno::ACCESS | Errno::PERM => "permission denied; join the group that may use it (often video)",
         Errno::BUSY => "in use by another program; close that",
         Errno::NOTTY | Errno::ISDIR | Errno::NOTDIR => "is no video device; `svl record --list` shows those",
         Errno::NOSPC => "the USB bus has no room for its images; use another port, a smaller size= or format=MJPG",
-        Errno::IO => "its driver gave up; plug it out and in, and record again",
-        _ => return format!("{errno}; plug it out and in, and record again"),
+        Errno::IO => "its driver gave up; unplug it, plug it in and record again",
+        _ => return format!("{errno}; unplug it, plug it in and record again"),
     };
     words.to_owned()
 }
