@@ -13,6 +13,11 @@ pub(super) fn is_live(name: &str) -> bool {
     ["sim", "v4l2", "genicam"].contains(&name.split(':').next().unwrap_or_default())
 }
 
+/// Whether svl can fire cameras of a kind, and then knows which pulse an image is of.
+pub(super) fn has_trigger(kind: &str) -> bool {
+    kind != "v4l2"
+}
+
 /// What is to fire them.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TriggerChoice {
@@ -62,11 +67,9 @@ impl Wanted {
     pub(super) fn cameras(&self, kind: &str, settings: &str) -> anyhow::Result<Cameras> {
         match kind {
             "sim" => self.simulated(settings),
-            "genicam" if self.seed.is_none() => self.genicam(settings),
             _ if self.seed.is_some() => bail!("{kind}:{settings}: only the arena and simulated cameras take a --seed"),
-            _ => {
-                bail!("{kind}:{settings}: this svl drives no such cameras yet; `svl record --list` shows what there is")
-            }
+            "genicam" => self.genicam(settings),
+            _ => self.v4l2(settings),
         }
     }
 
@@ -86,6 +89,27 @@ impl Wanted {
         let software = Box::new(SimulatedTrigger::new(&wire));
         let policy = self.policy(software, |controller| Box::new(Cabled::new(controller, &wire)))?;
         Ok(Cameras { cameras: Side::BOTH.map(camera), policy, rig: pictures.rig(), seed: Some(seed) })
+    }
+
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
+        let policy = match &self.trigger {
+            TriggerChoice::Serial(device) => {
+                let controller = SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?;
+                Policy::Coordinated { trigger: Box::new(controller), period_ns: self.period_ns() }
+            }
+            _ => Policy::Free,
+        };
+        let is_fired = !matches!(policy, Policy::Free);
+        let cameras = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
+        Ok(Cameras { cameras, policy, rig: None, seed: None })
+    }
+
+    #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
+    fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
+        bail!(
+            "v4l2:{settings}: this svl was built without V4L2 cameras; on Linux, cargo install --path . --features v4l2"
+        )
     }
 
     #[cfg(feature = "genicam")]
