@@ -119,7 +119,7 @@ fn single(
     let mut offs: Vec<f64> = homographies.iter().map(|(.., off)| *off).collect();
     offs.sort_unstable_by(f64::total_cmp);
     let limit =
-        4.0 * offs.get(offs.len() / 2).copied().unwrap_or_default() + 0.01 * (size.0 as f64).hypot(size.1 as f64);
+        4.0 * offs.get(offs.len() / 2).copied().unwrap_or_default() + 0.03 * (size.0 as f64).hypot(size.1 as f64);
     homographies.retain(|(id, _, off)| {
         if *off > limit {
             sieve.refused[*id] = Some(format!("the {name} image's corners are no board in order: {off:.0} px off"));
