@@ -79,3 +79,55 @@ impl Normal {
         Some((reduced, right, inverses))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::tests::pair;
+    use super::*;
+
+    /// All equations in one matrix.
+    fn whole(normal: &Normal) -> (DMatrix<f64>, DVector<f64>) {
+        let n = normal.cameras.nrows();
+        let size = n + MOTION * normal.poses.len();
+        let (mut matrix, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        matrix.view_mut((0, 0), (n, n)).copy_from(&normal.cameras);
+        right.rows_mut(0, n).copy_from(&normal.cameras_right);
+        for (i, block) in normal.poses.iter().enumerate() {
+            let at = n + MOTION * i;
+            matrix.view_mut((0, at), (n, MOTION)).copy_from(&block.mixed);
+            matrix.view_mut((at, 0), (MOTION, n)).copy_from(&block.mixed.transpose());
+            matrix.view_mut((at, at), (MOTION, MOTION)).copy_from(&block.pose);
+            right.rows_mut(at, MOTION).copy_from(&block.right);
+        }
+        (matrix, right)
+    }
+
+    #[test]
+    fn step_and_covariance_are_those_of_the_whole_equations() {
+        let normal = pair().normal(Loss::Squares);
+        let (matrix, right) = whole(&normal);
+        let n = normal.cameras.nrows();
+        let damped = &matrix + DMatrix::from_diagonal(&(matrix.diagonal() * 0.1));
+        let expected = damped.lu().solve(&right).unwrap();
+        let (cameras, poses) = normal.step(0.1).unwrap();
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-6 * b.abs().max(1e-9);
+        assert!(cameras.iter().zip(expected.iter()).all(|(a, b)| close(*a, *b)));
+        let poses = poses.iter().flat_map(|pose| pose.iter());
+        assert!(poses.zip(expected.iter().skip(n)).all(|(a, b)| close(*a, *b)));
+        let (covariance, inverse) = (normal.covariance().unwrap(), matrix.try_inverse().unwrap());
+        assert!((0..n).all(|i| (covariance[(i, i)] / inverse[(i, i)] - 1.0).abs() < 1e-4));
+    }
+
+    #[test]
+    fn an_adjusted_scene_has_no_slope_left() {
+        let mut scene = pair();
+        let before = scene.cost(Loss::Squares).unwrap();
+        adjust(&mut scene, Loss::Squares).unwrap();
+        assert!(scene.cost(Loss::Squares).unwrap() < before);
+        let normal = scene.normal(Loss::Squares);
+        let (cameras, _) = normal.step(0.0).unwrap();
+        let covariance = normal.covariance().unwrap();
+        // In units of the standard deviations.
+        assert!((0..cameras.len()).all(|i| cameras[i].abs() < 1e-3 * covariance[(i, i)].sqrt()), "{cameras}");
+    }
+}

@@ -8,7 +8,7 @@ use crate::stereo::{Intrinsics, StereoCalibration};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point2, Rotation3, Vector2, Vector3};
 
 /// A focal length less sure than this share of it is none.
-const UNSURE: f64 = 0.05;
+const UNSURE: f64 = 0.03;
 /// Correlations beyond this are told.
 const STRONG: f64 = 0.9;
 /// Columns and rows of fields of which the coverage speaks.

@@ -67,8 +67,11 @@ impl Sieve<'_> {
             }
             let inside =
                 |p: &Point2<f64>| (-1.0..=width as f64).contains(&p.x) && (-1.0..=height as f64).contains(&p.y);
-            if let Some(p) = view.left.iter().chain(&view.right).find(|p| !inside(p)) {
-                self.refused[id] = Some(format!("a corner at ({:.1}, {:.1}) is outside the image", p.x, p.y));
+            for (name, image) in [("left", &view.left), ("right", &view.right)] {
+                if let Some(corner) = image.iter().position(|p| !inside(p)) {
+                    let reason = format!("corner {} is outside the {name} image or no number", corner + 1);
+                    self.refused[id] = Some(reason);
+                }
             }
         }
         self.enough()
@@ -112,7 +115,7 @@ fn single(
     for id in sieve.alive().collect::<Vec<_>>() {
         match start::homography(board, pixels(&views[id])) {
             Some((h, off)) => homographies.push((id, h, off)),
-            None => sieve.refused[id] = Some(format!("the {name} image's corners lie on one line or on one point")),
+            None => sieve.refused[id] = Some(format!("the {name} image's corners lie on one line or in no order")),
         }
     }
     // A lens bends a board by a few pixels; corners in disorder are off by a good part of the board.
@@ -129,7 +132,7 @@ fn single(
     sieve.enough()?;
 
     let lens = start::intrinsics(size, &homographies.iter().map(|(_, h, _)| *h).collect::<Vec<_>>());
-    let lens = lens.ok_or_else(|| lost(name))?;
+    let lens = lens.ok_or_else(|| lost(&format!("{name} camera")))?;
     let shots = homographies.iter().filter_map(|(id, h, _)| {
         let pixels = pixels(&views[*id]).clone();
         let used = vec![true; pixels.len()];
@@ -145,7 +148,7 @@ fn single(
         seen
     });
     sieve.enough()?;
-    for Refusal { shot, reason } in settle(&mut scene, &[name]).ok_or_else(|| lost(name))? {
+    for Refusal { shot, reason } in settle(&mut scene, &[name]).ok_or_else(|| lost(&format!("{name} camera")))? {
         sieve.refused[shot.id] = Some(reason);
     }
     sieve.enough()?;
@@ -168,7 +171,7 @@ fn together(left: &Single, right: &Single, sieve: &mut Sieve<'_>) -> Result<Scen
     let mut cameras = vec![left.scene.cameras[0].clone(), right.scene.cameras[0].clone()];
     cameras[1].place = place;
     let mut scene = Scene { board: left.scene.board.clone(), cameras, shots: shots.collect() };
-    for Refusal { shot, reason } in settle(&mut scene, &["left", "right"]).ok_or_else(|| lost("two"))? {
+    for Refusal { shot, reason } in settle(&mut scene, &["left", "right"]).ok_or_else(|| lost("cameras"))? {
         let moved = pairs.iter().find(|(id, ..)| *id == shot.id).and_then(|(_, left, right)| {
             moved::words(&((scene.cameras[1].place * left).inverse() * right), &scene.board)
         });
@@ -190,8 +193,8 @@ fn middle(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
 }
 
-fn lost(camera: &str) -> Error {
+fn lost(what: &str) -> Error {
     Error::Invalid(format!(
-        "the views tell nothing about the {camera} camera: show the board tilted in different directions, by 20° to 45°"
+        "the views tell nothing about the {what}: add views with the board tilted in different directions, by 20° to 45°"
     ))
 }
