@@ -172,9 +172,12 @@ fn together(left: &Single, right: &Single, sieve: &mut Sieve<'_>) -> Result<Scen
     cameras[1].place = place;
     let mut scene = Scene { board: left.scene.board.clone(), cameras, shots: shots.collect() };
     for Refusal { shot, reason } in settle(&mut scene, &["left", "right"]).ok_or_else(|| lost("cameras"))? {
-        let moved = pairs.iter().find(|(id, ..)| *id == shot.id).and_then(|(_, left, right)| {
-            moved::words(&((scene.cameras[1].place * left).inverse() * right), &scene.board)
-        });
+        let seen = |camera: usize| {
+            let scene::Camera { lens, place } = &scene.cameras[camera];
+            Some(place.inverse() * start::seen_pose(lens, &scene.board, &shot.images[camera].pixels)?)
+        };
+        let moved =
+            seen(0).zip(seen(1)).and_then(|(left, right)| moved::words(&(left.inverse() * right), &scene.board));
         sieve.refused[shot.id] = Some(moved.map_or(reason.clone(), |moved| format!("{reason}: {moved}")));
     }
     sieve.enough()?;

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 /// Beyond this turn, in degrees, corners are counted from another end rather than moved.
 const ANOTHER_END_DEG: f64 = 120.0;
 /// Slips are whole squares in the board's plane, up to this share of one; across it each image by itself is less sure.
-const SLIP: f64 = 0.4;
+const SLIP: f64 = 0.3;
 
 /// `motion` of the board from the left image to the right one, in its own frame. `board`: its corners. Nothing for a
 /// motion too small to speak of.

@@ -135,6 +135,14 @@ pub(super) fn pose(camera: &Intrinsics, homography: &Matrix3<f64>) -> Option<Iso
     finite.then(|| Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)))
 }
 
+/// Pose of a board before a camera whose lens is known.
+pub(super) fn seen_pose(camera: &Intrinsics, board: &[Point3<f64>], pixels: &[Point2<f64>]) -> Option<Isometry3<f64>> {
+    let directions =
+        pixels.iter().map(|pixel| camera.direction(*pixel).map(Point2::from)).collect::<Option<Vec<_>>>()?;
+    let pinhole = camera.with_parameters([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).ok()?;
+    pose(&pinhole, &homography(board, &directions)?.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
