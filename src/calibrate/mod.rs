@@ -2,5 +2,7 @@
 //! and 6.1, annexes B and E).
 
 mod pattern;
+mod solve;
 
 pub use pattern::{Board, View};
+pub use solve::{Camera, Corner, Correlation, Epipolar, Estimate, Fit, LEAST_VIEWS, Solution, ViewFit, solve};
