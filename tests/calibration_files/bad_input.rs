@@ -57,7 +57,7 @@ fn what_is_wrong_is_named_with_its_key() {
         ("kitti", "P1: 430.0", "P1: 4e1", &["P0", "P1", "one focal length"]),
         ("kitti", "P1:", "Q1:", &["no 'P1'"]),
         ("kitti-raw", "S_00: 752.0", "S_00: 752.0 3", &["S_00", "3 numbers, expected 2"]),
-        ("kitti-raw", "T_01: -0.1", "T_01: 0.1", &["other cameras"]),
+        ("kitti-raw", "T_01: -0.1", "T_01: -0.5", &["other cameras"]),
         ("kitti-raw", "R_rect_00", "R_rect_99", &["no 'R_rect_00'"]),
     ] {
         let error = broken(format, from, to);

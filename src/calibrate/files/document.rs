@@ -1,6 +1,6 @@
 //! The tree of names and values that a calibration file is, whatever its syntax.
 
-use super::{lines, markup, yaml};
+use super::{Format, lines, markup, yaml};
 use crate::error::{Error, Result};
 use crate::files::read_text;
 use crate::stereo::{self, MAX_SIDE};
@@ -37,6 +37,8 @@ pub(super) enum Syntax {
 /// All its errors name the file and the key.
 pub(super) struct Document {
     path: PathBuf,
+    /// Whose file it is.
+    title: &'static str,
     root: Node,
 }
 
@@ -50,16 +52,16 @@ pub(super) fn text(path: &Path) -> Result<String> {
 
 impl Document {
     /// # Errors
-    /// [`Error::Format`] with the line for what is not of that syntax.
-    pub(super) fn parse(path: &Path, text: &str, syntax: Syntax) -> Result<Self> {
+    /// [`Error::Format`] with the line for what is not of that format's syntax.
+    pub(super) fn parse(path: &Path, text: &str, format: &Format) -> Result<Self> {
         let text = text.trim_start_matches('\u{feff}');
-        let root = match syntax {
+        let root = match format.syntax {
             Syntax::Lines(mark) => Ok(lines::parse(text, mark)),
             Syntax::Markup if text.trim_start().starts_with('<') => markup::parse(text),
             Syntax::Markup => yaml::parse(text),
         };
         let root = root.map_err(|reason| Error::format(path, reason))?;
-        Ok(Self { path: path.to_owned(), root })
+        Ok(Self { path: path.to_owned(), title: format.title, root })
     }
 
     /// An error of this file.
@@ -92,7 +94,9 @@ impl Document {
     }
 
     fn node(&self, key: &str) -> Result<&Node> {
-        self.find(key).ok_or_else(|| self.wrong(format!("no '{}'; is the file whole?", key.replace('|', "' or '"))))
+        self.find(key).ok_or_else(|| {
+            self.wrong(format!("no '{}', which {} has; is it whole?", key.replace('|', "' or '"), self.title))
+        })
     }
 
     /// # Errors

@@ -9,8 +9,6 @@ use crate::stereo::{Rectification, Rig, StereoCalibration};
 use nalgebra::{Matrix3x4, Vector3};
 use std::path::Path;
 
-const SYNTAX: Syntax = Syntax::Lines(':');
-
 pub(super) const FORMAT: Format = Format {
     name: "kitti",
     title: "KITTI's calib.txt",
@@ -19,7 +17,7 @@ pub(super) const FORMAT: Format = Format {
     endings: &["txt"],
     pairs: &[],
     single: true,
-    syntax: SYNTAX,
+    syntax: Syntax::Lines(':'),
     marks: &["P0:", "P2:"],
     read,
     write: Some(write),
@@ -33,7 +31,7 @@ pub(super) const RAW_FORMAT: Format = Format {
     endings: &["txt"],
     pairs: &[],
     single: true,
-    syntax: SYNTAX,
+    syntax: Syntax::Lines(':'),
     marks: &["K_00:"],
     read: read_raw,
     write: Some(write_raw),
@@ -47,7 +45,7 @@ pub(super) const RAW_FORMAT: Format = Format {
 /// # Errors
 /// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed matrix.
 pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
-    projections(&Document::parse(path, &text(path)?, SYNTAX)?, left, right)
+    projections(&Document::parse(path, &text(path)?, &FORMAT)?, left, right)
 }
 
 fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {
@@ -134,7 +132,7 @@ mod tests {
         let text = "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 7e2 0 600 35 0 7e2 180 0 0 0 1 0\n\
                     P3: 700 0 602 -350 0 700 180 0 0 0 1 0\n";
         let rig = |text: &str, left, right| {
-            let document = Document::parse(Path::new("calib.txt"), text, SYNTAX).unwrap();
+            let document = Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap();
             projections(&document, left, right).map_err(|e| e.to_string())
         };
         let found = rig(text, "P2", "P3").unwrap();

@@ -15,20 +15,18 @@ pub(super) const FORMAT: Format = Format {
     endings: &["txt"],
     pairs: &[],
     single: true,
-    syntax: SYNTAX,
+    syntax: Syntax::Lines('='),
     marks: &["cam0=", "cam0 ="],
     read,
     write: Some(write),
 };
-
-const SYNTAX: Syntax = Syntax::Lines('=');
 
 /// Reads the rig alone, which older files have without the images' size.
 ///
 /// # Errors
 /// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed entry.
 pub fn read_calib(path: &Path) -> Result<Rig> {
-    rig(&Document::parse(path, &text(path)?, SYNTAX)?)
+    rig(&Document::parse(path, &text(path)?, &FORMAT)?)
 }
 
 fn rig(document: &Document) -> Result<Rig> {
@@ -71,7 +69,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> std::result::Result<Rig, String> {
-        rig(&Document::parse(Path::new("calib.txt"), text, SYNTAX).unwrap()).map_err(|e| e.to_string())
+        rig(&Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap()).map_err(|e| e.to_string())
     }
 
     #[test]

@@ -122,7 +122,7 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<Found> {
         }
         _ => {}
     }
-    let parse = |(path, text): (_, &String)| Document::parse(path, text, format.syntax);
+    let parse = |(path, text): (_, &String)| Document::parse(path, text, format);
     let documents = paths.iter().map(AsRef::as_ref).zip(&texts).map(parse).collect::<Result<_>>()?;
     (format.read)(documents, hints)
 }

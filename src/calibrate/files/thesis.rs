@@ -10,7 +10,7 @@
 //! camera itself.
 //!
 //! **The annex's own example contradicts itself.** By its poses the cameras are turned by 90° about their axes: their two
-//! boards were numbered in different directions. Turned back, they agree with the homographies to 2°; but how many squares
+//! boards were numbered in different directions. Turned back, they agree with the homographies to 4°; but how many squares
 //! lie between the two origins is not said, and with it the baseline. Hence, where poses and homographies are more than 10°
 //! apart, the homographies are believed: they give the rotation and the direction of the baseline, and its length is 1, in
 //! squares that nobody measured. Its homographies are warps of four corners and of no camera that was only turned, so its
