@@ -1,12 +1,14 @@
 //! `svl calibrate`: from boards, measured distances and files of other programs to calibrated cameras.
 
 mod convert;
+mod distance;
 
-/// Calibrate cameras, and convert calibrations
+/// Calibrate cameras and distances, and convert calibrations
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl calibrate convert calibration.xml opencv.yml")]
+  svl calibrate convert calibration.xml opencv.yml
+  svl calibrate distance scenarios/annex-b.csv --figure curve.svg")]
 pub(super) struct Args {
     #[command(subcommand)]
     command: Command,
@@ -15,10 +17,12 @@ pub(super) struct Args {
 #[derive(clap::Subcommand)]
 enum Command {
     Convert(convert::Args),
+    Distance(distance::Args),
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     match &args.command {
         Command::Convert(args) => convert::run(args),
+        Command::Distance(args) => distance::run(args),
     }
 }
