@@ -4,6 +4,7 @@ mod algos;
 mod bench;
 mod cache;
 mod cameras;
+mod calibrate;
 mod compare;
 mod completions;
 mod datasets;
@@ -74,6 +75,7 @@ enum Command {
     Match(matching::Args),
     Eval(eval::Args),
     Bench(bench::Args),
+    Calibrate(calibrate::Args),
     View(view::Args),
     Info(info::Args),
     Recover(recover::Args),
@@ -138,6 +140,7 @@ impl Command {
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
+            Self::Calibrate(args) => calibrate::run(&args),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),
