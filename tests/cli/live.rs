@@ -76,6 +76,9 @@ fn wrong_usage_is_one_line() {
     fixture.svl(&["record", v4l2]).failed(1, &words);
     fixture.svl(&["record", v4l2, "--trigger", "software"]).failed(2, &["V4L2 has no way to fire", "serial:DEVICE"]);
     fixture.svl(&["record", v4l2, "--seed", "3"]).failed(1, &["--seed", v4l2]);
-    fixture.svl(&["record", "genicam:a,b"]).failed(1, &["genicam", "svl record --list"]);
+    fixture.svl(&["record", "genicam:a,b", "--seed", "3"]).failed(1, &["genicam:a,b: only", "--seed"]);
+    if cfg!(not(feature = "genicam")) {
+        fixture.svl(&["record", "genicam:a,b"]).failed(1, &["genicam:a,b", "libaravis-dev", "--features genicam"]);
+    }
     assert!(!fixture.path("a.mcap").exists());
 }

@@ -4,8 +4,9 @@ use super::device::{Device, Drive};
 use crate::error::Result;
 use crate::grab::{Camera, Capture, Clock, DeviceClock, Limits, Settings, Taken};
 use crate::stereo::Gray;
+use aravis::glib::prelude::Cast;
 use aravis::prelude::*;
-use aravis::{Buffer, BufferStatus, PixelFormat, Stream};
+use aravis::{Buffer, BufferStatus, GvStream, GvStreamSocketBuffer, PixelFormat, Stream};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
@@ -37,6 +38,10 @@ impl GenicamCamera {
             return Err(device.error(format!("has images of {bytes} bytes, at most {MAX_BYTES}; set a smaller region")));
         }
         let stream = device.ask(|camera| camera.create_stream())?;
+        if let Some(stream) = stream.downcast_ref::<GvStream>() {
+            // The system's usual one is smaller than an image.
+            stream.set_socket_buffer(GvStreamSocketBuffer::Auto);
+        }
         (0..BUFFERS).for_each(|_| stream.push_buffer(Buffer::new_allocate(bytes as usize)));
         device.ask(|camera| camera.start_acquisition())?;
         let (device, clock, device_clock) = (Arc::new(device), clock.clone(), DeviceClock::default());

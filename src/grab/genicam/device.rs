@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::grab::{Limits, Settings};
 use aravis::glib::prelude::Cast;
 use aravis::prelude::*;
-use aravis::{Aravis, Auto, DeviceError, glib};
+use aravis::{Aravis, Auto, DeviceError, GcFloat, glib};
 use std::fmt::Display;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
@@ -118,7 +118,11 @@ impl Device {
     pub(super) fn limits(&self) -> Result<Limits> {
         let camera = self.lock();
         let (shortest_us, longest_us) = camera.exposure_time_bounds().map_err(|e| self.failed(&e))?;
-        let (least_db, most_db) = camera.float_bounds(GAIN).unwrap_or_default();
+        let gain = camera.device().and_then(|device| device.feature(GAIN)?.dynamic_cast::<GcFloat>().ok());
+        let (least_db, most_db) = match gain.and_then(|gain| gain.unit()) {
+            Some(unit) if unit.eq_ignore_ascii_case("dB") => camera.float_bounds(GAIN).map_err(|e| self.failed(&e))?,
+            _ => (0.0, 0.0),
+        };
         // Casts saturate.
         Ok(Limits {
             shutter_us: (shortest_us.ceil() as u32).max(1)..=longest_us.floor() as u32,
@@ -172,5 +176,5 @@ impl Device {
 
 const SILENT: &str = "does not answer; check its power and its cable, and record again";
 const MONO8: &str = "Mono8";
-/// In decibels by the standard (SFNC), where a camera has it.
+/// In decibels or another unit (SFNC); some cameras have but a raw one, of another name.
 const GAIN: &str = "Gain";
