@@ -22,7 +22,6 @@ fail() {
   failures=$((failures + 1))
 }
 try() {
-  say "$(cut -d" " -f1 /proc/uptime) try $*"
   what="$*"
   said=$("$svl" "$@" 2>&1)
   code=$?
