@@ -65,11 +65,11 @@ INIT
   cat <<INIT
 \$b mount -t 9p -o ro,trans=virtio,version=9p2000.L,msize=262144,cache=loose host /host
 for folder in dev proc sys; do \$b mount -o bind /\$folder /host/\$folder; done
-\$b mount -t tmpfs tmp /host/tmp
-\$b mkdir /host/tmp/out
-\$b mount -t 9p -o trans=virtio,version=9p2000.L out /host/tmp/out
-\$b chroot /host /bin/sh -c 'export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp; exec sh "$PWD/tests/v4l2/guest.sh" "$svl" "$PWD"' >/dev/console 2>&1
-echo \$? >/host/tmp/out/status
+\$b mount -t tmpfs work /host/mnt
+\$b mkdir /host/mnt/out
+\$b mount -t 9p -o trans=virtio,version=9p2000.L out /host/mnt/out
+\$b chroot /host /bin/sh -c 'export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/mnt; exec sh "$PWD/tests/v4l2/guest.sh" "$svl" "$PWD"' >/dev/console 2>&1
+echo \$? >/host/mnt/out/status
 \$b poweroff -f
 INIT
 } >"$work/root/init"
