@@ -8,8 +8,9 @@ use super::scene::{Loss, MOTION, Normal, PoseBlock, Scene};
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector6};
 
 const STEPS: usize = 100;
-/// Share of the cost below which a gain is none.
+/// Share of the cost below which a gain is none; a robust minimum is only where the next adjustment begins.
 const GAIN: f64 = 1e-12;
+const ROBUST_GAIN: f64 = 1e-5;
 const DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e12;
 
@@ -17,6 +18,10 @@ const MOST_DAMPING: f64 = 1e12;
 pub(super) fn adjust(scene: &mut Scene, loss: Loss) -> Option<()> {
     let mut cost = scene.cost(loss)?;
     let mut damping = DAMPING;
+    let least = match loss {
+        Loss::Squares => GAIN,
+        Loss::Robust(_) => ROBUST_GAIN,
+    };
     for _ in 0..STEPS {
         let normal = scene.normal(loss);
         let (next, lower) = loop {
@@ -32,7 +37,7 @@ pub(super) fn adjust(scene: &mut Scene, loss: Loss) -> Option<()> {
         };
         damping = (damping / 10.0).max(1e-12);
         *scene = next;
-        if cost - lower <= GAIN * cost {
+        if cost - lower <= least * cost {
             break;
         }
         cost = lower;
