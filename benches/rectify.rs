@@ -11,24 +11,23 @@ use svl::rectify::Rectifier;
 use svl::stereo::{Gray, Intrinsics, LengthUnit, StereoCalibration, StereoPair};
 
 fn main() {
-    let mut criterion = Criterion::default().configure_from_args();
-    let pair = pair();
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be had");
-        for isa in Isa::available() {
-            let rectifier = Rectifier::new(&calibration()).expect("cameras side by side").on(isa);
-            let (width, height) = rectifier.size();
-            let mut outs = [(); 2].map(|()| Gray::filled(width, height, 0).expect("the size of a pair"));
-            let [left, right] = &mut outs;
-            let name = format!("640x480/{isa}/{threads} threads");
-            pool.install(|| {
-                criterion.bench_function(&name, |bencher| {
-                    bencher.iter(|| rectifier.apply(&pair, left, right).expect("of the calibration's size"));
-                });
-            });
-        }
+        pool.install(|| {
+            let mut criterion = Criterion::default().configure_from_args();
+            Isa::available().for_each(|isa| bench(&mut criterion, isa, threads));
+            criterion.final_summary();
+        });
     }
-    criterion.final_summary();
+}
+
+fn bench(criterion: &mut Criterion, isa: Isa, threads: usize) {
+    let rectifier = Rectifier::new(&calibration()).expect("cameras side by side").on(isa);
+    let (pair, (width, height)) = (pair(), rectifier.size());
+    let [mut left, mut right] = [(); 2].map(|()| Gray::filled(width, height, 0).expect("the size of a pair"));
+    criterion.bench_function(&format!("rectify 640x480/{isa}/{threads} threads"), |bencher| {
+        bencher.iter(|| rectifier.apply(&pair, &mut left, &mut right).expect("of the calibration's size"));
+    });
 }
 
 /// A lens and a turn as cameras have them.

@@ -1,7 +1,8 @@
 //! Pixels fetched from between the pixels of another image.
 
-/// Pixels whose sources are fetched before any is weighed.
-const BLOCK: usize = 64;
+/// Pixels whose sources are fetched before any is weighed: so many that what was stored in bytes is there when it is loaded
+/// in vectors.
+const BLOCK: usize = 1024;
 
 /// See [`super::remap_row`].
 #[inline(always)]
