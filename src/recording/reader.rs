@@ -5,7 +5,7 @@ use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
 use super::{Header, Kind, PROFILE};
 use crate::error::{Error, Result};
-use crate::stereo::Frame;
+use crate::stereo::{Frame, StereoCalibration};
 use std::path::{Path, PathBuf};
 
 /// Reads the pairs of one recording in the order of the file, holding a few in memory at a time.
@@ -98,6 +98,21 @@ impl Reader {
             PairsOf::Svl(_) => Vec::new(),
             PairsOf::Others(foreign) => foreign.remarks(),
         }
+    }
+
+    /// What rectifies the pairs of a recording that svl did not write, where that says that they are raw.
+    ///
+    /// # Errors
+    /// [`Error::Format`] saying why they cannot be rectified by what it says of its cameras.
+    pub fn calibration(&self) -> Result<Option<StereoCalibration>> {
+        let PairsOf::Others(foreign) = &self.pairs_of else { return Ok(None) };
+        foreign.calibration().transpose().map_err(|reason| {
+            let cure = "--calib FILE rectifies them by another, --calib estimate by the pictures";
+            Error::format(
+                &self.path,
+                format!("its images are raw, and cannot be rectified by what it says of its cameras: {reason}; {cure}"),
+            )
+        })
     }
 
     /// The next pair, or nothing at the end.

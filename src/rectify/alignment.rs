@@ -50,10 +50,12 @@ impl AlignmentMeter {
         Self::default()
     }
 
-    /// Takes in the matches of one more pair; one of another size than the first begins anew.
+    /// Takes in the matches of one more pair; one of another size than the first is left out.
     pub fn add(&mut self, pair: &StereoPair) {
-        if self.size != pair.size() {
-            *self = Self { size: pair.size(), ..Self::default() };
+        if self.pairs == 0 {
+            self.size = pair.size();
+        } else if self.size != pair.size() {
+            return;
         }
         self.pairs += 1;
         // Of one pair at a time: those of several scenes need not share one geometry.

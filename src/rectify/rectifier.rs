@@ -3,11 +3,12 @@
 use super::bouguet::{bouguet, views};
 use super::framing::Framing;
 use super::remap::Remap;
+use super::uncalibrated::Homographies;
 use super::view::View;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{Gray, Rig, StereoCalibration, StereoPair};
-use nalgebra::{Point2, Vector2};
+use nalgebra::{Matrix3, Point2, UnitQuaternion, Vector2};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -18,13 +19,14 @@ pub struct Rectifier {
     left: Remap,
     right: Remap,
     rig: Option<Rig>,
+    turn: Option<UnitQuaternion<f64>>,
 }
 
 impl Rectifier {
     /// By a calibration's own rectification; by that of [`bouguet`] in its default framing where it has none.
     ///
     /// # Errors
-    /// Those of [`bouguet`], and [`crate::Error::Invalid`] when `SVL_ISA` names an instruction set that this CPU lacks.
+    /// Those of [`bouguet`], and [`Error::Invalid`] when `SVL_ISA` names an instruction set that this CPU lacks.
     pub fn new(calibration: &StereoCalibration) -> Result<Self> {
         let rectification = match calibration.rectification() {
             Some(own) => own.clone(),
@@ -37,13 +39,29 @@ impl Rectifier {
             let direction = |p: Point2<f64>| Vector2::new((p.x - k[(0, 2)]) / focal, (p.y - k[(1, 2)]) / focal);
             Remap::new(view.size(), rectification.size, |pixel| view.pixel(direction(pixel)))
         };
-        let remaps = [remap(&views[0], false)?, remap(&views[1], true)?];
-        Self::of(remaps, calibration.clone().with_rectification(rectification).rig())
+        let (left, right) = (remap(&views[0], false)?, remap(&views[1], true)?);
+        let turn = Some(UnitQuaternion::from_rotation_matrix(&rectification.left));
+        let rig = calibration.clone().with_rectification(rectification).rig();
+        Ok(Self { isa: isa()?, left, right, rig, turn })
     }
 
-    /// By the tables of both images, of one size.
-    pub(super) fn of([left, right]: [Remap; 2], rig: Option<Rig>) -> Result<Self> {
-        Ok(Self { isa: isa()?, left, right, rig })
+    /// By homographies, for raw images of `size`. The rig stays unknown.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for homographies that cannot be undone, and as [`Rectifier::new`].
+    pub fn uncalibrated(homographies: &Homographies, size: (usize, usize)) -> Result<Self> {
+        let remap = |homography: &Matrix3<f64>| {
+            let flat = || Error::Invalid(format!("a homography that makes a line of the image: {homography}"));
+            let back = homography.try_inverse().ok_or_else(flat)?;
+            let from = |pixel: Point2<f64>| {
+                let seen = back * pixel.to_homogeneous();
+                // Behind the camera nothing is seen.
+                (seen.z > 0.0).then(|| Point2::from(seen.xy() / seen.z))
+            };
+            Remap::new(size, homographies.size, from)
+        };
+        let (left, right) = (remap(&homographies.left)?, remap(&homographies.right)?);
+        Ok(Self { isa: isa()?, left, right, rig: None, turn: None })
     }
 
     /// The same on another instruction set; the pairs are the same on all of them.
@@ -54,6 +72,11 @@ impl Rectifier {
     /// The rig of the rectified pairs; nothing where lengths are unknown.
     pub fn rig(&self) -> Option<&Rig> {
         self.rig.as_ref()
+    }
+
+    /// How the left camera is turned: `X_rectified = turn · X_left`; nothing where that is unknown.
+    pub fn turn(&self) -> Option<UnitQuaternion<f64>> {
+        self.turn
     }
 
     /// Width and height of the rectified images.
@@ -71,7 +94,7 @@ impl Rectifier {
     /// they are and the pair has no gaps between its rows. On the threads of rayon's current pool.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] for a pair of another size than the calibration's.
+    /// [`Error::Invalid`] for a pair of another size than the calibration's.
     pub fn apply(&self, pair: &StereoPair, left: &mut Gray, right: &mut Gray) -> Result<()> {
         let (width, height) = self.size();
         for out in [&mut *left, &mut *right] {

@@ -11,7 +11,6 @@ use crate::stereo::{Gray, StereoPair};
 use corners::corners;
 use nalgebra::Point2;
 use patch::{Patch, candidates};
-use rayon::prelude::*;
 
 /// Where a point is seen in both images, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +45,7 @@ pub fn matches(pair: &StereoPair) -> Vec<Match> {
         let left = Point2::new(l.0 as f64, l.1 as f64);
         ((right - near).norm() < NEAR_PX).then_some(Match { left, right })
     };
-    mutual.par_iter().filter_map(fitted).collect()
+    mutual.iter().filter_map(fitted).collect()
 }
 
 fn described(image: &Gray) -> Vec<Patch> {

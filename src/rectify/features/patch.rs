@@ -2,7 +2,6 @@
 
 use super::corners::MARGIN;
 use crate::stereo::Gray;
-use rayon::prelude::*;
 
 /// Cells along a side, and pixels along a side of a cell.
 const SIDE: usize = 8;
@@ -63,7 +62,7 @@ pub(super) fn candidates(
         let rival = scores.iter().filter(|(i, _)| !is_same(*i)).map(|(_, score)| *score).fold(-1.0, f64::max);
         (score >= least && 1.0 - score < rivalry * (1.0 - rival)).then_some(best)
     };
-    patches.par_iter().map(best).collect()
+    patches.iter().map(best).collect()
 }
 
 #[cfg(test)]
