@@ -6,7 +6,7 @@ mod npz;
 mod pfm;
 mod picture;
 
-pub use disparity::{read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
+pub use disparity::{has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
 pub(crate) use image::gray_of;
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 pub use npz::read_npz;
