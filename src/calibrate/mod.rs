@@ -1,6 +1,8 @@
 //! From pictures of a board to two calibrated cameras, and from measured distances to a curve (thesis, sections 2.3, 4.1
 //! and 6.1, annexes B and E).
 
+pub mod distance;
+pub mod files;
 mod pattern;
 
 pub use pattern::{Board, View};

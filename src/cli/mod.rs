@@ -3,6 +3,7 @@
 mod algos;
 mod bench;
 mod cache;
+mod calibrate;
 mod compare;
 mod completions;
 mod datasets;
@@ -73,6 +74,7 @@ enum Command {
     Match(matching::Args),
     Eval(eval::Args),
     Bench(bench::Args),
+    Calibrate(calibrate::Args),
     View(view::Args),
     Info(info::Args),
     Recover(recover::Args),
@@ -137,6 +139,7 @@ impl Command {
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
+            Self::Calibrate(args) => calibrate::run(&args),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),

@@ -5,6 +5,8 @@ mod server;
 
 mod algos;
 mod bench;
+mod calibrate_convert;
+mod calibrate_distance;
 mod compare;
 mod datasets;
 mod eval;

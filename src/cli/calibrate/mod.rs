@@ -1,0 +1,28 @@
+//! `svl calibrate`: from boards, measured distances and files of other programs to calibrated cameras.
+
+mod convert;
+mod distance;
+
+/// Calibrate cameras and distances, and convert calibrations
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl calibrate convert calibration.xml opencv.yml
+  svl calibrate distance scenarios/annex-b.csv --figure curve.svg")]
+pub(super) struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    Convert(convert::Args),
+    Distance(distance::Args),
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    match &args.command {
+        Command::Convert(args) => convert::run(args),
+        Command::Distance(args) => distance::run(args),
+    }
+}
