@@ -1,6 +1,7 @@
 //! Cameras: how they are fired, paired and queued, and which there are.
 
 use super::progress::{interrupted, listen_for_interrupt};
+use super::rectify::Recorded;
 use super::source::Opened;
 use anyhow::bail;
 use clap::error::ErrorKind;
@@ -159,7 +160,8 @@ impl LiveArgs {
         })?;
         let source = LiveSource::new(name, grabber, interrupted);
         let header = Header { seed: Some(seed), ..Header::new(name) };
-        Ok(Opened { live: Some(source.tally()), source: Box::new(source), header, scenario: None, stem: "sim".into() })
+        let (live, recorded) = (Some(source.tally()), Recorded::default());
+        Ok(Opened { live, source: Box::new(source), header, scenario: None, stem: "sim".into(), recorded })
     }
 
     /// Refuses what contradicts itself.

@@ -4,6 +4,7 @@ use super::devices;
 use super::live::{LiveArgs, is_live};
 use super::output::{Aside, distinct, may_write, print};
 use super::progress::{Progress, listen_for_interrupt};
+use super::rectify::Rectify;
 use super::source::{self, Opened, RECORDINGS};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
@@ -35,6 +36,7 @@ Examples:
   svl record arena --seed 7 --duration 5 -o five-seconds.mcap
   svl record datasets/cones -o cones.mcap
   svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap
+  svl record raw.mcap --calib calibration.xml -o rectified.mcap
   svl record --list                               the cameras and serial ports of this machine
   svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
   svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order    what a fixed rate does to the phase")]
@@ -56,6 +58,8 @@ pub(super) struct Args {
     seed: Option<u64>,
     #[command(flatten)]
     topics: source::Topics,
+    #[command(flatten)]
+    rectify: Rectify,
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
@@ -86,6 +90,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         args.live.none_given(&args.source)?;
         source::open(&args.source, args.seed, &args.topics)?
     };
+    opened = args.rectify.opened(opened, quiet)?;
     let live = opened.live.clone();
     let output = match &args.output {
         Some(path) => path.clone(),
@@ -129,6 +134,7 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet:
     if let Some(text) = &opened.scenario {
         writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
     }
+    opened.recorded.attach(&mut writer)?;
     let mut sink = RecordingSink::new(writer);
     let mut progress = Progress::new(&opened.source.name(), opened.source.pairs(), quiet);
     let grid = GridSettings::default();

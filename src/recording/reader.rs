@@ -100,19 +100,13 @@ impl Reader {
         }
     }
 
-    /// What rectifies the pairs of a recording that svl did not write, where that says that they are raw.
-    ///
-    /// # Errors
-    /// [`Error::Format`] saying why they cannot be rectified by what it says of its cameras.
-    pub fn calibration(&self) -> Result<Option<StereoCalibration>> {
-        let PairsOf::Others(foreign) = &self.pairs_of else { return Ok(None) };
-        foreign.calibration().transpose().map_err(|reason| {
-            let cure = "--calib FILE rectifies them by another, --calib estimate by the pictures";
-            Error::format(
-                &self.path,
-                format!("its images are raw, and cannot be rectified by what it says of its cameras: {reason}; {cure}"),
-            )
-        })
+    /// What rectifies the pairs of a recording that svl did not write, where that says that they are raw, and enough of its
+    /// cameras. Where it says too little, a remark says why.
+    pub fn calibration(&self) -> Option<StereoCalibration> {
+        match &self.pairs_of {
+            PairsOf::Svl(_) => None,
+            PairsOf::Others(foreign) => foreign.calibration()?.ok(),
+        }
     }
 
     /// The next pair, or nothing at the end.

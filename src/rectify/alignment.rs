@@ -3,6 +3,7 @@
 use super::epipolar::Epipolar;
 use super::features::{Match, matches};
 use crate::stereo::{GridShape, StereoPair};
+use nalgebra::{Matrix3, Vector3};
 
 /// Measures the row offset of matches over some pairs of one size.
 #[derive(Clone, Debug, Default)]
@@ -25,8 +26,23 @@ pub struct Alignment {
     pub p90_abs_px: f64,
     /// Median of Δy: a shift of one image.
     pub median_px: f64,
+    /// What the offsets look like.
+    pub misfit: Misfit,
     /// Median of Δy in a grid of 3 x 3 parts of the left image, in raster order; nothing where too few points were found.
     pub parts_px: [[Option<f64>; 3]; 3],
+}
+
+/// The simplest that explains most of the offsets.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Misfit {
+    /// One image lies higher than the other.
+    Shift,
+    /// One is turned against the other, positive clockwise in the right image, or has another scale, the right one's to the
+    /// left one's.
+    Turn { degrees: f64, scale: f64 },
+    /// More than that: lenses, or cameras turned towards each other.
+    Bent,
 }
 
 impl Alignment {
@@ -88,8 +104,35 @@ impl AlignmentMeter {
             median_abs_px: quantile(sizes.clone(), 0.5),
             p90_abs_px: quantile(sizes, 0.9),
             median_px: quantile(offsets, 0.5),
+            misfit: self.misfit(),
             parts_px: std::array::from_fn(|row| std::array::from_fn(|column| part(column, row))),
         })
+    }
+}
+
+impl AlignmentMeter {
+    fn misfit(&self) -> Misfit {
+        let offset = |m: &Match| m.right.y - m.left.y;
+        let typical = |offsets: Vec<f64>| quantile(offsets.into_iter().map(f64::abs).collect(), 0.5);
+        let all: Vec<_> = self.matches.iter().map(offset).collect();
+        let (shift, explained) =
+            (quantile(all.clone(), 0.5), (typical(all.clone()) / 4.0).max(Alignment::TOLERABLE_PX / 2.0));
+        if typical(all.iter().map(|offset| offset - shift).collect()) <= explained {
+            return Misfit::Shift;
+        }
+        let (width, height) = self.size;
+        let terms = |m: &Match| Vector3::new(1.0, m.left.x / width as f64 - 0.5, m.left.y / height as f64 - 0.5);
+        let mut normal = Matrix3::zeros();
+        let mut sums = Vector3::zeros();
+        for m in &self.matches {
+            normal += terms(m) * terms(m).transpose();
+            sums += terms(m) * offset(m);
+        }
+        let Some(plane) = normal.cholesky().map(|cholesky| cholesky.solve(&sums)) else { return Misfit::Bent };
+        if typical(self.matches.iter().map(|m| offset(m) - plane.dot(&terms(m))).collect()) > explained {
+            return Misfit::Bent;
+        }
+        Misfit::Turn { degrees: (plane.y / width as f64).atan().to_degrees(), scale: 1.0 + plane.z / height as f64 }
     }
 }
 
@@ -130,12 +173,15 @@ mod tests {
             assert!((found.median_px - lower).abs() < 0.1, "{lower}: {found:?}");
             assert!((found.median_abs_px - lower.abs()).abs() < 0.1, "{lower}: {found:?}");
             assert_eq!(found.is_off(), lower.abs() > 0.5, "{lower}");
+            assert_eq!(found.misfit, Misfit::Shift);
         }
     }
 
     #[test]
     fn a_turn_shows_in_the_parts() {
         let found = alignment(&pair(0.0, 0.01)).unwrap();
+        let Misfit::Turn { degrees, scale } = found.misfit else { panic!("{found:?}") };
+        assert!((degrees - 0.573).abs() < 0.1 && (scale - 1.0).abs() < 1e-3, "{degrees} {scale}");
         for row in found.parts_px {
             let [left, middle, right] = row.map(|part| part.unwrap());
             // A part's middle is 107 columns from the next one's.

@@ -10,7 +10,7 @@ mod remap;
 mod uncalibrated;
 mod view;
 
-pub use alignment::{Alignment, AlignmentMeter};
+pub use alignment::{Alignment, AlignmentMeter, Misfit};
 pub use bouguet::bouguet;
 pub use epipolar::Epipolar;
 pub use features::{Match, matches};

@@ -126,7 +126,11 @@ impl Foreign {
         if self.are_raw() {
             let why = "by their calibration they are not rectified";
             let so = "rows of left and right do not agree, and distances are left out";
-            return vec![format!("{left} and {right}: {why}, so {so}; --calib rectifies them")];
+            let cure = match self.calibration() {
+                Some(Err(reason)) => format!("it does not say how to rectify them ({reason}): --calib FILE does"),
+                _ => "it says how to rectify them".to_owned(),
+            };
+            return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
         }
         let no_rig = self.rig().err();
         no_rig.map(|reason| format!("disparities but no distances: {reason}")).into_iter().collect()
