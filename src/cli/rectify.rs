@@ -99,7 +99,7 @@ impl Rectify {
         let (source, by, files): (Box<dyn Source>, _, _) = match (&self.calib, &recorded.raw) {
             (Some(By::Files(path)), _) => {
                 let rectifier = Rectifier::new(&self.framed(files::read(path)?)?)?;
-                let files = files::inputs(path)?.iter().map(|path| read(path)).collect::<anyhow::Result<Vec<_>>>()?;
+                let files = kept(&files::inputs(path)?)?;
                 let names = files.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
                 (Box::new(RectifiedSource::new(source, rectifier)?), names, files)
             }
@@ -125,6 +125,15 @@ impl Rectify {
         Ok((source, Recorded { files, ..Recorded::default() }))
     }
 
+    /// What to do when rows are apart all the same.
+    pub(super) fn cure(&self) -> &'static str {
+        match self.calib {
+            None | Some(By::Nothing) => "rectify them with --calib FILE, or --calib estimate",
+            Some(By::Files(_)) => "the calibration is not, or no longer, that of these cameras: calibrate anew",
+            Some(By::Estimate) => "an estimate knows no lenses: calibrate the cameras",
+        }
+    }
+
     /// The calibration with the rectification that was asked for; without any its own stays.
     fn framed(&self, calibration: StereoCalibration) -> anyhow::Result<StereoCalibration> {
         let Some(alpha) = self.alpha else { return Ok(calibration) };
@@ -133,7 +142,13 @@ impl Rectify {
     }
 }
 
-fn read(path: &Path) -> anyhow::Result<(String, Vec<u8>)> {
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    Ok((name, std::fs::read(path).with_context(|| path.display().to_string())?))
+/// Names and contents of a calibration's files. Two of one name have their folder's before it.
+fn kept(paths: &[PathBuf]) -> anyhow::Result<Vec<(String, Vec<u8>)>> {
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let alike = |path: &Path| paths.iter().filter(|other| other.file_name() == path.file_name()).count() > 1;
+    let keep = |path: &PathBuf| {
+        let folder = path.parent().filter(|_| alike(path)).map(|folder| name(folder) + "-").unwrap_or_default();
+        Ok((folder + &name(path), std::fs::read(path).with_context(|| path.display().to_string())?))
+    };
+    paths.iter().map(keep).collect()
 }

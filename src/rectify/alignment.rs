@@ -60,6 +60,8 @@ const TOLERANCE_PX: f64 = 2.0;
 /// Fewest matches that say anything of an image, and of a part of it.
 const LEAST: usize = 40;
 const LEAST_OF_PART: usize = 8;
+/// Rounds in which a plane settles among offsets some of which are wrong.
+const STEPS: usize = 10;
 
 impl AlignmentMeter {
     pub fn new() -> Self {
@@ -122,13 +124,19 @@ impl AlignmentMeter {
         }
         let (width, height) = self.size;
         let terms = |m: &Match| Vector3::new(1.0, m.left.x / width as f64 - 0.5, m.left.y / height as f64 - 0.5);
-        let mut normal = Matrix3::zeros();
-        let mut sums = Vector3::zeros();
-        for m in &self.matches {
-            normal += terms(m) * terms(m).transpose();
-            sums += terms(m) * offset(m);
+        let mut plane = Vector3::new(shift, 0.0, 0.0);
+        for _ in 0..STEPS {
+            let mut normal = Matrix3::zeros();
+            let mut sums = Vector3::zeros();
+            for m in &self.matches {
+                // What is far from the others counts little.
+                let weight = 1.0 / (1.0 + (offset(m) - plane.dot(&terms(m))).powi(2));
+                normal += terms(m) * terms(m).transpose() * weight;
+                sums += terms(m) * offset(m) * weight;
+            }
+            let Some(cholesky) = normal.cholesky() else { return Misfit::Bent };
+            plane = cholesky.solve(&sums);
         }
-        let Some(plane) = normal.cholesky().map(|cholesky| cholesky.solve(&sums)) else { return Misfit::Bent };
         if typical(self.matches.iter().map(|m| offset(m) - plane.dot(&terms(m))).collect()) > explained {
             return Misfit::Bent;
         }

@@ -50,15 +50,16 @@ pub fn uncalibrated(matches: &[Match], size: (usize, usize), framing: &Framing) 
         let slopes: Vec<_> = slopes(&guess, matches, size);
         let mut normal = SMatrix::<f64, 6, 6>::zeros();
         let mut off = Guess::zeros();
-        for (slope, residual) in slopes.iter().zip(&residuals) {
-            normal += slope * slope.transpose();
-            off += slope * *residual;
+        for (i, (slope, residual)) in slopes.iter().zip(&residuals).enumerate() {
+            let weight = if i < matches.len() { 1.0 / (1.0 + residual * residual) } else { 1.0 };
+            normal += slope * slope.transpose() * weight;
+            off += slope * (*residual * weight);
         }
         let damped = normal + SMatrix::from_diagonal(&(normal.diagonal() * damping));
         let Some(step) = damped.cholesky().map(|cholesky| cholesky.solve(&off)) else { break };
         let next = guess - step;
         let then = self::residuals(&next, matches, size);
-        let better = cost(&then) < cost(&residuals);
+        let better = cost(&then, matches.len()) < cost(&residuals, matches.len());
         damping = if better { damping / 10.0 } else { damping * 10.0 };
         if better {
             (guess, residuals) = (next, then);
@@ -133,8 +134,10 @@ fn slopes(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<Guess> 
     slopes
 }
 
-fn cost(residuals: &[f64]) -> f64 {
-    residuals.iter().map(|r| r * r).sum()
+/// Rows far apart, which lenses and wrong matches make, count little (Cauchy); the guess in full.
+fn cost(residuals: &[f64], matches: usize) -> f64 {
+    let (apart, unusual) = residuals.split_at(matches);
+    apart.iter().map(|r| (1.0 + r * r).ln()).sum::<f64>() + unusual.iter().map(|r| r * r).sum::<f64>()
 }
 
 #[cfg(test)]

@@ -62,9 +62,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     if alignment.is_off() {
         let off = alignment.median_abs_px;
-        bail!(
-            "{name}: rows of left and right are {off:.1} px apart; --calib rectifies them, if by another calibration"
-        );
+        bail!("{name}: rows of left and right are {off:.1} px apart; {}", args.rectify.cure());
     }
     Ok(())
 }

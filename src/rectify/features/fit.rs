@@ -10,7 +10,7 @@ const PIXELS: usize = SIDE * SIDE;
 const STEPS: usize = 20;
 const CLOSE_PX: f64 = 0.005;
 /// Least correlation of the patches once they are fitted.
-const LEAST: f64 = 0.9;
+const LEAST: f64 = 0.95;
 
 /// Where in `right`, near `near`, the patch around `at` in `left` is seen; nothing where none is like it.
 pub(super) fn fit(left: &Gray, at: (usize, usize), right: &Gray, near: Point2<f64>) -> Option<Point2<f64>> {
