@@ -99,6 +99,10 @@ impl Rectify {
         let (source, by, files): (Box<dyn Source>, _, _) = match (&self.calib, &recorded.raw) {
             (Some(By::Files(path)), _) => {
                 let rectifier = Rectifier::new(&self.framed(files::read(path)?)?)?;
+                if rectifier.rig().is_none() {
+                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how large they are";
+                    tracing::warn!("{}: is in squares of its board, so there are no distances; {cure}", path.display());
+                }
                 let files = kept(&files::inputs(path)?)?;
                 let names = files.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
                 (Box::new(RectifiedSource::new(source, rectifier)?), names, files)
