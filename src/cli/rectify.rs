@@ -5,6 +5,7 @@ use anyhow::{Context, bail};
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use svl::Error;
 use svl::calibrate::files;
 use svl::recording::{CALIBRATION, Header, Writer, calibration_files};
 use svl::rectify::{Framing, Rectifier, bouguet};
@@ -63,11 +64,14 @@ pub(super) struct Recorded {
 impl Recorded {
     pub(super) fn of(source: &RecordingSource) -> anyhow::Result<Self> {
         let reader = source.reader();
-        let has_files = reader.header().is_some_and(|header| header.calibration.is_some());
         Ok(Self {
             raw: reader.calibration(),
             remarks: reader.remarks(),
-            files: if has_files { calibration_files(reader.path())? } else { Vec::new() },
+            files: match calibration_files(reader.path()) {
+                // Damage is told with the pairs.
+                Err(Error::Damaged { .. }) => Vec::new(),
+                found => found?,
+            },
         })
     }
 

@@ -67,6 +67,13 @@ impl Topics {
     }
 }
 
+/// Opens a recording whose pairs are taken as they are, and says what to know of it.
+pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<RecordingSource> {
+    let source = RecordingSource::open_selection(path, &topics.selection())?;
+    source.reader().remarks().iter().for_each(|remark| tracing::warn!("{}: {remark}", path.display()));
+    Ok(source)
+}
+
 /// Says how many images of a source found no partner.
 pub(super) fn tell_unpaired(source: &dyn Source) {
     if source.unpaired() > 0 {

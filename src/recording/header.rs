@@ -91,7 +91,7 @@ pub fn header(path: &Path) -> Result<Header> {
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
 pub fn calibration_files(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    let mut messages = Messages::open(path)?;
+    let mut messages = Messages::beside(path)?;
     let mut files = Vec::new();
     while let Some(event) = messages.next()? {
         if let Event::Attachment { name, data } = event

@@ -23,7 +23,7 @@ impl<'a> Watched<'a> {
     }
 
     fn look(&mut self, frame: Option<&Frame>) {
-        let due = self.taken % EVERY == 0 && self.looks < LOOKS;
+        let due = self.taken.is_multiple_of(EVERY) && self.looks < LOOKS;
         self.taken += 1;
         let last = match frame {
             Some(frame) if due => {
