@@ -3,6 +3,7 @@
 mod algos;
 mod bench;
 mod cache;
+mod cameras;
 mod calibrate;
 mod compare;
 mod completions;

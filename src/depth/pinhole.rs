@@ -73,7 +73,9 @@ impl PinholeFit {
         }
         let kept: f64 = rows.iter().map(|row| row.weight).sum();
         let squares: f64 = rows.iter().map(|row| row.weight * row.residual(&line).powi(2)).sum();
-        let scale = (squares / (kept - 2.0).max(1.0)).sqrt().max(BEST);
+        // Whole disparities are no better known than that, however well they fit.
+        let best = if pairs.iter().all(|(_, px)| px.fract() == 0.0) { 1.0 } else { BEST };
+        let scale = (squares / (kept - 2.0).max(1.0)).sqrt().max(best);
         let (noise_px, weights) = (scale * DISPARITY_PX, rows.iter().map(|row| row.weight).collect());
         let covariance = normal.try_inverse().map(|inverse| inverse * (scale * scale));
         match covariance {
@@ -248,6 +250,14 @@ mod tests {
         assert!((2.0 * deviation - 0.1).abs() < 1e-9, "{farthest} {deviation}");
         assert!(fit.farthest_cm(0.2).unwrap() > farthest);
         assert_eq!(fit.farthest_cm(1e-9), None);
+    }
+
+    #[test]
+    fn whole_disparities_are_good_to_their_rounding() {
+        let pairs: Vec<_> = [1.0, 2.0, 4.0, 5.0, 10.0, 20.0].map(|px| (1000.0 / px, px)).into();
+        assert_eq!(PinholeFit::fit(&pairs).unwrap().noise_px(), DISPARITY_PX);
+        let pairs: Vec<_> = pairs.iter().map(|(cm, px)| (*cm, px + 0.25)).collect();
+        assert!(PinholeFit::fit(&pairs).unwrap().noise_px() < 0.1 * DISPARITY_PX);
     }
 
     #[test]

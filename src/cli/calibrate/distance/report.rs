@@ -80,12 +80,14 @@ impl Report {
         let (of_a, of_b) = pinhole.standard_deviations();
         match &self.polynomial {
             Ok(curve) => {
-                let (from, to) = curve.measured_px().into_inner();
                 let rms = self.rms_cm(0).unwrap_or_default();
-                writeln!(
-                    text,
-                    "degree 5: rms {rms:.1} cm; use it from {from:.1} to {to:.1} px, where it was measured"
-                )?;
+                let (from, to) = curve.measured_px().into_inner();
+                let usable = self.usable_px();
+                let ranges: Vec<_> = usable.iter().map(|(from, to)| format!("{from:.1} to {to:.1} px")).collect();
+                let ranges = if ranges.is_empty() { "nowhere".to_owned() } else { ranges.join(", ") };
+                let swings = if usable == [(from, to)] { "" } else { "; elsewhere it swings between the measurements" };
+                writeln!(text, "degree 5: rms {rms:.1} cm, measured from {from:.1} to {to:.1} px")?;
+                writeln!(text, "  use it: {ranges}{swings}")?;
             }
             Err(why) => writeln!(text, "degree 5: none, {why}")?,
         }
