@@ -3,8 +3,8 @@
 mod algos;
 mod bench;
 mod cache;
-mod cameras;
 mod calibrate;
+mod cameras;
 mod compare;
 mod completions;
 mod datasets;
