@@ -100,6 +100,10 @@ mod tests {
         let small = Intrinsics::new((320, 240), (250.0, 250.0), (160.0, 120.0), [0.0; 5]).unwrap();
         let error = at(0.1, 0.0, 0.0, small).unwrap_err().to_string();
         assert!(error.contains("640x480") && error.contains("320x240"), "{error}");
+        let vast = Intrinsics::new((1 << 40, 480), (500.0, 500.0), (320.0, 240.0), [0.0; 5]).unwrap();
+        let apart = Isometry3::translation(-0.1, 0.0, 0.0);
+        let vast = StereoCalibration::new(vast, vast, apart, LengthUnit::Metres).unwrap();
+        assert!(bouguet(&vast, &Framing { size: Some((640, 480)), alpha: 0.0 }).is_err());
 
         let narrow = camera((2000.0, 2000.0), (319.5, 239.5), [0.0; 5]);
         let away = UnitQuaternion::from_euler_angles(0.0, 0.5, 0.0);

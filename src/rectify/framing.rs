@@ -32,10 +32,12 @@ impl Framing {
             return Err(Error::Invalid(format!("alpha {}: 0 crops to what was seen, 1 shows all", self.alpha)));
         }
         let size = self.size.unwrap_or(views[0].size());
-        let (width, height) = size;
-        if ![width, height].iter().all(|side| (2..=MAX_SIDE).contains(side)) {
-            return Err(Error::Dimensions { width, height, max: MAX_SIDE });
+        for (width, height) in [size, views[0].size(), views[1].size()] {
+            if ![width, height].iter().all(|side| (2..=MAX_SIDE).contains(side)) {
+                return Err(Error::Dimensions { width, height, max: MAX_SIDE });
+            }
         }
+        let (width, height) = size;
         let [left, right] = views.each_ref().map(seen);
         let (left, right) = (left?, right?);
         let within = left.within.intersection(&right.within);
@@ -47,7 +49,7 @@ impl Framing {
             let cure = "are the cameras turned away from each other? alpha = 1 shows all that they see";
             return Err(Error::Rig(format!("no rectangle of the rectified plane is seen by both cameras: {cure}")));
         }
-        let (within, around) = (if empty { around } else { within }, around);
+        let within = if empty { around } else { within };
         let closest = extent.component_div(&within.size()).max();
         let widest = extent.component_div(&around.size()).min();
         let blend = |near: f64, far: f64| near + self.alpha * (far - near);

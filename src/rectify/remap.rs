@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, remap_row};
-use crate::stereo::Gray;
+use crate::stereo::{Gray, MAX_SIDE};
 use nalgebra::Point2;
 use std::ops::Range;
 
@@ -29,7 +29,7 @@ impl Remap {
     /// The table of an image of `size`, whose pixel `(x, y)` lies at `from(x, y)` in one of size `source`, or nowhere.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a source of less than 2x2 pixels.
+    /// [`Error::Invalid`] for a source of less than 2x2 pixels; [`Error::Dimensions`] for what is larger than an image may be.
     pub fn new(
         source: (usize, usize),
         size: (usize, usize),
@@ -38,6 +38,11 @@ impl Remap {
         let (width, height) = source;
         if width < 2 || height < 2 {
             return Err(Error::Invalid(format!("an image of {width}x{height} pixels has nothing between its pixels")));
+        }
+        for (width, height) in [source, size] {
+            if width.max(height) > MAX_SIDE {
+                return Err(Error::Dimensions { width, height, max: MAX_SIDE });
+            }
         }
         let pixels = size.0 * size.1;
         let mut remap = Self {
@@ -183,6 +188,9 @@ mod tests {
     #[test]
     fn what_is_not_there_is_refused_or_black() {
         assert!(Remap::new((1, 40), (10, 10), Some).is_err());
+        assert!(
+            Remap::new((20, 10), (1 << 40, 10), Some).is_err() && Remap::new((1 << 40, 2), (10, 10), Some).is_err()
+        );
         let nowhere = Remap::new((20, 10), (5, 4), |p| (p.x != 2.0).then_some(p)).unwrap();
         assert_eq!(nowhere.outside(), 4);
         let seen = nowhere.apply(Isa::PORTABLE, &Gray::filled(20, 10, 9).unwrap()).unwrap();
