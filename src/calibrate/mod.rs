@@ -4,5 +4,7 @@
 pub mod distance;
 pub mod files;
 mod pattern;
+mod solve;
 
 pub use pattern::{Board, View};
+pub use solve::{Camera, Corner, Correlation, Epipolar, Estimate, Fit, LEAST_VIEWS, Solution, ViewFit, solve};

@@ -28,6 +28,14 @@ impl Side {
             Self::Right => "right",
         }
     }
+
+    /// An error of this side's camera, which says so.
+    pub(super) fn blame(self, error: Error) -> Error {
+        match error {
+            Error::Camera { camera, reason } => Error::camera(format!("{} camera, {camera}", self.name()), reason),
+            other => other,
+        }
+    }
 }
 
 /// How long and how strongly a camera exposes.
@@ -75,6 +83,14 @@ pub struct Capture {
     pub settings: Settings,
 }
 
+/// What came of an exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Taken {
+    Image(Capture),
+    /// Part of the image was lost on its way.
+    Damaged,
+}
+
 /// A camera. Only its own acquisition thread calls it, so calls may block.
 pub trait Camera: Send {
     /// What a person calls it.
@@ -93,5 +109,5 @@ pub trait Camera: Send {
     ///
     /// # Errors
     /// [`Error::Camera`] when the camera is gone.
-    fn capture(&mut self, patience: Duration) -> Result<Option<Capture>>;
+    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>>;
 }
