@@ -49,6 +49,9 @@ fn table(summary: &Summary) -> String {
     if let Some(Manifest { run_id, began, machine, .. }) = &summary.manifest {
         lines.insert(3, format!("run        {run_id}, began {began} on {}", machine.processor));
     }
+    if let Some(calibration) = summary.header.as_ref().and_then(|header| header.calibration.as_ref()) {
+        lines.push(format!("rectified  by {calibration}"));
+    }
     lines.extend(summary.skew.iter().flat_map(skew));
     lines.extend(gaps(summary));
     lines.extend(missing(&summary.missing));

@@ -2,6 +2,7 @@
 
 use super::cameras::{Cameras, TriggerChoice, Wanted, has_trigger};
 use super::progress::{interrupted, listen_for_interrupt};
+use super::rectify::Recorded;
 use super::source::Opened;
 use anyhow::bail;
 use clap::error::ErrorKind;
@@ -106,7 +107,8 @@ impl LiveArgs {
         })?;
         let source = LiveSource::new(name, grabber, interrupted);
         let header = Header { seed, ..Header::new(name) };
-        Ok(Opened { live: Some(source.tally()), source: Box::new(source), header, scenario: None, stem: kind.into() })
+        let (live, recorded) = (Some(source.tally()), Recorded::default());
+        Ok(Opened { live, source: Box::new(source), header, scenario: None, stem: kind.into(), recorded })
     }
 
     /// Refuses what contradicts itself.

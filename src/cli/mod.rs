@@ -19,6 +19,7 @@ mod output;
 mod progress;
 mod record;
 mod recover;
+mod rectify;
 mod replay;
 mod reproduce;
 mod run_info;
@@ -140,7 +141,7 @@ impl Command {
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
-            Self::Calibrate(args) => calibrate::run(&args),
+            Self::Calibrate(args) => calibrate::run(&args, quiet),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),

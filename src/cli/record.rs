@@ -5,6 +5,7 @@ use super::devices;
 use super::live::LiveArgs;
 use super::output::{Aside, distinct, may_write, print};
 use super::progress::{Progress, listen_for_interrupt};
+use super::rectify::Rectify;
 use super::source::{self, Opened, RECORDINGS};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
@@ -40,6 +41,7 @@ Examples:
   svl record arena --seed 7 --duration 5 -o five-seconds.mcap
   svl record datasets/cones -o cones.mcap
   svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap
+  svl record raw.mcap --calib calibration.xml -o rectified.mcap
   svl record --list                               the cameras and serial ports of this machine
   svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
   svl record v4l2:/dev/video0,/dev/video2         webcams, which run by themselves
@@ -63,6 +65,8 @@ pub(super) struct Args {
     seed: Option<u64>,
     #[command(flatten)]
     topics: source::Topics,
+    #[command(flatten)]
+    rectify: Rectify,
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
@@ -93,6 +97,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         args.live.none_given(&args.source)?;
         source::open(&args.source, args.seed, &args.topics)?
     };
+    opened = args.rectify.opened(opened, quiet)?;
     let live = opened.live.clone();
     let output = match &args.output {
         Some(path) => path.clone(),
@@ -136,6 +141,7 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet:
     if let Some(text) = &opened.scenario {
         writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
     }
+    opened.recorded.attach(&mut writer)?;
     let mut sink = RecordingSink::new(writer);
     let mut progress = Progress::new(&opened.source.name(), opened.source.pairs(), quiet);
     let grid = GridSettings::default();

@@ -13,8 +13,8 @@ use svl::report::{Ruling, Summary, Tables};
 use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Findings, Identity, Judge, RerunSink, RerunTarget, Sink};
-use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
+use svl::source::{Source, Watched};
 
 /// Score algorithms on a scenario and write a report
 ///
@@ -183,7 +183,7 @@ impl Report {
         self.rerun.begin_run();
         let mut progress = Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
         let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
-        let ran = run_loop(source, lineup, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
+        let ran = run_loop(&mut Watched::new(source), lineup, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
         progress.clear();
         self.judge.end_run()?;
         let outcome = ran?;

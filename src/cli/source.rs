@@ -1,5 +1,6 @@
 //! From what a user names to a source of frames.
 
+use super::rectify::Recorded;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
@@ -24,6 +25,8 @@ pub(super) struct Opened {
     pub stem: String,
     /// What the grabber did, when it comes from cameras.
     pub live: Option<LastTally>,
+    /// What it says of its pairs, when it is a recording.
+    pub recorded: Recorded,
 }
 
 /// Which pairs to read of a recording that svl did not write.
@@ -64,7 +67,7 @@ impl Topics {
     }
 }
 
-/// Opens a recording and says what to know of it.
+/// Opens a recording whose pairs are taken as they are, and says what to know of it.
 pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<RecordingSource> {
     let source = RecordingSource::open_selection(path, &topics.selection())?;
     source.reader().remarks().iter().for_each(|remark| tracing::warn!("{}: {remark}", path.display()));
@@ -124,6 +127,7 @@ pub(super) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
         },
         scenario: Some(scenario.text.clone()),
         live: None,
+        recorded: Recorded::default(),
     })
 }
 
@@ -152,15 +156,16 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
         Box::new(SceneSource::new(scenes))
     };
     let header = Header { scenario: Some(stem.clone()), ..Header::new(path.display().to_string()) };
-    Ok(Opened { source, header, scenario: None, stem, live: None })
+    Ok(Opened { source, header, scenario: None, stem, live: None, recorded: Recorded::default() })
 }
 
 fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
-    let source = open_recording(path, topics)?;
+    let source = RecordingSource::open_selection(path, &topics.selection())?;
+    let recorded = Recorded::of(&source)?;
     let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(path.display().to_string()));
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
     let scenario = source.scenario()?;
-    Ok(Opened { source: Box::new(source), header, scenario, stem, live: None })
+    Ok(Opened { source: Box::new(source), header, scenario, stem, live: None, recorded })
 }
 
 /// The folder of the data sets: the one named, or what `SVL_DATASETS` names.

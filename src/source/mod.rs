@@ -5,11 +5,15 @@ pub mod dataset;
 mod limited;
 mod live;
 mod recording;
+mod rectified;
+mod watched;
 
 pub use arena::ArenaSource;
 pub use limited::Limited;
 pub use live::{LastTally, LiveSource};
 pub use recording::RecordingSource;
+pub use rectified::RectifiedSource;
+pub use watched::Watched;
 
 use crate::error::Result;
 use crate::stereo::Frame;

@@ -96,6 +96,15 @@ pub struct Rectification {
     pub rig: Rig,
 }
 
+impl Rectification {
+    /// The motion that it undoes, where nothing else says how the cameras stand: `R = R2ᵀ R1`, `T = R2ᵀ (−B, 0, 0)`.
+    pub fn motion(&self) -> Isometry3<f64> {
+        let back = self.right.inverse();
+        let apart = back * Vector3::new(-self.rig.baseline_m(), 0.0, 0.0);
+        Isometry3::from_parts(apart.into(), UnitQuaternion::from_rotation_matrix(&(back * self.left)))
+    }
+}
+
 /// The rotation nearest to a matrix of a file, where the digits it was written with make it almost one.
 ///
 /// # Errors

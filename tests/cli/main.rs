@@ -17,6 +17,7 @@ mod interrupt;
 mod live;
 mod matching;
 mod record;
+mod rectify;
 mod replay;
 mod reproduce;
 mod score;

@@ -1,5 +1,6 @@
 //! `svl calibrate`: from boards, measured distances and files of other programs to calibrated cameras.
 
+mod check;
 mod convert;
 mod distance;
 
@@ -8,6 +9,7 @@ mod distance;
 #[command(after_help = "\
 Examples:
   svl calibrate convert calibration.xml opencv.yml
+  svl calibrate check run.mcap
   svl calibrate distance scenarios/annex-b.csv --figure curve.svg")]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -16,12 +18,14 @@ pub(super) struct Args {
 
 #[derive(clap::Subcommand)]
 enum Command {
+    Check(check::Args),
     Convert(convert::Args),
     Distance(distance::Args),
 }
 
-pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
+        Command::Check(args) => check::run(args, quiet),
         Command::Convert(args) => convert::run(args),
         Command::Distance(args) => distance::run(args),
     }

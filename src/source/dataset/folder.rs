@@ -1,4 +1,4 @@
-//! A folder of many rectified pairs: `left/` and `right/` subfolders, or `left*` and `right*` files side by side.
+//! A folder of many pairs: `left/` and `right/` subfolders, or `left*` and `right*` files side by side.
 
 use super::scene::ENDINGS;
 use crate::calibrate::files::read_calib;
@@ -9,9 +9,14 @@ use crate::stereo::{Exposure, Frame, Rig, StereoPair};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Names of the subfolders, of the files' beginnings: plain, KITTI 2015's, KITTI 2012's, KITTI odometry's.
-const SIDES: &[(&str, &str)] =
-    &[("left", "right"), ("image_2", "image_3"), ("colored_0", "colored_1"), ("image_0", "image_1")];
+/// Names of the subfolders, of the files' beginnings: plain, KITTI 2015's, KITTI 2012's, KITTI odometry's, EuRoC's.
+const SIDES: &[(&str, &str)] = &[
+    ("left", "right"),
+    ("image_2", "image_3"),
+    ("colored_0", "colored_1"),
+    ("image_0", "image_1"),
+    ("cam0/data", "cam1/data"),
+];
 
 /// Pairs of equally named images, in the order of their names.
 pub struct FolderSource {
