@@ -144,6 +144,7 @@ mod tests {
         let (good, bad) = seen(200, 0.2, 100);
         let found = Epipolar::of(&[good.clone(), bad].concat(), 1.0).unwrap();
         let kept = good.iter().filter(|m| found.inliers.contains(m)).count();
+        assert!(found.fundamental.determinant().abs() < 1e-15, "not of rank two");
         assert!(kept > 195 && found.inliers.len() - kept < 10, "{kept} of {}", found.inliers.len());
     }
 

@@ -130,7 +130,7 @@ fn gapless(image: &Gray) -> Cow<'_, [u8]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Intrinsics, LengthUnit};
+    use crate::stereo::{Intrinsics, LengthUnit, Rectification};
     use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
     fn calibration() -> StereoCalibration {
@@ -190,6 +190,23 @@ mod tests {
                 assert!(rectified(isa, threads) == expected, "{isa}, {threads} threads");
             }
         }
+    }
+
+    #[test]
+    fn a_rectification_of_its_own_is_kept() {
+        let calibration = calibration();
+        let plain = bouguet(&calibration, &Framing::default()).unwrap();
+        let rig = Rig::new(plain.rig.focal_px(), plain.rig.center_px(), 0.1, 4.0).unwrap();
+        let apart = Rectification { rig, ..plain.clone() };
+        let of = |own| Rectifier::new(&calibration.clone().with_rectification(own)).unwrap();
+        let (plain, apart) = (of(plain), of(apart));
+        assert_eq!(apart.rig().unwrap().doffs_px(), 4.0);
+        // The right image lies 4 pixels further right, the left one where it was.
+        let pair = pair(&calibration);
+        let [left, other_left] = [&plain, &apart].map(|r| r.left.apply(Isa::PORTABLE, pair.left()).unwrap());
+        let [right, other_right] = [&plain, &apart].map(|r| r.right.apply(Isa::PORTABLE, pair.right()).unwrap());
+        assert!(left == other_left);
+        assert!((0..120).all(|y| right.row(y)[..156] == other_right.row(y)[4..]));
     }
 
     #[test]
