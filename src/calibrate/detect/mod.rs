@@ -43,7 +43,7 @@ pub enum Seen {
 }
 
 /// An edge of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Edge {
     Left,
     Right,

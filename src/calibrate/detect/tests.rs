@@ -86,8 +86,8 @@ fn a_board_partly_outside_is_no_board_and_says_where() {
         [([-1.0, 0.0], Edge::Left), ([1.0, 0.0], Edge::Right), ([0.0, -1.0], Edge::Top), ([0.0, 1.0], Edge::Bottom)];
     for ([x, y], edge) in ways {
         let mut beyond = 0;
-        for step in 0..12 {
-            let far = 0.5 * f64::from(step);
+        for step in 0..6 {
+            let far = f64::from(step);
             let pose = pose(&board, [x * (3.0 + far), y * (2.5 + far), 13.0], [0.1, 0.1, 0.05]);
             let inside = |p: &Point2<f64>| p.x > 0.0 && p.x < 639.0 && p.y > 0.0 && p.y < 479.0;
             let whole = truth(&board, &pose).iter().all(inside);
@@ -100,7 +100,7 @@ fn a_board_partly_outside_is_no_board_and_says_where() {
                 _ => {}
             }
         }
-        assert!(beyond >= 3, "{edge:?}: {beyond}");
+        assert!(beyond >= 2, "{edge:?}: {beyond}");
     }
 }
 
@@ -122,9 +122,9 @@ fn the_first_corner_is_the_same_in_both_images() {
         let mut detector = PairDetector::new(board).unwrap();
         let camera = half_camera();
         let rays = Rays::new(&camera);
-        for turn in 0..16 {
+        for turn in 0..8 {
             // Such that the two images' diagonals lie on both sides of where the choice would change.
-            let angle = f64::from(turn) * std::f64::consts::TAU / 16.0;
+            let angle = (f64::from(turn) + 0.1) * std::f64::consts::TAU / 8.0;
             let image = |off: f64| {
                 let pose = pose(&board, [off, 0.0, 22.0], [0.2, -0.1, angle + 0.03 * off]);
                 let truth: Vec<_> = board.corners().map(|corner| camera.project(&(pose * corner)).unwrap()).collect();

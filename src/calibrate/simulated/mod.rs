@@ -15,9 +15,9 @@ use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 pub const RATE_HZ: f64 = 10.0;
 
 /// Poses in which the board is held, so many pairs each, and so many pairs on the way to the next.
-const POSES: usize = 28;
-const HELD: u64 = 5;
-const MOVING: u64 = 4;
+const POSES: usize = 24;
+const HELD: u64 = 3;
+const MOVING: u64 = 6;
 /// Part of the time between two pairs for which the shutter is open, and moments of it that are drawn.
 const SHUTTER: f64 = 0.1;
 const MOMENTS: usize = 5;
