@@ -5,5 +5,7 @@ pub mod choose;
 pub mod detect;
 mod pattern;
 pub mod simulated;
+mod solve;
 
 pub use pattern::{Board, View};
+pub use solve::{Camera, Corner, Correlation, Epipolar, Estimate, Fit, LEAST_VIEWS, Solution, ViewFit, solve};

@@ -1,7 +1,7 @@
 //! One camera with its lens.
 
 use crate::error::{Error, Result};
-use nalgebra::{Matrix2, Matrix3, Point2, Point3, Vector2};
+use nalgebra::{Matrix2, Matrix3, Point2, Point3, SMatrix, Vector2};
 
 /// A pinhole camera with the lens of Brown (Close-range camera calibration, 1971), as in OpenCV's `plumb_bob`.
 ///
@@ -61,6 +61,20 @@ impl Intrinsics {
         self.distortion
     }
 
+    /// fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    pub fn parameters(&self) -> [f64; 9] {
+        let ((fx, fy), (cx, cy), [k1, k2, p1, p2, k3]) = (self.focal_px, self.center_px, self.distortion);
+        [fx, fy, cx, cy, k1, k2, p1, p2, k3]
+    }
+
+    /// A camera with an image of the same size and these [`Intrinsics::parameters`].
+    ///
+    /// # Errors
+    /// Those of [`Intrinsics::new`].
+    pub fn with_parameters(&self, [fx, fy, cx, cy, k1, k2, p1, p2, k3]: [f64; 9]) -> Result<Self> {
+        Self::new(self.size, (fx, fy), (cx, cy), [k1, k2, p1, p2, k3])
+    }
+
     /// K.
     pub fn matrix(&self) -> Matrix3<f64> {
         let ((fx, fy), (cx, cy)) = (self.focal_px, self.center_px);
@@ -76,6 +90,25 @@ impl Intrinsics {
     pub fn pixel(&self, direction: Vector2<f64>) -> Point2<f64> {
         let bent = self.distort(direction);
         Point2::new(self.focal_px.0 * bent.x + self.center_px.0, self.focal_px.1 * bent.y + self.center_px.1)
+    }
+
+    /// [`Intrinsics::pixel`] with its derivatives: by the direction, and by the [`Intrinsics::parameters`].
+    pub fn linearize(&self, direction: Vector2<f64>) -> (Point2<f64>, Matrix2<f64>, SMatrix<f64, 2, 9>) {
+        let (fx, fy) = self.focal_px;
+        let (x, y) = (direction.x, direction.y);
+        let (r2, xy) = (x * x + y * y, 2.0 * x * y);
+        let (r4, r6) = (r2 * r2, r2 * r2 * r2);
+        let bent = self.distort(direction);
+        let mut by_direction = self.bend(direction);
+        by_direction.row_mut(0).scale_mut(fx);
+        by_direction.row_mut(1).scale_mut(fy);
+        #[rustfmt::skip]
+        let by_parameters = SMatrix::from_row_slice(&[
+            bent.x, 0.0, 1.0, 0.0, fx * x * r2, fx * x * r4, fx * xy, fx * (r2 + 2.0 * x * x), fx * x * r6,
+            0.0, bent.y, 0.0, 1.0, fy * y * r2, fy * y * r4, fy * (r2 + 2.0 * y * y), fy * xy, fy * y * r6,
+        ]);
+        let pixel = Point2::new(fx * bent.x + self.center_px.0, fy * bent.y + self.center_px.1);
+        (pixel, by_direction, by_parameters)
     }
 
     /// Direction `(X/Z, Y/Z)` in which a pixel sees; nothing where the lens model, beyond what it was fitted to, folds
@@ -155,6 +188,26 @@ mod tests {
         for (axis, unit) in [Vector2::x(), Vector2::y()].into_iter().enumerate() {
             let difference = (camera.distort(at + unit * step) - camera.distort(at - unit * step)) / (2.0 * step);
             assert!((camera.bend(at).column(axis) - difference).norm() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn the_derivatives_are_those_of_the_pixel() {
+        let (camera, at, step) = (wide(), Vector2::new(0.3, -0.2), 1e-6);
+        let (pixel, by_direction, by_parameters) = camera.linearize(at);
+        assert!((pixel - camera.pixel(at)).norm() < 1e-12);
+        for (axis, unit) in [Vector2::x(), Vector2::y()].into_iter().enumerate() {
+            let difference = (camera.pixel(at + unit * step) - camera.pixel(at - unit * step)) / (2.0 * step);
+            assert!((by_direction.column(axis) - difference).norm() < 1e-5, "axis {axis}");
+        }
+        for i in 0..9 {
+            let moved = |step: f64| {
+                let mut parameters = camera.parameters();
+                parameters[i] += step;
+                camera.with_parameters(parameters).unwrap().pixel(at)
+            };
+            let difference = (moved(step) - moved(-step)) / (2.0 * step);
+            assert!((by_parameters.column(i) - difference).norm() < 1e-5, "parameter {i}");
         }
     }
 
