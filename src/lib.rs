@@ -9,7 +9,8 @@
 //! data set                                  tables ──▶ report
 //! ```
 //!
-//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`], [`depth`].
+//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`], [`depth`],
+//! [`rectify`].
 //!
 //! ```
 //! use svl::stereo::{DisparityMap, Gray, GridShape, StereoPair};
@@ -33,6 +34,7 @@ pub mod depth;
 mod error;
 pub mod kernel;
 pub mod matcher;
+pub mod rectify;
 pub mod stereo;
 pub mod timing;
 

@@ -12,6 +12,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("kernel", &["stereo"]),
     ("matcher", &["stereo", "kernel"]),
     ("depth", &["stereo", "kernel"]),
+    ("rectify", &["stereo", "kernel"]),
     ("arena", &["stereo", "kernel"]),
     ("calibrate", &["stereo", "kernel", "depth"]),
     ("files", &["stereo"]),
