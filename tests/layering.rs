@@ -21,7 +21,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("grab", &["stereo", "arena"]),
     ("recording", &["stereo", "files", "manifest"]),
     ("score", &["stereo", "depth", "overlay"]),
-    ("source", &["stereo", "recording", "arena", "files", "grab"]),
+    ("source", &["stereo", "recording", "arena", "files", "grab", "calibrate"]),
     ("manifest", &["kernel", "matcher"]),
     ("report", &["score", "overlay", "manifest"]),
     ("sink", &["stereo", "manifest", "recording", "score", "report", "overlay", "files"]),

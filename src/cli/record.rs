@@ -22,6 +22,7 @@ use svl::source::Limited;
 #[command(after_help = "\
 Sources:
   arena            the simulated arena of scenarios/arena.toml (default)
+  board            a chessboard that is moved before two cameras with lenses: for `svl calibrate board`
   SCENARIO.toml    the arena with other parameters
   FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
                    (the pairs with truth), or left/ and right/ with equally named images

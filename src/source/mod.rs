@@ -1,12 +1,14 @@
 //! Where frames come from.
 
 mod arena;
+mod board;
 pub mod dataset;
 mod limited;
 mod live;
 mod recording;
 
 pub use arena::ArenaSource;
+pub use board::BoardSource;
 pub use limited::Limited;
 pub use live::{LastTally, LiveSource};
 pub use recording::RecordingSource;
