@@ -1,15 +1,12 @@
-//! Cameras: how they are fired, paired and queued, and which there are.
+//! What cameras are asked for on the command line: how they are fired, paired and queued.
 
+use super::cameras::{Cameras, TriggerChoice, Wanted};
 use super::progress::{interrupted, listen_for_interrupt};
 use super::source::Opened;
 use anyhow::bail;
 use clap::error::ErrorKind;
-use std::path::Path;
-use std::str::FromStr;
-use std::sync::Arc;
 use std::time::Duration;
-use svl::grab::simulated::{Cabled, Drive, Pictures, SimulatedCamera, SimulatedConfig, SimulatedTrigger, Wire};
-use svl::grab::{Camera, Clock, Grabber, Policy, Rule, SerialTrigger, Settings, Setup, Side, Trigger, WhenFull};
+use svl::grab::{Clock, Grabber, Rule, Settings, Setup, WhenFull};
 use svl::recording::Header;
 use svl::source::LiveSource;
 
@@ -47,28 +44,6 @@ const FIRST: Settings = Settings { shutter_us: 4_000, gain_mdb: 0 };
 /// Pairs between two looks of the exposure balance.
 const BALANCE_EVERY: u32 = 10;
 
-#[derive(Clone, Debug, PartialEq)]
-enum TriggerChoice {
-    Software,
-    Serial(String),
-    Fixed(f64),
-    Free,
-}
-
-impl FromStr for TriggerChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once(':') {
-            None if text == "software" => Ok(Self::Software),
-            None if text == "free" => Ok(Self::Free),
-            Some(("serial", device)) if !device.is_empty() => Ok(Self::Serial(device.to_owned())),
-            Some(("fixed", hz)) => super::positive(hz).map(Self::Fixed),
-            _ => Err("expected software, serial:DEVICE, fixed:HZ or free".to_owned()),
-        }
-    }
-}
-
 #[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
 enum PairingChoice {
     Trigger,
@@ -80,11 +55,6 @@ enum PairingChoice {
 enum FullChoice {
     Wait,
     Drop,
-}
-
-/// Whether a name is of cameras.
-pub(super) fn is_live(name: &str) -> bool {
-    ["sim", "v4l2", "genicam"].contains(&name.split(':').next().unwrap_or_default())
 }
 
 impl LiveArgs {
@@ -108,38 +78,14 @@ impl LiveArgs {
     }
 
     /// Starts the cameras that `name` says.
-    pub(super) fn open(&self, name: &str, seed: u64, max_skew_ms: Option<f64>) -> anyhow::Result<Opened> {
-        let Some(settings) = name.strip_prefix("sim").map(|rest| rest.strip_prefix(':').unwrap_or(rest)) else {
-            bail!("{name}: this svl drives no such cameras yet; `svl record --list` shows what there is");
-        };
+    pub(super) fn open(&self, name: &str, seed: Option<u64>, max_skew_ms: Option<f64>) -> anyhow::Result<Opened> {
         self.check(max_skew_ms)?;
         listen_for_interrupt();
-        let config: SimulatedConfig = settings.parse()?;
-        let rate_hz = self.rate_hz()?;
-        let period_ns = (1e9 / rate_hz).round() as u64;
         let clock = Clock::real();
-        let pictures = Arc::new(Pictures::render(config.size, rate_hz, config.pictures, seed)?);
-        let rig = pictures.rig();
-        let wire = Wire::new(&clock);
-        let camera = |side: Side| -> Box<dyn Camera> {
-            let drive = match self.trigger() {
-                TriggerChoice::Free => Drive::Free { period_ns },
-                _ => Drive::Wire(wire.clone()),
-            };
-            let temper = config.tempers[side as usize].clone();
-            Box::new(SimulatedCamera::new(side, &clock, drive, &pictures, config.light, temper))
-        };
-        let cameras = Side::BOTH.map(camera);
-        let trigger = || -> Box<dyn Trigger> { Box::new(SimulatedTrigger::new(&wire)) };
-        let policy = match self.trigger() {
-            TriggerChoice::Software => Policy::Coordinated { trigger: trigger(), period_ns },
-            TriggerChoice::Serial(device) => {
-                let controller = SerialTrigger::open(Path::new(&device), period_ns, &clock)?;
-                Policy::Coordinated { trigger: Box::new(Cabled::new(Box::new(controller), &wire)), period_ns }
-            }
-            TriggerChoice::Fixed(_) => Policy::FixedRate { trigger: trigger(), period_ns },
-            TriggerChoice::Free => Policy::Free,
-        };
+        let wanted = Wanted { trigger: self.trigger(), rate_hz: self.rate_hz()?, clock: clock.clone(), seed };
+        let period_ns = wanted.period_ns();
+        let (kind, settings) = name.split_once(':').unwrap_or((name, ""));
+        let Cameras { cameras, policy, rig, seed } = wanted.cameras(kind, settings)?;
         let grabber = Grabber::start(Setup {
             clock,
             cameras,
@@ -158,8 +104,8 @@ impl LiveArgs {
             rig,
         })?;
         let source = LiveSource::new(name, grabber, interrupted);
-        let header = Header { seed: Some(seed), ..Header::new(name) };
-        Ok(Opened { live: Some(source.tally()), source: Box::new(source), header, scenario: None, stem: "sim".into() })
+        let header = Header { seed, ..Header::new(name) };
+        Ok(Opened { live: Some(source.tally()), source: Box::new(source), header, scenario: None, stem: kind.into() })
     }
 
     /// Refuses what contradicts itself.

@@ -4,6 +4,7 @@ mod algos;
 mod bench;
 mod cache;
 mod calibrate;
+mod cameras;
 mod compare;
 mod completions;
 mod datasets;
@@ -139,7 +140,7 @@ impl Command {
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
-            Self::Calibrate(args) => calibrate::run(&args),
+            Self::Calibrate(args) => calibrate::run(&args, quiet),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),

@@ -1,11 +1,10 @@
 //! `svl record`: a source into a recording.
 
 use super::devices;
-use super::live::{LiveArgs, is_live};
+use super::live::LiveArgs;
 use super::output::{Aside, distinct, may_write, print};
 use super::progress::{Progress, listen_for_interrupt};
 use super::source::{self, Opened, RECORDINGS};
-use anyhow::bail;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::manifest::Manifest;
@@ -29,7 +28,7 @@ Sources:
   FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
   sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60;
                     for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
-                    happens, phase_ms, drift_ppm, hang_at=N, disconnect_at=N
+                    happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
@@ -78,15 +77,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         may_write(path, &["mcap"], args.force)?;
         distinct([path.as_path(), Path::new(&args.source)])?;
     }
-    let mut opened = if is_live(&args.source) {
-        if args.topics.are_named() {
-            bail!("{}: --left and --right choose topics of a recording (.mcap)", args.source);
-        }
-        args.live.open(&args.source, args.seed.unwrap_or(1), args.topics.max_skew_ms)?
-    } else {
-        args.live.none_given(&args.source)?;
-        source::open(&args.source, args.seed, &args.topics)?
-    };
+    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live)?;
     let live = opened.live.clone();
     let output = match &args.output {
         Some(path) => path.clone(),

@@ -1,5 +1,7 @@
 //! From what a user names to a source of frames.
 
+use super::cameras::is_live;
+use super::live::LiveArgs;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
@@ -76,6 +78,18 @@ pub(super) fn tell_unpaired(source: &dyn Source) {
     if source.unpaired() > 0 {
         tracing::warn!("{}: {} images found no partner and were left out", source.name(), source.unpaired());
     }
+}
+
+/// Starts the cameras that `name` says, or opens what [`open`] does.
+pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &LiveArgs) -> anyhow::Result<Opened> {
+    if !is_live(name) {
+        live.none_given(name)?;
+        return open(name, seed, topics);
+    }
+    if topics.are_named() {
+        bail!("{name}: --left and --right choose topics of a recording (.mcap)");
+    }
+    live.open(name, seed, topics.max_skew_ms)
 }
 
 /// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording.

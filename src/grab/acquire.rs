@@ -1,6 +1,6 @@
 //! One camera's acquisition thread.
 
-use super::camera::{Camera, Capture, Settings, Side};
+use super::camera::{Camera, Settings, Side, Taken};
 use super::mailbox::{Mailbox, Received};
 use crate::error::Error;
 use std::time::Duration;
@@ -23,7 +23,7 @@ pub(super) struct Report {
 pub(super) enum Event {
     /// A trigger now exposes.
     Armed,
-    Captured(Capture),
+    Captured(Taken),
     Failed(Error),
 }
 
@@ -46,7 +46,7 @@ pub(super) fn acquire(side: Side, mut camera: Box<dyn Camera>, orders: &Mailbox<
         });
         next = match captured {
             Ok((captured, waiting)) => {
-                captured.into_iter().for_each(|capture| report(Event::Captured(capture)));
+                captured.into_iter().for_each(|taken| report(Event::Captured(taken)));
                 if matches!(waiting, Received::Nothing) { orders.receive(u64::MAX) } else { waiting }
             }
             Err(Error::Camera { camera, reason }) => {

@@ -75,6 +75,14 @@ pub struct Capture {
     pub settings: Settings,
 }
 
+/// What came of an exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Taken {
+    Image(Capture),
+    /// Part of the image was lost on its way.
+    Damaged,
+}
+
 /// A camera. Only its own acquisition thread calls it, so calls may block.
 pub trait Camera: Send {
     /// What a person calls it.
@@ -93,5 +101,5 @@ pub trait Camera: Send {
     ///
     /// # Errors
     /// [`Error::Camera`] when the camera is gone.
-    fn capture(&mut self, patience: Duration) -> Result<Option<Capture>>;
+    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>>;
 }

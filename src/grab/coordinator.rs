@@ -1,11 +1,11 @@
 //! Fires only when both cameras are armed (thesis, figure 4.3), and makes pairs of what they took.
 
 use super::acquire::{Event, Order, Report};
-use super::camera::{Capture, Settings, Side};
+use super::camera::{Capture, Settings, Side, Taken};
 use super::clock::Clock;
 use super::exposure::Balance;
 use super::mailbox::{Mailbox, Received};
-use super::pairing::Pairing;
+use super::pairing::{Pairing, Unpaired};
 use super::pulser::Pulser;
 use super::queue::{Pushed, Queue};
 use super::tally::Tally;
@@ -117,7 +117,7 @@ impl Coordinator {
                     } else if let Event::Captured(_) = event {
                         // Of an order that was given up and repeated.
                         self.tally().frames[side as usize] += 1;
-                        self.pairing.overdue();
+                        self.pairing.leave_out(Unpaired::Overdue);
                     }
                 }
             }
@@ -127,15 +127,23 @@ impl Coordinator {
     fn hear(&mut self, side: Side, event: Event) -> Result<()> {
         match event {
             Event::Armed => self.enter(side, Phase::Armed),
-            Event::Captured(mut capture) => {
+            Event::Captured(taken) => {
                 self.cameras[side as usize].misses = 0;
                 self.tally().frames[side as usize] += 1;
-                if let Firing::WhenArmed { last_id, .. } = self.firing {
-                    // Both were armed, so there is one pulse that it can be of.
-                    capture.trigger_id = capture.trigger_id.or(last_id);
-                }
                 self.order(side);
-                let pair = self.pairing.push(side, capture);
+                let pair = match taken {
+                    Taken::Image(mut capture) => {
+                        if let Firing::WhenArmed { last_id, .. } = self.firing {
+                            // Both were armed, so there is one pulse that it can be of.
+                            capture.trigger_id = capture.trigger_id.or(last_id);
+                        }
+                        self.pairing.push(side, capture)
+                    }
+                    Taken::Damaged => {
+                        self.pairing.leave_out(Unpaired::Damaged);
+                        None
+                    }
+                };
                 self.tally().unpaired = self.pairing.unpaired();
                 pair.map_or(Ok(()), |pair| self.deliver(pair))?;
             }

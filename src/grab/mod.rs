@@ -30,7 +30,7 @@ pub mod simulated;
 mod tally;
 mod trigger;
 
-pub use camera::{Camera, Capture, Limits, Settings, Side};
+pub use camera::{Camera, Capture, Limits, Settings, Side, Taken};
 pub use clock::{Clock, Participant};
 pub use exposure::Balance;
 pub use pairing::{Pairing, Rule, Unpaired, WAITING};

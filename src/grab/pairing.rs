@@ -27,11 +27,19 @@ pub enum Unpaired {
     Overdue,
     /// The run ended before its partner came.
     Unfinished,
+    /// Part of it was lost on its way from the camera.
+    Damaged,
 }
 
 impl Unpaired {
-    pub const ALL: [Unpaired; 5] =
-        [Unpaired::Missed, Unpaired::Skew, Unpaired::Settings, Unpaired::Overdue, Unpaired::Unfinished];
+    pub const ALL: [Unpaired; 6] = [
+        Unpaired::Missed,
+        Unpaired::Skew,
+        Unpaired::Settings,
+        Unpaired::Overdue,
+        Unpaired::Unfinished,
+        Unpaired::Damaged,
+    ];
 
     /// For a person, after a number.
     pub fn words(self) -> &'static str {
@@ -41,6 +49,7 @@ impl Unpaired {
             Unpaired::Settings => "exposed differently",
             Unpaired::Overdue => "given up waiting",
             Unpaired::Unfinished => "unfinished at the end",
+            Unpaired::Damaged => "damaged on the way",
         }
     }
 }
@@ -70,9 +79,9 @@ impl Pairing {
         pair
     }
 
-    /// Counts an image that came when nobody expected it any more.
-    pub(super) fn overdue(&mut self) {
-        self.unpaired[Unpaired::Overdue as usize] += 1;
+    /// Counts an image that is not to be in any pair.
+    pub(super) fn leave_out(&mut self, reason: Unpaired) {
+        self.unpaired[reason as usize] += 1;
     }
 
     /// Images without a partner so far, by reason.

@@ -1,6 +1,6 @@
 //! Cameras that hang or are unplugged.
 
-use crate::stage::{Fired, Stage, adds_up, slow};
+use crate::stage::{Fired, PERIOD_NS, Stage, adds_up, slow};
 use svl::Error;
 use svl::grab::simulated::Temper;
 use svl::grab::{Rule, Unpaired};
@@ -40,6 +40,23 @@ fn what_came_before_a_camera_is_unplugged_is_kept() {
         let (pairs, error) = until_it_fails(fired, Temper { disconnect_at: Some(20), ..Temper::default() });
         assert_eq!(pairs, 20);
         assert_eq!(error, "right camera, sim right: disconnected; plug it in and record again");
+    }
+}
+
+#[test]
+fn a_damaged_image_costs_its_pair_and_is_counted() {
+    for (fired, rule, partner) in [
+        (Fired::WhenArmed, Rule::Trigger, Unpaired::Missed),
+        (Fired::AtFixedRate, Rule::Trigger, Unpaired::Missed),
+        (Fired::Freely, Rule::Stamp { max_skew_ns: PERIOD_NS / 4 }, Unpaired::Skew),
+    ] {
+        let right = Temper { damage_at: Some(5), ..slow(1.0, 0.0) };
+        let (frames, tally) = Stage::new(slow(1.0, 0.0), right).grab(fired, rule, 20);
+        assert_eq!(frames.len(), 20);
+        assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0), "the next pair is of one moment again");
+        assert_eq!(tally.unpaired[Unpaired::Damaged as usize], 1, "{tally}");
+        assert_eq!(tally.unpaired[partner as usize], 1, "{tally}");
+        assert_eq!(frames.last().unwrap().exposure.drops, 2);
     }
 }
 

@@ -1,11 +1,16 @@
 //! `svl calibrate`: from boards, measured distances and files of other programs to calibrated cameras.
 
+mod ask;
+mod board;
+mod collect;
 mod convert;
+mod report;
 
 /// Calibrate cameras, and convert calibrations
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
+  svl calibrate board pictures/ --squares 9x6 --square-m 0.025 -o calib.xml
   svl calibrate convert calibration.xml opencv.yml")]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -14,11 +19,13 @@ pub(super) struct Args {
 
 #[derive(clap::Subcommand)]
 enum Command {
+    Board(board::Args),
     Convert(convert::Args),
 }
 
-pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
+        Command::Board(args) => board::run(args, quiet),
         Command::Convert(args) => convert::run(args),
     }
 }

@@ -4,7 +4,7 @@ use super::pictures::Pictures;
 use super::sensor::{REFERENCE, Sensor};
 use super::wire::Wire;
 use crate::error::{Error, Result};
-use crate::grab::{Camera, Capture, Clock, Limits, Settings, Side};
+use crate::grab::{Camera, Capture, Clock, Limits, Settings, Side, Taken};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -19,6 +19,8 @@ pub struct Temper {
     /// Of a camera that runs free: when its first period begins, and by how much its clock is slow.
     pub phase_ms: f64,
     pub drift_ppm: f64,
+    /// The image of this number, from 0, is damaged on its way.
+    pub damage_at: Option<u64>,
     /// At the exposure of this number, from 0, it stops answering ...
     pub hang_at: Option<u64>,
     /// ... or is unplugged.
@@ -33,6 +35,7 @@ impl Default for Temper {
             transfer_ms: 2.0,
             phase_ms: 0.0,
             drift_ppm: 0.0,
+            damage_at: None,
             hang_at: None,
             disconnect_at: None,
         }
@@ -128,7 +131,7 @@ impl Camera for SimulatedCamera {
         Ok(())
     }
 
-    fn capture(&mut self, patience: Duration) -> Result<Option<Capture>> {
+    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
         let until_ns = self.clock.now_ns().saturating_add(patience.as_nanos() as u64);
         let Some((begin_ns, trigger_id)) = self.exposed_at(until_ns) else { return Ok(None) };
         if self.temper.hang_at.is_some_and(|at| self.exposures >= at) {
@@ -137,8 +140,11 @@ impl Camera for SimulatedCamera {
         self.exposures += 1;
         let shutter_ns = u64::from(self.settings.shutter_us) * 1000;
         self.clock.sleep_until(begin_ns + shutter_ns + (self.temper.transfer_ms * NS_PER_MS) as u64);
+        if self.temper.damage_at.is_some_and(|at| self.exposures == at + 1) {
+            return Ok(Some(Taken::Damaged));
+        }
         let stamp_ns = begin_ns + shutter_ns / 2;
         let image = self.sensor.expose(self.pictures.at(self.side, stamp_ns), self.settings)?;
-        Ok(Some(Capture { image, stamp_ns, trigger_id, settings: self.settings }))
+        Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id, settings: self.settings })))
     }
 }

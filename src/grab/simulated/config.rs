@@ -24,7 +24,7 @@ impl Default for SimulatedConfig {
 }
 
 const KEYS: &str = "size=WxH, pictures=N, light=X; for both cameras or after left. or right.: arm_ms, jitter_ms, \
-                    transfer_ms, phase_ms, drift_ppm, hang_at, disconnect_at";
+                    transfer_ms, phase_ms, drift_ppm, damage_at, hang_at, disconnect_at";
 
 /// Longest side, and bytes of all pictures: they have to fit into a computer.
 const MAX_SIDE: usize = 4096;
@@ -81,6 +81,7 @@ fn set_temper(temper: &mut Temper, key: &str, value: &str) -> Option<()> {
         "transfer_ms" => temper.transfer_ms = number(value, LONGEST_MS)?,
         "phase_ms" => temper.phase_ms = number(value, LONGEST_MS)?,
         "drift_ppm" => temper.drift_ppm = number(value, 1e5)?,
+        "damage_at" => temper.damage_at = Some(value.parse().ok()?),
         "hang_at" => temper.hang_at = Some(value.parse().ok()?),
         "disconnect_at" => temper.disconnect_at = Some(value.parse().ok()?),
         _ => return None,
