@@ -23,7 +23,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("score", &["stereo", "depth", "overlay"]),
     ("source", &["stereo", "recording", "arena", "files", "grab", "calibrate"]),
     ("manifest", &["kernel", "matcher"]),
-    ("report", &["score", "overlay", "manifest"]),
+    ("report", &["score", "overlay", "manifest", "calibrate"]),
     ("sink", &["stereo", "manifest", "recording", "score", "report", "overlay", "files"]),
     ("scenario", &["stereo", "depth", "matcher", "score", "arena", "files", "report"]),
     (
