@@ -16,7 +16,13 @@ struct Reference {
 
 type Numbers = ([f64; 4], [f64; 5]);
 
-fn calibration(size: (usize, usize), [left, right]: [Numbers; 2], turn: [f64; 9], apart: [f64; 3], unit: LengthUnit) -> StereoCalibration {
+fn calibration(
+    size: (usize, usize),
+    [left, right]: [Numbers; 2],
+    turn: [f64; 9],
+    apart: [f64; 3],
+    unit: LengthUnit,
+) -> StereoCalibration {
     let camera = |([fx, fy, cx, cy], lens): Numbers| Intrinsics::new(size, (fx, fy), (cx, cy), lens).unwrap();
     let motion = motion(&Matrix3::from_row_slice(&turn), Vector3::from(apart)).unwrap();
     StereoCalibration::new(camera(left), camera(right), motion, unit).unwrap()
@@ -67,10 +73,19 @@ fn try_it() {
         let mut meter = AlignmentMeter::new();
         meter.add(&pair);
         let all = matches(&pair).len();
-        println!("{:30} {:?} {:5} {:.0?} ", fields[0], meter.alignment().map(|a| (a.matches, a.median_abs_px, a.p90_abs_px, a.median_px)), all, began.elapsed()/2);
+        println!(
+            "{:30} {:?} {:5} {:.0?} ",
+            fields[0],
+            meter.alignment().map(|a| (a.matches, a.median_abs_px, a.p90_abs_px, a.median_px)),
+            all,
+            began.elapsed() / 2
+        );
     }
     let names: Vec<String> = {
-        let mut n: Vec<_> = std::fs::read_dir(folder.join("euroc-v1_01_easy/mav0/cam0/data")).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        let mut n: Vec<_> = std::fs::read_dir(folder.join("euroc-v1_01_easy/mav0/cam0/data"))
+            .unwrap()
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect();
         n.sort();
         n
     };

@@ -103,3 +103,13 @@ fn a_reproduction_keeps_an_earlier_report_until_it_has_another() {
     assert!(stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1, "{stderr}");
     assert_eq!(std::fs::read_to_string(fixture.path("reports/reproduce/reproduce.md")).unwrap(), "earlier");
 }
+
+#[test]
+fn a_calibration_uses_what_was_accepted() {
+    let fixture = Fixture::new();
+    let args = ["calibrate", "board", "board", "--yes", "-o", "calib.xml"];
+    let (code, stderr) = interrupted(&fixture, &args, || fixture.path("calib-report/right08.png").exists());
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(fixture.path("calib.xml").is_file() && fixture.path("calib-report/index.html").is_file());
+    assert!(!fixture.path("calib-report/left20.png").exists(), "it went on to the end");
+}

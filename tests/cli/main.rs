@@ -5,6 +5,7 @@ mod server;
 
 mod algos;
 mod bench;
+mod board;
 mod compare;
 mod datasets;
 mod eval;

@@ -58,11 +58,15 @@ impl Lacks {
 }
 
 impl Display for Lacks {
-    /// `corners left: upper left, top; tilted: up`; nothing when nothing is missing.
+    /// `in the left image upper left, top; a board tilted up`; nothing when nothing is missing.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let parts = [("left image", &self.left), ("right image", &self.right), ("tilted", &self.tilted)];
-        let parts = parts.into_iter().filter(|(_, names)| !names.is_empty());
-        let parts: Vec<_> = parts.map(|(what, names)| format!("{what}: {}", names.join(", "))).collect();
+        let parts = [
+            ("in the left image", &self.left, ", "),
+            ("in the right image", &self.right, ", "),
+            ("a board tilted", &self.tilted, " and "),
+        ];
+        let parts = parts.into_iter().filter(|(_, names, _)| !names.is_empty());
+        let parts: Vec<_> = parts.map(|(what, names, and)| format!("{what} {}", names.join(and))).collect();
         f.write_str(&parts.join("; "))
     }
 }

@@ -65,6 +65,10 @@ const JUMP: f64 = 0.08;
 /// ... nor do those farther apart in time.
 const FOLLOWING_NS: u64 = 300_000_000;
 
+/// How different unrelated pictures are from each other, of what pairs of a stream are: somebody chose them, and each
+/// makes the result a little surer.
+const ANOTHER: f64 = 0.3;
+
 impl Chooser {
     /// For images of `size`, width and height.
     pub fn new(board: Board, size: (usize, usize)) -> Self {
@@ -91,7 +95,8 @@ impl Chooser {
             return Err(Refusal::Moving);
         }
         let pose = RoughPose::new(&self.board, self.size, &left.corners).ok_or(Refusal::Hidden(Side::Left))?;
-        if self.known.iter().any(|known| known.difference(&pose) < 1.0) {
+        let new = if stamp_ns.is_some() { 1.0 } else { ANOTHER };
+        if self.known.iter().any(|known| known.difference(&pose) < new) {
             return Err(Refusal::NothingNew);
         }
         Ok(View { left: left.corners.clone(), right: right.corners.clone() })

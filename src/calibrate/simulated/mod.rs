@@ -17,10 +17,10 @@ pub const RATE_HZ: f64 = 10.0;
 /// Poses in which the board is held, so many pairs each, and so many pairs on the way to the next.
 const POSES: usize = 24;
 const HELD: u64 = 3;
-const MOVING: u64 = 6;
+const MOVING: u64 = 5;
 /// Part of the time between two pairs for which the shutter is open, and moments of it that are drawn.
 const SHUTTER: f64 = 0.1;
-const MOMENTS: usize = 5;
+const MOMENTS: usize = 3;
 /// Corners are at least so far from the edges of both images.
 const MARGIN_PX: f64 = 14.0;
 

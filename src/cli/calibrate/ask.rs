@@ -2,14 +2,13 @@
 
 use super::super::progress::interrupted;
 use super::collect::corners;
-use anyhow::Context;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 use svl::calibrate::choose::Lacks;
 use svl::calibrate::detect::Seen;
 use svl::calibrate::{Board, View};
-use svl::files::write_rgb_png;
+use svl::files::write_png;
 use svl::overlay::corners_drawn;
 use svl::sink::{BoardView, RerunTarget};
 use svl::stereo::Frame;
@@ -90,18 +89,18 @@ impl Judge {
         let found = [&offer.view.left[..], &offer.view.right[..]];
         let lacks = if offer.lacks.is_nothing() { "nothing".to_owned() } else { offer.lacks.to_string() };
         if let Some(viewer) = &self.viewer {
-            let state = format!("Pair **{}**. Without corners so far: {lacks}", offer.name);
+            let state = format!("Pair **{}**. Still missing: {lacks}", offer.name);
             viewer.show(offer.frame.sequence, &offer.frame.pair, found, &state)?;
         }
         let Answers::Terminal(lines) = &self.answers else { return Ok(Answer::Yes) };
         if self.viewer.is_none() {
             let (width, height, pixels) = corners_drawn(&offer.frame.pair, found, self.columns);
-            write_rgb_png(&self.picture, width, height, &pixels).with_context(|| self.picture.display().to_string())?;
+            write_png(&self.picture, width, height, &pixels)?;
         }
         // What was typed before the question is no answer to it.
         while lines.try_recv().is_ok() {}
         loop {
-            eprint!("pair {}, without corners so far: {lacks}\naccept it? [Y]es, [n]o, [e]nough: ", offer.name);
+            eprint!("pair {}; still missing: {lacks}\naccept it? [Y]es, [n]o, [e]nough: ", offer.name);
             match answer(lines).as_deref().map(str::trim) {
                 Some("" | "y" | "Y" | "yes") => return Ok(Answer::Yes),
                 Some("n" | "N" | "no") => return Ok(Answer::No),

@@ -9,7 +9,7 @@ use super::report::Folder;
 use anyhow::{Context, bail};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
+use svl::calibrate::{Board, LEAST_VIEWS, Solution, solve};
 use svl::rectify::{Framing, bouguet};
 use svl::sink::RerunTarget;
 
@@ -94,9 +94,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(rectification) => solution.calibration = solution.calibration.with_rectification(rectification),
         Err(error) => tracing::warn!("not rectified: {error}"),
     }
-    for left_out in files::write(&args.output, &solution.calibration)? {
-        tracing::warn!("{}: {left_out}", args.output.display());
-    }
+    // FILES
     folder.finish(&args.source, &collected, &solution)?;
     tell(args, &collected, &solution, &report)
 }
@@ -119,5 +117,9 @@ fn tell(args: &Args, collected: &Collected, solution: &Solution, report: &Path) 
         Some(_) => "",
         None => "\nLengths are in squares of the board: add --square-m for metres.",
     };
-    print(&format!("{collected}\n{solution}{unit}\n{}: calibration\n{}: report\n", args.output.display(), report.display()))
+    print(&format!(
+        "{collected}\n{solution}{unit}\n{}: calibration\n{}: report\n",
+        args.output.display(),
+        report.display()
+    ))
 }

@@ -20,8 +20,8 @@ pub(super) struct Collected {
     pairs: u64,
     #[serde(skip)]
     pub(super) views: Vec<View>,
-    /// What each view is called: its name, or its number in the source.
-    accepted: Vec<String>,
+    /// What the source calls each view: its name, or its number.
+    pub(super) accepted: Vec<String>,
     /// How many pairs were refused, by reason.
     refused: BTreeMap<String, u64>,
     lacks: Lacks,
@@ -102,7 +102,7 @@ pub(super) fn collect(
             }
         };
         let lacks = chooser.lacks();
-        let missing = if lacks.is_nothing() { String::new() } else { format!("; without corners: {lacks}") };
+        let missing = if lacks.is_nothing() { String::new() } else { format!("; still missing: {lacks}") };
         bar.inc(1);
         bar.set_message(format!("{} of {ENOUGH} accepted, last {word}{missing}", chooser.views().len()));
         if chooser.is_done() {
@@ -124,7 +124,7 @@ pub(super) fn collect(
 
 /// What a person calls a pair.
 fn name(frame: &Frame) -> String {
-    frame.name.clone().unwrap_or_else(|| format!("{}", frame.sequence))
+    frame.name.clone().unwrap_or_else(|| frame.sequence.to_string())
 }
 
 fn bar(opened: &Opened, quiet: bool) -> ProgressBar {
@@ -222,7 +222,7 @@ impl Display for Collected {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         writeln!(f, "{} of {} pairs accepted; refused: {}", self.views.len(), self.pairs, self.reasons())?;
         if !self.lacks.is_nothing() {
-            writeln!(f, "More pairs would help where corners are missing: {}", self.lacks)?;
+            writeln!(f, "Still missing, and worth more pairs: {}", self.lacks)?;
         }
         Ok(())
     }

@@ -81,8 +81,9 @@ impl Folder {
     /// Writes the report.
     pub(super) fn finish(self, source: &str, collected: &Collected, solution: &Solution) -> anyhow::Result<()> {
         write_json(&self.path, SOLUTION, solution)?;
-        let identity = vec![("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned()), ("source".to_owned(), source.to_owned())];
-        let names = collected.accepted.clone();
+        let identity =
+            vec![("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned()), ("source".to_owned(), source.to_owned())];
+        let names = (1..).zip(&collected.accepted).map(|(number, name)| format!("{number} ({name})")).collect();
         let page = Page { title: format!("Calibration from {source}"), solution, names, identity };
         page.write(&self.path.join(PAGE))?;
         self.earlier.replaced()

@@ -37,7 +37,7 @@ impl BoardView {
         let image = |side: &str| View::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into();
         let images = Node::row("images", SIDES.map(image).into(), &[]);
         let words = View::new("TextDocument", "what is there", "board/state", ["+ $origin"]).into();
-        let root = Node::column("board", vec![images, words], &[4.0, 1.0]);
+        let root = Node::column("board", vec![images, words], &[7.0, 1.0]);
         let view = Self { stream, target, columns };
         view.done(blueprint::send(&root, APPLICATION.into(), TIMELINES[0], &view.stream))?;
         Ok(view)
@@ -61,7 +61,8 @@ impl BoardView {
             };
             let rows: Vec<_> = points.chunks(self.columns).map(<[_]>::to_vec).collect();
             let color = |row: usize| viridis(1.0 - 0.8 * row as f32 / rows.len() as f32);
-            let colors: Vec<_> = (0..rows.len()).map(|row| color(row)).map(|[r, g, b]| Rgba32::from_rgb(r, g, b)).collect();
+            let colors: Vec<_> =
+                (0..rows.len()).map(|row| color(row)).map(|[r, g, b]| Rgba32::from_rgb(r, g, b)).collect();
             self.done(self.stream.log(path("/rows"), &LineStrips2D::new(rows).with_colors(colors).with_radii([0.4])))?;
             let red = Rgba32::from_rgb(230, 60, 40);
             self.done(self.stream.log(path("/first"), &Points2D::new([*first]).with_colors([red]).with_radii([3.0])))?;

@@ -18,8 +18,8 @@
 //! ```
 //! Timelines: `pair`, the frame's number, and `time`, its stamp.
 
-mod board;
 mod blueprint;
+mod board;
 mod info;
 mod layout;
 mod overlay;
