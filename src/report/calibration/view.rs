@@ -1,7 +1,7 @@
 //! What the template sees: numbers worded, residuals as paths of SVG.
 
 use super::Page;
-use crate::calibrate::{Camera, Corner, Estimate, Fit, Solution};
+use crate::calibrate::{Camera, Corner, Correlation, Estimate, Fit, Solution};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -80,7 +80,7 @@ impl<'a> View<'a> {
                 camera_view(page, magnified, "Right", &solution.right, |fit| &fit.right),
             ],
             magnified,
-            reach_px: 5.0 * solution.corner_deviation_px,
+            reach_px: 4.5 * solution.corner_deviation_px,
             circles,
             unit: solution.unit_sign(),
             views: views(page),
@@ -153,9 +153,13 @@ fn place(solution: &Solution) -> Vec<(String, [String; 3])> {
     ]
 }
 
+/// The strongest in words.
 fn correlations(solution: &Solution) -> Vec<String> {
-    let words = |c: &crate::calibrate::Correlation| format!("{} and {} ({:+.2})", c.first, c.second, c.correlation);
-    solution.correlations.iter().map(words).collect()
+    const TOLD: usize = 6;
+    let words = |c: &Correlation| format!("{} and {} ({:+.2})", c.first, c.second, c.correlation);
+    let more = solution.correlations.len().saturating_sub(TOLD);
+    let told = solution.correlations.iter().take(TOLD).map(words);
+    told.chain((more > 0).then(|| format!("{more} more beyond ±0.9"))).collect()
 }
 
 /// So that the usual residual is a fortieth of the image's width, rounded to 1, 2 or 5 and zeros.
