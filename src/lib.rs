@@ -32,6 +32,8 @@ pub mod arena;
 pub mod calibrate;
 pub mod depth;
 mod error;
+#[cfg(feature = "calibrate")]
+pub mod files;
 pub mod kernel;
 pub mod matcher;
 pub mod rectify;
@@ -40,8 +42,6 @@ pub mod timing;
 
 #[cfg(feature = "bench")]
 pub mod fetch;
-#[cfg(feature = "bench")]
-pub mod files;
 #[cfg(feature = "bench")]
 pub mod grab;
 #[cfg(feature = "bench")]

@@ -14,7 +14,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("depth", &["stereo", "kernel"]),
     ("rectify", &["stereo", "kernel"]),
     ("arena", &["stereo", "kernel"]),
-    ("calibrate", &["stereo", "kernel", "depth"]),
+    ("calibrate", &["stereo", "kernel", "depth", "files"]),
     ("files", &["stereo"]),
     ("fetch", &["files"]),
     ("overlay", &["stereo"]),

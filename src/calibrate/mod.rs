@@ -3,6 +3,8 @@
 
 pub mod choose;
 pub mod detect;
+pub mod distance;
+pub mod files;
 mod pattern;
 pub mod simulated;
 mod solve;

@@ -29,7 +29,7 @@ pub(super) struct Opened {
 }
 
 /// Which pairs to read of a recording that svl did not write.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(super) struct Topics {
     /// Topic of the left images, in another program's recording [default: found by type and name]
     #[arg(long, value_name = "TOPIC")]

@@ -84,6 +84,26 @@ impl DistanceCurve {
         measured.then(|| self.powers(disparity_px).dot(&self.coefficients))
     }
 
+    /// Its coefficients for disparities in pixels, lowest power first, as MATLAB's `polyfit` gives them in reverse.
+    pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
+        // t = slope·d + offset, expanded by Horner's rule.
+        let slope = 2.0 / (self.last_px - self.first_px);
+        let offset = -(self.first_px + self.last_px) / (self.last_px - self.first_px);
+        self.coefficients.iter().rev().fold([0.0; COEFFICIENTS], |sum, coefficient| {
+            let mut next = sum.map(|v| v * offset);
+            (1..COEFFICIENTS).for_each(|power| next[power] += slope * sum[power - 1]);
+            next[0] += coefficient;
+            next
+        })
+    }
+
+    /// `(disparity_px, distance_cm)` every half pixel, from the farthest measurement to the nearest.
+    pub fn points(&self) -> Vec<(f64, f64)> {
+        let steps = (2.0 * (self.last_px - self.first_px)) as usize;
+        let px = (0..=steps).map(|i| self.first_px + 0.5 * i as f64);
+        px.filter_map(|px| Some((px, self.distance_cm(px)?))).collect()
+    }
+
     /// The disparities between the farthest and the nearest measurement.
     pub fn measured_px(&self) -> std::ops::RangeInclusive<f64> {
         self.first_px..=self.last_px
@@ -119,6 +139,23 @@ mod tests {
         // numpy.polyfit(px, cm, 5)
         for (px, cm) in [(11.0, 130.5673), (20.0, 67.3588), (32.0, 40.1092), (50.0, 15.2899), (70.0, 37.9085)] {
             assert!((curve.distance_cm(px).unwrap() - cm).abs() < 1e-4, "{px}");
+        }
+    }
+
+    #[test]
+    fn its_coefficients_are_polyfit_s() {
+        let coefficients = DistanceCurve::annex_b().unwrap().coefficients();
+        // numpy.polyfit(px, cm, 5), lowest power first.
+        let numpy = [
+            385.732_285_139_007_56,
+            -38.780_893_577_920_71,
+            1.851_699_265_287_580_8,
+            -0.045_089_032_485_976_43,
+            0.000_530_249_517_667_109_7,
+            -2.363_444_039_795_328e-6,
+        ];
+        for (ours, numpy) in coefficients.iter().zip(numpy) {
+            assert!((ours / numpy - 1.0).abs() < 1e-9, "{coefficients:?}");
         }
     }
 

@@ -106,6 +106,10 @@ pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
         return Err(wrong("it is not finite"));
     }
     let crooked = || wrong("its rows are not right-handed, at right angles and of length 1");
+    // What is larger overflows, and then compares with nothing.
+    if matrix.amax() > 2.0 {
+        return Err(crooked());
+    }
     let svd = SVD::try_new(*matrix, true, true, f64::EPSILON, 100).ok_or_else(crooked)?;
     let nearest = svd.u.zip(svd.v_t).map(|(u, v_t)| u * v_t).ok_or_else(crooked)?;
     if (nearest - matrix).amax() > 1e-3 || nearest.determinant() < 0.0 {
@@ -150,6 +154,7 @@ mod tests {
         assert!(rotation(&Matrix3::zeros()).is_err());
         assert!(rotation(&Matrix3::from_element(f64::NAN)).is_err());
         assert!(rotation(&-exact.matrix()).is_err());
+        assert!(rotation(&(exact.matrix() * 1e308)).is_err());
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::report::Folder;
 use anyhow::{Context, bail};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use svl::calibrate::{Board, LEAST_VIEWS, Solution, solve};
+use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
 use svl::rectify::{Framing, bouguet};
 use svl::sink::RerunTarget;
 
@@ -94,7 +94,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(rectification) => solution.calibration = solution.calibration.with_rectification(rectification),
         Err(error) => tracing::warn!("not rectified: {error}"),
     }
-    // FILES
+    for left_out in files::write(&args.output, &solution.calibration)? {
+        tracing::warn!("{}: {left_out}", args.output.display());
+    }
     folder.finish(&args.source, &collected, &solution)?;
     tell(args, &collected, &solution, &report)
 }

@@ -4,14 +4,16 @@ mod ask;
 mod board;
 mod collect;
 mod convert;
+mod distance;
 mod report;
 
-/// Calibrate cameras, and convert calibrations
+/// Calibrate cameras and distances, and convert calibrations
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl calibrate board pictures/ --squares 9x6 --square-m 0.025 -o calib.xml
-  svl calibrate convert calibration.xml opencv.yml")]
+  svl calibrate convert calibration.xml opencv.yml
+  svl calibrate distance scenarios/annex-b.csv --figure curve.svg")]
 pub(super) struct Args {
     #[command(subcommand)]
     command: Command,
@@ -21,11 +23,13 @@ pub(super) struct Args {
 enum Command {
     Board(board::Args),
     Convert(convert::Args),
+    Distance(distance::Args),
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
         Command::Board(args) => board::run(args, quiet),
         Command::Convert(args) => convert::run(args),
+        Command::Distance(args) => distance::run(args),
     }
 }

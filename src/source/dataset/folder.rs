@@ -1,6 +1,7 @@
 //! A folder of many rectified pairs: `left/` and `right/` subfolders, or `left*` and `right*` files side by side.
 
 use super::scene::ENDINGS;
+use crate::calibrate::files::read_calib;
 use crate::error::{Error, Result};
 use crate::files::read_gray;
 use crate::source::Source;
@@ -37,7 +38,7 @@ impl FolderSource {
             return Err(Error::format(folder, format!("holds no stereo pair: {cure}")));
         }
         let calib = folder.join("calib.txt");
-        let rig = calib.is_file().then(|| super::read_calib(&calib)).transpose()?;
+        let rig = calib.is_file().then(|| read_calib(&calib)).transpose()?;
         Ok(Self { folder: folder.to_owned(), pairs, unpaired, period_ns: (1e9 / rate_hz) as u64, rig, next: 0 })
     }
 
