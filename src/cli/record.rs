@@ -26,7 +26,8 @@ Sources:
   FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
                    (the pairs with truth), or left/ and right/ with equally named images
   FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
-  sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60;
+  sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60,
+                    scene=board for the board instead;
                     for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
                     happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
 

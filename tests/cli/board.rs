@@ -2,6 +2,7 @@
 
 use crate::fixture::Fixture;
 use serde_json::Value;
+use std::sync::LazyLock;
 use svl::calibrate::files;
 use svl::calibrate::simulated::MovingBoard;
 use svl::files::write_png;
@@ -9,9 +10,9 @@ use svl::stereo::Gray;
 
 /// Pairs in which the simulated board is held still, as `pictures/left01.png`, ...
 fn write_pictures(fixture: &Fixture, pairs: impl IntoIterator<Item = u64>) {
-    let board = MovingBoard::new(1).unwrap();
+    static BOARD: LazyLock<MovingBoard> = LazyLock::new(|| MovingBoard::new(1).unwrap());
     for (i, index) in pairs.into_iter().enumerate() {
-        let pair = board.pair(index).unwrap();
+        let pair = BOARD.pair(index).unwrap();
         write(fixture, &format!("pictures/left{:02}.png", i + 1), pair.left());
         write(fixture, &format!("pictures/right{:02}.png", i + 1), pair.right());
     }
@@ -139,14 +140,28 @@ fn pictures_that_are_rectified_already_are_warned_of() {
     let fixture = Fixture::new();
     let scenario = fixture.write_short_arena("short.toml", 2);
     let args = ["calibrate", "board", scenario.to_str().unwrap(), "--yes", "-o", "calib.xml"];
-    fixture.svl(&args).failed(1, &["rectified already", "no whole board"]);
+    let ran = fixture.svl(&args);
+    assert_eq!(ran.code, Some(1));
+    assert!(ran.stderr.contains("rectified already") && ran.stderr.contains("no whole board"), "{}", ran.stderr);
 }
 
 #[test]
 fn the_viewer_gets_the_pairs_with_their_corners() {
     let fixture = Fixture::new();
-    write_pictures(&fixture, still(4));
+    write_pictures(&fixture, still(5));
     let args = ["calibrate", "board", "pictures", "--yes", "--rerun", "board.rrd", "-o", "calib.xml"];
     fixture.svl(&args).done();
     assert!(fixture.path("board.rrd").metadata().unwrap().len() > 1_000_000);
+}
+
+/// Live, until somebody has enough.
+#[cfg(unix)]
+#[test]
+fn cameras_that_see_the_board_are_calibrated() {
+    let fixture = Fixture::new();
+    let args = ["calibrate", "board", "sim:scene=board", "--yes", "--rate", "10", "-o", "calib.xml"];
+    let enough = || fixture.path("calib-report/right06.png").exists();
+    let (code, stderr) = crate::interrupt::interrupted(&fixture, &args, enough);
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(fixture.path("calib.xml").is_file());
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use svl::source::{RecordingSource, Source};
 
 /// Starts `svl`, waits until `ready`, sends SIGINT and returns the exit code with what it printed to standard error.
-fn interrupted(fixture: &Fixture, args: &[&str], ready: impl Fn() -> bool) -> (Option<i32>, String) {
+pub fn interrupted(fixture: &Fixture, args: &[&str], ready: impl Fn() -> bool) -> (Option<i32>, String) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
     command.current_dir(fixture.path("")).args(args).stdout(Stdio::null()).stderr(Stdio::piped());
     // Servers of tests are on this machine, whatever proxy there is.

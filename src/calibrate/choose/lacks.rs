@@ -66,7 +66,9 @@ impl Display for Lacks {
             ("a board tilted", &self.tilted, " and "),
         ];
         let parts = parts.into_iter().filter(|(_, names, _)| !names.is_empty());
-        let parts: Vec<_> = parts.map(|(what, names, and)| format!("{what} {}", names.join(and))).collect();
+        let names =
+            |names: &[&str], and| if names.len() == AREAS.len() { "everywhere".into() } else { names.join(and) };
+        let parts: Vec<_> = parts.map(|(what, which, and)| format!("{what} {}", names(which, and))).collect();
         f.write_str(&parts.join("; "))
     }
 }

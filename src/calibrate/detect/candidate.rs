@@ -35,6 +35,19 @@ impl Finder {
         candidates(&mut self.plain, image)
     }
 
+    /// For edges so soft that they are wider than the ring.
+    pub(super) fn find_halved(&mut self, image: &Gray) -> Vec<Candidate> {
+        let mean = |x: usize, y: usize| {
+            let sum: u16 =
+                [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| image.get(2 * x + i, 2 * y + j).into()).iter().sum();
+            (sum / 4) as u8
+        };
+        // An image of one pixel has no half.
+        let Ok(half) = Gray::from_fn(image.width() / 2, image.height() / 2, mean) else { return Vec::new() };
+        let whole = |at: Point2<f64>| Point2::from(2.0 * at.coords + Vector2::new(0.5, 0.5));
+        candidates(&mut self.plain, &half).into_iter().map(|c| Candidate { at: whole(c.at), ..c }).collect()
+    }
+
     pub(super) fn find_enlarged(&mut self, image: &Gray) -> Vec<Candidate> {
         candidates(&mut self.enlarged, image)
     }

@@ -76,7 +76,14 @@ impl Detector {
     pub fn find(&mut self, image: &Gray, towards: Vector2<f64>) -> Seen {
         let candidates = self.finder.find(image);
         let plain = read::read(image, &candidates, &self.board, towards);
-        if matches!(plain, Seen::Whole(_) | Seen::Other { .. }) || image.width() * image.height() > SMALL {
+        if matches!(plain, Seen::Whole(_) | Seen::Other { .. }) {
+            return plain;
+        }
+        let candidates = self.finder.find_halved(image);
+        if let Seen::Whole(sighting) = read::read(image, &candidates, &self.board, towards) {
+            return Seen::Whole(sighting);
+        }
+        if image.width() * image.height() > SMALL {
             return plain;
         }
         let candidates = self.finder.find_enlarged(image);

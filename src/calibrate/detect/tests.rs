@@ -164,6 +164,21 @@ fn small_and_blurred_boards_are_found() {
 }
 
 #[test]
+fn boards_out_of_focus_are_found() {
+    let board = Board::new((9, 6), None).unwrap();
+    let pose = pose(&board, [0.2, 0.1, 13.0], [0.1, 0.2, 0.1]);
+    for blur_px in [3.0, 5.0] {
+        let image = render(rays(), &board, &[pose], &Look { blur_px, ..CLEAN }, 1).unwrap();
+        let Seen::Whole(sighting) = Detector::new(board).unwrap().find(&image, UPPER_LEFT) else {
+            panic!("blur {blur_px} px: not found");
+        };
+        let off = sighting.corners.iter().zip(truth(&board, &pose)).map(|(found, truth)| (found - truth).norm());
+        assert!(off.fold(0.0, f64::max) < 0.3, "blur {blur_px} px");
+        assert!((sighting.blur_px / blur_px - 1.0).abs() < 0.2, "{} {blur_px}", sighting.blur_px);
+    }
+}
+
+#[test]
 fn images_of_anything_else_and_of_any_size_hold_no_board() {
     let board = Board::new((3, 3), None).unwrap();
     let mut detector = Detector::new(board).unwrap();

@@ -69,7 +69,7 @@ impl Judge {
     ) -> anyhow::Result<Self> {
         let viewer = match target.map(|target| BoardView::new(target, board.columns())) {
             Some(Err(error)) if !required => {
-                tracing::warn!("{error}; until then each pair is drawn in {}", picture.display());
+                tracing::warn!("{error}; each pair is drawn in {} instead", picture.display());
                 None
             }
             viewer => viewer.transpose()?,

@@ -1,12 +1,12 @@
 //! `svl calibrate board`: from pictures of a chessboard to a calibration.
 
 use super::super::live::LiveArgs;
-use super::super::output::{distinct, may_write, print, print_json};
+use super::super::output::{Aside, distinct, may_write, print, print_json};
 use super::super::source::{self, Topics};
 use super::ask::{Answers, Judge};
 use super::collect::{Collected, collect};
 use super::report::Folder;
-use anyhow::{Context, bail};
+use anyhow::{anyhow, bail};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
@@ -71,24 +71,35 @@ fn squares(text: &str) -> Result<(usize, usize), String> {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     may_write(&args.output, &["xml", "yaml", "yml"], args.force)?;
-    distinct([args.output.as_path(), Path::new(&args.source)])?;
     if !args.yes && !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
         bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
     }
     let board = Board::new(args.squares, args.square_m)?;
-    let folder = Folder::new(&args.output, Path::new(&args.source), args.force)?;
+    let rrd = match &args.rerun {
+        Some(RerunTarget::File(path)) => Some(path.as_path()),
+        _ => None,
+    };
+    rrd.map(|path| may_write(path, &["rrd"], args.force)).transpose()?;
+    distinct([Some(args.output.as_path()), Some(Path::new(&args.source)), rrd].into_iter().flatten())?;
     let opened = source::open_any(&args.source, None, &args.topics, &args.live)?;
+    let folder = Folder::new(&args.output, Path::new(&args.source), args.force)?;
+    let earlier = rrd.map(Aside::new).transpose()?;
     let answers = if args.yes { Answers::Yes } else { Answers::asked() };
     let target = args.rerun.clone().or((!args.yes).then_some(RerunTarget::Spawn));
     let judge = Judge::new(answers, target, args.rerun.is_some(), &board, folder.picture())?;
 
     let (folder, collected) = collect(opened, board, judge, folder, quiet)?;
-    if collected.views.len() < LEAST_VIEWS {
-        return Err(collected.too_few(&args.source, &board));
-    }
+    earlier.into_iter().for_each(Aside::replaced);
     let report = folder.path().to_owned();
+    let kept = |error: anyhow::Error| match folder.pairs() {
+        0 => error,
+        _ => anyhow!("{error:#}; the accepted pairs are in {}", report.display()),
+    };
+    if collected.views.len() < LEAST_VIEWS {
+        return Err(kept(collected.too_few(&args.source, &board)));
+    }
     let solution = solve(&board, collected.size, &collected.views);
-    let mut solution = solution.with_context(|| format!("the accepted pairs are in {}", report.display()))?;
+    let mut solution = solution.map_err(|error| kept(error.into()))?;
     let rectification = bouguet(&solution.calibration, &Framing::default());
     match rectification {
         Ok(rectification) => solution.calibration = solution.calibration.with_rectification(rectification),
