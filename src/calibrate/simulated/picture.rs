@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Point2};
 use rayon::prelude::*;
 
 /// Samples of a pixel along each side.
-const SAMPLES: usize = 3;
+const SAMPLES: usize = 2;
 
 /// Light of the squares, of the paper around them, and of what is behind the board, in grey levels.
 const DARK: f32 = 40.0;
