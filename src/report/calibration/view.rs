@@ -11,8 +11,8 @@ pub(super) struct View<'a> {
     facts: Vec<(&'static str, String)>,
     /// Name with unit, left, right.
     lenses: Vec<(String, String, String)>,
-    /// Name with unit, x, y, z.
-    place: Vec<(String, [String; 3])>,
+    /// Name with unit, number.
+    place: Vec<(String, String)>,
     correlations: Vec<String>,
     cameras: Vec<CameraView>,
     /// Residuals are drawn this many times as long.
@@ -146,11 +146,16 @@ fn lenses(solution: &Solution) -> Vec<(String, String, String)> {
     rows
 }
 
-fn place(solution: &Solution) -> Vec<(String, [String; 3])> {
-    vec![
-        ("rotation, °".to_owned(), solution.rotation_deg.map(|e| e.to_string())),
-        (format!("T, {}", solution.unit_sign()), solution.translation.map(|e| e.to_string())),
-    ]
+fn place(solution: &Solution) -> Vec<(String, String)> {
+    const AXES: [&str; 3] = ["x", "y", "z"];
+    let unit = solution.unit_sign();
+    let rows = |name: &'static str, unit: &'static str, estimates: [Estimate; 3]| {
+        AXES.into_iter().zip(estimates).map(move |(axis, e)| (format!("{name} {axis}, {unit}"), e.to_string()))
+    };
+    let mut all: Vec<_> = rows("R about", "°", solution.rotation_deg).collect();
+    all.extend(rows("T", unit, solution.translation));
+    all.push((format!("baseline |T|, {unit}"), solution.baseline.to_string()));
+    all
 }
 
 /// The strongest in words.
