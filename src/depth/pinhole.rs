@@ -1,9 +1,10 @@
 //! The physical distance curve: a pinhole pair sees a target at distance `Z` with disparity `d = a/Z − b`, hence
 //! `Z = a/(d + b)`, where `a` is `f·B` and `b` what the principal points differ by (`doffs`).
 //!
-//! Distances are measured with a rule and disparities by a matcher, so the errors are the disparities': in `1/Z` the fit
-//! is a straight line. It begins with the line of median slope (Theil 1950, Sen 1968), which bears nearly a third of wrong
-//! measurements, and goes on with Tukey's biweight (Beaton and Tukey 1974).
+//! In `1/Z` that is a straight line. Disparities are taken to be good to a whole pixel and distances to half a centimetre of
+//! a rule, which is a pixel and more for a near target; how good they all are, the residuals say. The fit begins with the
+//! line of median slope (Theil 1950, Sen 1968), which bears nearly a third of wrong measurements, and goes on with Tukey's
+//! biweight (Beaton and Tukey 1974).
 
 use super::median;
 use crate::error::{Error, Result};
@@ -18,8 +19,14 @@ const BIWEIGHT: f64 = 4.685;
 /// Steps to the robust line; it moves no more after about ten.
 const STEPS: usize = 50;
 
-/// Disparities are not known better than this, however well a few of them agree.
-const FINEST_PX: f64 = 0.01;
+/// Standard deviation of disparities that are rounded to whole pixels: `1/√12`.
+const DISPARITY_PX: f64 = 0.29;
+
+/// Standard deviation of a distance that is measured with a rule.
+const DISTANCE_CM: f64 = 0.5;
+
+/// However well a few measurements agree, they are no better than this share of the above.
+const BEST: f64 = 0.03;
 
 /// Distance as `a/(d + b)`, with what is known of `a` and `b`.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,18 +51,18 @@ impl PinholeFit {
         if pairs.len() < LEAST {
             return Err(Error::Invalid(format!("a distance curve needs {LEAST} measurements, got {}", pairs.len())));
         }
-        let lines: Vec<_> = pairs.iter().map(|&(cm, px)| (Vector2::new(1.0 / cm, -1.0), px)).collect();
         let mut line = median_line(pairs)
             .ok_or_else(|| Error::Invalid("a distance curve needs measurements at different distances".into()))?;
-        let residuals = |line: &Vector2<f64>| lines.iter().map(|(x, px)| px - x.dot(line)).collect::<Vec<_>>();
-        let mut weights = vec![1.0; pairs.len()];
+        let mut rows = Vec::new();
         let mut normal = Matrix2::zeros();
         for _ in 0..STEPS {
-            let off = residuals(&line);
-            let scale = (1.4826 * median(off.iter().map(|r| r.abs()).collect())).max(FINEST_PX);
-            weights = off.iter().map(|r| biweight(r / (BIWEIGHT * scale))).collect();
-            normal = weighted(&lines, &weights);
-            let right = lines.iter().zip(&weights).map(|((x, px), w)| x * (w * px)).sum::<Vector2<f64>>();
+            rows = pairs.iter().map(|&pair| Row::new(pair, &line)).collect::<Vec<_>>();
+            let scale = 1.4826 * median(rows.iter().map(|row| row.residual(&line).abs()).collect());
+            for row in &mut rows {
+                row.weight = biweight(row.residual(&line) / (BIWEIGHT * scale.max(1.0)));
+            }
+            normal = rows.iter().map(|row| row.x * row.x.transpose() * row.weight).sum();
+            let right = rows.iter().map(|row| row.x * (row.weight * row.y)).sum::<Vector2<f64>>();
             let Some(inverse) = normal.try_inverse() else { break };
             let moved = inverse * right;
             let still = (moved - line).norm() <= 1e-12 * line.norm();
@@ -64,10 +71,13 @@ impl PinholeFit {
                 break;
             }
         }
-        let kept: f64 = weights.iter().sum();
-        let squares: f64 = residuals(&line).iter().zip(&weights).map(|(r, w)| w * r * r).sum();
-        let noise_px = (squares / (kept - 2.0).max(1.0)).sqrt().max(FINEST_PX);
-        let covariance = normal.try_inverse().map(|inverse| inverse * (noise_px * noise_px));
+        let kept: f64 = rows.iter().map(|row| row.weight).sum();
+        let squares: f64 = rows.iter().map(|row| row.weight * row.residual(&line).powi(2)).sum();
+        // Whole disparities are no better known than that, however well they fit.
+        let best = if pairs.iter().all(|(_, px)| px.fract() == 0.0) { 1.0 } else { BEST };
+        let scale = (squares / (kept - 2.0).max(1.0)).sqrt().max(best);
+        let (noise_px, weights) = (scale * DISPARITY_PX, rows.iter().map(|row| row.weight).collect());
+        let covariance = normal.try_inverse().map(|inverse| inverse * (scale * scale));
         match covariance {
             Some(covariance) if line.x > 0.0 && line.iter().chain(covariance.iter()).all(|v| v.is_finite()) => {
                 Ok(Self { a_cm_px: line.x, b_px: line.y, covariance, noise_px, weights })
@@ -141,8 +151,22 @@ fn biweight(u: f64) -> f64 {
     if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 }
 }
 
-fn weighted(lines: &[(Vector2<f64>, f64)], weights: &[f64]) -> Matrix2<f64> {
-    lines.iter().zip(weights).map(|((x, _), w)| x * x.transpose() * *w).sum()
+/// One measurement as a line of the equations, in units of its own standard deviation.
+struct Row {
+    x: Vector2<f64>,
+    y: f64,
+    weight: f64,
+}
+
+impl Row {
+    fn new((cm, px): (f64, f64), line: &Vector2<f64>) -> Self {
+        let deviation = DISPARITY_PX.hypot(line.x * DISTANCE_CM / (cm * cm));
+        Self { x: Vector2::new(1.0 / cm, -1.0) / deviation, y: px / deviation, weight: 1.0 }
+    }
+
+    fn residual(&self, line: &Vector2<f64>) -> f64 {
+        self.y - self.x.dot(line)
+    }
 }
 
 /// `a` and `b` of the median slope of all two measurements, and the median intercept; nothing where all distances are one.
@@ -200,13 +224,14 @@ mod tests {
         let mut inside = [0; 3];
         for _ in 0..400 {
             let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
-            let pairs: Vec<_> = target(1300.0, 1.0).into_iter().map(|(cm, px)| (cm, px + 0.3 * normal())).collect();
+            let noisy = |(cm, px): (f64, f64)| (cm + 0.5 * normal(), px + 0.3 * normal());
+            let pairs: Vec<_> = target(1300.0, 1.0).into_iter().map(noisy).collect();
             let fit = PinholeFit::fit(&pairs).unwrap();
             let (of_a, of_b) = fit.standard_deviations();
             inside[0] += usize::from((fit.a_cm_px() - 1300.0).abs() < 2.0 * of_a);
             inside[1] += usize::from((fit.b_px() - 1.0).abs() < 2.0 * of_b);
             // A new measurement at 2 m, beyond all that were fitted.
-            let measured = 1300.0 / 200.0 - 1.0 + 0.3 * normal();
+            let measured = 1300.0 / 200.0 - 1.0 + 0.3 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
             let told = fit.distance_cm(measured).unwrap();
             let deviation = fit.relative_deviation(measured).unwrap();
             inside[2] += usize::from((told / 200.0 - 1.0).abs() < 2.0 * deviation);
@@ -225,6 +250,14 @@ mod tests {
         assert!((2.0 * deviation - 0.1).abs() < 1e-9, "{farthest} {deviation}");
         assert!(fit.farthest_cm(0.2).unwrap() > farthest);
         assert_eq!(fit.farthest_cm(1e-9), None);
+    }
+
+    #[test]
+    fn whole_disparities_are_good_to_their_rounding() {
+        let pairs: Vec<_> = [1.0, 2.0, 4.0, 5.0, 10.0, 20.0].map(|px| (1000.0 / px, px)).into();
+        assert_eq!(PinholeFit::fit(&pairs).unwrap().noise_px(), DISPARITY_PX);
+        let pairs: Vec<_> = pairs.iter().map(|(cm, px)| (*cm, px + 0.25)).collect();
+        assert!(PinholeFit::fit(&pairs).unwrap().noise_px() < 0.1 * DISPARITY_PX);
     }
 
     #[test]

@@ -5,7 +5,9 @@ mod server;
 
 mod algos;
 mod bench;
-mod board;
+mod calibrate_board;
+mod calibrate_convert;
+mod calibrate_distance;
 mod compare;
 mod datasets;
 mod eval;

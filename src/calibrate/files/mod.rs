@@ -115,10 +115,10 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<Found> {
     match (paths.len(), format.single, format.pairs) {
         (1, false, [[left, right], ..]) => {
             let cure = format!("name both, `{left},{right}`, or their folder");
-            return Err(Error::format(path, format!("is {}'s, one camera of two; {cure}", format.title)));
+            return Err(Error::format(path, format!("is {}, one camera of two; {cure}", format.title)));
         }
         (2, _, []) => {
-            return Err(Error::format(path, format!("is {}'s, whose one file holds both cameras", format.title)));
+            return Err(Error::format(path, format!("is {}, whose one file holds both cameras", format.title)));
         }
         _ => {}
     }

@@ -3,6 +3,7 @@
 use super::super::super::source::{Topics, open_recording};
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::calibrate::distance::Target;
 use svl::depth;
@@ -14,6 +15,9 @@ use svl::timing::Clock;
 
 /// More make no better curve.
 const MOST: usize = 1000;
+
+/// Largest table, bytes.
+const MAX_BYTES: u64 = 1 << 20;
 
 /// Frames of a recording that are matched: the target stands still.
 const FRAMES: usize = 30;
@@ -74,11 +78,12 @@ fn table(path: &Path, algorithm: &Algorithm, cells: &[(usize, usize)]) -> anyhow
     if path.extension().is_some_and(|e| e == "mcap") {
         bail!("{shown}: at which distance? Name it before the recording, as 130cm={shown}");
     }
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .from_path(path)
-        .map_err(|_| anyhow::anyhow!("{shown}: no such table; name a CSV, or recordings as 130cm=a.mcap"))?;
+    let file = std::fs::File::open(path)
+        .ok()
+        .filter(|file| file.metadata().is_ok_and(|found| found.is_file()))
+        .with_context(|| format!("{shown}: no such table; name a CSV, or recordings as 130cm=a.mcap"))?;
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file.take(MAX_BYTES));
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut found = Vec::new();
     for (number, line) in reader.deserialize().take(MOST + 1).enumerate() {

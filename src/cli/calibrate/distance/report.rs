@@ -48,7 +48,18 @@ impl Report {
         self.measurements.iter().all(|m| of(m) == Some(first)).then_some(first)
     }
 
-    /// The disparity of the farthest distance that may be used.
+    /// Where the polynomial may be used.
+    fn usable_px(&self) -> Vec<(f64, f64)> {
+        self.polynomial.as_ref().map(|curve| curve.usable_px(&self.pairs, SHARE)).unwrap_or_default()
+    }
+
+    /// The polynomial's distance, where it may be used.
+    fn polynomial_cm(&self, px: f64) -> Option<f64> {
+        let usable = self.usable_px().iter().any(|(from, to)| (*from..=*to).contains(&px));
+        self.polynomial.as_ref().ok().filter(|_| usable)?.distance_cm(px)
+    }
+
+    /// The farthest distance that may be used, and its disparity.
     fn farthest(&self) -> Option<(f64, f64)> {
         self.pinhole.farthest_cm(SHARE).map(|cm| (cm, self.pinhole.disparity_px(cm)))
     }
@@ -69,12 +80,14 @@ impl Report {
         let (of_a, of_b) = pinhole.standard_deviations();
         match &self.polynomial {
             Ok(curve) => {
-                let (from, to) = curve.measured_px().into_inner();
                 let rms = self.rms_cm(0).unwrap_or_default();
-                writeln!(
-                    text,
-                    "degree 5: rms {rms:.1} cm; use it from {from:.1} to {to:.1} px, where it was measured"
-                )?;
+                let (from, to) = curve.measured_px().into_inner();
+                let usable = self.usable_px();
+                let ranges: Vec<_> = usable.iter().map(|(from, to)| format!("{from:.1} to {to:.1} px")).collect();
+                let ranges = if ranges.is_empty() { "nowhere".to_owned() } else { ranges.join(", ") };
+                let swings = if usable == [(from, to)] { "" } else { "; elsewhere it swings between the measurements" };
+                writeln!(text, "degree 5: rms {rms:.1} cm, measured from {from:.1} to {to:.1} px")?;
+                writeln!(text, "  use it: {ranges}{swings}")?;
             }
             Err(why) => writeln!(text, "degree 5: none, {why}")?,
         }
@@ -90,9 +103,9 @@ impl Report {
         match self.farthest() {
             Some((cm, px)) => writeln!(
                 text,
-                "  use it up to {cm:.0} cm ({px:.1} px): there a distance is known to {percent:.0} % in 95 of 100 cases"
+                "  use it: up to {cm:.0} cm ({px:.1} px), where a distance is known to {percent:.0} % in 95 of 100 cases"
             )?,
-            None => writeln!(text, "  use it nowhere: no distance is known to {percent:.0} % in 95 of 100 cases")?,
+            None => writeln!(text, "  use it: nowhere, as no distance is known to {percent:.0} % in 95 of 100 cases")?,
         }
         if let Some(f_b) = self.focal_baseline() {
             let off = 100.0 * (pinhole.a_cm_px() / f_b - 1.0);
@@ -117,6 +130,7 @@ impl Report {
                 "coefficients_cm": curve.coefficients(),
                 "from_px": from_px,
                 "to_px": to_px,
+                "usable_px": self.usable_px(),
                 "rms_cm": self.rms_cm(0),
             })
         });
@@ -146,7 +160,7 @@ impl Report {
         let farthest = self.farthest().map_or(f64::INFINITY, |(_, px)| px);
         let shown = |cm: Option<f64>| cm.map(|cm| format!("{cm:.2}")).unwrap_or_default();
         for px in (1..=largest.ceil() as u32).map(f64::from) {
-            let polynomial = self.polynomial.as_ref().ok().and_then(|curve| curve.distance_cm(px));
+            let polynomial = self.polynomial_cm(px);
             let pinhole = self.pinhole.distance_cm(px).filter(|_| px >= farthest);
             let deviation = pinhole.and_then(|cm| Some(cm * self.pinhole.relative_deviation(px)?));
             writeln!(text, "{px},{},{},{}", shown(polynomial), shown(pinhole), shown(deviation))?;
