@@ -13,6 +13,11 @@ pub(super) fn is_live(name: &str) -> bool {
     ["sim", "v4l2", "genicam"].contains(&name.split(':').next().unwrap_or_default())
 }
 
+/// Whether svl can fire cameras of a kind, and then knows which pulse an image is of.
+pub(super) fn has_trigger(kind: &str) -> bool {
+    kind != "v4l2"
+}
+
 /// What is to fire them.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TriggerChoice {
@@ -63,9 +68,8 @@ impl Wanted {
         match kind {
             "sim" => self.simulated(settings),
             _ if self.seed.is_some() => bail!("{kind}:{settings}: only the arena and simulated cameras take a --seed"),
-            _ => {
-                bail!("{kind}:{settings}: this svl drives no such cameras yet; `svl record --list` shows what there is")
-            }
+            "genicam" => self.genicam(settings),
+            _ => self.v4l2(settings),
         }
     }
 
@@ -90,6 +94,56 @@ impl Wanted {
         Ok(Cameras { cameras: Side::BOTH.map(camera), policy, rig: pictures.rig(), seed: Some(seed) })
     }
 
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
+        let policy = match &self.trigger {
+            TriggerChoice::Serial(device) => {
+                let controller = SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?;
+                Policy::Coordinated { trigger: Box::new(controller), period_ns: self.period_ns() }
+            }
+            _ => Policy::Free,
+        };
+        let is_fired = !matches!(policy, Policy::Free);
+        let cameras = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
+        Ok(Cameras { cameras, policy, rig: None, seed: None })
+    }
+
+    #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
+    fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
+        bail!(
+            "v4l2:{settings}: this svl was built without V4L2 cameras; on Linux, cargo install --path . --features v4l2"
+        )
+    }
+
+    #[cfg(feature = "genicam")]
+    fn genicam(&self, names: &str) -> anyhow::Result<Cameras> {
+        use svl::grab::genicam::{Drive, SoftwareTrigger, open};
+        let drive = match self.trigger {
+            TriggerChoice::Software | TriggerChoice::Fixed(_) => Drive::Software,
+            TriggerChoice::Serial(_) => Drive::Line,
+            TriggerChoice::Free => Drive::Free { rate_hz: self.rate_hz },
+        };
+        let Some((left, right)) = two_names(names) else {
+            bail!("genicam:{names}: expected genicam:LEFT,RIGHT; `svl record --list` shows the cameras there are");
+        };
+        let cameras = open([left, right], drive, &self.clock)?;
+        let policy = self.policy(Box::new(SoftwareTrigger::new(&cameras, &self.clock)), |controller| controller)?;
+        Ok(Cameras {
+            cameras: cameras.map(|camera| Box::new(camera) as Box<dyn Camera>),
+            policy,
+            rig: None,
+            seed: None,
+        })
+    }
+
+    #[cfg(not(feature = "genicam"))]
+    fn genicam(&self, names: &str) -> anyhow::Result<Cameras> {
+        bail!(
+            "genicam:{names}: this svl was built without GenICam cameras; with aravis installed (Debian: libaravis-dev, \
+             libusb-1.0-0-dev), cargo install --path . --features genicam"
+        )
+    }
+
     /// When the cameras expose: `software` is svl's own way to fire them, `cabled` what the trigger controller's pulses
     /// take to reach them.
     fn policy(
@@ -107,5 +161,29 @@ impl Wanted {
             TriggerChoice::Fixed(_) => Policy::FixedRate { trigger: software, period_ns },
             TriggerChoice::Free => Policy::Free,
         })
+    }
+}
+
+/// Left and right at the comma in the middle: a vendor's name, which begins an id, may have commas of its own.
+#[cfg(any(test, feature = "genicam"))]
+fn two_names(names: &str) -> Option<(&str, &str)> {
+    let commas: Vec<_> = names.match_indices(',').map(|(at, _)| at).collect();
+    let middle = *commas.get(commas.len() / 2).filter(|_| commas.len() % 2 == 1)?;
+    let (left, right) = (names[..middle].trim(), names[middle + 1..].trim());
+    (!left.is_empty() && !right.is_empty()).then_some((left, right))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::two_names;
+
+    #[test]
+    fn two_cameras_are_named() {
+        assert_eq!(two_names("192.168.0.2, 192.168.0.3"), Some(("192.168.0.2", "192.168.0.3")));
+        let ids = "Eyes, Inc.-E1-7,Eyes, Inc.-E1-8";
+        assert_eq!(two_names(ids), Some(("Eyes, Inc.-E1-7", "Eyes, Inc.-E1-8")));
+        for wrong in ["", "a", "a,", ",b", " , ", "a,b,c"] {
+            assert_eq!(two_names(wrong), None, "{wrong}");
+        }
     }
 }

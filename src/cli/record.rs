@@ -30,6 +30,10 @@ Sources:
                     scene=board for the board instead;
                     for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
                     happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
+  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address, when svl was built with --features genicam
+  v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]  two cameras of this machine, as /dev/video0,/dev/video2; paired by
+                    their stamps [default: the size nearest to 640x480 in which both hold the rate, in the plainest
+                    format]; needs the feature v4l2
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
@@ -38,6 +42,8 @@ Examples:
   svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap
   svl record --list                               the cameras and serial ports of this machine
   svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
+  svl record genicam:192.168.0.2,192.168.0.3 --trigger serial:/dev/ttyACM0    fired by the trigger controller
+  svl record v4l2:/dev/video0,/dev/video2         webcams, which run by themselves
   svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order    what a fixed rate does to the phase")]
 pub(super) struct Args {
     /// What to record

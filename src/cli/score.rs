@@ -96,7 +96,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let incomplete = ran.as_ref().err().map(super::one_line);
+    let lacks = (failures > 0).then(|| format!("algorithms failed on {failures} pairs, which their lines lack"));
+    let incomplete = ran.as_ref().err().map(super::one_line).or(lacks);
     let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,

@@ -16,7 +16,7 @@ mod picture;
 pub(crate) use bounded::read_bounded;
 pub(crate) use bounded::read_text;
 #[cfg(feature = "bench")]
-pub use disparity::{read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
+pub use disparity::{has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
 #[cfg(feature = "bench")]
 pub(crate) use image::gray_of;
 #[cfg(feature = "bench")]

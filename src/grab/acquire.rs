@@ -49,11 +49,7 @@ pub(super) fn acquire(side: Side, mut camera: Box<dyn Camera>, orders: &Mailbox<
                 captured.into_iter().for_each(|taken| report(Event::Captured(taken)));
                 if matches!(waiting, Received::Nothing) { orders.receive(u64::MAX) } else { waiting }
             }
-            Err(Error::Camera { camera, reason }) => {
-                let camera = format!("{} camera, {camera}", side.name());
-                return report(Event::Failed(Error::Camera { camera, reason }));
-            }
-            Err(error) => return report(Event::Failed(error)),
+            Err(error) => return report(Event::Failed(side.blame(error))),
         };
     }
 }

@@ -28,6 +28,14 @@ impl Side {
             Self::Right => "right",
         }
     }
+
+    /// An error of this side's camera, which says so.
+    pub(super) fn blame(self, error: Error) -> Error {
+        match error {
+            Error::Camera { camera, reason } => Error::camera(format!("{} camera, {camera}", self.name()), reason),
+            other => other,
+        }
+    }
 }
 
 /// How long and how strongly a camera exposes.

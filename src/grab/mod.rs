@@ -20,7 +20,10 @@ mod acquire;
 mod camera;
 mod clock;
 mod coordinator;
+mod device_clock;
 mod exposure;
+#[cfg(feature = "genicam")]
+pub mod genicam;
 mod mailbox;
 mod pairing;
 mod pulser;
@@ -29,9 +32,12 @@ mod serial;
 pub mod simulated;
 mod tally;
 mod trigger;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+pub mod v4l2;
 
 pub use camera::{Camera, Capture, Limits, Settings, Side, Taken};
 pub use clock::{Clock, Participant};
+pub use device_clock::DeviceClock;
 pub use exposure::Balance;
 pub use pairing::{Pairing, Rule, Unpaired, WAITING};
 pub use queue::{Pushed, Queue, WhenFull};

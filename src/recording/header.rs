@@ -85,7 +85,7 @@ pub fn header(path: &Path) -> Result<Header> {
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
 pub fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
-    let mut messages = Messages::open(path)?;
+    let mut messages = Messages::beside(path)?;
     while let Some(event) = messages.next()? {
         if let Event::Attachment { name: found, data } = event
             && found == name

@@ -36,6 +36,7 @@ mod records;
 mod recovery;
 mod result;
 mod ros;
+mod skew;
 mod summary;
 mod sync;
 mod truth;
@@ -48,7 +49,8 @@ pub use reader::Reader;
 pub use records::Loss;
 pub use recovery::{Recovery, recover};
 pub use result::{AlgorithmResult, results};
-pub use summary::{Gap, Skew, Summary, Topic};
+pub use skew::{Skew, SkewBin};
+pub use summary::{Gap, Summary, Topic};
 pub use writer::Writer;
 
 use crate::error::{Error, Result};

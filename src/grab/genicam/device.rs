@@ -1,0 +1,180 @@
+//! One camera's features, and which cameras there are.
+
+use crate::error::{Error, Result};
+use crate::grab::{Limits, Settings};
+use aravis::glib::prelude::Cast;
+use aravis::prelude::*;
+use aravis::{Aravis, Auto, DeviceError, GcFloat, glib};
+use std::fmt::Display;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+
+/// What aravis answers.
+type Answer<T> = std::result::Result<T, glib::Error>;
+
+/// What fires the exposures of a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Drive {
+    /// [`super::SoftwareTrigger`].
+    Software,
+    /// A rising edge on the first trigger line that the camera has.
+    Line,
+    /// Its own clock.
+    Free { rate_hz: f64 },
+}
+
+/// A camera that answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// What to call it: vendor, model and serial number.
+    pub id: String,
+    /// Vendor and model.
+    pub model: String,
+    /// `GigEVision` or `USB3Vision`.
+    pub protocol: String,
+    pub address: String,
+}
+
+/// The cameras that answer within a second.
+pub fn found() -> Vec<Found> {
+    static ARAVIS: LazyLock<Option<Mutex<Aravis>>> = LazyLock::new(|| Aravis::initialize().ok().map(Mutex::new));
+    let Some(aravis) = &*ARAVIS else { return Vec::new() };
+    let devices = aravis.lock().unwrap_or_else(PoisonError::into_inner).get_device_list();
+    let text = |text: std::ffi::CString| text.to_string_lossy().into_owned();
+    let found = devices.into_iter().map(|device| Found {
+        id: text(device.id),
+        model: format!("{} {}", text(device.vendor), text(device.model)),
+        protocol: text(device.protocol),
+        address: text(device.address),
+    });
+    found.collect()
+}
+
+/// Why a camera that was named cannot be opened.
+fn unknown(name: &str, error: &glib::Error) -> Error {
+    let answering: Vec<_> = found().into_iter().map(|found| found.id).collect();
+    let cure = match answering.is_empty() {
+        true => "no camera answers: check its power, its cable, and that this computer is in its network".to_owned(),
+        false => format!("those that answer: {}", answering.join(", ")),
+    };
+    Error::camera(name, format!("cannot be opened: {}; {cure}", error.message()))
+}
+
+/// A camera's features. Its acquisition thread and the trigger's share them.
+pub(super) struct Device {
+    pub(super) name: String,
+    camera: Mutex<aravis::Camera>,
+    /// It no longer answers.
+    lost: Arc<AtomicBool>,
+}
+
+impl Device {
+    pub(super) fn open(name: &str) -> Result<Self> {
+        // To aravis no name is any camera.
+        let camera = aravis::Camera::new(Some(name)).map_err(|e| unknown(name, &e))?;
+        let lost = Arc::new(AtomicBool::new(false));
+        if let Some(device) = camera.device() {
+            let lost = lost.clone();
+            device.connect_control_lost(move |_| lost.store(true, Ordering::Release));
+            if device.downcast_ref::<aravis::GvDevice>().is_some_and(|device| !device.is_controller()) {
+                return Err(Error::camera(name, "is in use already: by another program, or it is named twice"));
+            }
+        }
+        Ok(Self { name: name.to_owned(), camera: Mutex::new(camera), lost })
+    }
+
+    /// Grey images of 8 bits, exposed by what drives it, without automatics.
+    pub(super) fn prepare(&self, drive: Drive) -> Result<()> {
+        let camera = self.lock();
+        let formats = camera.dup_available_pixel_formats_as_strings().map_err(|e| self.failed(&e))?;
+        if !formats.iter().any(|format| format == MONO8) {
+            return Err(self.error(format!("has no {MONO8}, only {}; svl takes grey cameras", formats.join(", "))));
+        }
+        let prepared = || -> Answer<()> {
+            camera.set_pixel_format_from_string(MONO8)?;
+            if camera.is_exposure_auto_available()? {
+                camera.set_exposure_time_auto(Auto::Off)?;
+            }
+            if camera.is_gain_auto_available()? {
+                camera.set_gain_auto(Auto::Off)?;
+            }
+            camera.set_acquisition_mode(aravis::AcquisitionMode::Continuous)
+        };
+        prepared().map_err(|e| self.failed(&e))?;
+        let driven = match drive {
+            Drive::Free { rate_hz } => camera.clear_triggers().and_then(|()| camera.set_frame_rate(rate_hz)),
+            Drive::Software => camera.set_trigger("Software"),
+            Drive::Line => {
+                let sources = camera.dup_available_trigger_sources().map_err(|e| self.failed(&e))?;
+                let line = sources.iter().find(|source| source.starts_with("Line"));
+                let no_line = || self.error(format!("has no trigger line, only {}", sources.join(", ")));
+                camera.set_trigger(line.ok_or_else(no_line)?)
+            }
+        };
+        driven.map_err(|e| self.failed(&e))
+    }
+
+    /// What its exposure and its gain can be set to; no gain where it is not in decibels.
+    pub(super) fn limits(&self) -> Result<Limits> {
+        let camera = self.lock();
+        let (shortest_us, longest_us) = camera.exposure_time_bounds().map_err(|e| self.failed(&e))?;
+        let gain = camera.device().and_then(|device| device.feature(GAIN)?.dynamic_cast::<GcFloat>().ok());
+        let (least_db, most_db) = match gain.and_then(|gain| gain.unit()) {
+            Some(unit) if unit.eq_ignore_ascii_case("dB") => camera.float_bounds(GAIN).map_err(|e| self.failed(&e))?,
+            _ => (0.0, 0.0),
+        };
+        // Casts saturate.
+        Ok(Limits {
+            shutter_us: (shortest_us.ceil() as u32).max(1)..=longest_us.floor() as u32,
+            gain_mdb: (least_db * 1e3).ceil() as i32..=(most_db * 1e3).floor() as i32,
+        })
+    }
+
+    pub(super) fn expose(&self, settings: Settings, limits: &Limits) -> Result<()> {
+        let camera = self.lock();
+        camera.set_exposure_time(settings.shutter_us.into()).map_err(|e| self.failed(&e))?;
+        if limits.gain_mdb.start() < limits.gain_mdb.end() {
+            camera.set_float(GAIN, f64::from(settings.gain_mdb) / 1e3).map_err(|e| self.failed(&e))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn fire(&self) -> Result<()> {
+        self.answers()?;
+        self.lock().software_trigger().map_err(|e| self.failed(&e))
+    }
+
+    /// Something of the camera, or the error with its name.
+    pub(super) fn ask<T>(&self, question: impl Fn(&aravis::Camera) -> Answer<T>) -> Result<T> {
+        question(&self.lock()).map_err(|e| self.failed(&e))
+    }
+
+    /// # Errors
+    /// [`Error::Camera`] when it is gone.
+    pub(super) fn answers(&self) -> Result<()> {
+        match self.lost.load(Ordering::Acquire) {
+            true => Err(self.error(SILENT)),
+            false => Ok(()),
+        }
+    }
+
+    fn failed(&self, error: &glib::Error) -> Error {
+        match error.kind() {
+            Some(DeviceError::Timeout | DeviceError::NotConnected | DeviceError::TransferError) => self.error(SILENT),
+            _ => self.error(error.message()),
+        }
+    }
+
+    pub(super) fn error(&self, reason: impl Display) -> Error {
+        Error::camera(&self.name, reason.to_string())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, aravis::Camera> {
+        self.camera.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+const SILENT: &str = "does not answer; check its power and its cable, and record again";
+const MONO8: &str = "Mono8";
+/// In decibels or another unit (SFNC); some cameras have but a raw one, of another name.
+const GAIN: &str = "Gain";
