@@ -61,8 +61,7 @@ impl BoardView {
             };
             let rows: Vec<_> = points.chunks(self.columns).map(<[_]>::to_vec).collect();
             let color = |row: usize| viridis(1.0 - 0.8 * row as f32 / rows.len() as f32);
-            let colors: Vec<_> =
-                (0..rows.len()).map(|row| color(row)).map(|[r, g, b]| Rgba32::from_rgb(r, g, b)).collect();
+            let colors: Vec<_> = (0..rows.len()).map(color).map(|[r, g, b]| Rgba32::from_rgb(r, g, b)).collect();
             self.done(self.stream.log(path("/rows"), &LineStrips2D::new(rows).with_colors(colors).with_radii([0.4])))?;
             let red = Rgba32::from_rgb(230, 60, 40);
             self.done(self.stream.log(path("/first"), &Points2D::new([*first]).with_colors([red]).with_radii([3.0])))?;
