@@ -78,7 +78,10 @@ impl Wanted {
     fn simulated(&self, settings: &str) -> anyhow::Result<Cameras> {
         let config: SimulatedConfig = settings.parse()?;
         let seed = self.seed.unwrap_or(1);
-        let pictures = Arc::new(Pictures::render(config.size, self.rate_hz, config.pictures, seed)?);
+        let pictures = Arc::new(match config.board {
+            true => Pictures::of_board(config.size, seed)?,
+            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed)?,
+        });
         let wire = Wire::new(&self.clock);
         let camera = |side: Side| -> Box<dyn Camera> {
             let drive = match self.trigger {
