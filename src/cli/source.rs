@@ -156,6 +156,7 @@ fn board(seed: u64) -> anyhow::Result<Opened> {
         header: Header { seed: Some(seed), ..Header::new("board") },
         scenario: None,
         live: None,
+        recorded: Recorded::default(),
     })
 }
 
