@@ -26,7 +26,7 @@ if missing; then
   }
 fi
 if [ $# = 0 ]; then
-  cargo build --release --locked --features v4l2
+  cargo build --release --locked
   set -- "$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/release/svl"
 fi
 svl="$(realpath "$1")"

@@ -33,7 +33,7 @@ Sources:
                     happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
   v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]  two cameras of this machine, as /dev/video0,/dev/video2; paired by
                     their stamps [default: the size nearest to 640x480 in which both hold the rate, in the plainest
-                    format]; needs the feature v4l2
+                    format]
   genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address, when svl was built with --features genicam
 
 Examples:
