@@ -30,7 +30,8 @@ Sources:
   sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60;
                     for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
                     happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
-  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address, when svl was built with --features genicam
+  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address, in an svl built with
+                    --features genicam
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
@@ -39,7 +40,7 @@ Examples:
   svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap
   svl record --list                               the cameras and serial ports of this machine
   svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
-  svl record genicam:192.168.0.2,192.168.0.3 --trigger serial:/dev/ttyACM0    fired by the trigger controller
+  svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0    fired by the trigger controller
   svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order    what a fixed rate does to the phase")]
 pub(super) struct Args {
     /// What to record
