@@ -9,7 +9,8 @@
 //! data set                                  tables ──▶ report
 //! ```
 //!
-//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`], [`depth`].
+//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`], [`depth`],
+//! [`rectify`].
 //!
 //! ```
 //! use svl::stereo::{DisparityMap, Gray, GridShape, StereoPair};
@@ -27,17 +28,20 @@
 
 #[cfg(feature = "bench")]
 pub mod arena;
+#[cfg(feature = "calibrate")]
+pub mod calibrate;
 pub mod depth;
 mod error;
+#[cfg(feature = "calibrate")]
+pub mod files;
 pub mod kernel;
 pub mod matcher;
+pub mod rectify;
 pub mod stereo;
 pub mod timing;
 
 #[cfg(feature = "bench")]
 pub mod fetch;
-#[cfg(feature = "bench")]
-pub mod files;
 #[cfg(feature = "bench")]
 pub mod grab;
 #[cfg(feature = "bench")]

@@ -7,7 +7,7 @@ use crate::scenario::GridSettings;
 use crate::sink::Sink;
 use crate::source::Source;
 use crate::stereo::{DisparityMap, Estimate, Frame};
-use crate::timing::Clock;
+use crate::timing::{Clock, StageTimes};
 use std::sync::mpsc::{channel, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -86,7 +86,9 @@ impl Lineup {
 /// before it is kept.
 ///
 /// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads of their own, in the
-/// same order; else all happens in turn, lest the threads disturb the times that are being measured.
+/// same order; else all happens in turn, lest the threads disturb the times that are being measured. A source or sink that
+/// computes on rayon's own pool, as the arena does, must then not be run from within a pool of one thread: it would wait
+/// for the thread that waits for it. Recordings and svl's sinks do not.
 ///
 /// An algorithm that fails on a frame leaves no estimate of it, and the others go on. The monitor is told, but not again
 /// while the algorithm fails for the same reason frame after frame.
@@ -113,10 +115,10 @@ pub fn run(
 }
 
 fn in_turn(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mut [&mut dyn Sink]) -> Result<()> {
+    let grid = matching.grid;
     while let Some(frame) = source.next()? {
-        let estimates = matching.estimate(&frame)?;
-        sinks.iter_mut().try_for_each(|sink| sink.push(&frame, &estimates))?;
-        matching.lineup.take_back(estimates);
+        let matched = matching.matched(&frame)?;
+        matching.lineup.take_back(push(sinks, grid, &frame, matched)?);
         if !matching.go_on() {
             break;
         }
@@ -139,20 +141,20 @@ fn side_by_side(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mu
                 }
             }
         });
-        let (matched, judged) = sync_channel::<(Frame, Vec<Estimate>)>(BETWEEN);
+        let grid = matching.grid;
+        let (send, taken) = sync_channel::<(Frame, Vec<Matched>)>(BETWEEN);
         let (spend, spent) = channel();
         let pushing = scope.spawn(move || {
-            for (frame, estimates) in judged {
-                sinks.iter_mut().try_for_each(|sink| sink.push(&frame, &estimates))?;
+            for (frame, matched) in taken {
                 // At the end nobody wants them back.
-                let _ = spend.send(estimates);
+                let _ = spend.send(push(sinks, grid, &frame, matched)?);
             }
             Ok(())
         });
         let mut ran = Ok(());
         for next in frames {
-            let estimated = next.and_then(|frame| matching.estimate(&frame).map(|estimates| (frame, estimates)));
-            let sent = estimated.map(|estimated| matched.send(estimated).is_ok());
+            let matched = next.and_then(|frame| matching.matched(&frame).map(|matched| (frame, matched)));
+            let sent = matched.map(|matched| send.send(matched).is_ok());
             spent.try_iter().for_each(|estimates| matching.lineup.take_back(estimates));
             match sent {
                 Ok(true) if matching.go_on() => {}
@@ -164,10 +166,34 @@ fn side_by_side(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mu
             }
         }
         // The sinks take what was matched, whatever happened after.
-        drop(matched);
+        drop(send);
         let pushed = pushing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         pushed.and(ran)
     })
+}
+
+/// What an algorithm made of a frame.
+struct Matched {
+    algorithm: String,
+    disparity: DisparityMap,
+    times: StageTimes,
+}
+
+/// Gives the sinks a frame with its estimates, and those back.
+fn push(
+    sinks: &mut [&mut dyn Sink],
+    settings: GridSettings,
+    frame: &Frame,
+    matched: Vec<Matched>,
+) -> Result<Vec<Estimate>> {
+    let estimate = |Matched { algorithm, disparity, times }| {
+        let rig = frame.rig.as_ref();
+        let grid = depth::grid(disparity.disparity(), settings.shape(), settings.min_valid, rig);
+        Estimate { algorithm, disparity, grid, times }
+    };
+    let estimates: Vec<Estimate> = matched.into_iter().map(estimate).collect();
+    sinks.iter_mut().try_for_each(|sink| sink.push(frame, &estimates))?;
+    Ok(estimates)
 }
 
 /// What is between source and sinks.
@@ -180,9 +206,9 @@ struct Matching<'a> {
 }
 
 impl Matching<'_> {
-    fn estimate(&mut self, frame: &Frame) -> Result<Vec<Estimate>> {
+    fn matched(&mut self, frame: &Frame) -> Result<Vec<Matched>> {
         self.pacer.wait_for(frame);
-        let mut estimates = Vec::with_capacity(self.lineup.0.len());
+        let mut matched = Vec::with_capacity(self.lineup.0.len());
         for Contestant { label, matcher, last_failure, spent } in &mut self.lineup.0 {
             let (width, height) = frame.pair.size();
             let mut disparity = spent.pop().map_or_else(|| DisparityMap::new(width, height), Ok)?;
@@ -197,11 +223,9 @@ impl Matching<'_> {
                 continue;
             }
             last_failure.clear();
-            let GridSettings { min_valid, .. } = self.grid;
-            let grid = depth::grid(disparity.disparity(), self.grid.shape(), min_valid, frame.rig.as_ref());
-            estimates.push(Estimate { algorithm: label.clone(), disparity, grid, times: clock.times() });
+            matched.push(Matched { algorithm: label.clone(), disparity, times: clock.times() });
         }
-        Ok(estimates)
+        Ok(matched)
     }
 
     fn go_on(&mut self) -> bool {

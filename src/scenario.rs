@@ -297,6 +297,7 @@ mod tests {
             ("metric = \"wrong\"\nmax = 0.1\ncheckpoint = 1", "passed"),
             ("metric = \"passed\"\nmin = 0.1\ncheckpoint = 1", "no checkpoint 1"),
             ("metric = \"time\"\nmax = 1\nrelative_to = \"bn\"", "did you mean"),
+            ("metric = \"time\"\nmax = 1\nrelative_to = \"v3\"", "names the algorithm itself"),
             ("metric = \"wrnog\"\nmax = 1", "line 10"),
         ] {
             let error = gate(limit).unwrap_err().to_string();

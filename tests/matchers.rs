@@ -6,7 +6,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use svl::kernel::Isa;
 use svl::matcher::{Algorithm, MATCHERS, Matcher, MatcherSpec, Parameters, Range, find};
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl::rectify::Rectifier;
+use svl::stereo::{DisparityMap, Gray, Intrinsics, LengthUnit, Reason, StereoCalibration, StereoPair};
 use svl::timing::Clock;
 
 /// Counts the allocations of each thread.
@@ -118,6 +119,25 @@ fn nothing_is_allocated_after_the_first_pair() {
         });
         assert_eq!(allocations, 0, "{}", spec.name);
     }
+}
+
+/// Nor is anything by what comes before a matcher.
+#[test]
+fn nothing_is_allocated_to_rectify_a_second_pair() {
+    let size = (150, 20);
+    let camera = Intrinsics::new(size, (140.0, 140.0), (75.0, 10.0), [-0.1, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    let apart = nalgebra::Isometry3::translation(-0.1, 0.001, 0.0);
+    let calibration = StereoCalibration::new(camera, camera, apart, LengthUnit::Metres).unwrap();
+    let rectifier = Rectifier::new(&calibration).unwrap();
+    let pair = pair(size.0, size.1);
+    let allocations = one_thread().install(|| {
+        let [mut left, mut right] = [(); 2].map(|()| Gray::filled(1, 1, 0).unwrap());
+        rectifier.apply(&pair, &mut left, &mut right).unwrap();
+        let before = ALLOCATIONS.get();
+        rectifier.apply(&pair, &mut left, &mut right).unwrap();
+        ALLOCATIONS.get() - before
+    });
+    assert_eq!(allocations, 0);
 }
 
 #[test]

@@ -2,7 +2,8 @@
 #![no_main]
 
 use std::path::Path;
-use svl::source::dataset::{Scene, read_calib};
+use svl::calibrate::files::read_calib;
+use svl::source::dataset::Scene;
 
 fn read_kitti(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
     for camera in ["image_2", "image_3"] {

@@ -5,6 +5,7 @@
 use image::{DynamicImage, ImageFormat};
 use std::io::Cursor;
 use std::path::PathBuf;
+use svl::calibrate::files::{self, FORMATS, Hints};
 use svl::{recording, stereo};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
@@ -20,6 +21,21 @@ ndisp=280
 const KITTI: &str = "P_rect_02: 7.2e+02 0 6.0e+02 4.4e+01 0 7.2e+02 1.7e+02 2.1e-01 0 0 1 2.7e-03
 P_rect_03: 7.2e+02 0 6.0e+02 -3.3e+02 0 7.2e+02 1.7e+02 2.1e+00 0 0 1 2.7e-03
 ";
+const OPENCV: &str = "%YAML:1.0
+image_size: [ 640, 480 ]
+length_unit: m
+K1: !!opencv-matrix
+   data: [ 530., 0., 340., 0., 531., 240., 0., 0., 1. ]
+D1: [ -2.8e-01, 2.5e-02, 1.2e-03, 0., 1.6e-01 ]
+K2: [ 535., 0., 330., 0., 536., 245., 0., 0., 1. ]
+D2: [ -3.0e-01, 1.5e-01, 0., 0. ]
+R: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]
+T: [ -0.1, 0., 0. ]
+R1: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]
+R2: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]
+P1: [ 515., 0., 340., 0., 0., 515., 243., 0., 0., 0., 1., 0. ]
+P2: [ 515., 0., 343., -51.5, 0., 515., 243., 0., 0., 0., 1., 0. ]
+";
 const SCENARIOS: [&str; 3] = [
     include_str!("../../scenarios/arena.toml"),
     include_str!("../../scenarios/middlebury.toml"),
@@ -34,6 +50,7 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
     }
     seed("calibration", "middlebury", CALIB.as_bytes())?;
     seed("calibration", "kitti", KITTI.as_bytes())?;
+    calibrations()?;
     let grey = image::GrayImage::from_fn(9, 7, |x, y| image::Luma([(x * 20 + y) as u8]));
     let images = [
         ("grey", DynamicImage::from(grey.clone())),
@@ -58,6 +75,28 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
     }
     npz()?;
     mcap()
+}
+
+/// One calibration in every format.
+fn calibrations() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("a.yml");
+    std::fs::write(&path, OPENCV)?;
+    seed("calibration_files", "opencv-short", OPENCV.as_bytes())?;
+    let calibration = files::read_with(&path, &Hints::default())?.calibration;
+    for format in FORMATS.iter().filter(|format| format.is_written()) {
+        let one = folder.path().join("b").display().to_string();
+        let path = if format.pairs == [["left.yaml", "right.yaml"]] { format!("{one}l,{one}r") } else { one };
+        files::write_as(path.as_ref(), format, &calibration)?;
+        let texts = path.split(',').map(std::fs::read).collect::<Result<Vec<_>, _>>()?;
+        seed("calibration_files", format.name, &texts.join(&0))?;
+    }
+    let euroc = "T_BS:\n  data: [1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\ncamera_model: pinhole\nresolution: [752, 480]\n\
+                 intrinsics: [458, 457, 367, 248]\ndistortion_model: radial-tangential\n\
+                 distortion_coefficients: [-0.2, 0.07, 0, 0]\n";
+    seed("calibration_files", "euroc", [euroc.replace("0.1", "0"), euroc.to_owned()].join("\0").as_bytes())?;
+    seed("calibration_files", "annex-e", include_bytes!("../../tests/calibration_files/annex_e.xml"))?;
+    Ok(())
 }
 
 /// Small recordings: svl's, with everything and compressed, and their messages one by one.

@@ -13,6 +13,11 @@ pub(super) fn is_live(name: &str) -> bool {
     ["sim", "v4l2", "genicam"].contains(&name.split(':').next().unwrap_or_default())
 }
 
+/// Whether svl can fire cameras of a kind, and then knows which pulse an image is of.
+pub(super) fn has_trigger(kind: &str) -> bool {
+    kind != "v4l2"
+}
+
 /// What is to fire them.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TriggerChoice {
@@ -40,6 +45,8 @@ impl FromStr for TriggerChoice {
 pub(super) struct Cameras {
     pub cameras: [Box<dyn Camera>; 2],
     pub policy: Policy,
+    /// From one image of a camera to its next, at least.
+    pub period_ns: u64,
     pub rig: Option<Rig>,
     /// What their images were drawn from, when they are simulated.
     pub seed: Option<u64>,
@@ -62,18 +69,19 @@ impl Wanted {
     pub(super) fn cameras(&self, kind: &str, settings: &str) -> anyhow::Result<Cameras> {
         match kind {
             "sim" => self.simulated(settings),
-            "genicam" if self.seed.is_none() => self.genicam(settings),
             _ if self.seed.is_some() => bail!("{kind}:{settings}: only the arena and simulated cameras take a --seed"),
-            _ => {
-                bail!("{kind}:{settings}: this svl drives no such cameras yet; `svl record --list` shows what there is")
-            }
+            "genicam" => self.genicam(settings),
+            _ => self.v4l2(settings),
         }
     }
 
     fn simulated(&self, settings: &str) -> anyhow::Result<Cameras> {
         let config: SimulatedConfig = settings.parse()?;
         let seed = self.seed.unwrap_or(1);
-        let pictures = Arc::new(Pictures::render(config.size, self.rate_hz, config.pictures, seed)?);
+        let pictures = Arc::new(match config.board {
+            true => Pictures::of_board(config.size, seed)?,
+            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed)?,
+        });
         let wire = Wire::new(&self.clock);
         let camera = |side: Side| -> Box<dyn Camera> {
             let drive = match self.trigger {
@@ -85,7 +93,30 @@ impl Wanted {
         };
         let software = Box::new(SimulatedTrigger::new(&wire));
         let policy = self.policy(software, |controller| Box::new(Cabled::new(controller, &wire)))?;
-        Ok(Cameras { cameras: Side::BOTH.map(camera), policy, rig: pictures.rig(), seed: Some(seed) })
+        let period_ns = self.period_ns();
+        Ok(Cameras { cameras: Side::BOTH.map(camera), policy, period_ns, rig: pictures.rig(), seed: Some(seed) })
+    }
+
+    #[cfg(all(feature = "v4l2", target_os = "linux"))]
+    fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
+        let policy = match &self.trigger {
+            TriggerChoice::Serial(device) => {
+                let controller = SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?;
+                Policy::Coordinated { trigger: Box::new(controller), period_ns: self.period_ns() }
+            }
+            _ => Policy::Free,
+        };
+        let is_fired = !matches!(policy, Policy::Free);
+        let (cameras, rate_hz) = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
+        let period_ns = if is_fired { self.period_ns() } else { (1e9 / rate_hz).round() as u64 };
+        Ok(Cameras { cameras, policy, period_ns, rig: None, seed: None })
+    }
+
+    #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
+    fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
+        bail!(
+            "v4l2:{settings}: this svl was built without V4L2 cameras; on Linux, cargo install --path . --features v4l2"
+        )
     }
 
     #[cfg(feature = "genicam")]
@@ -104,6 +135,7 @@ impl Wanted {
         Ok(Cameras {
             cameras: cameras.map(|camera| Box::new(camera) as Box<dyn Camera>),
             policy,
+            period_ns: self.period_ns(),
             rig: None,
             seed: None,
         })

@@ -9,8 +9,8 @@ use svl::report::compare::{Comparison, Run};
 ///
 /// Every report is compared with the first, algorithm by algorithm, over the pairs that both took. A change comes with
 /// its 95 % bootstrap interval over the pairs, drawn in blocks, as neighbours resemble each other; it is called better or
-/// worse only where that interval leaves no doubt, and never for fewer than eight blocks or scenes. Times are shown as ratios and not judged: the
-/// machine may have been slower that day.
+/// worse only where that interval leaves no doubt, and never for fewer than eight blocks or scenes. Times are shown as
+/// ratios and not judged: the machine may have been slower that day.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -2,12 +2,17 @@
 
 use super::output::print;
 use std::path::Path;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+use svl::grab::v4l2::Mode;
 
 /// Prints what could be recorded from, and what could trigger it.
 pub(super) fn list() -> anyhow::Result<()> {
     let mut lines = vec!["sim                     two simulated cameras".to_owned()];
     let cameras = video_devices(Path::new("/sys/class/video4linux"));
-    lines.extend(cameras.iter().map(|(device, name)| format!("{device:<22}  camera: {name}")));
+    for (device, name) in &cameras {
+        lines.push(format!("{device:<22}  camera: {name}"));
+        lines.extend(modes(Path::new(device)).into_iter().map(|line| format!("{:<22}  {line}", "")));
+    }
     let genicam = genicam_cameras();
     lines.extend(genicam.iter().map(|(name, what)| format!("{name:<22}  camera: {what}")));
     let ports = serial2::SerialPort::available_ports().unwrap_or_default();
@@ -17,6 +22,34 @@ pub(super) fn list() -> anyhow::Result<()> {
     }
     lines.push(String::new());
     print(&lines.join("\n"))
+}
+
+/// What a camera can be asked for: a line for each format, with the sizes and the rates that they hold.
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+fn modes(device: &Path) -> Vec<String> {
+    let modes = match svl::grab::v4l2::modes(device) {
+        Ok(modes) => modes,
+        // Without the cure, which is to look here.
+        Err(svl::Error::Camera { reason, .. }) => return reason.split(';').take(1).map(str::to_owned).collect(),
+        Err(error) => return vec![error.to_string()],
+    };
+    if modes.is_empty() {
+        return vec!["no format that svl reads".to_owned()];
+    }
+    let of_one_format = modes.chunk_by(|a, b| a.format == b.format);
+    let line = |modes: &[Mode]| {
+        let sizes = modes.iter().map(|Mode { size: (width, height), max_rate_hz, .. }| match max_rate_hz {
+            Some(hz) => format!("{width}x{height} ({} Hz)", (hz * 10.0).round() / 10.0),
+            None => format!("{width}x{height}"),
+        });
+        format!("{}: {}", modes[0].format, sizes.collect::<Vec<_>>().join(", "))
+    };
+    of_one_format.map(line).collect()
+}
+
+#[cfg(not(all(feature = "v4l2", target_os = "linux")))]
+fn modes(_: &Path) -> Vec<String> {
+    Vec::new()
 }
 
 /// GigE Vision and USB3 Vision cameras that answer within a second, with what they are.

@@ -4,7 +4,7 @@ use super::output::{print, print_json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use svl::manifest::Manifest;
-use svl::recording::{Loss, Summary, Topic};
+use svl::recording::{Loss, Skew, Summary, Topic};
 
 /// Show what a recording holds, and whether it is whole
 #[derive(clap::Args)]
@@ -49,10 +49,10 @@ fn table(summary: &Summary) -> String {
     if let Some(Manifest { run_id, began, machine, .. }) = &summary.manifest {
         lines.insert(3, format!("run        {run_id}, began {began} on {}", machine.processor));
     }
-    if let Some(skew) = summary.skew {
-        let [min, median, max] = [skew.min_ns, skew.median_ns, skew.max_ns].map(|ns| ns as f64 / 1e3);
-        lines.push(format!("skew       {min:.1} .. {max:.1} µs, median {median:.1} µs"));
+    if let Some(calibration) = summary.header.as_ref().and_then(|header| header.calibration.as_ref()) {
+        lines.push(format!("rectified  by {calibration}"));
     }
+    lines.extend(summary.skew.iter().flat_map(skew));
     lines.extend(gaps(summary));
     lines.extend(missing(&summary.missing));
     if !summary.is_whole() {
@@ -77,6 +77,37 @@ fn pairs(summary: &Summary) -> String {
         n => format!(", {n} missing between the first and the last"),
     };
     format!("pairs      {}{rate}, {} frames dropped{missing}", summary.pairs, summary.drops)
+}
+
+/// Columns of the longest bar.
+const BAR: u64 = 30;
+
+/// The skew, and where it varies how many pairs have how much.
+fn skew(skew: &Skew) -> Vec<String> {
+    // A unit for all, in which the range has some digits before the point.
+    let range_ns = skew.min_ns.unsigned_abs().max(skew.max_ns.unsigned_abs());
+    let (unit_ns, unit) = if range_ns < 1_000_000 { (1e3, "µs") } else { (1e6, "ms") };
+    let number = |ns: i64| format!("{:.1}", ns as f64 / unit_ns);
+    let [min, median, max] = [skew.min_ns, skew.median_ns, skew.max_ns].map(number);
+    let mut lines = vec![format!("skew       {min} .. {max} {unit}, median {median} {unit}")];
+    let most = skew.histogram.iter().map(|bin| bin.pairs).max().unwrap_or(0);
+    if skew.histogram.len() > 1 {
+        // Edges are multiples of a bin's width.
+        let width_ns = skew.histogram[0].to_ns.abs_diff(skew.histogram[0].from_ns).max(1) as f64;
+        let digits = (unit_ns / width_ns).log10().ceil().max(0.0) as usize;
+        let edge = |ns: i64| format!("{:.digits$}", ns as f64 / unit_ns);
+        lines.extend(skew.histogram.iter().map(|bin| {
+            let bar = "#".repeat((bin.pairs * BAR).div_ceil(most) as usize);
+            format!(
+                "           {:>7} .. {:>7} {unit} {bar:<width$} {}",
+                edge(bin.from_ns),
+                edge(bin.to_ns),
+                bin.pairs,
+                width = BAR as usize
+            )
+        }));
+    }
+    lines
 }
 
 /// What cannot be read of a file, a line each.

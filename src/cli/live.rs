@@ -1,7 +1,8 @@
 //! What cameras are asked for on the command line: how they are fired, paired and queued.
 
-use super::cameras::{Cameras, TriggerChoice, Wanted};
+use super::cameras::{Cameras, TriggerChoice, Wanted, has_trigger};
 use super::progress::{interrupted, listen_for_interrupt};
+use super::rectify::Recorded;
 use super::source::Opened;
 use anyhow::bail;
 use clap::error::ErrorKind;
@@ -15,14 +16,14 @@ use svl::source::LiveSource;
 #[command(next_help_heading = "Cameras")]
 pub(super) struct LiveArgs {
     /// What fires them: svl when both are armed, the trigger controller at DEVICE then, a fixed rate, or each itself
-    /// [default: software]
+    /// [default: software; with v4l2 free]
     #[arg(long, value_name = "software|serial:DEVICE|fixed:HZ|free")]
     trigger: Option<TriggerChoice>,
     /// Pairs a second: at most with software and serial, exactly with free [default: 30]
     #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = super::positive)]
     rate: Option<f64>,
     /// What makes a pair: one trigger pulse, near stamps, or the order of arrival, which shows what goes wrong without
-    /// either [default: trigger with software and serial, else stamp]
+    /// either [default: trigger with software and serial, else stamp; with v4l2 stamp]
     #[arg(long, value_name = "trigger|stamp|order")]
     pairing: Option<PairingChoice>,
     /// Pairs that may wait for the disk [default: 64]
@@ -79,21 +80,22 @@ impl LiveArgs {
 
     /// Starts the cameras that `name` says.
     pub(super) fn open(&self, name: &str, seed: Option<u64>, max_skew_ms: Option<f64>) -> anyhow::Result<Opened> {
-        self.check(max_skew_ms)?;
+        let (kind, settings) = name.split_once(':').unwrap_or((name, ""));
+        let trigger = self.trigger(kind);
+        self.check(kind, &trigger, max_skew_ms)?;
         listen_for_interrupt();
         let clock = Clock::real();
-        let wanted = Wanted { trigger: self.trigger(), rate_hz: self.rate_hz()?, clock: clock.clone(), seed };
-        let period_ns = wanted.period_ns();
-        let (kind, settings) = name.split_once(':').unwrap_or((name, ""));
-        let Cameras { cameras, policy, rig, seed } = wanted.cameras(kind, settings)?;
+        let wanted = Wanted { rate_hz: self.rate_hz(&trigger)?, trigger, clock: clock.clone(), seed };
+        let Cameras { cameras, policy, period_ns, rig, seed } = wanted.cameras(kind, settings)?;
+        let rule = self.rule(kind, &wanted.trigger, period_ns, max_skew_ms);
         let grabber = Grabber::start(Setup {
             clock,
             cameras,
             policy,
-            rule: self.rule(period_ns, max_skew_ms),
+            rule,
             settings: FIRST,
             // Half a period is left for arming and transfer.
-            max_shutter_us: (period_ns / 2_000) as u32,
+            max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
             balance_every: BALANCE_EVERY,
             timeout: Duration::from_secs_f64(self.timeout.unwrap_or(1.0)),
             queue: self.queue.unwrap_or(QUEUE).into(),
@@ -105,19 +107,26 @@ impl LiveArgs {
         })?;
         let source = LiveSource::new(name, grabber, interrupted);
         let header = Header { seed, ..Header::new(name) };
-        Ok(Opened { live: Some(source.tally()), source: Box::new(source), header, scenario: None, stem: kind.into() })
+        let (live, recorded) = (Some(source.tally()), Recorded::default());
+        Ok(Opened { live, source: Box::new(source), header, scenario: None, stem: kind.into(), recorded })
     }
 
     /// Refuses what contradicts itself.
-    fn check(&self, max_skew_ms: Option<f64>) -> anyhow::Result<()> {
-        let wrong = match (self.pairing, self.trigger()) {
+    fn check(&self, kind: &str, trigger: &TriggerChoice, max_skew_ms: Option<f64>) -> anyhow::Result<()> {
+        let wrong = match (self.pairing, trigger) {
+            (_, TriggerChoice::Software | TriggerChoice::Fixed(_)) if !has_trigger(kind) => {
+                "V4L2 has no way to fire a camera; leave --trigger out, or use serial:DEVICE if a controller fires both"
+            }
             (Some(PairingChoice::Trigger), TriggerChoice::Free) => {
                 "free-running cameras have no trigger to be paired by; use --pairing stamp"
+            }
+            (Some(PairingChoice::Trigger), _) if !has_trigger(kind) => {
+                "V4L2 cameras do not say which pulse an image is of; use --pairing stamp"
             }
             (_, TriggerChoice::Fixed(_)) if self.rate.is_some() => {
                 "--trigger fixed:HZ says the rate already; leave --rate out"
             }
-            _ if max_skew_ms.is_some() && !matches!(self.rule(0, max_skew_ms), Rule::Stamp { .. }) => {
+            _ if max_skew_ms.is_some() && !matches!(self.rule(kind, trigger, 0, max_skew_ms), Rule::Stamp { .. }) => {
                 "--max-skew-ms is for --pairing stamp"
             }
             _ => return Ok(()),
@@ -125,13 +134,14 @@ impl LiveArgs {
         bail!(clap::Error::raw(ErrorKind::ArgumentConflict, format!("{wrong}\n")))
     }
 
-    fn trigger(&self) -> TriggerChoice {
-        self.trigger.clone().unwrap_or(TriggerChoice::Software)
+    fn trigger(&self, kind: &str) -> TriggerChoice {
+        let usual = if has_trigger(kind) { TriggerChoice::Software } else { TriggerChoice::Free };
+        self.trigger.clone().unwrap_or(usual)
     }
 
-    fn rate_hz(&self) -> anyhow::Result<f64> {
-        let hz = match self.trigger() {
-            TriggerChoice::Fixed(hz) => hz,
+    fn rate_hz(&self, trigger: &TriggerChoice) -> anyhow::Result<f64> {
+        let hz = match trigger {
+            TriggerChoice::Fixed(hz) => *hz,
             _ => self.rate.unwrap_or(RATE_HZ),
         };
         if hz > MAX_RATE_HZ {
@@ -140,14 +150,19 @@ impl LiveArgs {
         Ok(hz)
     }
 
-    fn rule(&self, period_ns: u64, max_skew_ms: Option<f64>) -> Rule {
-        let max_skew_ns = max_skew_ms.map_or(period_ns / 4, |ms| (ms * 1e6) as u64);
-        match (self.pairing, self.trigger()) {
+    fn rule(&self, kind: &str, trigger: &TriggerChoice, period_ns: u64, max_skew_ms: Option<f64>) -> Rule {
+        let usual_ns = match trigger {
+            // Nobody chose the moments at which two real cameras began: any are to make pairs.
+            TriggerChoice::Free if !has_trigger(kind) => period_ns / 2,
+            _ => period_ns / 4,
+        };
+        let max_skew_ns = max_skew_ms.map_or(usual_ns, |ms| (ms * 1e6) as u64);
+        match (self.pairing, trigger) {
             (Some(PairingChoice::Trigger), _) => Rule::Trigger,
             (Some(PairingChoice::Stamp), _) => Rule::Stamp { max_skew_ns },
             (Some(PairingChoice::Order), _) => Rule::Arrival,
-            (None, TriggerChoice::Software | TriggerChoice::Serial(_)) => Rule::Trigger,
-            (None, TriggerChoice::Fixed(_) | TriggerChoice::Free) => Rule::Stamp { max_skew_ns },
+            (None, TriggerChoice::Software | TriggerChoice::Serial(_)) if has_trigger(kind) => Rule::Trigger,
+            (None, _) => Rule::Stamp { max_skew_ns },
         }
     }
 }

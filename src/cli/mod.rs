@@ -3,6 +3,7 @@
 mod algos;
 mod bench;
 mod cache;
+mod calibrate;
 mod cameras;
 mod compare;
 mod completions;
@@ -18,6 +19,7 @@ mod output;
 mod progress;
 mod record;
 mod recover;
+mod rectify;
 mod replay;
 mod reproduce;
 mod run_info;
@@ -74,6 +76,7 @@ enum Command {
     Match(matching::Args),
     Eval(eval::Args),
     Bench(bench::Args),
+    Calibrate(calibrate::Args),
     View(view::Args),
     Info(info::Args),
     Recover(recover::Args),
@@ -138,6 +141,7 @@ impl Command {
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
+            Self::Calibrate(args) => calibrate::run(&args, quiet),
             Self::View(args) => view::run(&args),
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),

@@ -2,6 +2,7 @@
 
 use super::output::{Aside, distinct, may_write, print, print_json};
 use super::progress::Progress;
+use super::rectify::{Recorded, Rectify};
 use super::source::{self, RECORDINGS};
 use super::verify::{Earlier, Verification};
 use super::{cache, run_info};
@@ -15,7 +16,7 @@ use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{GridSettings, Scenario};
 use svl::score::CellRule;
 use svl::sink::{Identity, RecordingSink, RerunSink, RerunTarget, RowSink, Sink};
-use svl::source::{RecordingSource, Source};
+use svl::source::{RecordingSource, Watched};
 
 /// Replay a recording through algorithms
 ///
@@ -26,6 +27,7 @@ use svl::source::{RecordingSource, Source};
 Examples:
   svl replay                                      the newest of recordings/, or else the arena
   svl replay run.mcap --algo v3 --algo v3:max_disparity=64 --rows rows.csv
+  svl replay raw.mcap --calib calibration.xml     pairs of raw cameras, rectified on the fly
   svl replay run.mcap --rerun spawn               watch it in the Rerun viewer
   svl replay run.mcap --rerun run.rrd --rate 1    at the speed it was recorded
   svl replay run.mcap --algo v3 -o result.mcap && svl replay result.mcap --verify
@@ -38,6 +40,8 @@ pub(super) struct Args {
     algo: Vec<Algorithm>,
     #[command(flatten)]
     topics: source::Topics,
+    #[command(flatten)]
+    rectify: Rectify,
     /// As soon as possible, or so many times the recorded speed
     #[arg(long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap", value_parser = pace)]
     rate: Pace,
@@ -79,14 +83,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
     outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
     distinct(outputs.iter().map(|(path, _)| *path).chain(args.recording.as_deref()))?;
-    let mut source = match &args.recording {
-        Some(path) => source::open_recording(path, &args.topics)?,
+    let source = match &args.recording {
+        Some(path) => RecordingSource::open_selection(path, &args.topics.selection())?,
         None => newest_or_arena(quiet)?,
     };
     let recording = source.reader().path().to_owned();
-    let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(recording.display().to_string()));
+    let mut header = source.reader().header().cloned().unwrap_or_else(|| Header::new(recording.display().to_string()));
     let scenario = header.scenario.clone().unwrap_or_else(|| stem(&recording));
     let scenario_text = source.scenario()?;
+    let recorded = Recorded::of(&source)?;
+    let (mut source, recorded) = args.rectify.pairs(Box::new(source), recorded, &mut header, quiet)?;
     let verify = args.verify.as_ref().map(|path| path.as_deref().unwrap_or(&recording));
     let before = verify.map(|path| Earlier::read(path, header.seed)).transpose()?;
     let algorithms = match (&args.algo[..], &before) {
@@ -118,6 +124,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             if let Some(text) = &scenario_text {
                 writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
             }
+            recorded.attach(&mut writer)?;
             Some(RecordingSink::new(writer))
         }
         None => None,
@@ -127,7 +134,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     sinks.extend(result.as_mut().map(|sink| sink as &mut dyn Sink));
 
     let mut progress = Progress::new(&source.name(), source.pairs(), quiet);
-    let ran = run_loop(&mut source, &mut lineup, settings, args.rate, &mut sinks, &mut progress);
+    let mut watched = Watched::new(&mut *source);
+    let ran = run_loop(&mut watched, &mut lineup, settings, args.rate, &mut sinks, &mut progress);
     progress.clear();
     // Everything that came before an error is kept and told, so the sinks are finished first.
     let finished = sinks.iter_mut().map(|sink| sink.finish()).fold(Ok(()), Result::and);
@@ -150,7 +158,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let outcome = ran?;
     finished?;
-    source::tell_unpaired(&source);
+    source::tell_unpaired(&*source);
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
     }

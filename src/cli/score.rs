@@ -13,8 +13,8 @@ use svl::report::{Ruling, Summary, Tables};
 use svl::run::{Lineup, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Findings, Identity, Judge, RerunSink, RerunTarget, Sink};
-use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
+use svl::source::{Source, Watched};
 
 /// Score algorithms on a scenario and write a report
 ///
@@ -96,7 +96,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let incomplete = ran.as_ref().err().map(super::one_line);
+    let lacks = (failures > 0).then(|| format!("algorithms failed on {failures} pairs, which their lines lack"));
+    let incomplete = ran.as_ref().err().map(super::one_line).or(lacks);
     let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
@@ -182,7 +183,7 @@ impl Report {
         self.rerun.begin_run();
         let mut progress = Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
         let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
-        let ran = run_loop(source, lineup, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
+        let ran = run_loop(&mut Watched::new(source), lineup, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
         progress.clear();
         self.judge.end_run()?;
         let outcome = ran?;

@@ -1,12 +1,15 @@
 //! From what a user names to a source of frames.
 
+use super::cameras::is_live;
+use super::live::LiveArgs;
+use super::rectify::Recorded;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
 use svl::recording::{Header, Selection};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
-use svl::source::{ArenaSource, LastTally, RecordingSource, Source};
+use svl::source::{ArenaSource, BoardSource, LastTally, RecordingSource, Source};
 
 /// Where recordings are kept.
 pub(super) const RECORDINGS: &str = "recordings";
@@ -24,10 +27,12 @@ pub(super) struct Opened {
     pub stem: String,
     /// What the grabber did, when it comes from cameras.
     pub live: Option<LastTally>,
+    /// What it says of its pairs, when it is a recording.
+    pub recorded: Recorded,
 }
 
 /// Which pairs to read of a recording that svl did not write.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(super) struct Topics {
     /// Topic of the left images, in another program's recording [default: found by type and name]
     #[arg(long, value_name = "TOPIC")]
@@ -64,7 +69,7 @@ impl Topics {
     }
 }
 
-/// Opens a recording and says what to know of it.
+/// Opens a recording whose pairs are taken as they are, and says what to know of it.
 pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<RecordingSource> {
     let source = RecordingSource::open_selection(path, &topics.selection())?;
     source.reader().remarks().iter().for_each(|remark| tracing::warn!("{}: {remark}", path.display()));
@@ -78,7 +83,19 @@ pub(super) fn tell_unpaired(source: &dyn Source) {
     }
 }
 
-/// Opens `arena`, a scenario file of the arena, a scene or image folder, or a recording.
+/// Starts the cameras that `name` says, or opens what [`open`] does.
+pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &LiveArgs) -> anyhow::Result<Opened> {
+    if !is_live(name) {
+        live.none_given(name)?;
+        return open(name, seed, topics);
+    }
+    if topics.are_named() {
+        bail!("{name}: --left and --right choose topics of a recording (.mcap)");
+    }
+    live.open(name, seed, topics.max_skew_ms)
+}
+
+/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording.
 pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Result<Opened> {
     let path = Path::new(name);
     if topics.are_given() && path.extension().is_none_or(|e| e != "mcap") {
@@ -87,14 +104,17 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Re
     if name == "arena" {
         return arena(&Scenario::arena()?, seed.unwrap_or(1));
     }
+    if name == "board" {
+        return board(seed.unwrap_or(1));
+    }
     if !path.exists() {
         bail!(
-            "{name}: no such source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
+            "{name}: no such source; expected 'arena', 'board', a scenario (.toml), a folder of images or a recording (.mcap)"
         );
     }
     let scenario = path.extension().is_some_and(|e| e == "toml");
     if seed.is_some() && !scenario {
-        bail!("{name}: only the arena takes a --seed");
+        bail!("{name}: only the arena and the board take a --seed");
     }
     if path.is_dir() {
         return folder(path);
@@ -124,6 +144,19 @@ pub(super) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
         },
         scenario: Some(scenario.text.clone()),
         live: None,
+        recorded: Recorded::default(),
+    })
+}
+
+/// A calibration board that is moved before two cameras.
+fn board(seed: u64) -> anyhow::Result<Opened> {
+    Ok(Opened {
+        source: Box::new(BoardSource::new(seed)?),
+        stem: format!("board-seed{seed}"),
+        header: Header { seed: Some(seed), ..Header::new("board") },
+        scenario: None,
+        live: None,
+        recorded: Recorded::default(),
     })
 }
 
@@ -152,15 +185,16 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
         Box::new(SceneSource::new(scenes))
     };
     let header = Header { scenario: Some(stem.clone()), ..Header::new(path.display().to_string()) };
-    Ok(Opened { source, header, scenario: None, stem, live: None })
+    Ok(Opened { source, header, scenario: None, stem, live: None, recorded: Recorded::default() })
 }
 
 fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
-    let source = open_recording(path, topics)?;
+    let source = RecordingSource::open_selection(path, &topics.selection())?;
+    let recorded = Recorded::of(&source)?;
     let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(path.display().to_string()));
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
     let scenario = source.scenario()?;
-    Ok(Opened { source: Box::new(source), header, scenario, stem, live: None })
+    Ok(Opened { source: Box::new(source), header, scenario, stem, live: None, recorded })
 }
 
 /// The folder of the data sets: the one named, or what `SVL_DATASETS` names.

@@ -14,6 +14,9 @@ use nalgebra::{SMatrix, SVector};
 
 const COEFFICIENTS: usize = 6;
 
+/// Places between two measurements at which the curve is looked at.
+const STEPS: u32 = 20;
+
 /// Distance as a polynomial of degree 5 in disparity, within the disparities it was measured at.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceCurve {
@@ -84,6 +87,46 @@ impl DistanceCurve {
         measured.then(|| self.powers(disparity_px).dot(&self.coefficients))
     }
 
+    /// Its coefficients for disparities in pixels, lowest power first, as MATLAB's `polyfit` gives them in reverse.
+    pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
+        // t = slope·d + offset, expanded by Horner's rule.
+        let slope = 2.0 / (self.last_px - self.first_px);
+        let offset = -(self.first_px + self.last_px) / (self.last_px - self.first_px);
+        self.coefficients.iter().rev().fold([0.0; COEFFICIENTS], |sum, coefficient| {
+            let mut next = sum.map(|v| v * offset);
+            (1..COEFFICIENTS).for_each(|power| next[power] += slope * sum[power - 1]);
+            next[0] += coefficient;
+            next
+        })
+    }
+
+    /// `(disparity_px, distance_cm)` every half pixel, from the farthest measurement to the nearest.
+    pub fn points(&self) -> Vec<(f64, f64)> {
+        let steps = (2.0 * (self.last_px - self.first_px)) as usize;
+        let px = (0..=steps).map(|i| self.first_px + 0.5 * i as f64);
+        px.filter_map(|px| Some((px, self.distance_cm(px)?))).collect()
+    }
+
+    /// The ranges of disparity in which it may be used: between measurements next to each other it stays between their
+    /// distances, or goes beyond by no more than a share of them. `pairs` are those it was fitted to.
+    pub fn usable_px(&self, pairs: &[(f64, f64)], share: f64) -> Vec<(f64, f64)> {
+        let mut pairs = pairs.to_vec();
+        pairs.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let mut usable: Vec<(f64, f64)> = Vec::new();
+        for pair in pairs.windows(2) {
+            let ((cm, from), (next_cm, to)) = (pair[0], pair[1]);
+            let (least, most) = ((1.0 - share) * cm.min(next_cm), (1.0 + share) * cm.max(next_cm));
+            let mut steps = (0..=STEPS).map(|i| from + (to - from) * f64::from(i) / f64::from(STEPS));
+            let stays = |px: f64| self.distance_cm(px.min(self.last_px)).is_some_and(|cm| (least..=most).contains(&cm));
+            match usable.last_mut() {
+                _ if !steps.all(stays) => {}
+                Some(last) if last.1 == from => last.1 = to,
+                _ => usable.push((from, to)),
+            }
+        }
+        usable
+    }
+
     /// The disparities between the farthest and the nearest measurement.
     pub fn measured_px(&self) -> std::ops::RangeInclusive<f64> {
         self.first_px..=self.last_px
@@ -119,6 +162,31 @@ mod tests {
         // numpy.polyfit(px, cm, 5)
         for (px, cm) in [(11.0, 130.5673), (20.0, 67.3588), (32.0, 40.1092), (50.0, 15.2899), (70.0, 37.9085)] {
             assert!((curve.distance_cm(px).unwrap() - cm).abs() < 1e-4, "{px}");
+        }
+    }
+
+    #[test]
+    fn it_is_not_used_where_it_swings() {
+        let curve = DistanceCurve::annex_b().unwrap();
+        assert_eq!(curve.usable_px(&DistanceCurve::TABLE_B1, 0.1), [(11.0, 38.0)]);
+        let line: Vec<(f64, f64)> = (1..=9).map(|d| (100.0 - 10.0 * f64::from(d), f64::from(d))).collect();
+        assert_eq!(DistanceCurve::fit(&line).unwrap().usable_px(&line, 0.01), [(1.0, 9.0)]);
+    }
+
+    #[test]
+    fn its_coefficients_are_polyfit_s() {
+        let coefficients = DistanceCurve::annex_b().unwrap().coefficients();
+        // numpy.polyfit(px, cm, 5), lowest power first.
+        let numpy = [
+            385.732_285_139_007_56,
+            -38.780_893_577_920_71,
+            1.851_699_265_287_580_8,
+            -0.045_089_032_485_976_43,
+            0.000_530_249_517_667_109_7,
+            -2.363_444_039_795_328e-6,
+        ];
+        for (ours, numpy) in coefficients.iter().zip(numpy) {
+            assert!((ours / numpy - 1.0).abs() < 1e-9, "{coefficients:?}");
         }
     }
 

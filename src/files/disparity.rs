@@ -53,10 +53,11 @@ pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
 
 /// What a file holds, images divided by their scale and `+∞` where they are 0.
 fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>> {
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("pfm") => return pfm::values(path),
-        Some("npz") => return npz::values(path),
-        _ => {}
+    if has_ending(path, "pfm") {
+        return pfm::values(path);
+    }
+    if has_ending(path, "npz") {
+        return npz::values(path);
     }
     let image = decode(path)?;
     let (width, height) = (image.width() as usize, image.height() as usize);
@@ -74,6 +75,11 @@ fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>
         }
     };
     Plane::from_vec(width, height, values)
+}
+
+/// Whether a file is called so, in small letters or capitals.
+pub fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
 const COLOUR: &str = "is a colour picture; disparities are read from grey images, .pfm and .npz";
@@ -167,6 +173,14 @@ mod tests {
             assert!(error.contains(word), "{error}");
             assert_eq!(read_truth(&path, None).unwrap().row(0), [f32::INFINITY; 2]);
         }
+    }
+
+    #[test]
+    fn endings_in_capitals() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("D.PFM");
+        write_pfm(&path, &Plane::filled(2, 1, 3.5).unwrap()).unwrap();
+        assert_eq!(read_estimate(&path, None).unwrap().row(0), [3.5, 3.5]);
     }
 
     #[test]

@@ -1,55 +1,42 @@
 //! Images and disparity maps on disk. Everything read here is taken for hostile: sizes are bounded before memory is.
 
+mod bounded;
+#[cfg(feature = "bench")]
 mod disparity;
+#[cfg(feature = "bench")]
 mod image;
+#[cfg(feature = "bench")]
 mod npz;
+#[cfg(feature = "bench")]
 mod pfm;
+#[cfg(feature = "bench")]
 mod picture;
 
-pub use disparity::{read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
+#[cfg(feature = "bench")]
+pub(crate) use bounded::read_bounded;
+pub(crate) use bounded::read_text;
+#[cfg(feature = "bench")]
+pub use disparity::{has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
+#[cfg(feature = "bench")]
 pub(crate) use image::gray_of;
+#[cfg(feature = "bench")]
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
+#[cfg(feature = "bench")]
 pub use npz::read_npz;
+#[cfg(feature = "bench")]
 pub use pfm::{read_pfm, write_pfm};
+#[cfg(feature = "bench")]
 pub use picture::{encode_jpeg, encode_palette_png};
 
-use crate::error::{Error, Result};
+#[cfg(feature = "bench")]
 use crate::stereo::Plane;
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
 
 /// Largest image or map that is read, bytes.
+#[cfg(feature = "bench")]
 const MAX_BYTES: u64 = 1 << 30;
 
-/// Reads a file of at most `max_bytes` whole.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what is empty, larger, or no file (a folder, a device, a pipe).
-pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
-    let io = |e| Error::io(path, e);
-    let kind = std::fs::metadata(path).map_err(io)?.file_type();
-    if !kind.is_file() {
-        let what = if kind.is_dir() { "is a folder" } else { "is not a regular file" };
-        return Err(Error::format(path, format!("{what}; name a file")));
-    }
-    let mut bytes = Vec::new();
-    File::open(path).map_err(io)?.take(max_bytes + 1).read_to_end(&mut bytes).map_err(io)?;
-    match bytes.len() as u64 {
-        0 => Err(Error::format(path, "is empty")),
-        length if length > max_bytes => {
-            Err(Error::format(path, format!("is larger than the {max_bytes} bytes it may be")))
-        }
-        _ => Ok(bytes),
-    }
-}
-
-/// As [`read_bounded`], for text.
-pub(crate) fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
-    String::from_utf8(read_bounded(path, max_bytes)?).map_err(|_| Error::format(path, "is not UTF-8 text"))
-}
-
 /// The values with `+∞`, "unknown", for all that is not finite.
+#[cfg(feature = "bench")]
 fn known(values: &Plane<f32>) -> Plane<f32> {
     values.map(|v| if v.is_finite() { v } else { f32::INFINITY })
 }

@@ -72,6 +72,8 @@ pub(super) struct CameraState {
     since_ns: u64,
     order: u64,
     misses: u32,
+    /// When the first of the damaged images came, if no whole one did since.
+    damaged_since_ns: Option<u64>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -84,7 +86,7 @@ enum Phase {
 
 impl CameraState {
     pub(super) fn new(name: String) -> Self {
-        Self { name, phase: Phase::Arming, since_ns: 0, order: 0, misses: 0 }
+        Self { name, phase: Phase::Arming, since_ns: 0, order: 0, misses: 0, damaged_since_ns: None }
     }
 }
 
@@ -133,6 +135,7 @@ impl Coordinator {
                 self.order(side);
                 let pair = match taken {
                     Taken::Image(mut capture) => {
+                        self.cameras[side as usize].damaged_since_ns = None;
                         if let Firing::WhenArmed { last_id, .. } = self.firing {
                             // Both were armed, so there is one pulse that it can be of.
                             capture.trigger_id = capture.trigger_id.or(last_id);
@@ -140,11 +143,14 @@ impl Coordinator {
                         self.pairing.push(side, capture)
                     }
                     Taken::Damaged => {
+                        let now_ns = self.clock.now_ns();
+                        self.cameras[side as usize].damaged_since_ns.get_or_insert(now_ns);
                         self.pairing.leave_out(Unpaired::Damaged);
                         None
                     }
                 };
                 self.tally().unpaired = self.pairing.unpaired();
+                self.check_damage(side)?;
                 pair.map_or(Ok(()), |pair| self.deliver(pair))?;
             }
             // Told by the caller.
@@ -261,6 +267,18 @@ impl Coordinator {
             self.order(side);
         }
         Ok(())
+    }
+
+    /// A camera all of whose images are damaged would be recorded from for ever.
+    fn check_damage(&mut self, side: Side) -> Result<()> {
+        let now_ns = self.clock.now_ns();
+        let camera = &self.cameras[side as usize];
+        let damaged_ns = camera.damaged_since_ns.map_or(0, |since_ns| now_ns.saturating_sub(since_ns));
+        if damaged_ns < self.timeout_ns.saturating_mul(PATIENCE.into()) {
+            return Ok(());
+        }
+        let reason = format!("all its images came damaged for {:.1} s; check its cable", damaged_ns as f64 / 1e9);
+        Err(side.blame(Error::camera(&camera.name, reason)))
     }
 
     fn deliver(&mut self, [left, right]: [Capture; 2]) -> Result<()> {

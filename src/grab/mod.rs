@@ -32,6 +32,8 @@ mod serial;
 pub mod simulated;
 mod tally;
 mod trigger;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+pub mod v4l2;
 
 pub use camera::{Camera, Capture, Limits, Settings, Side, Taken};
 pub use clock::{Clock, Participant};

@@ -17,6 +17,7 @@ mod median;
 mod pairs;
 mod paths;
 mod prefilter;
+mod remap;
 mod sad;
 mod scanline;
 mod slide;
@@ -229,4 +230,16 @@ kernels! {
 
     /// Medians of nine, three rows by three columns; the outermost columns have no neighbour beyond them and count twice.
     pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = median::row;
+
+    /// Pixels from between those of `source`, whose rows stand `stride` apart: of the four from `places` on, weighed by how
+    /// far to the right and below, in 256ths, the two `parts` say that the wanted one lies. Rounded to the nearest.
+    ///
+    /// `source` reaches a row and a pixel beyond every place.
+    pub fn remap_row(
+        source: &[u8],
+        stride: usize,
+        places: &[u32],
+        parts: [&[u8]; 2],
+        out: &mut [u8],
+    ) = remap::row;
 }

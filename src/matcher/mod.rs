@@ -23,7 +23,8 @@ use crate::timing::Clock;
 
 /// A stereo correspondence algorithm, with its scratch memory.
 pub trait Matcher: Send {
-    /// Matches `pair` into `map`, which is resized to the pair. Allocates nothing after the first pair of a size.
+    /// Matches `pair` into `map`, which is resized to the pair. Allocates nothing after the first pair of a size;
+    /// on several threads rayon keeps a small job for each.
     ///
     /// # Errors
     /// Whatever keeps this pair from being matched; the matcher stays usable.

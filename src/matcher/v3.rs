@@ -115,8 +115,7 @@ impl Matcher for V3 {
     fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
         let size = pair.size();
         map.resize(size.0, size.1)?;
-        let fitting = self.scratch.take().filter(|bands| bands.size() == size);
-        let mut bands = fitting.map_or_else(|| Bands::new(size, || self.scratch(size.0)), Ok)?;
+        let mut bands = Bands::fitting(self.scratch.take(), size, || self.scratch(size.0))?;
         bands.each_block(map, clock, |top, rows, scratch, clock| self.match_rows(pair, top, rows, scratch, clock));
         self.scratch = Some(bands);
         Ok(())

@@ -1,5 +1,6 @@
 //! What a recording says of itself.
 
+use super::CALIBRATION;
 use super::messages::{Event, Messages};
 use crate::error::{Error, Result};
 use mcap::records::Metadata;
@@ -20,6 +21,8 @@ pub struct Header {
     /// Name of the scenario.
     pub scenario: Option<String>,
     pub seed: Option<u64>,
+    /// What the pairs were rectified by, where svl did it: the name of a file, which is attached, or in words.
+    pub calibration: Option<String>,
     /// Hash of what determines the frames: recordings of equal hashes are of one run, whole or a part of it.
     pub hash: Option<String>,
 }
@@ -33,6 +36,7 @@ impl Header {
             source: source.into(),
             scenario: None,
             seed: None,
+            calibration: None,
             hash: None,
         }
     }
@@ -44,6 +48,7 @@ impl Header {
             ("source", Some(self.source.clone())),
             ("scenario", self.scenario.clone()),
             ("seed", self.seed.map(|seed| seed.to_string())),
+            ("calibration", self.calibration.clone()),
             ("hash", self.hash.clone()),
         ];
         let metadata = fields.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect();
@@ -59,6 +64,7 @@ impl Header {
             source: field("source").unwrap_or_default(),
             scenario: field("scenario"),
             seed: field("seed").and_then(|seed| seed.parse().ok()),
+            calibration: field("calibration"),
             hash: field("hash"),
         })
     }
@@ -80,12 +86,29 @@ pub fn header(path: &Path) -> Result<Header> {
     Err(Error::format(path, format!("is not a recording of svl: it has no metadata record '{RECORD}'")))
 }
 
+/// The files of the calibration by which the pairs of the recording at `path` were rectified: names and contents.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
+pub fn calibration_files(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
+    let mut messages = Messages::beside(path)?;
+    let mut files = Vec::new();
+    while let Some(event) = messages.next()? {
+        if let Event::Attachment { name, data } = event
+            && let Some(name) = name.strip_prefix(CALIBRATION)
+        {
+            files.push((name.to_owned(), data.to_vec()));
+        }
+    }
+    Ok(files)
+}
+
 /// The attachment `name` of the recording at `path`, if there is one.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
 pub fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
-    let mut messages = Messages::open(path)?;
+    let mut messages = Messages::beside(path)?;
     while let Some(event) = messages.next()? {
         if let Event::Attachment { name: found, data } = event
             && found == name

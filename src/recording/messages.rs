@@ -66,6 +66,13 @@ impl Messages {
         Ok(messages)
     }
 
+    /// As [`Messages::open`], for what stands beside the messages alone.
+    pub(super) fn beside(path: &Path) -> Result<Self> {
+        let mut messages = Self::open(path)?;
+        messages.records.skip_chunks();
+        Ok(messages)
+    }
+
     /// What was passed over.
     pub(super) fn take_losses(&mut self) -> Vec<Loss> {
         self.records.take_losses()

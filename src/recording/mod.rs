@@ -36,6 +36,7 @@ mod records;
 mod recovery;
 mod result;
 mod ros;
+mod skew;
 mod summary;
 mod sync;
 mod truth;
@@ -43,12 +44,13 @@ mod writer;
 
 pub use foreign::Selection;
 pub use gray_image::ImageFormat;
-pub use header::{Header, attachment, header};
+pub use header::{Header, attachment, calibration_files, header};
 pub use reader::Reader;
 pub use records::Loss;
 pub use recovery::{Recovery, recover};
 pub use result::{AlgorithmResult, results};
-pub use summary::{Gap, Skew, Summary, Topic};
+pub use skew::{Skew, SkewBin};
+pub use summary::{Gap, Summary, Topic};
 pub use writer::Writer;
 
 use crate::error::{Error, Result};
@@ -56,6 +58,9 @@ use std::borrow::Cow;
 
 /// Name of the attachment that is the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
+
+/// What the names of attachments begin with that are files of the calibration by which the pairs were rectified.
+pub const CALIBRATION: &str = "calibration/";
 
 /// Name of the attachment that is the manifest of the run which wrote the recording.
 pub const MANIFEST: &str = "manifest.json";

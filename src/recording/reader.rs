@@ -5,7 +5,7 @@ use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
 use super::{Header, Kind, PROFILE};
 use crate::error::{Error, Result};
-use crate::stereo::Frame;
+use crate::stereo::{Frame, StereoCalibration};
 use std::path::{Path, PathBuf};
 
 /// Reads the pairs of one recording in the order of the file, holding a few in memory at a time.
@@ -97,6 +97,15 @@ impl Reader {
         match &self.pairs_of {
             PairsOf::Svl(_) => Vec::new(),
             PairsOf::Others(foreign) => foreign.remarks(),
+        }
+    }
+
+    /// What rectifies the pairs of a recording that svl did not write, where that says that they are raw, and enough of its
+    /// cameras. Where it says too little, a remark says why.
+    pub fn calibration(&self) -> Option<StereoCalibration> {
+        match &self.pairs_of {
+            PairsOf::Svl(_) => None,
+            PairsOf::Others(foreign) => foreign.calibration()?.ok(),
         }
     }
 

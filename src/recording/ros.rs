@@ -29,7 +29,11 @@ pub(super) struct CompressedImage<'a> {
 
 /// sensor_msgs/msg/CameraInfo, as far as svl needs it.
 pub(super) struct CameraInfo {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) model: String,
     pub(super) distortion: Vec<f64>,
+    pub(super) k: [f64; 9],
     pub(super) r: [f64; 9],
     pub(super) p: [f64; 12],
 }
@@ -74,7 +78,7 @@ pub(super) fn compressed_image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Res
 }
 
 pub(super) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<CameraInfo> {
-    let (_stamp, _height, _width, _model) = (header(cdr)?, cdr.read_u32()?, cdr.read_u32()?, cdr.read_str()?);
+    let (_stamp, height, width, model) = (header(cdr)?, cdr.read_u32()?, cdr.read_u32()?, cdr.read_str()?.to_owned());
     let coefficients = cdr.read_sequence_length()?;
     if coefficients > MAX_DISTORTION {
         return Err(Error::Custom(format!(
@@ -82,8 +86,7 @@ pub(super) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<Camer
         )));
     }
     let distortion = (0..coefficients).map(|_| cdr.read_f64()).collect::<Result<_>>()?;
-    let _k: [f64; 9] = floats(cdr)?;
-    Ok(CameraInfo { distortion, r: floats(cdr)?, p: floats(cdr)? })
+    Ok(CameraInfo { width, height, model, distortion, k: floats(cdr)?, r: floats(cdr)?, p: floats(cdr)? })
 }
 
 fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<Time> {

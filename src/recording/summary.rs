@@ -3,6 +3,7 @@
 use super::foreign::{Selection, choose};
 use super::messages::{Channel, Event, Messages};
 use super::records::Loss;
+use super::skew::Skew;
 use super::sync::StereoSync;
 use super::{Camera, Header, Kind, MANIFEST, PROFILE};
 use crate::error::{Error, Result};
@@ -75,14 +76,6 @@ pub struct Gap {
     /// Stamp of the last pair before it.
     pub after_ns: u64,
     pub length_ns: u64,
-}
-
-/// How far right and left stamps are apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Skew {
-    pub min_ns: i64,
-    pub median_ns: i64,
-    pub max_ns: i64,
 }
 
 impl Summary {
@@ -181,17 +174,13 @@ impl Seen {
 
     fn summary(mut self, path: &Path, bytes: u64) -> Summary {
         self.left_stamps.sort_unstable();
-        self.skews.sort_unstable();
         let steps: Vec<_> = self.left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
         let period_ns = middle(&periods);
         let is_gap = |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
-        let skew = match (self.skews.first(), middle(&self.skews), self.skews.last()) {
-            (Some(&min_ns), Some(median_ns), Some(&max_ns)) => Some(Skew { min_ns, median_ns, max_ns }),
-            _ => None,
-        };
+        let skew = Skew::of(&mut self.skews);
         let found = |topic: &String| self.topics.get(topic).map_or(0, |topic| topic.messages);
         let missing = self.promised.iter().map(|(topic, n)| (topic.clone(), n.saturating_sub(found(topic))));
         let missing = missing.filter(|&(_, n)| n > 0).collect();

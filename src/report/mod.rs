@@ -8,6 +8,7 @@
 //!                                                   summary and verdicts as .csv and .parquet
 //! ```
 
+pub mod calibration;
 pub mod compare;
 mod gate;
 pub mod html;

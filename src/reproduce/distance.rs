@@ -5,7 +5,7 @@ use super::{Context, Experiment, Finding, Value, stage};
 use crate::arena::ArenaConfig;
 use crate::depth::{self, DistanceCurve, MIN_VALID};
 use crate::error::Result;
-use crate::report::plot::{Axis, Chart, Form, Series};
+use crate::report::plot::distance_chart;
 use crate::score::true_grid;
 use crate::stereo::{Cell, DepthGrid, Frame, GridShape};
 
@@ -53,12 +53,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let thesis = DistanceCurve::annex_b()?;
     let ours = DistanceCurve::fit(&measured)?;
     let at_points = worst(table.into_iter(), &thesis);
-    let steps = |curve: &DistanceCurve| {
-        let (first, last) = (*curve.measured_px().start(), *curve.measured_px().end());
-        (0..=2 * (last - first) as usize).map(|i| first + 0.5 * i as f64).collect::<Vec<_>>()
-    };
-    let rise_cm = largest_rise_cm(steps(&thesis).into_iter().filter_map(|px| thesis.distance_cm(px)));
-    let between = worst(steps(&ours).into_iter().map(|px| (product / px, px)), &ours);
+    let rise_cm = largest_rise_cm(thesis.points().into_iter().map(|(_, cm)| cm));
+    let between = worst(ours.points().into_iter().map(|(px, _)| (product / px, px)), &ours);
 
     finding.condition(
         at_points.0 <= TOLERANCE,
@@ -112,32 +108,15 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         between.1,
         100.0 * pinhole
     );
-    let line = |name: &str, curve: &DistanceCurve| Series {
-        name: name.into(),
-        form: Form::Line,
-        points: steps(curve).into_iter().filter_map(|px| Some((px, curve.distance_cm(px)?))).collect(),
-    };
-    let points = |name: &str, pairs: &[(f64, f64)]| Series {
-        name: name.into(),
-        form: Form::Points,
-        points: pairs.iter().map(|&(cm, px)| (px, cm)).collect(),
-    };
-    finding.plot(&Chart {
-        title: "Distance at disparity".into(),
-        x: Axis { range: Some((0.0, 90.0)), ..Axis::new("disparity, px") },
-        y: Axis { range: Some((0.0, 150.0)), ..Axis::new("distance, cm") },
-        series: vec![
-            line("thesis, degree 5", &thesis),
-            line("svl, degree 5", &ours),
-            points("thesis, measured", &table),
-            points("svl, simulated", &measured),
-            Series {
-                name: "f·B/d".into(),
-                form: Form::Line,
-                points: (18..=180).map(|i| (0.5 * f64::from(i), product / (0.5 * f64::from(i)))).collect(),
-            },
+    let f_b = (18..=180).map(|i| (0.5 * f64::from(i), product / (0.5 * f64::from(i)))).collect();
+    finding.plot(&distance_chart(
+        vec![
+            ("thesis, degree 5".into(), thesis.points()),
+            ("svl, degree 5".into(), ours.points()),
+            ("f·B/d".into(), f_b),
         ],
-    })?;
+        vec![("thesis, measured".into(), table.to_vec()), ("svl, simulated".into(), measured)],
+    ))?;
     Ok(finding)
 }
 

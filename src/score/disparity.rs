@@ -23,7 +23,8 @@ impl DisparityScore {
     pub fn of(map: &DisparityMap, truth: &Truth) -> Self {
         debug_assert_eq!(map.size(), truth.disparity.size());
         let mut score = Self::default();
-        for (x, y, true_disparity) in judged(&truth.disparity, truth.visibility.as_ref()) {
+        // Not `for`, which is slower over rows in a chain.
+        judged(&truth.disparity, truth.visibility.as_ref()).for_each(|(x, y, true_disparity)| {
             let estimate = map.disparity().get(x, y);
             score.pixels += 1;
             if estimate.is_finite() {
@@ -32,7 +33,7 @@ impl DisparityScore {
                 score.bad1 += usize::from(error > 1.0);
                 score.bad2 += usize::from(error > 2.0);
             }
-        }
+        });
         score
     }
 

@@ -1,15 +1,21 @@
 //! Where frames come from.
 
 mod arena;
+mod board;
 pub mod dataset;
 mod limited;
 mod live;
 mod recording;
+mod rectified;
+mod watched;
 
 pub use arena::ArenaSource;
+pub use board::BoardSource;
 pub use limited::Limited;
 pub use live::{LastTally, LiveSource};
 pub use recording::RecordingSource;
+pub use rectified::RectifiedSource;
+pub use watched::Watched;
 
 use crate::error::Result;
 use crate::stereo::Frame;

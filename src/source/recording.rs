@@ -1,7 +1,7 @@
 //! Frames from a recording.
 
 use super::Source;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::recording::{self, Reader, SCENARIO, Selection};
 use crate::stereo::Frame;
 use std::path::PathBuf;
@@ -29,13 +29,15 @@ impl RecordingSource {
         Reader::open_selection(path, selection).map(Self)
     }
 
-    /// The scenario file that the recording was made by, where it holds one.
+    /// The scenario file that the recording was made by, where it holds one. Damage is left to be told with the pairs.
     ///
     /// # Errors
-    /// As [`recording::attachment`].
+    /// [`Error::Io`].
     pub fn scenario(&self) -> Result<Option<String>> {
-        let bytes = recording::attachment(self.0.path(), SCENARIO)?;
-        Ok(bytes.and_then(|bytes| String::from_utf8(bytes).ok()))
+        match recording::attachment(self.0.path(), SCENARIO) {
+            Err(Error::Damaged { .. }) => Ok(None),
+            found => Ok(found?.and_then(|bytes| String::from_utf8(bytes).ok())),
+        }
     }
 
     /// The recording, to ask it for its header and what it left out.

@@ -8,20 +8,24 @@
 //!
 //! **Depth** `Z` is along the optical axis: `Z = f·B / (d + doffs)`.
 
+mod calibration;
 mod disparity;
 mod frame;
 mod grid;
 mod image;
+mod intrinsics;
 mod occlusion;
 mod pair;
 mod reason;
 mod rig;
 mod row;
 
+pub use calibration::{LengthUnit, Rectification, StereoCalibration, motion, rotation};
 pub use disparity::DisparityMap;
 pub use frame::{Estimate, Exposure, Frame, Pose, Truth, Visibility};
 pub use grid::{Cell, CellDepth, DepthGrid, GridShape};
 pub use image::{Gray, MAX_SIDE, Plane};
+pub use intrinsics::Intrinsics;
 pub use occlusion::cross_check;
 pub use pair::StereoPair;
 pub use reason::Reason;

@@ -30,6 +30,11 @@ impl StereoPair {
         &self.right
     }
 
+    /// Both images, left and right.
+    pub fn into_images(self) -> [Gray; 2] {
+        [self.left, self.right]
+    }
+
     /// Hash of size and pixels: equal pairs have equal hashes on every machine.
     pub fn hash(&self) -> u128 {
         let (width, height) = self.size();

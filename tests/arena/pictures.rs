@@ -3,6 +3,7 @@
 use super::{clean, empty};
 use rayon::prelude::*;
 use svl::arena::{Arena, ArenaConfig};
+use svl::rectify::AlignmentMeter;
 use svl::stereo::{Frame, Gray, Visibility};
 
 /// Median absolute difference between left pixels and the right pixels that the truth plus `error_px` sends them to, in
@@ -112,4 +113,23 @@ fn spread(image: &Gray, rows: std::ops::Range<usize>) -> f64 {
     let values: Vec<f64> = rows.flat_map(|y| image.row(y)).map(|&v| f64::from(v)).collect();
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// A meter that sees only the pictures finds what the rig was given.
+#[test]
+fn rows_are_as_far_apart_as_rectification_left_them() {
+    for (lower_px, roll_deg) in [(0.25, 0.05), (0.0, 0.0), (-0.8, 0.0), (0.0, 0.6)] {
+        let mut config = ArenaConfig::default();
+        (config.rig.right_row_offset_px, config.rig.right_roll_deg) = (lower_px, roll_deg);
+        let arena = Arena::new(&config, 1).unwrap();
+        let mut meter = AlignmentMeter::new();
+        (0..280).step_by(40).for_each(|index| meter.add(&arena.frame(index).unwrap().pair));
+        let found = meter.alignment().unwrap();
+        assert!((found.median_px - lower_px).abs() < 0.1, "{lower_px} px, {roll_deg} degrees: {found:?}");
+        // Of parts whose middles are two thirds of the width apart.
+        let [left, _, right] = found.parts_px[1].map(|part| part.unwrap());
+        let turned = ((right - left) / (2.0 / 3.0 * 320.0)).atan().to_degrees();
+        assert!((turned - roll_deg).abs() < 0.06, "{turned} for {roll_deg} degrees: {found:?}");
+        assert_eq!(found.is_off(), lower_px < -0.5 || roll_deg > 0.5, "{found:?}");
+    }
 }

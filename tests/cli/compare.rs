@@ -47,7 +47,10 @@ fn another_yardstick_judges_nothing() {
     fixture.svl(&["score", "one.toml", "-q", "--algo", "v1", "--out", "1"]).done();
     let text = fixture.svl(&["compare", "0", "1"]).done();
     assert!(text.contains("The scenarios differ") && text.contains("40 pairs of one run alone"), "{text}");
-    assert!(!text.contains("WORSE") && !text.contains("better\n"), "{text}");
+    fixture.svl(&["score", "one.toml", "-q", "--algo", "v3", "--out", "2"]).done();
+    let text = fixture.svl(&["compare", "0", "2"]).done();
+    assert!(text.contains("v1 → v3") && text.contains("0 with equal results"), "{text}");
+    assert!(["  better", "  WORSE", "  differs"].iter().all(|word| !text.contains(word)), "{text}");
     // Checkpoints are summed over the runs that both have, so equal results are equal there too.
     let json = fixture.svl(&["compare", "0", "1", "--json"]).done();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -66,6 +69,9 @@ fn what_cannot_be_compared_is_said() {
     fixture.write("other.toml", text.replace("seeds = [1, 2]", "seeds = [3]"));
     fixture.svl(&["score", "other.toml", "-q", "--algo", "v3", "--out", "2"]).done();
     fixture.svl(&["compare", "0", "2"]).failed(1, &["no pair in common", "other scenarios, seeds"]);
+    let summary = std::fs::read_to_string(fixture.path("2/summary.json")).unwrap();
+    fixture.write("2/summary.json", summary.replacen("\"incomplete\": null", "\"incomplete\": \"stopped\"", 1));
+    assert!(fixture.svl(&["compare", "2", "2"]).done().contains("2 is incomplete: stopped"));
     fixture.write("0/rows.csv", "run_id,scenario\na,b\n");
     fixture.svl(&["compare", "0", "1"]).failed(1, &["0/rows.csv"]);
 }

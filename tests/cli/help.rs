@@ -17,6 +17,7 @@ fn every_subcommand_has_help_with_an_example() {
         "match",
         "eval",
         "bench",
+        "calibrate",
         "algos",
         "datasets",
         "info",

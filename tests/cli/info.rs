@@ -24,3 +24,15 @@ fn a_cut_recording_is_called_so() {
     fixture.svl(&["info", "empty.mcap"]).failed(1, &["empty.mcap"]);
     fixture.svl(&["info", "missing.mcap"]).failed(1, &["missing.mcap"]);
 }
+
+#[test]
+fn the_spread_of_the_skew_is_drawn() {
+    let fixture = Fixture::new();
+    let record = ["record", "sim:right.drift_ppm=2000,size=64x48,pictures=2", "--trigger", "free", "--frames", "40"];
+    fixture.svl(&[&record[..], &["-o", "a.mcap"]].concat()).done();
+    let text = fixture.svl(&["info", "a.mcap"]).done();
+    let bars: Vec<_> = text.lines().filter(|line| line.contains('#')).collect();
+    assert!((2..=12).contains(&bars.len()), "{text}");
+    let pairs: u64 = bars.iter().map(|bar| bar.split_whitespace().last().unwrap().parse::<u64>().unwrap()).sum();
+    assert_eq!(pairs, 40, "{text}");
+}

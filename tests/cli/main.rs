@@ -5,6 +5,9 @@ mod server;
 
 mod algos;
 mod bench;
+mod calibrate_board;
+mod calibrate_convert;
+mod calibrate_distance;
 mod compare;
 mod datasets;
 mod eval;
@@ -15,6 +18,7 @@ mod interrupt;
 mod live;
 mod matching;
 mod record;
+mod rectify;
 mod replay;
 mod reproduce;
 mod score;

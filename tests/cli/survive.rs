@@ -63,6 +63,18 @@ fn a_killed_recording_is_recovered() {
 }
 
 #[test]
+fn what_is_left_of_an_unfinished_recording_is_replayed() {
+    let fixture = Fixture::new();
+    // Simulated cameras, whose recordings hold no scenario that could be found before the damage.
+    fixture.svl(&["record", "sim:size=320x240,pictures=2", "--frames", "20", "-o", "sim.mcap"]).done();
+    let bytes = std::fs::read(fixture.path("sim.mcap")).unwrap();
+    std::fs::write(fixture.path("cut.mcap"), &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let answer = fixture.svl(&["replay", "cut.mcap"]);
+    assert!(answer.stdout.contains("cut.mcap (") && answer.stdout.contains("v3"), "{}", answer.stdout);
+    answer.failed(1, &["incomplete or damaged", "inside a record"]);
+}
+
+#[test]
 fn a_folder_removed_while_recording_is_told() {
     let fixture = Fixture::new();
     std::fs::create_dir(fixture.path("gone")).unwrap();

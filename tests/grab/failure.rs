@@ -61,6 +61,16 @@ fn a_damaged_image_costs_its_pair_and_is_counted() {
 }
 
 #[test]
+fn a_camera_whose_images_are_all_damaged_is_named() {
+    let stage = Stage { damaged_from: 20, ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)) };
+    let mut grabber = stage.start(Fired::WhenArmed, Rule::Trigger);
+    assert_eq!((0..20).filter_map(|_| grabber.next_pair().unwrap()).count(), 20);
+    let error = grabber.next_pair().unwrap_err().to_string();
+    assert_eq!(error, "right camera, sim right: all its images came damaged for 3.0 s; check its cable");
+    adds_up(grabber.stop());
+}
+
+#[test]
 fn a_camera_that_is_slow_beyond_patience_is_named() {
     let (pairs, error) = until_it_fails(Fired::WhenArmed, slow(10_000.0, 0.0));
     assert_eq!(pairs, 0);

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 use std::time::Duration;
+use svl::Result;
 use svl::grab::simulated::{Drive, Pictures, SimulatedCamera, SimulatedTrigger, Temper, Wire};
-use svl::grab::{Camera, Clock, Grabber, Policy, Rule, Settings, Setup, Side, Tally, WhenFull};
+use svl::grab::{Camera, Clock, Grabber, Limits, Policy, Rule, Settings, Setup, Side, Taken, Tally, WhenFull};
 use svl::stereo::{Frame, Gray, StereoPair};
 
 pub const MS: u64 = 1_000_000;
@@ -28,6 +29,8 @@ pub struct Stage {
     pub first: Settings,
     /// Pairs between two looks of the exposure balance; never, unless a test is about it.
     pub balance_every: u32,
+    /// From this number on, from 0, all images of the right camera are damaged.
+    pub damaged_from: u64,
 }
 
 pub const FIRST: Settings = Settings { shutter_us: 4_000, gain_mdb: 0 };
@@ -36,11 +39,12 @@ impl Stage {
     pub fn new(left: Temper, right: Temper) -> Self {
         let (queue, when_full) = (100_000, WhenFull::Wait);
         let (tempers, first, balance_every) = ([left, right], FIRST, u32::MAX);
-        Self { clock: Clock::scripted(), tempers, light: 1.0, queue, when_full, first, balance_every }
+        let (clock, light, damaged_from) = (Clock::scripted(), 1.0, u64::MAX);
+        Self { clock, tempers, light, queue, when_full, first, balance_every, damaged_from }
     }
 
     pub fn start(self, fired: Fired, rule: Rule) -> Grabber {
-        let Self { clock, tempers, light, queue, when_full, first, balance_every } = self;
+        let Self { clock, tempers, light, queue, when_full, first, balance_every, damaged_from } = self;
         let wire = Wire::new(&clock);
         let pictures = Arc::new(pictures());
         let [left, right] = tempers;
@@ -51,7 +55,8 @@ impl Stage {
             };
             Box::new(SimulatedCamera::new(side, &clock, drive, &pictures, light, temper))
         };
-        let cameras = [camera(Side::Left, left), camera(Side::Right, right)];
+        let right = Box::new(Failing { camera: camera(Side::Right, right), whole: damaged_from });
+        let cameras: [Box<dyn Camera>; 2] = [camera(Side::Left, left), right];
         let trigger = Box::new(SimulatedTrigger::new(&wire));
         let policy = match fired {
             Fired::WhenArmed => Policy::Coordinated { trigger, period_ns: PERIOD_NS },
@@ -79,6 +84,33 @@ impl Stage {
         let mut grabber = self.start(fired, rule);
         let frames = (0..pairs).map_while(|_| grabber.next_pair().unwrap()).collect();
         (frames, adds_up(grabber.stop()))
+    }
+}
+
+/// A camera that after so many whole images gives damaged ones only.
+struct Failing {
+    camera: Box<dyn Camera>,
+    whole: u64,
+}
+
+impl Camera for Failing {
+    fn name(&self) -> String {
+        self.camera.name()
+    }
+
+    fn limits(&self) -> Limits {
+        self.camera.limits()
+    }
+
+    fn arm(&mut self, settings: Settings) -> Result<()> {
+        self.camera.arm(settings)
+    }
+
+    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
+        let Some(taken) = self.camera.capture(patience)? else { return Ok(None) };
+        let is_whole = self.whole > 0;
+        self.whole = self.whole.saturating_sub(1);
+        Ok(Some(if is_whole { taken } else { Taken::Damaged }))
     }
 }
 

@@ -22,7 +22,9 @@ fn a_summary_knows_counts_gaps_and_skew() {
     assert!(summary.is_whole());
     assert_eq!((summary.pairs, summary.period_ns, summary.drops), (7, Some(PERIOD_NS), 2));
     assert_eq!(summary.gaps, [Gap { after_ns: frames[3].stamp_ns, length_ns: 3 * PERIOD_NS }]);
-    assert_eq!(summary.skew, Some(Skew { min_ns: -5, median_ns: 2, max_ns: 8 }));
+    let Skew { min_ns, median_ns, max_ns, histogram } = summary.skew.clone().unwrap();
+    assert_eq!((min_ns, median_ns, max_ns), (-5, 2, 8));
+    assert_eq!(histogram.iter().map(|bin| bin.pairs).sum::<u64>(), summary.pairs);
     assert_eq!(summary.duration_ns(), 8 * PERIOD_NS + 4);
     assert_eq!(summary.header.unwrap().source, "test");
     let topics: Vec<_> = summary.topics.iter().map(|t| (t.name.as_str(), t.schema.as_str(), t.messages)).collect();

@@ -4,6 +4,7 @@ use super::Args;
 use anyhow::{Context, bail};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use svl::files::has_ending;
 
 /// Endings of the files that folders are searched for.
 const ENDINGS: &[&str] = &["pfm", "npz", "png", "pgm", "ppm"];
@@ -63,7 +64,7 @@ impl Files {
 
     /// Whether a disparity map among them is an image, which has a scale.
     pub(super) fn has_images(&self) -> bool {
-        let floats = |path: &Path| path.extension().is_some_and(|e| e == "pfm" || e == "npz");
+        let floats = |path: &Path| has_ending(path, "pfm") || has_ending(path, "npz");
         !(floats(&self.disparity) && floats(&self.truth))
     }
 
@@ -91,8 +92,7 @@ impl<'a> Folder<'a> {
         let mut files = BTreeMap::new();
         for entry in std::fs::read_dir(path).with_context(|| format!("{shown}: is no folder to look into"))? {
             let file = entry.with_context(|| shown.to_string())?.path();
-            let ours = file.extension().is_some_and(|e| ENDINGS.iter().any(|ending| e.eq_ignore_ascii_case(ending)))
-                && file.is_file();
+            let ours = ENDINGS.iter().any(|ending| has_ending(&file, ending)) && file.is_file();
             let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).filter(|_| ours);
             let Some(name) = name else { continue };
             if let Some(other) = files.insert(name, file.clone()) {

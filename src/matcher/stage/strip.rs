@@ -64,19 +64,17 @@ pub struct Bands<S> {
 }
 
 impl<S: Send> Bands<S> {
-    /// For images of `size`, each band with its own scratch.
+    /// For images of `size`: the `earlier` ones where they fit, else new ones, each band with its own scratch.
     ///
     /// # Errors
     /// What `scratch` says.
-    pub fn new(size: (usize, usize), scratch: impl Fn() -> Result<S>) -> Result<Self> {
+    pub fn fitting(earlier: Option<Self>, size: (usize, usize), scratch: impl Fn() -> Result<S>) -> Result<Self> {
+        if let Some(earlier) = earlier.filter(|bands| bands.size == size) {
+            return Ok(earlier);
+        }
         let (bands, rows) = Blocks::bands(size.1);
         let scratch = (0..bands).map(|_| Ok((scratch()?, StageTimes::default()))).collect::<Result<_>>()?;
         Ok(Self { size, rows, scratch })
-    }
-
-    /// Width and height of the images.
-    pub fn size(&self) -> (usize, usize) {
-        self.size
     }
 
     /// Runs `work` on each block of rows of `map` with the number of the first, on the threads of rayon's current pool.

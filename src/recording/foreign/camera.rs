@@ -3,7 +3,8 @@
 use super::json;
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
-use crate::stereo::Rig;
+use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, rotation};
+use nalgebra::{Matrix3, Rotation3};
 
 /// Messages that are calibrations.
 pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
@@ -16,6 +17,12 @@ const ROW_TOLERANCE_PX: f64 = 0.1;
 /// One camera's calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Calibration {
+    /// Width and height of its images, pixels.
+    size: (u32, u32),
+    /// Name of the lens model.
+    model: String,
+    /// The camera itself, before rectification.
+    k: Vec<f64>,
     /// Lens distortion.
     d: Vec<f64>,
     /// Rotation into the rectified frame.
@@ -27,16 +34,18 @@ pub(super) struct Calibration {
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/CameraInfo", "cdr") => {
-            let ros::CameraInfo { distortion, r, p } = ros::read(data, ros::camera_info)?;
-            Ok(Calibration { d: distortion, r: r.to_vec(), p: p.to_vec() })
+            let ros::CameraInfo { width, height, model, distortion: d, k, r, p } = ros::read(data, ros::camera_info)?;
+            let (k, r, p) = (k.to_vec(), r.to_vec(), p.to_vec());
+            Ok(Calibration { size: (width, height), model, k, d, r, p })
         }
         ("foxglove.CameraCalibration", "protobuf") => {
-            let foxglove::messages::CameraCalibration { d, r, p, .. } = decode_protobuf(data)?;
-            Ok(Calibration { d, r, p })
+            let foxglove::messages::CameraCalibration { width, height, distortion_model: model, k, d, r, p, .. } =
+                decode_protobuf(data)?;
+            Ok(Calibration { size: (width, height), model, k, d, r, p })
         }
         ("foxglove.CameraCalibration", "json") => {
-            let json::CameraCalibration { d, r, p } = json::read(data)?;
-            Ok(Calibration { d, r, p })
+            let json::CameraCalibration { width, height, distortion_model: model, k, d, r, p } = json::read(data)?;
+            Ok(Calibration { size: (width, height), model, k, d, r, p })
         }
         (schema, encoding) => Err(format!("its {schema} is in '{encoding}', svl reads cdr, protobuf and json")),
     }
@@ -49,6 +58,26 @@ impl Calibration {
         // All zeros, as of a camera that was never calibrated, say nothing.
         let turned = self.r.iter().any(|v| *v != 0.0) && self.r.iter().zip(identity).any(|(a, b)| (a - b).abs() > 1e-9);
         turned || self.d.iter().any(|coefficient| *coefficient != 0.0)
+    }
+
+    fn camera(&self) -> Result<Intrinsics, String> {
+        // Models with more coefficients are this one where the rest are 0.
+        let (lens, rest) = self.d.split_at(self.d.len().min(5));
+        if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str()) || rest.iter().any(|c| *c != 0.0) {
+            return Err(format!("its lens model '{}' is not one that svl knows (plumb_bob)", self.model));
+        }
+        let mut distortion = [0.0; 5];
+        distortion[..lens.len()].copy_from_slice(lens);
+        let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
+            return Err(format!("its K has {} numbers, 9 make a camera", self.k.len()));
+        };
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
+    }
+
+    fn turn(&self) -> Result<Rotation3<f64>, String> {
+        let r = <[f64; 9]>::try_from(&self.r[..]).map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
+        rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())
     }
 }
 
@@ -75,6 +104,18 @@ pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String
     Rig::new(l.focal, (l.cx, l.cy), baseline_m, r.cx - l.cx).map_err(|e| e.to_string())
 }
 
+/// What rectifies raw images: cameras with their lenses, and R and P of both.
+///
+/// # Errors
+/// Why the two say too little.
+pub(super) fn calibration(left: &Calibration, right: &Calibration) -> Result<StereoCalibration, String> {
+    let (rig, cameras) = (rig(left, right)?, [left.camera()?, right.camera()?]);
+    let rectification = Rectification { size: cameras[0].size(), left: left.turn()?, right: right.turn()?, rig };
+    let [left, right] = cameras;
+    let calibration = StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres);
+    Ok(calibration.map_err(|e| e.to_string())?.with_rectification(rectification))
+}
+
 struct Projection {
     focal: f64,
     cx: f64,
@@ -95,7 +136,9 @@ mod tests {
 
     fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
         let p = vec![focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
-        Calibration { d: vec![0.0; 5], r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], p }
+        let k = vec![focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0];
+        let (d, r) = (vec![0.0; 5], vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        Calibration { size: (320, 240), model: "plumb_bob".into(), k, d, r, p }
     }
 
     #[test]
@@ -115,6 +158,23 @@ mod tests {
         says(&left, &Calibration { p: vec![0.0; 12], ..left.clone() }, "not calibrated");
         says(&left, &Calibration { p: vec![], ..left.clone() }, "not calibrated");
         says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
+    }
+
+    #[test]
+    fn raw_cameras_with_all_their_numbers_can_be_rectified() {
+        let left = Calibration { d: vec![-0.28, 0.07], ..camera(500.0, 120.0, 0.0) };
+        let right = camera(500.0, 120.0, -50.0);
+        let found = calibration(&left, &right).unwrap();
+        assert_eq!((found.left().distortion(), found.rig().unwrap().baseline_m()), ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1));
+        let fisheye = Calibration { model: "equidistant".into(), ..left.clone() };
+        assert!(calibration(&fisheye, &right).unwrap_err().contains("'equidistant'"));
+        let rational = Calibration { model: "rational_polynomial".into(), d: vec![0.1; 8], ..left.clone() };
+        assert!(calibration(&rational, &right).unwrap_err().contains("rational_polynomial"));
+        let zeros = Calibration { model: "rational_polynomial".into(), d: vec![0.0; 8], ..left.clone() };
+        assert!(calibration(&zeros, &right).is_ok());
+        for (k, r) in [(vec![], left.r.clone()), (left.k.clone(), vec![]), (left.k.clone(), vec![0.0; 9])] {
+            assert!(calibration(&Calibration { k, r, ..left.clone() }, &right).is_err());
+        }
     }
 
     #[test]

@@ -33,6 +33,14 @@ pub(super) struct CompressedImage {
 
 #[derive(Deserialize)]
 pub(super) struct CameraCalibration {
+    #[serde(default)]
+    pub(super) width: u32,
+    #[serde(default)]
+    pub(super) height: u32,
+    #[serde(default)]
+    pub(super) distortion_model: String,
+    #[serde(default, rename = "K")]
+    pub(super) k: Vec<f64>,
     #[serde(default, rename = "D")]
     pub(super) d: Vec<f64>,
     #[serde(default, rename = "R")]

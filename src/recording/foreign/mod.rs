@@ -14,7 +14,7 @@ pub(super) use topics::choose;
 use super::Camera;
 use super::messages::{Channel, Event, Messages};
 use crate::error::{Error, Result};
-use crate::stereo::{Exposure, Frame, Gray, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Gray, Rig, StereoCalibration, StereoPair};
 use camera::Calibration;
 use partners::Partners;
 use std::path::Path;
@@ -125,11 +125,28 @@ impl Foreign {
         let [left, right] = &self.images;
         if self.are_raw() {
             let why = "by their calibration they are not rectified";
-            let so = "rows of left and right do not agree, and distances are left out; rectify them first";
-            return vec![format!("{left} and {right}: {why}, so {so}")];
+            let so = "rows of left and right do not agree, and distances are left out";
+            let cure = match self.calibration() {
+                Some(Err(reason)) => format!("it does not say how to rectify them ({reason}): --calib FILE does"),
+                _ => "it says how to rectify them".to_owned(),
+            };
+            return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
         }
         let no_rig = self.rig().err();
         no_rig.map(|reason| format!("disparities but no distances: {reason}")).into_iter().collect()
+    }
+
+    /// What rectifies the images, where they are raw; nothing where they are not.
+    ///
+    /// # Errors
+    /// Why what they say of their cameras does not suffice.
+    pub(super) fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        self.are_raw().then(|| match &self.cameras {
+            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
+                camera::calibration(left, right)
+            }
+            _ => Err("it has no calibration of both cameras".to_owned()),
+        })
     }
 
     /// Whether the images come straight from a camera whose calibration says that they have to be rectified. That of a

@@ -11,7 +11,8 @@ use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use bootstrap::{Interval, Resamples};
 use sample::Sample;
-use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -19,8 +20,16 @@ use std::path::{Path, PathBuf};
 pub struct Run {
     pub folder: PathBuf,
     pub manifest: Manifest,
+    /// Why it is not whole, if it is not.
+    incomplete: Option<String>,
     rows: Vec<Row>,
     checkpoints: Vec<CheckpointRow>,
+}
+
+/// What is read of a report's `summary.json`.
+#[derive(Deserialize)]
+struct Whole {
+    incomplete: Option<String>,
 }
 
 /// How the second run differs from the first.
@@ -31,6 +40,8 @@ pub struct Comparison {
     pub scenario: String,
     /// Whether both were judged by the same scenario; otherwise nothing is called better or worse.
     pub same_scenario: bool,
+    /// Folders of the reports that are not whole, and why.
+    pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
     /// Algorithms that only one run has, which are not compared.
@@ -101,11 +112,15 @@ impl Run {
         if !path.is_file() {
             return Err(Error::format(folder, "is not a report of `svl score`: it has no manifest.json"));
         }
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
-        let manifest = serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))?;
+        let manifest = read_json(&path)?;
+        let summary = folder.join("summary.json");
+        let incomplete = match summary.is_file() {
+            true => read_json::<Whole>(&summary)?.incomplete,
+            false => Some("it was never finished".to_owned()),
+        };
         let rows = read_rows(&folder.join("rows.csv"))?;
         let checkpoints = read_rows(&folder.join("checkpoints.csv"))?;
-        Ok(Self { folder: folder.to_owned(), manifest, rows, checkpoints })
+        Ok(Self { folder: folder.to_owned(), manifest, incomplete, rows, checkpoints })
     }
 
     fn labels(&self) -> Vec<&str> {
@@ -133,6 +148,11 @@ impl Run {
         }
         sums
     }
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    serde_json::from_str(&text).map_err(|e| Error::format(path, e.to_string()))
 }
 
 impl Comparison {
@@ -172,6 +192,10 @@ impl Comparison {
             other: other.folder.clone(),
             scenario: base.manifest.scenario.clone(),
             same_scenario,
+            incomplete: [base, other]
+                .into_iter()
+                .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
+                .collect(),
             algorithms,
             only_in_base: left(&ours, |pair| pair.0.to_owned()),
             only_in_other: left(&theirs, |pair| pair.1.to_owned()),

@@ -8,6 +8,9 @@ impl Display for Comparison {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         writeln!(f, "base   {}", self.base.display())?;
         writeln!(f, "other  {}", self.other.display())?;
+        for (folder, why) in &self.incomplete {
+            writeln!(f, "{} is incomplete: {why}", folder.display())?;
+        }
         if !self.same_scenario {
             writeln!(
                 f,

@@ -112,6 +112,7 @@ impl Page {
         templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
         templates
             .add_template("index.html", include_str!("index.html"))
+            .and_then(|()| templates.add_template("marks.html", include_str!("marks.html")))
             .and_then(|()| templates.add_template("style.css", include_str!("style.css")))
             .and_then(|()| templates.get_template("index.html")?.render(view))
             .map_err(|e| Error::Invalid(format!("report page: {e:#}")))

@@ -4,11 +4,13 @@
 
 mod bars;
 mod chart;
+mod distance;
 mod labels;
 mod strips;
 
 pub use bars::Bars;
 pub use chart::{Axis, Chart, Form, Series};
+pub use distance::distance_chart;
 pub use strips::Strips;
 
 use crate::error::{Error, Result};

@@ -2,7 +2,6 @@
 
 use super::{Drawn, Exhibit, Experiment, Finding, Quantity, Table, Value, Verdict};
 use crate::error::{Error, Result};
-use crate::overlay::Rect;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::Serialize;
 use std::fmt::Write;
@@ -77,7 +76,6 @@ struct MarkView {
     drawn: Drawn,
     center: (f64, f64),
     radius: f64,
-    cross: Rect,
 }
 
 #[derive(Serialize)]
@@ -153,6 +151,7 @@ impl Page<'_> {
         templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
         templates
             .add_template("page.html", include_str!("page.html"))
+            .and_then(|()| templates.add_template("marks.html", include_str!("../../report/html/marks.html")))
             .and_then(|()| templates.add_template("style.css", include_str!("../../report/html/style.css")))
             .and_then(|()| templates.add_template("page.css", include_str!("page.css")))
             .and_then(|()| templates.get_template("page.html")?.render(view))
@@ -190,8 +189,7 @@ impl Entry {
 fn mark(drawn: &Drawn) -> MarkView {
     let cell = drawn.mark.cell;
     let radius = cell.width.min(cell.height) / 16.0;
-    let cross = Rect { x: cell.x + 2.0, y: cell.y + 2.0, width: 4.0 * radius, height: 4.0 * radius };
-    MarkView { drawn: *drawn, center: cell.center(), radius, cross }
+    MarkView { drawn: *drawn, center: cell.center(), radius }
 }
 
 /// `Figure 5.1`, `Table 5.1`; the speeds stand in the text of chapter 7.

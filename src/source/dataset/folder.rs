@@ -1,6 +1,7 @@
-//! A folder of many rectified pairs: `left/` and `right/` subfolders, or `left*` and `right*` files side by side.
+//! A folder of many pairs: `left/` and `right/` subfolders, or `left*` and `right*` files side by side.
 
 use super::scene::ENDINGS;
+use crate::calibrate::files::read_calib;
 use crate::error::{Error, Result};
 use crate::files::read_gray;
 use crate::source::Source;
@@ -8,9 +9,14 @@ use crate::stereo::{Exposure, Frame, Rig, StereoPair};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Names of the subfolders, of the files' beginnings: plain, KITTI 2015's, KITTI 2012's, KITTI odometry's.
-const SIDES: &[(&str, &str)] =
-    &[("left", "right"), ("image_2", "image_3"), ("colored_0", "colored_1"), ("image_0", "image_1")];
+/// Names of the subfolders, of the files' beginnings: plain, KITTI 2015's, KITTI 2012's, KITTI odometry's, EuRoC's.
+const SIDES: &[(&str, &str)] = &[
+    ("left", "right"),
+    ("image_2", "image_3"),
+    ("colored_0", "colored_1"),
+    ("image_0", "image_1"),
+    ("cam0/data", "cam1/data"),
+];
 
 /// Pairs of equally named images, in the order of their names.
 pub struct FolderSource {
@@ -37,7 +43,7 @@ impl FolderSource {
             return Err(Error::format(folder, format!("holds no stereo pair: {cure}")));
         }
         let calib = folder.join("calib.txt");
-        let rig = calib.is_file().then(|| super::read_calib(&calib)).transpose()?;
+        let rig = calib.is_file().then(|| read_calib(&calib)).transpose()?;
         Ok(Self { folder: folder.to_owned(), pairs, unpaired, period_ns: (1e9 / rate_hz) as u64, rig, next: 0 })
     }
 

@@ -3,7 +3,6 @@
 //! [`DATASETS`] says all there is to say of a data set: whence it is fetched, under which terms, and how its files are
 //! called. One more is one more entry there.
 
-mod calib;
 mod entry;
 mod eth3d;
 mod folder;
@@ -12,7 +11,6 @@ mod middlebury;
 mod scene;
 mod truth;
 
-pub use calib::read_calib;
 pub use entry::{Dataset, Part};
 pub use folder::FolderSource;
 pub use scene::{Scene, SceneSource};

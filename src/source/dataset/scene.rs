@@ -1,8 +1,8 @@
 //! One scene of a data set: a pair, and what is known of its truth and its camera.
 
-use super::calib::{read_calib, read_projections};
 use super::entry::{Calib, PairFiles};
 use super::{files, find, truth};
+use crate::calibrate::files::{read_calib, read_projections};
 use crate::error::{Error, Result};
 use crate::files::read_gray;
 use crate::source::Source;

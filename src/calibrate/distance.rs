@@ -1,0 +1,150 @@
+//! What a target at a known distance measures (thesis, annex B): "each measure is the median of the values of at least
+//! three sectors where the target was present".
+
+use crate::depth;
+use crate::error::{Error, Result};
+use crate::stereo::{Cell, DepthGrid, GridShape};
+
+/// Least cells that must hold the target.
+pub const LEAST_CELLS: usize = 3;
+
+/// Cells hold one target when they differ by no more than this, or by [`SHARE`] of the disparity.
+const APART_PX: f64 = 1.0;
+const SHARE: f64 = 0.03;
+
+/// A target, measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Median of the cells' disparities.
+    pub disparity_px: f64,
+    /// The cells that hold it, column and row.
+    pub cells: Vec<(usize, usize)>,
+    /// By how much these cells' disparities differ.
+    pub spread_px: f64,
+}
+
+impl Target {
+    /// The target in the grids of frames that all show it at one distance. A cell's disparity is the median of its medians
+    /// in the frames, and known when it was in half of them.
+    ///
+    /// Its cells are those named, or else those that agree with the cell in the middle of the image and are joined to it.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when fewer than three cells hold it, or one that was named holds nothing or is not there.
+    pub fn measure(grids: &[DepthGrid], named: &[(usize, usize)]) -> Result<Self> {
+        let shape =
+            grids.first().map(DepthGrid::shape).ok_or_else(|| Error::Invalid("no frames to measure in".into()))?;
+        let known = |place: (usize, usize)| {
+            let depth = |cell: &Cell| Some(f64::from(cell.depth?.median_px));
+            let seen: Vec<f64> = grids.iter().filter_map(|grid| depth(grid.cell(place.0, place.1))).collect();
+            (2 * seen.len() >= grids.len() && !seen.is_empty()).then(|| depth::median(seen))
+        };
+        let cells = if named.is_empty() { agreeing(shape, known)? } else { named.to_vec() };
+        let mut disparities = Vec::new();
+        for &(column, row) in &cells {
+            if column >= shape.columns || row >= shape.rows {
+                let GridShape { columns, rows } = shape;
+                return Err(Error::Invalid(format!("there is no cell {column},{row}: the grid has {columns}x{rows}")));
+            }
+            disparities.push(known((column, row)).ok_or_else(|| {
+                Error::Invalid(format!("cell {column},{row} has no disparity in half of the frames; name others"))
+            })?);
+        }
+        if cells.len() < LEAST_CELLS {
+            return Err(Error::Invalid(format!(
+                "the target is in {} cells, at least {LEAST_CELLS} are needed: {}; take a larger one, or name its cells \
+                 with --cells",
+                cells.len(),
+                shown(&cells)
+            )));
+        }
+        let (least, most) = disparities.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &d| (a.min(d), b.max(d)));
+        Ok(Self { disparity_px: depth::median(disparities), cells, spread_px: most - least })
+    }
+}
+
+/// Column and row of each, for a person.
+pub fn shown(cells: &[(usize, usize)]) -> String {
+    cells.iter().map(|(column, row)| format!("{column},{row}")).collect::<Vec<_>>().join(" ")
+}
+
+/// The cells joined to the middle one, by their sides, that have its disparity.
+fn agreeing(shape: GridShape, known: impl Fn((usize, usize)) -> Option<f64>) -> Result<Vec<(usize, usize)>> {
+    let middle = (shape.columns / 2, shape.rows / 2);
+    let target = known(middle).ok_or_else(|| {
+        let (column, row) = middle;
+        Error::Invalid(format!(
+            "the cell in the middle, {column},{row}, has no disparity: put the target there, or name its cells with \
+             --cells; is it nearer than the algorithm's max_disparity sees?"
+        ))
+    })?;
+    let holds = |&place: &(usize, usize)| {
+        known(place).is_some_and(|px| (px - target).abs() <= APART_PX.max(SHARE * target.abs()))
+    };
+    let mut cells = vec![middle];
+    let mut next = 0;
+    while next < cells.len() {
+        let (column, row) = cells[next];
+        let beside =
+            [(column.wrapping_sub(1), row), (column + 1, row), (column, row.wrapping_sub(1)), (column, row + 1)];
+        let new = beside.into_iter().filter(|(c, r)| *c < shape.columns && *r < shape.rows);
+        let new: Vec<_> = new.filter(|place| !cells.contains(place)).filter(holds).collect();
+        cells.extend(new);
+        next += 1;
+    }
+    cells.sort_unstable_by_key(|&(column, row)| (row, column));
+    Ok(cells)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::CellDepth;
+
+    /// A 5 x 3 grid of these medians, row by row; 0 is unknown.
+    fn grid(medians: [f32; 15]) -> DepthGrid {
+        let cell = |px: f32| Cell {
+            valid_share: 0.5,
+            depth: (px > 0.0).then_some(CellDepth { median_px: px, p20_px: px, p80_px: px, distance_m: None }),
+        };
+        DepthGrid::new(GridShape::default(), medians.map(cell).to_vec()).unwrap()
+    }
+
+    #[rustfmt::skip]
+    const TARGET: [f32; 15] = [
+        5.0, 20.4, 20.0,  5.0, 20.0,
+        5.0,  0.0, 20.2, 19.6,  5.0,
+        5.0,  5.0,  0.0,  5.0,  5.0,
+    ];
+
+    #[test]
+    fn the_target_is_what_agrees_with_the_middle_and_is_joined_to_it() {
+        let target = Target::measure(&[grid(TARGET)], &[]).unwrap();
+        assert_eq!(target.cells, [(1, 0), (2, 0), (2, 1), (3, 1)]);
+        assert!((target.disparity_px - 20.2).abs() < 0.11 && (target.spread_px - 0.8).abs() < 1e-5, "{target:?}");
+    }
+
+    #[test]
+    fn cells_are_medians_of_frames_and_known_in_half_of_them() {
+        let mut outlier = TARGET;
+        outlier[7] = 40.0;
+        let mut unknown = TARGET;
+        unknown[8] = 0.0;
+        let grids = [grid(TARGET), grid(outlier), grid(unknown)];
+        assert_eq!(Target::measure(&grids, &[]).unwrap().cells.len(), 4);
+        assert_eq!(Target::measure(&[grid(TARGET), grid(unknown), grid(unknown)], &[]).unwrap().cells.len(), 3);
+    }
+
+    #[test]
+    fn cells_may_be_named_and_are_checked() {
+        let measure = |cells: &[(usize, usize)]| Target::measure(&[grid(TARGET)], cells).map_err(|e| e.to_string());
+        assert_eq!(measure(&[(0, 0), (0, 1), (0, 2)]).unwrap().disparity_px, 5.0);
+        assert!(measure(&[(0, 0), (0, 1)]).unwrap_err().contains("in 2 cells, at least 3"));
+        assert!(measure(&[(5, 0), (0, 1), (0, 2)]).unwrap_err().contains("no cell 5,0"));
+        assert!(measure(&[(1, 1), (0, 1), (0, 2)]).unwrap_err().contains("cell 1,1 has no disparity"));
+        let mut empty = TARGET;
+        empty[7] = 0.0;
+        assert!(Target::measure(&[grid(empty)], &[]).unwrap_err().to_string().contains("max_disparity"));
+        assert!(Target::measure(&[], &[]).is_err());
+    }
+}

@@ -1,0 +1,53 @@
+//! EuRoC's and ASL's `sensor.yaml`, one per camera; read only.
+
+use super::document::{Document, Syntax};
+use super::geometry::{Cameras, lens};
+use super::{Format, Found, Hints, Unit};
+use crate::error::Result;
+use crate::stereo::{Intrinsics, motion};
+use nalgebra::{Isometry3, Matrix4};
+
+pub(super) const FORMAT: Format = Format {
+    name: "euroc",
+    title: "EuRoC's sensor.yaml",
+    conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2; T_BS: x_body = T_BS x_camera, metres; no \
+                  rectification; cam0 is the left camera",
+    endings: &["yaml"],
+    pairs: &[["cam0/sensor.yaml", "cam1/sensor.yaml"], ["mav0/cam0/sensor.yaml", "mav0/cam1/sensor.yaml"]],
+    single: false,
+    syntax: Syntax::Markup,
+    marks: &["T_BS"],
+    read,
+    write: None,
+};
+
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
+    let [left, right] = super::both(documents)?;
+    let unit = Unit::METRE.fixed(&left, hints.unit)?;
+    let cameras = Cameras {
+        left: camera(&left)?,
+        right: camera(&right)?,
+        right_from_left: Some(body_from_camera(&right)?.inverse() * body_from_camera(&left)?),
+        rectification: None,
+    };
+    Ok(Found { format: &FORMAT, calibration: cameras.calibration(&right, unit)?, remarks: Vec::new() })
+}
+
+fn camera(document: &Document) -> Result<Intrinsics> {
+    for (key, known) in [("camera_model", "pinhole"), ("distortion_model", "radial-tangential")] {
+        let model = document.text(key)?;
+        if model != known {
+            return Err(document.wrong(format!("'{key}' is {model}; svl reads {known}")));
+        }
+    }
+    let [fx, fy, cx, cy] = document.array("intrinsics")?;
+    let distortion = lens(document, "distortion_coefficients")?;
+    Intrinsics::new(document.size_of("resolution")?, (fx, fy), (cx, cy), distortion)
+        .map_err(|e| document.wrong(format!("'intrinsics': {e}")))
+}
+
+fn body_from_camera(document: &Document) -> Result<Isometry3<f64>> {
+    let pose = Matrix4::from_row_slice(&document.array::<16>("T_BS")?);
+    let (rotation, translation) = (pose.fixed_view::<3, 3>(0, 0).into(), pose.fixed_view::<3, 1>(0, 3).into());
+    motion(&rotation, translation).map_err(|e| document.wrong(format!("'T_BS': {e}")))
+}

@@ -1,0 +1,147 @@
+//! KITTI's calibrations: the projections of the object and stereo benchmarks, and the raw data's `calib_cam_to_cam.txt`.
+
+use super::document::{Document, Syntax, text};
+use super::geometry::{self, Cameras, beyond_rectified, camera, extrinsics, lens, only_rectified, rectified};
+use super::words::{rows, spaced};
+use super::{Format, Found, Hints, Unit, Writing, Written};
+use crate::error::Result;
+use crate::stereo::{Rectification, Rig, StereoCalibration};
+use nalgebra::{Matrix3x4, Vector3};
+use std::path::Path;
+
+pub(super) const FORMAT: Format = Format {
+    name: "kitti",
+    title: "KITTI's calib.txt",
+    conventions: "rectified cameras only: projections P0 P1 (grey) and P2 P3 (colour), row by row, metres; the grey pair \
+                  is read where it is there, and both are written alike; no image size",
+    endings: &["txt"],
+    pairs: &[],
+    single: true,
+    syntax: Syntax::Lines(':'),
+    marks: &["P0:", "P2:"],
+    read,
+    write: Some(write),
+};
+
+pub(super) const RAW_FORMAT: Format = Format {
+    name: "kitti-raw",
+    title: "KITTI's calib_cam_to_cam.txt",
+    conventions: "cameras 00 and 01 (grey): S K D before and S_rect R_rect P_rect after rectification, D = k1 k2 p1 p2 k3, \
+                  x_01 = R_01 x_00 + T_01, metres",
+    endings: &["txt"],
+    pairs: &[],
+    single: true,
+    syntax: Syntax::Lines(':'),
+    marks: &["K_00:"],
+    read: read_raw,
+    write: Some(write_raw),
+};
+
+/// Reads the rig of the cameras whose 3 x 4 projection matrices are called `left` and `right`.
+///
+/// Both matrices are relative to camera 0, whose fourth column is 0: the baseline is `(P_left(0,3) − P_right(0,3)) / f`
+/// metres (KITTI development kit, readme).
+///
+/// # Errors
+/// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed matrix.
+pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
+    projections(&Document::parse(path, &text(path)?, &FORMAT)?, left, right)
+}
+
+fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {
+    let (p, q) = (document.projection(left)?, document.projection(right)?);
+    geometry::rig(&p, &q).map_err(|reason| document.wrong(format!("'{left}' and '{right}': {reason}")))
+}
+
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
+    let document = super::one(documents)?;
+    let unit = Unit::METRE.fixed(&document, hints.unit)?;
+    let (left, right) = if document.has("P0") { ("P0", "P1") } else { ("P2", "P3") };
+    let rig = projections(&document, left, right)?;
+    let size = hints.size.ok_or_else(|| {
+        document.wrong("does not say how large the images are; say it with `svl calibrate convert --size WxH`")
+    })?;
+    let calibration = rectified(&document, size, rig)?.calibration(&document, unit)?;
+    let others = ["P0", "P2"].map(|key| document.projection(key).ok());
+    let mut remarks = Vec::new();
+    if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
+        remarks.push("cameras 0 and 1 were taken; 2 and 3 were left out".to_owned());
+    }
+    Ok(Found { format: &FORMAT, calibration, remarks })
+}
+
+fn write(calibration: &StereoCalibration) -> Writing {
+    let rig = only_rectified(calibration)?.rig;
+    let line = |i: usize| format!("P{i}: {}\n", spaced(&rows(&rig.projection(i % 2 == 1))));
+    Ok(Written { texts: vec![(0..4).map(line).collect()], left_out: beyond_rectified(calibration) })
+}
+
+fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
+    let document = super::one(documents)?;
+    let unit = Unit::METRE.fixed(&document, hints.unit)?;
+    let one = |key: &str, s: &str, d: &str| camera(&document, key, document.size_of(s)?, lens(&document, d)?);
+    let rectification = Rectification {
+        size: document.size_of("S_rect_00")?,
+        left: document.rotation("R_rect_00")?,
+        right: document.rotation("R_rect_01")?,
+        rig: projections(&document, "P_rect_00", "P_rect_01")?,
+    };
+    let cameras = Cameras {
+        left: one("K_00", "S_00", "D_00")?,
+        right: one("K_01", "S_01", "D_01")?,
+        right_from_left: Some(extrinsics(&document, "R_01", "T_01")?),
+        rectification: Some(rectification),
+    };
+    let remarks = if document.has("K_02") { vec!["cameras 02 and 03 were left out".to_owned()] } else { Vec::new() };
+    Ok(Found { format: &RAW_FORMAT, calibration: cameras.calibration(&document, unit)?, remarks })
+}
+
+fn write_raw(calibration: &StereoCalibration) -> Writing {
+    let rectification = only_rectified(calibration)?;
+    let motion = calibration.right_from_left();
+    let moved = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
+    let sides = [
+        (calibration.left(), (nalgebra::Rotation3::identity(), Vector3::zeros()), rectification.left),
+        (calibration.right(), moved, rectification.right),
+    ];
+    let mut text = String::new();
+    for (i, (camera, (r, t), turn)) in sides.into_iter().enumerate() {
+        let p: Matrix3x4<f64> = rectification.rig.projection(i == 1);
+        let size = |(width, height): (usize, usize)| vec![width as f64, height as f64];
+        let lines: [(&str, Vec<f64>); 8] = [
+            ("S", size(camera.size())),
+            ("K", rows(&camera.matrix())),
+            ("D", camera.distortion().to_vec()),
+            ("R", rows(r.matrix())),
+            ("T", rows(&t)),
+            ("S_rect", size(rectification.size)),
+            ("R_rect", rows(turn.matrix())),
+            ("P_rect", rows(&p)),
+        ];
+        text.extend(lines.map(|(name, values)| format!("{name}_0{i}: {}\n", spaced(&values))));
+    }
+    Ok(Written { texts: vec![text], left_out: Vec::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projections_are_relative_to_camera_0() {
+        let text = "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 7e2 0 600 35 0 7e2 180 0 0 0 1 0\n\
+                    P3: 700 0 602 -350 0 700 180 0 0 0 1 0\n";
+        let rig = |text: &str, left, right| {
+            let document = Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap();
+            projections(&document, left, right).map_err(|e| e.to_string())
+        };
+        let found = rig(text, "P2", "P3").unwrap();
+        assert_eq!((found.focal_px(), found.center_px(), found.doffs_px()), (700.0, (600.0, 180.0), 2.0));
+        assert!((found.baseline_m() - 0.55).abs() < 1e-12);
+        assert!(rig(text, "P0", "P1").unwrap_err().contains("no 'P1'"));
+        assert!(rig("P0: 1 2\nP1: 3", "P0", "P1").unwrap_err().contains("'P0' has 2 numbers, expected 12"));
+        assert!(rig("P0: x", "P0", "P1").unwrap_err().contains("'x'"));
+        // Left and right taken for each other: a negative baseline.
+        assert!(rig(text, "P3", "P2").is_err());
+    }
+}

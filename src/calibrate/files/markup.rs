@@ -1,0 +1,127 @@
+//! XML as names and values: attributes and elements alike, and a list of elements that have one name.
+//!
+//! Names are not checked: annex E's own example has attributes called `x(0,0)`, which no XML allows.
+
+use super::document::{MAX_DEPTH, Node};
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::reader::Reader;
+use std::collections::BTreeMap;
+
+/// The content of the outermost element.
+///
+/// # Errors
+/// What is wrong, with its place in bytes.
+pub(super) fn parse(text: &str) -> Result<Node, String> {
+    let mut reader = Reader::from_str(text);
+    let mut open: Vec<Open> = Vec::new();
+    let mut root = None;
+    loop {
+        let event = reader.read_event().map_err(|e| format!("byte {}: is no XML: {e}", reader.error_position()))?;
+        let at = |reason: String| format!("byte {}: {reason}", reader.buffer_position());
+        let closed = match event {
+            Event::Start(_) if open.len() == MAX_DEPTH => {
+                return Err(at(format!("more than {MAX_DEPTH} levels, which no calibration has")));
+            }
+            Event::Start(start) => {
+                open.push(Open::new(&start).map_err(at)?);
+                None
+            }
+            Event::Empty(start) => Some(Open::new(&start).map_err(at)?),
+            Event::End(_) => open.pop(),
+            Event::Text(text) => {
+                if let Some(element) = open.last_mut() {
+                    element.text.push_str(&String::from_utf8_lossy(&text));
+                }
+                None
+            }
+            Event::Eof => break,
+            _ => None,
+        };
+        if let Some(element) = closed {
+            match open.last_mut() {
+                Some(outer) => outer.take(element),
+                None if root.is_some() => return Err(at("a second outermost element".into())),
+                None => root = Some(element.node()),
+            }
+        }
+    }
+    match open.last() {
+        Some(element) => Err(format!("ends inside <{}>; is the file whole?", element.name)),
+        None => root.ok_or_else(|| "holds no XML element".into()),
+    }
+}
+
+/// An element whose end is still to come.
+struct Open {
+    name: String,
+    table: BTreeMap<String, Node>,
+    text: String,
+}
+
+impl Open {
+    fn new(start: &BytesStart<'_>) -> Result<Self, String> {
+        let name = String::from_utf8_lossy(start.name().as_ref()).into_owned();
+        let mut table = BTreeMap::new();
+        // The library's own check for names that stand twice compares each with each.
+        for attribute in start.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|e| format!("<{name}> has attributes that are no XML: {e}"))?;
+            let key = String::from_utf8_lossy(attribute.key.as_ref()).into_owned();
+            let value = Node::Value(String::from_utf8_lossy(&attribute.value).into_owned());
+            if table.insert(key.clone(), value).is_some() {
+                return Err(format!("<{name}> has '{key}' twice"));
+            }
+        }
+        Ok(Self { name, table, text: String::new() })
+    }
+
+    fn take(&mut self, element: Self) {
+        let (name, node) = (element.name.clone(), element.node());
+        match self.table.get_mut(&name) {
+            None => drop(self.table.insert(name, node)),
+            Some(Node::List(list)) => list.push(node),
+            Some(first) => {
+                let earlier = std::mem::replace(first, Node::List(Vec::new()));
+                *first = Node::List(vec![earlier, node]);
+            }
+        }
+    }
+
+    fn node(self) -> Node {
+        if self.table.is_empty() { Node::Value(self.text) } else { Node::Table(self.table) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attributes_elements_and_texts() {
+        let text =
+            "<?xml version=\"1.0\"?>\n<r><c a=\"1\"/><c a=\"2\"/><!-- --><d x(0,0)=\"3\"y=\"4\"/><e> 5 6 </e></r>\n";
+        let Node::Table(root) = parse(text).unwrap() else { panic!() };
+        let table = |pairs: &[(&str, &str)]| {
+            Node::Table(pairs.iter().map(|(k, v)| ((*k).to_owned(), Node::Value((*v).to_owned()))).collect())
+        };
+        assert_eq!(root["c"], Node::List(vec![table(&[("a", "1")]), table(&[("a", "2")])]));
+        assert_eq!(root["d"], table(&[("x(0,0)", "3"), ("y", "4")]));
+        assert_eq!(root["e"], Node::Value(" 5 6 ".into()));
+    }
+
+    #[test]
+    fn what_is_no_xml_is_refused() {
+        for (text, word) in [
+            ("<a><b></a>", "no XML"),
+            ("<a><b x=\"1\"/>", "ends inside <a>"),
+            ("<a x=\"1\" x=\"2\"/>", "'x' twice"),
+            ("<a x=1/>", "attributes"),
+            ("<a/><b/>", "second"),
+            ("<!-- -->", "no XML element"),
+            ("<a", "no XML"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(word) && !error.contains('\n'), "{text}: {error}");
+        }
+        assert!(parse(&"<a>".repeat(100_000)).unwrap_err().contains("levels"));
+    }
+}

@@ -1,0 +1,94 @@
+//! Middlebury's and ETH3D's `calib.txt`.
+
+use super::document::{Document, Syntax, text};
+use super::geometry::{beyond_rectified, only_rectified, rectified};
+use super::words::{number, rows, spaced};
+use super::{Format, Found, Hints, Unit, Writing, Written};
+use crate::error::Result;
+use crate::stereo::{Rig, StereoCalibration};
+use std::path::Path;
+
+pub(super) const FORMAT: Format = Format {
+    name: "middlebury",
+    title: "Middlebury's calib.txt",
+    conventions: "rectified cameras only: cam0, cam1 = K, doffs = cx1 - cx0, baseline in millimetres; Z = f B / (d + doffs)",
+    endings: &["txt"],
+    pairs: &[],
+    single: true,
+    syntax: Syntax::Lines('='),
+    marks: &["cam0=", "cam0 ="],
+    read,
+    write: Some(write),
+};
+
+/// Reads the rig alone, which older files have without the images' size.
+///
+/// # Errors
+/// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed entry.
+pub fn read_calib(path: &Path) -> Result<Rig> {
+    rig(&Document::parse(path, &text(path)?, &FORMAT)?)
+}
+
+fn rig(document: &Document) -> Result<Rig> {
+    let [focal, _, cx, _, _, cy, ..] = document.array::<9>("cam0")?;
+    let (baseline, doffs) = (document.number("baseline")?, document.number("doffs")?);
+    Rig::new(focal, (cx, cy), baseline / 1000.0, doffs).map_err(|e| document.wrong(e))
+}
+
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
+    let document = super::one(documents)?;
+    Unit::MILLIMETRE.fixed(&document, hints.unit)?;
+    let size = match hints.size {
+        Some(size) => size,
+        None => document.size("width", "height")?,
+    };
+    let cameras = rectified(&document, size, rig(&document)?)?;
+    let calibration = cameras.calibration(&document, Unit::METRE)?;
+    Ok(Found { format: &FORMAT, calibration, remarks: Vec::new() })
+}
+
+fn write(calibration: &StereoCalibration) -> Writing {
+    let rectification = only_rectified(calibration)?;
+    let (rig, (width, height)) = (rectification.rig, rectification.size);
+    let camera = |right| {
+        let k: Vec<_> = rows(&rig.intrinsics(right)).chunks(3).map(spaced).collect();
+        k.join("; ")
+    };
+    let text = format!(
+        "cam0=[{}]\ncam1=[{}]\ndoffs={}\nbaseline={}\nwidth={width}\nheight={height}\n",
+        camera(false),
+        camera(true),
+        number(rig.doffs_px()),
+        number(rig.baseline_m() * 1000.0)
+    );
+    Ok(Written { texts: vec![text], left_out: beyond_rectified(calibration) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> std::result::Result<Rig, String> {
+        rig(&Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap()).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn middlebury_form() {
+        let text = "cam0=[ 1038.018 0 322.037 ; 0 1038.018 243.393 ; 0 0 1 ] \n doffs= 53.271 \nbaseline= 176.252\n";
+        let rig = parse(text).unwrap();
+        assert_eq!((rig.focal_px(), rig.doffs_px()), (1038.018, 53.271));
+        assert!((rig.baseline_m() - 0.176252).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let fails = |text: &str, word: &str| {
+            let error = parse(text).unwrap_err();
+            assert!(error.starts_with("calib.txt: ") && error.contains(word), "{error}");
+        };
+        fails("cam0=[1 0 2; 0 1 3; 0 0 1]\ndoffs=0", "no 'baseline'");
+        fails("cam0=[1 0]\nbaseline=1\ndoffs=0", "'cam0' has 2 numbers, expected 9");
+        fails("cam0=[x]\nbaseline=1\ndoffs=0", "'cam0' holds 'x'");
+        fails("cam0=[1 0 2; 0 1 3; 0 0 1]\nbaseline=0\ndoffs=0", "baseline 0 m");
+    }
+}

@@ -1,0 +1,110 @@
+//! OpenCV's FileStorage, YAML or XML.
+//!
+//! The names are those of its `stereo_calib` sample (M1 D1 M2 D2, R T, R1 R2 P1 P2) and of its documentation (K1 K2). The
+//! sample writes neither size nor unit, and two files, `intrinsics.yml` and `extrinsics.yml`, which are read together.
+
+use super::document::{Document, Syntax};
+use super::geometry::{Cameras, camera, extrinsics, lens, rig};
+use super::words::{listed, rows};
+use super::{Format, Found, Hints, Unit, Writing, Written, unit};
+use crate::error::Result;
+use crate::stereo::{Intrinsics, Rectification, StereoCalibration};
+use nalgebra::{DMatrix, Vector3};
+use std::fmt::Write;
+
+pub(super) const FORMAT: Format = Format {
+    name: "opencv",
+    title: "OpenCV's FileStorage",
+    conventions: "K1 D1 K2 D2 (or M1 D1 M2 D2), D = k1 k2 p1 p2 k3; x_right = R x_left + T; R1 R2 P1 P2 as of \
+                  stereoRectify; the unit under length_unit, a key of svl's",
+    endings: &["yml", "yaml"],
+    pairs: &[["intrinsics.yml", "extrinsics.yml"]],
+    single: true,
+    syntax: Syntax::Markup,
+    marks: &["opencv-matrix", "opencv_storage"],
+    read,
+    write: Some(write),
+};
+
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
+    // One is there: paths are never none.
+    let merged =
+        documents.into_iter().reduce(Document::completed_by).ok_or_else(|| crate::Error::Invalid("no file".into()))?;
+    let document = &merged;
+    if document.has("camera_matrix|cameraMatrix") {
+        return Err(document.wrong("is of one camera; svl needs both, K1 D1 K2 D2, and R and T"));
+    }
+    let size = match hints.size {
+        Some(size) => size,
+        None if document.has("image_size|imageSize") => document.size_of("image_size|imageSize")?,
+        None if document.has("image_width") => document.size("image_width", "image_height")?,
+        None => {
+            return Err(document
+                .wrong("has no 'image_width' and 'image_height'; say them with `svl calibrate convert --size WxH`"));
+        }
+    };
+    let right_size = if document.has("image_size2") { document.size_of("image_size2")? } else { size };
+    let left = camera(document, "K1|M1|cameraMatrix1", size, lens(document, "D1|distCoeffs1")?)?;
+    let right = camera(document, "K2|M2|cameraMatrix2", right_size, lens(document, "D2|distCoeffs2")?)?;
+    let rectification = document.has("P1").then(|| rectification(document, size)).transpose()?;
+    let right_from_left = Some(extrinsics(document, "R", "T")?);
+    let unit = Unit::of(document, "length_unit", hints.unit)?;
+    let cameras = Cameras { left, right, right_from_left, rectification };
+    Ok(Found { format: &FORMAT, calibration: cameras.calibration(document, unit)?, remarks: Vec::new() })
+}
+
+fn rectification(document: &Document, size: (usize, usize)) -> Result<Rectification> {
+    let size = if document.has("rectified_size") { document.size_of("rectified_size")? } else { size };
+    let (p1, p2) = (document.projection("P1")?, document.projection("P2")?);
+    let rig = rig(&p1, &p2).map_err(|reason| document.wrong(format!("'P1' and 'P2': {reason}")))?;
+    Ok(Rectification { size, left: document.rotation("R1")?, right: document.rotation("R2")?, rig })
+}
+
+fn write(calibration: &StereoCalibration) -> Writing {
+    let (left, right) = (calibration.left(), calibration.right());
+    let (width, height) = left.size();
+    let mut text = format!("%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n");
+    if right.size() != left.size() {
+        let (width, height) = right.size();
+        text += &format!("image_size2: [ {width}, {height} ]\n");
+    }
+    text += &format!("length_unit: {}\n", unit::name(calibration.unit()));
+    let motion = calibration.right_from_left();
+    let mut matrices = vec![
+        ("K1", fixed(&left.matrix())),
+        ("D1", lens_matrix(left)),
+        ("K2", fixed(&right.matrix())),
+        ("D2", lens_matrix(right)),
+        ("R", fixed(motion.rotation.to_rotation_matrix().matrix())),
+        ("T", fixed::<3, 1>(&Vector3::from(motion.translation.vector))),
+    ];
+    if let Some(rectification) = calibration.rectification() {
+        let (width, height) = rectification.size;
+        text += &format!("rectified_size: [ {width}, {height} ]\n");
+        matrices.extend([
+            ("R1", fixed(rectification.left.matrix())),
+            ("R2", fixed(rectification.right.matrix())),
+            ("P1", fixed(&rectification.rig.projection(false))),
+            ("P2", fixed(&rectification.rig.projection(true))),
+        ]);
+    }
+    for (name, matrix) in matrices {
+        let data: Vec<_> = matrix.row_iter().map(|row| listed(&rows(&row))).collect();
+        let (height, width) = matrix.shape();
+        // A text cannot fail to be written to.
+        let _ = write!(
+            text,
+            "{name}: !!opencv-matrix\n   rows: {height}\n   cols: {width}\n   dt: d\n   data: [ {} ]\n",
+            data.join(",\n       ")
+        );
+    }
+    Ok(Written { texts: vec![text], left_out: Vec::new() })
+}
+
+fn fixed<const R: usize, const C: usize>(matrix: &nalgebra::SMatrix<f64, R, C>) -> DMatrix<f64> {
+    DMatrix::from_column_slice(R, C, matrix.as_slice())
+}
+
+fn lens_matrix(camera: &Intrinsics) -> DMatrix<f64> {
+    DMatrix::from_row_slice(1, 5, &camera.distortion())
+}

@@ -1,0 +1,135 @@
+//! A camera of this machine.
+
+use super::control::Controls;
+use super::device::trouble;
+use super::driver::{Driver, Fault};
+use super::pixels::Layout;
+use super::stamp::Times;
+use crate::error::{Error, Result};
+use crate::grab::{Camera, Capture, Limits, Settings, Taken};
+use rustix::io::Errno;
+use std::time::{Duration, Instant};
+
+/// Images that a camera which runs by itself may still have begun with what it was set to before.
+const SETTLING: u32 = 2;
+/// Buffers that may wait when there is a new order, more than any driver has.
+const WAITING: u32 = 64;
+
+/// A V4L2 camera that streams.
+pub(super) struct V4l2Camera<D> {
+    name: String,
+    driver: D,
+    layout: Layout,
+    controls: Controls,
+    /// Whether it exposes when it is fired, else by itself.
+    fired: bool,
+    settings: Option<Settings>,
+    exposure_us: u32,
+    /// Images to come that are not of the settings yet.
+    unsettled: u32,
+    times: Times,
+    /// Until one comes without, or damaged: told once.
+    has_stamps: bool,
+    has_damaged: bool,
+}
+
+impl<D: Driver> V4l2Camera<D> {
+    /// A stream of images as `layout` says. It is taken out of the automatic
+    /// exposure, unless that is all it has.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] when it does not let itself be set.
+    pub(super) fn new(name: String, mut driver: D, layout: Layout, fired: bool, times: Times) -> Result<Self> {
+        let controls = Controls::take(&mut driver);
+        let controls = controls.map_err(|errno| Error::camera(&name, format!("cannot be set: {}", trouble(errno))))?;
+        Ok(Self {
+            name,
+            driver,
+            layout,
+            controls,
+            fired,
+            settings: None,
+            exposure_us: 0,
+            unsettled: 0,
+            times,
+            has_stamps: true,
+            has_damaged: false,
+        })
+    }
+
+    fn error(&self, errno: Errno) -> Error {
+        Error::camera(&self.name, trouble(errno))
+    }
+
+    /// The first one is told, as all are counted.
+    fn damaged(&mut self, reason: &str) -> Taken {
+        if !std::mem::replace(&mut self.has_damaged, true) {
+            tracing::warn!("{}: an image came damaged ({reason}); others like it are only counted", self.name);
+        }
+        Taken::Damaged
+    }
+
+    /// Discards what was exposed before.
+    fn discard(&mut self) -> Result<()> {
+        for _ in 0..WAITING {
+            match self.driver.next(Duration::ZERO, |_, _| ()) {
+                Ok(None) => break,
+                Ok(Some(())) | Err(Fault::Buffer(_)) => {}
+                Err(Fault::Stream(errno)) => return Err(self.error(errno)),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<D: Driver> Camera for V4l2Camera<D> {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn limits(&self) -> Limits {
+        self.controls.limits()
+    }
+
+    /// Of a camera that runs by itself, images that wait are kept while the settings stay: their stamps say when they
+    /// were taken.
+    fn arm(&mut self, settings: Settings) -> Result<()> {
+        if self.settings != Some(settings) {
+            let applied = self.controls.apply(settings, &mut self.driver);
+            self.exposure_us = applied.map_err(|errno| {
+                let Settings { shutter_us, gain_mdb } = settings;
+                let asked = format!("cannot be set to {shutter_us} µs and {:.1} dB", f64::from(gain_mdb) / 1e3);
+                Error::camera(&self.name, format!("{asked}: {}", trouble(errno)))
+            })?;
+            self.settings = Some(settings);
+            self.unsettled = if self.fired { 0 } else { SETTLING };
+        }
+        if self.fired { self.discard() } else { Ok(()) }
+    }
+
+    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
+        let began = Instant::now();
+        let Some(settings) = self.settings else { return Ok(None) };
+        loop {
+            let layout = self.layout;
+            let left = patience.saturating_sub(began.elapsed());
+            let (image, stamp) = match self.driver.next(left, |data, stamp| (layout.read(data), stamp)) {
+                Ok(None) => return Ok(None),
+                Ok(Some((Ok(image), stamp))) => (image, stamp),
+                Ok(Some((Err(reason), _))) => return Ok(Some(self.damaged(&reason))),
+                Err(Fault::Buffer(reason)) => return Ok(Some(self.damaged(reason))),
+                Err(Fault::Stream(errno)) => return Err(self.error(errno)),
+            };
+            if self.unsettled > 0 {
+                self.unsettled -= 1;
+                continue;
+            }
+            let middle_ns = stamp.middle_ns(self.exposure_us, self.times.earliest_ns);
+            if middle_ns.is_none() && std::mem::take(&mut self.has_stamps) {
+                tracing::warn!("{}: its driver gives no times; images have the time of their arrival", self.name);
+            }
+            let stamp_ns = middle_ns.unwrap_or(stamp.arrived_ns).wrapping_add(self.times.offset_ns);
+            return Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id: None, settings })));
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! A device that streams into buffers which are mapped into this process.
+
+use super::abi::{self, CONTROL_DISABLED, CONTROL_READ_ONLY, FLAG_ERROR, MEMORY_MMAP, VIDEO_CAPTURE};
+use super::control::Range;
+use super::device::Device;
+use super::driver::{Driver, Fault};
+use super::stamp::Stamp;
+use crate::error::{Error, Result};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::OwnedFd;
+use rustix::io::Errno;
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::time::{ClockId, clock_gettime};
+use std::ffi::c_void;
+use std::time::Duration;
+
+/// Enough that a late thread costs no image; a driver may want more.
+const BUFFERS: u32 = 4;
+const MAX_BUFFERS: u32 = 32;
+
+/// A running stream. Dropping it ends it.
+pub(super) struct Stream {
+    // Unmapped before the device is closed.
+    buffers: Vec<Mapping>,
+    device: OwnedFd,
+}
+
+/// Now, on the clock that drivers stamp by.
+pub(super) fn monotonic_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+impl Stream {
+    /// # Errors
+    /// [`Error::Camera`] when the driver refuses.
+    pub(super) fn start(device: Device) -> Result<Self> {
+        let name = device.name.clone();
+        let mut stream = Self { buffers: Vec::new(), device: device.file };
+        stream.prepare().map_err(|errno| Error::camera(name, super::device::trouble(errno)))?;
+        Ok(stream)
+    }
+
+    fn prepare(&mut self) -> rustix::io::Result<()> {
+        let mut request =
+            abi::RequestBuffers { count: BUFFERS, kind: VIDEO_CAPTURE, memory: MEMORY_MMAP, ..Default::default() };
+        abi::REQBUFS.call(&self.device, &mut request)?;
+        if request.count == 0 {
+            return Err(Errno::NOMEM);
+        }
+        for index in 0..request.count.min(MAX_BUFFERS) {
+            let mut buffer = buffer(index);
+            abi::QUERYBUF.call(&self.device, &mut buffer)?;
+            self.buffers.push(Mapping::new(&self.device, buffer.place.offset, buffer.length as usize)?);
+            self.give(index)?;
+        }
+        abi::STREAMON.call(&self.device, &mut (VIDEO_CAPTURE as i32))
+    }
+
+    /// Lets the driver fill a buffer.
+    fn give(&self, index: u32) -> rustix::io::Result<()> {
+        abi::QBUF.call(&self.device, &mut buffer(index))
+    }
+}
+
+fn buffer(index: u32) -> abi::Buffer {
+    abi::Buffer { index, kind: VIDEO_CAPTURE, memory: MEMORY_MMAP, ..Default::default() }
+}
+
+impl Driver for Stream {
+    fn range(&self, control: u32) -> Option<Range> {
+        let mut query = abi::ControlQuery { id: control, ..Default::default() };
+        abi::QUERYCTRL.call(&self.device, &mut query).ok()?;
+        let Range { min, max, step } = Range { min: query.minimum, max: query.maximum, step: query.step };
+        (query.flags & (CONTROL_DISABLED | CONTROL_READ_ONLY) == 0 && min <= max).then_some(Range { min, max, step })
+    }
+
+    fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<()> {
+        abi::S_CTRL.call(&self.device, &mut abi::Control { id: control, value })
+    }
+
+    fn next<T>(
+        &mut self,
+        patience: Duration,
+        read: impl FnOnce(&[u8], Stamp) -> T,
+    ) -> std::result::Result<Option<T>, Fault> {
+        let mut waiting = [PollFd::new(&self.device, PollFlags::IN)];
+        let timeout = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
+        match poll(&mut waiting, Some(&timeout)) {
+            Ok(0) | Err(Errno::INTR) => return Ok(None),
+            Ok(_) => {}
+            Err(errno) => return Err(Fault::Stream(errno)),
+        }
+        let has_ended = waiting[0].revents().intersects(PollFlags::ERR | PollFlags::HUP | PollFlags::NVAL);
+        let mut filled = buffer(0);
+        match abi::DQBUF.call(&self.device, &mut filled) {
+            Ok(()) => {}
+            Err(Errno::AGAIN) if !has_ended => return Ok(None),
+            Err(Errno::IO) if !has_ended => return Err(Fault::Buffer("its driver lost it")),
+            Err(Errno::AGAIN) => return Err(Fault::Stream(Errno::IO)),
+            Err(errno) => return Err(Fault::Stream(errno)),
+        }
+        let Some(mapping) = self.buffers.get(filled.index as usize) else { return Err(Fault::Stream(Errno::IO)) };
+        let stamp = Stamp {
+            ns: (filled.seconds as u64)
+                .wrapping_mul(1_000_000_000)
+                .wrapping_add((filled.microseconds as u64).wrapping_mul(1000)),
+            flags: filled.flags,
+            arrived_ns: monotonic_ns(),
+        };
+        let given = match mapping.bytes().get(..filled.bytes_used as usize) {
+            _ if filled.flags & FLAG_ERROR != 0 => Err(Fault::Buffer("its driver says so")),
+            None => Err(Fault::Buffer("more bytes than its buffer has")),
+            Some(data) => Ok(Some(read(data, stamp))),
+        };
+        self.give(filled.index).map_err(Fault::Stream)?;
+        given
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        // A device that is gone has ended already.
+        let _ = abi::STREAMOFF.call(&self.device, &mut (VIDEO_CAPTURE as i32));
+    }
+}
+
+/// A buffer of the driver's in this process's memory.
+struct Mapping {
+    start: *mut c_void,
+    length: usize,
+}
+
+// SAFETY: nothing but this struct knows of the mapping, which is of the process and not of a thread.
+unsafe impl Send for Mapping {}
+
+impl Mapping {
+    fn new(device: &OwnedFd, offset: u32, length: usize) -> rustix::io::Result<Self> {
+        // SAFETY: a new mapping at a place of the kernel's choice overlaps nothing.
+        let start =
+            unsafe { mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, device, offset.into())? };
+        Ok(Self { start, length })
+    }
+
+    /// What the driver wrote. Only for a buffer that it gave out and did not get back.
+    fn bytes(&self) -> &[u8] {
+        // SAFETY: `length` bytes are mapped there until this is dropped, and a driver writes only to buffers it was given.
+        unsafe { std::slice::from_raw_parts(self.start.cast(), self.length) }
+    }
+}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        // SAFETY: made by `new`, and no slice of it outlives it.
+        let _ = unsafe { munmap(self.start, self.length) };
+    }
+}

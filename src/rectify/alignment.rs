@@ -1,0 +1,205 @@
+//! How far the rows of left and right are apart, seen from the pictures alone.
+
+use super::epipolar::Epipolar;
+use super::features::{Match, matches};
+use crate::stereo::{GridShape, StereoPair};
+use nalgebra::{Matrix3, Vector3};
+
+/// Measures the row offset of matches over some pairs of one size.
+#[derive(Clone, Debug, Default)]
+pub struct AlignmentMeter {
+    size: (usize, usize),
+    matches: Vec<Match>,
+    pairs: usize,
+}
+
+/// By how many rows what belongs together lies apart. Positive: lower in the right image.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Alignment {
+    /// Pairs that were looked at.
+    pub pairs: usize,
+    /// Points found in both images.
+    pub matches: usize,
+    /// Median of |Δy|, pixels.
+    pub median_abs_px: f64,
+    /// 90th percentile of |Δy|, pixels.
+    pub p90_abs_px: f64,
+    /// Median of Δy: a shift of one image.
+    pub median_px: f64,
+    /// What the offsets look like.
+    pub misfit: Misfit,
+    /// Median of Δy in a grid of 3 x 3 parts of the left image, in raster order; nothing where too few points were found.
+    pub parts_px: [[Option<f64>; 3]; 3],
+}
+
+/// The simplest that explains most of the offsets.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Misfit {
+    /// One image lies higher than the other.
+    Shift,
+    /// One is turned against the other, positive clockwise in the right image, or has another scale, the right one's to the
+    /// left one's.
+    Turn { degrees: f64, scale: f64 },
+    /// More than that: lenses, or cameras turned towards each other.
+    Bent,
+}
+
+impl Alignment {
+    /// Rows apart by so much cost matchers more than a few matches.
+    pub const TOLERABLE_PX: f64 = 0.5;
+
+    /// Whether rows are farther apart than matchers like.
+    pub fn is_off(&self) -> bool {
+        self.median_abs_px > Self::TOLERABLE_PX
+    }
+}
+
+/// How far a match may be from the geometry that most agree with: lenses bend it by more than noise does.
+const TOLERANCE_PX: f64 = 2.0;
+/// Fewest matches that say anything of an image, and of a part of it.
+const LEAST: usize = 40;
+const LEAST_OF_PART: usize = 8;
+/// Rounds in which a plane settles among offsets some of which are wrong.
+const STEPS: usize = 10;
+
+impl AlignmentMeter {
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes in the matches of one more pair; one of another size than the first is left out.
+    pub fn add(&mut self, pair: &StereoPair) {
+        if self.pairs == 0 {
+            self.size = pair.size();
+        } else if self.size != pair.size() {
+            return;
+        }
+        self.pairs += 1;
+        // Of one pair at a time: those of several scenes need not share one geometry.
+        self.matches.extend(Epipolar::of(&matches(pair), TOLERANCE_PX).into_iter().flat_map(|found| found.inliers));
+    }
+
+    /// The points found so far.
+    pub fn matches(&self) -> &[Match] {
+        &self.matches
+    }
+
+    /// What they say; nothing when there are too few.
+    pub fn alignment(&self) -> Option<Alignment> {
+        if self.matches.len() < LEAST {
+            return None;
+        }
+        let offset = |m: &Match| m.right.y - m.left.y;
+        let offsets: Vec<_> = self.matches.iter().map(offset).collect();
+        let sizes: Vec<_> = offsets.iter().map(|offset| offset.abs()).collect();
+        let shape = GridShape { columns: 3, rows: 3 };
+        let part = |column, row| {
+            let (x, y) = shape.pixels((column, row), self.size);
+            let inside = |m: &&Match| x.contains(&(m.left.x as usize)) && y.contains(&(m.left.y as usize));
+            let offsets: Vec<_> = self.matches.iter().filter(inside).map(offset).collect();
+            (offsets.len() >= LEAST_OF_PART).then(|| quantile(offsets, 0.5))
+        };
+        Some(Alignment {
+            pairs: self.pairs,
+            matches: self.matches.len(),
+            median_abs_px: quantile(sizes.clone(), 0.5),
+            p90_abs_px: quantile(sizes, 0.9),
+            median_px: quantile(offsets, 0.5),
+            misfit: self.misfit(),
+            parts_px: std::array::from_fn(|row| std::array::from_fn(|column| part(column, row))),
+        })
+    }
+}
+
+impl AlignmentMeter {
+    fn misfit(&self) -> Misfit {
+        let offset = |m: &Match| m.right.y - m.left.y;
+        let typical = |offsets: Vec<f64>| quantile(offsets.into_iter().map(f64::abs).collect(), 0.5);
+        let all: Vec<_> = self.matches.iter().map(offset).collect();
+        let (shift, explained) =
+            (quantile(all.clone(), 0.5), (typical(all.clone()) / 4.0).max(Alignment::TOLERABLE_PX / 2.0));
+        if typical(all.iter().map(|offset| offset - shift).collect()) <= explained {
+            return Misfit::Shift;
+        }
+        let (width, height) = self.size;
+        let terms = |m: &Match| Vector3::new(1.0, m.left.x / width as f64 - 0.5, m.left.y / height as f64 - 0.5);
+        let mut plane = Vector3::new(shift, 0.0, 0.0);
+        for _ in 0..STEPS {
+            let mut normal = Matrix3::zeros();
+            let mut sums = Vector3::zeros();
+            for m in &self.matches {
+                // What is far from the others counts little.
+                let weight = 1.0 / (1.0 + (offset(m) - plane.dot(&terms(m))).powi(2));
+                normal += terms(m) * terms(m).transpose() * weight;
+                sums += terms(m) * offset(m) * weight;
+            }
+            let Some(cholesky) = normal.cholesky() else { return Misfit::Bent };
+            plane = cholesky.solve(&sums);
+        }
+        if typical(self.matches.iter().map(|m| offset(m) - plane.dot(&terms(m))).collect()) > explained {
+            return Misfit::Bent;
+        }
+        Misfit::Turn { degrees: (plane.y / width as f64).atan().to_degrees(), scale: 1.0 + plane.z / height as f64 }
+    }
+}
+
+/// The value that a share of all `values`, of which there is one, is not above.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() as f64 * share).ceil() as usize).saturating_sub(1)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::Gray;
+
+    /// A textured pair whose right image lies lower by so many rows, more so to the right.
+    fn pair(lower: f64, turned: f64) -> StereoPair {
+        let blob = |x: f64, y: f64| {
+            let wave = |a: f64, b: f64, c: f64| (a * x + b * y + c).sin();
+            128.0
+                + 60.0 * wave(0.31, 0.07, 0.0) * wave(-0.05, 0.27, 1.0)
+                + 50.0 * wave(0.171, -0.133, 3.0) * wave(0.023, 0.037, 0.5)
+        };
+        let left = Gray::from_fn(320, 240, |x, y| blob(x as f64, y as f64) as u8).unwrap();
+        let right = |x: usize, y: usize| blob(x as f64 + 8.0, y as f64 - lower - turned * (x as f64 - 160.0)) as u8;
+        StereoPair::new(left, Gray::from_fn(320, 240, right).unwrap()).unwrap()
+    }
+
+    fn alignment(pair: &StereoPair) -> Option<Alignment> {
+        let mut meter = AlignmentMeter::new();
+        meter.add(pair);
+        meter.alignment()
+    }
+
+    #[test]
+    fn a_shift_is_measured_to_a_tenth_of_a_pixel() {
+        for lower in [0.0, 0.3, -0.7, 12.9] {
+            let found = alignment(&pair(lower, 0.0)).unwrap();
+            assert!((found.median_px - lower).abs() < 0.1, "{lower}: {found:?}");
+            assert!((found.median_abs_px - lower.abs()).abs() < 0.1, "{lower}: {found:?}");
+            assert_eq!(found.is_off(), lower.abs() > 0.5, "{lower}");
+            assert_eq!(found.misfit, Misfit::Shift);
+        }
+    }
+
+    #[test]
+    fn a_turn_shows_in_the_parts() {
+        let found = alignment(&pair(0.0, 0.01)).unwrap();
+        let Misfit::Turn { degrees, scale } = found.misfit else { panic!("{found:?}") };
+        assert!((degrees - 0.573).abs() < 0.1 && (scale - 1.0).abs() < 1e-3, "{degrees} {scale}");
+        for row in found.parts_px {
+            let [left, middle, right] = row.map(|part| part.unwrap());
+            // A part's middle is 107 columns from the next one's.
+            assert!((right - left - 2.1).abs() < 0.4 && middle.abs() < 0.3, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn without_texture_nothing_is_said() {
+        let flat = Gray::filled(320, 240, 90).unwrap();
+        assert_eq!(alignment(&StereoPair::new(flat.clone(), flat).unwrap()), None);
+    }
+}

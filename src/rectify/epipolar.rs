@@ -1,0 +1,158 @@
+//! The geometry of two images from their matches alone: the fundamental matrix.
+//!
+//! Eight points, normalised (Hartley, In defense of the eight-point algorithm, 1997), of samples drawn as RANSAC does
+//! (Fischler & Bolles 1981), always the same ones.
+
+use super::features::Match;
+use nalgebra::{Matrix3, SMatrix, SVD, SymmetricEigen, Vector3};
+
+/// Matches that belong together.
+#[derive(Clone, Debug)]
+pub struct Epipolar {
+    /// F of `right · F left = 0`, both in pixels and homogeneous, of norm 1.
+    pub fundamental: Matrix3<f64>,
+    /// Those that agree with it.
+    pub inliers: Vec<Match>,
+}
+
+/// Samples that are tried at most.
+const SAMPLES: usize = 500;
+/// Matches needed so that agreement is more than chance.
+const LEAST: usize = 16;
+/// Sure enough to have met a sample without an outlier.
+const CERTAINTY: f64 = 0.999;
+
+impl Epipolar {
+    /// The largest set of matches that agree with one geometry up to `tolerance_px`; nothing when there is none of at least
+    /// 16, or less than half of all agree.
+    pub fn of(matches: &[Match], tolerance_px: f64) -> Option<Self> {
+        if matches.len() < LEAST {
+            return None;
+        }
+        let mut random = Random(0x5EED);
+        let agreeing = |f: &Matrix3<f64>| -> Vec<Match> {
+            matches.iter().filter(|m| sampson_px(f, m) < tolerance_px).copied().collect()
+        };
+        let mut best: Vec<Match> = Vec::new();
+        let mut samples = SAMPLES;
+        let mut tried = 0;
+        while tried < samples {
+            tried += 1;
+            let sample: [Match; 8] = std::array::from_fn(|_| matches[random.below(matches.len())]);
+            let Some(f) = fundamental(&sample) else { continue };
+            let count = matches.iter().filter(|m| sampson_px(&f, m) < tolerance_px).count();
+            if count > best.len() {
+                best = agreeing(&f);
+                let share = count as f64 / matches.len() as f64;
+                let needed = (1.0 - CERTAINTY).ln() / (1.0 - share.powi(8)).max(f64::MIN_POSITIVE).ln();
+                samples = SAMPLES.min(needed.ceil().max(1.0) as usize);
+            }
+        }
+        let mut found = None;
+        for _ in 0..3 {
+            let f = fundamental(&best)?;
+            best = agreeing(&f);
+            found = Some(f);
+        }
+        let enough = best.len() >= LEAST && 2 * best.len() >= matches.len();
+        found.filter(|_| enough).map(|fundamental| Self { fundamental, inliers: best })
+    }
+}
+
+/// Distance of a match from the nearest one that agrees with `f` exactly, to first order (Hartley & Zisserman, 11.4.3).
+fn sampson_px(f: &Matrix3<f64>, Match { left, right }: &Match) -> f64 {
+    let (left, right) = (left.to_homogeneous(), right.to_homogeneous());
+    let (there, back) = (f * left, f.transpose() * right);
+    let slope = there.xy().norm_squared() + back.xy().norm_squared();
+    right.dot(&there).abs() / slope.sqrt()
+}
+
+fn fundamental(matches: &[Match]) -> Option<Matrix3<f64>> {
+    let left = normalisation(matches.iter().map(|m| m.left.to_homogeneous()))?;
+    let right = normalisation(matches.iter().map(|m| m.right.to_homogeneous()))?;
+    let mut sums = SMatrix::<f64, 9, 9>::zeros();
+    for m in matches {
+        let (l, r) = (left * m.left.to_homogeneous(), right * m.right.to_homogeneous());
+        let row = (r * l.transpose()).transpose();
+        let row = SMatrix::<f64, 9, 1>::from_column_slice(row.as_slice());
+        sums += row * row.transpose();
+    }
+    let eigen = SymmetricEigen::try_new(sums, f64::EPSILON, 200)?;
+    let least = eigen.eigenvalues.imin();
+    let f = Matrix3::from_row_slice(eigen.eigenvectors.column(least).as_slice());
+    // Of rank two, as all epipolar lines meet.
+    let mut svd = SVD::try_new(f, true, true, f64::EPSILON, 200)?;
+    let least = svd.singular_values.imin();
+    svd.singular_values[least] = 0.0;
+    let f = right.transpose() * svd.recompose().ok()? * left;
+    let norm = f.norm();
+    (norm.is_finite() && norm > 0.0).then(|| f / norm)
+}
+
+/// Moves points to their mean and makes their mean distance from it √2.
+fn normalisation(points: impl Iterator<Item = Vector3<f64>> + Clone) -> Option<Matrix3<f64>> {
+    let count = points.clone().count() as f64;
+    let mean = points.clone().sum::<Vector3<f64>>() / count;
+    let distance = points.map(|p| (p - mean).norm()).sum::<f64>() / count;
+    let scale = std::f64::consts::SQRT_2 / distance;
+    let shift = Matrix3::new(scale, 0.0, -scale * mean.x, 0.0, scale, -scale * mean.y, 0.0, 0.0, 1.0);
+    (distance > 0.0 && scale.is_finite()).then_some(shift)
+}
+
+/// SplitMix64 (Steele, Lea & Flood 2014).
+struct Random(u64);
+
+impl Random {
+    /// Evenly from `0..count`, but for what no sample shows.
+    fn below(&mut self, count: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((mixed ^ (mixed >> 31)) % count as u64) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion};
+
+    /// Points before two cameras, seen with so much noise, and as many that agree with nothing.
+    fn seen(count: usize, noise_px: f64, outliers: usize) -> (Vec<Match>, Vec<Match>) {
+        let mut random = Random(7);
+        let mut even = |from: f64, to: f64| from + (to - from) * random.below(1 << 30) as f64 / (1 << 30) as f64;
+        let motion =
+            Isometry3::from_parts([-0.2, 0.01, 0.02].into(), UnitQuaternion::from_euler_angles(0.02, -0.05, 0.03));
+        let mut matches = Vec::new();
+        for _ in 0..count {
+            let z = even(1.0, 8.0);
+            let point = Point3::new(even(-0.5, 0.5) * z, even(-0.4, 0.4) * z, z);
+            let mut pixel = |p: Point3<f64>| {
+                Point2::new(
+                    500.0 * p.x / p.z + 320.0 + even(-noise_px, noise_px),
+                    500.0 * p.y / p.z + 240.0 + even(-noise_px, noise_px),
+                )
+            };
+            matches.push(Match { left: pixel(point), right: pixel(motion * point) });
+        }
+        let mut pixel = || Point2::new(even(0.0, 639.0), even(0.0, 479.0));
+        (matches, (0..outliers).map(|_| Match { left: pixel(), right: pixel() }).collect())
+    }
+
+    #[test]
+    fn outliers_are_found() {
+        let (good, bad) = seen(200, 0.2, 100);
+        let found = Epipolar::of(&[good.clone(), bad].concat(), 1.0).unwrap();
+        let kept = good.iter().filter(|m| found.inliers.contains(m)).count();
+        assert!(found.fundamental.determinant().abs() < 1e-15, "not of rank two");
+        assert!(kept > 195 && found.inliers.len() - kept < 10, "{kept} of {}", found.inliers.len());
+    }
+
+    #[test]
+    fn what_agrees_with_nothing_is_nothing() {
+        let (good, bad) = seen(20, 0.0, 300);
+        assert!(Epipolar::of(&bad, 1.0).is_none());
+        assert!(Epipolar::of(&good[..10], 1.0).is_none());
+        assert!(Epipolar::of(&[good[0]; 40], 1.0).is_none(), "one point is no geometry");
+    }
+}

@@ -1,0 +1,96 @@
+//! Points of a scene found in both images of a pair, whatever their geometry.
+//!
+//! Corners are matched by the correlation of their surroundings (Zhang, Deriche, Faugeras & Luong, A robust technique for
+//! matching two uncalibrated images, 1995) and then to a fraction of a pixel by least squares (Lucas & Kanade 1981).
+
+mod corners;
+mod fit;
+mod patch;
+
+use crate::stereo::{Gray, StereoPair};
+use corners::corners;
+use nalgebra::Point2;
+use patch::{Patch, candidates};
+
+/// Where a point is seen in both images, pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Match {
+    pub left: Point2<f64>,
+    pub right: Point2<f64>,
+}
+
+/// Corners looked for in an image.
+const CORNERS: usize = 1500;
+/// Least correlation of two corners' surroundings, and how much the next best one must differ more from it.
+const LEAST: f64 = 0.85;
+const RIVALRY: f64 = 0.7;
+/// Rows of a match may be apart by so much of the image's height.
+const ROWS: f64 = 0.2;
+/// Matches that wander farther than this while they are fitted are none.
+const NEAR_PX: f64 = 2.0;
+
+/// The points found in both images, to about a tenth of a pixel; none where there is no texture.
+///
+/// Each is the other's best in either image. Most are right, but not all: [`super::Epipolar`] tells which agree.
+pub fn matches(pair: &StereoPair) -> Vec<Match> {
+    let [left, right] = [described(pair.left()), described(pair.right())];
+    let reach = pair.size().1 as f64 * ROWS;
+    let found = |of: &[Patch], among: &[Patch]| candidates(of, among, reach, LEAST, RIVALRY);
+    let (there, back) = (found(&left, &right), found(&right, &left));
+    let mutual = there.iter().enumerate().filter_map(|(l, r)| r.filter(|&r| back[r] == Some(l)).map(|r| (l, r)));
+    let mutual: Vec<_> = mutual.map(|(l, r)| (left[l].at, right[r].at)).collect();
+    let fitted = |&(l, r): &((usize, usize), (usize, usize))| {
+        let near = Point2::new(r.0 as f64, r.1 as f64);
+        let right = fit::fit(pair.left(), l, pair.right(), near)?;
+        let left = Point2::new(l.0 as f64, l.1 as f64);
+        ((right - near).norm() < NEAR_PX).then_some(Match { left, right })
+    };
+    mutual.iter().filter_map(fitted).collect()
+}
+
+fn described(image: &Gray) -> Vec<Patch> {
+    corners(image, CORNERS).into_iter().filter_map(|at| Patch::of(image, at)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Blobs of all sizes, as a function of the place.
+    fn scene(x: f64, y: f64) -> f64 {
+        let wave = |a: f64, b: f64, c: f64| (a * x + b * y + c).sin();
+        128.0
+            + 40.0 * wave(0.31, 0.07, 0.0) * wave(-0.05, 0.27, 1.0)
+            + 30.0 * wave(0.11, 0.19, 2.0)
+            + 30.0 * wave(0.171, -0.133, 3.0) * wave(0.023, 0.037, 0.5)
+            + 20.0 * wave(0.45, 0.39, 0.2) * wave(0.013, -0.029, 0.7)
+    }
+
+    fn pair(dx: f64, dy: f64) -> StereoPair {
+        let image =
+            |dx: f64, dy: f64| Gray::from_fn(320, 240, |x, y| scene(x as f64 + dx, y as f64 + dy) as u8).unwrap();
+        StereoPair::new(image(0.0, 0.0), image(dx, dy)).unwrap()
+    }
+
+    #[test]
+    fn points_are_found_to_a_tenth_of_a_pixel() {
+        for (dx, dy) in [(0.0, 0.0), (7.3, -0.4), (20.6, 9.7)] {
+            let found = matches(&pair(dx, dy));
+            assert!(found.len() > 60, "{} at {dx}, {dy}", found.len());
+            let off = |m: &&Match| (m.left.x - m.right.x - dx).abs() > 0.1 || (m.left.y - m.right.y - dy).abs() > 0.1;
+            let wrong = found.iter().filter(off).count();
+            assert!(wrong * 20 <= found.len(), "{wrong} of {} at {dx}, {dy}", found.len());
+        }
+    }
+
+    #[test]
+    fn nothing_is_found_where_there_is_nothing() {
+        let flat = Gray::filled(320, 240, 90).unwrap();
+        assert_eq!(matches(&StereoPair::new(flat.clone(), flat).unwrap()), []);
+        let tiny = Gray::from_fn(9, 5, |x, y| (x * y) as u8).unwrap();
+        assert_eq!(matches(&StereoPair::new(tiny.clone(), tiny).unwrap()), []);
+        // Stripes: along them every place looks the same.
+        let stripes = Gray::from_fn(320, 240, |x, _| (128.0 + 100.0 * (x as f64 * 0.4).sin()) as u8).unwrap();
+        assert_eq!(matches(&StereoPair::new(stripes.clone(), stripes).unwrap()), []);
+    }
+}

@@ -1,0 +1,81 @@
+//! One camera of a pair, and how it is turned.
+
+use crate::stereo::Intrinsics;
+use nalgebra::{Point2, Rotation3, Vector2, Vector3};
+
+/// A camera whose directions are given in the rectified frame, as `(X/Z, Y/Z)`.
+#[derive(Clone, Debug)]
+pub(super) struct View {
+    camera: Intrinsics,
+    /// `X_rectified = turn · X_camera`.
+    turn: Rotation3<f64>,
+    /// Square of the radius at which the lens model folds back, where it does.
+    fold_r2: f64,
+}
+
+impl View {
+    pub(super) fn new(camera: Intrinsics, turn: Rotation3<f64>) -> Self {
+        Self { camera, turn, fold_r2: fold_r2(&camera) }
+    }
+
+    /// Where a pixel looks; nothing for what is beside or behind the rectified camera, or that no direction leads to.
+    pub(super) fn direction(&self, pixel: Point2<f64>) -> Option<Vector2<f64>> {
+        let seen = self.camera.direction(pixel).filter(|seen| seen.norm_squared() < self.fold_r2)?;
+        onto_plane(self.turn * seen.push(1.0))
+    }
+
+    /// The pixel that looks there; nothing behind the camera, or where the lens model says nothing.
+    pub(super) fn pixel(&self, direction: Vector2<f64>) -> Option<Point2<f64>> {
+        let seen = onto_plane(self.turn.inverse() * direction.push(1.0))?;
+        (seen.norm_squared() < self.fold_r2).then(|| self.camera.pixel(seen))
+    }
+
+    /// Width and height of the camera's image.
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.camera.size()
+    }
+}
+
+/// What is farther than this from the axis (87 degrees) no picture of use shows.
+const MOST: f64 = 20.0;
+
+fn onto_plane(v: Vector3<f64>) -> Option<Vector2<f64>> {
+    let on_plane = v.xy() / v.z;
+    (v.z > 0.0 && on_plane.norm_squared() < MOST * MOST).then_some(on_plane)
+}
+
+/// Beyond the radius where `r (1 + k1 r² + k2 r⁴ + k3 r⁶)` stops to grow, a lens model shows again what it showed nearer.
+fn fold_r2(camera: &Intrinsics) -> f64 {
+    let [k1, k2, _, _, k3] = camera.distortion();
+    let growth = |r: f64| {
+        let r2 = r * r;
+        1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3))
+    };
+    let steps = (0..=10_000).map(|step| f64::from(step) * MOST / 10_000.0);
+    steps.into_iter().find(|&r| growth(r) <= 0.0).map_or(MOST * MOST, |r| r * r)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beyond_the_fold_there_is_nothing() {
+        let camera = Intrinsics::new((640, 480), (500.0, 500.0), (319.5, 239.5), [-0.3, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        let view = View::new(camera, Rotation3::identity());
+        // 1 − 0.9 r² is 0 at r = 1.054.
+        assert!(view.pixel(Vector2::new(1.05, 0.0)).is_some());
+        assert_eq!(view.pixel(Vector2::new(1.06, 0.0)), None);
+        assert_eq!(view.pixel(Vector2::new(1.8, 0.0)), None, "the model would put it into the picture");
+    }
+
+    #[test]
+    fn directions_are_those_of_the_turned_camera() {
+        let camera = Intrinsics::new((640, 480), (500.0, 510.0), (319.5, 239.5), [-0.3, 0.1, 1e-3, 2e-4, 0.0]).unwrap();
+        let view = View::new(camera, Rotation3::from_euler_angles(0.02, -0.03, 0.01));
+        for pixel in [Point2::new(0.0, 0.0), Point2::new(600.0, 100.0)] {
+            let back = view.pixel(view.direction(pixel).unwrap()).unwrap();
+            assert!((back - pixel).norm() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! Two cameras as they are, before rectification, and how they are rectified.
+
+use super::{Intrinsics, Rig};
+use crate::error::{Error, Result};
+use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
+
+/// What a calibration's lengths are measured in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LengthUnit {
+    Metres,
+    /// Squares of the calibration board, of a size that nobody measured: directions are right, distances unknown.
+    Squares,
+}
+
+/// A calibrated pair of cameras.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StereoCalibration {
+    left: Intrinsics,
+    right: Intrinsics,
+    right_from_left: Isometry3<f64>,
+    unit: LengthUnit,
+    rectification: Option<Rectification>,
+}
+
+impl StereoCalibration {
+    /// `right_from_left`: `X_right = R X_left + T`, both in the cameras' optical frames (x right, y down, z forward), `T`
+    /// in `unit`.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] unless it is finite, the cameras are apart, and the right one is on the right.
+    pub fn new(left: Intrinsics, right: Intrinsics, right_from_left: Isometry3<f64>, unit: LengthUnit) -> Result<Self> {
+        let place = right_from_left.inverse().translation.vector;
+        let numbers = place.iter().chain(right_from_left.rotation.coords.iter());
+        if !numbers.copied().all(f64::is_finite) || place.norm() == 0.0 {
+            return Err(Error::Rig(format!(
+                "the cameras' centres are {place:?} apart, which must be finite and not 0"
+            )));
+        }
+        if place.x <= 0.0 {
+            return Err(Error::Rig(format!(
+                "the right camera is at x = {} of the left one; swap left and right",
+                place.x
+            )));
+        }
+        Ok(Self { left, right, right_from_left, unit, rectification: None })
+    }
+
+    /// The same cameras with the rectification that their file holds or that was computed for them.
+    pub fn with_rectification(self, rectification: Rectification) -> Self {
+        Self { rectification: Some(rectification), ..self }
+    }
+
+    pub fn left(&self) -> &Intrinsics {
+        &self.left
+    }
+
+    pub fn right(&self) -> &Intrinsics {
+        &self.right
+    }
+
+    /// R and T of `X_right = R X_left + T`.
+    pub fn right_from_left(&self) -> &Isometry3<f64> {
+        &self.right_from_left
+    }
+
+    pub fn unit(&self) -> LengthUnit {
+        self.unit
+    }
+
+    /// Distance of the cameras' centres, in [`StereoCalibration::unit`].
+    pub fn baseline(&self) -> f64 {
+        self.right_from_left.translation.vector.norm()
+    }
+
+    pub fn rectification(&self) -> Option<&Rectification> {
+        self.rectification.as_ref()
+    }
+
+    /// The rectified rig; nothing without a rectification or without metres.
+    pub fn rig(&self) -> Option<Rig> {
+        let rectification = self.rectification.as_ref()?;
+        (self.unit == LengthUnit::Metres).then_some(rectification.rig)
+    }
+}
+
+/// How the images of two cameras become a rectified pair: each camera is turned, and both get one pinhole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rectification {
+    /// Width and height of the rectified images.
+    pub size: (usize, usize),
+    /// R1: `X_rectified = R1 X_left`.
+    pub left: Rotation3<f64>,
+    /// R2: `X_rectified = R2 X_right`, up to the baseline along x.
+    pub right: Rotation3<f64>,
+    /// The rectified cameras: their projection matrices are P1 and P2. Its baseline is in the calibration's unit.
+    pub rig: Rig,
+}
+
+impl Rectification {
+    /// The motion that it undoes, where nothing else says how the cameras stand: `R = R2ᵀ R1`, `T = R2ᵀ (−B, 0, 0)`.
+    pub fn motion(&self) -> Isometry3<f64> {
+        let back = self.right.inverse();
+        let apart = back * Vector3::new(-self.rig.baseline_m(), 0.0, 0.0);
+        Isometry3::from_parts(apart.into(), UnitQuaternion::from_rotation_matrix(&(back * self.left)))
+    }
+}
+
+/// The rotation nearest to a matrix of a file, where the digits it was written with make it almost one.
+///
+/// # Errors
+/// [`Error::Rig`] when it is not finite or farther from a rotation than 0.001 in any element.
+pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
+    let wrong = |why: &str| Error::Rig(format!("the matrix {:?} is no rotation: {why}", matrix.transpose().as_slice()));
+    if !matrix.iter().all(|v| v.is_finite()) {
+        return Err(wrong("it is not finite"));
+    }
+    let crooked = || wrong("its rows are not right-handed, at right angles and of length 1");
+    // What is larger overflows, and then compares with nothing.
+    if matrix.amax() > 2.0 {
+        return Err(crooked());
+    }
+    let svd = SVD::try_new(*matrix, true, true, f64::EPSILON, 100).ok_or_else(crooked)?;
+    let nearest = svd.u.zip(svd.v_t).map(|(u, v_t)| u * v_t).ok_or_else(crooked)?;
+    if (nearest - matrix).amax() > 1e-3 || nearest.determinant() < 0.0 {
+        return Err(crooked());
+    }
+    Ok(Rotation3::from_matrix_unchecked(nearest))
+}
+
+/// R and T of a file as one motion.
+///
+/// # Errors
+/// Those of [`rotation`].
+pub fn motion(matrix: &Matrix3<f64>, translation: Vector3<f64>) -> Result<Isometry3<f64>> {
+    let rotation = UnitQuaternion::from_rotation_matrix(&rotation(matrix)?);
+    Ok(Isometry3::from_parts(Translation3::from(translation), rotation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Intrinsics {
+        Intrinsics::new((640, 480), (500.0, 500.0), (319.5, 239.5), [0.0; 5]).unwrap()
+    }
+
+    #[test]
+    fn swapped_and_coincident_cameras_are_refused() {
+        let at =
+            |x| StereoCalibration::new(camera(), camera(), Isometry3::translation(x, 0.0, 0.0), LengthUnit::Metres);
+        assert!(at(-0.1).is_ok());
+        assert!(at(0.1).unwrap_err().to_string().contains("swap"));
+        assert!(at(0.0).is_err());
+        assert!(at(f64::NAN).is_err());
+    }
+
+    #[test]
+    fn rotations_are_those_of_files_with_few_digits() {
+        let exact = Rotation3::from_euler_angles(0.1, -0.02, 0.03);
+        let rounded = exact.matrix().map(|v: f64| (v * 1e5).round() / 1e5);
+        assert!((rotation(&rounded).unwrap().matrix() - exact.matrix()).amax() < 1e-5);
+        assert!(rotation(&(exact.matrix() * 1.01)).is_err());
+        assert!(rotation(&Matrix3::zeros()).is_err());
+        assert!(rotation(&Matrix3::from_element(f64::NAN)).is_err());
+        assert!(rotation(&-exact.matrix()).is_err());
+        assert!(rotation(&(exact.matrix() * 1e308)).is_err());
+    }
+
+    #[test]
+    fn squares_are_no_metres() {
+        let calibration = |unit| {
+            let apart = Isometry3::translation(-3.0, 0.0, 0.0);
+            let rig = Rig::new(500.0, (319.5, 239.5), 3.0, 0.0).unwrap();
+            let turn = Rotation3::identity();
+            let rectification = Rectification { size: (640, 480), left: turn, right: turn, rig };
+            StereoCalibration::new(camera(), camera(), apart, unit).unwrap().with_rectification(rectification)
+        };
+        assert_eq!(calibration(LengthUnit::Squares).rig(), None);
+        assert_eq!(calibration(LengthUnit::Metres).rig().unwrap().baseline_m(), 3.0);
+    }
+}
