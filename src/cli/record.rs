@@ -34,7 +34,8 @@ Sources:
   v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]  two cameras of this machine, as /dev/video0,/dev/video2; paired by
                     their stamps [default: the size nearest to 640x480 in which both hold the rate, in the plainest
                     format]
-  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address, when svl was built with --features genicam
+  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address;
+                    needs the feature genicam
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
@@ -45,7 +46,7 @@ Examples:
   svl record --list                               the cameras and serial ports of this machine
   svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
   svl record v4l2:/dev/video0,/dev/video2         webcams, which run by themselves
-  svl record genicam:192.168.0.2,192.168.0.3 --trigger serial:/dev/ttyACM0    fired by the trigger controller
+  svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0    fired by the trigger controller
   svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order    what a fixed rate does to the phase")]
 pub(super) struct Args {
     /// What to record
