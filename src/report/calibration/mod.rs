@@ -47,13 +47,13 @@ impl Page<'_> {
 mod tests {
     use super::*;
     use crate::calibrate::{Board, View, solve};
-    use nalgebra::{Isometry3, Point2, Vector3};
+    use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
     /// Six views by two cameras without noise; the last one's corners are counted backwards on the right.
     fn solution() -> Solution {
         let board = Board::new((5, 4), Some(0.03)).unwrap();
         let image = |pose: &Isometry3<f64>, x: f64| {
-            let pixel = |point| {
+            let pixel = |point: Point3<f64>| {
                 let point = pose * point;
                 Point2::new(500.0 * (point.x - x) / point.z + 320.0, 500.0 * point.y / point.z + 240.0)
             };
