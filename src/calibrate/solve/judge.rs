@@ -104,7 +104,7 @@ fn wrong_image(scene: &Scene, shot: &Shot, camera: usize, name: &str, usual: f64
     let excesses = [scatter / usual / (VIEW + chance), shift.norm() / usual / (SHIFT + chance), wrong / CORNERS];
     let (most, excess) = excesses.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let words = match most {
-        0 => format!("the {name} image's corners are {scatter:.2} px off, usual are {usual:.2} px"),
+        0 => format!("the {name} image's corners are {scatter:.2} px off, usually {usual:.2} px"),
         1 => format!("the {name} image's corners are all off by ({:.2}, {:.2}) px", shift.x, shift.y),
         _ => format!("{:.0} % of the {name} image's corners are outliers", 100.0 * wrong),
     };
