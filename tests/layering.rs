@@ -18,7 +18,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("files", &["stereo"]),
     ("fetch", &["files"]),
     ("overlay", &["stereo"]),
-    ("grab", &["stereo", "arena"]),
+    ("grab", &["stereo", "arena", "calibrate"]),
     ("recording", &["stereo", "files", "manifest"]),
     ("score", &["stereo", "depth", "overlay"]),
     ("source", &["stereo", "recording", "arena", "files", "grab", "calibrate", "rectify"]),

@@ -4,7 +4,7 @@
 # is missing. The machine is emulated, not virtual: KVM is not everywhere, and where it is it may not work.
 set -eu
 cd "$(dirname "$0")/.."
-packages="qemu-system-x86 linux-image-amd64 busybox-static v4l-utils cpio kmod"
+packages="qemu-system-x86 linux-image-amd64 busybox-static v4l-utils cpio kmod xz-utils python3-minimal"
 limit_s=240
 
 newest_kernel() { ls /lib/modules/*/kernel/drivers/media/test-drivers/vivid/vivid.ko* 2>/dev/null | tail -1 | cut -d/ -f4; }
@@ -41,7 +41,12 @@ cp "$(command -v busybox)" "$work/root/bin/busybox"
 for module in virtio_pci 9pnet_virtio 9p vivid vhci_hcd uvcvideo; do
   modprobe -D -S "$kernel" "$module" | awk '$1 == "insmod" { print $2 }'
 done | awk '!seen[$0]++' >"$work/modules"
-cp $(cat "$work/modules") "$work/root/"
+while read -r module; do
+  case "$module" in
+    *.xz) xz -dc "$module" >"$work/root/$(basename "$module" .xz)" ;;
+    *) cp "$module" "$work/root/" ;;
+  esac
+done <"$work/modules"
 {
   cat <<'INIT'
 #!/bin/busybox sh
@@ -54,17 +59,17 @@ INIT
   # One vivid for each: two webcams, one with several planes, one that gives no images.
   arguments="n_devs=4 node_types=0x1,0x1,0x1,0x20000 num_inputs=1,1,1,1 input_types=0,0,0,0 multiplanar=1,1,2,1"
   while read -r module; do
-    name="$(basename "$module")"
+    name="$(basename "$module" .xz)"
     case "$name" in vivid.ko*) echo "\$b insmod /$name $arguments" ;; *) echo "\$b insmod /$name" ;; esac
   done <"$work/modules"
   cat <<INIT
 \$b mount -t 9p -o ro,trans=virtio,version=9p2000.L,msize=262144,cache=loose host /host
 for folder in dev proc sys; do \$b mount -o bind /\$folder /host/\$folder; done
-\$b mount -t tmpfs tmp /host/tmp
-\$b mkdir /host/tmp/out
-\$b mount -t 9p -o trans=virtio,version=9p2000.L out /host/tmp/out
-\$b chroot /host /bin/sh -c 'export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp; exec sh "$PWD/tests/v4l2/guest.sh" "$svl" "$PWD"' >/dev/console 2>&1
-echo \$? >/host/tmp/out/status
+\$b mount -t tmpfs work /host/mnt
+\$b mkdir /host/mnt/out
+\$b mount -t 9p -o trans=virtio,version=9p2000.L out /host/mnt/out
+\$b chroot /host /bin/sh -c 'export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/mnt; exec sh "$PWD/tests/v4l2/guest.sh" "$svl" "$PWD"' >/dev/console 2>&1
+echo \$? >/host/mnt/out/status
 \$b poweroff -f
 INIT
 } >"$work/root/init"

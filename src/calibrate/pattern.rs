@@ -46,9 +46,14 @@ impl Board {
         if self.square_m.is_some() { LengthUnit::Metres } else { LengthUnit::Squares }
     }
 
+    /// Side of a square in [`Board::unit`].
+    pub fn side(&self) -> f64 {
+        self.square_m.unwrap_or(1.0)
+    }
+
     /// The corners row by row in the board's own frame, z = 0.
     pub fn corners(&self) -> impl Iterator<Item = Point3<f64>> + use<> {
-        let (columns, side) = (self.columns, self.square_m.unwrap_or(1.0));
+        let (columns, side) = (self.columns, self.side());
         let at = move |i: usize| Point3::new((i % columns) as f64 * side, (i / columns) as f64 * side, 0.0);
         (0..columns * self.rows).map(at)
     }

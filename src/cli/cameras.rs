@@ -45,6 +45,8 @@ impl FromStr for TriggerChoice {
 pub(super) struct Cameras {
     pub cameras: [Box<dyn Camera>; 2],
     pub policy: Policy,
+    /// From one image of a camera to its next, at least.
+    pub period_ns: u64,
     pub rig: Option<Rig>,
     /// What their images were drawn from, when they are simulated.
     pub seed: Option<u64>,
@@ -76,7 +78,10 @@ impl Wanted {
     fn simulated(&self, settings: &str) -> anyhow::Result<Cameras> {
         let config: SimulatedConfig = settings.parse()?;
         let seed = self.seed.unwrap_or(1);
-        let pictures = Arc::new(Pictures::render(config.size, self.rate_hz, config.pictures, seed)?);
+        let pictures = Arc::new(match config.board {
+            true => Pictures::of_board(config.size, seed)?,
+            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed)?,
+        });
         let wire = Wire::new(&self.clock);
         let camera = |side: Side| -> Box<dyn Camera> {
             let drive = match self.trigger {
@@ -88,7 +93,8 @@ impl Wanted {
         };
         let software = Box::new(SimulatedTrigger::new(&wire));
         let policy = self.policy(software, |controller| Box::new(Cabled::new(controller, &wire)))?;
-        Ok(Cameras { cameras: Side::BOTH.map(camera), policy, rig: pictures.rig(), seed: Some(seed) })
+        let period_ns = self.period_ns();
+        Ok(Cameras { cameras: Side::BOTH.map(camera), policy, period_ns, rig: pictures.rig(), seed: Some(seed) })
     }
 
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
@@ -101,8 +107,9 @@ impl Wanted {
             _ => Policy::Free,
         };
         let is_fired = !matches!(policy, Policy::Free);
-        let cameras = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
-        Ok(Cameras { cameras, policy, rig: None, seed: None })
+        let (cameras, rate_hz) = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
+        let period_ns = if is_fired { self.period_ns() } else { (1e9 / rate_hz).round() as u64 };
+        Ok(Cameras { cameras, policy, period_ns, rig: None, seed: None })
     }
 
     #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
@@ -128,6 +135,7 @@ impl Wanted {
         Ok(Cameras {
             cameras: cameras.map(|camera| Box::new(camera) as Box<dyn Camera>),
             policy,
+            period_ns: self.period_ns(),
             rig: None,
             seed: None,
         })

@@ -86,9 +86,8 @@ impl LiveArgs {
         listen_for_interrupt();
         let clock = Clock::real();
         let wanted = Wanted { rate_hz: self.rate_hz(&trigger)?, trigger, clock: clock.clone(), seed };
-        let period_ns = wanted.period_ns();
+        let Cameras { cameras, policy, period_ns, rig, seed } = wanted.cameras(kind, settings)?;
         let rule = self.rule(kind, &wanted.trigger, period_ns, max_skew_ms);
-        let Cameras { cameras, policy, rig, seed } = wanted.cameras(kind, settings)?;
         let grabber = Grabber::start(Setup {
             clock,
             cameras,
@@ -96,7 +95,7 @@ impl LiveArgs {
             rule,
             settings: FIRST,
             // Half a period is left for arming and transfer.
-            max_shutter_us: (period_ns / 2_000) as u32,
+            max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
             balance_every: BALANCE_EVERY,
             timeout: Duration::from_secs_f64(self.timeout.unwrap_or(1.0)),
             queue: self.queue.unwrap_or(QUEUE).into(),

@@ -1,13 +1,11 @@
 //! `svl record`: a source into a recording.
 
-use super::cameras::is_live;
 use super::devices;
 use super::live::LiveArgs;
 use super::output::{Aside, distinct, may_write, print};
 use super::progress::{Progress, listen_for_interrupt};
 use super::rectify::Rectify;
 use super::source::{self, Opened, RECORDINGS};
-use anyhow::bail;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::manifest::Manifest;
@@ -24,17 +22,19 @@ use svl::source::Limited;
 #[command(after_help = "\
 Sources:
   arena            the simulated arena of scenarios/arena.toml (default)
+  board            a chessboard that is moved before two cameras with lenses: for `svl calibrate board`
   SCENARIO.toml    the arena with other parameters
   FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
                    (the pairs with truth), or left/ and right/ with equally named images
   FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
-  sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60;
+  sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60,
+                    scene=board for the board instead;
                     for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
                     happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
-  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address, when svl was built with --features genicam
   v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]  two cameras of this machine, as /dev/video0,/dev/video2; paired by
                     their stamps [default: the size nearest to 640x480 in which both hold the rate, in the plainest
                     format]; needs the feature v4l2
+  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address, when svl was built with --features genicam
 
 Examples:
   svl record                                      recordings/arena-seed1-1.mcap
@@ -44,8 +44,8 @@ Examples:
   svl record raw.mcap --calib calibration.xml -o rectified.mcap
   svl record --list                               the cameras and serial ports of this machine
   svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
-  svl record genicam:192.168.0.2,192.168.0.3 --trigger serial:/dev/ttyACM0    fired by the trigger controller
   svl record v4l2:/dev/video0,/dev/video2         webcams, which run by themselves
+  svl record genicam:192.168.0.2,192.168.0.3 --trigger serial:/dev/ttyACM0    fired by the trigger controller
   svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order    what a fixed rate does to the phase")]
 pub(super) struct Args {
     /// What to record
@@ -88,15 +88,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         may_write(path, &["mcap"], args.force)?;
         distinct([path.as_path(), Path::new(&args.source)])?;
     }
-    let mut opened = if is_live(&args.source) {
-        if args.topics.are_named() {
-            bail!("{}: --left and --right choose topics of a recording (.mcap)", args.source);
-        }
-        args.live.open(&args.source, args.seed, args.topics.max_skew_ms)?
-    } else {
-        args.live.none_given(&args.source)?;
-        source::open(&args.source, args.seed, &args.topics)?
-    };
+    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live)?;
     opened = args.rectify.opened(opened, quiet)?;
     let live = opened.live.clone();
     let output = match &args.output {

@@ -1,5 +1,7 @@
 //! From what a user names to a source of frames.
 
+use super::cameras::is_live;
+use super::live::LiveArgs;
 use super::rectify::Recorded;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
@@ -7,7 +9,7 @@ use svl::arena::{Arena, ArenaConfig};
 use svl::recording::{Header, Selection};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
-use svl::source::{ArenaSource, LastTally, RecordingSource, Source};
+use svl::source::{ArenaSource, BoardSource, LastTally, RecordingSource, Source};
 
 /// Where recordings are kept.
 pub(super) const RECORDINGS: &str = "recordings";
@@ -81,7 +83,19 @@ pub(super) fn tell_unpaired(source: &dyn Source) {
     }
 }
 
-/// Opens `arena`, a scenario file of the arena, a scene or image folder, or a recording.
+/// Starts the cameras that `name` says, or opens what [`open`] does.
+pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &LiveArgs) -> anyhow::Result<Opened> {
+    if !is_live(name) {
+        live.none_given(name)?;
+        return open(name, seed, topics);
+    }
+    if topics.are_named() {
+        bail!("{name}: --left and --right choose topics of a recording (.mcap)");
+    }
+    live.open(name, seed, topics.max_skew_ms)
+}
+
+/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording.
 pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Result<Opened> {
     let path = Path::new(name);
     if topics.are_given() && path.extension().is_none_or(|e| e != "mcap") {
@@ -90,14 +104,17 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Re
     if name == "arena" {
         return arena(&Scenario::arena()?, seed.unwrap_or(1));
     }
+    if name == "board" {
+        return board(seed.unwrap_or(1));
+    }
     if !path.exists() {
         bail!(
-            "{name}: no such source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
+            "{name}: no such source; expected 'arena', 'board', a scenario (.toml), a folder of images or a recording (.mcap)"
         );
     }
     let scenario = path.extension().is_some_and(|e| e == "toml");
     if seed.is_some() && !scenario {
-        bail!("{name}: only the arena takes a --seed");
+        bail!("{name}: only the arena and the board take a --seed");
     }
     if path.is_dir() {
         return folder(path);
@@ -126,6 +143,18 @@ pub(super) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
             ..Header::new("arena")
         },
         scenario: Some(scenario.text.clone()),
+        live: None,
+        recorded: Recorded::default(),
+    })
+}
+
+/// A calibration board that is moved before two cameras.
+fn board(seed: u64) -> anyhow::Result<Opened> {
+    Ok(Opened {
+        source: Box::new(BoardSource::new(seed)?),
+        stem: format!("board-seed{seed}"),
+        header: Header { seed: Some(seed), ..Header::new("board") },
+        scenario: None,
         live: None,
         recorded: Recorded::default(),
     })

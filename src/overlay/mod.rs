@@ -4,11 +4,13 @@
 //!
 //! [`marks`] is the geometry; the HTML report draws it as SVG and the Rerun sink as boxes.
 
+mod corners;
 pub mod errors;
 mod geometry;
 mod picture;
 mod preview;
 
+pub use corners::corners_drawn;
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
 pub use picture::Picture;
 pub use preview::{disparities, preview, viridis};

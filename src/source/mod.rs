@@ -1,6 +1,7 @@
 //! Where frames come from.
 
 mod arena;
+mod board;
 pub mod dataset;
 mod limited;
 mod live;
@@ -9,6 +10,7 @@ mod rectified;
 mod watched;
 
 pub use arena::ArenaSource;
+pub use board::BoardSource;
 pub use limited::Limited;
 pub use live::{LastTally, LiveSource};
 pub use recording::RecordingSource;

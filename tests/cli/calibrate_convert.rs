@@ -39,12 +39,13 @@ fn what_is_missing_or_in_the_way_has_a_cure() {
     convert(&["cv.yml", "c.xml", "--unit", "foot"]).failed(2, &["'foot'", "mm"]);
     convert(&["cv.yml", "c.xml", "--from", "opencw"]).failed(2, &["did you mean 'opencv'"]);
     convert(&["cv.yml", "c.xml", "--from", "boofcv"]).failed(1, &["cv.yml", "no 'rightToLeft.rotation'", "BoofCV"]);
-    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m"]).failed(1, &["l.yaml,r.yaml", "has none"]);
+    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m"]).failed(1, &["l.yaml,r.yaml", "has none", "--rectify"]);
     convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "squares"]).failed(1, &["in squares", "squares=SIDE_IN_METRES"]);
     convert(&["cv.yml", "c.txt", "--to", "kitti", "--unit", "m"]).failed(1, &["rectified cameras only"]);
     convert(&["other.yaml", "c.xml"]).failed(1, &["other.yaml", "no calibration that svl knows"]);
     convert(&["nothing.xml", "c.xml"]).failed(1, &["nothing.xml", "no such file"]);
     assert!(!fixture.path("c.xml").exists() && !fixture.path("l.yaml").exists());
+    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m", "--rectify"]).done();
     convert(&["cv.yml", "other.yaml", "--unit", "m"]).failed(1, &["other.yaml", "--force"]);
     convert(&["cv.yml", "other.yaml", "--unit", "m", "--force"]).done();
 }

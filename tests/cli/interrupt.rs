@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use svl::source::{RecordingSource, Source};
 
 /// Starts `svl`, waits until `ready`, sends SIGINT and returns the exit code with what it printed to standard error.
-fn interrupted(fixture: &Fixture, args: &[&str], ready: impl Fn() -> bool) -> (Option<i32>, String) {
+pub fn interrupted(fixture: &Fixture, args: &[&str], ready: impl Fn() -> bool) -> (Option<i32>, String) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
     command.current_dir(fixture.path("")).args(args).stdout(Stdio::null()).stderr(Stdio::piped());
     // Servers of tests are on this machine, whatever proxy there is.
@@ -102,4 +102,14 @@ fn a_reproduction_keeps_an_earlier_report_until_it_has_another() {
     assert_eq!(code, Some(1));
     assert!(stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1, "{stderr}");
     assert_eq!(std::fs::read_to_string(fixture.path("reports/reproduce/reproduce.md")).unwrap(), "earlier");
+}
+
+#[test]
+fn a_calibration_uses_what_was_accepted() {
+    let fixture = Fixture::new();
+    let args = ["calibrate", "board", "board", "--yes", "-o", "calib.xml"];
+    let (code, stderr) = interrupted(&fixture, &args, || fixture.path("calib-report/right08.png").exists());
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(fixture.path("calib.xml").is_file() && fixture.path("calib-report/index.html").is_file());
+    assert!(!fixture.path("calib-report/left20.png").exists(), "it went on to the end");
 }

@@ -5,6 +5,7 @@ mod server;
 
 mod algos;
 mod bench;
+mod calibrate_board;
 mod calibrate_convert;
 mod calibrate_distance;
 mod compare;

@@ -68,7 +68,6 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.svl(&["record", "-o", "a.txt"]).failed(1, &["a.txt: must end in .mcap"]);
     fixture.svl(&["record", "bad.toml", "-o", "a.mcap"]).failed(1, &["bad.toml: line 1, column 8"]);
     fixture.svl(&["record", "there.mcap", "-o", "a.mcap"]).failed(1, &["there.mcap"]);
-    fixture.svl(&["record", "v4l2:0,1", "-o", "a.mcap"]).failed(1, &["v4l2"]);
     fixture.svl(&["record", "-o", "no/where.mcap"]).failed(1, &["no: no such folder"]);
     fixture.svl(&["record", "--frames", "0"]).failed(2, &["--frames"]);
     fixture.svl(&["record", "--duration", "-1"]).failed(2, &["--duration"]);

@@ -1,6 +1,10 @@
 //! The public data sets: their layouts on disk, their scenarios, and what is refused on the way there.
 
 mod archive;
+mod boards;
 mod layouts;
 mod scenarios;
 mod tree;
+
+#[path = "../common/mod.rs"]
+mod common;

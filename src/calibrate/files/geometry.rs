@@ -142,7 +142,7 @@ pub(super) fn rectified(document: &Document, size: (usize, usize), rig: Rig) -> 
 pub(super) fn only_rectified(calibration: &StereoCalibration) -> std::result::Result<&Rectification, String> {
     in_metres(calibration)?;
     calibration.rectification().ok_or_else(|| {
-        "holds rectified cameras only, and this calibration has no rectification; choose another format".into()
+        "holds rectified cameras only, and this calibration has no rectification; compute one with `svl calibrate convert --rectify`".into()
     })
 }
 

@@ -157,7 +157,7 @@ pub fn written_as(path: &Path) -> Result<&'static Format> {
     }
 }
 
-/// As [`write`], in the format that is named.
+/// As [`write()`], in the format that is named.
 ///
 /// # Errors
 /// [`Error::Format`] when the format cannot hold the calibration; [`Error::Io`].

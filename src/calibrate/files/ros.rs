@@ -52,7 +52,7 @@ fn write(calibration: &StereoCalibration) -> Writing {
     let Some(rectification) = calibration.rectification() else {
         return Err(
             "says how the cameras stand to each other only by their rectification, and this calibration has none; \
-                    choose another format"
+                    compute one with `svl calibrate convert --rectify`"
                 .into(),
         );
     };

@@ -96,8 +96,12 @@ mod tests {
     fn what_no_calibration_needs_is_refused_with_its_line() {
         let bomb = "a: &a [1, 1]\nb: &b [*a, *a]\n";
         assert!(parse(bomb).unwrap_err().starts_with("line 2: an alias"));
-        assert!(parse(&"[".repeat(100_000)).unwrap_err().contains("levels"));
-        assert!(parse(&"{a: ".repeat(100_000)).unwrap_err().contains("levels"));
+        for (open, close) in [("[", "]"), ("{a: ", "}")] {
+            let nested = |levels| format!("{}1{}", open.repeat(levels), close.repeat(levels));
+            assert!(parse(&nested(16)).is_ok());
+            assert!(parse(&nested(17)).unwrap_err().contains("levels"));
+            assert!(parse(&nested(100_000)).is_err());
+        }
         assert!(parse("a: 1\na: 2").unwrap_err().contains("'a' stands twice"));
         assert!(parse("a: [1, 2").unwrap_err().starts_with("line "));
         assert!(parse("").unwrap_err().contains("no YAML"));

@@ -122,8 +122,7 @@ fn refuse_corners(scene: &mut Scene, usual: f64) -> usize {
             let chosen = distances.iter().zip(&*used).filter(|(_, used)| **used).map(|(d, _)| *d);
             let limit = CORNER * scatter_px(chosen.collect()).map_or(usual, |scatter| scatter.max(usual));
             for (distance, used) in distances.iter().zip(used.iter_mut()) {
-                // Not `>`: a distance that is no number is too far.
-                if *used && !(*distance <= limit) {
+                if *used && *distance > limit {
                     *used = false;
                     refused += 1;
                 }
@@ -156,7 +155,8 @@ fn scatter_px(distances: Vec<f64>) -> Option<f64> {
     median(distances).map(|middle| middle / MEDIAN)
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+/// The upper one of two in the middle.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

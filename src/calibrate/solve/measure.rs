@@ -32,8 +32,7 @@ pub(super) fn solution(board: &Board, scene: Scene, refused: Vec<Option<String>>
     for (name, camera, begin) in [("left", first, 0), ("right", second, Scene::begin(1))] {
         let (fx, fy) = camera.lens.focal_px();
         for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
-            // Not `>`: what is no number is not sure.
-            if !(deviation <= UNSURE * focal) {
+            if deviation.is_nan() || deviation > UNSURE * focal {
                 return Err(parallel(&scene, Some((name, focal, deviation))));
             }
         }

@@ -31,13 +31,6 @@ struct Sieve<'a> {
     refused: Vec<Option<String>>,
 }
 
-/// One camera by itself.
-struct Single {
-    scene: Scene,
-    /// Its poses by view, those of views that the other camera refuses too.
-    poses: Vec<Option<Isometry3<f64>>>,
-}
-
 /// Calibrates two cameras of images of `size` (width, height) from `views` of a board.
 ///
 /// # Errors
@@ -49,7 +42,7 @@ pub fn solve(board: &Board, size: (usize, usize), views: &[View]) -> Result<Solu
     sieve.look(size, corners.len())?;
     let left = single(&corners, size, &mut sieve, "left", |view| &view.left)?;
     let right = single(&corners, size, &mut sieve, "right", |view| &view.right)?;
-    let scene = together(&left, &right, &mut sieve)?;
+    let scene = together(left, right, &mut sieve)?;
     measure::solution(board, scene, sieve.refused)
 }
 
@@ -109,7 +102,7 @@ fn single(
     sieve: &mut Sieve<'_>,
     name: &str,
     pixels: impl Fn(&View) -> &Vec<Point2<f64>>,
-) -> Result<Single> {
+) -> Result<Scene> {
     let views = sieve.views;
     let mut homographies: Vec<(usize, Matrix3<f64>, f64)> = Vec::new();
     for id in sieve.alive().collect::<Vec<_>>() {
@@ -119,10 +112,8 @@ fn single(
         }
     }
     // A lens bends a board by a few pixels; corners in disorder are off by a good part of the board.
-    let mut offs: Vec<f64> = homographies.iter().map(|(.., off)| *off).collect();
-    offs.sort_unstable_by(f64::total_cmp);
-    let limit =
-        4.0 * offs.get(offs.len() / 2).copied().unwrap_or_default() + 0.03 * (size.0 as f64).hypot(size.1 as f64);
+    let usual = judge::median(homographies.iter().map(|(.., off)| *off).collect()).unwrap_or_default();
+    let limit = 4.0 * usual + 0.03 * (size.0 as f64).hypot(size.1 as f64);
     homographies.retain(|(id, _, off)| {
         if *off > limit {
             sieve.refused[*id] = Some(format!("the {name} image's corners are no board in order: {off:.0} px off"));
@@ -133,52 +124,45 @@ fn single(
 
     let lens = start::intrinsics(size, &homographies.iter().map(|(_, h, _)| *h).collect::<Vec<_>>());
     let lens = lens.ok_or_else(|| lost(&format!("{name} camera")))?;
-    let shots = homographies.iter().filter_map(|(id, h, _)| {
-        let pixels = pixels(&views[*id]).clone();
-        let used = vec![true; pixels.len()];
-        Some(Shot { id: *id, pose: start::pose(&lens, h)?, images: vec![Image { pixels, used }] })
-    });
-    let cameras = vec![scene::Camera { lens, place: Isometry3::identity() }];
-    let mut scene = Scene { board: board.to_vec(), cameras, shots: shots.collect() };
-    scene.shots.retain(|shot| {
-        let seen = scene::in_front(board, &shot.pose);
-        if !seen {
-            sieve.refused[shot.id] = Some(format!("the {name} image's corners are no board before the camera"));
+    let mut shots = Vec::new();
+    for (id, h, _) in homographies {
+        match start::pose(&lens, &h).filter(|pose| scene::in_front(board, pose)) {
+            Some(pose) => shots.push(Shot { id, pose, images: vec![Image::new(pixels(&views[id]))] }),
+            None => sieve.refused[id] = Some(format!("the {name} image's corners are no board before the camera")),
         }
-        seen
-    });
+    }
     sieve.enough()?;
+    let cameras = vec![scene::Camera { lens, place: Isometry3::identity() }];
+    let mut scene = Scene { board: board.to_vec(), cameras, shots };
     for Refusal { shot, reason } in settle(&mut scene, &[name]).ok_or_else(|| lost(&format!("{name} camera")))? {
         sieve.refused[shot.id] = Some(reason);
     }
     sieve.enough()?;
-    let mut poses = vec![None; views.len()];
-    scene.shots.iter().for_each(|shot| poses[shot.id] = Some(shot.pose));
-    Ok(Single { scene, poses })
+    Ok(scene)
 }
 
 /// Both cameras with one pose of the board for both images.
-fn together(left: &Single, right: &Single, sieve: &mut Sieve<'_>) -> Result<Scene> {
-    let pairs: Vec<_> = sieve.alive().filter_map(|id| Some((id, left.poses[id]?, right.poses[id]?))).collect();
-    let apart: Vec<_> = pairs.iter().map(|(_, left, right)| right * left.inverse()).collect();
-    let place = middle(&apart);
-    let image = |single: &Single, id: usize| {
-        single.scene.shots.iter().find(|shot| shot.id == id).map(|shot| shot.images[0].clone())
-    };
-    let shots = pairs.iter().filter_map(|(id, pose, _)| {
-        Some(Shot { id: *id, pose: *pose, images: vec![image(left, *id)?, image(right, *id)?] })
-    });
-    let mut cameras = vec![left.scene.cameras[0].clone(), right.scene.cameras[0].clone()];
-    cameras[1].place = place;
-    let mut scene = Scene { board: left.scene.board.clone(), cameras, shots: shots.collect() };
+fn together(left: Scene, mut right: Scene, sieve: &mut Sieve<'_>) -> Result<Scene> {
+    let Scene { board, mut cameras, shots } = left;
+    let (mut pairs, mut apart) = (Vec::new(), Vec::new());
+    for mut shot in shots {
+        if let Some(same) = right.shots.iter().find(|same| same.id == shot.id) {
+            apart.push(same.pose * shot.pose.inverse());
+            shot.images.extend(same.images.iter().cloned());
+            pairs.push(shot);
+        }
+    }
+    cameras.append(&mut right.cameras);
+    cameras[1].place = middle(&apart);
+    let mut scene = Scene { board, cameras, shots: pairs };
     for Refusal { shot, reason } in settle(&mut scene, &["left", "right"]).ok_or_else(|| lost("cameras"))? {
         let seen = |camera: usize| {
             let scene::Camera { lens, place } = &scene.cameras[camera];
             Some(place.inverse() * start::seen_pose(lens, &scene.board, &shot.images[camera].pixels)?)
         };
-        let moved =
-            seen(0).zip(seen(1)).and_then(|(left, right)| moved::words(&(left.inverse() * right), &scene.board));
-        sieve.refused[shot.id] = Some(moved.map_or(reason.clone(), |moved| format!("{reason}: {moved}")));
+        let moved = seen(0).zip(seen(1)).map(|(left, right)| left.inverse() * right);
+        let moved = moved.and_then(|motion| moved::words(&motion, &scene.board)).map(|words| format!(": {words}"));
+        sieve.refused[shot.id] = Some(reason + &moved.unwrap_or_default());
     }
     sieve.enough()?;
     Ok(scene)
@@ -186,14 +170,11 @@ fn together(left: &Single, right: &Single, sieve: &mut Sieve<'_>) -> Result<Scen
 
 /// The middle of several motions, which less than half of them can spoil.
 fn middle(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
-    let median = |value: &dyn Fn(&Isometry3<f64>) -> f64| {
-        let mut values: Vec<f64> = motions.iter().map(value).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or_default()
+    let median = |value: fn(&Isometry3<f64>) -> Vector3<f64>| {
+        Vector3::from_fn(|i, _| judge::median(motions.iter().map(|m| value(m)[i]).collect()).unwrap_or_default())
     };
-    let turn = Vector3::from_fn(|i, _| median(&|m| m.rotation.scaled_axis()[i]));
-    let shift = Vector3::from_fn(|i, _| median(&|m| m.translation.vector[i]));
-    Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
+    let shift = Translation3::from(median(|motion| motion.translation.vector));
+    Isometry3::from_parts(shift, UnitQuaternion::from_scaled_axis(median(|motion| motion.rotation.scaled_axis())))
 }
 
 fn lost(what: &str) -> Error {

@@ -17,6 +17,12 @@ pub(super) struct Image {
     pub used: Vec<bool>,
 }
 
+impl Image {
+    pub fn new(pixels: &[Point2<f64>]) -> Self {
+        Self { pixels: pixels.to_vec(), used: vec![true; pixels.len()] }
+    }
+}
+
 /// One view in every image.
 #[derive(Clone, Debug)]
 pub(super) struct Shot {

@@ -1,6 +1,6 @@
 //! A calibration on the terminal: plain text, aligned, at most 100 columns.
 
-use super::solution::{Camera, Estimate, Solution};
+use super::solution::{Estimate, Solution};
 use std::fmt::{Display, Formatter, Result};
 
 impl Display for Estimate {
@@ -54,11 +54,9 @@ impl Solution {
             let unit = if i < 4 { ", px" } else { "" };
             writeln!(f, "{:14}{left:>24}{right:>24}", format!("{name}{unit}"))?;
         }
-        let rows: [(&str, fn(&Camera) -> String); 2] = [
-            ("RMS, px", |camera| format!("{:.3}", camera.rms_px)),
-            ("coverage, %", |camera| format!("{:.0}", 100.0 * camera.coverage)),
-        ];
-        rows.iter().try_for_each(|(name, of)| writeln!(f, "{name:14}{:>24}{:>24}", of(&self.left), of(&self.right)))
+        let [left, right] = [&self.left, &self.right];
+        writeln!(f, "{:14}{:>24.3}{:>24.3}", "RMS, px", left.rms_px, right.rms_px)?;
+        writeln!(f, "{:14}{:>24.0}{:>24.0}", "coverage, %", 100.0 * left.coverage, 100.0 * right.coverage)
     }
 
     fn place(&self, f: &mut Formatter<'_>) -> Result {

@@ -4,6 +4,7 @@ use super::super::output::{distinct, may_write, print};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, FORMATS, Format, Found, Hints, Unit};
+use svl::rectify::{Framing, bouguet};
 use svl::stereo::{Intrinsics, LengthUnit};
 
 /// Write a calibration in the format of another program
@@ -31,6 +32,9 @@ pub(super) struct Args {
     /// Width and height of A's images in pixels, where A does not say them
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(usize, usize)>,
+    /// Compute the rectification (Bouguet's method), for formats that need one and an A without or with another
+    #[arg(long)]
+    rectify: bool,
     /// Replace a file that exists
     #[arg(long)]
     force: bool,
@@ -41,7 +45,7 @@ fn after_help() -> String {
 Examples:
   svl calibrate convert opencv.yml calibration.xml --unit squares=0.025
   svl calibrate convert calibration.xml left.yaml,right.yaml
-  svl calibrate convert mav0 calibration.xml
+  svl calibrate convert mav0 left.yaml,right.yaml --rectify
   svl calibrate convert calibration.xml calib.txt --to kitti
 
 Formats, by the endings of their files:
@@ -73,7 +77,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let hints = Hints { format: args.from, unit: args.unit, size: args.size };
     let inputs = files::inputs(&args.input)?;
     distinct(inputs.iter().chain(&outputs).map(PathBuf::as_path))?;
-    let found = files::read_with(&args.input, &hints)?;
+    let mut found = files::read_with(&args.input, &hints)?;
+    if args.rectify {
+        let rectification = bouguet(&found.calibration, &Framing::default())?;
+        found.calibration = found.calibration.with_rectification(rectification);
+    }
     print(&said(&args.input, &found)?)?;
     let left_out = files::write_as(&args.output, to, &found.calibration)?;
     let mut text = format!("{}: written as {}\n  {}\n", args.output.display(), to.title, to.conventions);

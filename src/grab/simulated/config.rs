@@ -9,6 +9,8 @@ use std::str::FromStr;
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedConfig {
     pub size: (usize, usize),
+    /// A calibration board that is moved, instead of the arena.
+    pub board: bool,
     /// Pictures rendered before, a second of them by default.
     pub pictures: usize,
     /// Brightness of the world, 1 as in the arena.
@@ -19,11 +21,11 @@ pub struct SimulatedConfig {
 
 impl Default for SimulatedConfig {
     fn default() -> Self {
-        Self { size: (640, 480), pictures: 60, light: 1.0, tempers: Default::default() }
+        Self { size: (640, 480), board: false, pictures: 60, light: 1.0, tempers: Default::default() }
     }
 }
 
-const KEYS: &str = "size=WxH, pictures=N, light=X; for both cameras or after left. or right.: arm_ms, jitter_ms, \
+const KEYS: &str = "size=WxH, scene=arena|board, pictures=N, light=X; for both cameras or after left. or right.: arm_ms, jitter_ms, \
                     transfer_ms, phase_ms, drift_ppm, damage_at, hang_at, disconnect_at";
 
 /// Longest side, and bytes of all pictures: they have to fit into a computer.
@@ -57,6 +59,9 @@ impl SimulatedConfig {
             "size" => {
                 let (width, height) = value.split_once('x')?;
                 self.size = (side_px(width)?, side_px(height)?);
+            }
+            "scene" => {
+                self.board = ["arena", "board"].iter().position(|scene| *scene == value)? == 1;
             }
             "pictures" => self.pictures = value.parse().ok().filter(|n| (1..=10_000).contains(n))?,
             "light" => self.light = number(value, 1000.0)?,

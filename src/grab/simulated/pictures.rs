@@ -2,6 +2,7 @@
 
 use super::sensor::REFERENCE;
 use crate::arena::{Arena, ArenaConfig};
+use crate::calibrate::simulated::{MovingBoard, RATE_HZ};
 use crate::error::{Error, Result};
 use crate::grab::Side;
 use crate::stereo::{Gray, Rig, StereoPair};
@@ -37,6 +38,21 @@ impl Pictures {
         let pairs: Result<Vec<_>> =
             (0..count).into_par_iter().map(|i| arena.frame(i).map(|frame| frame.pair)).collect();
         Self::new(pairs?, rate_hz, Some(arena.rig()))
+    }
+
+    /// Renders all pictures of a board that is moved, for calibrating; the cameras have lenses.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for another size than the board's cameras have.
+    pub fn of_board(size: (usize, usize), seed: u64) -> Result<Self> {
+        let board = MovingBoard::new(seed)?;
+        let own = board.truth().left().size();
+        if size != own {
+            let reason = format!("sim: the board's pictures are {}x{}, not {}x{}", own.0, own.1, size.0, size.1);
+            return Err(Error::Invalid(reason));
+        }
+        let pairs: Result<Vec<_>> = (0..board.pairs()).into_par_iter().map(|i| board.pair(i)).collect();
+        Self::new(pairs?, RATE_HZ, None)
     }
 
     /// From pictures that there are.

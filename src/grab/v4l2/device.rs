@@ -142,7 +142,7 @@ impl Device {
 
     /// Asks for so many images a second, and says how many there will be, if the driver does.
     pub(super) fn set_rate(&self, wanted_hz: f64) -> Option<f64> {
-        let interval = [1000, (wanted_hz * 1000.0).round() as u32];
+        let interval = [1000, ((wanted_hz * 1000.0).round() as u32).max(1)];
         let mut set = abi::StreamParameters { kind: VIDEO_CAPTURE, interval, ..Default::default() };
         abi::S_PARM.call(&self.file, &mut set).ok()?;
         if set.capability & CAP_TIME_PER_FRAME == 0 { None } else { rate_hz(set.interval) }

@@ -35,12 +35,12 @@ use stamp::Times;
 use std::path::Path;
 use stream::{Stream, monotonic_ns};
 
-/// Begins to stream from two cameras in one mode, `rate_hz` times a second. `fired`: when something outside fires them,
-/// else by themselves.
+/// Begins to stream from two cameras in one mode, `rate_hz` times a second or as near to that as they come, which is
+/// returned. `fired`: when something outside fires them, else by themselves.
 ///
 /// # Errors
 /// [`Error::Camera`] when one cannot be used; [`Error::Invalid`] when both are one, or have no mode in common.
-pub fn open(config: &V4l2Config, rate_hz: f64, fired: bool, clock: &Clock) -> Result<[Box<dyn Camera>; 2]> {
+pub fn open(config: &V4l2Config, rate_hz: f64, fired: bool, clock: &Clock) -> Result<([Box<dyn Camera>; 2], f64)> {
     let [left, right] = &config.devices;
     let devices = [Device::open(left)?, Device::open(right)?];
     if devices[0].is(&devices[1]) {
@@ -51,16 +51,18 @@ pub fn open(config: &V4l2Config, rate_hz: f64, fired: bool, clock: &Clock) -> Re
     let modes = [devices[0].modes(config.size), devices[1].modes(config.size)];
     let (format, size) = choose(wish, [&modes[0], &modes[1]])?;
     let times = Times::begin(clock, monotonic_ns());
-    let ready = |device: Device| -> Result<Box<dyn Camera>> {
+    let ready = |device: Device| -> Result<(Box<dyn Camera>, f64)> {
         let layout = device.set_format(format, size)?;
-        if let Some(hz) = device.set_rate(rate_hz).filter(|hz| (hz / rate_hz - 1.0).abs() > 0.01) {
+        let hz = device.set_rate(rate_hz).unwrap_or(rate_hz);
+        if !fired && (hz / rate_hz - 1.0).abs() > 0.01 {
             tracing::warn!("{}: gives {hz:.1} images a second in {format} of {}x{}", device.name, size.0, size.1);
         }
         let name = device.name.clone();
-        Ok(Box::new(V4l2Camera::new(name, Stream::start(device)?, layout, fired, times)?))
+        Ok((Box::new(V4l2Camera::new(name, Stream::start(device)?, layout, fired, times)?), hz))
     };
     let [left, right] = devices;
-    Ok([ready(left)?, ready(right)?])
+    let ((left, left_hz), (right, right_hz)) = (ready(left)?, ready(right)?);
+    Ok(([left, right], left_hz.min(right_hz)))
 }
 
 /// What a device can be asked for.

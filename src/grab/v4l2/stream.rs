@@ -102,7 +102,9 @@ impl Driver for Stream {
         }
         let Some(mapping) = self.buffers.get(filled.index as usize) else { return Err(Fault::Stream(Errno::IO)) };
         let stamp = Stamp {
-            ns: (filled.seconds as u64).wrapping_mul(1_000_000_000).wrapping_add(filled.microseconds as u64 * 1000),
+            ns: (filled.seconds as u64)
+                .wrapping_mul(1_000_000_000)
+                .wrapping_add((filled.microseconds as u64).wrapping_mul(1000)),
             flags: filled.flags,
             arrived_ns: monotonic_ns(),
         };

@@ -19,6 +19,7 @@
 //! Timelines: `pair`, the frame's number, and `time`, its stamp.
 
 mod blueprint;
+mod board;
 mod info;
 mod layout;
 mod overlay;
@@ -28,6 +29,7 @@ mod scale;
 mod target;
 mod world;
 
+pub use board::BoardView;
 pub use info::{Edges, RunInfo};
 pub use layout::save_recording_layout;
 pub use target::{RerunTarget, VIEWER_HINT};

@@ -1,0 +1,74 @@
+//! What the views that are kept do not show yet.
+
+use nalgebra::{Point2, Vector2};
+use std::fmt::{Display, Formatter};
+
+/// Areas of an image, row by row.
+const AREAS: [&str; 9] =
+    ["upper left", "top", "upper right", "left", "middle", "right", "lower left", "bottom", "lower right"];
+/// Corners that cover an area.
+const COVERED: u32 = 6;
+/// A view is tilted from so many radians on, ...
+const TILTED: f64 = 0.2;
+/// ... and so many of them in each direction tell the focal length.
+const TILTED_VIEWS: u32 = 2;
+
+/// Where corners were seen, and how the boards were tilted.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Shown {
+    /// Corners by area, in the left and in the right image.
+    areas: [[u32; 9]; 2],
+    /// Views tilted to the left, right, up, down.
+    tilts: [u32; 4],
+}
+
+/// What is missing: areas of the images without corners, directions in which no board was tilted.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Lacks {
+    pub left: Vec<&'static str>,
+    pub right: Vec<&'static str>,
+    pub tilted: Vec<&'static str>,
+}
+
+impl Shown {
+    pub(super) fn add(&mut self, (width, height): (usize, usize), corners: [&[Point2<f64>]; 2], tilt: Vector2<f64>) {
+        let third = |v: f64, side: usize| ((3.0 * (v + 0.5) / side as f64).max(0.0) as usize).min(2);
+        for (areas, corners) in self.areas.iter_mut().zip(corners) {
+            corners.iter().for_each(|corner| areas[3 * third(corner.y, height) + third(corner.x, width)] += 1);
+        }
+        let tilted = [tilt.x < -TILTED, tilt.x > TILTED, tilt.y < -TILTED, tilt.y > TILTED];
+        self.tilts.iter_mut().zip(tilted).for_each(|(count, tilted)| *count += u32::from(tilted));
+    }
+
+    pub(super) fn lacks(&self) -> Lacks {
+        let areas = |side: usize| {
+            let named = AREAS.into_iter().zip(self.areas[side]);
+            named.filter(|(_, corners)| *corners < COVERED).map(|(name, _)| name).collect()
+        };
+        let directions = ["left", "right", "up", "down"].into_iter().zip(self.tilts);
+        let tilted = directions.filter(|(_, views)| *views < TILTED_VIEWS).map(|(name, _)| name).collect();
+        Lacks { left: areas(0), right: areas(1), tilted }
+    }
+}
+
+impl Lacks {
+    pub fn is_nothing(&self) -> bool {
+        self.left.is_empty() && self.right.is_empty() && self.tilted.is_empty()
+    }
+}
+
+impl Display for Lacks {
+    /// `in the left image upper left, top; a board tilted up`; nothing when nothing is missing.
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let parts = [
+            ("in the left image", &self.left, ", "),
+            ("in the right image", &self.right, ", "),
+            ("a board tilted", &self.tilted, " and "),
+        ];
+        let parts = parts.into_iter().filter(|(_, names, _)| !names.is_empty());
+        let names =
+            |names: &[&str], and| if names.len() == AREAS.len() { "everywhere".into() } else { names.join(and) };
+        let parts: Vec<_> = parts.map(|(what, which, and)| format!("{what} {}", names(which, and))).collect();
+        f.write_str(&parts.join("; "))
+    }
+}

@@ -1,0 +1,84 @@
+//! Corners as they come from the detector, before anyone knows their place on a board.
+
+use crate::stereo::Gray;
+use chess_corners::{CornerDescriptor, Detector, DetectorConfig, ImageRefiner, UpscaleConfig};
+use nalgebra::{Point2, Vector2};
+
+/// A point where two dark and two bright fields meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Candidate {
+    pub at: Point2<f64>,
+    /// Unit vectors along the two edges, up to both their signs. From the first to the second, turning from x towards y,
+    /// it is dark: so neighbours on a board have them exchanged.
+    pub axes: [Vector2<f64>; 2],
+}
+
+/// More than the largest board has, several times.
+const MAX_CANDIDATES: usize = 8_000;
+
+/// Finds candidates by the ring of Bennett and Lasenby (ChESS: Quick and robust detection of chess-board features, CVIU
+/// 2014).
+pub(super) struct Finder {
+    plain: Detector,
+    /// For squares so small that the ring reaches beyond them.
+    enlarged: Detector,
+}
+
+impl Finder {
+    pub(super) fn new() -> crate::Result<Self> {
+        let config = DetectorConfig::chess().with_refiner(ImageRefiner::saddle_point());
+        let detector = |config| Detector::new(config).map_err(|e| crate::Error::Invalid(e.to_string()));
+        Ok(Self { plain: detector(config)?, enlarged: detector(config.with_upscale(UpscaleConfig::fixed(2)))? })
+    }
+
+    pub(super) fn find(&mut self, image: &Gray) -> Vec<Candidate> {
+        candidates(&mut self.plain, image)
+    }
+
+    /// For edges so soft that they are wider than the ring.
+    pub(super) fn find_halved(&mut self, image: &Gray) -> Vec<Candidate> {
+        let mean = |x: usize, y: usize| {
+            let sum: u16 =
+                [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| image.get(2 * x + i, 2 * y + j).into()).iter().sum();
+            (sum / 4) as u8
+        };
+        // An image of one pixel has no half.
+        let Ok(half) = Gray::from_fn(image.width() / 2, image.height() / 2, mean) else { return Vec::new() };
+        let whole = |at: Point2<f64>| Point2::from(2.0 * at.coords + Vector2::new(0.5, 0.5));
+        candidates(&mut self.plain, &half).into_iter().map(|c| Candidate { at: whole(c.at), ..c }).collect()
+    }
+
+    pub(super) fn find_enlarged(&mut self, image: &Gray) -> Vec<Candidate> {
+        candidates(&mut self.enlarged, image)
+    }
+}
+
+/// The detector slices beyond images whose sides are shorter than its ring.
+const SMALLEST_SIDE: usize = 16;
+
+/// The strongest first.
+fn candidates(detector: &mut Detector, image: &Gray) -> Vec<Candidate> {
+    if image.width().min(image.height()) < SMALLEST_SIDE {
+        return Vec::new();
+    }
+    let pixels: Vec<u8>;
+    let pixels = match image.as_slice() {
+        Some(slice) => slice,
+        None => {
+            pixels = image.pixels().collect();
+            &pixels
+        }
+    };
+    // Sides are at most MAX_SIDE, and the length is right: the only errors there are.
+    let found = detector.detect_u8(pixels, image.width() as u32, image.height() as u32);
+    let mut found = found.unwrap_or_default();
+    found.sort_by(|a, b| b.response.total_cmp(&a.response));
+    found.truncate(MAX_CANDIDATES);
+    found.iter().filter_map(candidate).collect()
+}
+
+fn candidate(corner: &CornerDescriptor) -> Option<Candidate> {
+    let axes = corner.axes?.map(|axis| Vector2::new(f64::from(axis.angle.cos()), f64::from(axis.angle.sin())));
+    let at = Point2::new(f64::from(corner.x), f64::from(corner.y));
+    (at.coords.iter().chain(axes.iter().flatten()).all(|v| v.is_finite())).then_some(Candidate { at, axes })
+}

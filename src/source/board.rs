@@ -1,0 +1,49 @@
+//! The simulated calibration board as a source.
+
+use super::Source;
+use crate::calibrate::simulated::{MovingBoard, RATE_HZ};
+use crate::error::Result;
+use crate::stereo::{Exposure, Frame};
+
+/// Renders a board that is moved before two cameras whose images are not rectified: the frames have no rig.
+pub struct BoardSource {
+    board: MovingBoard,
+    seed: u64,
+    next: u64,
+}
+
+impl BoardSource {
+    /// # Errors
+    /// As [`MovingBoard::new`].
+    pub fn new(seed: u64) -> Result<Self> {
+        Ok(Self { board: MovingBoard::new(seed)?, seed, next: 0 })
+    }
+}
+
+impl Source for BoardSource {
+    fn name(&self) -> String {
+        format!("board, seed {}", self.seed)
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        if self.next >= self.board.pairs() {
+            return Ok(None);
+        }
+        let sequence = self.next;
+        self.next += 1;
+        Ok(Some(Frame {
+            sequence,
+            stamp_ns: (sequence as f64 / RATE_HZ * 1e9).round() as u64,
+            name: None,
+            pair: self.board.pair(sequence)?,
+            rig: None,
+            pose: None,
+            truth: None,
+            exposure: Exposure { trigger_id: sequence, ..Exposure::default() },
+        }))
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        Some(self.board.pairs())
+    }
+}
