@@ -71,7 +71,8 @@ fn squares(text: &str) -> Result<(usize, usize), String> {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     may_write(&args.output, &["xml", "yaml", "yml"], args.force)?;
-    if !args.yes && !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
+    let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+    if !args.yes && !can_ask {
         bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
     }
     let board = Board::new(args.squares, args.square_m)?;
