@@ -8,6 +8,9 @@ fn every_scenario_is_whole_and_every_data_set_has_one() {
     let mut names = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "toml") {
+            continue;
+        }
         let scenario = Scenario::read(&path).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(path.file_stem().unwrap().to_str().unwrap(), scenario.name);
         assert!(scenario.text.starts_with("# "), "{}: says nothing of what it tests and why", scenario.name);
