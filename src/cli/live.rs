@@ -152,8 +152,8 @@ impl LiveArgs {
 
     fn rule(&self, kind: &str, trigger: &TriggerChoice, period_ns: u64, max_skew_ms: Option<f64>) -> Rule {
         let usual_ns = match trigger {
-            // Nobody chose the moments at which two real cameras began: any are to make pairs.
-            TriggerChoice::Free if !has_trigger(kind) => period_ns / 2,
+            // Nobody chose the moments at which free cameras began: any are to make pairs.
+            TriggerChoice::Free => period_ns / 2,
             _ => period_ns / 4,
         };
         let max_skew_ns = max_skew_ms.map_or(usual_ns, |ms| (ms * 1e6) as u64);

@@ -40,7 +40,8 @@ pub(super) struct Topics {
     /// Topic of the right images
     #[arg(long, value_name = "TOPIC")]
     right: Option<String>,
-    /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period]
+    /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period,
+    /// half of it when they run freely]
     #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = milliseconds)]
     pub max_skew_ms: Option<f64>,
 }
