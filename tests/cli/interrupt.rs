@@ -54,7 +54,7 @@ fn cameras_stop_orderly() {
 fn cameras_that_give_no_pair_can_be_stopped() {
     let fixture = Fixture::new();
     let sim = "sim:size=320x240,pictures=2,right.phase_ms=15";
-    let args = ["record", sim, "--trigger", "free", "-o", "a.mcap"];
+    let args = ["record", sim, "--trigger", "free", "--max-skew-ms", "1", "-o", "a.mcap"];
     let (code, stderr) = interrupted(&fixture, &args, || fixture.path("a.mcap").exists());
     assert_eq!(code, Some(1), "{stderr}");
     assert!(stderr.contains("gave no pair") && stderr.lines().count() == 1, "{stderr}");
