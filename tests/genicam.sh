@@ -41,7 +41,7 @@ fi
 svl="$2"
 work="$(mktemp -d)"
 cameras=""
-trap 'kill $cameras 2>/dev/null; rm -rf "$work"' EXIT
+trap 'kill $cameras 2>/dev/null || true; rm -rf "$work"' EXIT
 
 # camera NUMBER OPTIONS: starts one at the other end of a cable, 10.77.NUMBER.2; its process is $!.
 camera() {

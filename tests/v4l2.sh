@@ -34,7 +34,7 @@ kernel="$(newest_kernel)"
 
 work="$(mktemp -d)"
 machine=""
-trap '[ -z "$machine" ] || kill "$machine" 2>/dev/null; rm -rf "$work"' EXIT
+trap '[ -z "$machine" ] || kill "$machine" 2>/dev/null || true; rm -rf "$work"' EXIT
 trap 'exit 130' INT TERM
 mkdir -p "$work/root/bin" "$work/out"
 cp "$(command -v busybox)" "$work/root/bin/busybox"
