@@ -29,11 +29,11 @@
 #[cfg(feature = "bench")]
 pub mod arena;
 #[cfg(feature = "calibrate")]
+mod bounded;
+#[cfg(feature = "calibrate")]
 pub mod calibrate;
 pub mod depth;
 mod error;
-#[cfg(feature = "calibrate")]
-pub mod files;
 pub mod kernel;
 pub mod matcher;
 pub mod rectify;
@@ -42,6 +42,8 @@ pub mod timing;
 
 #[cfg(feature = "bench")]
 pub mod fetch;
+#[cfg(feature = "bench")]
+pub mod files;
 #[cfg(feature = "bench")]
 pub mod grab;
 #[cfg(feature = "bench")]

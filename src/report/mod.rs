@@ -20,6 +20,7 @@ mod rows;
 mod speed;
 mod summary;
 mod tables;
+pub(crate) mod template;
 mod text;
 mod words;
 

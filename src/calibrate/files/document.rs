@@ -1,8 +1,8 @@
 //! The tree of names and values that a calibration file is, whatever its syntax.
 
 use super::{Format, lines, markup, yaml};
+use crate::bounded::read_text;
 use crate::error::{Error, Result};
-use crate::files::read_text;
 use crate::stereo::{self, MAX_SIDE};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 use std::collections::BTreeMap;

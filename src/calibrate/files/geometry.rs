@@ -4,7 +4,7 @@ use super::Unit;
 use super::document::Document;
 use crate::error::Result;
 use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, motion};
-use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 
 /// Rectified cameras are one pinhole when they differ by no more than this share of the focal length.
 const SAME: f64 = 1e-6;
@@ -26,7 +26,7 @@ impl Cameras {
     /// [`crate::Error::Format`] naming what no stereo camera has, and for a rectification that is of other cameras.
     pub(super) fn calibration(self, document: &Document, unit: Unit) -> Result<StereoCalibration> {
         let Self { left, right, right_from_left, rectification } = self;
-        let implied = rectification.as_ref().map(implied_motion);
+        let implied = rectification.as_ref().map(Rectification::motion);
         let Some(said) = right_from_left.or(implied) else {
             return Err(document.wrong("does not say how the cameras stand to each other"));
         };
@@ -50,14 +50,6 @@ impl Cameras {
         let rig = Rig::new(rig.focal_px(), rig.center_px(), rig.baseline_m() * scale, rig.doffs_px()).map_err(wrong)?;
         Ok(calibration.with_rectification(Rectification { rig, ..rectification }))
     }
-}
-
-/// The motion that a rectification undoes: `R = R2ᵀ R1`, `T = R2ᵀ (−B, 0, 0)`.
-fn implied_motion(rectification: &Rectification) -> Isometry3<f64> {
-    let back = rectification.right.inverse();
-    let translation = back * Vector3::new(-rectification.rig.baseline_m(), 0.0, 0.0);
-    let rotation = UnitQuaternion::from_rotation_matrix(&(back * rectification.left));
-    Isometry3::from_parts(Translation3::from(translation), rotation)
 }
 
 /// The camera of a matrix K and its lens.

@@ -2,6 +2,7 @@
 
 mod view;
 
+use super::template::fill;
 use crate::calibrate::Solution;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -30,15 +31,7 @@ impl Page<'_> {
     /// # Errors
     /// [`Error::Invalid`] with what the template engine says.
     pub fn render(&self) -> Result<String> {
-        let mut templates = minijinja::Environment::new();
-        templates.set_trim_blocks(true);
-        templates.set_lstrip_blocks(true);
-        templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
-        templates
-            .add_template("page.html", include_str!("page.html"))
-            .and_then(|()| templates.add_template("style.css", include_str!("../html/style.css")))
-            .and_then(|()| templates.add_template("page.css", include_str!("page.css")))
-            .and_then(|()| templates.get_template("page.html")?.render(view::View::of(self)))
+        fill(include_str!("page.html"), &[("page.css", include_str!("page.css"))], view::View::of(self))
             .map_err(|e| Error::Invalid(format!("calibration page: {e:#}")))
     }
 }

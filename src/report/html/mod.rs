@@ -8,6 +8,7 @@ mod view;
 
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
+use super::template::fill;
 use crate::error::{Error, Result};
 use crate::overlay::Mark;
 use std::path::Path;
@@ -106,15 +107,6 @@ impl Page {
     /// [`Error::Invalid`] with what the template engine or the plotting library says.
     pub fn render(&self) -> Result<String> {
         let view = view::View::of(self)?;
-        let mut templates = minijinja::Environment::new();
-        templates.set_trim_blocks(true);
-        templates.set_lstrip_blocks(true);
-        templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
-        templates
-            .add_template("index.html", include_str!("index.html"))
-            .and_then(|()| templates.add_template("marks.html", include_str!("marks.html")))
-            .and_then(|()| templates.add_template("style.css", include_str!("style.css")))
-            .and_then(|()| templates.get_template("index.html")?.render(view))
-            .map_err(|e| Error::Invalid(format!("report page: {e:#}")))
+        fill(include_str!("index.html"), &[], view).map_err(|e| Error::Invalid(format!("report page: {e:#}")))
     }
 }

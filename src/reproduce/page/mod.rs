@@ -2,6 +2,7 @@
 
 use super::{Drawn, Exhibit, Experiment, Finding, Quantity, Table, Value, Verdict};
 use crate::error::{Error, Result};
+use crate::report::template::fill;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::Serialize;
 use std::fmt::Write;
@@ -145,16 +146,7 @@ impl Page<'_> {
         let Self { incomplete, identity, scenes, .. } = self;
         let sections = self.entries.iter().map(Entry::section).collect();
         let view = PageView { incomplete, identity, scenes: scenes.join(", "), tally: self.tally(), sections };
-        let mut templates = minijinja::Environment::new();
-        templates.set_trim_blocks(true);
-        templates.set_lstrip_blocks(true);
-        templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
-        templates
-            .add_template("page.html", include_str!("page.html"))
-            .and_then(|()| templates.add_template("marks.html", include_str!("../../report/html/marks.html")))
-            .and_then(|()| templates.add_template("style.css", include_str!("../../report/html/style.css")))
-            .and_then(|()| templates.add_template("page.css", include_str!("page.css")))
-            .and_then(|()| templates.get_template("page.html")?.render(view))
+        fill(include_str!("page.html"), &[("page.css", include_str!("page.css"))], view)
             .map_err(|e| Error::Invalid(format!("page of experiments: {e:#}")))
     }
 }
