@@ -4,7 +4,7 @@ use super::source::{self, RECORDINGS};
 use anyhow::{Context, bail};
 use std::path::Path;
 use std::time::Duration;
-use svl::recording::ImageFormat;
+use svl::recording::Format;
 use svl::scenario::Scenario;
 use svl::source::RecordingSource;
 
@@ -19,7 +19,7 @@ pub(super) fn recording(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::
         source::make_recordings_folder()?;
         remove_abandoned();
         let partial = path.with_extension(format!("{}.partial", std::process::id()));
-        match super::record::write(opened, &partial, ImageFormat::Raw, quiet) {
+        match super::record::write(opened, &partial, Format::default(), quiet) {
             Ok(outcome) if !outcome.interrupted => {
                 std::fs::rename(&partial, &path).with_context(|| format!("{}: cannot be named so", path.display()))?;
             }

@@ -9,7 +9,7 @@ use super::source::{self, Opened, RECORDINGS};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::manifest::Manifest;
-use svl::recording::{ImageFormat, SCENARIO, Writer};
+use svl::recording::{Dialect, Format, ImageFormat, SCENARIO, Writer};
 use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::GridSettings;
 use svl::sink::{RecordingSink, Sink};
@@ -43,6 +43,7 @@ Examples:
   svl record datasets/cones -o cones.mcap
   svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap
   svl record raw.mcap --calib calibration.xml -o rectified.mcap
+  svl record run.mcap --ros2 -o bag.mcap          a recording as a ROS 2 bag
   svl record --list                               the cameras and serial ports of this machine
   svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
   svl record v4l2:/dev/video0,/dev/video2         webcams, which run by themselves
@@ -71,6 +72,9 @@ pub(super) struct Args {
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
+    /// Write a ROS 2 bag: sensor_msgs and tf2_msgs in CDR, and as JSON in strings what ROS has no message for
+    #[arg(long)]
+    ros2: bool,
     /// Replace a file that exists
     #[arg(long)]
     force: bool,
@@ -102,7 +106,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let earlier = Aside::new(&output)?;
     let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
-    let format = if args.compress { ImageFormat::Png } else { ImageFormat::Raw };
+    let format = Format {
+        dialect: if args.ros2 { Dialect::Ros2 } else { Dialect::Svl },
+        images: if args.compress { ImageFormat::Png } else { ImageFormat::Raw },
+    };
     let began = Instant::now();
     let written = write(opened, &output, format, quiet);
     if let Some(live) = live.filter(|_| !quiet) {
@@ -125,7 +132,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 /// Records all of a source into `path`, which does not exist yet.
-pub(super) fn write(mut opened: Opened, path: &Path, format: ImageFormat, quiet: bool) -> anyhow::Result<Outcome> {
+pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool) -> anyhow::Result<Outcome> {
     // From here on Ctrl-C leaves a whole file.
     listen_for_interrupt();
     let mut writer = Writer::create(path, &opened.header, format)?;

@@ -8,7 +8,7 @@ use nalgebra::{Translation3, UnitQuaternion};
 const CALIBRATION: &str = "foxglove.CameraCalibration";
 const TRANSFORM: &str = "foxglove.FrameTransform";
 /// The frame that poses are given in.
-const WORLD: &str = "world";
+pub(super) const WORLD: &str = "world";
 
 /// The numbers of one camera's rectified calibration that a [`Rig`] is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,17 +66,8 @@ fn plainest(value: f64, fits: impl Fn(f64) -> bool) -> f64 {
     (0..17).filter_map(|digits| format!("{value:.digits$e}").parse().ok()).find(|&v| fits(v)).unwrap_or(value)
 }
 
-pub(super) fn encode_pose(pose: &Pose, stamp: Stamp) -> Encoded {
-    encode_transform(pose, (WORLD, Camera::Left.frame_id()), stamp)
-}
-
-/// The right camera in the frame of the left one.
-pub(super) fn encode_baseline(rig: &Rig, stamp: Stamp) -> Encoded {
-    let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
-    encode_transform(&right, (Camera::Left.frame_id(), Camera::Right.frame_id()), stamp)
-}
-
-fn encode_transform(pose: &Pose, (parent, child): (&str, &str), stamp: Stamp) -> Encoded {
+/// The pose of the second frame in the first.
+pub(super) fn encode_transform(pose: &Pose, [parent, child]: [&str; 2], stamp: Stamp) -> Encoded {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     let message = FrameTransform {
         timestamp: stamp.foxglove(),

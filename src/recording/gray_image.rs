@@ -7,6 +7,7 @@ use crate::stereo::Gray;
 use foxglove::messages::{CompressedImage, RawImage};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
+use std::borrow::Cow;
 
 const RAW: &str = "foxglove.RawImage";
 const COMPRESSED: &str = "foxglove.CompressedImage";
@@ -23,10 +24,6 @@ pub enum ImageFormat {
 
 pub(super) fn encode(image: &Gray, format: ImageFormat, stamp: Stamp, frame_id: &str) -> Result<Encoded, Error> {
     let (width, height) = image.size();
-    let pixels = match image.as_slice() {
-        Some(pixels) => pixels.to_vec(),
-        None => image.pixels().collect(),
-    };
     // Sides of a plane are at most MAX_SIDE, so they fit.
     let (width, height) = (width as u32, height as u32);
     let frame_id = frame_id.to_owned();
@@ -34,18 +31,30 @@ pub(super) fn encode(image: &Gray, format: ImageFormat, stamp: Stamp, frame_id: 
     match format {
         ImageFormat::Raw => {
             let encoding = "mono8".to_owned();
-            let data = pixels.into();
+            let data = pixels(image).into_owned().into();
             Ok(Encoded::protobuf(RAW, &RawImage { timestamp, frame_id, width, height, encoding, step: width, data }))
         }
         ImageFormat::Png => {
-            let mut png = Vec::new();
-            PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
-                .write_image(&pixels, width, height, ExtendedColorType::L8)
-                .map_err(|e| Error::Invalid(format!("cannot compress a {width}x{height} image: {e}")))?;
+            let data = png(image)?.into();
             let format = "png".to_owned();
-            Ok(Encoded::protobuf(COMPRESSED, &CompressedImage { timestamp, frame_id, data: png.into(), format }))
+            Ok(Encoded::protobuf(COMPRESSED, &CompressedImage { timestamp, frame_id, data, format }))
         }
     }
+}
+
+/// The image as a PNG file.
+pub(super) fn png(image: &Gray) -> Result<Vec<u8>, Error> {
+    let (width, height) = image.size();
+    let mut png = Vec::new();
+    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(&pixels(image), width as u32, height as u32, ExtendedColorType::L8)
+        .map_err(|e| Error::Invalid(format!("cannot compress a {width}x{height} image: {e}")))?;
+    Ok(png)
+}
+
+/// The pixels row by row, without what may lie between the rows.
+pub(super) fn pixels(image: &Gray) -> Cow<'_, [u8]> {
+    image.as_slice().map_or_else(|| image.pixels().collect(), Cow::Borrowed)
 }
 
 /// The image in a message of `schema`, or why there is none.

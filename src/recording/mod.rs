@@ -19,11 +19,14 @@
 //! The metadata record `svl` is the [`Header`]; the manifest of the run that wrote it, scenario and calibration files are
 //! attachments.
 //!
+//! [`Dialect::Ros2`] is the same in ROS 2's messages alone.
+//!
 //! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are found by their types, and
 //! two images are a pair when their stamps are near enough; see [`Selection`].
 
 mod append;
 mod chunk;
+mod dialect;
 mod float_image;
 mod foreign;
 mod geometry;
@@ -42,6 +45,7 @@ mod sync;
 mod truth;
 mod writer;
 
+pub use dialect::{Dialect, Format};
 pub use foreign::Selection;
 pub use gray_image::ImageFormat;
 pub use header::{Header, attachment, calibration_files, header};
@@ -80,6 +84,13 @@ enum Camera {
 
 impl Camera {
     const BOTH: [Camera; 2] = [Camera::Left, Camera::Right];
+
+    fn side(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
 
     /// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
     fn frame_id(self) -> &'static str {

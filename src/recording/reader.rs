@@ -3,7 +3,7 @@
 use super::foreign::{Foreign, Selection};
 use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
-use super::{Header, Kind, PROFILE};
+use super::{Header, Kind, PROFILE, sync};
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
 use std::path::{Path, PathBuf};
@@ -170,7 +170,8 @@ fn is_own(path: &Path) -> Result<bool> {
     if !matches!(Messages::open(path)?.next(), Ok(Some(Event::Library(header))) if header.profile != PROFILE) {
         return Ok(true);
     }
-    Ok(Messages::all_channels(path)?.iter().any(|channel| channel.topic == Kind::Sync.topic()))
+    // Other programs copy svl's messages into files of another profile. A ROS 2 bag of svl's has no such message.
+    Ok(Messages::all_channels(path)?.iter().any(|channel| channel.schema == sync::SCHEMA))
 }
 
 impl PairsOf {

@@ -4,7 +4,7 @@ use super::Encoded;
 use crate::stereo::{Exposure, Frame};
 use std::borrow::Cow;
 
-const SCHEMA: &str = "svl.StereoSync";
+pub(super) const SCHEMA: &str = "svl.StereoSync";
 const DEFINITION: &str = include_str!("sync.schema.json");
 
 /// The message of `/stereo/sync`. It names the stamps of both images, and so says which two are a pair.

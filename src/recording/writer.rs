@@ -2,10 +2,7 @@
 
 use super::append::Append;
 use super::sync::StereoSync;
-use super::{
-    AlgorithmResult, Camera, Encoded, Header, ImageFormat, Kind, LIBRARY, MANIFEST, PROFILE, Stamp, float_image,
-    geometry, gray_image, truth,
-};
+use super::{AlgorithmResult, Camera, Encoded, Format, Header, Kind, LIBRARY, MANIFEST, Stamp, ros, truth};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::stereo::{Estimate, Frame, Gray, Truth};
@@ -26,7 +23,7 @@ const SYNC_PERIOD: Duration = Duration::from_secs(1);
 /// errors; call [`Writer::finish`] to see them.
 pub struct Writer {
     file: Append,
-    images: ImageFormat,
+    format: Format,
     channels: HashMap<String, u16>,
     synced: Instant,
 }
@@ -36,10 +33,11 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Io`] when the file exists already or cannot be made.
-    pub fn create(path: impl Into<PathBuf>, header: &Header, images: ImageFormat) -> Result<Self> {
-        let mut file = Append::create(path.into(), PROFILE, LIBRARY)?;
+    pub fn create(path: impl Into<PathBuf>, header: &Header, format: impl Into<Format>) -> Result<Self> {
+        let format = format.into();
+        let mut file = Append::create(path.into(), format.dialect.profile(), LIBRARY)?;
         file.metadata(&header.to_record())?;
-        Ok(Self { file, images, channels: HashMap::new(), synced: Instant::now() })
+        Ok(Self { file, format, channels: HashMap::new(), synced: Instant::now() })
     }
 
     /// Keeps a file beside the pairs: the scenario, the calibration.
@@ -76,43 +74,41 @@ impl Writer {
         let right = Stamp::new(right_ns)?;
         let sequence = frame.sequence as u32;
         let size = frame.pair.size();
+        let Format { dialect, images } = self.format;
         if let Some(rig) = &frame.rig {
             for (camera, stamp) in [(Camera::Left, left), (Camera::Right, right)] {
-                let calibration = geometry::encode_calibration(rig, size, camera, stamp);
-                self.put(Kind::Calibration(camera).topic(), stamp, sequence, calibration)?;
+                self.put(dialect.calibration(rig, size, camera, stamp), stamp, sequence)?;
             }
-            self.put(Kind::Baseline.topic(), left, sequence, geometry::encode_baseline(rig, left))?;
+            self.put(dialect.baseline(rig, left), left, sequence)?;
         }
         if let Some(pose) = &frame.pose {
-            self.put(Kind::Pose.topic(), left, sequence, geometry::encode_pose(pose, left))?;
+            self.put(dialect.pose(pose, left), left, sequence)?;
         }
         for (camera, image, stamp) in
             [(Camera::Left, frame.pair.left(), left), (Camera::Right, frame.pair.right(), right)]
         {
-            let message = gray_image::encode(image, self.images, stamp, camera.frame_id())?;
-            self.put(Kind::Image(camera).topic(), stamp, sequence, message)?;
+            let rectified = frame.rig.is_some();
+            self.put(dialect.image(image, camera, rectified, images, stamp)?, stamp, sequence)?;
         }
         if let Some(truth) = &frame.truth {
             self.write_truth(frame, truth, left)?;
         }
-        self.put(Kind::Sync.topic(), left, sequence, StereoSync::new(frame, right_ns).encode())?;
+        let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
+        self.put((Kind::Sync.topic(), sync), left, sequence)?;
         if self.synced.elapsed() >= SYNC_PERIOD { self.sync() } else { Ok(()) }
     }
 
     fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: Stamp) -> Result<()> {
         let sequence = frame.sequence as u32;
-        let left = Camera::Left.frame_id();
-        match frame.rig.as_ref().and_then(|rig| truth::depths(&truth.disparity, rig)) {
-            Some(depth) => self.put(Kind::Depth.topic(), stamp, sequence, float_image::encode(&depth, stamp, left))?,
-            None => {
-                let disparity = truth::to_file(&truth.disparity);
-                self.put(Kind::Disparity.topic(), stamp, sequence, float_image::encode(&disparity, stamp, ""))?;
-            }
-        }
+        let said = match frame.rig.as_ref().and_then(|rig| truth::depths(&truth.disparity, rig)) {
+            Some(depth) => (Kind::Depth.topic(), ros::encode_32fc1(&depth, stamp, Camera::Left.frame_id())),
+            // It has no frame, lest a viewer take it for metres.
+            None => (Kind::Disparity.topic(), ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, "")),
+        };
+        self.put(said, stamp, sequence)?;
         if let Some(visibility) = &truth.visibility {
             let codes: Gray = visibility.map(|v| v as u8);
-            let message = gray_image::encode(&codes, ImageFormat::Raw, stamp, left)?;
-            self.put(Kind::Visibility.topic(), stamp, sequence, message)?;
+            self.put(self.format.dialect.visibility(&codes, stamp)?, stamp, sequence)?;
         }
         Ok(())
     }
@@ -126,8 +122,9 @@ impl Writer {
         let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
         let disparity = truth::to_file(estimate.disparity.disparity());
         let sequence = frame.sequence as u32;
-        self.put(&topic("disparity"), stamp, sequence, float_image::encode(&disparity, stamp, ""))?;
-        self.put(&topic("result"), stamp, sequence, AlgorithmResult::of(frame, estimate).encode())
+        self.put((topic("disparity"), ros::encode_32fc1(&disparity, stamp, "")), stamp, sequence)?;
+        let result = self.format.dialect.json(AlgorithmResult::of(frame, estimate).encode());
+        self.put((topic("result"), result), stamp, sequence)
     }
 
     /// Closes the chunk and brings it to the disk.
@@ -148,7 +145,8 @@ impl Writer {
         self.file.finish()
     }
 
-    fn put(&mut self, topic: &str, stamp: Stamp, sequence: u32, message: Encoded) -> Result<()> {
+    fn put(&mut self, (topic, message): (impl AsRef<str>, Encoded), stamp: Stamp, sequence: u32) -> Result<()> {
+        let topic = topic.as_ref();
         let channel_id = match self.channels.get(topic) {
             Some(&id) => id,
             None => {

@@ -1,5 +1,6 @@
 use crate::fixture::{Fixture, pgm};
 use svl::source::{RecordingSource, Source};
+use svl::stereo::{Rig, StereoPair};
 
 #[test]
 fn records_the_arena_and_says_how_much() {
@@ -73,6 +74,27 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.svl(&["record", "--duration", "-1"]).failed(2, &["--duration"]);
 }
 
+/// Stamps, pairs and rigs of a recording.
+fn pairs(fixture: &Fixture, name: &str) -> Vec<(u64, StereoPair, Option<Rig>)> {
+    let mut source = RecordingSource::open(fixture.path(name)).unwrap();
+    let frames = std::iter::from_fn(|| source.next().unwrap());
+    frames.map(|frame| (frame.stamp_ns, frame.pair, frame.rig)).collect()
+}
+
+#[test]
+fn a_ros_2_bag_has_the_pairs_of_the_recording() {
+    let fixture = Fixture::new();
+    fixture.svl(&["record", "--frames", "2", "-o", "a.mcap"]).done();
+    for (bag, more) in [("raw.mcap", &[][..]), ("png.mcap", &["--compress"])] {
+        fixture.svl(&[&["record", "a.mcap", "--ros2", "-o", bag], more].concat()).done();
+        let info = fixture.svl(&["info", bag]).done();
+        for word in ["/stereo/left/image_rect", "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage", "seed 1"] {
+            assert!(info.contains(word), "{word} is not in: {info}");
+        }
+        assert!(!info.contains("foxglove") && pairs(&fixture, bag) == pairs(&fixture, "a.mcap"), "{bag}");
+    }
+}
+
 #[test]
 fn topics_of_another_programs_recording_are_named() {
     let fixture = Fixture::new();
@@ -80,12 +102,7 @@ fn topics_of_another_programs_recording_are_named() {
     let named = ["--left", "/stereo/left/image", "--right", "/stereo/right/image"];
     let ran = fixture.svl(&[&["record", "a.mcap", "-o", "b.mcap", "--max-skew-ms", "1"], &named[..]].concat());
     assert!(ran.code == Some(0) && ran.stderr.is_empty(), "{}", ran.stderr);
-    let pairs = |name: &str| {
-        let mut source = RecordingSource::open(fixture.path(name)).unwrap();
-        let frames = std::iter::from_fn(|| source.next().unwrap());
-        frames.map(|frame| (frame.stamp_ns, frame.pair, frame.rig)).collect::<Vec<_>>()
-    };
-    assert!(pairs("a.mcap") == pairs("b.mcap"));
+    assert!(pairs(&fixture, "a.mcap") == pairs(&fixture, "b.mcap"));
     let wrong = ["replay", "a.mcap", "--left", "/stereo/sync", "--right", "/stereo/right/image"];
     fixture.svl(&wrong).failed(1, &["a.mcap", "--left /stereo/sync has messages of svl.StereoSync"]);
     fixture.svl(&["record", "--left", "/x", "-o", "c.mcap"]).failed(1, &["arena: --left, --right and --max-skew-ms"]);

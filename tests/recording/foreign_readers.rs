@@ -2,7 +2,7 @@
 
 use crate::frames::full;
 use std::process::Command;
-use svl::recording::{Header, ImageFormat, Writer};
+use svl::recording::{Dialect, Format, Header, ImageFormat, Writer};
 use svl::stereo::{Frame, Gray, Visibility};
 
 const SIZE: (usize, usize) = (61, 47);
@@ -17,13 +17,19 @@ fn expected(topic: &str, frame: &Frame) -> f64 {
     let (rig, truth) = (frame.rig.unwrap(), frame.truth.as_ref().unwrap());
     let pose = frame.pose.unwrap();
     let calibration = |right| rig.intrinsics(right).sum() + rig.projection(right).sum() + 3.0;
+    let (baseline, pose) = (rig.baseline_m() + 1.0, pose.translation.vector.sum() + pose.rotation.coords.sum());
     match topic {
-        "/stereo/left/image" => pixel_sum(frame.pair.left()),
-        "/stereo/right/image" => pixel_sum(frame.pair.right()),
-        "/stereo/left/calibration" => calibration(false),
-        "/stereo/right/calibration" => calibration(true),
-        "/rig/baseline" => rig.baseline_m() + 1.0,
-        "/rig/pose" => pose.translation.vector.sum() + pose.rotation.coords.sum(),
+        "/stereo/left/image" | "/stereo/left/image_rect" | "/stereo/left/image_rect/compressed" => {
+            pixel_sum(frame.pair.left())
+        }
+        "/stereo/right/image" | "/stereo/right/image_rect" | "/stereo/right/image_rect/compressed" => {
+            pixel_sum(frame.pair.right())
+        }
+        "/stereo/left/calibration" | "/stereo/left/camera_info" => calibration(false),
+        "/stereo/right/calibration" | "/stereo/right/camera_info" => calibration(true),
+        "/rig/baseline" => baseline,
+        "/rig/pose" => pose,
+        "/tf" => baseline + pose,
         "/truth/depth" => truth.disparity.pixels().filter_map(|d| rig.depth_m(d.into())).filter(|z| *z > 0.0).sum(),
         "/truth/visibility" => pixel_sum(&truth.visibility.as_ref().unwrap().map(|v: Visibility| v as u8)),
         "/stereo/sync" => frame.sequence as f64,
@@ -32,7 +38,7 @@ fn expected(topic: &str, frame: &Frame) -> f64 {
 }
 
 /// The recording of `frames` as the script reads it; nothing where Python lacks one of `modules`.
-fn read_by(script: &str, modules: &str, frames: &[Frame], images: ImageFormat) -> Option<serde_json::Value> {
+fn read_by(script: &str, modules: &str, frames: &[Frame], format: Format) -> Option<serde_json::Value> {
     let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let import = format!("import {modules}");
     if !Command::new(&python).args(["-c", &import]).output().is_ok_and(|output| output.status.success()) {
@@ -42,7 +48,7 @@ fn read_by(script: &str, modules: &str, frames: &[Frame], images: ImageFormat) -
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let header = Header { seed: Some(7), ..Header::new("arena") };
-    let mut writer = Writer::create(&path, &header, images).unwrap();
+    let mut writer = Writer::create(&path, &header, format).unwrap();
     writer.attach("scenario.toml", "application/toml", b"seed = 7").unwrap();
     frames.iter().for_each(|frame| writer.write(frame).unwrap());
     writer.finish().unwrap();
@@ -60,14 +66,16 @@ fn compare(found: &serde_json::Value, frames: &[Frame], topics: usize) {
         let sum: f64 = frames.iter().map(|frame| expected(topic, frame)).sum();
         let error = (found[1].as_f64().unwrap() - sum).abs();
         assert!(error <= 1e-6 * sum.abs(), "{topic}: {found} found, {sum} written");
-        assert_eq!(found[0], FRAMES, "{topic}");
+        // Rig and pose are two transforms.
+        let messages = if topic == "/tf" { 2 * FRAMES } else { FRAMES };
+        assert_eq!(found[0], messages, "{topic}");
     }
 }
 
 fn check(images: ImageFormat) {
     let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
     let modules = "mcap, mcap_protobuf, mcap_ros2, numpy, PIL";
-    let Some(found) = read_by("read_recording.py", modules, &frames, images) else { return };
+    let Some(found) = read_by("read_recording.py", modules, &frames, images.into()) else { return };
     assert_eq!(found["metadata"]["svl"]["seed"], "7");
     assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
     compare(&found, &frames, 9);
@@ -84,8 +92,11 @@ fn python_reads_compressed_recordings() {
 }
 
 #[test]
-fn rosbags_reads_the_ros_2_messages() {
+fn rosbags_reads_a_ros_2_bag() {
     let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
-    let Some(found) = read_by("read_cdr.py", "mcap, numpy, rosbags", &frames, ImageFormat::Raw) else { return };
-    compare(&found, &frames, 1);
+    for images in [ImageFormat::Raw, ImageFormat::Png] {
+        let format = Format { dialect: Dialect::Ros2, images };
+        let Some(found) = read_by("read_bag.py", "mcap_ros2, numpy, PIL, rosbags", &frames, format) else { return };
+        compare(&found, &frames, 8);
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use svl::Error;
-use svl::recording::{Header, ImageFormat, Reader, Writer};
+use svl::recording::{Format, Header, Reader, Writer};
 use svl::stereo::{Exposure, Frame, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
 
 /// Time from one pair to the next.
@@ -54,9 +54,9 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
 }
 
 /// Writes a recording of `frames` into `folder`.
-pub(crate) fn record(folder: &Path, frames: &[Frame], images: ImageFormat) -> PathBuf {
+pub(crate) fn record(folder: &Path, frames: &[Frame], format: impl Into<Format>) -> PathBuf {
     let path = folder.join("test.mcap");
-    let mut writer = Writer::create(&path, &Header::new("test"), images).unwrap();
+    let mut writer = Writer::create(&path, &Header::new("test"), format).unwrap();
     frames.iter().for_each(|frame| writer.write(frame).unwrap());
     writer.finish().unwrap();
     path

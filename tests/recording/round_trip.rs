@@ -1,7 +1,7 @@
 //! What is written is what is read.
 
 use crate::frames::{bare, full, read, record};
-use svl::recording::{Header, ImageFormat, Writer, attachment, header};
+use svl::recording::{Dialect, Format, Header, ImageFormat, Writer, attachment, header};
 use svl::sink::{RecordingSink, Sink};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{Cell, DepthGrid, DisparityMap, Estimate, Frame, GridShape, Plane, Rig, Truth};
@@ -41,6 +41,24 @@ fn bare_pairs_come_back() {
     let frames: Vec<_> = (0..20).map(|i| bare(i, SIZE)).collect();
     round_trip(&frames, ImageFormat::Raw, 0.0);
     round_trip(&frames, ImageFormat::Png, 0.0);
+}
+
+#[test]
+fn a_ros_2_bag_gives_back_pairs_and_rig() {
+    for images in [ImageFormat::Raw, ImageFormat::Png] {
+        let folder = tempfile::tempdir().unwrap();
+        let frames: Vec<_> =
+            (0..5).map(|i| if images == ImageFormat::Raw { full(i, SIZE) } else { bare(i, SIZE) }).collect();
+        let (back, error) = read(&record(folder.path(), &frames, Format { dialect: Dialect::Ros2, images }));
+        assert!(error.is_none() && back.len() == frames.len(), "{error:?}");
+        for (read, written) in back.iter().zip(&frames) {
+            assert_eq!((&read.pair, read.stamp_ns), (&written.pair, written.stamp_ns));
+            assert_eq!(read.exposure.skew_ns, written.exposure.skew_ns);
+            assert_eq!(read.rig.map(|rig| rig.intrinsics(true)), written.rig.map(|rig| rig.intrinsics(true)));
+            let baseline = |frame: &Frame| frame.rig.map_or(0.0, |rig| rig.baseline_m());
+            assert!((baseline(read) - baseline(written)).abs() < 1e-12);
+        }
+    }
 }
 
 #[test]

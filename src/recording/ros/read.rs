@@ -1,55 +1,52 @@
-//! The ROS 2 messages svl reads, taken out of their CDR.
+//! Messages taken out of their CDR.
 
 use re_cdr::{CdrReader, Error, LittleEndian, Result};
-
-/// OMG encapsulation header of little-endian CDR.
-pub(super) const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 /// Most coefficients of a lens that any of ROS's distortion models has.
 const MAX_DISTORTION: usize = 14;
 
 /// sensor_msgs/msg/Image.
-pub(super) struct Image<'a> {
-    pub(super) stamp: Time,
-    pub(super) height: u32,
-    pub(super) width: u32,
-    pub(super) encoding: &'a str,
-    pub(super) big_endian: bool,
+pub(in crate::recording) struct Image<'a> {
+    pub(in crate::recording) stamp: Time,
+    pub(in crate::recording) height: u32,
+    pub(in crate::recording) width: u32,
+    pub(in crate::recording) encoding: &'a str,
+    pub(in crate::recording) big_endian: bool,
     /// Bytes from one row to the next.
-    pub(super) step: u32,
-    pub(super) data: &'a [u8],
+    pub(in crate::recording) step: u32,
+    pub(in crate::recording) data: &'a [u8],
 }
 
 /// sensor_msgs/msg/CompressedImage.
-pub(super) struct CompressedImage<'a> {
-    pub(super) stamp: Time,
-    pub(super) format: &'a str,
-    pub(super) data: &'a [u8],
+pub(in crate::recording) struct CompressedImage<'a> {
+    pub(in crate::recording) stamp: Time,
+    pub(in crate::recording) format: &'a str,
+    pub(in crate::recording) data: &'a [u8],
 }
 
 /// sensor_msgs/msg/CameraInfo, as far as svl needs it.
-pub(super) struct CameraInfo {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) model: String,
-    pub(super) distortion: Vec<f64>,
-    pub(super) k: [f64; 9],
-    pub(super) r: [f64; 9],
-    pub(super) p: [f64; 12],
+pub(in crate::recording) struct CameraInfo {
+    pub(in crate::recording) width: u32,
+    pub(in crate::recording) height: u32,
+    pub(in crate::recording) model: String,
+    pub(in crate::recording) distortion: Vec<f64>,
+    pub(in crate::recording) k: [f64; 9],
+    pub(in crate::recording) r: [f64; 9],
+    pub(in crate::recording) p: [f64; 12],
 }
 
 /// builtin_interfaces/msg/Time.
 #[derive(Clone, Copy)]
-pub(super) struct Time {
-    pub(super) sec: i32,
-    pub(super) nanosec: u32,
+pub(in crate::recording) struct Time {
+    pub(in crate::recording) sec: i32,
+    pub(in crate::recording) nanosec: u32,
 }
 
 /// The body of a message, which `read` takes apart.
 ///
 /// # Errors
 /// Why it cannot be read.
-pub(super) fn read<'a, T>(
+pub(in crate::recording) fn read<'a, T>(
     data: &'a [u8],
     read: impl FnOnce(&mut CdrReader<'a, LittleEndian>) -> Result<T>,
 ) -> std::result::Result<T, String> {
@@ -61,7 +58,7 @@ pub(super) fn read<'a, T>(
     read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
 }
 
-pub(super) fn image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<Image<'a>> {
+pub(in crate::recording) fn image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<Image<'a>> {
     Ok(Image {
         stamp: header(cdr)?,
         height: cdr.read_u32()?,
@@ -73,11 +70,11 @@ pub(super) fn image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<Image<'
     })
 }
 
-pub(super) fn compressed_image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<CompressedImage<'a>> {
+pub(in crate::recording) fn compressed_image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<CompressedImage<'a>> {
     Ok(CompressedImage { stamp: header(cdr)?, format: cdr.read_str()?, data: cdr.read_byte_sequence()? })
 }
 
-pub(super) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<CameraInfo> {
+pub(in crate::recording) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<CameraInfo> {
     let (_stamp, height, width, model) = (header(cdr)?, cdr.read_u32()?, cdr.read_u32()?, cdr.read_str()?.to_owned());
     let coefficients = cdr.read_sequence_length()?;
     if coefficients > MAX_DISTORTION {

@@ -1,0 +1,10 @@
+//! The messages of ROS 2 that svl reads and writes, in little-endian CDR.
+
+mod read;
+mod write;
+
+pub(super) use read::*;
+pub(super) use write::*;
+
+/// OMG encapsulation header of little-endian CDR.
+const CDR_LE: [u8; 4] = [0, 1, 0, 0];
