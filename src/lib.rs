@@ -66,5 +66,9 @@ pub mod score;
 pub mod sink;
 #[cfg(feature = "bench")]
 pub mod source;
+#[cfg(feature = "bench")]
+mod words;
 
 pub use error::{Error, Result};
+#[cfg(feature = "bench")]
+pub use words::counted;

@@ -3,6 +3,7 @@
 use super::output::{print, print_json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use svl::counted;
 use svl::manifest::Manifest;
 use svl::recording::{Loss, Skew, Summary, Topic};
 
@@ -76,7 +77,7 @@ fn pairs(summary: &Summary) -> String {
         0 => String::new(),
         n => format!(", {n} missing between the first and the last"),
     };
-    format!("pairs      {}{rate}, {} frames dropped{missing}", summary.pairs, summary.drops)
+    format!("pairs      {}{rate}, {} dropped{missing}", summary.pairs, counted(summary.drops, "frame"))
 }
 
 /// Columns of the longest bar.
@@ -125,7 +126,7 @@ pub(super) fn losses(losses: &[Loss]) -> Vec<String> {
 
 /// What the file's own summary promises and it does not hold.
 pub(super) fn missing(missing: &BTreeMap<String, u64>) -> Vec<String> {
-    missing.iter().map(|(topic, n)| format!("missing    {n} messages of {topic}")).collect()
+    missing.iter().map(|(topic, n)| format!("missing    {} of {topic}", counted(*n, "message"))).collect()
 }
 
 fn gaps(summary: &Summary) -> Vec<String> {

@@ -8,6 +8,7 @@ use super::rectify::Rectify;
 use super::source::{self, Opened, RECORDINGS};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use svl::counted;
 use svl::manifest::Manifest;
 use svl::recording::{Dialect, Format, ImageFormat, SCENARIO, Writer};
 use svl::run::{Lineup, Outcome, Pace, run as run_loop};
@@ -165,9 +166,9 @@ fn report(path: &Path, outcome: Outcome, seconds: f64) -> anyhow::Result<()> {
     let rate = outcome.frames as f64 / seconds;
     let stopped = if outcome.interrupted { ", stopped by Ctrl-C" } else { "" };
     print(&format!(
-        "{}: {} pairs in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
+        "{}: {} in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
         path.display(),
-        outcome.frames,
+        counted(outcome.frames, "pair"),
         bytes as f64 / 1e6
     ))
 }

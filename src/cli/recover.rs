@@ -3,6 +3,7 @@
 use super::info::{losses, missing, size};
 use super::output::{distinct, may_write, print, print_json};
 use std::path::PathBuf;
+use svl::counted;
 use svl::recording::{Recovery, recover};
 
 /// Save what an unfinished or damaged recording still holds
@@ -33,11 +34,14 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
     let Recovery { messages, pairs, attachments, metadata, .. } = recovery;
     let bytes = args.output.metadata()?.len();
     let (topics, messages) = (messages.len(), messages.values().sum::<u64>());
-    let pairs = if *pairs > 0 { format!("{pairs} pairs, ") } else { String::new() };
+    let pairs = if *pairs > 0 { format!("{}, ", counted(*pairs, "pair")) } else { String::new() };
     let mut lines = vec![
         format!("{}: {}", args.output.display(), size(bytes)),
         format!(
-            "saved      {pairs}{messages} messages of {topics} topics, {attachments} attachments, {metadata} metadata"
+            "saved      {pairs}{} of {}, {}, {metadata} metadata",
+            counted(messages, "message"),
+            counted(topics, "topic"),
+            counted(*attachments, "attachment")
         ),
     ];
     if recovery.losses.is_empty() {

@@ -8,6 +8,7 @@ use super::verify::{Earlier, Verification};
 use super::{cache, run_info};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
+use svl::counted;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{Header, ImageFormat, SCENARIO, Writer};
@@ -149,7 +150,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
         let summary = Summary::of_rows(rows.rows())?;
         verification = before.map(|before| before.compare(rows.rows(), &algorithms)).transpose()?;
-        let text = || format!("{} ({pairs} pairs)\n{summary}", recording.display());
+        let text = || format!("{} ({})\n{summary}", recording.display(), counted(pairs, "pair"));
         if args.json {
             print_json(&Answer { summary: &summary, verification: &verification })?
         } else {
@@ -160,7 +161,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     finished?;
     source::tell_unpaired(&*source);
     if outcome.interrupted {
-        bail!("stopped by Ctrl-C after {} pairs; what was written is kept", outcome.frames);
+        bail!("stopped by Ctrl-C after {}; what was written is kept", counted(outcome.frames, "pair"));
     }
     if let Some(verification) = verification {
         let proved = verification.proved()?;

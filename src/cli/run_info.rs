@@ -1,6 +1,7 @@
 //! What a run is told at its beginning, and whether it is complete at its end.
 
 use svl::arena::{Arena, Wire};
+use svl::counted;
 use svl::manifest::Manifest;
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Edges, Identity, RunInfo};
@@ -31,6 +32,6 @@ pub(super) fn wireframe(scenario: &Scenario, seed: Option<u64>) -> Vec<Wire> {
 pub(super) fn complete(failures: u64) -> anyhow::Result<()> {
     match failures {
         0 => Ok(()),
-        n => anyhow::bail!("algorithms failed on {n} pairs, as warned; all else is kept"),
+        n => anyhow::bail!("algorithms failed on {}, as warned; all else is kept", counted(n, "pair")),
     }
 }

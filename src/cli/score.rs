@@ -7,6 +7,7 @@ use super::sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
 use super::{cache, folder, gate, run_info};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
+use svl::counted;
 use svl::manifest::Manifest;
 use svl::report::html::Page;
 use svl::report::{Ruling, Summary, Tables};
@@ -96,7 +97,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let lacks = (failures > 0).then(|| format!("algorithms failed on {failures} pairs, which their lines lack"));
+    let lacks =
+        (failures > 0).then(|| format!("algorithms failed on {}, which their lines lack", counted(failures, "pair")));
     let incomplete = ran.as_ref().err().map(super::one_line).or(lacks);
     let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,

@@ -6,6 +6,7 @@ use super::rectify::Recorded;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
+use svl::counted;
 use svl::recording::{Header, Selection};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
@@ -80,7 +81,7 @@ pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<Rec
 /// Says how many images of a source found no partner.
 pub(super) fn tell_unpaired(source: &dyn Source) {
     if source.unpaired() > 0 {
-        tracing::warn!("{}: {} images found no partner and were left out", source.name(), source.unpaired());
+        tracing::warn!("{}: left out, without a partner: {}", source.name(), counted(source.unpaired(), "image"));
     }
 }
 
@@ -179,7 +180,7 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
     let source: Box<dyn Source> = if scenes.is_empty() {
         let source = FolderSource::new(path, FOLDER_RATE_HZ)?;
         if source.unpaired() > 0 {
-            tracing::warn!("{}: {} images without a partner are left out", path.display(), source.unpaired());
+            tracing::warn!("{}: left out, without a partner: {}", path.display(), counted(source.unpaired(), "image"));
         }
         Box::new(source)
     } else {

@@ -1,6 +1,7 @@
 //! What the grabber did, in numbers.
 
 use super::pairing::Unpaired;
+use crate::counted;
 use hdrhistogram::Histogram;
 use std::fmt;
 
@@ -63,20 +64,25 @@ impl Tally {
 impl fmt::Display for Tally {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.pulses > 0 {
-            write!(f, "{} pulses, ", self.pulses)?;
+            write!(f, "{}, ", counted(self.pulses, "pulse"))?;
         }
         if self.stray_pulses > 0 {
             write!(f, "{} more that nobody asked for, ", self.stray_pulses)?;
         }
         let Self { frames: [left, right], pairs, dropped, waited, unread, .. } = self;
-        write!(f, "{left} left and {right} right images, {pairs} pairs; ")?;
+        write!(f, "{left} left and {}, {}; ", counted(*right, "right image"), counted(*pairs, "pair"))?;
         let unpaired = Unpaired::ALL.iter().zip(self.unpaired).filter(|(_, n)| *n > 0);
         let unpaired: Vec<_> = unpaired.map(|(reason, n)| format!("{n} {}", reason.words())).collect();
         match unpaired.is_empty() {
             true => write!(f, "none unpaired; ")?,
             false => write!(f, "unpaired: {}; ", unpaired.join(", "))?,
         }
-        write!(f, "{dropped} pairs dropped by a full queue, {waited} waits for the writer")?;
+        write!(
+            f,
+            "{} dropped by a full queue, {} for the writer",
+            counted(*dropped, "pair"),
+            counted(*waited, "wait")
+        )?;
         if *unread > 0 {
             write!(f, ", {unread} grabbed beyond the end")?;
         }

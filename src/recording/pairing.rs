@@ -3,6 +3,7 @@
 use super::geometry::{self, Projection};
 use super::sync::StereoSync;
 use super::{Camera, Kind, float_image, gray_image, truth};
+use crate::counted;
 use crate::stereo::{Frame, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
 use std::collections::BTreeMap;
 
@@ -105,12 +106,12 @@ impl Pairing {
     pub(super) fn why_none(&self) -> String {
         match (self.left_images, self.right_images) {
             (0, 0) => "has no pairs: its recording ended before the first".to_owned(),
-            (n, 0) => format!("has no stereo pairs: {n} images of the left camera, none of the right"),
-            (0, n) => format!("has no stereo pairs: {n} images of the right camera, none of the left"),
+            (n, 0) => format!("has no stereo pairs: {} of the left camera, none of the right", counted(n, "image")),
+            (0, n) => format!("has no stereo pairs: {} of the right camera, none of the left", counted(n, "image")),
             (n, m) => {
                 let sync = Kind::Sync.topic();
                 format!(
-                    "has no stereo pairs: no {sync} says which of its {n} left and {m} right images belong together"
+                    "has no stereo pairs: no {sync} says which of its images, {n} left and {m} right, belong together"
                 )
             }
         }

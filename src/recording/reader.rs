@@ -4,6 +4,7 @@ use super::foreign::{Foreign, Selection};
 use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
 use super::{Header, Kind, PROFILE, sync};
+use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
 use std::path::{Path, PathBuf};
@@ -159,8 +160,7 @@ impl Reader {
             PairsOf::Svl(pairing) => pairing.pairs(),
             PairsOf::Others(foreign) => foreign.pairs(),
         };
-        let plural = if pairs == 1 { "pair was" } else { "pairs were" };
-        Error::damaged(path, format!("{reason}; {pairs} whole {plural} read"))
+        Error::damaged(path, format!("{reason}; read before it: {}", counted(pairs, "whole pair")))
     }
 }
 

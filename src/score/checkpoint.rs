@@ -1,6 +1,7 @@
 //! Checkpoints: situations of the thesis's arena (chapter 7) in which the robot has to see one thing.
 
 use super::{CellJudgement, Verdict};
+use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{DepthGrid, GridShape, Pose};
 use std::cmp::Ordering;
@@ -106,7 +107,7 @@ impl CheckpointFrame {
 
     /// What is amiss, in words; nothing when it passed.
     pub fn reasons(&self) -> Option<String> {
-        let cells = |n: usize| if n == 1 { "1 cell".to_owned() } else { format!("{n} cells") };
+        let cells = |n: usize| counted(n, "cell");
         let amiss = [
             (self.wrong > 0).then(|| format!("{} wrong", cells(self.wrong))),
             (self.must_missing > 0)

@@ -45,7 +45,7 @@ fn a_scene_and_a_folder_of_pairs() {
     }
     fixture.write("many/left/alone.pgm", pgm(40, 20, &[0; 800]));
     let ran = fixture.svl(&["record", "many", "-o", "many.mcap"]);
-    assert!(ran.stderr.contains("1 images without a partner"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("left out, without a partner: 1 image"), "{}", ran.stderr);
     assert_eq!(RecordingSource::open(fixture.path("many.mcap")).unwrap().pairs(), Some(3));
 }
 

@@ -4,6 +4,7 @@ use super::super::output::{print, print_json};
 use super::super::rectify::Rectify;
 use super::super::source::{self, Topics};
 use anyhow::bail;
+use svl::counted;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
 
 /// Measure how well the pairs of a recording are rectified, from the pictures alone
@@ -70,7 +71,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 fn text(name: &str, alignment: &Alignment) -> String {
     let Alignment { pairs, matches, median_abs_px, p90_abs_px, median_px, misfit, parts_px } = alignment;
     let mut lines = vec![
-        format!("{name}: {matches} points in {pairs} pairs"),
+        format!("{name}: {} in {}", counted(*matches, "point"), counted(*pairs, "pair")),
         format!("rows apart  {median_abs_px:.2} px (median), {p90_abs_px:.2} px (90th percentile)"),
         format!("right image {:.2} px {}", median_px.abs(), if *median_px < 0.0 { "higher" } else { "lower" }),
     ];

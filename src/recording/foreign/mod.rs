@@ -13,6 +13,7 @@ pub(super) use topics::choose;
 
 use super::Camera;
 use super::messages::{Channel, Event, Messages};
+use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Gray, Rig, StereoCalibration, StereoPair};
 use camera::Calibration;
@@ -169,7 +170,8 @@ impl Foreign {
             None => String::new(),
         };
         format!(
-            "has no stereo pairs: none of the {lefts} images of {left} and {rights} of {right} are within {skew} ms of each other{miss}"
+            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} ms of each other{miss}",
+            counted(lefts, "image")
         )
     }
 

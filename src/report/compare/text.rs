@@ -2,6 +2,7 @@
 
 use super::super::metric::Metric;
 use super::{AlgorithmChange, Change, Comparison, Judgement};
+use crate::counted;
 use std::fmt::{Display, Formatter, Result};
 
 impl Display for Comparison {
@@ -36,9 +37,9 @@ impl Display for AlgorithmChange {
         } else if !same_parameters {
             f.write_str(" (other parameters)")?;
         }
-        write!(f, ": {pairs} pairs, {equal_results} with equal results")?;
+        write!(f, ": {}, {equal_results} with equal results", counted(*pairs, "pair"))?;
         if *unmatched > 0 {
-            write!(f, "; {unmatched} pairs of one run alone are left out")?;
+            write!(f, "; left out: {} of one run alone", counted(*unmatched, "pair"))?;
         }
         writeln!(f, "\n{:28} {:>10} {:>10} {:>10}   95 %", "", "base", "other", "change")?;
         for change in &self.metrics {
