@@ -20,7 +20,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("files", &["stereo", "bounded"]),
     ("fetch", &["files"]),
     ("overlay", &["stereo"]),
-    ("grab", &["stereo", "arena", "calibrate"]),
+    ("grab", &["stereo", "arena", "calibrate", "files"]),
     ("recording", &["stereo", "files", "manifest"]),
     ("score", &["stereo", "depth", "overlay"]),
     ("source", &["stereo", "recording", "arena", "files", "grab", "calibrate", "rectify"]),
