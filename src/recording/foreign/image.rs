@@ -1,7 +1,7 @@
 //! Images in the messages of ROS 2 and Foxglove.
 
-use super::json;
 use super::pixels::{self, Raw};
+use super::{bayer, json};
 use crate::files;
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
@@ -46,8 +46,20 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Gra
     }
 }
 
+/// The image in the bytes of a PNG or JPEG. What its pixels were before it was compressed stands first in `format`, as
+/// image_transport writes it: `bayer_rggb8; png compressed `.
 fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
-    files::gray_of(data).map_err(|e| format!("its image, compressed as '{format}', is no readable PNG or JPEG: {e}"))
+    let image = files::decode_bytes(data)
+        .map_err(|e| format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}"))?;
+    let mosaic = format.split(';').next().and_then(|encoding| bayer::tile(encoding.trim()));
+    match mosaic {
+        // One channel is what the sensor saw; with more of them its colours were put together before.
+        Some((tile, _)) if image.color().channel_count() == 1 => {
+            files::gray(image).and_then(|samples| bayer::grey(&samples, tile))
+        }
+        _ => files::gray(image),
+    }
+    .map_err(|e| e.to_string())
 }
 
 fn ros_stamp(ros::Time { sec, nanosec }: ros::Time) -> Result<Option<u64>, String> {
