@@ -14,8 +14,8 @@ use svl::stereo::StereoCalibration;
 
 #[derive(clap::Args)]
 pub(super) struct Rectify {
-    /// Rectify the pairs by a calibration: a file, two with a comma between, or the folder of the two; or by an estimate from
-    /// the pictures alone, which knows no distances; or leave them as they are [default: rectified by what a bag of raw
+    /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two, or a recording that keeps
+    /// it; or by an estimate from the pictures alone, which knows no distances; or leave them as they are [default: rectified by what a bag of raw
     /// images says of its cameras, else as they are]
     #[arg(long, value_name = "FILE|estimate|none")]
     calib: Option<By>,
@@ -57,9 +57,12 @@ pub(super) struct Recorded {
     /// What rectifies them, where they are raw and it knows.
     raw: Option<StereoCalibration>,
     remarks: Vec<String>,
-    /// Names and contents of the files by which they were rectified.
-    files: Vec<(String, Vec<u8>)>,
+    /// Those by which they were rectified, or can be.
+    files: Kept,
 }
+
+/// Names and contents of files.
+type Kept = Vec<(String, Vec<u8>)>;
 
 impl Recorded {
     pub(super) fn of(source: &RecordingSource) -> anyhow::Result<Self> {
@@ -75,12 +78,13 @@ impl Recorded {
         })
     }
 
-    /// Keeps the files of the calibration in a recording of the pairs.
+    /// Keeps the files of the calibration in a recording of the pairs: of raw ones that which would rectify them.
     pub(super) fn attach(&self, writer: &mut Writer) -> anyhow::Result<()> {
-        let attach = |(name, bytes): &(String, Vec<u8>)| {
-            writer.attach(&format!("{CALIBRATION}{name}"), "application/octet-stream", bytes)
-        };
-        Ok(self.files.iter().try_for_each(attach)?)
+        let own = self.raw.as_ref().map(written).transpose()?.unwrap_or_default();
+        for (name, bytes) in self.files.iter().chain(&own) {
+            writer.attach(&format!("{CALIBRATION}{name}"), "application/octet-stream", bytes)?;
+        }
+        Ok(())
     }
 }
 
@@ -102,12 +106,12 @@ impl Rectify {
         let name = source.name();
         let (source, by, files): (Box<dyn Source>, _, _) = match (&self.calib, &recorded.raw) {
             (Some(By::Files(path)), _) => {
-                let rectifier = Rectifier::new(&self.framed(files::read(path)?)?)?;
+                let (calibration, files) = read(path)?;
+                let rectifier = Rectifier::new(&self.framed(calibration)?)?;
                 if rectifier.rig().is_none() {
                     let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how large they are";
                     tracing::warn!("{}: is in squares of its board, so there are no distances; {cure}", path.display());
                 }
-                let files = kept(&files::inputs(path)?)?;
                 let names = files.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
                 (Box::new(RectifiedSource::new(source, rectifier)?), names, files)
             }
@@ -150,8 +154,36 @@ impl Rectify {
     }
 }
 
+/// The calibration that was named, and its files: of a recording those that it keeps.
+fn read(path: &Path) -> anyhow::Result<(StereoCalibration, Kept)> {
+    if path.extension().is_none_or(|ending| ending != "mcap") {
+        return Ok((files::read(path)?, kept(&files::inputs(path)?)?));
+    }
+    let kept = calibration_files(path)?;
+    let folder = tempfile::tempdir()?;
+    let mut paths = Vec::new();
+    for (name, bytes) in &kept {
+        // The last part alone: a recording has no say in where its files go.
+        let name = Path::new(name).file_name().with_context(|| format!("{}: a file named '{name}'", path.display()))?;
+        paths.push(folder.path().join(name).display().to_string());
+        std::fs::write(folder.path().join(name), bytes)?;
+    }
+    if paths.is_empty() {
+        bail!("{}: keeps no calibration (attachments {CALIBRATION}…); `svl info` lists what it keeps", path.display());
+    }
+    let calibration = files::read(Path::new(&paths.join(","))).with_context(|| path.display().to_string())?;
+    Ok((calibration, kept))
+}
+
+/// The files of a calibration that no file holds yet.
+fn written(calibration: &StereoCalibration) -> anyhow::Result<Kept> {
+    let folder = tempfile::tempdir()?;
+    files::write(folder.path(), calibration)?;
+    kept(&files::inputs(folder.path())?)
+}
+
 /// Names and contents of a calibration's files. Two of one name have their folder's before it.
-fn kept(paths: &[PathBuf]) -> anyhow::Result<Vec<(String, Vec<u8>)>> {
+fn kept(paths: &[PathBuf]) -> anyhow::Result<Kept> {
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let alike = |path: &Path| paths.iter().filter(|other| other.file_name() == path.file_name()).count() > 1;
     let keep = |path: &PathBuf| {

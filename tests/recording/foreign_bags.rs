@@ -1,6 +1,6 @@
 //! ROS 2 bags and Foxglove recordings as sources.
 
-use crate::bag::{self, Message, camera_info, ros_image};
+use crate::bag::{self, Camera, Message, camera_info, camera_info_of, json_calibration, ros_image};
 use crate::frames::{PERIOD_NS, image, read};
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
@@ -77,6 +77,92 @@ fn raw_images_are_called_so() {
     let (_folder, path) = of(pair(0, 0));
     let remarks = Reader::open(&path).unwrap().remarks();
     assert!(remarks.len() == 1 && remarks[0].contains("no calibration of both cameras"), "{remarks:?}");
+}
+
+#[test]
+fn a_calibration_is_of_the_images_that_it_says() {
+    let distances = |infos: [Message; 2]| {
+        let (_folder, path) = of(infos.into_iter().chain(pair(0, 0)));
+        let mut reader = Reader::open(&path).unwrap();
+        (reader.remarks(), reader.next_pair().unwrap().unwrap().rig)
+    };
+    let infos = |size, binning, roi| {
+        let camera = |tx| Camera { size, distortion: &[], tx, binning, roi };
+        [("/cam0/camera_info", 0.0), ("/cam1/camera_info", -14.432)]
+            .map(|(topic, tx)| camera_info_of(topic, 9, &camera(tx)))
+    };
+    let (remarks, rig) = distances(infos((48, 32), 2, [0; 4]));
+    let rig = rig.unwrap();
+    assert!(remarks.is_empty() && (rig.focal_px(), rig.center_px()) == (164.0, (6.0, 4.0)), "{rig:?}");
+    assert!((rig.baseline_m() - 0.044).abs() < 1e-12, "{rig:?}");
+    let (remarks, rig) = distances(infos((640, 480), 1, [10, 5, 16, 24]));
+    assert!(remarks.is_empty() && rig.unwrap().center_px() == (2.0, 3.0));
+    let json = |size| {
+        [("/cam0/calibration", 0.0), ("/cam1/calibration", -14.432)]
+            .map(|(topic, tx)| json_calibration(topic, 9, size, tx))
+    };
+    assert!(distances(json((24, 16))).1.is_some());
+    for infos in [infos((48, 32), 0, [0; 4]), infos((24, 16), 2, [0; 4]), json((48, 32))] {
+        let (remarks, rig) = distances(infos);
+        assert!(rig.is_none() && remarks.len() == 1, "{remarks:?}");
+        assert!(remarks[0].contains("disparities but no distances: the calibration is of images of"), "{remarks:?}");
+    }
+    // A message that ends before them is none.
+    let [left, right] = infos((24, 16), 0, [0; 4]);
+    let short = Message { data: left.data[..left.data.len() - 9].to_vec(), ..left };
+    let (_folder, path) = of([short, right].into_iter().chain(pair(0, 0)));
+    assert!(complaint(&path).contains("/cam0/camera_info at 9 ns: its CDR cannot be read"));
+}
+
+#[test]
+fn raw_images_are_known_by_the_last_part_of_their_topics() {
+    let rig = |[left, right]: [&'static str; 2]| {
+        let [image_left, image_right] = pair(0, 0);
+        let images = [Message { topic: left, ..image_left }, Message { topic: right, ..image_right }];
+        let info = |topic, tx| camera_info(topic, 9, &[-0.28], tx);
+        let infos = [info("/director/left/camera_info", 0.0), info("/director/right/camera_info", -14.432)];
+        let (_folder, path) = of(infos.into_iter().chain(images));
+        let mut reader = Reader::open(&path).unwrap();
+        (reader.calibration().is_some(), reader.next_pair().unwrap().unwrap().rig.is_some())
+    };
+    assert_eq!(rig(["/director/left/image_raw", "/director/right/image_raw"]), (true, false));
+    assert_eq!(rig(["/director/left/image_unrectified", "/director/right/image_unrectified"]), (true, false));
+    assert_eq!(rig(["/director/left/image_rect", "/director/right/image_rect"]), (false, true));
+}
+
+#[test]
+fn a_compressed_mosaic_is_that_mosaic() {
+    let pixels = bytes(&image(SIZE, 3));
+    let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();
+    let left = |message: Message| {
+        let (_folder, path) = of([message, ros_image(RIGHT, stamp(0), SIZE, "mono8", &pixels)]);
+        bytes(read(&path).0[0].pair.left())
+    };
+    let compressed = |format| left(bag::ros_compressed(LEFT, stamp(0), format, &png));
+    let raw = left(ros_image(LEFT, stamp(0), SIZE, "bayer_grbg8", &pixels));
+    assert_ne!(raw, pixels);
+    assert_eq!(compressed("bayer_grbg8; png compressed "), raw);
+    assert_eq!(compressed("mono8; png compressed "), pixels);
+    // Three channels: its colours were put together before.
+    let colours =
+        svl::files::encode_png(SIZE.0, SIZE.1, &pixels.iter().flat_map(|&p| [p; 3]).collect::<Vec<_>>()).unwrap();
+    assert_eq!(left(bag::ros_compressed(LEFT, stamp(0), "bayer_grbg8; png compressed bgr8", &colours)), pixels);
+}
+
+#[test]
+fn a_compressed_image_that_is_cut_off_is_told() {
+    let pixels = bytes(&image(SIZE, 3));
+    let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();
+    let mut jpeg = Vec::new();
+    JpegEncoder::new(&mut jpeg).encode(&pixels, SIZE.0 as u32, SIZE.1 as u32, ::image::ExtendedColorType::L8).unwrap();
+    for (format, whole) in [("mono8; jpeg compressed ", jpeg), ("mono8; png compressed ", png)] {
+        for part in [1, 5, 8, 9] {
+            let cut = bag::ros_compressed(LEFT, stamp(0), format, &whole[..whole.len() * part / 10]);
+            let (_folder, path) = of([cut, ros_image(RIGHT, stamp(0), SIZE, "mono8", &pixels)]);
+            let text = complaint(&path);
+            assert!(text.contains(&format!("its image, compressed as '{format}', cannot be read")), "{text}");
+        }
+    }
 }
 
 #[test]

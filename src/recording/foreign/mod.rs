@@ -31,6 +31,8 @@ pub(super) struct Foreign {
     /// Images of each camera.
     counts: [u64; 2],
     pairs: u64,
+    /// Width and height of the last pair's images.
+    size: (usize, usize),
 }
 
 impl Foreign {
@@ -50,6 +52,7 @@ impl Foreign {
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
             pairs: 0,
+            size: (0, 0),
         };
         let mut messages = Messages::open(path)?;
         while foreign.lacks_calibration() {
@@ -103,12 +106,14 @@ impl Foreign {
             drops: self.unpaired(),
             ..Exposure::default()
         };
+        self.size = left.size();
+        let rig = self.rig().ok();
         let frame = StereoPair::new(left, right).map(|pair| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,
             pair,
-            rig: self.rig().ok(),
+            rig,
             pose: None,
             truth: None,
             exposure,
@@ -142,19 +147,14 @@ impl Foreign {
     /// # Errors
     /// Why what they say of their cameras does not suffice.
     pub(super) fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
-        self.are_raw().then(|| match &self.cameras {
-            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
-                camera::calibration(left, right)
-            }
-            _ => Err("it has no calibration of both cameras".to_owned()),
-        })
+        self.are_raw().then(|| self.both().and_then(|[left, right]| camera::calibration(left, right)))
     }
 
     /// Whether the images come straight from a camera whose calibration says that they have to be rectified. That of a
     /// rectified topic says the same, as ROS has one for both.
     fn are_raw(&self) -> bool {
         let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
-            !topic.to_lowercase().contains("rect") && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
+            !topics::is_of_rectified(topic) && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
         };
         self.images.iter().zip(&self.cameras).any(is_raw)
     }
@@ -176,9 +176,19 @@ impl Foreign {
     }
 
     fn rig(&self) -> std::result::Result<Rig, String> {
+        if self.are_raw() {
+            return Err("the images are not rectified".to_owned());
+        }
+        self.both().and_then(|[left, right]| camera::rig(left, right))
+    }
+
+    /// The calibrations of the cameras, for images of the size that they have.
+    fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
         match &self.cameras {
-            _ if self.are_raw() => Err("the images are not rectified".to_owned()),
-            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => camera::rig(left, right),
+            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
+                [left, right].into_iter().try_for_each(|camera| camera.check_size(self.size))?;
+                Ok([left, right])
+            }
             _ => Err("it has no calibration of both cameras".to_owned()),
         }
     }

@@ -24,7 +24,7 @@ pub(in crate::recording) struct CompressedImage<'a> {
     pub(in crate::recording) data: &'a [u8],
 }
 
-/// sensor_msgs/msg/CameraInfo, as far as svl needs it.
+/// sensor_msgs/msg/CameraInfo. Size, K and P are those of the whole sensor.
 pub(in crate::recording) struct CameraInfo {
     pub(in crate::recording) width: u32,
     pub(in crate::recording) height: u32,
@@ -33,6 +33,17 @@ pub(in crate::recording) struct CameraInfo {
     pub(in crate::recording) k: [f64; 9],
     pub(in crate::recording) r: [f64; 9],
     pub(in crate::recording) p: [f64; 12],
+    /// How many columns and rows of the sensor are one of the image; 0 is 1.
+    pub(in crate::recording) binning: [u32; 2],
+    pub(in crate::recording) roi: RegionOfInterest,
+}
+
+/// sensor_msgs/msg/RegionOfInterest: the part of the sensor that the image shows, before binning; a side of 0 is all.
+pub(in crate::recording) struct RegionOfInterest {
+    pub(in crate::recording) x: u32,
+    pub(in crate::recording) y: u32,
+    pub(in crate::recording) height: u32,
+    pub(in crate::recording) width: u32,
 }
 
 /// builtin_interfaces/msg/Time.
@@ -83,7 +94,22 @@ pub(in crate::recording) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -
         )));
     }
     let distortion = (0..coefficients).map(|_| cdr.read_f64()).collect::<Result<_>>()?;
-    Ok(CameraInfo { width, height, model, distortion, k: floats(cdr)?, r: floats(cdr)?, p: floats(cdr)? })
+    Ok(CameraInfo {
+        width,
+        height,
+        model,
+        distortion,
+        k: floats(cdr)?,
+        r: floats(cdr)?,
+        p: floats(cdr)?,
+        binning: [cdr.read_u32()?, cdr.read_u32()?],
+        roi: RegionOfInterest {
+            x: cdr.read_u32()?,
+            y: cdr.read_u32()?,
+            height: cdr.read_u32()?,
+            width: cdr.read_u32()?,
+        },
+    })
 }
 
 fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<Time> {
