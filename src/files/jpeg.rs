@@ -2,10 +2,10 @@
 
 use crate::stereo::MAX_SIDE;
 use image::{DynamicImage, GrayImage, RgbImage};
-use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
+use zune_jpeg::{JpegDecoder, errors::DecodeErrors};
 
 /// Markers: the first two bytes of an image, and the second ones of others.
 const BEGIN: [u8; 2] = [0xFF, 0xD8];
@@ -65,8 +65,8 @@ fn pixels(decoder: &mut JpegDecoder<ZCursor<Vec<u8>>>, colours: ColorSpace) -> R
     decoder.decode().map_err(|e| broken(&e))
 }
 
-fn broken(error: &impl std::fmt::Debug) -> String {
-    format!("a broken JPEG: {error:?}")
+fn broken(error: &DecodeErrors) -> String {
+    format!("a JPEG whose data are broken or end early: {}", error.to_string().trim_matches('"'))
 }
 
 /// The image up to its end marker, with ones before each marker that ends coded data for good.

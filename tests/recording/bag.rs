@@ -12,6 +12,14 @@ pub(crate) struct Message {
     pub(crate) data: Vec<u8>,
 }
 
+impl Message {
+    /// The message with other bytes.
+    pub(crate) fn with(&self, data: Vec<u8>) -> Self {
+        let &Self { topic, schema, encoding, log_time, .. } = self;
+        Self { topic, schema, encoding, log_time, data }
+    }
+}
+
 /// Writes the messages in this order, in small chunks.
 pub(crate) fn write(folder: &Path, messages: &[Message]) -> PathBuf {
     let path = folder.join("bag.mcap");
