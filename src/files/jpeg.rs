@@ -21,6 +21,11 @@ const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
 const ONES: [u8; 32] =
     *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
 
+/// Blocks of 8x8 pixels in the largest image.
+const MAX_BLOCKS: usize = (MAX_SIDE / 8).pow(2);
+
+type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
+
 /// The image, grey as it is, of colours as RGB.
 pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     let (mut decoder, (width, height)) = open(jpeg)?;
@@ -48,7 +53,7 @@ pub(crate) fn brightness(jpeg: &[u8], (width, height): (usize, usize)) -> Result
 }
 
 /// A decoder that has read the headers, and the size of the image.
-fn open(jpeg: &[u8]) -> Result<(JpegDecoder<ZCursor<Vec<u8>>>, (usize, usize)), String> {
+fn open(jpeg: &[u8]) -> Result<(Decoder, (usize, usize)), String> {
     let options = DecoderOptions::default().set_strict_mode(true).set_max_width(MAX_SIDE).set_max_height(MAX_SIDE);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(guarded(jpeg)?), options);
     decoder.decode_headers().map_err(|e| broken(&e))?;
@@ -60,7 +65,7 @@ fn open(jpeg: &[u8]) -> Result<(JpegDecoder<ZCursor<Vec<u8>>>, (usize, usize)), 
     Ok((decoder, (width, height)))
 }
 
-fn pixels(decoder: &mut JpegDecoder<ZCursor<Vec<u8>>>, colours: ColorSpace) -> Result<Vec<u8>, String> {
+fn pixels(decoder: &mut Decoder, colours: ColorSpace) -> Result<Vec<u8>, String> {
     decoder.set_options(decoder.options().jpeg_set_out_colorspace(colours));
     decoder.decode().map_err(|e| broken(&e))
 }
@@ -85,6 +90,9 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
         let marker = at + jpeg.get(at..).and_then(to_marker).ok_or_else(cut)?;
         match jpeg[marker + 1] {
             RESTART_0..=RESTART_7 => {
+                if guarded.len() > marker + ONES.len() * MAX_BLOCKS {
+                    return Err("a JPEG with more restarts than blocks".to_owned());
+                }
                 guarded.extend([&jpeg[taken..marker], &ONES].concat());
                 (taken, at) = (marker, marker + 2);
             }
