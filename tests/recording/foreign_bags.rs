@@ -270,6 +270,9 @@ fn what_is_no_pair_is_told() {
     let [left, right] = pair(0, 0);
     let (_folder, path) = of([Message { data: left.data[..60].to_vec(), ..left }, right]);
     assert!(complaint(&path).contains("its CDR cannot be read"));
+    let [left, right] = pair(0, 0).map(|whole| whole.with(vec![0x28, 0xB5, 0x2F, 0xFD, 4, 0]));
+    let (_folder, path) = of([left, right]);
+    assert!(complaint(&path).contains("it is compressed, message by message; `rosbags-convert"));
 }
 
 #[test]

@@ -64,6 +64,11 @@ pub(in crate::recording) fn read<'a, T>(
     // The header's last two bytes are options, which XCDR 1 leaves open.
     let body = match data {
         [0, 1, _, _, body @ ..] => body,
+        // zstd's magic number: a bag whose compression_mode is `message`.
+        [0x28, 0xB5, 0x2F, 0xFD, ..] => {
+            let cure = "`rosbags-convert --src FOLDER --dst OTHER --dst-storage mcap` unpacks the bag";
+            return Err(format!("it is compressed, message by message; {cure}"));
+        }
         _ => return Err("it is not little-endian CDR".to_owned()),
     };
     read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
