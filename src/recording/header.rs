@@ -86,7 +86,7 @@ pub fn header(path: &Path) -> Result<Header> {
     Err(Error::format(path, format!("is not a recording of svl: it has no metadata record '{RECORD}'")))
 }
 
-/// The files of the calibration by which the pairs of the recording at `path` were rectified: names and contents.
+/// The files of the calibration by which the pairs of the recording at `path` were rectified, or can be: names and contents.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].

@@ -63,7 +63,8 @@ use std::borrow::Cow;
 /// Name of the attachment that is the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
 
-/// What the names of attachments begin with that are files of the calibration by which the pairs were rectified.
+/// What the names of attachments begin with that are files of the calibration by which the pairs were rectified, or, of raw
+/// ones, can be.
 pub const CALIBRATION: &str = "calibration/";
 
 /// Name of the attachment that is the manifest of the run which wrote the recording.
