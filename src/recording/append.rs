@@ -23,6 +23,8 @@ pub(super) struct Append {
     memory: Memory,
     /// Bytes in the file.
     written: u64,
+    /// Whether there is something that is not yet on the disk.
+    unsynced: bool,
     open: bool,
 }
 
@@ -52,7 +54,7 @@ impl Append {
             .disable_seeking(true)
             .create(NoSeek::new(memory.clone()))
             .map_err(|e| refused(&path, e))?;
-        Ok(Self { path, file, mcap, memory, written: 0, open: true })
+        Ok(Self { path, file, mcap, memory, written: 0, unsynced: true, open: true })
     }
 
     /// Declares a topic; the same one again has the same number. Nothing is its schema where it has none.
@@ -82,15 +84,19 @@ impl Append {
         self.tell(|mcap| mcap.write_metadata(metadata))
     }
 
-    /// Closes the chunk and brings it to the disk.
+    /// Closes the chunk and brings it to the disk, if there is something to bring.
     ///
     /// # Errors
     /// [`Error::Io`], also when the file is gone from its folder.
     pub(super) fn sync(&mut self) -> Result<()> {
+        if !self.open || !self.unsynced {
+            return Ok(());
+        }
         self.tell(mcap::Writer::flush)?;
         self.file.sync_data().map_err(|e| self.failed(e))?;
         // A file whose folder was removed takes bytes without complaint, and they are lost.
         self.path.metadata().map_err(|e| self.failed(e))?;
+        self.unsynced = false;
         Ok(())
     }
 
@@ -111,6 +117,7 @@ impl Append {
     /// Tells mcap to do something, and brings what that wrote into the file.
     fn tell(&mut self, act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>) -> Result<()> {
         self.check_open()?;
+        self.unsynced = true;
         act(&mut self.mcap).map_err(|e| refused(&self.path, e))?;
         let bytes = self.memory.take();
         self.file.write_all(&bytes).map_err(|e| self.failed(e))?;

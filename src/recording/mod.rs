@@ -40,6 +40,7 @@ mod recovery;
 mod result;
 mod ros;
 mod skew;
+mod steady;
 mod summary;
 mod sync;
 mod truth;

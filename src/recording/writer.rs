@@ -1,6 +1,7 @@
 //! Writes recordings that survive a crash.
 
 use super::append::Append;
+use super::steady::Steady;
 use super::sync::StereoSync;
 use super::{AlgorithmResult, Camera, Encoded, Format, Header, Kind, LIBRARY, MANIFEST, Stamp, ros, truth};
 use crate::error::{Error, Result};
@@ -11,10 +12,6 @@ use mcap::records::MessageHeader;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
-
-/// How much of a recording a crash may cost.
-const SYNC_PERIOD: Duration = Duration::from_secs(1);
 
 /// Writes one recording.
 ///
@@ -22,10 +19,9 @@ const SYNC_PERIOD: Duration = Duration::from_secs(1);
 /// a recording; about once a second they are synced to the disk. Dropping the writer finishes the file and discards
 /// errors; call [`Writer::finish`] to see them.
 pub struct Writer {
-    file: Append,
+    file: Steady,
     format: Format,
     channels: HashMap<String, u16>,
-    synced: Instant,
 }
 
 impl Writer {
@@ -37,7 +33,7 @@ impl Writer {
         let format = format.into();
         let mut file = Append::create(path.into(), format.dialect.profile(), LIBRARY)?;
         file.metadata(&header.to_record())?;
-        Ok(Self { file, format, channels: HashMap::new(), synced: Instant::now() })
+        Ok(Self { file: Steady::new(file), format, channels: HashMap::new() })
     }
 
     /// Keeps a file beside the pairs: the scenario, the calibration.
@@ -47,7 +43,7 @@ impl Writer {
     pub fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<()> {
         let (name, media_type) = (name.to_owned(), media_type.to_owned());
         let attachment = Attachment { log_time: 0, create_time: 0, name, media_type, data: Cow::Borrowed(data) };
-        self.file.attach(&attachment)
+        self.file.with(|file| file.attach(&attachment))
     }
 
     /// Keeps the identity of the run that writes this.
@@ -94,8 +90,7 @@ impl Writer {
             self.write_truth(frame, truth, left)?;
         }
         let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
-        self.put((Kind::Sync.topic(), sync), left, sequence)?;
-        if self.synced.elapsed() >= SYNC_PERIOD { self.sync() } else { Ok(()) }
+        self.put((Kind::Sync.topic(), sync), left, sequence)
     }
 
     fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: Stamp) -> Result<()> {
@@ -132,9 +127,7 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`], also when the file is gone from its folder.
     pub fn sync(&mut self) -> Result<()> {
-        self.file.sync()?;
-        self.synced = Instant::now();
-        Ok(())
+        self.file.with(Append::sync)
     }
 
     /// Completes the file. A second call does nothing.
@@ -142,7 +135,7 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`].
     pub fn finish(&mut self) -> Result<()> {
-        self.file.finish()
+        self.file.with(Append::finish)
     }
 
     fn put(&mut self, (topic, message): (impl AsRef<str>, Encoded), stamp: Stamp, sequence: u32) -> Result<()> {
@@ -152,12 +145,12 @@ impl Writer {
             None => {
                 let Encoded { schema, schema_encoding, definition, encoding, .. } = &message;
                 let schema = Some((*schema, *schema_encoding, &**definition));
-                let id = self.file.channel(topic, schema, encoding, &BTreeMap::new())?;
+                let id = self.file.with(|file| file.channel(topic, schema, encoding, &BTreeMap::new()))?;
                 self.channels.insert(topic.to_owned(), id);
                 id
             }
         };
         let header = MessageHeader { channel_id, sequence, log_time: stamp.ns(), publish_time: stamp.ns() };
-        self.file.message(&header, &message.data)
+        self.file.with(|file| file.message(&header, &message.data))
     }
 }

@@ -66,15 +66,19 @@ fn what_is_synced_survives_the_writer() {
 }
 
 #[test]
-fn a_second_is_the_most_that_a_crash_costs() {
+fn a_pair_is_synced_though_none_comes_after_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let mut writer = create(&path).unwrap();
     writer.write(&full(0, (24, 16))).unwrap();
     assert!(read(&path).0.is_empty(), "it waits for its chunk");
-    std::thread::sleep(std::time::Duration::from_millis(1050));
-    writer.write(&full(1, (24, 16))).unwrap();
-    assert_eq!(read(&path).0.len(), 2);
+    // A second later it is there; a busy machine has a minute.
+    let there = |_: &u32| {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        read(&path).0.len() == 1
+    };
+    assert!((0..600).find(there).is_some());
+    writer.finish().unwrap();
 }
 
 /// A file system of its own; unmounted when dropped.
