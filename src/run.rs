@@ -64,7 +64,10 @@ impl Lineup {
             if algorithms[..i].iter().any(|other| other.label() == label) {
                 return Err(Error::Invalid(format!("{label}: named twice; name each algorithm once")));
             }
-            let matcher = algorithm.build().map_err(|e| Error::Invalid(format!("{label}: {e}")))?;
+            let matcher = algorithm.build().map_err(|error| match error {
+                Error::Invalid(reason) => Error::Invalid(format!("{label}: {reason}")),
+                other => other,
+            })?;
             Ok(Contestant { label, matcher, last_failure: String::new(), spent: Vec::new() })
         };
         algorithms.iter().enumerate().map(contestant).collect::<Result<_>>().map(Self)

@@ -4,6 +4,7 @@
 use crate::depth;
 use crate::error::{Error, Result};
 use crate::stereo::{Cell, DepthGrid, GridShape};
+use crate::words::counted;
 
 /// Least cells that must hold the target.
 pub const LEAST_CELLS: usize = 3;
@@ -52,9 +53,9 @@ impl Target {
         }
         if cells.len() < LEAST_CELLS {
             return Err(Error::Invalid(format!(
-                "the target is in {} cells, at least {LEAST_CELLS} are needed: {}; take a larger one, or name its cells \
+                "the target is in {}, at least {LEAST_CELLS} are needed: {}; take a larger one, or name its cells \
                  with --cells",
-                cells.len(),
+                counted(cells.len() as u64, "cell"),
                 shown(&cells)
             )));
         }
