@@ -1,6 +1,9 @@
 //! Which cameras there are: from what a user names to two of them and what fires them.
 
+use super::usage;
+#[cfg(any(not(feature = "genicam"), not(all(feature = "v4l2", target_os = "linux"))))]
 use anyhow::bail;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -17,6 +20,9 @@ pub(super) fn is_live(name: &str) -> bool {
 pub(super) fn has_trigger(kind: &str) -> bool {
     kind != "v4l2"
 }
+
+/// Pairs a second that cameras can be asked for.
+pub(super) const RATES_HZ: RangeInclusive<f64> = 0.1..=1000.0;
 
 /// What is to fire them.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +41,9 @@ impl FromStr for TriggerChoice {
             None if text == "software" => Ok(Self::Software),
             None if text == "free" => Ok(Self::Free),
             Some(("serial", device)) if !device.is_empty() => Ok(Self::Serial(device.to_owned())),
-            Some(("fixed", hz)) => super::positive(hz).map(Self::Fixed),
+            Some(("fixed", hz)) => {
+                usage::within(RATES_HZ)(hz).map(Self::Fixed).map_err(|why| format!("fixed:HZ: {why}"))
+            }
             _ => Err("expected software, serial:DEVICE, fixed:HZ or free".to_owned()),
         }
     }
@@ -69,19 +77,24 @@ impl Wanted {
     pub(super) fn cameras(&self, kind: &str, settings: &str) -> anyhow::Result<Cameras> {
         match kind {
             "sim" => self.simulated(settings),
-            _ if self.seed.is_some() => bail!("{kind}:{settings}: only the arena and simulated cameras take a --seed"),
+            _ if self.seed.is_some() => Err(usage::wrong(format!(
+                "{kind}:{settings}: only the arena, the board and simulated cameras take a --seed"
+            ))),
             "genicam" => self.genicam(settings),
             _ => self.v4l2(settings),
         }
     }
 
     fn simulated(&self, settings: &str) -> anyhow::Result<Cameras> {
-        let config: SimulatedConfig = settings.parse()?;
+        let config: SimulatedConfig = settings.parse().map_err(usage::of_words)?;
         let seed = self.seed.unwrap_or(1);
-        let pictures = Arc::new(match config.board {
-            true => Pictures::of_board(config.size, seed)?,
-            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed)?,
-        });
+        let pictures = Arc::new(
+            match config.board {
+                true => Pictures::of_board(config.size, seed),
+                false => Pictures::render(config.size, self.rate_hz, config.pictures, seed),
+            }
+            .map_err(usage::of_words)?,
+        );
         let wire = Wire::new(&self.clock);
         let camera = |side: Side| -> Box<dyn Camera> {
             let drive = match self.trigger {
@@ -99,6 +112,7 @@ impl Wanted {
 
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
+        let config = settings.parse().map_err(usage::of_words)?;
         let policy = match &self.trigger {
             TriggerChoice::Serial(device) => {
                 let controller = SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?;
@@ -107,7 +121,7 @@ impl Wanted {
             _ => Policy::Free,
         };
         let is_fired = !matches!(policy, Policy::Free);
-        let (cameras, rate_hz) = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
+        let (cameras, rate_hz) = svl::grab::v4l2::open(&config, self.rate_hz, is_fired, &self.clock)?;
         let period_ns = if is_fired { self.period_ns() } else { (1e9 / rate_hz).round() as u64 };
         Ok(Cameras { cameras, policy, period_ns, rig: None, seed: None })
     }
@@ -128,7 +142,10 @@ impl Wanted {
             TriggerChoice::Free => Drive::Free { rate_hz: self.rate_hz },
         };
         let Some((left, right)) = two_names(names) else {
-            bail!("genicam:{names}: expected genicam:LEFT,RIGHT; `svl record --list` shows the cameras there are");
+            let cure = "`svl record --list` shows what there is";
+            return Err(usage::wrong(format!(
+                "genicam: expected two cameras, genicam:LEFT,RIGHT, not '{names}'; {cure}"
+            )));
         };
         let cameras = open([left, right], drive, &self.clock)?;
         let policy = self.policy(Box::new(SoftwareTrigger::new(&cameras, &self.clock)), |controller| controller)?;
@@ -175,7 +192,7 @@ fn two_names(names: &str) -> Option<(&str, &str)> {
     let commas: Vec<_> = names.match_indices(',').map(|(at, _)| at).collect();
     let middle = *commas.get(commas.len() / 2).filter(|_| commas.len() % 2 == 1)?;
     let (left, right) = (names[..middle].trim(), names[middle + 1..].trim());
-    (!left.is_empty() && !right.is_empty()).then_some((left, right))
+    (!left.is_empty() && !right.is_empty() && left != right).then_some((left, right))
 }
 
 #[cfg(test)]
@@ -187,7 +204,7 @@ mod tests {
         assert_eq!(two_names("192.168.0.2, 192.168.0.3"), Some(("192.168.0.2", "192.168.0.3")));
         let ids = "Eyes, Inc.-E1-7,Eyes, Inc.-E1-8";
         assert_eq!(two_names(ids), Some(("Eyes, Inc.-E1-7", "Eyes, Inc.-E1-8")));
-        for wrong in ["", "a", "a,", ",b", " , ", "a,b,c"] {
+        for wrong in ["", "a", "a,", ",b", " , ", "a,b,c", "a,a"] {
             assert_eq!(two_names(wrong), None, "{wrong}");
         }
     }

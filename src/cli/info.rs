@@ -12,7 +12,7 @@ use svl::recording::{Loss, Skew, Summary, Topic};
 #[command(after_help = "\
 Examples:
   svl info recordings/arena.mcap
-  svl info bag.mcap                               which topics of a ROS 2 bag svl would take
+  svl info bag.mcap     which topics of a ROS 2 bag svl would take
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(super) struct Args {
     /// The recording; any other MCAP file will do

@@ -2,6 +2,7 @@
 
 use super::info::{losses, missing, size};
 use super::output::{distinct, may_write, print, print_json};
+use super::usage;
 use std::path::PathBuf;
 use svl::counted;
 use svl::recording::{Recovery, recover};
@@ -16,7 +17,7 @@ pub(super) struct Args {
     /// The recording; any other MCAP file will do
     file: PathBuf,
     /// File to write, which must not exist
-    #[arg(short, long, value_name = "OUT.mcap")]
+    #[arg(short, long, value_name = "OUT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -25,7 +26,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     distinct([args.file.as_path(), args.output.as_path()])?;
-    may_write(&args.output, &["mcap"], false)?;
+    may_write(&args.output, false)?;
     let recovery = recover(&args.file, &args.output)?;
     if args.json { print_json(&recovery) } else { print(&table(args, &recovery)?) }
 }

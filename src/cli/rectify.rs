@@ -1,8 +1,8 @@
 //! Whether the pairs of a source are rectified on their way, and by what.
 
 use super::source::Opened;
-use anyhow::{Context, bail};
-use std::convert::Infallible;
+use super::usage;
+use anyhow::Context;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl::Error;
@@ -21,7 +21,7 @@ pub(super) struct Rectify {
     calib: Option<By>,
     /// How much of the raw images is kept, as OpenCV's alpha: 0 what has no black in it, 1 all [default: as the file has it,
     /// else 0]
-    #[arg(long, value_name = "0..1", allow_negative_numbers = true, requires = "calib", value_parser = alpha)]
+    #[arg(long, value_name = "0..1", allow_negative_numbers = true, requires = "calib", value_parser = usage::within(0.0..=1.0))]
     alpha: Option<f64>,
 }
 
@@ -33,22 +33,16 @@ enum By {
 }
 
 impl FromStr for By {
-    type Err = Infallible;
+    type Err = &'static str;
 
-    fn from_str(text: &str) -> Result<Self, Infallible> {
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
         Ok(match text {
             "estimate" => Self::Estimate,
             "none" => Self::Nothing,
+            "" => return Err("expected a file, estimate or none"),
             path => Self::Files(path.into()),
         })
     }
-}
-
-fn alpha(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|alpha| (0.0..=1.0).contains(alpha))
-        .ok_or_else(|| "expected a number of 0 to 1".to_owned())
 }
 
 /// What a recording says of its pairs.
@@ -123,7 +117,9 @@ impl Rectify {
                 let source = RectifiedSource::new(source, Rectifier::new(own)?)?;
                 (Box::new(source), "what the recording says of its cameras".to_owned(), Vec::new())
             }
-            (Some(By::Nothing), _) if self.alpha.is_some() => bail!("--alpha is for pairs that are rectified"),
+            (Some(By::Nothing), _) if self.alpha.is_some() => {
+                return Err(usage::wrong("--alpha is for pairs that are rectified; leave it or --calib none out"));
+            }
             _ => {
                 recorded.remarks.iter().for_each(|remark| tracing::warn!("{name}: {remark}"));
                 return Ok((source, recorded));

@@ -5,7 +5,7 @@ use super::progress::Progress;
 use super::rectify::{Recorded, Rectify};
 use super::source::{self, RECORDINGS};
 use super::verify::{Earlier, Verification};
-use super::{cache, run_info};
+use super::{cache, run_info, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::counted;
@@ -26,18 +26,21 @@ use svl::source::{RecordingSource, Watched};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl replay                                      the newest of recordings/, or else the arena
+  svl replay     the newest of recordings/, or else the arena
   svl replay run.mcap --algo v3 --algo v3:max_disparity=64 --rows rows.csv
-  svl replay raw.mcap --calib calibration.xml     pairs of raw cameras, rectified on the fly
-  svl replay run.mcap --rerun spawn               watch it in the Rerun viewer
-  svl replay run.mcap --rerun run.rrd --rate 1    at the speed it was recorded
-  svl replay run.mcap --algo v3 -o result.mcap && svl replay result.mcap --verify
-  svl replay run.mcap --verify=rows.csv           against a table of rows, or the folder of a report")]
+  svl replay raw.mcap --calib calibration.xml
+      pairs of raw cameras, rectified on the fly
+  svl replay run.mcap --rerun spawn              watch it in the Rerun viewer
+  svl replay run.mcap --rerun run.rrd --rate 1   at the speed it was recorded
+  svl replay run.mcap --algo v3 -o result.mcap
+  svl replay result.mcap --verify                the same results again?
+  svl replay run.mcap --verify=rows.csv
+      against a table of rows, or the folder of a report")]
 pub(super) struct Args {
     /// Recording to replay, svl's or another program's [default: the newest of recordings/, else the arena, recorded first]
     recording: Option<PathBuf>,
     /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of then]
-    #[arg(long, value_name = "NAME[:key=value,…]")]
+    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
     topics: source::Topics,
@@ -47,10 +50,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap", value_parser = pace)]
     rate: Pace,
     /// Write pairs and disparities to a recording
-    #[arg(short, long, value_name = "RESULT.mcap")]
+    #[arg(short, long, value_name = "RESULT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
     /// Write one row per pair and algorithm
-    #[arg(long, value_name = "FILE.csv|.parquet")]
+    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = usage::ending(&["csv", "parquet"]))]
     rows: Option<PathBuf>,
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
@@ -70,20 +73,18 @@ fn pace(text: &str) -> Result<Pace, String> {
     if text == "asap" {
         return Ok(Pace::Asap);
     }
-    super::positive(text)
-        .map(Pace::Times)
-        .map_err(|_| "expected 'asap' or a positive number, 2 being twice as fast".into())
+    let times = usage::within(0.001..=1000.0)(text);
+    times.map(Pace::Times).map_err(|why| format!("{why}, 2 being twice as fast, or 'asap'"))
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let rrd = match &args.rerun {
-        Some(RerunTarget::File(path)) => Some(path),
+        Some(RerunTarget::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    let outputs = [(args.output.as_ref(), &["mcap"][..]), (args.rows.as_ref(), &["csv", "parquet"]), (rrd, &["rrd"])];
-    let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
-    outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
-    distinct(outputs.iter().map(|(path, _)| *path).chain(args.recording.as_deref()))?;
+    let outputs: Vec<_> = [args.output.as_deref(), args.rows.as_deref(), rrd].into_iter().flatten().collect();
+    distinct(outputs.iter().copied().chain(args.recording.as_deref()))?;
+    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
     let source = match &args.recording {
         Some(path) => RecordingSource::open_selection(path, &args.topics.selection())?,
         None => newest_or_arena(quiet)?,
@@ -101,9 +102,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ([], None) => vec!["v3".parse()?],
         (named, _) => named.to_vec(),
     };
-    let mut lineup = Lineup::new(&algorithms)?;
+    let mut lineup = Lineup::new(&algorithms).map_err(usage::of_words)?;
 
-    let earlier = outputs.iter().map(|(path, _)| Aside::new(path)).collect::<anyhow::Result<Vec<_>>>()?;
+    let earlier = outputs.iter().map(|path| Aside::new(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
     let settings = GridSettings::default();
     let mut identity = Identity::new(&manifest, CellRule::Distance, settings.shape());

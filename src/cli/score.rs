@@ -4,7 +4,7 @@ use super::output::{print, print_json};
 use super::progress::Progress;
 use super::source::data_folder;
 use super::sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
-use super::{cache, folder, gate, run_info};
+use super::{cache, folder, gate, run_info, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::counted;
@@ -27,15 +27,17 @@ use svl::source::{Source, Watched};
 #[command(after_help = "\
 Examples:
   svl score scenarios/arena.toml
-  svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64 --out reports/range
+  svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64
   svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
-  svl score scenarios/middlebury.toml --data DATASETS
+  svl score scenarios/middlebury.toml --data DATASETS --out reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
-  svl score scenarios/arena.toml --gate          for a CI: exit 1 when a limit of the scenario is broken
+  svl score scenarios/arena.toml --gate
+      for a CI: exit 1 when a limit of the scenario is broken
 
-A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for seven algorithms, uniqueness=0, 10, … 60. The
-report joins what differs in one number by a line, in its plots of accuracy against speed and of coverage against error.
-A run takes at most 32 algorithms.")]
+A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for
+seven algorithms, uniqueness=0, 10, … 60. The report joins what differs in one
+number by a line, in its plots of accuracy against speed and of coverage
+against error. A run takes at most 32 algorithms.")]
 pub(super) struct Args {
     /// Scenario file
     scenario: PathBuf,
@@ -65,7 +67,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         scenario.algorithms = args.algo.iter().flat_map(|Algorithms(all)| all.clone()).collect();
     }
     if scenario.algorithms.len() > MAX_ALGORITHMS {
-        bail!("{} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps", scenario.algorithms.len());
+        let many = scenario.algorithms.len();
+        let words = format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps");
+        return Err(usage::wrong(words));
     }
     if args.gate && scenario.gate.is_empty() {
         bail!(
@@ -84,7 +88,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         scenario.text.push_str(&format!("\n# --scenes {named}\n"));
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
-    let mut lineup = Lineup::new(&scenario.algorithms)?;
+    let mut lineup = Lineup::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
+        true => error.into(),
+        false => usage::of_words(error),
+    })?;
     let earlier = folder::earlier_report(&folder, REPORT_FILES, MANIFEST)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = data_folder(args.data.as_deref());

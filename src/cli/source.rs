@@ -3,6 +3,7 @@
 use super::cameras::is_live;
 use super::live::LiveArgs;
 use super::rectify::Recorded;
+use super::usage;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
@@ -43,13 +44,8 @@ pub(super) struct Topics {
     right: Option<String>,
     /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period,
     /// half of it when they run freely]
-    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = milliseconds)]
+    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = usage::within(0.0..=60_000.0))]
     pub max_skew_ms: Option<f64>,
-}
-
-fn milliseconds(text: &str) -> Result<f64, String> {
-    let fits = |ms: &f64| (0.0..=60_000.0).contains(ms);
-    text.parse().ok().filter(fits).ok_or_else(|| "expected milliseconds, 0 to 60000".to_owned())
 }
 
 impl Topics {
@@ -89,19 +85,29 @@ pub(super) fn tell_unpaired(source: &dyn Source) {
 pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &LiveArgs) -> anyhow::Result<Opened> {
     if !is_live(name) {
         live.none_given(name)?;
-        return open(name, seed, topics);
+        if name.starts_with("/dev/video") {
+            let cure = "name the left and the right camera, as v4l2:/dev/video0,/dev/video2";
+            return Err(usage::wrong(format!("{name}: is no source; {cure}")));
+        }
+        return open(name, seed, topics, SOURCES);
     }
     if topics.are_named() {
-        bail!("{name}: --left and --right choose topics of a recording (.mcap)");
+        return Err(usage::wrong(format!("{name}: --left and --right choose topics of a recording (.mcap)")));
     }
     live.open(name, seed, topics.max_skew_ms)
 }
 
-/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording.
-pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Result<Opened> {
+/// What can be recorded.
+const SOURCES: &str = "arena, board, a scenario (.toml), a folder of images, a recording (.mcap), or cameras: sim, \
+                       v4l2:LEFT,RIGHT or genicam:LEFT,RIGHT";
+
+/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording; `expected` are those to
+/// be offered where the name is of none.
+pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics, expected: &str) -> anyhow::Result<Opened> {
     let path = Path::new(name);
     if topics.are_given() && path.extension().is_none_or(|e| e != "mcap") {
-        bail!("{name}: --left, --right and --max-skew-ms choose topics of a recording (.mcap)");
+        let words = "--left, --right and --max-skew-ms choose topics of a recording (.mcap)";
+        return Err(usage::wrong(format!("{name}: {words}")));
     }
     if name == "arena" {
         return arena(&Scenario::arena()?, seed.unwrap_or(1));
@@ -110,13 +116,11 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Re
         return board(seed.unwrap_or(1));
     }
     if !path.exists() {
-        bail!(
-            "{name}: no such source; expected 'arena', 'board', a scenario (.toml), a folder of images or a recording (.mcap)"
-        );
+        bail!("{name}: no such source; expected {expected}");
     }
     let scenario = path.extension().is_some_and(|e| e == "toml");
     if seed.is_some() && !scenario {
-        bail!("{name}: only the arena and the board take a --seed");
+        return Err(usage::wrong(format!("{name}: only the arena, the board and simulated cameras take a --seed")));
     }
     if path.is_dir() {
         return folder(path);
@@ -124,9 +128,7 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Re
     match path.extension().and_then(|e| e.to_str()) {
         Some("toml") => arena(&Scenario::read(path)?, seed.unwrap_or(1)),
         Some("mcap") => recording(path, topics),
-        _ => bail!(
-            "{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
-        ),
+        _ => bail!("{name}: not a source; expected {expected}"),
     }
 }
 
@@ -201,7 +203,8 @@ fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
 
 /// The folder of the data sets: the one named, or what `SVL_DATASETS` names.
 pub(super) fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
-    named.map(Path::to_owned).or_else(|| std::env::var_os("SVL_DATASETS").map(PathBuf::from))
+    let variable = || std::env::var_os("SVL_DATASETS").filter(|folder| !folder.is_empty());
+    named.map(Path::to_owned).or_else(|| variable().map(PathBuf::from))
 }
 
 /// Makes the folder where recordings are kept.

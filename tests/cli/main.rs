@@ -23,3 +23,4 @@ mod replay;
 mod reproduce;
 mod score;
 mod survive;
+mod usage;

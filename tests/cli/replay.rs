@@ -88,13 +88,13 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.svl(&["replay", "."]).failed(1, &["."]);
     fixture.svl(&["replay", "a.mcap", "--algo", "v2x"]).failed(2, &["unknown algorithm 'v2x'"]);
     fixture.svl(&["replay", "a.mcap", "--rate", "0"]).failed(2, &["asap"]);
-    fixture.svl(&["replay", "a.mcap", "--rows", "rows.txt"]).failed(1, &["rows.txt: must end in .csv or .parquet"]);
+    fixture.svl(&["replay", "a.mcap", "--rows", "rows.txt"]).failed(2, &["rows.txt: must end in .csv or .parquet"]);
     fixture.svl(&["replay", "a.mcap", "--rows", "no/rows.csv"]).failed(1, &["no: no such folder"]);
-    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap"]).failed(1, &["a.mcap: exists already"]);
-    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap", "--force"]).failed(1, &["a.mcap: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap"]).failed(2, &["a.mcap: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap", "--force"]).failed(2, &["a.mcap: named twice"]);
     fixture.svl(&["replay", "a.mcap", "--rerun", "spwan"]).failed(2, &["'spwan' is no Rerun target", "`spawn`"]);
-    fixture.svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"]).failed(1, &["v3: named twice"]);
-    fixture.svl(&["replay", "a.mcap", "--algo", "v3:min_disparity=9,max_disparity=3"]).failed(1, &["min_disparity"]);
+    fixture.svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"]).failed(2, &["v3: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "--algo", "v3:min_disparity=9,max_disparity=3"]).failed(2, &["min_disparity"]);
 }
 
 #[test]
