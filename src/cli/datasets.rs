@@ -5,6 +5,7 @@ use super::progress::Bytes;
 use super::source::data_folder;
 use super::usage;
 use anyhow::{Context, bail};
+use clap::builder::NonEmptyStringValueParser;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -56,7 +57,7 @@ struct FetchArgs {
     /// Parts of it [default: the usual ones]
     part: Vec<String>,
     /// Take the archives from a folder where they lie already, or from a mirror
-    #[arg(long, value_name = "URL|DIR")]
+    #[arg(long, value_name = "URL|DIR", value_parser = NonEmptyStringValueParser::new())]
     from: Option<String>,
     /// Folder of the data sets [default: what SVL_DATASETS names]
     #[arg(long, value_name = "DIR")]

@@ -83,6 +83,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         _ => None,
     };
     let outputs: Vec<_> = [args.output.as_deref(), args.rows.as_deref(), rrd].into_iter().flatten().collect();
+    args.recording.as_deref().map_or(Ok(()), source::is_recorded)?;
     distinct(outputs.iter().copied().chain(args.recording.as_deref()))?;
     outputs.iter().try_for_each(|path| may_write(path, args.force))?;
     let source = match &args.recording {

@@ -6,6 +6,7 @@ use super::source::data_folder;
 use super::sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
 use super::{cache, folder, gate, run_info, usage};
 use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::manifest::Manifest;
@@ -51,7 +52,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in a folder
-    #[arg(long, value_name = "SCENE", num_args = 1..)]
+    #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = NonEmptyStringValueParser::new())]
     scenes: Vec<String>,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]

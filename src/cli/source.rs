@@ -5,6 +5,7 @@ use super::live::LiveArgs;
 use super::rectify::Recorded;
 use super::usage;
 use anyhow::{Context, bail};
+use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
 use svl::counted;
@@ -37,10 +38,10 @@ pub(super) struct Opened {
 #[derive(clap::Args, Default)]
 pub(super) struct Topics {
     /// Topic of the left images, in another program's recording [default: found by type and name]
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
     left: Option<String>,
     /// Topic of the right images
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
     right: Option<String>,
     /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period,
     /// half of it when they run freely]
@@ -72,6 +73,15 @@ pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<Rec
     let source = RecordingSource::open_selection(path, &topics.selection())?;
     source.reader().remarks().iter().for_each(|remark| tracing::warn!("{}: {remark}", path.display()));
     Ok(source)
+}
+
+/// Refuses the name of what is to be recorded before it can be replayed.
+pub(super) fn is_recorded(path: &Path) -> anyhow::Result<()> {
+    let name = path.to_string_lossy();
+    if !path.exists() && (["arena", "board"].contains(&&*name) || is_live(&name)) {
+        return Err(usage::wrong(format!("{name}: is no recording; make one first, svl record {name} -o run.mcap")));
+    }
+    Ok(())
 }
 
 /// Says how many images of a source found no partner.

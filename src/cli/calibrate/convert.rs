@@ -94,11 +94,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Some(format) => format,
         None => files::written_as(&args.output).map_err(usage::wrong)?,
     };
-    let outputs = files::outputs(&args.output, to)?;
+    let outputs = files::outputs(&args.output, to).map_err(usage::wrong)?;
+    let inputs = files::inputs(&args.input)?;
+    if inputs.iter().chain(&outputs).any(|path| path.as_os_str().is_empty()) {
+        return Err(usage::wrong("two files with a comma between are left.yaml,right.yaml: one has no name"));
+    }
     let endings = &["xml", "yaml", "yml", "txt"];
     outputs.iter().try_for_each(|output| usage::ends_in(output, endings)).map_err(usage::wrong)?;
     let hints = Hints { format: args.from, unit: args.unit, size: args.size };
-    let inputs = files::inputs(&args.input)?;
     distinct(inputs.iter().chain(&outputs).map(PathBuf::as_path))?;
     outputs.iter().try_for_each(|output| may_write(output, args.force))?;
     let mut found = files::read_with(&args.input, &hints)?;

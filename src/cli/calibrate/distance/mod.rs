@@ -11,6 +11,8 @@ use measurements::measurements;
 use report::Report;
 use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
+use svl::scenario::GridSettings;
+use svl::stereo::GridShape;
 
 /// Fit the distance that belongs to a disparity, from a target at known distances
 ///
@@ -54,8 +56,11 @@ pub(super) struct Args {
 }
 
 fn cell(text: &str) -> Result<(usize, usize), String> {
+    let GridShape { columns, rows } = GridSettings::default().shape();
     let place = text.split_once(',').and_then(|(column, row)| Some((column.parse().ok()?, row.parse().ok()?)));
-    place.ok_or_else(|| "expected COLUMN,ROW, counted from 0 at the top left".into())
+    place
+        .filter(|(column, row)| *column < columns && *row < rows)
+        .ok_or_else(|| format!("expected COLUMN,ROW of {columns}x{rows} cells, counted from 0 at the top left"))
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
