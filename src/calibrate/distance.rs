@@ -1,10 +1,10 @@
 //! What a target at a known distance measures (thesis, annex B): "each measure is the median of the values of at least
 //! three sectors where the target was present".
 
+use crate::counted;
 use crate::depth;
 use crate::error::{Error, Result};
 use crate::stereo::{Cell, DepthGrid, GridShape};
-use crate::words::counted;
 
 /// Least cells that must hold the target.
 pub const LEAST_CELLS: usize = 3;
