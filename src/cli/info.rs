@@ -68,11 +68,11 @@ fn table(summary: &Summary) -> String {
 }
 
 fn pairs(summary: &Summary) -> String {
-    if let Some([left, right]) = &summary.stereo {
-        return format!("pairs      those of {left} and {right}, by their stamps: svl replay counts them");
-    }
     let rate = summary.period_ns.filter(|&period| period > 0).map(|period| 1e9 / period as f64);
     let rate = rate.map(|hz| format!(", {hz:.2} a second")).unwrap_or_default();
+    if let Some([left, right]) = &summary.stereo {
+        return format!("pairs      those of {left}{rate}, and {right}, by their stamps: svl replay counts them");
+    }
     let missing = match summary.missing_pairs {
         0 => String::new(),
         n => format!(", {n} missing between the first and the last"),
@@ -131,7 +131,7 @@ pub(super) fn missing(missing: &BTreeMap<String, u64>) -> Vec<String> {
 
 fn gaps(summary: &Summary) -> Vec<String> {
     let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else {
-        return vec!["gaps       none".into()];
+        return summary.period_ns.map(|_| "gaps       none".to_owned()).into_iter().collect();
     };
     let mut lines = vec![format!("gaps       {}, the longest {}", summary.gaps.len(), seconds(longest))];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));

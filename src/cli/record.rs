@@ -5,6 +5,7 @@ use super::live::LiveArgs;
 use super::output::{Aside, distinct, may_write, print};
 use super::progress::{Progress, listen_for_interrupt};
 use super::rectify::Rectify;
+use super::run_info;
 use super::source::{self, Opened, RECORDINGS};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -129,7 +130,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !quiet {
         report(&output, outcome, began.elapsed().as_secs_f64())?;
     }
-    Ok(())
+    run_info::complete(&outcome)
 }
 
 /// Records all of a source into `path`, which does not exist yet.
@@ -155,7 +156,7 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool
         // A file without a pair is of no use, and would stand in the way of the next attempt.
         let _ = std::fs::remove_file(path);
     }
-    source::tell_unpaired(&*opened.source);
+    source::tell_left_out(&*opened.source);
     let outcome = ran?;
     finished?;
     Ok(outcome)

@@ -13,7 +13,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{Header, ImageFormat, SCENARIO, Writer};
 use svl::report::{Row, Summary, Table};
-use svl::run::{Lineup, Pace, run as run_loop};
+use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::{GridSettings, Scenario};
 use svl::score::CellRule;
 use svl::sink::{Identity, RecordingSink, RerunSink, RerunTarget, RowSink, Sink};
@@ -148,7 +148,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         earlier.into_iter().for_each(if whole { Aside::replaced } else { Aside::keep_both });
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
-        let summary = Summary::of_rows(rows.rows())?;
+        let incomplete = ran.as_ref().map_or_else(|error| Some(error.to_string()), Outcome::lacks);
+        let summary = Summary { incomplete, ..Summary::of_rows(rows.rows())? };
         verification = before.map(|before| before.compare(rows.rows(), &algorithms)).transpose()?;
         let text = || format!("{} ({})\n{summary}", recording.display(), counted(pairs, "pair"));
         if args.json {
@@ -159,7 +160,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let outcome = ran?;
     finished?;
-    source::tell_unpaired(&*source);
+    source::tell_left_out(&*source);
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {}; what was written is kept", counted(outcome.frames, "pair"));
     }
@@ -169,7 +170,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print(&proved)?;
         }
     }
-    run_info::complete(outcome.failures)
+    run_info::complete(&outcome)
 }
 
 /// What `--json` prints.

@@ -7,11 +7,10 @@ use super::sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
 use super::{cache, folder, gate, run_info};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
-use svl::counted;
 use svl::manifest::Manifest;
 use svl::report::html::Page;
 use svl::report::{Ruling, Summary, Tables};
-use svl::run::{Lineup, Pace, run as run_loop};
+use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Findings, Identity, Judge, RerunSink, RerunTarget, Sink};
 use svl::source::dataset::{Scene, SceneSource};
@@ -91,15 +90,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
     let earlier = folder::Aside::of(&folder, earlier)?;
     let mut report = Report::begin(&scenario, &folder)?;
-    let mut failures = 0;
+    let mut outcome = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
-        failures += report.take(run, &mut lineup, &scenario, quiet)?;
+        let Outcome { frames, failures, unreadable, .. } = report.take(run, &mut lineup, &scenario, quiet)?;
+        outcome.frames += frames;
+        outcome.failures += failures;
+        outcome.unreadable += unreadable;
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let lacks =
-        (failures > 0).then(|| format!("algorithms failed on {}, which their lines lack", counted(failures, "pair")));
-    let incomplete = ran.as_ref().err().map(super::one_line).or(lacks);
+    let incomplete = ran.as_ref().err().map(super::one_line).or_else(|| outcome.lacks());
     let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
@@ -114,7 +114,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     ran?;
     earlier.replaced()?;
-    run_info::complete(failures)?;
+    run_info::complete(&outcome)?;
     if args.gate { gate::pass(&rulings) } else { Ok(()) }
 }
 
@@ -178,8 +178,14 @@ impl Report {
         })
     }
 
-    /// Scores a run; how many estimates are missing because their algorithm failed.
-    fn take(&mut self, run: &mut Run, lineup: &mut Lineup, scenario: &Scenario, quiet: bool) -> anyhow::Result<u64> {
+    /// Scores a run.
+    fn take(
+        &mut self,
+        run: &mut Run,
+        lineup: &mut Lineup,
+        scenario: &Scenario,
+        quiet: bool,
+    ) -> anyhow::Result<Outcome> {
         let source = &mut *run.source;
         self.judge.begin_run(run.seed);
         self.rerun.begin_run();
@@ -192,7 +198,7 @@ impl Report {
         if outcome.interrupted {
             bail!("stopped by Ctrl-C; the report holds what was scored before");
         }
-        Ok(outcome.failures)
+        Ok(outcome)
     }
 
     fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<(Summary, Manifest)> {

@@ -10,7 +10,7 @@ use svl::counted;
 use svl::recording::{Header, Selection};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
-use svl::source::{ArenaSource, BoardSource, LastTally, RecordingSource, Source};
+use svl::source::{ArenaSource, BoardSource, LastTally, LeftOut, RecordingSource, Source};
 
 /// Where recordings are kept.
 pub(super) const RECORDINGS: &str = "recordings";
@@ -78,10 +78,25 @@ pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<Rec
     Ok(source)
 }
 
-/// Says how many images of a source found no partner.
-pub(super) fn tell_unpaired(source: &dyn Source) {
-    if source.unpaired() > 0 {
-        tracing::warn!("{}: left out, without a partner: {}", source.name(), counted(source.unpaired(), "image"));
+/// Says what of a source is in no frame.
+pub(super) fn tell_left_out(source: &dyn Source) {
+    let (name, LeftOut { unpaired, late, unreadable }) = (source.name(), source.left_out());
+    if unreadable > 0 {
+        tracing::warn!("{name}: left out, as they cannot be read: {}", counted(unreadable, "pair"));
+    }
+    if late > 0 {
+        tracing::warn!(
+            "{name}: not in the order of time: {} came too late for a partner; `mcap sort FILE -o SORTED.mcap` makes a file \
+             with all pairs",
+            counted(late, "image")
+        );
+    }
+    tell_unpaired(&name, unpaired);
+}
+
+fn tell_unpaired(name: &str, images: u64) {
+    if images > 0 {
+        tracing::warn!("{name}: left out, without a partner: {}", counted(images, "image"));
     }
 }
 
@@ -179,9 +194,7 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
     };
     let source: Box<dyn Source> = if scenes.is_empty() {
         let source = FolderSource::new(path, FOLDER_RATE_HZ)?;
-        if source.unpaired() > 0 {
-            tracing::warn!("{}: left out, without a partner: {}", path.display(), counted(source.unpaired(), "image"));
-        }
+        tell_unpaired(&path.display().to_string(), source.unpaired() as u64);
         Box::new(source)
     } else {
         Box::new(SceneSource::new(scenes))

@@ -7,6 +7,7 @@ use super::{Header, Kind, PROFILE, sync};
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 /// Reads the pairs of one recording in the order of the file, holding a few in memory at a time.
@@ -18,11 +19,14 @@ pub struct Reader {
     pairs_of: PairsOf,
     header: Option<Header>,
     pairs: Option<u64>,
-    /// The first pair, read when the file was opened.
-    first: Option<Frame>,
+    /// The first pair, read when the file was opened, and before it those that cannot be read.
+    ahead: VecDeque<Result<Frame>>,
     /// Damage that was met, to be told after the pairs that came before it.
     damage: Option<Error>,
 }
+
+/// Most pairs before the first good one that are none.
+const UNREADABLE: usize = 1000;
 
 /// Whose pairs they are.
 enum PairsOf {
@@ -34,7 +38,7 @@ impl Reader {
     /// Opens a recording and reads its first pair.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is no recording, has no pairs, or begins with a pair that is none;
+    /// [`Error::Io`]; [`Error::Format`] for what is no recording, or has no pair that can be read;
     /// [`Error::Damaged`] when it ends before its first pair does.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         Self::open_selection(path, &Selection::default())
@@ -56,19 +60,36 @@ impl Reader {
                 false => PairsOf::Others(Box::new(Foreign::open(&path, selection)?)),
             },
             header: None,
-            first: None,
+            ahead: VecDeque::new(),
             damage: None,
             path,
         };
-        reader.first = reader.read()?;
-        if reader.first.is_none() {
-            let reason = match &reader.pairs_of {
-                PairsOf::Svl(pairing) => pairing.why_none(),
-                PairsOf::Others(foreign) => foreign.why_none(),
-            };
-            return Err(Error::format(&reader.path, reason));
-        }
+        reader.read_first()?;
         Ok(reader)
+    }
+
+    /// # Errors
+    /// Why there is no first pair.
+    fn read_first(&mut self) -> Result<()> {
+        while self.ahead.len() < UNREADABLE {
+            match self.read() {
+                Ok(Some(first)) => {
+                    self.ahead.push_back(Ok(first));
+                    return Ok(());
+                }
+                Err(error @ Error::Format { .. }) => self.ahead.push_back(Err(error)),
+                Err(error) => return Err(error),
+                Ok(None) => break,
+            }
+        }
+        if let Some(Err(unreadable)) = self.ahead.pop_front() {
+            return Err(unreadable);
+        }
+        let reason = match &self.pairs_of {
+            PairsOf::Svl(pairing) => pairing.why_none(),
+            PairsOf::Others(foreign) => foreign.why_none(),
+        };
+        Err(Error::format(&self.path, reason))
     }
 
     pub fn path(&self) -> &Path {
@@ -90,6 +111,15 @@ impl Reader {
         match &self.pairs_of {
             PairsOf::Svl(pairing) => pairing.unpaired(),
             PairsOf::Others(foreign) => foreign.unpaired(),
+        }
+    }
+
+    /// Images read so far that came when those of their time had been given up for want of room, as the file is not in the
+    /// order of their times.
+    pub fn late(&self) -> u64 {
+        match &self.pairs_of {
+            PairsOf::Svl(_) => 0,
+            PairsOf::Others(foreign) => foreign.late(),
         }
     }
 
@@ -116,8 +146,8 @@ impl Reader {
     /// [`Error::Format`] for a pair that is none, after which the next may be asked for. [`Error::Damaged`], once, where
     /// the file ends early or is not what its CRCs say: all pairs before it are good, and there are no more.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
-        match self.first.take() {
-            Some(first) => Ok(Some(first)),
+        match self.ahead.pop_front() {
+            Some(next) => next.map(Some),
             None => self.read(),
         }
     }

@@ -1,6 +1,6 @@
 //! What a recording holds, for a person to look over.
 
-use super::foreign::{Selection, choose};
+use super::foreign::{Selection, choose, is_image};
 use super::messages::{Channel, Event, Messages};
 use super::records::Loss;
 use super::skew::Skew;
@@ -45,7 +45,7 @@ pub struct Summary {
     pub end_ns: u64,
     /// Pairs that svl wrote whole.
     pub pairs: u64,
-    /// Median time from one left image to the next.
+    /// Median time from one left image to the next; nothing where it is not known which they are.
     pub period_ns: Option<u64>,
     /// Where left images are more than 1.5 median periods apart.
     pub gaps: Vec<Gap>,
@@ -116,7 +116,8 @@ struct Seen {
     manifest: Option<Manifest>,
     attachments: Vec<(String, u64)>,
     topics: BTreeMap<String, Topic>,
-    left_stamps: Vec<u64>,
+    /// Of the images of each topic.
+    stamps: BTreeMap<String, Vec<u64>>,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
     drops: u64,
@@ -159,22 +160,26 @@ impl Seen {
         topic.end_ns = topic.end_ns.max(stamp_ns);
         let seconds = (topic.end_ns - topic.start_ns) as f64 / 1e9;
         topic.rate_hz = (seconds > 0.0).then(|| (topic.messages - 1) as f64 / seconds);
-        match Kind::of(&channel.topic) {
-            Some(Kind::Image(Camera::Left)) => self.left_stamps.push(stamp_ns),
-            Some(Kind::Sync) => {
-                if let Ok(sync) = StereoSync::decode(&channel.schema, data) {
-                    self.skews.push(sync.exposure.skew_ns);
-                    self.sequences.insert(sync.sequence);
-                    self.drops = self.drops.max(sync.exposure.drops);
-                }
+        if is_image(channel) {
+            match self.stamps.get_mut(&channel.topic) {
+                Some(stamps) => stamps.push(stamp_ns),
+                None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
             }
-            _ => {}
+        }
+        if Kind::of(&channel.topic) == Some(Kind::Sync)
+            && let Ok(sync) = StereoSync::decode(&channel.schema, data)
+        {
+            self.skews.push(sync.exposure.skew_ns);
+            self.sequences.insert(sync.sequence);
+            self.drops = self.drops.max(sync.exposure.drops);
         }
     }
 
     fn summary(mut self, path: &Path, bytes: u64) -> Summary {
-        self.left_stamps.sort_unstable();
-        let steps: Vec<_> = self.left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
+        let left = self.stereo.as_ref().map_or(Kind::Image(Camera::Left).topic(), |[left, _]| left);
+        let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
+        left_stamps.sort_unstable();
+        let steps: Vec<_> = left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
         let period_ns = middle(&periods);

@@ -9,7 +9,7 @@ mod pixels;
 mod topics;
 
 pub use topics::Selection;
-pub(super) use topics::choose;
+pub(super) use topics::{choose, is_image};
 
 use super::Camera;
 use super::messages::{Channel, Event, Messages};
@@ -26,10 +26,12 @@ pub(super) struct Foreign {
     calibrations: [Option<String>; 2],
     /// The last calibration of each camera; until there is one, the first that will be.
     cameras: [Option<Calibration>; 2],
-    partners: Partners<Gray>,
+    partners: Partners<std::result::Result<Gray, String>>,
     max_skew_ns: u64,
     /// Images of each camera.
     counts: [u64; 2],
+    /// Pairs put together, and those of them that could be read.
+    sequence: u64,
     pairs: u64,
 }
 
@@ -49,6 +51,7 @@ impl Foreign {
             partners: Partners::new(selection.max_skew_ns),
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
+            sequence: 0,
             pairs: 0,
         };
         let mut messages = Messages::open(path)?;
@@ -63,7 +66,7 @@ impl Foreign {
         Ok(foreign)
     }
 
-    /// Pairs put together.
+    /// Pairs that could be read.
     pub(super) fn pairs(&self) -> u64 {
         self.pairs
     }
@@ -71,6 +74,11 @@ impl Foreign {
     /// Images that were given up.
     pub(super) fn unpaired(&self) -> u64 {
         self.partners.unpaired()
+    }
+
+    /// Images that came too far out of the order of their times to find a partner.
+    pub(super) fn late(&self) -> u64 {
+        self.partners.late()
     }
 
     /// Takes in one message.
@@ -82,8 +90,9 @@ impl Foreign {
             if channel.topic == self.images[camera as usize] {
                 self.counts[camera as usize] += 1;
                 let (stamp, image) = image::decode(channel, data)?;
-                let (width, height) = image.size();
-                self.partners.push(camera, stamp.unwrap_or(log_time), image, width * height);
+                let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
+                let bytes = image.as_ref().map_or(0, |image| image.size().0 * image.size().1);
+                self.partners.push(camera, stamp.unwrap_or(log_time), image, bytes);
             }
         }
         self.calibrate(channel, data)
@@ -95,15 +104,20 @@ impl Foreign {
     /// Why two images that belong together are no pair.
     pub(super) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
         let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
-        let sequence = self.pairs;
-        self.pairs += 1;
+        let sequence = self.sequence;
+        self.sequence += 1;
         let exposure = Exposure {
             trigger_id: sequence,
             skew_ns: right_ns.wrapping_sub(left_ns).cast_signed(),
             drops: self.unpaired(),
             ..Exposure::default()
         };
-        let frame = StereoPair::new(left, right).map(|pair| Frame {
+        let pair = match (left, right) {
+            (Ok(left), Ok(right)) => StereoPair::new(left, right).map_err(|e| e.to_string()),
+            (Err(reason), _) | (_, Err(reason)) => Err(reason),
+        };
+        self.pairs += u64::from(pair.is_ok());
+        let frame = pair.map(|pair| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,

@@ -29,12 +29,17 @@ impl Default for Selection {
     }
 }
 
+/// Whether the messages of a channel are images.
+pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
+    image::SCHEMAS.contains(&channel.schema.as_str())
+}
+
 /// The topics of the left and the right images.
 ///
 /// # Errors
 /// Why there are none, or more than one pair of them, with the cure.
 pub(in crate::recording) fn choose(channels: &[Channel], selection: &Selection) -> Result<[String; 2], String> {
-    let images: Vec<_> = channels.iter().filter(|c| image::SCHEMAS.contains(&c.schema.as_str())).collect();
+    let images: Vec<_> = channels.iter().filter(|channel| is_image(channel)).collect();
     let mut topics: Vec<&str> = images.iter().map(|channel| channel.topic.as_str()).collect();
     topics.sort_unstable();
     topics.dedup();
