@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Loss, Skew, Summary, Topic};
+use svl::recording::{Loss, Skew, Summary, Topic, only_file};
 
 /// Show what a recording holds, and whether it is whole
 #[derive(clap::Args)]
@@ -15,7 +15,7 @@ Examples:
   svl info bag.mcap                               which topics of a ROS 2 bag svl would take
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(super) struct Args {
-    /// The recording; any other MCAP file will do
+    /// The recording; any other MCAP file will do, or the folder of a ROS 2 bag of one file
     file: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -26,7 +26,7 @@ pub(super) struct Args {
 const LISTED: usize = 5;
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let summary = Summary::of(&args.file)?;
+    let summary = Summary::of(&only_file(&args.file)?)?;
     if args.json { print_json(&summary) } else { print(&table(&summary)) }
 }
 

@@ -28,7 +28,8 @@ Sources:
   SCENARIO.toml    the arena with other parameters
   FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
                    (the pairs with truth), or left/ and right/ with equally named images
-  FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
+  FILE.mcap, BAG   another recording: svl's, a ROS 2 bag (the folder or a file of it), Foxglove's; raw, compressed or
+                   Bayer images of two topics
   sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60,
                     scene=board for the board instead;
                     for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
@@ -93,7 +94,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.output {
         may_write(path, &["mcap"], args.force)?;
-        distinct([path.as_path(), Path::new(&args.source)])?;
+        let inputs = source::inputs(Path::new(&args.source));
+        distinct(inputs.iter().chain([path]).map(PathBuf::as_path))?;
     }
     let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live)?;
     opened = args.rectify.opened(opened, quiet)?;

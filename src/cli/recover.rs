@@ -4,7 +4,7 @@ use super::info::{losses, missing, size};
 use super::output::{distinct, may_write, print, print_json};
 use std::path::PathBuf;
 use svl::counted;
-use svl::recording::{Recovery, recover};
+use svl::recording::{Recovery, only_file, recover};
 
 /// Save what an unfinished or damaged recording still holds
 ///
@@ -24,9 +24,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    distinct([args.file.as_path(), args.output.as_path()])?;
+    let file = only_file(&args.file)?;
+    distinct([file.as_path(), args.output.as_path()])?;
     may_write(&args.output, &["mcap"], false)?;
-    let recovery = recover(&args.file, &args.output)?;
+    let recovery = recover(&file, &args.output)?;
     if args.json { print_json(&recovery) } else { print(&table(args, &recovery)?) }
 }
 

@@ -29,12 +29,13 @@ Examples:
   svl replay                                      the newest of recordings/, or else the arena
   svl replay run.mcap --algo v3 --algo v3:max_disparity=64 --rows rows.csv
   svl replay raw.mcap --calib calibration.xml     pairs of raw cameras, rectified on the fly
+  svl replay BAG                                  the folder of a ROS 2 bag
   svl replay run.mcap --rerun spawn               watch it in the Rerun viewer
   svl replay run.mcap --rerun run.rrd --rate 1    at the speed it was recorded
   svl replay run.mcap --algo v3 -o result.mcap && svl replay result.mcap --verify
   svl replay run.mcap --verify=rows.csv           against a table of rows, or the folder of a report")]
 pub(super) struct Args {
-    /// Recording to replay, svl's or another program's [default: the newest of recordings/, else the arena, recorded first]
+    /// Recording to replay, svl's or another program's, or the folder of a ROS 2 bag [default: the newest of recordings/, else the arena, recorded first]
     recording: Option<PathBuf>,
     /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of then]
     #[arg(long, value_name = "NAME[:key=value,…]")]
@@ -83,7 +84,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let outputs = [(args.output.as_ref(), &["mcap"][..]), (args.rows.as_ref(), &["csv", "parquet"]), (rrd, &["rrd"])];
     let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
     outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
-    distinct(outputs.iter().map(|(path, _)| *path).chain(args.recording.as_deref()))?;
+    let inputs = args.recording.as_deref().map(source::inputs).unwrap_or_default();
+    distinct(inputs.iter().map(PathBuf::as_path).chain(outputs.iter().map(|(path, _)| *path)))?;
     let source = match &args.recording {
         Some(path) => RecordingSource::open_selection(path, &args.topics.selection())?,
         None => newest_or_arena(quiet)?,

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
 use svl::counted;
-use svl::recording::{Header, Selection};
+use svl::recording::{Header, Selection, files, is_bag};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
 use svl::source::{ArenaSource, BoardSource, LastTally, LeftOut, RecordingSource, Source};
@@ -112,11 +112,18 @@ pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &Li
     live.open(name, seed, topics.max_skew_ms)
 }
 
+/// The files that a source named so reads, as far as it is one.
+pub(super) fn inputs(source: &Path) -> Vec<PathBuf> {
+    files(source).unwrap_or_else(|_| vec![source.to_owned()])
+}
+
 /// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording.
 pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Result<Opened> {
     let path = Path::new(name);
-    if topics.are_given() && path.extension().is_none_or(|e| e != "mcap") {
-        bail!("{name}: --left, --right and --max-skew-ms choose topics of a recording (.mcap)");
+    // A scene may have a recording beside its images.
+    let is_bag = is_bag(path) && Scene::find(path, name).is_none();
+    if topics.are_given() && !is_bag && path.extension().is_none_or(|e| e != "mcap") {
+        bail!("{name}: --left, --right and --max-skew-ms choose topics of a recording (.mcap, or the folder of a bag)");
     }
     if name == "arena" {
         return arena(&Scenario::arena()?, seed.unwrap_or(1));
@@ -126,19 +133,23 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Re
     }
     if !path.exists() {
         bail!(
-            "{name}: no such source; expected 'arena', 'board', a scenario (.toml), a folder of images or a recording (.mcap)"
+            "{name}: no such source; expected 'arena', 'board', a scenario (.toml), a folder of images, a recording (.mcap) or the folder of a ROS 2 bag"
         );
     }
     let scenario = path.extension().is_some_and(|e| e == "toml");
     if seed.is_some() && !scenario {
         bail!("{name}: only the arena and the board take a --seed");
     }
+    if is_bag {
+        return recording(path, topics);
+    }
     if path.is_dir() {
         return folder(path);
     }
     match path.extension().and_then(|e| e.to_str()) {
         Some("toml") => arena(&Scenario::read(path)?, seed.unwrap_or(1)),
-        Some("mcap") => recording(path, topics),
+        // Bags in other containers: the reader says what makes one of them that it reads.
+        Some("mcap" | "db3" | "zstd" | "zst") => recording(path, topics),
         _ => bail!(
             "{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
         ),

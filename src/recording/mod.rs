@@ -22,9 +22,10 @@
 //! [`Dialect::Ros2`] is the same in ROS 2's messages alone.
 //!
 //! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are found by their types, and
-//! two images are a pair when their stamps are near enough; see [`Selection`].
+//! two images are a pair when their stamps are near enough; see [`Selection`]. A bag may be the folder of its files.
 
 mod append;
+mod bag;
 mod chunk;
 mod dialect;
 mod float_image;
@@ -45,6 +46,7 @@ mod sync;
 mod truth;
 mod writer;
 
+pub use bag::{files, is_bag, only_file};
 pub use dialect::{Dialect, Format};
 pub use foreign::Selection;
 pub use gray_image::ImageFormat;

@@ -1,5 +1,6 @@
 //! Reads recordings.
 
+use super::bag::files;
 use super::foreign::{Foreign, Selection};
 use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
@@ -10,12 +11,15 @@ use crate::stereo::{Frame, StereoCalibration};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-/// Reads the pairs of one recording in the order of the file, holding a few in memory at a time.
+/// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in the order of the file, holding a few in memory
+/// at a time.
 ///
 /// In svl's own recordings left and right belong together as `/stereo/sync` says, in others as their stamps do.
 pub struct Reader {
     path: PathBuf,
     messages: Messages,
+    /// Files of a bag that come after.
+    rest: VecDeque<PathBuf>,
     pairs_of: PairsOf,
     header: Option<Header>,
     pairs: Option<u64>,
@@ -50,14 +54,17 @@ impl Reader {
     /// [`Error::Format`] besides, where no two topics are, or more than two may be, the cameras.
     pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
         let path = path.into();
-        let is_own = !selection.names_topics() && is_own(&path)?;
+        let files = files(&path)?;
+        let Some((file, rest)) = files.split_first() else { return Err(Error::format(&path, "has no files")) };
+        let is_own = !selection.names_topics() && rest.is_empty() && is_own(file)?;
         let mut reader = Self {
-            messages: Messages::open(&path)?,
+            messages: Messages::open(file)?,
+            rest: rest.iter().cloned().collect(),
             // Without a good summary the length is unknown; what is wrong with it, reading on will tell.
-            pairs: if is_own { Messages::count(&path, Kind::Sync.topic()).unwrap_or(None) } else { None },
+            pairs: if is_own { Messages::count(file, Kind::Sync.topic()).unwrap_or(None) } else { None },
             pairs_of: match is_own {
                 true => PairsOf::Svl(Pairing::default()),
-                false => PairsOf::Others(Box::new(Foreign::open(&path, selection)?)),
+                false => PairsOf::Others(Box::new(Foreign::open(&path, &files, selection)?)),
             },
             header: None,
             ahead: VecDeque::new(),
@@ -174,7 +181,10 @@ impl Reader {
                     self.header = self.header.take().or_else(|| Header::from_record(&metadata));
                 }
                 Ok(Some(_)) => {}
-                Ok(None) => ended = true,
+                Ok(None) => match self.rest.pop_front() {
+                    Some(next) => self.messages = Messages::open(&next)?,
+                    None => ended = true,
+                },
                 Err(error) => (ended, self.damage) = (true, Some(error)),
             }
             if ended {

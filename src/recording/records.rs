@@ -4,6 +4,7 @@
 //! every length is checked against what the file can hold, a chunk is used only when its CRC fits, and the CRCs of data
 //! and summary section are checked on the way. So any changed byte is noticed, at the latest at the end.
 
+use super::bag::not_mcap;
 use super::chunk::Chunk;
 use crate::error::{Error, Result};
 use mcap::records::{Record, op};
@@ -84,7 +85,7 @@ impl Records {
         }
         let mut magic = [0; 8];
         if records.len < 8 || records.read(&mut magic).is_err() || magic != mcap::MAGIC {
-            return Err(Error::format(path, "is not an MCAP file; svl reads recordings in MCAP (.mcap)"));
+            return Err(Error::format(path, not_mcap(&magic)));
         }
         Ok(records)
     }

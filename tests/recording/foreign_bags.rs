@@ -5,7 +5,7 @@ use crate::frames::{PERIOD_NS, image, read};
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
 use svl::recording::{Reader, Selection};
-use svl::source::{RecordingSource, Source};
+use svl::source::{LeftOut, RecordingSource, Source};
 use svl::stereo::{Frame, Gray};
 
 const SIZE: (usize, usize) = (24, 16);
@@ -60,7 +60,7 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
         let rig = rig.unwrap();
         assert!((rig.focal_px(), rig.center_px()) == (328.0, (12.0, 8.0)) && (rig.baseline_m() - 0.044).abs() < 1e-12);
     }
-    assert!(source.next().unwrap().is_none() && source.unpaired() == 0);
+    assert!(source.next().unwrap().is_none() && source.left_out() == LeftOut::default());
 }
 
 #[test]
@@ -155,6 +155,43 @@ fn messages_out_of_order_find_their_partners() {
         let i = (frame.stamp_ns - START_NS) / PERIOD_NS;
         assert_eq!((frame.pair.left(), frame.pair.right()), (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1)));
     }
+}
+
+#[test]
+fn one_camera_after_the_other_loses_no_pair() {
+    let (lefts, rights): (Vec<_>, Vec<_>) = (0..100).map(|i| <(_, _)>::from(pair(i, 2_000))).unzip();
+    let (_folder, path) = of(lefts.into_iter().chain(rights));
+    let mut source = RecordingSource::open(&path).unwrap();
+    for i in 0..100 {
+        let frame = source.next().unwrap().unwrap();
+        assert_eq!((frame.sequence, frame.stamp_ns, frame.exposure.skew_ns), (i, stamp(i), 2_000));
+        assert_eq!((frame.pair.left(), frame.pair.right()), (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1)));
+    }
+    assert!(source.next().unwrap().is_none() && source.left_out() == LeftOut::default());
+}
+
+#[test]
+fn a_pair_that_cannot_be_read_costs_only_itself() {
+    let left_out = |bad: &[u64]| {
+        let messages = (0..12).flat_map(|i| {
+            let [left, right] = pair(i, 0);
+            let nothing = |topic| bag::ros_compressed(topic, stamp(i), "mono8; png compressed", &[]);
+            match bad.contains(&i) {
+                true if i % 2 == 0 => [nothing(LEFT), right],
+                // It is one pair all the same.
+                true => [nothing(LEFT), nothing(RIGHT)],
+                false => [left, right],
+            }
+        });
+        let (_folder, path) = of(messages);
+        let mut source = RecordingSource::open(&path)?;
+        let stamps = std::iter::from_fn(|| source.next().unwrap()).map(|frame| (frame.stamp_ns - START_NS) / PERIOD_NS);
+        Ok::<_, svl::Error>((stamps.collect::<Vec<_>>(), source.left_out().unreadable, source.left_out().unpaired))
+    };
+    assert_eq!(left_out(&[6]).unwrap(), ([0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11].into(), 1, 0));
+    assert_eq!(left_out(&[0, 1, 2, 11]).unwrap(), ((3..11).collect(), 4, 0));
+    let error = left_out(&(0..12).collect::<Vec<_>>()).unwrap_err().to_string();
+    assert!(error.contains(&format!("the pair at {START_NS} ns: {LEFT}: its image")), "{error}");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bag;
+mod bag_folders;
 mod disk;
 mod foreign_bags;
 mod foreign_readers;

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Gray, Rig, StereoCalibration, StereoPair};
 use camera::Calibration;
 use partners::Partners;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Makes pairs of the images of two topics.
 pub(super) struct Foreign {
@@ -36,12 +36,15 @@ pub(super) struct Foreign {
 }
 
 impl Foreign {
-    /// Chooses the topics of the recording at `path` and looks for the first calibration of each camera.
+    /// Chooses the topics of the recording at `path`, which is these files, and looks for the first calibration of each camera.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the cameras.
-    pub(super) fn open(path: &Path, selection: &Selection) -> Result<Self> {
-        let channels = Messages::all_channels(path)?;
+    pub(super) fn open(path: &Path, files: &[PathBuf], selection: &Selection) -> Result<Self> {
+        let mut channels = Vec::new();
+        for file in files {
+            channels.extend(Messages::all_channels(file)?);
+        }
         let images = choose(&channels, selection).map_err(|reason| Error::format(path, reason))?;
         let calibrations = images.each_ref().map(|topic| topics::calibration(&channels, topic));
         let mut foreign = Self {
@@ -54,13 +57,15 @@ impl Foreign {
             sequence: 0,
             pairs: 0,
         };
-        let mut messages = Messages::open(path)?;
-        while foreign.lacks_calibration() {
-            match messages.next() {
-                // One that cannot be read is told when its turn comes.
-                Ok(Some(Event::Message { channel, data, .. })) => drop(foreign.calibrate(channel, &data)),
-                Ok(Some(_)) => {}
-                Ok(None) | Err(_) => break,
+        for file in files {
+            let mut messages = Messages::open(file)?;
+            while foreign.lacks_calibration() {
+                match messages.next() {
+                    // One that cannot be read is told when its turn comes.
+                    Ok(Some(Event::Message { channel, data, .. })) => drop(foreign.calibrate(channel, &data)),
+                    Ok(Some(_)) => {}
+                    Ok(None) | Err(_) => break,
+                }
             }
         }
         Ok(foreign)

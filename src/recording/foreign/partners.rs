@@ -196,15 +196,59 @@ mod tests {
     }
 
     #[test]
-    fn few_wait_and_all_are_counted() {
+    fn as_many_wait_as_there_is_room_for() {
         let mut partners = Partners::new(5);
-        for i in 0..1000 {
-            partners.push(Left, 10 * i, (), 1);
-            assert!(partners.pop().is_none() && partners.waiting[0].len() <= WAITING);
+        let mut push = |camera, stamps: std::ops::Range<u64>| {
+            let mut found = 0;
+            for stamp in stamps.step_by(10) {
+                partners.push(camera, stamp, (), WAITING_BYTES / 100 - ENTRY_BYTES);
+                found += std::iter::from_fn(|| partners.pop()).count();
+            }
+            (found, partners.waiting[0].len(), partners.unpaired(), partners.late())
+        };
+        assert_eq!(push(Left, 0..1500), (0, 100, 50, 0));
+        // The first fifty are told as what they are: late.
+        assert_eq!(push(Right, 0..1500), (100, 0, 100, 50));
+        assert_eq!(push(Left, 5000..6500), (0, 100, 150, 50), "nobody is late where no partner comes");
+        assert_eq!(push(Right, 6500..6510), (0, 99, 151, 50));
+    }
+
+    #[test]
+    fn one_camera_after_the_other_and_no_order_at_all_lose_no_pair() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let lefts = (0..300).map(|i| (Left, 100 * i));
+        let rights = (0..300).map(|i| (Right, 100 * i + i % 4));
+        let mut images: Vec<_> = lefts.chain(rights).collect();
+        let all: Vec<_> = (0..300).map(|i| (100 * i, 100 * i + i % 4)).collect();
+        assert_eq!(pairs(5, &images), (all.clone(), 0));
+        for _ in 0..100 {
+            random.shuffle(&mut images);
+            assert_eq!(pairs(5, &images), (all.clone(), 0));
+            images.reverse();
+            assert_eq!(pairs(5, &images).1, 0);
         }
-        partners.end();
-        assert!(partners.pop().is_none());
-        assert_eq!(partners.unpaired(), 1000);
+    }
+
+    #[test]
+    fn what_is_in_order_waits_for_few() {
+        // Every third right image is missing, and messages come up to three out of their turn, as in bags.
+        for jitter in [0, 25] {
+            let lefts = (0..1000).map(|i| (Left, i * 10, i * 10 + i * 7 % (jitter + 1)));
+            let rights =
+                (0..1000).filter(|i| i % 3 > 0).map(|i| (Right, i * 10 + 1, i * 10 + 1 + i * 11 % (jitter + 1)));
+            let mut images: Vec<_> = lefts.chain(rights).collect();
+            images.sort_by_key(|&(_, _, logged)| logged);
+            let (mut partners, mut found, mut most) = (Partners::new(2), 0, 0);
+            for (camera, stamp, _) in images {
+                partners.push(camera, stamp, (), 1);
+                found += std::iter::from_fn(|| partners.pop()).count();
+                most = most.max(partners.waiting[0].len());
+            }
+            partners.end();
+            found += std::iter::from_fn(|| partners.pop()).count();
+            assert_eq!((found, partners.unpaired()), (666, 334));
+            assert!(most < 20 + 40 * usize::from(jitter > 0), "{most}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Messages taken out of their CDR.
 
+use crate::recording::bag::CONVERT;
 use re_cdr::{CdrReader, Error, LittleEndian, Result};
 
 /// Most coefficients of a lens that any of ROS's distortion models has.
@@ -53,6 +54,9 @@ pub(in crate::recording) fn read<'a, T>(
     // The header's last two bytes are options, which XCDR 1 leaves open.
     let body = match data {
         [0, 1, _, _, body @ ..] => body,
+        [0x28, 0xB5, 0x2F, 0xFD, ..] => {
+            return Err(format!("it is compressed by itself, which svl does not read; {CONVERT}"));
+        }
         _ => return Err("it is not little-endian CDR".to_owned()),
     };
     read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
