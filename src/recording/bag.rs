@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// What rosbag2 writes beside the files when it is done.
 const METADATA: &str = "metadata.yaml";
+/// What all of the metadata stands under.
+const BAG: &str = "rosbag2_bagfile_information";
 /// Largest that is read, bytes: thousands of files and topics.
 const MAX_BYTES: u64 = 1 << 22;
 /// Files that are named in a message.
@@ -20,7 +22,8 @@ pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-sto
 pub fn is_bag(path: &Path) -> bool {
     let holds_no_folder =
         || path.read_dir().is_ok_and(|mut entries| !entries.any(|e| e.is_ok_and(|e| e.path().is_dir())));
-    path.join(METADATA).is_file() || holds_no_folder() && mcap_files(path).is_ok_and(|files| !files.is_empty())
+    read_text(&path.join(METADATA), MAX_BYTES).is_ok_and(|text| text.contains(BAG))
+        || holds_no_folder() && mcap_files(path).is_ok_and(|files| !files.is_empty())
 }
 
 /// The files of the recording at `path`, in their order: itself, or those of a ROS 2 bag.
@@ -79,8 +82,8 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
     let Node::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)? else {
         return Err(wrong("is not that of a ROS 2 bag".to_owned()));
     };
-    let Some(Node::Table(bag)) = root.remove("rosbag2_bagfile_information") else {
-        return Err(wrong("is not that of a ROS 2 bag: it has no rosbag2_bagfile_information".to_owned()));
+    let Some(Node::Table(bag)) = root.remove(BAG) else {
+        return Err(wrong(format!("is not that of a ROS 2 bag: it has no {BAG}")));
     };
     let text = |key: &str| match bag.get(key) {
         Some(Node::Value(text)) => text.to_lowercase(),

@@ -151,7 +151,7 @@ impl Reader {
     ///
     /// # Errors
     /// [`Error::Format`] for a pair that is none, after which the next may be asked for. [`Error::Damaged`], once, where
-    /// the file ends early or is not what its CRCs say: all pairs before it are good, and there are no more.
+    /// a file ends early or is not what its CRCs say: all pairs before it are good, and there are no more.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         match self.ahead.pop_front() {
             Some(next) => next.map(Some),
@@ -185,7 +185,8 @@ impl Reader {
                     Some(next) => self.messages = Messages::open(&next)?,
                     None => ended = true,
                 },
-                Err(error) => (ended, self.damage) = (true, Some(error)),
+                // Of this file: it has no more, but a bag may have others.
+                Err(error) => self.damage = self.damage.take().or(Some(error)),
             }
             if ended {
                 self.pairs_of.end();
@@ -193,14 +194,14 @@ impl Reader {
         }
     }
 
-    /// The error with the number of pairs that came before it.
+    /// The error with the number of pairs that were read.
     fn counted(&self, error: Error) -> Error {
         let Error::Damaged { path, reason } = error else { return error };
         let pairs = match &self.pairs_of {
             PairsOf::Svl(pairing) => pairing.pairs(),
             PairsOf::Others(foreign) => foreign.pairs(),
         };
-        Error::damaged(path, format!("{reason}; read before it: {}", counted(pairs, "whole pair")))
+        Error::damaged(path, format!("{reason}; read all the same: {}", counted(pairs, "whole pair")))
     }
 }
 

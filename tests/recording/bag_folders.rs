@@ -57,8 +57,8 @@ fn complaint(path: &Path) -> String {
 #[test]
 fn the_files_of_a_bag_are_one_recording() {
     let all: Vec<_> = (0..6).flat_map(messages).collect();
-    // The second file begins between the two images of a pair, and the third has only right ones.
-    let (_holder, folder) = bag_of(&[&all[..5], &all[5..13], &all[13..]]);
+    // The second file begins between the two images of a pair.
+    let (_holder, folder) = bag_of(&[&all[..5], &all[5..8], &all[8..]]);
     let (frames, error) = read(&folder);
     assert!(error.is_none() && frames.len() == 6, "{error:?}");
     for (i, frame) in (0..).zip(&frames) {
@@ -68,12 +68,16 @@ fn the_files_of_a_bag_are_one_recording() {
     }
     let error = only_file(&folder).unwrap_err().to_string();
     assert!(error.contains("is a bag of 3 files: name one of ") && error.contains("walk_10.mcap, "), "{error}");
-    // The end of a file that was never finished is the end of its bag.
-    let last = folder.join("walk_11.mcap");
-    let bytes = std::fs::read(&last).unwrap();
-    std::fs::write(&last, &bytes[..bytes.len() - 9]).unwrap();
-    let (frames, error) = read(&folder);
-    assert!(frames.len() == 6 && error.unwrap().to_string().contains("walk_11.mcap: the recording is incomplete"));
+    // What a damaged file costs is its own.
+    for (file, cut, pairs) in [("walk_11.mcap", "end", 6), ("walk_10.mcap", "at once", 4)] {
+        let file = folder.join(file);
+        let bytes = std::fs::read(&file).unwrap();
+        std::fs::write(&file, if cut == "end" { &bytes[..bytes.len() - 9] } else { &bytes[..9] }).unwrap();
+        let (frames, error) = read(&folder);
+        let error = error.unwrap().to_string();
+        assert!(error.starts_with(&format!("{}: the recording is incomplete", file.display())), "{error}");
+        assert!(frames.len() == pairs && error.ends_with(&format!("{pairs} whole pairs")), "{error}");
+    }
 }
 
 #[test]
