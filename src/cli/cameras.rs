@@ -1,5 +1,6 @@
 //! Which cameras there are: from what a user names to two of them and what fires them.
 
+use super::progress::interrupted;
 use anyhow::bail;
 use std::path::Path;
 use std::str::FromStr;
@@ -101,7 +102,7 @@ impl Wanted {
     fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
         let policy = match &self.trigger {
             TriggerChoice::Serial(device) => {
-                let controller = SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?;
+                let controller = self.controller(device)?;
                 Policy::Coordinated { trigger: Box::new(controller), period_ns: self.period_ns() }
             }
             _ => Policy::Free,
@@ -149,6 +150,10 @@ impl Wanted {
         )
     }
 
+    fn controller(&self, device: &str) -> anyhow::Result<SerialTrigger> {
+        Ok(SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock, interrupted)?)
+    }
+
     /// When the cameras expose: `software` is svl's own way to fire them, `cabled` what the trigger controller's pulses
     /// take to reach them.
     fn policy(
@@ -160,7 +165,7 @@ impl Wanted {
         Ok(match &self.trigger {
             TriggerChoice::Software => Policy::Coordinated { trigger: software, period_ns },
             TriggerChoice::Serial(device) => {
-                let controller = Box::new(SerialTrigger::open(Path::new(device), period_ns, &self.clock)?);
+                let controller = Box::new(self.controller(device)?);
                 Policy::Coordinated { trigger: cabled(controller), period_ns }
             }
             TriggerChoice::Fixed(_) => Policy::FixedRate { trigger: software, period_ns },
