@@ -12,6 +12,7 @@ mod compare;
 mod datasets;
 mod eval;
 mod exec;
+mod firmware;
 mod help;
 mod info;
 mod interrupt;
