@@ -34,6 +34,7 @@ fn table(summary: &Summary) -> String {
     let mut lines = vec![
         format!("{}: {}, {}", summary.path.display(), size(summary.bytes), seconds(summary.duration_ns())),
         match &summary.damage {
+            None if !summary.checksums => "whole      as far as can be told: it has no checksums".to_owned(),
             None => "whole      yes".to_owned(),
             Some(damage) => format!("whole      NO: {damage}"),
         },
@@ -115,6 +116,7 @@ fn skew(skew: &Skew) -> Vec<String> {
 pub(super) fn losses(losses: &[Loss]) -> Vec<String> {
     let part = |Loss { at_byte, bytes, reason }: &Loss| match bytes {
         0 => format!("lost       at byte {at_byte}: {reason}"),
+        1..1000 => format!("lost       {} at byte {at_byte}: {reason}", counted(*bytes, "byte")),
         _ => format!("lost       {} at byte {at_byte}: {reason}", size(*bytes)),
     };
     let mut lines: Vec<_> = losses.iter().take(LISTED).map(part).collect();

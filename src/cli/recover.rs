@@ -9,7 +9,8 @@ use svl::recording::{Recovery, recover};
 /// Save what an unfinished or damaged recording still holds
 ///
 /// Everything whole goes into a new file: topics, schemas, messages, attachments and metadata, chunk by chunk, whoever
-/// wrote them. A chunk that is not what its CRC says is passed over. The damaged file stays as it is.
+/// wrote them. A chunk that is not what its CRC says is passed over; where the length of one is damaged, the next that can be
+/// believed is looked for. The damaged file stays as it is.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
 pub(super) struct Args {
@@ -44,8 +45,11 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
             counted(*attachments, "attachment")
         ),
     ];
-    if recovery.losses.is_empty() {
-        lines.push(format!("lost       nothing: {} is whole", args.file.display()));
+    let file = args.file.display();
+    match (recovery.losses.is_empty(), recovery.checksums) {
+        (true, true) => lines.push(format!("lost       nothing: {file} is whole")),
+        (true, false) => lines.push(format!("lost       nothing, as far as can be told: {file} has no checksums")),
+        (false, _) => {}
     }
     lines.extend(losses(&recovery.losses));
     lines.extend(missing(&recovery.missing));

@@ -166,12 +166,18 @@ impl Reader {
 
 /// Whether svl wrote the recording at `path`.
 fn is_own(path: &Path) -> Result<bool> {
-    // The header stands first. Where that is not to be read, nothing is.
-    if !matches!(Messages::open(path)?.next(), Ok(Some(Event::Library(header))) if header.profile != PROFILE) {
+    let first = Messages::open(path)?.next().map(|event| match event {
+        Some(Event::Library(header)) => header.profile,
+        _ => String::new(),
+    });
+    if first.as_ref().is_ok_and(|profile| profile == PROFILE) {
         return Ok(true);
     }
-    // Other programs copy svl's messages into files of another profile. A ROS 2 bag of svl's has no such message.
-    Ok(Messages::all_channels(path)?.iter().any(|channel| channel.schema == sync::SCHEMA))
+    // Other programs copy svl's messages into files of another profile, and the header may be damaged. A ROS 2 bag of
+    // svl's has no such message.
+    let channels = Messages::all_channels(path)?;
+    // Where nothing at all is to be read, that is what should be told.
+    Ok(channels.iter().any(|channel| channel.schema == sync::SCHEMA) || channels.is_empty() && first.is_err())
 }
 
 impl PairsOf {

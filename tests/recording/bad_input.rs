@@ -88,7 +88,7 @@ fn recordings_without_pairs() {
     assert!(complaint(&mcap_of(&[left])).contains("/stereo/left/image is its only topic of images"));
     assert!(complaint(&mcap_of(&[sync])).contains("ended before the first"));
     assert!(complaint(&mcap_of(&[left, left, sync])).contains("2 images of the left camera, none of the right"));
-    assert!(complaint(&mcap_of(&[right, sync])).contains("1 images of the right camera, none of the left"));
+    assert!(complaint(&mcap_of(&[right, sync])).contains("1 image of the right camera, none of the left"));
     assert!(complaint(&mcap_of(&[left, right, sync])).contains("no /stereo/sync says which"));
 }
 

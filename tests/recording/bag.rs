@@ -14,9 +14,19 @@ pub(crate) struct Message {
 
 /// Writes the messages in this order, in small chunks.
 pub(crate) fn write(folder: &Path, messages: &[Message]) -> PathBuf {
+    write_as(mcap::WriteOptions::new(), folder, messages)
+}
+
+/// As [`write`], in the way of ROS 2's own recorder: without compression and without checksums.
+pub(crate) fn write_unchecked(folder: &Path, messages: &[Message]) -> PathBuf {
+    let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
+    write_as(options.calculate_data_section_crc(false).calculate_summary_section_crc(false), folder, messages)
+}
+
+fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) -> PathBuf {
     let path = folder.join("bag.mcap");
     let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
-    let mut writer = mcap::WriteOptions::new().profile("ros2").chunk_size(Some(4096)).create(file).unwrap();
+    let mut writer = options.profile("ros2").chunk_size(Some(4096)).create(file).unwrap();
     for Message { topic, schema, encoding, log_time, data } in messages {
         let schema = writer.add_schema(schema, "some", b"definition").unwrap();
         let channel_id = writer.add_channel(schema, topic, encoding, &Default::default()).unwrap();

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod bag;
+mod damage;
 mod disk;
 mod foreign_bags;
 mod foreign_readers;
@@ -10,3 +11,4 @@ mod kill;
 mod recovery;
 mod round_trip;
 mod summary;
+mod unchecked;
