@@ -18,7 +18,7 @@ pub enum Dialect {
     /// | `/stereo/{left,right}/image_rect`, `image_raw` where no rig is known | sensor_msgs/msg/Image mono8 |
     /// | `/stereo/{left,right}/image_rect/compressed`, `image_raw/compressed` | sensor_msgs/msg/CompressedImage |
     /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
-    /// | `/tf` | tf2_msgs/msg/TFMessage: left camera → right camera, world → left camera |
+    /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
     /// | `/truth/depth`, `/truth/disparity`, `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1 |
     /// | `/truth/visibility` | sensor_msgs/msg/Image mono8 |
     /// | `/stereo/sync`, `/algo/<name>/result` | std_msgs/msg/String: their JSON |
@@ -65,20 +65,19 @@ impl Dialect {
         }
     }
 
-    /// The right camera in the frame of the left one.
-    pub(super) fn baseline(self, rig: &Rig, stamp: Stamp) -> Said {
+    /// The right camera in the frame of the left one, where the calibration alone does not say it.
+    pub(super) fn baseline(self, rig: &Rig, stamp: Stamp) -> Option<Said> {
         let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
-        self.transform(Kind::Baseline, &right, [Camera::Left.frame_id(), Camera::Right.frame_id()], stamp)
+        let frames = [Camera::Left.frame_id(), Camera::Right.frame_id()];
+        let message = || (Kind::Baseline.topic().into(), geometry::encode_transform(&right, frames, stamp));
+        (self == Self::Svl).then(message)
     }
 
     /// The left camera in the world.
     pub(super) fn pose(self, pose: &Pose, stamp: Stamp) -> Said {
-        self.transform(Kind::Pose, pose, [geometry::WORLD, Camera::Left.frame_id()], stamp)
-    }
-
-    fn transform(self, kind: Kind, pose: &Pose, frames: [&str; 2], stamp: Stamp) -> Said {
+        let frames = [geometry::WORLD, Camera::Left.frame_id()];
         match self {
-            Self::Svl => (kind.topic().into(), geometry::encode_transform(pose, frames, stamp)),
+            Self::Svl => (Kind::Pose.topic().into(), geometry::encode_transform(pose, frames, stamp)),
             Self::Ros2 => ("/tf".into(), ros::encode_transform(pose, frames, stamp)),
         }
     }
@@ -92,11 +91,12 @@ impl Dialect {
         format: ImageFormat,
         stamp: Stamp,
     ) -> Result<Said> {
-        let frame_id = camera.frame_id();
         if self == Self::Svl {
-            let message = gray_image::encode(image, format, stamp, frame_id)?;
+            let message = gray_image::encode(image, format, stamp, camera.frame_id())?;
             return Ok((Kind::Image(camera).topic().into(), message));
         }
+        // As their calibrations have it.
+        let frame_id = Camera::Left.frame_id();
         let topic = format!("/stereo/{}/{}", camera.side(), if rectified { "image_rect" } else { "image_raw" });
         Ok(match format {
             ImageFormat::Raw => (topic.into(), ros::encode_mono8(image, stamp, frame_id)),

@@ -75,7 +75,7 @@ impl Writer {
             for (camera, stamp) in [(Camera::Left, left), (Camera::Right, right)] {
                 self.put(dialect.calibration(rig, size, camera, stamp), stamp, sequence)?;
             }
-            self.put(dialect.baseline(rig, left), left, sequence)?;
+            dialect.baseline(rig, left).map_or(Ok(()), |said| self.put(said, left, sequence))?;
         }
         if let Some(pose) = &frame.pose {
             self.put(dialect.pose(pose, left), left, sequence)?;

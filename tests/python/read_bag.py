@@ -60,6 +60,9 @@ def main(path):
             number = value(connection.msgtype, message)
             assert number == value(schema.name, other), f"{connection.topic}: rosbags and mcap-ros2-support disagree"
             assert stamp(message) in (None, time)
+            if connection.topic.startswith("/stereo") and hasattr(message, "header"):
+                # image_geometry's StereoCameraModel: both in the left camera's frame.
+                assert message.header.frame_id == "stereo_left"
             if hasattr(message, "width"):
                 sizes.add((message.width, message.height))
             count, total = topics.get(connection.topic, (0, 0))

@@ -49,7 +49,8 @@ pub(in crate::recording) fn encode_png(png: &[u8], stamp: Stamp, frame_id: &str)
     encode("sensor_msgs/msg/CompressedImage", include_str!("CompressedImage.msg"), png.len(), body)
 }
 
-/// The sensor_msgs/msg/CameraInfo of a rectified camera.
+/// The sensor_msgs/msg/CameraInfo of a rectified camera. Both are in the frame of the left one, as ROS's stereo tools ask:
+/// P says where the right one is.
 pub(in crate::recording) fn encode_camera_info(
     rig: &Rig,
     (width, height): (usize, usize),
@@ -58,7 +59,7 @@ pub(in crate::recording) fn encode_camera_info(
 ) -> Encoded {
     let right = camera == Camera::Right;
     let body = |cdr: &mut Cdr| {
-        header(cdr, stamp, camera.frame_id());
+        header(cdr, stamp, Camera::Left.frame_id());
         cdr.write_u32(height as u32);
         cdr.write_u32(width as u32);
         cdr.write_string("plumb_bob");
