@@ -53,6 +53,8 @@ fn table(summary: &Summary) -> String {
     if let Some(calibration) = summary.header.as_ref().and_then(|header| header.calibration.as_ref()) {
         lines.push(format!("rectified  by {calibration}"));
     }
+    lines.extend(summary.grabber.get("counts").map(|counts| format!("grabbed    {counts}")));
+    lines.extend(summary.grabber.get("error").map(|error| format!("ended      by an error: {error}")));
     lines.extend(summary.skew.iter().flat_map(skew));
     lines.extend(gaps(summary));
     lines.extend(missing(&summary.missing));
@@ -77,7 +79,12 @@ fn pairs(summary: &Summary) -> String {
         0 => String::new(),
         n => format!(", {n} missing between the first and the last"),
     };
-    format!("pairs      {}{rate}, {} dropped{missing}", summary.pairs, counted(summary.drops, "frame"))
+    // The grabber's own counts say more.
+    let dropped = match summary.grabber.is_empty() {
+        true => format!(", {} dropped", counted(summary.drops, "frame")),
+        false => String::new(),
+    };
+    format!("pairs      {}{rate}{dropped}{missing}", summary.pairs)
 }
 
 /// Columns of the longest bar.

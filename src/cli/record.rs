@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Dialect, Format, ImageFormat, SCENARIO, Writer};
+use svl::recording::{Dialect, Format, GRABBER, ImageFormat, SCENARIO, Writer};
 use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::GridSettings;
 use svl::sink::{RecordingSink, Sink};
@@ -114,7 +114,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let began = Instant::now();
     let written = write(opened, &output, format, quiet);
     if let Some(live) = live.filter(|_| !quiet) {
-        print(&format!("{}: {}\n", output.display(), live.get()))?;
+        let whose = if output.exists() { output.display().to_string() } else { args.source.clone() };
+        print(&format!("{whose}: {}\n", live.get()))?;
     }
     let outcome = match written {
         Ok(outcome) => outcome,
@@ -149,15 +150,23 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool
     let mut lineup = Lineup::new(&[])?;
     let ran = run_loop(&mut *opened.source, &mut lineup, grid, Pace::Asap, &mut [&mut sink], &mut progress);
     progress.clear();
+    source::tell_unpaired(&*opened.source);
+    // A grabber's counts are complete when it has ended.
+    drop(opened.source);
+    let remembered = opened.live.map_or(Ok(()), |live| {
+        live.used(sink.pairs());
+        let mut facts = live.get().facts();
+        facts.extend(ran.as_ref().err().map(|error| ("error".to_owned(), error.to_string())));
+        sink.writer().remember(GRABBER, facts)
+    });
     // What came before an error is kept: the file is completed first, the error told after.
     let finished = sink.finish();
     if ran.is_err() && sink.pairs() == 0 {
         // A file without a pair is of no use, and would stand in the way of the next attempt.
         let _ = std::fs::remove_file(path);
     }
-    source::tell_unpaired(&*opened.source);
     let outcome = ran?;
-    finished?;
+    remembered.and(finished)?;
     Ok(outcome)
 }
 

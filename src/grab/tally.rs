@@ -3,10 +3,11 @@
 use super::pairing::Unpaired;
 use crate::counted;
 use hdrhistogram::Histogram;
+use std::collections::BTreeMap;
 use std::fmt;
 
-/// Counts of a run. Nothing goes uncounted: `frames` = 2 · `pairs` + `unpaired`, and `pairs` = read by the writer +
-/// `dropped` + `unread`.
+/// Counts of a run. Nothing goes uncounted: `frames` = 2 · `pairs` + `unpaired`, and `pairs` = written + `dropped` +
+/// `unread`.
 #[derive(Clone, Debug)]
 pub struct Tally {
     /// Pulses sent to the cameras.
@@ -22,7 +23,7 @@ pub struct Tally {
     pub dropped: u64,
     /// How many times the grabber waited for the writer.
     pub waited: u64,
-    /// Pairs that were still queued when the writer had enough.
+    /// Pairs that were grabbed when the writer had enough.
     pub unread: u64,
     /// |right − left stamp| of the pairs, nanoseconds.
     pub skew_ns: Histogram<u64>,
@@ -58,6 +59,25 @@ impl Tally {
     /// Images that are in no recording: without a partner, or dropped with it.
     pub fn drops(&self) -> u64 {
         self.unpaired.iter().sum::<u64>() + 2 * self.dropped
+    }
+
+    /// The counts by their names, and all in one line as `counts`.
+    pub fn facts(&self) -> BTreeMap<String, String> {
+        let [left, right] = self.frames;
+        let counts = [
+            ("pulses", self.pulses),
+            ("stray_pulses", self.stray_pulses),
+            ("left_images", left),
+            ("right_images", right),
+            ("pairs", self.pairs),
+            ("dropped_pairs", self.dropped),
+            ("unread_pairs", self.unread),
+            ("waits", self.waited),
+        ];
+        let counts = counts.into_iter().map(|(name, n)| (name.to_owned(), n.to_string()));
+        let unpaired = Unpaired::ALL.iter().zip(self.unpaired).filter(|(_, n)| *n > 0);
+        let unpaired = unpaired.map(|(reason, n)| (format!("unpaired, {}", reason.words()), n.to_string()));
+        counts.chain(unpaired).chain([("counts".to_owned(), self.to_string())]).collect()
     }
 }
 

@@ -16,7 +16,7 @@
 //! log_time and publish_time are the exposure stamp; the right camera's messages carry the right stamp. Calibration
 //! and baseline stand with every pair (200 bytes after compression), so that a recording cut anywhere still has them.
 //! Where there is no depth or disparity, float images are NaN (REP 118), and a point at infinity has depth +∞.
-//! The metadata record `svl` is the [`Header`]; the manifest of the run that wrote it, scenario and calibration files are
+//! The metadata record `svl` is the [`Header`], `grabber` counts what came from cameras and why some is not here; the manifest of the run that wrote it, scenario and calibration files are
 //! attachments.
 //!
 //! [`Dialect::Ros2`] is the same in ROS 2's messages alone.
@@ -69,6 +69,9 @@ pub const CALIBRATION: &str = "calibration/";
 
 /// Name of the attachment that is the manifest of the run which wrote the recording.
 pub const MANIFEST: &str = "manifest.json";
+
+/// Name of the metadata record that says what became of the images of the cameras.
+pub const GRABBER: &str = "grabber";
 
 /// MCAP's profile of svl's own recordings.
 const PROFILE: &str = "svl";

@@ -5,7 +5,7 @@ use super::messages::{Channel, Event, Messages};
 use super::records::Loss;
 use super::skew::Skew;
 use super::sync::StereoSync;
-use super::{Camera, Header, Kind, MANIFEST, PROFILE};
+use super::{Camera, GRABBER, Header, Kind, MANIFEST, PROFILE};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use std::collections::{BTreeMap, BTreeSet};
@@ -34,6 +34,8 @@ pub struct Summary {
     pub profile: String,
     /// Nothing when svl did not write it.
     pub header: Option<Header>,
+    /// What became of all images, of a recording of cameras that was finished.
+    pub grabber: BTreeMap<String, String>,
     /// The run that wrote it, where it says.
     pub manifest: Option<Manifest>,
     /// Names and sizes in bytes.
@@ -113,6 +115,7 @@ struct Seen {
     library: String,
     profile: String,
     header: Option<Header>,
+    grabber: BTreeMap<String, String>,
     manifest: Option<Manifest>,
     attachments: Vec<(String, u64)>,
     topics: BTreeMap<String, Topic>,
@@ -129,6 +132,7 @@ impl Seen {
     fn take_in(&mut self, event: Event<'_>) {
         match event {
             Event::Library(header) => (self.library, self.profile) = (header.library, header.profile),
+            Event::Metadata(metadata) if metadata.name == GRABBER => self.grabber = metadata.metadata,
             Event::Metadata(metadata) => self.header = self.header.take().or_else(|| Header::from_record(&metadata)),
             Event::Attachment { name, data } => {
                 if name == MANIFEST {
@@ -199,6 +203,7 @@ impl Seen {
             library: self.library,
             profile: self.profile,
             header: self.header,
+            grabber: self.grabber,
             manifest: self.manifest,
             attachments: self.attachments,
             start_ns: self.topics.values().map(|topic| topic.start_ns).min().unwrap_or(0),

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::stereo::{Estimate, Frame, Gray, Truth};
 use mcap::Attachment;
-use mcap::records::MessageHeader;
+use mcap::records::{MessageHeader, Metadata};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
@@ -54,6 +54,14 @@ impl Writer {
         // Strings and numbers under fixed keys always serialise.
         let json = serde_json::to_vec_pretty(manifest).expect("plain data");
         self.attach(MANIFEST, "application/json", &json)
+    }
+
+    /// Keeps facts under a name, as a metadata record.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remember(&mut self, name: &str, facts: BTreeMap<String, String>) -> Result<()> {
+        self.file.with(|file| file.metadata(&Metadata { name: name.to_owned(), metadata: facts }))
     }
 
     /// Writes a pair and all that is known about it.

@@ -16,6 +16,11 @@ impl RecordingSink {
         Self { writer, pairs: 0 }
     }
 
+    /// The recording, to keep more in it than pairs.
+    pub fn writer(&mut self) -> &mut Writer {
+        &mut self.writer
+    }
+
     /// Pairs written so far.
     pub fn pairs(&self) -> u64 {
         self.pairs

@@ -4,7 +4,7 @@ use super::Source;
 use crate::error::{Error, Result};
 use crate::grab::{Grabber, Tally};
 use crate::stereo::Frame;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A running grabber as a source that ends when it is told to.
 ///
@@ -23,7 +23,17 @@ pub struct LastTally(Arc<Mutex<Tally>>);
 
 impl LastTally {
     pub fn get(&self) -> Tally {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.lock().clone()
+    }
+
+    /// Says how many pairs were used of those that the source gave.
+    pub fn used(&self, pairs: u64) {
+        let mut tally = self.lock();
+        tally.unread = tally.pairs.saturating_sub(tally.dropped + pairs);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Tally> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -48,7 +58,10 @@ impl Source for LiveSource {
         let frame = self.grabber.next_pair_unless(self.stopped)?;
         self.pairs += u64::from(frame.is_some());
         if self.pairs == 0 {
-            let reason = "gave no pair; the counts say why, and another --trigger or --pairing may help";
+            let reason = match (self.stopped)() {
+                true => "stopped before the first pair",
+                false => "gave no pair; the counts say why, and another --trigger or --pairing may help",
+            };
             return Err(Error::camera(&self.name, reason));
         }
         Ok(frame)
@@ -61,6 +74,6 @@ impl Source for LiveSource {
 
 impl Drop for LiveSource {
     fn drop(&mut self) {
-        *self.last.0.lock().unwrap_or_else(PoisonError::into_inner) = self.grabber.stop();
+        *self.last.lock() = self.grabber.stop();
     }
 }

@@ -32,6 +32,31 @@ fn cameras_are_recorded_and_what_was_done_is_told() {
 }
 
 #[test]
+fn every_image_is_in_a_pair_or_counted() {
+    let fixture = Fixture::new();
+    let late = format!("{SIM},right.jitter_ms=12");
+    let runs = [
+        ("duration", &[SIM, "--duration", "0.5"][..], 0),
+        ("frames", &[SIM, "--frames", "9"], 0),
+        ("order", &[&late, "--trigger", "fixed:60", "--pairing", "order", "--duration", "0.5"], 0),
+        ("hang", &["sim:size=64x48,pictures=2,left.hang_at=7", "--trigger", "fixed:50", "--timeout", "0.2"], 1),
+    ];
+    for (name, args, code) in runs {
+        let file = format!("{name}.mcap");
+        assert_eq!(fixture.svl(&[&["record", "-o", &file], args].concat()).code, Some(code), "{name}");
+        let info = fixture.svl(&["info", &file]).done();
+        assert!(info.contains("grabbed    ") && info.contains("ended      by an error: ") == (code == 1), "{info}");
+        let info: serde_json::Value = serde_json::from_str(&fixture.svl(&["info", &file, "--json"]).done()).unwrap();
+        let count = |fact: &str| info["grabber"][fact].as_str().unwrap().parse::<u64>().unwrap();
+        let facts = info["grabber"].as_object().unwrap();
+        let unpaired: u64 = facts.keys().filter(|fact| fact.starts_with("unpaired")).map(|fact| count(fact)).sum();
+        let written = info["pairs"].as_u64().unwrap();
+        assert_eq!(count("pairs"), written + count("dropped_pairs") + count("unread_pairs"), "{name}: {facts:?}");
+        assert_eq!(count("left_images") + count("right_images"), 2 * count("pairs") + unpaired, "{name}: {facts:?}");
+    }
+}
+
+#[test]
 fn every_trigger_records() {
     let fixture = Fixture::new();
     for (name, trigger) in [("fixed.mcap", "fixed:20"), ("free.mcap", "free"), ("soft.mcap", "software")] {
