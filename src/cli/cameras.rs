@@ -1,5 +1,6 @@
 //! Which cameras there are: from what a user names to two of them and what fires them.
 
+use super::progress::Progress;
 use anyhow::bail;
 use std::path::Path;
 use std::str::FromStr;
@@ -58,6 +59,8 @@ pub(super) struct Wanted {
     pub rate_hz: f64,
     pub clock: Arc<Clock>,
     pub seed: Option<u64>,
+    /// Without a progress bar, where it takes long until they are ready.
+    pub quiet: bool,
 }
 
 impl Wanted {
@@ -78,10 +81,14 @@ impl Wanted {
     fn simulated(&self, settings: &str) -> anyhow::Result<Cameras> {
         let config: SimulatedConfig = settings.parse()?;
         let seed = self.seed.unwrap_or(1);
-        let pictures = Arc::new(match config.board {
-            true => Pictures::of_board(config.size, seed)?,
-            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed)?,
-        });
+        let count = (!config.board).then_some(config.pictures as u64);
+        let progress = Progress::new("rendering", count, self.quiet);
+        let pictures = match config.board {
+            true => Pictures::of_board(config.size, seed, || progress.step())?,
+            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed, || progress.step())?,
+        };
+        progress.clear();
+        let Some(pictures) = pictures.map(Arc::new) else { bail!("stopped by Ctrl-C before the cameras began") };
         let wire = Wire::new(&self.clock);
         let camera = |side: Side| -> Box<dyn Camera> {
             let drive = match self.trigger {
@@ -99,16 +106,19 @@ impl Wanted {
 
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
-        let policy = match &self.trigger {
+        let controller = match &self.trigger {
             TriggerChoice::Serial(device) => {
-                let controller = SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?;
-                Policy::Coordinated { trigger: Box::new(controller), period_ns: self.period_ns() }
+                Some(SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?)
             }
-            _ => Policy::Free,
+            _ => None,
         };
-        let is_fired = !matches!(policy, Policy::Free);
+        let is_fired = controller.is_some();
         let (cameras, rate_hz) = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
         let period_ns = if is_fired { self.period_ns() } else { (1e9 / rate_hz).round() as u64 };
+        let policy = match controller {
+            Some(controller) => Policy::Coordinated { trigger: Box::new(controller), period_ns },
+            None => Policy::Free { period_ns },
+        };
         Ok(Cameras { cameras, policy, period_ns, rig: None, seed: None })
     }
 
@@ -164,7 +174,7 @@ impl Wanted {
                 Policy::Coordinated { trigger: cabled(controller), period_ns }
             }
             TriggerChoice::Fixed(_) => Policy::FixedRate { trigger: software, period_ns },
-            TriggerChoice::Free => Policy::Free,
+            TriggerChoice::Free => Policy::Free { period_ns },
         })
     }
 }

@@ -79,13 +79,19 @@ impl LiveArgs {
     }
 
     /// Starts the cameras that `name` says.
-    pub(super) fn open(&self, name: &str, seed: Option<u64>, max_skew_ms: Option<f64>) -> anyhow::Result<Opened> {
+    pub(super) fn open(
+        &self,
+        name: &str,
+        seed: Option<u64>,
+        max_skew_ms: Option<f64>,
+        quiet: bool,
+    ) -> anyhow::Result<Opened> {
         let (kind, settings) = name.split_once(':').unwrap_or((name, ""));
         let trigger = self.trigger(kind);
         self.check(kind, &trigger, max_skew_ms)?;
         listen_for_interrupt();
         let clock = Clock::real();
-        let wanted = Wanted { rate_hz: self.rate_hz(&trigger)?, trigger, clock: clock.clone(), seed };
+        let wanted = Wanted { rate_hz: self.rate_hz(&trigger)?, trigger, clock: clock.clone(), seed, quiet };
         let Cameras { cameras, policy, period_ns, rig, seed } = wanted.cameras(kind, settings)?;
         let rule = self.rule(kind, &wanted.trigger, period_ns, max_skew_ms);
         let grabber = Grabber::start(Setup {
@@ -159,10 +165,10 @@ impl LiveArgs {
         let max_skew_ns = max_skew_ms.map_or(usual_ns, |ms| (ms * 1e6) as u64);
         match (self.pairing, trigger) {
             (Some(PairingChoice::Trigger), _) => Rule::Trigger,
-            (Some(PairingChoice::Stamp), _) => Rule::Stamp { max_skew_ns },
+            (Some(PairingChoice::Stamp), _) => Rule::Stamp { max_skew_ns, period_ns },
             (Some(PairingChoice::Order), _) => Rule::Arrival,
             (None, TriggerChoice::Software | TriggerChoice::Serial(_)) if has_trigger(kind) => Rule::Trigger,
-            (None, _) => Rule::Stamp { max_skew_ns },
+            (None, _) => Rule::Stamp { max_skew_ns, period_ns },
         }
     }
 }

@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         may_write(path, &["mcap"], args.force)?;
         distinct([path.as_path(), Path::new(&args.source)])?;
     }
-    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live)?;
+    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live, quiet)?;
     opened = args.rectify.opened(opened, quiet)?;
     let live = opened.live.clone();
     let output = match &args.output {

@@ -86,7 +86,13 @@ pub(super) fn tell_unpaired(source: &dyn Source) {
 }
 
 /// Starts the cameras that `name` says, or opens what [`open`] does.
-pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &LiveArgs) -> anyhow::Result<Opened> {
+pub(super) fn open_any(
+    name: &str,
+    seed: Option<u64>,
+    topics: &Topics,
+    live: &LiveArgs,
+    quiet: bool,
+) -> anyhow::Result<Opened> {
     if !is_live(name) {
         live.none_given(name)?;
         return open(name, seed, topics);
@@ -94,7 +100,7 @@ pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &Li
     if topics.are_named() {
         bail!("{name}: --left and --right choose topics of a recording (.mcap)");
     }
-    live.open(name, seed, topics.max_skew_ms)
+    live.open(name, seed, topics.max_skew_ms, quiet)
 }
 
 /// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording.

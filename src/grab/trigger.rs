@@ -28,5 +28,5 @@ pub enum Policy {
     /// At a fixed rate, armed or not: a camera that is late misses its pulse (thesis, figure 4.2).
     FixedRate { trigger: Box<dyn Trigger>, period_ns: u64 },
     /// Each by its own clock, without a trigger.
-    Free,
+    Free { period_ns: u64 },
 }

@@ -81,6 +81,7 @@ fn what_came_before_a_camera_failed_is_kept() {
 fn devices_are_listed() {
     let text = Fixture::new().svl(&["record", "--list"]).done();
     assert!(text.starts_with("sim  "), "{text}");
+    assert_eq!(text.contains("GenICam: not built in"), cfg!(not(feature = "genicam")), "{text}");
 }
 
 #[test]

@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     rrd.map(|path| may_write(path, &["rrd"], args.force)).transpose()?;
     distinct([Some(args.output.as_path()), Some(Path::new(&args.source)), rrd].into_iter().flatten())?;
-    let opened = source::open_any(&args.source, None, &args.topics, &args.live)?;
+    let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
     let folder = Folder::new(&args.output, Path::new(&args.source), args.force)?;
     let earlier = rrd.map(Aside::new).transpose()?;
     let answers = if args.yes { Answers::Yes } else { Answers::asked() };
