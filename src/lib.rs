@@ -68,6 +68,8 @@ pub mod sink;
 pub mod source;
 #[cfg(feature = "bench")]
 mod words;
+#[cfg(feature = "calibrate")]
+mod yaml;
 
 pub use error::{Error, Result};
 #[cfg(feature = "bench")]

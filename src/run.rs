@@ -1,5 +1,6 @@
 //! The only loop: frames from a source through the matchers into the sinks.
 
+use crate::counted;
 use crate::depth;
 use crate::error::{Error, Result};
 use crate::matcher::{Algorithm, Matcher};
@@ -38,8 +39,21 @@ pub struct Outcome {
     pub frames: u64,
     /// Estimates that are missing because their algorithm failed on that frame.
     pub failures: u64,
+    /// Pairs that the source left out as they cannot be read.
+    pub unreadable: u64,
     /// Whether the monitor ended it.
     pub interrupted: bool,
+}
+
+impl Outcome {
+    /// What is missing, in words; nothing of a complete run.
+    pub fn lacks(&self) -> Option<String> {
+        let unreadable =
+            (self.unreadable > 0).then(|| format!("{} could not be read", counted(self.unreadable, "pair")));
+        let failures = (self.failures > 0).then(|| format!("algorithms failed on {}", counted(self.failures, "pair")));
+        let lacks: Vec<_> = unreadable.into_iter().chain(failures).collect();
+        (!lacks.is_empty()).then(|| lacks.join(" and "))
+    }
 }
 
 /// The algorithms of a run, ready to match.
@@ -64,7 +78,10 @@ impl Lineup {
             if algorithms[..i].iter().any(|other| other.label() == label) {
                 return Err(Error::Invalid(format!("{label}: named twice; name each algorithm once")));
             }
-            let matcher = algorithm.build().map_err(|e| Error::Invalid(format!("{label}: {e}")))?;
+            let matcher = algorithm.build().map_err(|error| match error {
+                Error::Invalid(reason) => Error::Invalid(format!("{label}: {reason}")),
+                other => other,
+            })?;
             Ok(Contestant { label, matcher, last_failure: String::new(), spent: Vec::new() })
         };
         algorithms.iter().enumerate().map(contestant).collect::<Result<_>>().map(Self)
@@ -111,7 +128,8 @@ pub fn run(
     } else {
         in_turn(source, &mut matching, sinks)
     };
-    ran.map(|()| matching.outcome)
+    let unreadable = source.left_out().unreadable;
+    ran.map(|()| Outcome { unreadable, ..matching.outcome })
 }
 
 fn in_turn(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mut [&mut dyn Sink]) -> Result<()> {

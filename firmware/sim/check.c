@@ -166,9 +166,9 @@ static void flood(const char *name, int requests, bool one) {
     const bool sound = !seen.torn && !seen.garbled && !lines(ANSWER_OVERRUN) && !lines(ANSWER_RESET);
     const bool told_in_time = lines(ANSWER_BUSY) >= pulses / 2;
     verdict(accounted && sound && told_in_time && seen.latency_cycles.most < 250, name,
-            "%d at line rate: %" PRIu64 " pulses + %" PRIu64 " refused in %zu answers; "
+            "%d at line rate: %" PRIu64 " pulse%s + %" PRIu64 " refused in %zu answers; "
             "byte to edge %.0f to %.0f cycles; length %.2f to %.2f us",
-            requests, pulses, refused, lines(ANSWER_BUSY), seen.latency_cycles.least, seen.latency_cycles.most,
+            requests, pulses, pulses == 1 ? "" : "s", refused, lines(ANSWER_BUSY), seen.latency_cycles.least, seen.latency_cycles.most,
             seen.length_us.least, seen.length_us.most);
 }
 

@@ -1,15 +1,19 @@
-// A simulated board on a pty. Usage: sim [--fast] FILE.hex
+// A simulated board on a pty. Usage: sim [--fast] [--hang N] [--noise N] FILE.hex
 //
 // Prints the pty's path, then runs until it is killed; at SIGINT or SIGTERM it says how many pulses its pins have seen.
 // Opening the path resets the board, as opening its port does with an Uno. It runs in real time; with --fast as fast as
-// it can, and its clock hardly moves while nothing goes on.
+// it can, and its clock hardly moves while nothing goes on. With --hang it hangs when the N-th request for a pulse comes,
+// until its watchdog resets it; with --noise the line brings one more after the N-th pulse, of which the host knows
+// nothing.
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
+#include <getopt.h>
 #include <poll.h>
 #include <pty.h>
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
@@ -26,7 +30,9 @@ static int pty;
 static bool opened, reset_wanted;
 static uint8_t unsent[4096];
 static size_t unsent_count;
-static unsigned long pulses;
+static unsigned long pulses, requests;
+static unsigned long hang_at, noise_after; // counted from 1; 0 is never
+static bool noise;
 
 static struct timespec start;
 
@@ -38,6 +44,7 @@ static void stop(int signal) {
 static void pins_changed(struct board *b, uint8_t before, uint8_t after) {
     (void)b, (void)before;
     pulses += after == RAISED;
+    noise |= after == IDLE && pulses == noise_after;
 }
 
 // What nobody reads is lost, as on a real line.
@@ -79,7 +86,13 @@ static avr_cycle_count_t tick(struct board *b) {
 
     uint8_t bytes[TICK_US * MHZ / FRAME_CYCLES]; // what the line carries in a tick; the rest waits in the pty
     const ssize_t count = opened && was_open && state.revents & POLLIN ? read(pty, bytes, sizeof bytes) : 0;
-    for (ssize_t i = 0; i < count; i++) board_send(b, &(uint16_t){bytes[i]}, 1);
+    for (ssize_t i = 0; i < count; i++) {
+        requests += bytes[i] == REQUEST_PULSE;
+        b->hung |= bytes[i] == REQUEST_PULSE && requests == hang_at;
+        board_send(b, &(uint16_t){bytes[i]}, 1);
+    }
+    if (noise) board_send(b, &(uint16_t){REQUEST_PULSE}, 1);
+    noise = false;
     return TICK_US * MHZ;
 }
 
@@ -97,14 +110,23 @@ static bool open_pty(void) {
 }
 
 int main(int argc, char **argv) {
-    fast = argc == 3 && !strcmp(argv[1], "--fast");
-    if (argc != 2 + fast) return fprintf(stderr, "usage: sim [--fast] FILE.hex\n"), 2;
+    static const struct option OPTIONS[] = {{"fast", no_argument, NULL, 'f'},
+                                            {"hang", required_argument, NULL, 'h'},
+                                            {"noise", required_argument, NULL, 'n'},
+                                            {0}};
+    for (int option; (option = getopt_long(argc, argv, "", OPTIONS, NULL)) != -1;) {
+        if (option == 'f') fast = true;
+        if (option == 'h') hang_at = strtoul(optarg, NULL, 10);
+        if (option == 'n') noise_after = strtoul(optarg, NULL, 10);
+        if (option == '?') return 2;
+    }
+    if (argc != optind + 1) return fprintf(stderr, "usage: sim [--fast] [--hang N] [--noise N] FILE.hex\n"), 2;
     signal(SIGINT, stop);
     signal(SIGTERM, stop);
     board.on_pins = pins_changed;
     board.on_sent = byte_sent;
     board.on_tick = tick;
-    if (!board_open(&board, argv[1 + fast])) return 1;
+    if (!board_open(&board, argv[optind])) return 1;
     if (!open_pty()) return perror("no pty"), 1;
     clock_gettime(CLOCK_MONOTONIC, &start);
 

@@ -1,6 +1,7 @@
 //! What a target at a known distance measures (thesis, annex B): "each measure is the median of the values of at least
 //! three sectors where the target was present".
 
+use crate::counted;
 use crate::depth;
 use crate::error::{Error, Result};
 use crate::stereo::{Cell, DepthGrid, GridShape};
@@ -52,9 +53,9 @@ impl Target {
         }
         if cells.len() < LEAST_CELLS {
             return Err(Error::Invalid(format!(
-                "the target is in {} cells, at least {LEAST_CELLS} are needed: {}; take a larger one, or name its cells \
+                "the target is in {}, at least {LEAST_CELLS} are needed: {}; take a larger one, or name its cells \
                  with --cells",
-                cells.len(),
+                counted(cells.len() as u64, "cell"),
                 shown(&cells)
             )));
         }

@@ -10,7 +10,8 @@ use svl::matcher::{self, MATCHERS, MatcherSpec, Range};
 #[command(after_help = "Examples:\n  svl algos\n  svl algos v3\n  svl algos --json")]
 pub(super) struct Args {
     /// Show this one
-    name: Option<String>,
+    #[arg(value_parser = matcher::find)]
+    name: Option<&'static MatcherSpec>,
 
     /// Print JSON
     #[arg(long)]
@@ -62,10 +63,7 @@ impl Entry {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let specs = match &args.name {
-        Some(name) => vec![matcher::find(name)?],
-        None => MATCHERS.iter().collect(),
-    };
+    let specs = args.name.map_or_else(|| MATCHERS.iter().collect(), |spec| vec![spec]);
     if args.json {
         return print_json(&specs.iter().map(|spec| Entry::of(spec)).collect::<Vec<_>>());
     }

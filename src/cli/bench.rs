@@ -1,7 +1,7 @@
 //! `svl bench`: how fast the algorithms are, side by side.
 
 use super::output::{print, print_json};
-use super::progress;
+use super::{progress, usage};
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write;
@@ -19,8 +19,8 @@ use svl::timing::Clock;
 #[command(after_help = "\
 Examples:
   svl bench
-  svl bench --algo v3 --algo v3:smoothing_sigma=0 --size 640x480 --max-disparity 128
-  svl bench --threads 2 --json")]
+  svl bench --algo v3 --algo v3:smoothing_sigma=0 --size 640x480
+  svl bench --max-disparity 128 --threads 2 --json")]
 pub(super) struct Args {
     /// Algorithm, as `svl algos` lists them; may be given more than once [default: all of svl's own]
     #[arg(long, value_name = "NAME[:key=value,…]")]
@@ -29,7 +29,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
     size: (usize, usize),
     /// Disparities 0..=N, for algorithms that do not set their own
-    #[arg(long, value_name = "N", default_value_t = 80)]
+    #[arg(long, value_name = "N", default_value_t = 80, allow_negative_numbers = true, value_parser = usage::within(0..=1024u16))]
     max_disparity: u16,
     /// Print JSON
     #[arg(long)]
@@ -93,7 +93,7 @@ fn with_range(algorithm: &Algorithm, max_disparity: u16) -> anyhow::Result<Algor
         return Ok(algorithm.clone());
     }
     let joint = if label.contains(':') { ',' } else { ':' };
-    Ok(format!("{label}{joint}max_disparity={max_disparity}").parse()?)
+    format!("{label}{joint}max_disparity={max_disparity}").parse().map_err(usage::of_words)
 }
 
 /// A pair of the arena at that size: textured walls, a plain floor, noise.
@@ -110,7 +110,7 @@ fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Fi
     let mut map = DisparityMap::new(width, height)?;
     let mut contestants = Vec::new();
     for algorithm in algorithms {
-        let mut matcher = algorithm.build()?;
+        let mut matcher = algorithm.build().map_err(usage::of_words)?;
         // Warm-up: memory is allocated, caches and branches know the pair.
         (0..3).try_for_each(|_| time(&mut *matcher, pair, &mut map).map(drop))?;
         contestants.push((algorithm, matcher, Vec::new()));

@@ -1,6 +1,9 @@
 //! Which cameras there are: from what a user names to two of them and what fires them.
 
+use super::progress::{Progress, interrupted};
+use super::usage;
 use anyhow::bail;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -17,6 +20,9 @@ pub(super) fn is_live(name: &str) -> bool {
 pub(super) fn has_trigger(kind: &str) -> bool {
     kind != "v4l2"
 }
+
+/// Pairs a second that cameras can be asked for.
+pub(super) const RATES_HZ: RangeInclusive<f64> = 0.1..=1000.0;
 
 /// What is to fire them.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +41,9 @@ impl FromStr for TriggerChoice {
             None if text == "software" => Ok(Self::Software),
             None if text == "free" => Ok(Self::Free),
             Some(("serial", device)) if !device.is_empty() => Ok(Self::Serial(device.to_owned())),
-            Some(("fixed", hz)) => super::positive(hz).map(Self::Fixed),
+            Some(("fixed", hz)) => {
+                usage::within(RATES_HZ)(hz).map(Self::Fixed).map_err(|why| format!("fixed:HZ: {why}"))
+            }
             _ => Err("expected software, serial:DEVICE, fixed:HZ or free".to_owned()),
         }
     }
@@ -58,6 +66,8 @@ pub(super) struct Wanted {
     pub rate_hz: f64,
     pub clock: Arc<Clock>,
     pub seed: Option<u64>,
+    /// Without a progress bar, where it takes long until they are ready.
+    pub quiet: bool,
 }
 
 impl Wanted {
@@ -69,19 +79,26 @@ impl Wanted {
     pub(super) fn cameras(&self, kind: &str, settings: &str) -> anyhow::Result<Cameras> {
         match kind {
             "sim" => self.simulated(settings),
-            _ if self.seed.is_some() => bail!("{kind}:{settings}: only the arena and simulated cameras take a --seed"),
+            _ if self.seed.is_some() => Err(usage::wrong(format!(
+                "{kind}:{settings}: only the arena, the board and simulated cameras take a --seed"
+            ))),
             "genicam" => self.genicam(settings),
             _ => self.v4l2(settings),
         }
     }
 
     fn simulated(&self, settings: &str) -> anyhow::Result<Cameras> {
-        let config: SimulatedConfig = settings.parse()?;
+        let config: SimulatedConfig = settings.parse().map_err(usage::of_words)?;
         let seed = self.seed.unwrap_or(1);
-        let pictures = Arc::new(match config.board {
-            true => Pictures::of_board(config.size, seed)?,
-            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed)?,
-        });
+        let count = (!config.board).then_some(config.pictures as u64);
+        let progress = Progress::new("rendering", count, self.quiet);
+        let pictures = match config.board {
+            true => Pictures::of_board(config.size, seed, || progress.step()),
+            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed, || progress.step()),
+        };
+        progress.clear();
+        let pictures = pictures.map_err(usage::of_words)?;
+        let Some(pictures) = pictures.map(Arc::new) else { bail!("stopped by Ctrl-C before the cameras began") };
         let wire = Wire::new(&self.clock);
         let camera = |side: Side| -> Box<dyn Camera> {
             let drive = match self.trigger {
@@ -99,16 +116,18 @@ impl Wanted {
 
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
-        let policy = match &self.trigger {
-            TriggerChoice::Serial(device) => {
-                let controller = SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock)?;
-                Policy::Coordinated { trigger: Box::new(controller), period_ns: self.period_ns() }
-            }
-            _ => Policy::Free,
+        let config = settings.parse().map_err(usage::of_words)?;
+        let controller = match &self.trigger {
+            TriggerChoice::Serial(device) => Some(self.controller(device)?),
+            _ => None,
         };
-        let is_fired = !matches!(policy, Policy::Free);
-        let (cameras, rate_hz) = svl::grab::v4l2::open(&settings.parse()?, self.rate_hz, is_fired, &self.clock)?;
+        let is_fired = controller.is_some();
+        let (cameras, rate_hz) = svl::grab::v4l2::open(&config, self.rate_hz, is_fired, &self.clock)?;
         let period_ns = if is_fired { self.period_ns() } else { (1e9 / rate_hz).round() as u64 };
+        let policy = match controller {
+            Some(controller) => Policy::Coordinated { trigger: Box::new(controller), period_ns },
+            None => Policy::Free { period_ns },
+        };
         Ok(Cameras { cameras, policy, period_ns, rig: None, seed: None })
     }
 
@@ -128,7 +147,10 @@ impl Wanted {
             TriggerChoice::Free => Drive::Free { rate_hz: self.rate_hz },
         };
         let Some((left, right)) = two_names(names) else {
-            bail!("genicam:{names}: expected genicam:LEFT,RIGHT; `svl record --list` shows the cameras there are");
+            let cure = "`svl record --list` shows what there is";
+            return Err(usage::wrong(format!(
+                "genicam: expected two cameras, genicam:LEFT,RIGHT, not '{names}'; {cure}"
+            )));
         };
         let cameras = open([left, right], drive, &self.clock)?;
         let policy = self.policy(Box::new(SoftwareTrigger::new(&cameras, &self.clock)), |controller| controller)?;
@@ -149,6 +171,10 @@ impl Wanted {
         )
     }
 
+    fn controller(&self, device: &str) -> anyhow::Result<SerialTrigger> {
+        Ok(SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock, interrupted)?)
+    }
+
     /// When the cameras expose: `software` is svl's own way to fire them, `cabled` what the trigger controller's pulses
     /// take to reach them.
     fn policy(
@@ -160,11 +186,11 @@ impl Wanted {
         Ok(match &self.trigger {
             TriggerChoice::Software => Policy::Coordinated { trigger: software, period_ns },
             TriggerChoice::Serial(device) => {
-                let controller = Box::new(SerialTrigger::open(Path::new(device), period_ns, &self.clock)?);
+                let controller = Box::new(self.controller(device)?);
                 Policy::Coordinated { trigger: cabled(controller), period_ns }
             }
             TriggerChoice::Fixed(_) => Policy::FixedRate { trigger: software, period_ns },
-            TriggerChoice::Free => Policy::Free,
+            TriggerChoice::Free => Policy::Free { period_ns },
         })
     }
 }
@@ -175,7 +201,7 @@ fn two_names(names: &str) -> Option<(&str, &str)> {
     let commas: Vec<_> = names.match_indices(',').map(|(at, _)| at).collect();
     let middle = *commas.get(commas.len() / 2).filter(|_| commas.len() % 2 == 1)?;
     let (left, right) = (names[..middle].trim(), names[middle + 1..].trim());
-    (!left.is_empty() && !right.is_empty()).then_some((left, right))
+    (!left.is_empty() && !right.is_empty() && left != right).then_some((left, right))
 }
 
 #[cfg(test)]
@@ -187,7 +213,7 @@ mod tests {
         assert_eq!(two_names("192.168.0.2, 192.168.0.3"), Some(("192.168.0.2", "192.168.0.3")));
         let ids = "Eyes, Inc.-E1-7,Eyes, Inc.-E1-8";
         assert_eq!(two_names(ids), Some(("Eyes, Inc.-E1-7", "Eyes, Inc.-E1-8")));
-        for wrong in ["", "a", "a,", ",b", " , ", "a,b,c"] {
+        for wrong in ["", "a", "a,", ",b", " , ", "a,b,c", "a,a"] {
             assert_eq!(two_names(wrong), None, "{wrong}");
         }
     }

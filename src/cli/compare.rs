@@ -15,8 +15,9 @@ use svl::report::compare::{Comparison, Run};
 #[command(after_help = "\
 Examples:
   svl compare reports/before reports/after
-  svl compare reports/v1 reports/v3               reports of one algorithm each: v1 → v3
-  svl compare reports/arena reports/range --json | jq '.[0].algorithms[0].metrics'")]
+  svl compare reports/v1 reports/v3     one algorithm each: v1 → v3
+  svl compare reports/arena reports/range --json \\
+      | jq '.[0].algorithms[0].metrics'")]
 pub(super) struct Args {
     /// Folders that `svl score` wrote; the first is what the others are compared with
     #[arg(required = true, num_args = 2.., value_name = "REPORT")]

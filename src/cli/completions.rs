@@ -1,4 +1,4 @@
-//! `svl completions` and the hidden `svl man`: what packagers install beside the program.
+//! `svl completions` and `svl man`: what packagers install beside the program.
 
 use super::output::print;
 use clap_complete::Shell;

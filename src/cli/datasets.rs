@@ -3,7 +3,9 @@
 use super::output::{print, print_json};
 use super::progress::Bytes;
 use super::source::data_folder;
+use super::usage;
 use anyhow::{Context, bail};
+use clap::builder::NonEmptyStringValueParser;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -50,11 +52,12 @@ Examples:
   svl datasets fetch eth3d --from https://mirror.example/eth3d --data DATASETS")]
 struct FetchArgs {
     /// Data set, as `svl datasets` lists them
-    name: String,
+    #[arg(value_name = "NAME", value_parser = dataset::find)]
+    dataset: &'static Dataset,
     /// Parts of it [default: the usual ones]
     part: Vec<String>,
     /// Take the archives from a folder where they lie already, or from a mirror
-    #[arg(long, value_name = "URL|DIR")]
+    #[arg(long, value_name = "URL|DIR", value_parser = NonEmptyStringValueParser::new())]
     from: Option<String>,
     /// Folder of the data sets [default: what SVL_DATASETS names]
     #[arg(long, value_name = "DIR")]
@@ -117,10 +120,10 @@ fn list() -> Result<String, std::fmt::Error> {
 }
 
 fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
-    let dataset = dataset::find(&args.name).map_err(anyhow::Error::msg)?;
-    let parts = dataset.parts(&args.part).map_err(anyhow::Error::msg)?;
+    let dataset = args.dataset;
+    let parts = dataset.parts(&args.part).map_err(usage::wrong)?;
     let Some(data) = data_folder(args.data.as_deref()) else {
-        bail!("where to? Name the folder of the data sets with --data DIR or SVL_DATASETS");
+        return Err(usage::wrong("where to? Name the folder of the data sets with --data DIR or SVL_DATASETS"));
     };
     let origin = Origin::named(args.from.as_deref())?;
     let folder = data.join(dataset.name);

@@ -20,6 +20,9 @@ pub(super) fn list() -> anyhow::Result<()> {
     if cameras.is_empty() && genicam.is_empty() {
         lines.push("no camera of this machine found".to_owned());
     }
+    if cfg!(not(feature = "genicam")) {
+        lines.push("GenICam: not built in; GigE Vision and USB3 Vision cameras need --features genicam".to_owned());
+    }
     lines.push(String::new());
     print(&lines.join("\n"))
 }

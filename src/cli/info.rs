@@ -5,17 +5,17 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Loss, Skew, Summary, Topic};
+use svl::recording::{Loss, Skew, Summary, Topic, only_file};
 
 /// Show what a recording holds, and whether it is whole
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl info recordings/arena.mcap
-  svl info bag.mcap                               which topics of a ROS 2 bag svl would take
+  svl info bag.mcap     which topics of a ROS 2 bag svl would take
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(super) struct Args {
-    /// The recording; any other MCAP file will do
+    /// The recording; any other MCAP file will do, or the folder of a ROS 2 bag of one file
     file: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -26,7 +26,7 @@ pub(super) struct Args {
 const LISTED: usize = 5;
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let summary = Summary::of(&args.file)?;
+    let summary = Summary::of(&only_file(&args.file)?)?;
     if args.json { print_json(&summary) } else { print(&table(&summary)) }
 }
 
@@ -34,6 +34,7 @@ fn table(summary: &Summary) -> String {
     let mut lines = vec![
         format!("{}: {}, {}", summary.path.display(), size(summary.bytes), seconds(summary.duration_ns())),
         match &summary.damage {
+            None if !summary.checksums => "whole      as far as can be told: it has no checksums".to_owned(),
             None => "whole      yes".to_owned(),
             Some(damage) => format!("whole      NO: {damage}"),
         },
@@ -70,11 +71,11 @@ fn table(summary: &Summary) -> String {
 }
 
 fn pairs(summary: &Summary) -> String {
-    if let Some([left, right]) = &summary.stereo {
-        return format!("pairs      those of {left} and {right}, by their stamps: svl replay counts them");
-    }
     let rate = summary.period_ns.filter(|&period| period > 0).map(|period| 1e9 / period as f64);
     let rate = rate.map(|hz| format!(", {hz:.2} a second")).unwrap_or_default();
+    if let Some([left, right]) = &summary.stereo {
+        return format!("pairs      those of {left}{rate}, and {right}, by their stamps: svl replay counts them");
+    }
     let missing = match summary.missing_pairs {
         0 => String::new(),
         n => format!(", {n} missing between the first and the last"),
@@ -122,6 +123,7 @@ fn skew(skew: &Skew) -> Vec<String> {
 pub(super) fn losses(losses: &[Loss]) -> Vec<String> {
     let part = |Loss { at_byte, bytes, reason }: &Loss| match bytes {
         0 => format!("lost       at byte {at_byte}: {reason}"),
+        1..1000 => format!("lost       {} at byte {at_byte}: {reason}", counted(*bytes, "byte")),
         _ => format!("lost       {} at byte {at_byte}: {reason}", size(*bytes)),
     };
     let mut lines: Vec<_> = losses.iter().take(LISTED).map(part).collect();
@@ -138,7 +140,7 @@ pub(super) fn missing(missing: &BTreeMap<String, u64>) -> Vec<String> {
 
 fn gaps(summary: &Summary) -> Vec<String> {
     let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else {
-        return vec!["gaps       none".into()];
+        return summary.period_ns.map(|_| "gaps       none".to_owned()).into_iter().collect();
     };
     let mut lines = vec![format!("gaps       {}, the longest {}", summary.gaps.len(), seconds(longest))];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));

@@ -1,11 +1,10 @@
 //! What cameras are asked for on the command line: how they are fired, paired and queued.
 
-use super::cameras::{Cameras, TriggerChoice, Wanted, has_trigger};
+use super::cameras::{Cameras, RATES_HZ, TriggerChoice, Wanted, has_trigger};
 use super::progress::{interrupted, listen_for_interrupt};
 use super::rectify::Recorded;
 use super::source::Opened;
-use anyhow::bail;
-use clap::error::ErrorKind;
+use super::usage;
 use std::time::Duration;
 use svl::grab::{Clock, Grabber, Rule, Settings, Setup, WhenFull};
 use svl::recording::Header;
@@ -20,25 +19,24 @@ pub(super) struct LiveArgs {
     #[arg(long, value_name = "software|serial:DEVICE|fixed:HZ|free")]
     trigger: Option<TriggerChoice>,
     /// Pairs a second: at most with software and serial, exactly with free [default: 30]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = super::positive)]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = usage::within(RATES_HZ))]
     rate: Option<f64>,
     /// What makes a pair: one trigger pulse, near stamps, or the order of arrival, which shows what goes wrong without
     /// either [default: trigger with software and serial, else stamp; with v4l2 stamp]
     #[arg(long, value_name = "trigger|stamp|order")]
     pairing: Option<PairingChoice>,
     /// Pairs that may wait for the disk [default: 64]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(1..=4096u16))]
     queue: Option<u16>,
     /// When so many wait: let the cameras wait too, or drop pairs and count them [default: drop]
     #[arg(long, value_name = "wait|drop")]
     when_full: Option<FullChoice>,
-    /// How long a camera may be silent; the third time in a row ends the recording [default: 1]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::positive)]
+    /// How long a camera may be silent; the third time in a row ends the recording [default: 1, and two periods at least]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.01..=86_400.0))]
     timeout: Option<f64>,
 }
 
 const RATE_HZ: f64 = 30.0;
-const MAX_RATE_HZ: f64 = 1000.0;
 const QUEUE: u16 = 64;
 /// What cameras begin with, before the exposure balance has seen anything.
 const FIRST: Settings = Settings { shutter_us: 4_000, gain_mdb: 0 };
@@ -70,22 +68,25 @@ impl LiveArgs {
             (self.timeout.is_some(), "--timeout"),
         ];
         match given.iter().find(|(given, _)| *given) {
-            Some((_, option)) => bail!(clap::Error::raw(
-                ErrorKind::ArgumentConflict,
-                format!("{option} is for cameras, and '{source}' is none\n")
-            )),
+            Some((_, option)) => Err(usage::wrong(format!("{option} is for cameras, and '{source}' is none"))),
             None => Ok(()),
         }
     }
 
     /// Starts the cameras that `name` says.
-    pub(super) fn open(&self, name: &str, seed: Option<u64>, max_skew_ms: Option<f64>) -> anyhow::Result<Opened> {
+    pub(super) fn open(
+        &self,
+        name: &str,
+        seed: Option<u64>,
+        max_skew_ms: Option<f64>,
+        quiet: bool,
+    ) -> anyhow::Result<Opened> {
         let (kind, settings) = name.split_once(':').unwrap_or((name, ""));
         let trigger = self.trigger(kind);
         self.check(kind, &trigger, max_skew_ms)?;
         listen_for_interrupt();
         let clock = Clock::real();
-        let wanted = Wanted { rate_hz: self.rate_hz(&trigger)?, trigger, clock: clock.clone(), seed };
+        let wanted = Wanted { rate_hz: self.rate_hz(&trigger), trigger, clock: clock.clone(), seed, quiet };
         let Cameras { cameras, policy, period_ns, rig, seed } = wanted.cameras(kind, settings)?;
         let rule = self.rule(kind, &wanted.trigger, period_ns, max_skew_ms);
         let grabber = Grabber::start(Setup {
@@ -97,7 +98,7 @@ impl LiveArgs {
             // Half a period is left for arming and transfer.
             max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
             balance_every: BALANCE_EVERY,
-            timeout: Duration::from_secs_f64(self.timeout.unwrap_or(1.0)),
+            timeout: self.timeout(period_ns),
             queue: self.queue.unwrap_or(QUEUE).into(),
             when_full: match self.when_full {
                 Some(FullChoice::Wait) => WhenFull::Wait,
@@ -131,7 +132,7 @@ impl LiveArgs {
             }
             _ => return Ok(()),
         };
-        bail!(clap::Error::raw(ErrorKind::ArgumentConflict, format!("{wrong}\n")))
+        Err(usage::wrong(wrong))
     }
 
     fn trigger(&self, kind: &str) -> TriggerChoice {
@@ -139,15 +140,16 @@ impl LiveArgs {
         self.trigger.clone().unwrap_or(usual)
     }
 
-    fn rate_hz(&self, trigger: &TriggerChoice) -> anyhow::Result<f64> {
-        let hz = match trigger {
+    fn rate_hz(&self, trigger: &TriggerChoice) -> f64 {
+        match trigger {
             TriggerChoice::Fixed(hz) => *hz,
             _ => self.rate.unwrap_or(RATE_HZ),
-        };
-        if hz > MAX_RATE_HZ {
-            bail!("{hz} pairs a second: at most {MAX_RATE_HZ}");
         }
-        Ok(hz)
+    }
+
+    fn timeout(&self, period_ns: u64) -> Duration {
+        let usual = Duration::from_nanos(period_ns.saturating_mul(2)).max(Duration::from_secs(1));
+        self.timeout.map_or(usual, Duration::from_secs_f64)
     }
 
     fn rule(&self, kind: &str, trigger: &TriggerChoice, period_ns: u64, max_skew_ms: Option<f64>) -> Rule {
@@ -159,10 +161,10 @@ impl LiveArgs {
         let max_skew_ns = max_skew_ms.map_or(usual_ns, |ms| (ms * 1e6) as u64);
         match (self.pairing, trigger) {
             (Some(PairingChoice::Trigger), _) => Rule::Trigger,
-            (Some(PairingChoice::Stamp), _) => Rule::Stamp { max_skew_ns },
+            (Some(PairingChoice::Stamp), _) => Rule::Stamp { max_skew_ns, period_ns },
             (Some(PairingChoice::Order), _) => Rule::Arrival,
             (None, TriggerChoice::Software | TriggerChoice::Serial(_)) if has_trigger(kind) => Rule::Trigger,
-            (None, _) => Rule::Stamp { max_skew_ns },
+            (None, _) => Rule::Stamp { max_skew_ns, period_ns },
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `svl match`: one pair of image files through one algorithm.
 
 use super::output::{distinct, may_write, print, print_json};
+use super::usage;
 use anyhow::Context;
 use serde::Serialize;
 use std::fmt::Write;
@@ -17,27 +18,29 @@ use svl::{depth, files, overlay};
 #[command(after_help = "\
 Examples:
   svl match im0.png im1.png --algo v3 -o disparity.pfm
-  svl match im0.png im1.png --algo v3:max_disparity=64 -o d.png --why why.png --preview p.png
-  svl match im0.png im1.png -o d.pfm --calib calib.txt      prints distances too
+  svl match im0.png im1.png --algo v3:max_disparity=64 -o d.png \\
+      --why why.png --preview p.png
+  svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
 
-OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf for none.
-WHY.png holds reason codes: 0 valid, 1 border, 2 untextured, 3 ambiguous, 4 inconsistent, 5 self-check, 6 unmatched.")]
+OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
+for none. WHY.png holds reason codes: 0 valid, 1 border, 2 untextured,
+3 ambiguous, 4 inconsistent, 5 self-check, 6 unmatched.")]
 pub(super) struct Args {
     /// Left image, the reference (PNG, JPEG, PNM; colour becomes grey)
     left: PathBuf,
     /// Right image, of the same size
     right: PathBuf,
     /// Algorithm, as `svl algos` lists them
-    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3")]
+    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3", value_parser = usage::algorithm)]
     algo: Algorithm,
     /// Where the disparities go
-    #[arg(short, long, value_name = "OUT.pfm|OUT.png")]
+    #[arg(short, long, value_name = "OUT.pfm|OUT.png", value_parser = usage::ending(&["pfm", "png"]))]
     output: PathBuf,
     /// Where the reason of each missing pixel goes
-    #[arg(long, value_name = "WHY.png")]
+    #[arg(long, value_name = "WHY.png", value_parser = usage::ending(&["png"]))]
     why: Option<PathBuf>,
     /// Where a picture of the disparities goes
-    #[arg(long, value_name = "P.png")]
+    #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
     /// Middlebury's calibration, for distances
     #[arg(long, value_name = "calib.txt")]
@@ -65,20 +68,20 @@ struct Report<'a> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs =
-        [(Some(&args.output), &["pfm", "png"][..]), (args.why.as_ref(), &["png"]), (args.preview.as_ref(), &["png"])];
-    let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
-    outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
+    let outputs = [Some(&args.output), args.why.as_ref(), args.preview.as_ref()];
+    let outputs: Vec<_> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
     for input in [&args.left, &args.right] {
-        distinct(outputs.iter().map(|(path, _)| *path).chain([input.as_path()]))?;
+        distinct(outputs.iter().copied().chain([input.as_path()]))?;
     }
+    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
+    let mut matcher = args.algo.build().map_err(usage::of_words)?;
     let rig = args.calib.as_deref().map(read_calib).transpose()?;
     let pair = StereoPair::new(files::read_gray(&args.left)?, files::read_gray(&args.right)?)
         .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
     let (width, height) = pair.size();
     let mut map = DisparityMap::new(width, height)?;
     let mut clock = Clock::start();
-    args.algo.build()?.compute(&pair, &mut map, &mut clock)?;
+    matcher.compute(&pair, &mut map, &mut clock)?;
 
     files::write_disparity(&args.output, &map)?;
     if let Some(path) = &args.why {

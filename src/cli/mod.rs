@@ -26,10 +26,10 @@ mod run_info;
 mod score;
 mod source;
 mod sweep;
+mod usage;
 mod verify;
 mod view;
 
-use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -47,7 +47,7 @@ pub(crate) struct Cli {
     command: Command,
 
     /// Threads to compute with [default: one per core; bench: 1]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(1..=1024u16))]
     threads: Option<u16>,
 
     /// Say more: -v what is done, -vv details
@@ -61,10 +61,12 @@ pub(crate) struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  svl score scenarios/arena.toml          judge the arena's six checkpoints, write reports/arena
-  svl record -o run.mcap                  record the simulated arena
+  svl score scenarios/arena.toml     judge the arena, write reports/arena
+  svl record -o run.mcap             record the simulated arena
   svl replay run.mcap --algo v3 --rerun spawn
-  svl match left.png right.png --algo v3:max_disparity=64 -o disparity.pfm";
+  svl match left.png right.png --algo v3:max_disparity=64 -o disparity.pfm
+
+Exit codes: 0 done, 1 failed or below a gate, 2 wrong usage.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -84,7 +86,7 @@ enum Command {
     Datasets(datasets::Args),
     Completions(completions::Args),
     /// Print the man page
-    #[command(hide = true)]
+    #[command(after_help = "Example:\n  svl man > /usr/share/man/man1/svl.1")]
     Man,
 }
 
@@ -93,14 +95,14 @@ impl Cli {
     pub(crate) fn main() -> ExitCode {
         let cli = match Self::try_parse() {
             Ok(cli) => cli,
-            Err(error) => return wrong_usage(&error),
+            Err(error) => return usage::tell(&error),
         };
         cli.configure();
         // As one of rayon's threads: beside them it would be one too many for the cores, and they wait for each other.
         match rayon::scope(|_| cli.command.run(cli.quiet)) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => match error.downcast_ref() {
-                Some(usage) => wrong_usage(usage),
+                Some(error) => usage::tell(error),
                 None => {
                     eprintln!("error: {}", one_line(&error));
                     ExitCode::FAILURE
@@ -153,20 +155,6 @@ impl Command {
     }
 }
 
-/// Prints clap's error in one line, without the usage that `--help` shows; help and version as they are.
-fn wrong_usage(error: &clap::Error) -> ExitCode {
-    if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        let text = error.to_string();
-        let end = ["\n\nUsage:", "\n\nFor more information"].iter().filter_map(|mark| text.find(mark)).min();
-        let line = text[..end.unwrap_or(text.len())].split_whitespace().collect::<Vec<_>>().join(" ");
-        eprintln!("{line}; see --help");
-    } else {
-        // A closed standard output is no reason to panic.
-        let _ = error.print();
-    }
-    ExitCode::from(error.exit_code() as u8)
-}
-
 /// The error and its causes in one line.
 fn one_line(error: &anyhow::Error) -> String {
     format!("{error:#}").split_whitespace().collect::<Vec<_>>().join(" ")
@@ -175,11 +163,6 @@ fn one_line(error: &anyhow::Error) -> String {
 /// The program's full description, for completions and the man page.
 fn command() -> clap::Command {
     Cli::command()
-}
-
-/// A positive number.
-fn positive(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0).ok_or_else(|| "expected a positive number".to_owned())
 }
 
 #[cfg(test)]
@@ -194,5 +177,18 @@ mod tests {
             longs.dedup();
             assert_eq!(longs.len(), all, "{}", subcommand.get_name());
         }
+    }
+
+    /// clap breaks longer lines and begins them anew at the margin.
+    #[test]
+    fn what_stands_below_the_options_fits_into_78_columns() {
+        fn check(command: &clap::Command) {
+            let text = command.get_after_help().unwrap_or_default().to_string();
+            assert!(text.contains("Example"), "{} --help shows no example", command.get_name());
+            let long: Vec<_> = text.lines().filter(|line| line.chars().count() > 78).collect();
+            assert!(long.is_empty(), "{} --help: {long:#?}", command.get_name());
+            command.get_subcommands().for_each(check);
+        }
+        check(&super::command());
     }
 }

@@ -1,15 +1,13 @@
 //! Where results may be written.
 
+use super::usage;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 
-/// Refuses what cannot or must not be written, before any work is done: an ending that is none of `endings`, an existing
-/// file unless `force`, anything that is no regular file, a folder that is not there.
-pub(super) fn may_write(path: &Path, endings: &[&str], force: bool) -> anyhow::Result<()> {
+/// Refuses what cannot or must not be written, before any work is done: an existing file unless `force`, anything that is
+/// no regular file, a folder that is not there.
+pub(super) fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
     let shown = path.display();
-    if !endings.iter().any(|ending| path.extension().is_some_and(|e| e == *ending)) {
-        bail!("{shown}: must end in .{}", endings.join(" or ."));
-    }
     match path.metadata() {
         Ok(found) if !found.is_file() => bail!("{shown}: is not a regular file; name another"),
         Ok(_) if !force => bail!("{shown}: exists already; name another file, or add --force to replace it"),
@@ -31,7 +29,10 @@ pub(super) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow:
             || folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default());
         let real = path.canonicalize().unwrap_or_else(|_| named());
         if seen.contains(&real) {
-            bail!("{}: named twice; inputs and outputs are different files", path.display());
+            return Err(usage::wrong(format!(
+                "{}: named twice; inputs and outputs are different files",
+                path.display()
+            )));
         }
         seen.push(real);
     }

@@ -50,6 +50,12 @@ impl Progress {
         Self(bar)
     }
 
+    /// One pair more is done; whether to go on.
+    pub(super) fn step(&self) -> bool {
+        self.0.inc(1);
+        !interrupted()
+    }
+
     /// Takes the bar away.
     pub(super) fn clear(self) {
         self.0.finish_and_clear();

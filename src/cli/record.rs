@@ -5,7 +5,10 @@ use super::live::LiveArgs;
 use super::output::{Aside, distinct, may_write, print};
 use super::progress::{Progress, listen_for_interrupt};
 use super::rectify::Rectify;
+use super::run_info;
 use super::source::{self, Opened, RECORDINGS};
+use super::usage;
+use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
@@ -22,49 +25,59 @@ use svl::source::Limited;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Sources:
-  arena            the simulated arena of scenarios/arena.toml (default)
-  board            a chessboard that is moved before two cameras with lenses: for `svl calibrate board`
-  SCENARIO.toml    the arena with other parameters
-  FOLDER           a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, KITTI's training/
-                   (the pairs with truth), or left/ and right/ with equally named images
-  FILE.mcap        another recording: svl's, a ROS 2 bag, Foxglove's; raw, compressed or Bayer images of two topics
-  sim[:key=value,…]  two simulated cameras that see the arena, in real time: size=640x480, light=1, pictures=60,
-                    scene=board for the board instead;
-                    for both, or after left. or right.: arm_ms=2, jitter_ms=0, transfer_ms=2 and, to see what then
-                    happens, phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
-  v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]  two cameras of this machine, as /dev/video0,/dev/video2; paired by
-                    their stamps [default: the size nearest to 640x480 in which both hold the rate, in the plainest
-                    format]
-  genicam:LEFT,RIGHT  two GigE Vision or USB3 Vision cameras by id or IP address;
-                    needs the feature genicam
+  arena           the simulated arena of scenarios/arena.toml (default)
+  board           a chessboard that is moved before two cameras with lenses:
+                  for `svl calibrate board`
+  SCENARIO.toml   the arena with other parameters
+  FOLDER          a data-set scene (im0.png, im1.png, truth, calib.txt), a
+                  folder of such scenes, KITTI's training/ (the pairs with
+                  truth), or left/ and right/ with equally named images
+  FILE.mcap, BAG  another recording: svl's, a ROS 2 bag (the folder or a file
+                  of it), Foxglove's; raw, compressed or Bayer images of two
+                  topics
+  sim[:key=value,…]
+                  two simulated cameras that see the arena, in real time:
+                  size=640x480, light=1, pictures=60, scene=board for the
+                  board instead; for both, or after left. or right.: arm_ms=2,
+                  jitter_ms=0, transfer_ms=2 and, to see what then happens,
+                  phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
+  v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]
+                  two cameras of this machine, as /dev/video0,/dev/video2;
+                  paired by their stamps [default: the size nearest to 640x480
+                  in which both hold the rate, in the plainest format]
+  genicam:LEFT,RIGHT
+                  two GigE Vision or USB3 Vision cameras by id or IP address;
+                  needs the feature genicam
 
 Examples:
-  svl record                                      recordings/arena-seed1-1.mcap
+  svl record                                 recordings/arena-seed1-1.mcap
   svl record arena --seed 7 --duration 5 -o five-seconds.mcap
   svl record datasets/cones -o cones.mcap
-  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw -o run.mcap
+  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw
   svl record raw.mcap --calib calibration.xml -o rectified.mcap
-  svl record run.mcap --ros2 -o bag.mcap          a recording as a ROS 2 bag
-  svl record --list                               the cameras and serial ports of this machine
-  svl record sim --rate 60 --duration 60          cameras that svl fires when both are armed
-  svl record v4l2:/dev/video0,/dev/video2         webcams, which run by themselves
-  svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0    fired by the trigger controller
-  svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order    what a fixed rate does to the phase")]
+  svl record run.mcap --ros2 -o bag.mcap     a recording as a ROS 2 bag
+  svl record --list                          cameras and serial ports
+  svl record sim --rate 60 --duration 60     fired when both are armed
+  svl record v4l2:/dev/video0,/dev/video2    webcams, which run by themselves
+  svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0
+      fired by the trigger controller
+  svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order
+      what a fixed rate does to the phase")]
 pub(super) struct Args {
     /// What to record
-    #[arg(default_value = "arena")]
+    #[arg(default_value = "arena", value_parser = NonEmptyStringValueParser::new())]
     source: String,
     /// File to write [default: recordings/SOURCE-N.mcap]
-    #[arg(short, long, value_name = "FILE.mcap")]
+    #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
     /// End after so many pairs
-    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration", value_parser = usage::within(1..=1_000_000_000_000u64))]
     frames: Option<u64>,
     /// End after so many seconds of the source's time
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::positive)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.001..=1e9))]
     duration: Option<f64>,
     /// What the arena's textures, path and noise are drawn from [default: 1]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(0..=u64::MAX))]
     seed: Option<u64>,
     #[command(flatten)]
     topics: source::Topics,
@@ -79,7 +92,7 @@ pub(super) struct Args {
     /// Replace a file that exists
     #[arg(long)]
     force: bool,
-    /// List the cameras and trigger devices of this machine
+    /// List the cameras and serial ports of this machine
     #[arg(long, exclusive = true)]
     list: bool,
     #[command(flatten)]
@@ -91,10 +104,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         return devices::list();
     }
     if let Some(path) = &args.output {
-        may_write(path, &["mcap"], args.force)?;
-        distinct([path.as_path(), Path::new(&args.source)])?;
+        let inputs = source::inputs(Path::new(&args.source));
+        distinct(inputs.iter().chain([path]).map(PathBuf::as_path))?;
+        may_write(path, args.force)?;
     }
-    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live)?;
+    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live, quiet)?;
     opened = args.rectify.opened(opened, quiet)?;
     let live = opened.live.clone();
     let output = match &args.output {
@@ -130,7 +144,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !quiet {
         report(&output, outcome, began.elapsed().as_secs_f64())?;
     }
-    Ok(())
+    run_info::complete(&outcome)
 }
 
 /// Records all of a source into `path`, which does not exist yet.
@@ -150,7 +164,7 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool
     let mut lineup = Lineup::new(&[])?;
     let ran = run_loop(&mut *opened.source, &mut lineup, grid, Pace::Asap, &mut [&mut sink], &mut progress);
     progress.clear();
-    source::tell_unpaired(&*opened.source);
+    source::tell_left_out(&*opened.source);
     // A grabber's counts are complete when it has ended.
     drop(opened.source);
     let remembered = opened.live.map_or(Ok(()), |live| {

@@ -2,21 +2,23 @@
 
 use super::info::{losses, missing, size};
 use super::output::{distinct, may_write, print, print_json};
+use super::usage;
 use std::path::PathBuf;
 use svl::counted;
-use svl::recording::{Recovery, recover};
+use svl::recording::{Recovery, only_file, recover};
 
 /// Save what an unfinished or damaged recording still holds
 ///
 /// Everything whole goes into a new file: topics, schemas, messages, attachments and metadata, chunk by chunk, whoever
-/// wrote them. A chunk that is not what its CRC says is passed over. The damaged file stays as it is.
+/// wrote them. A chunk that is not what its CRC says is passed over; where the length of one is damaged, the next that can be
+/// believed is looked for. The damaged file stays as it is.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
 pub(super) struct Args {
     /// The recording; any other MCAP file will do
     file: PathBuf,
     /// File to write, which must not exist
-    #[arg(short, long, value_name = "OUT.mcap")]
+    #[arg(short, long, value_name = "OUT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -24,9 +26,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    distinct([args.file.as_path(), args.output.as_path()])?;
-    may_write(&args.output, &["mcap"], false)?;
-    let recovery = recover(&args.file, &args.output)?;
+    let file = only_file(&args.file)?;
+    distinct([file.as_path(), args.output.as_path()])?;
+    may_write(&args.output, false)?;
+    let recovery = recover(&file, &args.output)?;
     if args.json { print_json(&recovery) } else { print(&table(args, &recovery)?) }
 }
 
@@ -44,8 +47,11 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
             counted(*attachments, "attachment")
         ),
     ];
-    if recovery.losses.is_empty() {
-        lines.push(format!("lost       nothing: {} is whole", args.file.display()));
+    let file = args.file.display();
+    match (recovery.losses.is_empty(), recovery.checksums) {
+        (true, true) => lines.push(format!("lost       nothing: {file} is whole")),
+        (true, false) => lines.push(format!("lost       nothing, as far as can be told: {file} has no checksums")),
+        (false, _) => {}
     }
     lines.extend(losses(&recovery.losses));
     lines.extend(missing(&recovery.missing));

@@ -1,8 +1,8 @@
 //! Whether the pairs of a source are rectified on their way, and by what.
 
 use super::source::Opened;
+use super::usage;
 use anyhow::{Context, bail};
-use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl::Error;
@@ -14,14 +14,14 @@ use svl::stereo::StereoCalibration;
 
 #[derive(clap::Args)]
 pub(super) struct Rectify {
-    /// Rectify the pairs by a calibration: a file, two with a comma between, or the folder of the two; or by an estimate from
-    /// the pictures alone, which knows no distances; or leave them as they are [default: rectified by what a bag of raw
+    /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two, or a recording that keeps
+    /// it; or by an estimate from the pictures alone, which knows no distances; or leave them as they are [default: rectified by what a bag of raw
     /// images says of its cameras, else as they are]
     #[arg(long, value_name = "FILE|estimate|none")]
     calib: Option<By>,
     /// How much of the raw images is kept, as OpenCV's alpha: 0 what has no black in it, 1 all [default: as the file has it,
     /// else 0]
-    #[arg(long, value_name = "0..1", allow_negative_numbers = true, requires = "calib", value_parser = alpha)]
+    #[arg(long, value_name = "0..1", allow_negative_numbers = true, requires = "calib", value_parser = usage::within(0.0..=1.0))]
     alpha: Option<f64>,
 }
 
@@ -33,22 +33,16 @@ enum By {
 }
 
 impl FromStr for By {
-    type Err = Infallible;
+    type Err = &'static str;
 
-    fn from_str(text: &str) -> Result<Self, Infallible> {
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
         Ok(match text {
             "estimate" => Self::Estimate,
             "none" => Self::Nothing,
+            "" => return Err("expected a file, estimate or none"),
             path => Self::Files(path.into()),
         })
     }
-}
-
-fn alpha(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|alpha| (0.0..=1.0).contains(alpha))
-        .ok_or_else(|| "expected a number of 0 to 1".to_owned())
 }
 
 /// What a recording says of its pairs.
@@ -57,9 +51,12 @@ pub(super) struct Recorded {
     /// What rectifies them, where they are raw and it knows.
     raw: Option<StereoCalibration>,
     remarks: Vec<String>,
-    /// Names and contents of the files by which they were rectified.
-    files: Vec<(String, Vec<u8>)>,
+    /// Those by which they were rectified, or can be.
+    files: Kept,
 }
+
+/// Names and contents of files.
+type Kept = Vec<(String, Vec<u8>)>;
 
 impl Recorded {
     pub(super) fn of(source: &RecordingSource) -> anyhow::Result<Self> {
@@ -75,12 +72,13 @@ impl Recorded {
         })
     }
 
-    /// Keeps the files of the calibration in a recording of the pairs.
+    /// Keeps the files of the calibration in a recording of the pairs: of raw ones that which would rectify them.
     pub(super) fn attach(&self, writer: &mut Writer) -> anyhow::Result<()> {
-        let attach = |(name, bytes): &(String, Vec<u8>)| {
-            writer.attach(&format!("{CALIBRATION}{name}"), "application/octet-stream", bytes)
-        };
-        Ok(self.files.iter().try_for_each(attach)?)
+        let own = self.raw.as_ref().map(written).transpose()?.unwrap_or_default();
+        for (name, bytes) in self.files.iter().chain(&own) {
+            writer.attach(&format!("{CALIBRATION}{name}"), "application/octet-stream", bytes)?;
+        }
+        Ok(())
     }
 }
 
@@ -102,12 +100,12 @@ impl Rectify {
         let name = source.name();
         let (source, by, files): (Box<dyn Source>, _, _) = match (&self.calib, &recorded.raw) {
             (Some(By::Files(path)), _) => {
-                let rectifier = Rectifier::new(&self.framed(files::read(path)?)?)?;
+                let (calibration, files) = read(path)?;
+                let rectifier = Rectifier::new(&self.framed(calibration)?)?;
                 if rectifier.rig().is_none() {
                     let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how large they are";
                     tracing::warn!("{}: is in squares of its board, so there are no distances; {cure}", path.display());
                 }
-                let files = kept(&files::inputs(path)?)?;
                 let names = files.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
                 (Box::new(RectifiedSource::new(source, rectifier)?), names, files)
             }
@@ -123,7 +121,9 @@ impl Rectify {
                 let source = RectifiedSource::new(source, Rectifier::new(own)?)?;
                 (Box::new(source), "what the recording says of its cameras".to_owned(), Vec::new())
             }
-            (Some(By::Nothing), _) if self.alpha.is_some() => bail!("--alpha is for pairs that are rectified"),
+            (Some(By::Nothing), _) if self.alpha.is_some() => {
+                return Err(usage::wrong("--alpha is for pairs that are rectified; leave it or --calib none out"));
+            }
             _ => {
                 recorded.remarks.iter().for_each(|remark| tracing::warn!("{name}: {remark}"));
                 return Ok((source, recorded));
@@ -150,8 +150,36 @@ impl Rectify {
     }
 }
 
+/// The calibration that was named, and its files: of a recording those that it keeps.
+fn read(path: &Path) -> anyhow::Result<(StereoCalibration, Kept)> {
+    if path.extension().is_none_or(|ending| ending != "mcap") {
+        return Ok((files::read(path)?, kept(&files::inputs(path)?)?));
+    }
+    let kept = calibration_files(path)?;
+    let folder = tempfile::tempdir()?;
+    let mut paths = Vec::new();
+    for (name, bytes) in &kept {
+        // The last part alone: a recording has no say in where its files go.
+        let name = Path::new(name).file_name().with_context(|| format!("{}: a file named '{name}'", path.display()))?;
+        paths.push(folder.path().join(name).display().to_string());
+        std::fs::write(folder.path().join(name), bytes)?;
+    }
+    if paths.is_empty() {
+        bail!("{}: keeps no calibration (attachments {CALIBRATION}…); `svl info` lists what it keeps", path.display());
+    }
+    let calibration = files::read(Path::new(&paths.join(","))).with_context(|| path.display().to_string())?;
+    Ok((calibration, kept))
+}
+
+/// The files of a calibration that no file holds yet.
+fn written(calibration: &StereoCalibration) -> anyhow::Result<Kept> {
+    let folder = tempfile::tempdir()?;
+    files::write(folder.path(), calibration)?;
+    kept(&files::inputs(folder.path())?)
+}
+
 /// Names and contents of a calibration's files. Two of one name have their folder's before it.
-fn kept(paths: &[PathBuf]) -> anyhow::Result<Vec<(String, Vec<u8>)>> {
+fn kept(paths: &[PathBuf]) -> anyhow::Result<Kept> {
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let alike = |path: &Path| paths.iter().filter(|other| other.file_name() == path.file_name()).count() > 1;
     let keep = |path: &PathBuf| {

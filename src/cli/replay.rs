@@ -5,7 +5,7 @@ use super::progress::Progress;
 use super::rectify::{Recorded, Rectify};
 use super::source::{self, RECORDINGS};
 use super::verify::{Earlier, Verification};
-use super::{cache, run_info};
+use super::{cache, run_info, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::counted;
@@ -13,7 +13,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{Header, ImageFormat, SCENARIO, Writer};
 use svl::report::{Row, Summary, Table};
-use svl::run::{Lineup, Pace, run as run_loop};
+use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::{GridSettings, Scenario};
 use svl::score::CellRule;
 use svl::sink::{Identity, RecordingSink, RerunSink, RerunTarget, RowSink, Sink};
@@ -26,18 +26,22 @@ use svl::source::{RecordingSource, Watched};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl replay                                      the newest of recordings/, or else the arena
+  svl replay     the newest of recordings/, or else the arena
   svl replay run.mcap --algo v3 --algo v3:max_disparity=64 --rows rows.csv
-  svl replay raw.mcap --calib calibration.xml     pairs of raw cameras, rectified on the fly
-  svl replay run.mcap --rerun spawn               watch it in the Rerun viewer
-  svl replay run.mcap --rerun run.rrd --rate 1    at the speed it was recorded
-  svl replay run.mcap --algo v3 -o result.mcap && svl replay result.mcap --verify
-  svl replay run.mcap --verify=rows.csv           against a table of rows, or the folder of a report")]
+  svl replay raw.mcap --calib calibration.xml
+      pairs of raw cameras, rectified on the fly
+  svl replay BAG                                 the folder of a ROS 2 bag
+  svl replay run.mcap --rerun spawn              watch it in the Rerun viewer
+  svl replay run.mcap --rerun run.rrd --rate 1   at the speed it was recorded
+  svl replay run.mcap --algo v3 -o result.mcap
+  svl replay result.mcap --verify                the same results again?
+  svl replay run.mcap --verify=rows.csv
+      against a table of rows, or the folder of a report")]
 pub(super) struct Args {
-    /// Recording to replay, svl's or another program's [default: the newest of recordings/, else the arena, recorded first]
+    /// Recording to replay, svl's or another program's, or the folder of a ROS 2 bag [default: the newest of recordings/, else the arena, recorded first]
     recording: Option<PathBuf>,
     /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of then]
-    #[arg(long, value_name = "NAME[:key=value,…]")]
+    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
     topics: source::Topics,
@@ -47,10 +51,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap", value_parser = pace)]
     rate: Pace,
     /// Write pairs and disparities to a recording
-    #[arg(short, long, value_name = "RESULT.mcap")]
+    #[arg(short, long, value_name = "RESULT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
     /// Write one row per pair and algorithm
-    #[arg(long, value_name = "FILE.csv|.parquet")]
+    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = usage::ending(&["csv", "parquet"]))]
     rows: Option<PathBuf>,
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
@@ -70,20 +74,20 @@ fn pace(text: &str) -> Result<Pace, String> {
     if text == "asap" {
         return Ok(Pace::Asap);
     }
-    super::positive(text)
-        .map(Pace::Times)
-        .map_err(|_| "expected 'asap' or a positive number, 2 being twice as fast".into())
+    let times = usage::within(0.001..=1000.0)(text);
+    times.map(Pace::Times).map_err(|why| format!("{why}, 2 being twice as fast, or 'asap'"))
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let rrd = match &args.rerun {
-        Some(RerunTarget::File(path)) => Some(path),
+        Some(RerunTarget::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    let outputs = [(args.output.as_ref(), &["mcap"][..]), (args.rows.as_ref(), &["csv", "parquet"]), (rrd, &["rrd"])];
-    let outputs: Vec<_> = outputs.into_iter().filter_map(|(path, endings)| Some((path?.as_path(), endings))).collect();
-    outputs.iter().try_for_each(|(path, endings)| may_write(path, endings, args.force))?;
-    distinct(outputs.iter().map(|(path, _)| *path).chain(args.recording.as_deref()))?;
+    let outputs: Vec<_> = [args.output.as_deref(), args.rows.as_deref(), rrd].into_iter().flatten().collect();
+    args.recording.as_deref().map_or(Ok(()), source::is_recorded)?;
+    let inputs = args.recording.as_deref().map(source::inputs).unwrap_or_default();
+    distinct(inputs.iter().map(PathBuf::as_path).chain(outputs.iter().copied()))?;
+    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
     let source = match &args.recording {
         Some(path) => RecordingSource::open_selection(path, &args.topics.selection())?,
         None => newest_or_arena(quiet)?,
@@ -101,9 +105,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ([], None) => vec!["v3".parse()?],
         (named, _) => named.to_vec(),
     };
-    let mut lineup = Lineup::new(&algorithms)?;
+    let mut lineup = Lineup::new(&algorithms).map_err(usage::of_words)?;
 
-    let earlier = outputs.iter().map(|(path, _)| Aside::new(path)).collect::<anyhow::Result<Vec<_>>>()?;
+    let earlier = outputs.iter().map(|path| Aside::new(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
     let settings = GridSettings::default();
     let mut identity = Identity::new(&manifest, CellRule::Distance, settings.shape());
@@ -148,7 +152,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         earlier.into_iter().for_each(if whole { Aside::replaced } else { Aside::keep_both });
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
-        let summary = Summary::of_rows(rows.rows())?;
+        let incomplete = ran.as_ref().map_or_else(|error| Some(error.to_string()), Outcome::lacks);
+        let summary = Summary { incomplete, ..Summary::of_rows(rows.rows())? };
         verification = before.map(|before| before.compare(rows.rows(), &algorithms)).transpose()?;
         let text = || format!("{} ({})\n{summary}", recording.display(), counted(pairs, "pair"));
         if args.json {
@@ -159,7 +164,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let outcome = ran?;
     finished?;
-    source::tell_unpaired(&*source);
+    source::tell_left_out(&*source);
     if outcome.interrupted {
         bail!("stopped by Ctrl-C after {}; what was written is kept", counted(outcome.frames, "pair"));
     }
@@ -169,7 +174,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print(&proved)?;
         }
     }
-    run_info::complete(outcome.failures)
+    run_info::complete(&outcome)
 }
 
 /// What `--json` prints.

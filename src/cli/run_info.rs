@@ -1,8 +1,8 @@
 //! What a run is told at its beginning, and whether it is complete at its end.
 
 use svl::arena::{Arena, Wire};
-use svl::counted;
 use svl::manifest::Manifest;
+use svl::run::Outcome;
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Edges, Identity, RunInfo};
 
@@ -28,10 +28,7 @@ pub(super) fn wireframe(scenario: &Scenario, seed: Option<u64>) -> Vec<Wire> {
     }
 }
 
-/// Refuses to call a run done in which algorithms failed.
-pub(super) fn complete(failures: u64) -> anyhow::Result<()> {
-    match failures {
-        0 => Ok(()),
-        n => anyhow::bail!("algorithms failed on {}, as warned; all else is kept", counted(n, "pair")),
-    }
+/// Refuses to call a run done that lacks something.
+pub(super) fn complete(outcome: &Outcome) -> anyhow::Result<()> {
+    outcome.lacks().map_or(Ok(()), |lacks| Err(anyhow::anyhow!("{lacks}, as warned; all else is kept")))
 }

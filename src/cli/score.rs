@@ -4,14 +4,14 @@ use super::output::{print, print_json};
 use super::progress::Progress;
 use super::source::data_folder;
 use super::sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
-use super::{cache, folder, gate, run_info};
+use super::{cache, folder, gate, run_info, usage};
 use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
-use svl::counted;
 use svl::manifest::Manifest;
 use svl::report::html::Page;
 use svl::report::{Ruling, Summary, Tables};
-use svl::run::{Lineup, Pace, run as run_loop};
+use svl::run::{Lineup, Outcome, Pace, run as run_loop};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::{Findings, Identity, Judge, RerunSink, RerunTarget, Sink};
 use svl::source::dataset::{Scene, SceneSource};
@@ -27,15 +27,17 @@ use svl::source::{Source, Watched};
 #[command(after_help = "\
 Examples:
   svl score scenarios/arena.toml
-  svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64 --out reports/range
+  svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64
   svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
-  svl score scenarios/middlebury.toml --data DATASETS
+  svl score scenarios/middlebury.toml --data DATASETS --out reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
-  svl score scenarios/arena.toml --gate          for a CI: exit 1 when a limit of the scenario is broken
+  svl score scenarios/arena.toml --gate
+      for a CI: exit 1 when a limit of the scenario is broken
 
-A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for seven algorithms, uniqueness=0, 10, … 60. The
-report joins what differs in one number by a line, in its plots of accuracy against speed and of coverage against error.
-A run takes at most 32 algorithms.")]
+A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for
+seven algorithms, uniqueness=0, 10, … 60. The report joins what differs in one
+number by a line, in its plots of accuracy against speed and of coverage
+against error. A run takes at most 32 algorithms.")]
 pub(super) struct Args {
     /// Scenario file
     scenario: PathBuf,
@@ -49,7 +51,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in a folder
-    #[arg(long, value_name = "SCENE", num_args = 1..)]
+    #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = NonEmptyStringValueParser::new())]
     scenes: Vec<String>,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
@@ -65,7 +67,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         scenario.algorithms = args.algo.iter().flat_map(|Algorithms(all)| all.clone()).collect();
     }
     if scenario.algorithms.len() > MAX_ALGORITHMS {
-        bail!("{} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps", scenario.algorithms.len());
+        let many = scenario.algorithms.len();
+        let words = format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps");
+        return Err(usage::wrong(words));
     }
     if args.gate && scenario.gate.is_empty() {
         bail!(
@@ -84,22 +88,26 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         scenario.text.push_str(&format!("\n# --scenes {named}\n"));
     }
     let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
-    let mut lineup = Lineup::new(&scenario.algorithms)?;
+    let mut lineup = Lineup::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
+        true => error.into(),
+        false => usage::of_words(error),
+    })?;
     let earlier = folder::earlier_report(&folder, REPORT_FILES, MANIFEST)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = data_folder(args.data.as_deref());
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
     let earlier = folder::Aside::of(&folder, earlier)?;
     let mut report = Report::begin(&scenario, &folder)?;
-    let mut failures = 0;
+    let mut outcome = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
-        failures += report.take(run, &mut lineup, &scenario, quiet)?;
+        let Outcome { frames, failures, unreadable, .. } = report.take(run, &mut lineup, &scenario, quiet)?;
+        outcome.frames += frames;
+        outcome.failures += failures;
+        outcome.unreadable += unreadable;
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let lacks =
-        (failures > 0).then(|| format!("algorithms failed on {}, which their lines lack", counted(failures, "pair")));
-    let incomplete = ran.as_ref().err().map(super::one_line).or(lacks);
+    let incomplete = ran.as_ref().err().map(super::one_line).or_else(|| outcome.lacks());
     let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
@@ -114,7 +122,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     ran?;
     earlier.replaced()?;
-    run_info::complete(failures)?;
+    run_info::complete(&outcome)?;
     if args.gate { gate::pass(&rulings) } else { Ok(()) }
 }
 
@@ -178,8 +186,14 @@ impl Report {
         })
     }
 
-    /// Scores a run; how many estimates are missing because their algorithm failed.
-    fn take(&mut self, run: &mut Run, lineup: &mut Lineup, scenario: &Scenario, quiet: bool) -> anyhow::Result<u64> {
+    /// Scores a run.
+    fn take(
+        &mut self,
+        run: &mut Run,
+        lineup: &mut Lineup,
+        scenario: &Scenario,
+        quiet: bool,
+    ) -> anyhow::Result<Outcome> {
         let source = &mut *run.source;
         self.judge.begin_run(run.seed);
         self.rerun.begin_run();
@@ -192,7 +206,7 @@ impl Report {
         if outcome.interrupted {
             bail!("stopped by Ctrl-C; the report holds what was scored before");
         }
-        Ok(outcome.failures)
+        Ok(outcome)
     }
 
     fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<(Summary, Manifest)> {

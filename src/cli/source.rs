@@ -3,14 +3,16 @@
 use super::cameras::is_live;
 use super::live::LiveArgs;
 use super::rectify::Recorded;
+use super::usage;
 use anyhow::{Context, bail};
+use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
 use svl::counted;
-use svl::recording::{Header, Selection};
+use svl::recording::{Header, Selection, files, is_bag};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
-use svl::source::{ArenaSource, BoardSource, LastTally, RecordingSource, Source};
+use svl::source::{ArenaSource, BoardSource, LastTally, LeftOut, RecordingSource, Source};
 
 /// Where recordings are kept.
 pub(super) const RECORDINGS: &str = "recordings";
@@ -36,20 +38,15 @@ pub(super) struct Opened {
 #[derive(clap::Args, Default)]
 pub(super) struct Topics {
     /// Topic of the left images, in another program's recording [default: found by type and name]
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
     left: Option<String>,
     /// Topic of the right images
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
     right: Option<String>,
     /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period,
     /// half of it when they run freely]
-    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = milliseconds)]
+    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = usage::within(0.0..=60_000.0))]
     pub max_skew_ms: Option<f64>,
-}
-
-fn milliseconds(text: &str) -> Result<f64, String> {
-    let fits = |ms: &f64| (0.0..=60_000.0).contains(ms);
-    text.parse().ok().filter(fits).ok_or_else(|| "expected milliseconds, 0 to 60000".to_owned())
 }
 
 impl Topics {
@@ -78,30 +75,77 @@ pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<Rec
     Ok(source)
 }
 
-/// Says how many images of a source found no partner.
-pub(super) fn tell_unpaired(source: &dyn Source) {
-    if source.unpaired() > 0 {
-        tracing::warn!("{}: left out, without a partner: {}", source.name(), counted(source.unpaired(), "image"));
+/// Refuses the name of what is to be recorded before it can be replayed.
+pub(super) fn is_recorded(path: &Path) -> anyhow::Result<()> {
+    let name = path.to_string_lossy();
+    if !path.exists() && (["arena", "board"].contains(&&*name) || is_live(&name)) {
+        return Err(usage::wrong(format!("{name}: is no recording; make one first, svl record {name} -o run.mcap")));
+    }
+    Ok(())
+}
+
+/// Says what of a source is in no frame.
+pub(super) fn tell_left_out(source: &dyn Source) {
+    let (name, LeftOut { unpaired, late, unreadable }) = (source.name(), source.left_out());
+    if unreadable > 0 {
+        tracing::warn!("{name}: left out, as they cannot be read: {}", counted(unreadable, "pair"));
+    }
+    if late > 0 {
+        tracing::warn!(
+            "{name}: not in the order of time: {} came too late for a partner; `mcap sort FILE -o SORTED.mcap` makes a file \
+             with all pairs",
+            counted(late, "image")
+        );
+    }
+    tell_unpaired(&name, unpaired);
+}
+
+fn tell_unpaired(name: &str, images: u64) {
+    if images > 0 {
+        tracing::warn!("{name}: left out, without a partner: {}", counted(images, "image"));
     }
 }
 
 /// Starts the cameras that `name` says, or opens what [`open`] does.
-pub(super) fn open_any(name: &str, seed: Option<u64>, topics: &Topics, live: &LiveArgs) -> anyhow::Result<Opened> {
+pub(super) fn open_any(
+    name: &str,
+    seed: Option<u64>,
+    topics: &Topics,
+    live: &LiveArgs,
+    quiet: bool,
+) -> anyhow::Result<Opened> {
     if !is_live(name) {
         live.none_given(name)?;
-        return open(name, seed, topics);
+        if name.starts_with("/dev/video") {
+            let cure = "name the left and the right camera, as v4l2:/dev/video0,/dev/video2";
+            return Err(usage::wrong(format!("{name}: is no source; {cure}")));
+        }
+        return open(name, seed, topics, SOURCES);
     }
     if topics.are_named() {
-        bail!("{name}: --left and --right choose topics of a recording (.mcap)");
+        return Err(usage::wrong(format!("{name}: --left and --right choose topics of a recording (.mcap)")));
     }
-    live.open(name, seed, topics.max_skew_ms)
+    live.open(name, seed, topics.max_skew_ms, quiet)
 }
 
-/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording.
-pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Result<Opened> {
+/// What can be recorded.
+const SOURCES: &str = "arena, board, a scenario (.toml), a folder of images, a recording (.mcap), the folder of a \
+                       ROS 2 bag, or cameras: sim, v4l2:LEFT,RIGHT or genicam:LEFT,RIGHT";
+
+/// The files that a source named so reads, as far as it is one.
+pub(super) fn inputs(source: &Path) -> Vec<PathBuf> {
+    files(source).unwrap_or_else(|_| vec![source.to_owned()])
+}
+
+/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording; `expected` are those to
+/// be offered where the name is of none.
+pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics, expected: &str) -> anyhow::Result<Opened> {
     let path = Path::new(name);
-    if topics.are_given() && path.extension().is_none_or(|e| e != "mcap") {
-        bail!("{name}: --left, --right and --max-skew-ms choose topics of a recording (.mcap)");
+    // A scene may have a recording beside its images.
+    let is_bag = is_bag(path) && Scene::find(path, name).is_none();
+    if topics.are_given() && !is_bag && path.extension().is_none_or(|e| e != "mcap") {
+        let words = "--left, --right and --max-skew-ms choose topics of a recording (.mcap, or the folder of a bag)";
+        return Err(usage::wrong(format!("{name}: {words}")));
     }
     if name == "arena" {
         return arena(&Scenario::arena()?, seed.unwrap_or(1));
@@ -110,23 +154,23 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics) -> anyhow::Re
         return board(seed.unwrap_or(1));
     }
     if !path.exists() {
-        bail!(
-            "{name}: no such source; expected 'arena', 'board', a scenario (.toml), a folder of images or a recording (.mcap)"
-        );
+        bail!("{name}: no such source; expected {expected}");
     }
     let scenario = path.extension().is_some_and(|e| e == "toml");
     if seed.is_some() && !scenario {
-        bail!("{name}: only the arena and the board take a --seed");
+        return Err(usage::wrong(format!("{name}: only the arena, the board and simulated cameras take a --seed")));
+    }
+    if is_bag {
+        return recording(path, topics);
     }
     if path.is_dir() {
         return folder(path);
     }
     match path.extension().and_then(|e| e.to_str()) {
         Some("toml") => arena(&Scenario::read(path)?, seed.unwrap_or(1)),
-        Some("mcap") => recording(path, topics),
-        _ => bail!(
-            "{name}: not a source; expected 'arena', a scenario (.toml), a folder of images or a recording (.mcap)"
-        ),
+        // Bags in other containers: the reader says what makes one of them that it reads.
+        Some("mcap" | "db3" | "zstd" | "zst") => recording(path, topics),
+        _ => bail!("{name}: not a source; expected {expected}"),
     }
 }
 
@@ -179,9 +223,7 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
     };
     let source: Box<dyn Source> = if scenes.is_empty() {
         let source = FolderSource::new(path, FOLDER_RATE_HZ)?;
-        if source.unpaired() > 0 {
-            tracing::warn!("{}: left out, without a partner: {}", path.display(), counted(source.unpaired(), "image"));
-        }
+        tell_unpaired(&path.display().to_string(), source.unpaired() as u64);
         Box::new(source)
     } else {
         Box::new(SceneSource::new(scenes))
@@ -201,7 +243,8 @@ fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
 
 /// The folder of the data sets: the one named, or what `SVL_DATASETS` names.
 pub(super) fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
-    named.map(Path::to_owned).or_else(|| std::env::var_os("SVL_DATASETS").map(PathBuf::from))
+    let variable = || std::env::var_os("SVL_DATASETS").filter(|folder| !folder.is_empty());
+    named.map(Path::to_owned).or_else(|| variable().map(PathBuf::from))
 }
 
 /// Makes the folder where recordings are kept.

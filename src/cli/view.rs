@@ -4,7 +4,7 @@ use anyhow::{Context, bail};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use svl::recording::Summary;
+use svl::recording::{Summary, only_file};
 use svl::sink::{VIEWER_HINT, save_recording_layout};
 
 /// Open a recording or a run in the Rerun viewer
@@ -17,7 +17,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     // The viewer names a recording after the path it is given, and the layout must name the same.
-    let file = args.file.canonicalize().with_context(|| args.file.display().to_string())?;
+    let file = only_file(&args.file)?.canonicalize().map_err(|cause| svl::Error::io(&args.file, cause))?;
     match file.extension().and_then(|extension| extension.to_str()) {
         // A run carries its layout.
         Some("rrd") => view(&[&file]),

@@ -1,21 +1,27 @@
-//! PNG, JPEG and PNM images through the `image` crate, with svl's own conversion to grey.
+//! PNG, JPEG and PNM images, with svl's own conversion to grey.
 
-use super::{MAX_BYTES, read_bounded};
+use super::{MAX_BYTES, jpeg, read_bounded};
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, MAX_SIDE, Plane, Visibility};
-use image::{ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageReader, codecs::png::PngEncoder};
+use image::{
+    ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, codecs::png::PngEncoder,
+};
 use std::io::Cursor;
 use std::path::Path;
 
-/// Reads an image of any format and depth the `image` crate knows here; its sides are at most [`MAX_SIDE`].
+/// Reads an image of any format and depth; its sides are at most [`MAX_SIDE`].
 pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
     let bytes = read_bounded(path, MAX_BYTES)?;
     let wrong = |e| Error::format(path, format!("not a readable PNG, JPEG or PNM image: {e}"));
     decode_bytes(&bytes).map_err(wrong)
 }
 
-fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+/// As [`decode`], of a file that is in memory.
+pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+    if reader.format() == Some(ImageFormat::Jpeg) {
+        return jpeg::decode(bytes);
+    }
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(MAX_SIDE as u32);
@@ -36,7 +42,8 @@ pub(crate) fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
     gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
 }
 
-fn gray(image: DynamicImage) -> Result<Gray> {
+/// The image as [`read_gray`] gives it.
+pub(crate) fn gray(image: DynamicImage) -> Result<Gray> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     match image {
         DynamicImage::ImageLuma8(grey) => Gray::from_vec(width, height, grey.into_raw()),
@@ -92,4 +99,33 @@ pub(super) fn encode(width: usize, height: usize, pixels: &[u8], color: Extended
 /// [`Error::Io`] besides.
 pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Result<()> {
     std::fs::write(path, encode_png(width, height, pixels)?).map_err(|e| Error::io(path, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::encode_jpeg;
+
+    #[test]
+    fn what_is_cut_off_is_no_image() {
+        let image = Gray::from_fn(40, 30, |x, y| (x * x + 7 * y) as u8).unwrap();
+        let pixels: Vec<u8> = image.pixels().collect();
+        let (png, jpeg) = (encode_png(40, 30, &pixels).unwrap(), encode_jpeg(&image, 40).unwrap());
+        let pgm = [b"P5 40 30 255\n", &pixels[..]].concat();
+        for (bytes, end) in [(&pgm, pgm.len()), (&jpeg, jpeg.len()), (&png, png.len() - END_CHUNK)] {
+            for length in 0..end {
+                assert!(gray_of(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
+            }
+            assert!(gray_of(bytes).is_ok());
+        }
+        for at in 0..png.len() - END_CHUNK {
+            let mut flipped = png.clone();
+            flipped[at] ^= 1 << (at % 8);
+            let read = gray_of(&flipped);
+            assert!(read.is_err() || read.is_ok_and(|read| read == image), "byte {at} changed");
+        }
+    }
+
+    /// What comes after all pixels of a PNG: the checksum of their chunk, and the chunk IEND.
+    const END_CHUNK: usize = 16;
 }

@@ -5,24 +5,24 @@ use super::mailbox::{Mailbox, Received};
 use crate::error::Error;
 use std::time::Duration;
 
-/// "Take one image": the coordinator to a camera's thread.
-pub(super) struct Order {
-    /// Later than the one before, which it replaces.
-    pub(super) number: u64,
-    pub(super) settings: Settings,
+/// What the coordinator asks of a camera's thread. A later one replaces the one before.
+pub(super) enum Order {
+    /// To take one image.
+    Take(Settings),
+    /// To wait for another image without being armed again: the last one was of an earlier pulse.
+    TakeNext,
 }
 
 /// What a camera's thread tells the coordinator.
 pub(super) struct Report {
     pub(super) side: Side,
-    /// Of the order that it answers.
-    pub(super) number: u64,
     pub(super) event: Event,
 }
 
 pub(super) enum Event {
     /// A trigger now exposes.
     Armed,
+    /// Except for [`Taken::Unready`], this ends the order.
     Captured(Taken),
     Failed(Error),
 }
@@ -32,23 +32,31 @@ const SLICE: Duration = Duration::from_millis(100);
 
 /// Follows orders until there are no more, or the camera fails.
 pub(super) fn acquire(side: Side, mut camera: Box<dyn Camera>, orders: &Mailbox<Order>, reports: &Mailbox<Report>) {
+    let report = |event| reports.send(Report { side, event });
     let mut next = orders.receive(u64::MAX);
-    while let Received::Message(Order { number, settings }) = next {
-        let report = |event| reports.send(Report { side, number, event });
-        let armed = camera.arm(settings).map(|()| report(Event::Armed));
-        let captured = armed.and_then(|()| {
+    while let Received::Message(order) = next {
+        let armed = match order {
+            Order::Take(settings) => camera.arm(settings).map(|()| report(Event::Armed)),
+            Order::TakeNext => Ok(()),
+        };
+        let followed = armed.and_then(|()| {
             loop {
-                match (camera.capture(SLICE)?, orders.receive(0)) {
-                    (None, Received::Nothing) => {}
-                    (captured, waiting) => return Ok((captured, waiting)),
+                match orders.receive(0) {
+                    Received::Nothing => {}
+                    replaced => return Ok(replaced),
+                }
+                match camera.capture(SLICE)? {
+                    None => {}
+                    Some(Taken::Unready) => report(Event::Captured(Taken::Unready)),
+                    Some(taken) => {
+                        report(Event::Captured(taken));
+                        return Ok(orders.receive(u64::MAX));
+                    }
                 }
             }
         });
-        next = match captured {
-            Ok((captured, waiting)) => {
-                captured.into_iter().for_each(|taken| report(Event::Captured(taken)));
-                if matches!(waiting, Received::Nothing) { orders.receive(u64::MAX) } else { waiting }
-            }
+        next = match followed {
+            Ok(next) => next,
             Err(error) => return report(Event::Failed(side.blame(error))),
         };
     }

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::stereo::Gray;
+use std::fmt;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -46,6 +47,20 @@ pub struct Settings {
     pub gain_mdb: i32,
 }
 
+impl Settings {
+    /// Whether two exposures are alike: cameras round, and a hundredth is not seen.
+    pub(super) fn is_near(self, other: Self) -> bool {
+        let (a, b) = (self.shutter_us, other.shutter_us);
+        a.abs_diff(b) <= 1 + a.max(b) / 100 && self.gain_mdb.abs_diff(other.gain_mdb) <= 100
+    }
+}
+
+impl fmt::Display for Settings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} µs and {:.1} dB", self.shutter_us, f64::from(self.gain_mdb) / 1e3)
+    }
+}
+
 /// What a camera can be set to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
@@ -60,12 +75,22 @@ impl Limits {
     /// [`Error::Invalid`] when there is nothing.
     pub fn common(&self, other: &Self) -> Result<Self> {
         let (a, b) = (self, other);
+        let nothing = |what: &str, a: String, b: String| {
+            Err(Error::Invalid(format!("the cameras have no {what} in common: left {a}, right {b}; use two alike")))
+        };
         let shutter_us = *a.shutter_us.start().max(b.shutter_us.start())..=*a.shutter_us.end().min(b.shutter_us.end());
         let gain_mdb = *a.gain_mdb.start().max(b.gain_mdb.start())..=*a.gain_mdb.end().min(b.gain_mdb.end());
-        if shutter_us.is_empty() || gain_mdb.is_empty() {
-            return Err(Error::Invalid(format!(
-                "the cameras have no exposure in common: {a:?} and {b:?}; use two alike"
-            )));
+        if shutter_us.is_empty() {
+            let words = |range: &RangeInclusive<u32>| match (range.start(), range.end()) {
+                (0, 0) => "has none to be set".to_owned(),
+                (shortest, longest) => format!("{shortest} to {longest} µs"),
+            };
+            return nothing("shutter time", words(&a.shutter_us), words(&b.shutter_us));
+        }
+        if gain_mdb.is_empty() {
+            let db = |mdb: &i32| f64::from(*mdb) / 1e3;
+            let words = |range: &RangeInclusive<i32>| format!("{} to {} dB", db(range.start()), db(range.end()));
+            return nothing("gain", words(&a.gain_mdb), words(&b.gain_mdb));
         }
         Ok(Self { shutter_us, gain_mdb })
     }
@@ -79,7 +104,9 @@ pub struct Capture {
     pub stamp_ns: u64,
     /// The pulse that fired it, where the camera knows.
     pub trigger_id: Option<u64>,
-    /// What it was exposed with.
+    /// What the camera was armed with ...
+    pub ordered: Settings,
+    /// ... and what it made of that: cameras have steps of their own.
     pub settings: Settings,
 }
 
@@ -89,6 +116,8 @@ pub enum Taken {
     Image(Capture),
     /// Part of the image was lost on its way.
     Damaged,
+    /// An image from before the settings were in force. The one that was ordered comes after it.
+    Unready,
 }
 
 /// A camera. Only its own acquisition thread calls it, so calls may block.
@@ -105,7 +134,8 @@ pub trait Camera: Send {
     /// [`Error::Camera`] when it cannot.
     fn arm(&mut self, settings: Settings) -> Result<()>;
 
-    /// Waits for the exposure and for its image; nothing when none came in that time, after which it may be asked again.
+    /// Waits for the exposure and for its image; nothing when none came in that time. After that, and after
+    /// [`Taken::Unready`], it may be asked again.
     ///
     /// # Errors
     /// [`Error::Camera`] when the camera is gone.

@@ -4,18 +4,17 @@ use super::acquire::{Event, Order, Report};
 use super::camera::{Capture, Settings, Side, Taken};
 use super::clock::Clock;
 use super::exposure::Balance;
+use super::firing::Firing;
 use super::mailbox::{Mailbox, Received};
 use super::pairing::{Pairing, Unpaired};
+use super::pairless::Pairless;
 use super::pulser::Pulser;
 use super::queue::{Pushed, Queue};
 use super::tally::Tally;
-use super::trigger::{Policy, Trigger};
-use crate::error::{Error, Result};
+use super::watch::{CameraState, Phase};
+use crate::error::Result;
 use crate::stereo::{Exposure, Frame, Rig, StereoPair};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-/// A camera that let pass its time so often in a row is given up.
-const PATIENCE: u32 = 3;
 
 /// The grabber's main thread.
 pub(super) struct Coordinator {
@@ -24,81 +23,33 @@ pub(super) struct Coordinator {
     pub(super) reports: Arc<Mailbox<Report>>,
     pub(super) firing: Firing,
     pub(super) pairing: Pairing,
+    pub(super) pairless: Pairless,
     pub(super) balance: Balance,
     pub(super) queue: Arc<Queue<Frame>>,
     pub(super) tally: Arc<Mutex<Tally>>,
     pub(super) rig: Option<Rig>,
     pub(super) timeout_ns: u64,
     pub(super) cameras: [CameraState; 2],
-    /// Settings of the latest order, and its number.
+    /// Number of the latest order, and its settings.
     pub(super) planned: (u64, Settings),
-}
-
-/// How the policy stands.
-pub(super) enum Firing {
-    WhenArmed {
-        trigger: Box<dyn Trigger>,
-        period_ns: u64,
-        due_ns: u64,
-        last_id: Option<u64>,
-    },
-    /// A trigger that begins once both cameras have been armed.
-    FixedRate {
-        trigger: Box<dyn Trigger>,
-        period_ns: u64,
-    },
-    /// Something else fires: a pulser, or the cameras themselves.
-    Elsewhere {
-        _pulser: Option<Pulser>,
-    },
-}
-
-impl From<Policy> for Firing {
-    fn from(policy: Policy) -> Self {
-        match policy {
-            Policy::Coordinated { trigger, period_ns } => {
-                Self::WhenArmed { trigger, period_ns, due_ns: 0, last_id: None }
-            }
-            Policy::FixedRate { trigger, period_ns } => Self::FixedRate { trigger, period_ns },
-            Policy::Free => Self::Elsewhere { _pulser: None },
-        }
-    }
-}
-
-/// Where a camera stands.
-pub(super) struct CameraState {
-    pub(super) name: String,
-    phase: Phase,
-    since_ns: u64,
-    order: u64,
-    misses: u32,
-    /// When the first of the damaged images came, if no whole one did since.
-    damaged_since_ns: Option<u64>,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Phase {
-    Arming,
-    Armed,
-    /// A pulse was sent.
-    Exposing,
-}
-
-impl CameraState {
-    pub(super) fn new(name: String) -> Self {
-        Self { name, phase: Phase::Arming, since_ns: 0, order: 0, misses: 0, damaged_since_ns: None }
-    }
+    /// It was told that the cameras make different things of the same settings.
+    pub(super) told_apart: bool,
 }
 
 impl Coordinator {
     /// Runs until the reports are closed or something fails, and tells the queue how it ended.
     pub(super) fn run(mut self) {
-        let ended = self.grab();
-        self.firing = Firing::Elsewhere { _pulser: None };
+        let mut ended = self.grab();
+        self.firing.end();
         self.reports.close();
         self.orders.iter().for_each(|orders| orders.close());
-        self.pairing.finish();
-        self.tally().unpaired = self.pairing.unpaired();
+        // What was taken already is to be in a pair or counted.
+        for Report { side, event } in self.reports.drain() {
+            if let Event::Captured(taken) = event {
+                ended = ended.and(self.hear_image(side, taken));
+            }
+        }
+        ended = ended.and(self.deliver_pairs(Pairing::finish));
         self.queue.close(ended);
     }
 
@@ -109,68 +60,66 @@ impl Coordinator {
             match self.reports.receive(self.deadline_ns()) {
                 Received::Closed => return Ok(()),
                 Received::Nothing => self.check_silence()?,
-                Received::Message(Report { side, event: Event::Failed(error), .. }) => {
-                    self.finish_exposure(side.other())?;
-                    return Err(error);
-                }
-                Received::Message(Report { side, number, event }) => {
-                    if number == self.cameras[side as usize].order {
-                        self.hear(side, event)?;
-                    } else if let Event::Captured(_) = event {
-                        // Of an order that was given up and repeated.
-                        self.tally().frames[side as usize] += 1;
-                        self.pairing.leave_out(Unpaired::Overdue);
+                Received::Message(Report { side, event }) => match event {
+                    Event::Armed => self.enter(side, Phase::Armed),
+                    Event::Captured(taken) => self.hear_image(side, taken)?,
+                    Event::Failed(error) => {
+                        self.finish_exposure(side.other())?;
+                        return Err(error);
                     }
-                }
+                },
             }
         }
     }
 
-    fn hear(&mut self, side: Side, event: Event) -> Result<()> {
-        match event {
-            Event::Armed => self.enter(side, Phase::Armed),
-            Event::Captured(taken) => {
-                self.cameras[side as usize].misses = 0;
-                self.tally().frames[side as usize] += 1;
-                self.order(side);
-                let pair = match taken {
-                    Taken::Image(mut capture) => {
-                        self.cameras[side as usize].damaged_since_ns = None;
-                        if let Firing::WhenArmed { last_id, .. } = self.firing {
-                            // Both were armed, so there is one pulse that it can be of.
-                            capture.trigger_id = capture.trigger_id.or(last_id);
-                        }
-                        self.pairing.push(side, capture)
-                    }
-                    Taken::Damaged => {
-                        let now_ns = self.clock.now_ns();
-                        self.cameras[side as usize].damaged_since_ns.get_or_insert(now_ns);
-                        self.pairing.leave_out(Unpaired::Damaged);
-                        None
-                    }
-                };
-                self.tally().unpaired = self.pairing.unpaired();
-                self.check_damage(side)?;
-                pair.map_or(Ok(()), |pair| self.deliver(pair))?;
+    fn hear_image(&mut self, side: Side, taken: Taken) -> Result<()> {
+        let (now_ns, camera) = (self.clock.now_ns(), &mut self.cameras[side as usize]);
+        // Else it is of an order that was given up, and repeated already.
+        let is_ordered = camera.phase != Phase::Arming;
+        let mut checked = Ok(());
+        let next: fn(&mut Self, Side) = match taken {
+            Taken::Image(capture) => match self.firing.with_pulse(capture) {
+                Some(capture) => {
+                    let next = if self.firing.is_late(&capture) { Self::order_next } else { Self::order };
+                    camera.gave_image();
+                    self.pairing.push(side, capture);
+                    next
+                }
+                None => {
+                    camera.gave_stray();
+                    self.pairing.leave_out(Unpaired::Unready);
+                    Self::order_next
+                }
+            },
+            Taken::Damaged => {
+                checked = camera.gave_damaged(now_ns, self.timeout_ns);
+                self.pairing.leave_out(Unpaired::Damaged);
+                Self::order
             }
-            // Told by the caller.
-            Event::Failed(error) => return Err(error),
+            Taken::Unready => {
+                camera.gave_unready(now_ns);
+                self.pairing.leave_out(Unpaired::Unready);
+                |_, _| {}
+            }
+        };
+        self.tally().frames[side as usize] += 1;
+        if is_ordered {
+            next(self, side);
         }
-        Ok(())
+        self.deliver_pairs(Pairing::pair)?;
+        checked?;
+        self.pairless.image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
     }
 
     /// Waits for the image that a camera is taking: its partner may be there.
     fn finish_exposure(&mut self, side: Side) -> Result<()> {
-        let CameraState { phase, order, .. } = self.cameras[side as usize];
         let until_ns = self.clock.now_ns().saturating_add(self.timeout_ns);
-        let mut taking = phase == Phase::Exposing || phase == Phase::Armed && self.is_awaited(side);
+        let mut taking = self.cameras[side as usize].phase != Phase::Arming && self.patience_ns(side).is_some();
         while taking {
             match self.reports.receive(until_ns) {
-                Received::Message(Report { side: from, number, event: event @ Event::Captured(_) }) => {
-                    if (from, number) == (side, order) {
-                        self.hear(side, event)?;
-                        taking = false;
-                    }
+                Received::Message(Report { side: from, event: Event::Captured(taken) }) if from == side => {
+                    taking = taken == Taken::Unready;
+                    self.hear_image(side, taken)?;
                 }
                 Received::Message(_) => {}
                 Received::Nothing | Received::Closed => taking = false,
@@ -179,21 +128,29 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Sends a camera the order for its next image. Both get the same settings with the same number.
+    /// Sends a camera the order for its next image.
     fn order(&mut self, side: Side) {
-        let number = self.cameras[side as usize].order + 1;
-        if number > self.planned.0 {
-            self.planned = (number, self.balance.settings());
+        let turn = self.cameras[side as usize].turn + 1;
+        if turn > self.planned.0 {
+            self.planned = (turn, self.balance.settings());
         }
-        self.cameras[side as usize].order = number;
+        self.order_turn(side, turn);
+    }
+
+    fn order_turn(&mut self, side: Side, turn: u64) {
+        self.cameras[side as usize].turn = turn;
         self.enter(side, Phase::Arming);
-        self.orders[side as usize].send(Order { number, settings: self.planned.1 });
+        self.orders[side as usize].send(Order::Take(self.planned.1));
+    }
+
+    /// The image of this order is still to come.
+    fn order_next(&mut self, side: Side) {
+        self.orders[side as usize].send(Order::TakeNext);
     }
 
     fn enter(&mut self, side: Side, phase: Phase) {
-        let since_ns = self.clock.now_ns();
-        let camera = &mut self.cameras[side as usize];
-        (camera.phase, camera.since_ns) = (phase, since_ns);
+        let now_ns = self.clock.now_ns();
+        self.cameras[side as usize].enter(phase, now_ns);
     }
 
     fn both_armed(&self) -> bool {
@@ -201,88 +158,73 @@ impl Coordinator {
     }
 
     fn fire_if_due(&mut self) -> Result<()> {
-        if !self.both_armed() {
-            return Ok(());
-        }
-        match &mut self.firing {
-            Firing::WhenArmed { trigger, period_ns, due_ns, last_id } => {
-                let now_ns = self.clock.now_ns();
-                if now_ns < *due_ns {
-                    return Ok(());
-                }
-                // The rate is kept to on average: a pulse that is late makes up for up to one period.
-                let was_due_ns = if last_id.is_some() { *due_ns } else { now_ns };
-                *due_ns = was_due_ns.max(now_ns.saturating_sub(*period_ns)) + *period_ns;
-                let id = trigger.fire()?.id;
-                let strays = last_id.replace(id).map_or(0, |last| id.saturating_sub(last + 1));
-                let mut tally = self.tally();
-                tally.pulses += 1;
-                tally.stray_pulses += strays;
-                drop(tally);
+        if self.both_armed() {
+            let Self { clock, reports, tally, .. } = self;
+            let begin = |trigger, period_ns| Pulser::start(clock, trigger, period_ns, reports, tally);
+            if self.firing.fire_if_due(clock.now_ns(), tally, begin)? {
                 Side::BOTH.into_iter().for_each(|side| self.enter(side, Phase::Exposing));
             }
-            Firing::FixedRate { .. } => {
-                let fixed = std::mem::replace(&mut self.firing, Firing::Elsewhere { _pulser: None });
-                if let Firing::FixedRate { trigger, period_ns } = fixed {
-                    let pulser = Pulser::start(&self.clock, trigger, period_ns, &self.reports, &self.tally);
-                    self.firing = Firing::Elsewhere { _pulser: Some(pulser) };
-                }
-            }
-            Firing::Elsewhere { .. } => {}
         }
         Ok(())
     }
 
     /// Until when there is nothing to do unless a camera reports.
     fn deadline_ns(&self) -> u64 {
-        let silent = Side::BOTH.into_iter().filter(|&side| self.is_awaited(side));
-        let silent_ns = silent.map(|side| self.cameras[side as usize].since_ns.saturating_add(self.timeout_ns)).min();
-        let due_ns = match self.firing {
-            Firing::WhenArmed { due_ns, .. } if self.both_armed() => Some(due_ns),
-            _ => None,
-        };
-        silent_ns.into_iter().chain(due_ns).min().unwrap_or(u64::MAX)
+        let silent = Side::BOTH.into_iter().filter_map(|side| self.silent_at_ns(side));
+        silent.chain(self.firing.due_ns().filter(|_| self.both_armed())).min().unwrap_or(u64::MAX)
     }
 
-    /// Whether it is this camera's turn: an armed one may wait for the other.
-    fn is_awaited(&self, side: Side) -> bool {
-        let armed = self.cameras[side as usize].phase == Phase::Armed;
-        !armed || matches!(self.firing, Firing::Elsewhere { .. })
+    fn silent_at_ns(&self, side: Side) -> Option<u64> {
+        Some(self.cameras[side as usize].since_ns.saturating_add(self.patience_ns(side)?))
+    }
+
+    /// How long a camera may take for what it is at, if it is its turn: an armed one may wait for the other.
+    fn patience_ns(&self, side: Side) -> Option<u64> {
+        let needed_ns = match self.cameras[side as usize].phase {
+            Phase::Arming => 0,
+            Phase::Armed => self.firing.elsewhere_ns()?,
+            Phase::Exposing => u64::from(self.planned.1.shutter_us) * 1000,
+        };
+        Some(needed_ns.saturating_add(self.timeout_ns))
     }
 
     fn check_silence(&mut self) -> Result<()> {
         let now_ns = self.clock.now_ns();
         for side in Side::BOTH {
-            let silent_since_ns = self.cameras[side as usize].since_ns;
-            if !self.is_awaited(side) || now_ns < silent_since_ns.saturating_add(self.timeout_ns) {
+            let Some(patience_ns) = self.patience_ns(side) else { continue };
+            let camera = &mut self.cameras[side as usize];
+            if now_ns < camera.since_ns.saturating_add(patience_ns) {
                 continue;
             }
-            let camera = &mut self.cameras[side as usize];
-            camera.misses += 1;
-            if camera.misses >= PATIENCE {
-                let silence_s = self.timeout_ns as f64 * f64::from(PATIENCE) / 1e9;
-                let reason = format!("silent for {silence_s:.1} s; check its power, its cable and its trigger line");
-                return Err(side.blame(Error::camera(&camera.name, reason)));
+            camera.missed(patience_ns)?;
+            match camera.phase {
+                // It has its order: another would only make it begin anew.
+                Phase::Arming => camera.enter(Phase::Arming, now_ns),
+                // The pulse was lost, so it goes on with the other one's next.
+                Phase::Armed | Phase::Exposing => self.order_turn(side, self.planned.0),
             }
-            self.order(side);
         }
         Ok(())
     }
 
-    /// A camera all of whose images are damaged would be recorded from for ever.
-    fn check_damage(&mut self, side: Side) -> Result<()> {
-        let now_ns = self.clock.now_ns();
-        let camera = &self.cameras[side as usize];
-        let damaged_ns = camera.damaged_since_ns.map_or(0, |since_ns| now_ns.saturating_sub(since_ns));
-        if damaged_ns < self.timeout_ns.saturating_mul(PATIENCE.into()) {
-            return Ok(());
+    fn deliver_pairs(&mut self, next: fn(&mut Pairing) -> Option<[Capture; 2]>) -> Result<()> {
+        loop {
+            let pair = next(&mut self.pairing);
+            self.tally().unpaired = self.pairing.unpaired();
+            match pair {
+                Some(pair) => self.deliver(pair)?,
+                None => return Ok(()),
+            }
         }
-        let reason = format!("all its images came damaged for {:.1} s; check its cable", damaged_ns as f64 / 1e9);
-        Err(side.blame(Error::camera(&camera.name, reason)))
     }
 
     fn deliver(&mut self, [left, right]: [Capture; 2]) -> Result<()> {
-        self.balance.observe(&left.image, &right.image, left.settings);
+        self.balance.observe(&left.image, &right.image, left.ordered);
+        if !left.settings.is_near(right.settings) && !std::mem::replace(&mut self.told_apart, true) {
+            let [a, b] = &self.cameras;
+            let (ordered, a, b, right) = (left.ordered, &a.name, &b.name, right.settings);
+            tracing::warn!("of {ordered} {a} makes {}, {b} {right}: the two do not expose alike", left.settings);
+        }
         let skew_ns = right.stamp_ns.wrapping_sub(left.stamp_ns) as i64;
         let mut tally = self.tally();
         // Saturates at an hour.
@@ -307,6 +249,7 @@ impl Coordinator {
             },
         };
         let pushed = self.queue.push(frame);
+        self.pairless.pair(self.pairing.unpaired());
         let mut tally = self.tally();
         match pushed {
             Pushed::Taken => {}
@@ -319,5 +262,55 @@ impl Coordinator {
 
     fn tally(&self) -> MutexGuard<'_, Tally> {
         self.tally.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pairing::Rule;
+    use super::super::queue::WhenFull;
+    use super::super::{Limits, Policy};
+    use super::*;
+    use crate::stereo::Gray;
+
+    #[test]
+    fn what_was_taken_before_the_end_is_in_a_pair_or_counted() {
+        let clock = Clock::scripted();
+        let settings = Settings { shutter_us: 100, gain_mdb: 0 };
+        let limits = Limits { shutter_us: 100..=100, gain_mdb: 0..=0 };
+        let (reports, tally) = (Mailbox::new(&clock), Arc::<Mutex<Tally>>::default());
+        let queue = Arc::new(Queue::new(1, WhenFull::Drop));
+        let coordinator = Coordinator {
+            orders: [Mailbox::new(&clock), Mailbox::new(&clock)],
+            reports: reports.clone(),
+            firing: Policy::Free { period_ns: 1 }.into(),
+            pairing: Pairing::new(Rule::Arrival),
+            pairless: Pairless::default(),
+            balance: Balance::new(limits, settings, 1),
+            queue: queue.clone(),
+            tally: tally.clone(),
+            rig: None,
+            timeout_ns: 1,
+            cameras: Side::BOTH.map(|side| CameraState::new(side, String::new())),
+            planned: (0, settings),
+            told_apart: false,
+            clock,
+        };
+        let image = Gray::filled(1, 1, 7).unwrap();
+        let capture = Capture { image, stamp_ns: 1, trigger_id: None, ordered: settings, settings };
+        for (side, taken) in [
+            (Side::Left, Taken::Image(capture.clone())),
+            (Side::Left, Taken::Image(capture.clone())),
+            (Side::Right, Taken::Damaged),
+            (Side::Right, Taken::Image(capture)),
+        ] {
+            reports.send(Report { side, event: Event::Captured(taken) });
+        }
+        reports.close();
+        coordinator.run();
+        assert!(queue.pop().unwrap().is_some());
+        let tally = tally.lock().unwrap();
+        assert_eq!((tally.frames, tally.pairs), ([2, 2], 1));
+        assert_eq!(tally.unpaired.iter().sum::<u64>(), 2);
     }
 }

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A channel whose ends are the same thing, and whose waiting a scripted clock knows of. What is sent is bounded by its
-/// users: a camera gets an order only after its answer was read.
+/// users: a camera gets an order only after its answer was read, and gives few images for one.
 pub(super) struct Mailbox<T> {
     clock: Arc<Clock>,
     content: Mutex<Content<T>>,
@@ -42,7 +42,7 @@ impl<T> Mailbox<T> {
         self.clock.notify();
     }
 
-    /// Nothing is received after this, not even what was sent before.
+    /// Nothing is received after this, not even what was sent before: see [`Mailbox::drain`].
     pub(super) fn close(&self) {
         self.lock().closed = true;
         self.clock.notify();
@@ -58,6 +58,11 @@ impl<T> Mailbox<T> {
             content.messages.pop_front().map(Received::Message)
         };
         self.clock.wait_until(until_ns, look).unwrap_or(Received::Nothing)
+    }
+
+    /// What was sent and not received, of a closed mailbox.
+    pub(super) fn drain(&self) -> VecDeque<T> {
+        std::mem::take(&mut self.lock().messages)
     }
 
     fn lock(&self) -> MutexGuard<'_, Content<T>> {

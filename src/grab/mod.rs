@@ -22,10 +22,12 @@ mod clock;
 mod coordinator;
 mod device_clock;
 mod exposure;
+mod firing;
 #[cfg(feature = "genicam")]
 pub mod genicam;
 mod mailbox;
 mod pairing;
+mod pairless;
 mod pulser;
 mod queue;
 mod serial;
@@ -34,12 +36,13 @@ mod tally;
 mod trigger;
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod v4l2;
+mod watch;
 
 pub use camera::{Camera, Capture, Limits, Settings, Side, Taken};
 pub use clock::{Clock, Participant};
 pub use device_clock::DeviceClock;
 pub use exposure::Balance;
-pub use pairing::{Pairing, Rule, Unpaired, WAITING};
+pub use pairing::{ARRIVAL_BYTES, Pairing, Rule, Unpaired, WAITING};
 pub use queue::{Pushed, Queue, WhenFull};
 pub use serial::SerialTrigger;
 pub use tally::Tally;
@@ -48,11 +51,13 @@ pub use trigger::{Policy, Pulse, Trigger};
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, Rig};
 use acquire::{Report, acquire};
-use coordinator::{CameraState, Coordinator};
+use coordinator::Coordinator;
 use mailbox::Mailbox;
+use pairless::Pairless;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use watch::CameraState;
 
 /// Two cameras and how to grab from them.
 pub struct Setup {
@@ -67,7 +72,8 @@ pub struct Setup {
     pub max_shutter_us: u32,
     /// Pairs from one look of the exposure balance to the next.
     pub balance_every: u32,
-    /// How long a camera may take for what it has to do. The third time in a row that it does not is an error.
+    /// How long a camera may take for what it has to do, beyond its shutter time, and beyond the period where nothing of
+    /// svl's fires it. The third time in a row that it does not is an error.
     pub timeout: Duration,
     /// Pairs that may wait for the writer.
     pub queue: usize,
@@ -103,20 +109,22 @@ impl Grabber {
         let orders = [Mailbox::new(&clock), Mailbox::new(&clock)];
         let queue = Arc::new(Queue::new(setup.queue, setup.when_full));
         let tally = Arc::new(Mutex::new(Tally::default()));
-        let names = [cameras[0].name(), cameras[1].name()];
+        let states = Side::BOTH.map(|side| CameraState::new(side, cameras[side as usize].name()));
         let coordinator = Coordinator {
             clock: clock.clone(),
             orders: orders.clone(),
             reports: reports.clone(),
             firing: policy.into(),
             pairing: Pairing::new(rule),
+            pairless: Pairless::default(),
             balance: Balance::new(limits, settings, setup.balance_every.max(1)),
             queue: queue.clone(),
             tally: tally.clone(),
             rig,
             timeout_ns: setup.timeout.as_nanos().min(u64::MAX.into()) as u64,
-            cameras: names.map(CameraState::new),
+            cameras: states,
             planned: (0, settings),
+            told_apart: false,
         };
         // All are reckoned with before the first begins.
         let mut work: Vec<(String, Box<dyn FnOnce() + Send>)> = Vec::new();

@@ -8,9 +8,12 @@ use std::collections::VecDeque;
 pub enum Rule {
     /// The same pulse fired both.
     Trigger,
-    /// Their stamps are at most so far apart. Less than half a period makes it unambiguous.
-    Stamp { max_skew_ns: u64 },
-    /// The n-th of one and the n-th of the other, whatever they show: to see what goes wrong (thesis, figure 4.2).
+    /// No other image is nearer in time to either, and they are at most so far apart. An image may have to wait for the
+    /// next of its camera, which may be nearer to its partner; not when they are less than a quarter of the period apart,
+    /// as a camera's images are at least half of it apart.
+    Stamp { max_skew_ns: u64, period_ns: u64 },
+    /// The n-th of one and the n-th of the other, whatever they show: to see what goes wrong (thesis, figure 4.2). Images
+    /// wait for their n-th partner up to [`ARRIVAL_BYTES`] of them.
     Arrival,
 }
 
@@ -29,16 +32,19 @@ pub enum Unpaired {
     Unfinished,
     /// Part of it was lost on its way from the camera.
     Damaged,
+    /// The camera took it before its settings were in force, or of a pulse that had been given up.
+    Unready,
 }
 
 impl Unpaired {
-    pub const ALL: [Unpaired; 6] = [
+    pub const ALL: [Unpaired; 7] = [
         Unpaired::Missed,
         Unpaired::Skew,
         Unpaired::Settings,
         Unpaired::Overdue,
         Unpaired::Unfinished,
         Unpaired::Damaged,
+        Unpaired::Unready,
     ];
 
     /// For a person, after a number.
@@ -50,12 +56,27 @@ impl Unpaired {
             Unpaired::Overdue => "given up waiting",
             Unpaired::Unfinished => "unfinished at the end",
             Unpaired::Damaged => "damaged on the way",
+            Unpaired::Unready => "taken before the camera was ready",
+        }
+    }
+
+    /// What helps when there are no others.
+    pub(super) fn cure(self) -> &'static str {
+        match self {
+            Unpaired::Missed | Unpaired::Overdue => {
+                "--trigger software or serial:DEVICE waits until both cameras are ready, a lower rate gives them time"
+            }
+            Unpaired::Skew => "fire both with one --trigger, or allow more with --max-skew-ms",
+            Unpaired::Damaged => "check the cables",
+            Unpaired::Settings | Unpaired::Unfinished | Unpaired::Unready => "try another --trigger",
         }
     }
 }
 
 /// Images of one camera that may wait for the other's.
 pub const WAITING: usize = 16;
+/// Of images that are paired in the order of arrival, more wait with every pulse that one camera misses.
+pub const ARRIVAL_BYTES: usize = 1 << 29;
 
 /// Pairs images as they come. Each camera's come in the order of their exposure.
 pub struct Pairing {
@@ -64,17 +85,48 @@ pub struct Pairing {
     unpaired: [u64; Unpaired::ALL.len()],
 }
 
+/// What becomes of the two images that have waited longest.
+enum Verdict {
+    Pair,
+    /// Not yet known: the next image of this camera may be nearer.
+    Wait(Side),
+    Partnerless(Side, Unpaired),
+}
+
 impl Pairing {
     pub fn new(rule: Rule) -> Self {
         Self { rule, waiting: Default::default(), unpaired: [0; Unpaired::ALL.len()] }
     }
 
-    /// Takes an image, and gives back the pair that it completes, left first.
-    pub fn push(&mut self, side: Side, capture: Capture) -> Option<[Capture; 2]> {
-        self.waiting[side as usize].push_back(capture);
-        let pair = self.match_heads();
-        if self.waiting[side as usize].len() > WAITING {
+    /// Takes an image, left or right; [`Pairing::pair`] has the pairs that it completes.
+    pub fn push(&mut self, side: Side, capture: Capture) {
+        let (width, height) = capture.image.size();
+        let most = match self.rule {
+            Rule::Arrival => WAITING.max(ARRIVAL_BYTES / (width * height)),
+            _ => WAITING,
+        };
+        let queue = &mut self.waiting[side as usize];
+        queue.push_back(capture);
+        // Who has the next pairs at once leaves at most one camera's images waiting, and one of the other's.
+        if queue.len() > most {
             self.give_up(side, Unpaired::Overdue);
+        }
+    }
+
+    /// The next pair that there is, left first. To be asked until there is none.
+    pub fn pair(&mut self) -> Option<[Capture; 2]> {
+        self.pair_heads(false)
+    }
+
+    /// As [`Pairing::pair`] when no more images come; what then still waits is given up.
+    pub fn finish(&mut self) -> Option<[Capture; 2]> {
+        let pair = self.pair_heads(true);
+        if pair.is_none() {
+            for side in Side::BOTH {
+                while !self.waiting[side as usize].is_empty() {
+                    self.give_up(side, Unpaired::Unfinished);
+                }
+            }
         }
         pair
     }
@@ -89,35 +141,38 @@ impl Pairing {
         self.unpaired
     }
 
-    /// Gives up what still waits.
-    pub fn finish(&mut self) {
-        for side in Side::BOTH {
-            while !self.waiting[side as usize].is_empty() {
-                self.give_up(side, Unpaired::Unfinished);
-            }
-        }
-    }
-
-    fn match_heads(&mut self) -> Option<[Capture; 2]> {
+    fn pair_heads(&mut self, ended: bool) -> Option<[Capture; 2]> {
         while let [Some(left), Some(right)] = [self.waiting[0].front(), self.waiting[1].front()] {
-            let partnerless = match self.rule {
-                Rule::Arrival => None,
+            let verdict = match self.rule {
+                Rule::Arrival => Verdict::Pair,
                 Rule::Trigger => by_trigger(left, right),
-                Rule::Stamp { max_skew_ns } if left.stamp_ns.abs_diff(right.stamp_ns) > max_skew_ns => {
-                    let earlier = if left.stamp_ns < right.stamp_ns { Side::Left } else { Side::Right };
-                    Some((earlier, Unpaired::Skew))
-                }
-                Rule::Stamp { .. } => None,
+                Rule::Stamp { max_skew_ns, period_ns } => self.by_stamp(left, right, max_skew_ns, period_ns),
             };
-            match partnerless {
-                Some((side, reason)) => self.give_up(side, reason),
-                None if left.settings != right.settings => {
+            match verdict {
+                Verdict::Wait(side) if !ended && self.waiting[side.other() as usize].len() < WAITING => return None,
+                Verdict::Partnerless(side, reason) => self.give_up(side, reason),
+                _ if left.ordered != right.ordered => {
                     Side::BOTH.into_iter().for_each(|side| self.give_up(side, Unpaired::Settings));
                 }
-                None => return Some([self.waiting[0].pop_front()?, self.waiting[1].pop_front()?]),
+                _ => return Some([self.waiting[0].pop_front()?, self.waiting[1].pop_front()?]),
             }
         }
         None
+    }
+
+    /// Nothing that comes is nearer to the earlier of the two than the later; but its own next may be nearer to that.
+    fn by_stamp(&self, left: &Capture, right: &Capture, max_skew_ns: u64, period_ns: u64) -> Verdict {
+        let skew_ns = left.stamp_ns.abs_diff(right.stamp_ns);
+        let (earlier, later_ns) =
+            if left.stamp_ns < right.stamp_ns { (Side::Left, right.stamp_ns) } else { (Side::Right, left.stamp_ns) };
+        if skew_ns > max_skew_ns {
+            return Verdict::Partnerless(earlier, Unpaired::Skew);
+        }
+        match self.waiting[earlier as usize].get(1) {
+            Some(next) if next.stamp_ns.abs_diff(later_ns) < skew_ns => Verdict::Partnerless(earlier, Unpaired::Skew),
+            None if skew_ns > period_ns / 4 => Verdict::Wait(earlier),
+            _ => Verdict::Pair,
+        }
     }
 
     fn give_up(&mut self, side: Side, reason: Unpaired) {
@@ -126,13 +181,13 @@ impl Pairing {
 }
 
 /// Which of the two has no partner: the one of the earlier pulse, or of none that is known.
-fn by_trigger(left: &Capture, right: &Capture) -> Option<(Side, Unpaired)> {
+fn by_trigger(left: &Capture, right: &Capture) -> Verdict {
     let side = match (left.trigger_id, right.trigger_id) {
         (None, _) => Side::Left,
         (_, None) => Side::Right,
         (left, right) if left < right => Side::Left,
         (left, right) if right < left => Side::Right,
-        _ => return None,
+        _ => return Verdict::Pair,
     };
-    Some((side, Unpaired::Missed))
+    Verdict::Partnerless(side, Unpaired::Missed)
 }

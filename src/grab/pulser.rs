@@ -26,12 +26,12 @@ impl Pulser {
             let mut due_ns = clock.now_ns();
             while stop.receive(due_ns) == Received::Nothing {
                 if let Err(error) = trigger.fire() {
-                    // Whatever the side and the order, it ends the run.
-                    reports.send(Report { side: Side::Left, number: 0, event: Event::Failed(error) });
+                    // Whatever the side, it ends the run.
+                    reports.send(Report { side: Side::Left, event: Event::Failed(error) });
                     break;
                 }
                 tally.lock().unwrap_or_else(PoisonError::into_inner).pulses += 1;
-                due_ns = (due_ns + period_ns).max(clock.now_ns());
+                due_ns = due_ns.saturating_add(period_ns).max(clock.now_ns());
             }
             drop(participant);
         });

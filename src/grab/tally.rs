@@ -106,7 +106,12 @@ impl fmt::Display for Tally {
         if *unread > 0 {
             write!(f, ", {unread} grabbed beyond the end")?;
         }
-        write!(f, "; skew {}; writer's lateness {}", Percentiles(&self.skew_ns), Percentiles(&self.lateness_ns))
+        for (name, times) in [("skew", &self.skew_ns), ("writer's lateness", &self.lateness_ns)] {
+            if !times.is_empty() {
+                write!(f, "; {name} {}", Percentiles(times))?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -117,5 +122,18 @@ impl fmt::Display for Percentiles<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |quantile| self.0.value_at_quantile(quantile) as f64 / 1e6;
         write!(f, "p50 {:.3} p99 {:.3} max {:.3} ms", ms(0.5), ms(0.99), ms(1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_of_nothing_are_not_told() {
+        let mut tally = Tally::default();
+        assert!(tally.to_string().ends_with("0 waits for the writer"), "{tally}");
+        tally.skew_ns.saturating_record(1_000_000);
+        assert!(tally.to_string().contains("; skew p50 1.000") && !tally.to_string().contains("lateness"), "{tally}");
     }
 }

@@ -7,7 +7,8 @@ use crate::error::Result;
 pub struct Pulse {
     /// Number of the pulse.
     pub id: u64,
-    /// When it rose.
+    /// When it was asked for, by the host's clock just before: it rose as much later as the way to the cameras takes, with
+    /// the trigger controller a byte's way over USB.
     pub stamp_ns: u64,
 }
 
@@ -28,5 +29,5 @@ pub enum Policy {
     /// At a fixed rate, armed or not: a camera that is late misses its pulse (thesis, figure 4.2).
     FixedRate { trigger: Box<dyn Trigger>, period_ns: u64 },
     /// Each by its own clock, without a trigger.
-    Free,
+    Free { period_ns: u64 },
 }

@@ -1,6 +1,7 @@
 //! One chunk of an MCAP file, decompressed and checked before it is used.
 
-use super::records::{MAX_RECORD, u64_at};
+use super::layout::{body_size, u32_at, u64_at};
+use super::records::MAX_RECORD;
 use mcap::records::{Record, op};
 use std::io::Read as _;
 use std::ops::Range;
@@ -12,12 +13,29 @@ pub(super) struct Chunk {
     next: usize,
     /// The current record without its head.
     body: Range<usize>,
+    /// Whether its CRC was there to fit.
+    has_crc: bool,
     zstd: zstd::bulk::Decompressor<'static>,
+}
+
+/// Bytes that a chunk's records have once decompressed, by the beginning of its record of `length` bytes; nothing where
+/// that is not how a chunk begins.
+pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
+    let name = u32_at(record, 28)? as usize;
+    let compression = record.get(32..)?.get(..name)?;
+    let size = u64_at(record, 16)?;
+    let fits = match compression {
+        b"" => size == u64_at(record, 32)?,
+        b"zstd" | b"lz4" => size <= MAX_RECORD,
+        _ => false,
+    };
+    let times_are_in_order = u64_at(record, 0)? <= u64_at(record, 8)?;
+    (fits && times_are_in_order && body_size(op::CHUNK, record) == Some(length)).then_some(size)
 }
 
 impl Chunk {
     pub(super) fn new() -> std::io::Result<Self> {
-        Ok(Self { records: Vec::new(), next: 0, body: 0..0, zstd: zstd::bulk::Decompressor::new()? })
+        Ok(Self { records: Vec::new(), next: 0, body: 0..0, has_crc: false, zstd: zstd::bulk::Decompressor::new()? })
     }
 
     /// Opens the chunk whose record holds `record`.
@@ -43,6 +61,9 @@ impl Chunk {
         let Record::Chunk { header, data } = mcap::parse_record(op::CHUNK, record).map_err(|e| e.to_string())? else {
             return Err("it is none".to_owned());
         };
+        if body_size(op::CHUNK, record) != Some(record.len() as u64) {
+            return Err("its lengths do not agree".to_owned());
+        }
         let (size, records) = (header.uncompressed_size, &mut self.records);
         if size > MAX_RECORD {
             return Err(format!("it holds {size} bytes, more than {MAX_RECORD}"));
@@ -64,7 +85,23 @@ impl Chunk {
         if saved != 0 && saved != calculated {
             return Err(format!("its CRC is {calculated:08x}, {saved:08x} expected"));
         }
+        self.has_crc = saved != 0 || records.is_empty();
         Ok(())
+    }
+
+    /// Whether what it holds was checked.
+    pub(super) fn has_crc(&self) -> bool {
+        self.has_crc
+    }
+
+    /// Whether it holds records, each of a kind that chunks have, and nothing beside them. It is at its first one then.
+    pub(super) fn has_only_whole_records(&mut self) -> bool {
+        let mut whole = !self.records.is_empty();
+        while whole && !self.is_done() {
+            whole = self.advance().is_ok();
+        }
+        (self.next, self.body) = (0, 0..0);
+        whole
     }
 
     /// Whether there are no more records.
@@ -75,9 +112,14 @@ impl Chunk {
     /// Goes to the next record and says what it is.
     ///
     /// # Errors
-    /// When the chunk ends inside of it.
+    /// When the chunk ends inside of it, or it is of a kind that stands outside of chunks alone.
     pub(super) fn advance(&mut self) -> Result<u8, &'static str> {
-        let (opcode, body) = self.split().ok_or("a chunk ends inside one of its records")?;
+        let (opcode, body) =
+            self.split().ok_or("the rest of a chunk cannot be read: it ends inside one of its records")?;
+        // Those of other programs' own kinds may stand anywhere.
+        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE | 0x80..) {
+            return Err("the rest of a chunk cannot be read: what follows is none of a chunk's records");
+        }
         (self.next, self.body) = (body.end, body);
         Ok(opcode)
     }

@@ -1,6 +1,7 @@
 //! What a recording says of itself.
 
 use super::CALIBRATION;
+use super::bag::files;
 use super::messages::{Event, Messages};
 use crate::error::{Error, Result};
 use mcap::records::Metadata;
@@ -86,21 +87,23 @@ pub fn header(path: &Path) -> Result<Header> {
     Err(Error::format(path, format!("is not a recording of svl: it has no metadata record '{RECORD}'")))
 }
 
-/// The files of the calibration by which the pairs of the recording at `path` were rectified: names and contents.
+/// The files of the calibration by which the pairs of the recording at `path` were rectified, or can be: names and contents.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
 pub fn calibration_files(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    let mut messages = Messages::beside(path)?;
-    let mut files = Vec::new();
-    while let Some(event) = messages.next()? {
-        if let Event::Attachment { name, data } = event
-            && let Some(name) = name.strip_prefix(CALIBRATION)
-        {
-            files.push((name.to_owned(), data.to_vec()));
+    let mut found = Vec::new();
+    for file in files(path)? {
+        let mut messages = Messages::beside(&file)?;
+        while let Some(event) = messages.next()? {
+            if let Event::Attachment { name, data } = event
+                && let Some(name) = name.strip_prefix(CALIBRATION)
+            {
+                found.push((name.to_owned(), data.to_vec()));
+            }
         }
     }
-    Ok(files)
+    Ok(found)
 }
 
 /// The attachment `name` of the recording at `path`, if there is one.
@@ -108,12 +111,14 @@ pub fn calibration_files(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
 pub fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
-    let mut messages = Messages::beside(path)?;
-    while let Some(event) = messages.next()? {
-        if let Event::Attachment { name: found, data } = event
-            && found == name
-        {
-            return Ok(Some(data.to_vec()));
+    for file in files(path)? {
+        let mut messages = Messages::beside(&file)?;
+        while let Some(event) = messages.next()? {
+            if let Event::Attachment { name: found, data } = event
+                && found == name
+            {
+                return Ok(Some(data.to_vec()));
+            }
         }
     }
     Ok(None)

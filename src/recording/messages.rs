@@ -1,8 +1,10 @@
 //! The messages of an MCAP file with their channels, and what stands between them.
 
-use super::records::{Loss, Records};
-use crate::error::Result;
-use mcap::records::{Header, Metadata, Record, op};
+use super::loss::Loss;
+use super::records::{ANOTHER, Records};
+use crate::counted;
+use crate::error::{Error, Result};
+use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -17,53 +19,71 @@ pub(super) struct Channel {
 
 /// What a file holds, piece by piece.
 pub(super) enum Event<'a> {
-    Message {
-        channel: &'a Channel,
-        log_time: u64,
-        data: Cow<'a, [u8]>,
-    },
+    Message { channel: &'a Channel, log_time: u64, data: Cow<'a, [u8]> },
     Metadata(Metadata),
-    Attachment {
-        name: String,
-        data: Cow<'a, [u8]>,
-    },
+    Attachment { name: String, data: Cow<'a, [u8]> },
     Library(Header),
-    /// Messages per topic, from the summary section.
-    Counts(BTreeMap<String, u64>),
 }
 
-/// Reads a file from start to end.
+/// What a file declares.
+#[derive(Clone, Default)]
+struct Declared {
+    schemas: HashMap<u16, Schema>,
+    channels: HashMap<u16, (Channel, records::Channel)>,
+    /// How much it should hold, by its summary.
+    promised: Option<Counts>,
+}
+
+pub(super) type Schema = (SchemaHeader, Vec<u8>);
+
+#[derive(Clone, Default)]
+struct Counts {
+    /// By channel.
+    messages: BTreeMap<u16, u64>,
+    attachments: u64,
+    metadata: u64,
+}
+
+/// Reads a file from start to end, and those that were appended to it.
 pub(super) struct Messages {
     records: Records,
-    schemas: HashMap<u16, String>,
-    channels: HashMap<u16, Channel>,
+    /// By the current file, so far.
+    declared: Declared,
+    found: Counts,
+    /// By the files before it.
+    past: Vec<Declared>,
+    /// By each, where it is known before it is read: what a damaged chunk declared, the summary declares again.
+    beforehand: Vec<Declared>,
+    missing: BTreeMap<String, u64>,
+}
+
+/// Where the summary section stands, if anywhere.
+enum SummaryOf {
+    Nothing,
+    All(Declared),
+    /// Not where the footer says, or it is damaged.
+    Unknown,
 }
 
 impl Messages {
     /// # Errors
     /// [`crate::Error::Io`]; [`crate::Error::Format`] for what is not an MCAP file.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        Ok(Self { records: Records::open(path)?, schemas: HashMap::new(), channels: HashMap::new() })
+        Ok(Self::of(Records::open(path)?, Vec::new()))
     }
 
-    /// As [`Messages::open`], for what is still good in a damaged file: see [`Records`].
+    /// As [`Messages::open`], for what is still good in a damaged file: see [`Records::salvage`].
     pub(super) fn salvage(path: &Path) -> Result<Self> {
-        let mut messages = Self::open(path)?;
-        // What a damaged chunk declared, the summary declares again; a damaged one is of no use.
-        if messages.records.seek_summary()? {
-            let whole = loop {
-                match messages.next() {
-                    Ok(Some(_)) => {}
-                    end => break end.is_ok(),
-                }
-            };
-            if !whole {
-                messages = Self::open(path)?;
+        let beforehand = match Self::summary(path)? {
+            SummaryOf::Nothing => Vec::new(),
+            SummaryOf::All(declared) => vec![declared],
+            SummaryOf::Unknown => {
+                let mut messages = Self::of(Records::salvage(path)?, Vec::new());
+                while messages.advance()?.is_some() {}
+                messages.past
             }
-        }
-        messages.records = Records::open(path)?;
-        messages.records.salvage();
-        Ok(messages)
+        };
+        Ok(Self::of(Records::salvage(path)?, beforehand))
     }
 
     /// As [`Messages::open`], for what stands beside the messages alone.
@@ -73,29 +93,57 @@ impl Messages {
         Ok(messages)
     }
 
-    /// What was passed over.
-    pub(super) fn take_losses(&mut self) -> Vec<Loss> {
-        self.records.take_losses()
+    fn of(records: Records, beforehand: Vec<Declared>) -> Self {
+        Self {
+            records,
+            declared: Declared::default(),
+            found: Counts::default(),
+            past: Vec::new(),
+            beforehand,
+            missing: BTreeMap::new(),
+        }
+    }
+
+    fn summary(path: &Path) -> Result<SummaryOf> {
+        let Ok(records) = Records::open(path) else { return Ok(SummaryOf::Unknown) };
+        let mut messages = Self::of(records, Vec::new());
+        if !messages.records.seek_summary()? {
+            return Ok(SummaryOf::Nothing);
+        }
+        loop {
+            match messages.advance() {
+                Ok(Some(_)) => {}
+                Ok(None) => return Ok(SummaryOf::All(messages.past.swap_remove(0))),
+                Err(Error::Damaged { .. }) => return Ok(SummaryOf::Unknown),
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// What was passed over, and messages that the files' own summaries count and that were not found, by topic.
+    pub(super) fn take_losses(&mut self) -> (Vec<Loss>, BTreeMap<String, u64>) {
+        (self.records.take_losses(), std::mem::take(&mut self.missing))
+    }
+
+    /// Whether a CRC vouches for all messages read so far.
+    pub(super) fn is_checked(&self) -> bool {
+        self.records.is_checked()
     }
 
     /// How many messages `topic` has by the file's summary, where it has one.
     pub(super) fn count(path: &Path, topic: &str) -> Result<Option<u64>> {
-        let mut summary = Self::open(path)?;
-        if !summary.records.seek_summary()? {
-            return Ok(None);
-        }
-        let mut counts = None;
-        while let Some(event) = summary.next()? {
-            if let Event::Counts(found) = event {
-                counts = Some(found);
-            }
-        }
-        Ok(counts.map(|counts| counts.get(topic).copied().unwrap_or(0)))
+        let SummaryOf::All(declared) = Self::summary(path)? else { return Ok(None) };
+        let Some(promised) = declared.promised else { return Ok(None) };
+        let of_topic = |id: &u16| declared.channels.get(id).is_some_and(|(channel, _)| channel.topic == topic);
+        let counts = promised.messages.iter().filter(|(id, _)| of_topic(id));
+        Ok(Some(counts.fold(0, |sum, (_, n)| sum.saturating_add(*n))))
     }
 
-    /// Channels met so far, in the order of their topics.
+    /// Channels of the file, of the first where several stand one behind the other, in the order of their topics. Before
+    /// its end, those met so far.
     pub(super) fn channels(&self) -> Vec<&Channel> {
-        let mut channels: Vec<_> = self.channels.values().collect();
+        let declared = self.past.first().unwrap_or(&self.declared);
+        let mut channels: Vec<_> = declared.channels.values().map(|(channel, _)| channel).collect();
         channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
         channels
     }
@@ -103,14 +151,34 @@ impl Messages {
     /// All channels of the file at `path`: those its summary names, or else those met on reading it, as far as it goes.
     pub(super) fn all_channels(path: &Path) -> Result<Vec<Channel>> {
         let mut messages = Self::open(path)?;
-        if messages.records.seek_summary()? {
-            while let Ok(Some(_)) = messages.next() {}
+        if let SummaryOf::All(declared) = Self::summary(path)? {
+            messages.declared = declared;
         }
-        if messages.channels.is_empty() {
-            messages = Self::open(path)?;
-            while let Ok(Some(_)) = messages.next() {}
+        if messages.declared.channels.is_empty() {
+            while let Ok(Some(_)) = messages.advance() {}
         }
         Ok(messages.channels().into_iter().cloned().collect())
+    }
+
+    /// Everything declared, as it was written: channels and their schemas, file by file.
+    pub(super) fn declarations(&self) -> impl Iterator<Item = (&records::Channel, Option<&Schema>)> {
+        self.past.iter().chain([&self.declared]).flat_map(|declared| {
+            let mut channels: Vec<_> = declared.channels.values().map(|(_, channel)| channel).collect();
+            channels.sort_unstable_by_key(|channel| channel.id);
+            channels.into_iter().map(|channel| (channel, declared.schemas.get(&channel.schema_id)))
+        })
+    }
+
+    /// A channel of the current file, as it was written, and its schema.
+    pub(super) fn declaration(&self, id: u16) -> Option<(&records::Channel, Option<&Schema>)> {
+        let (_, channel) = self.channel(id)?;
+        let before = || self.beforehand.get(self.past.len())?.schemas.get(&channel.schema_id);
+        Some((channel, self.declared.schemas.get(&channel.schema_id).or_else(before)))
+    }
+
+    fn channel(&self, id: u16) -> Option<&(Channel, records::Channel)> {
+        let before = || self.beforehand.get(self.past.len())?.channels.get(&id);
+        self.declared.channels.get(&id).or_else(before)
     }
 
     /// The next piece; nothing at the end of the file, and after an error.
@@ -118,19 +186,47 @@ impl Messages {
     /// # Errors
     /// [`crate::Error::Damaged`] where the file ends early or is not what its CRCs say.
     pub(super) fn next(&mut self) -> Result<Option<Event<'_>>> {
-        while let Some(opcode) = self.records.advance()? {
-            if let Err(reason) = self.check(opcode) {
-                self.records.lose(&reason)?;
-                continue;
-            }
-            match opcode {
-                op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER | op::STATISTICS => {
-                    return self.event(opcode);
-                }
-                _ => {}
+        while let Some(opcode) = self.advance()? {
+            if matches!(opcode, op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER) {
+                return self.event(opcode);
             }
         }
         Ok(None)
+    }
+
+    /// Goes to the next record that can be read, and says what it is; see [`Messages::record`].
+    ///
+    /// # Errors
+    /// As [`Messages::next`].
+    pub(super) fn advance(&mut self) -> Result<Option<u8>> {
+        loop {
+            if self.records.has_ended() {
+                return Ok(None);
+            }
+            let opcode = self.records.advance()?;
+            if opcode.is_none_or(|opcode| opcode == ANOTHER) {
+                self.close()?;
+            }
+            let Some(opcode) = opcode else { return Ok(None) };
+            if opcode == ANOTHER {
+                self.records.begin_another()?;
+                continue;
+            }
+            match self.check(opcode) {
+                Ok(()) => return Ok(Some(opcode)),
+                Err(reason) => self.records.lose(&reason)?,
+            }
+        }
+    }
+
+    /// The record that [`Messages::advance`] went to.
+    pub(super) fn record(&self, opcode: u8) -> Result<Record<'_>> {
+        self.records.parse(opcode).map_err(|reason| self.records.damaged(&reason))
+    }
+
+    /// How many files stand before the current one in the same.
+    pub(super) fn part(&self) -> usize {
+        self.past.len()
     }
 
     /// Takes in what the current record declares, and makes sure that it can be read.
@@ -139,43 +235,99 @@ impl Messages {
             op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER | op::STATISTICS | op::SCHEMA | op::CHANNEL => {}
             _ => return Ok(()),
         }
+        let before = self.beforehand.get(self.past.len());
+        let Declared { schemas, channels, promised } = &mut self.declared;
         match self.records.parse(opcode)? {
-            Record::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name);
+            Record::Schema { header, data } => {
+                let same = |(known, _): &Schema| (&known.name, &known.encoding) == (&header.name, &header.encoding);
+                if !schemas.get(&header.id).is_none_or(same) {
+                    return Err(format!("schema {} is declared twice, not as the same", header.id));
+                }
+                schemas.insert(header.id, (header, data.into_owned()));
             }
             Record::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                let (topic, encoding) = (channel.topic, channel.message_encoding);
-                self.channels.insert(channel.id, Channel { topic, schema, encoding });
+                let id = channel.schema_id;
+                let schema = schemas.get(&id).or_else(|| before?.schemas.get(&id));
+                let schema = schema.map(|(schema, _)| schema.name.clone()).unwrap_or_default();
+                let (topic, encoding) = (channel.topic.clone(), channel.message_encoding.clone());
+                let new = Channel { topic, schema, encoding };
+                if !channels.get(&channel.id).is_none_or(|(known, _)| *known == new) {
+                    return Err(format!("channel {} is declared twice, not as the same", channel.id));
+                }
+                channels.insert(channel.id, (new, channel));
             }
-            Record::Message { header, .. } if !self.channels.contains_key(&header.channel_id) => {
-                return Err(format!("a message of unknown channel {}", header.channel_id));
+            Record::Message { header, .. } => {
+                let id = &header.channel_id;
+                if !channels.contains_key(id) && !before.is_some_and(|before| before.channels.contains_key(id)) {
+                    return Err("a message is of a channel that is declared nowhere".to_owned());
+                }
+                *self.found.messages.entry(header.channel_id).or_default() += 1;
+            }
+            Record::Attachment { .. } => self.found.attachments += 1,
+            Record::Metadata(_) => self.found.metadata += 1,
+            Record::Statistics(statistics) => {
+                *promised = Some(Counts {
+                    messages: statistics.channel_message_counts,
+                    attachments: statistics.attachment_count.into(),
+                    metadata: statistics.metadata_count.into(),
+                });
             }
             _ => {}
         }
         Ok(())
     }
 
+    /// Ends the current file: whether it held what its summary promises.
+    fn close(&mut self) -> Result<()> {
+        let (mut declared, found) = (std::mem::take(&mut self.declared), std::mem::take(&mut self.found));
+        if let Some(before) = self.beforehand.get_mut(self.past.len()).map(std::mem::take) {
+            for (id, schema) in before.schemas {
+                declared.schemas.entry(id).or_insert(schema);
+            }
+            for (id, channel) in before.channels {
+                declared.channels.entry(id).or_insert(channel);
+            }
+            declared.promised = declared.promised.or(before.promised);
+        }
+        self.past.push(declared);
+        let Some(Declared { channels, promised: Some(promised), .. }) = self.past.last() else { return Ok(()) };
+        if !self.records.reads_all() {
+            return Ok(());
+        }
+        let mut messages = 0_u64;
+        for (id, n) in &promised.messages {
+            let missing = n.saturating_sub(found.messages.get(id).copied().unwrap_or(0));
+            messages = messages.saturating_add(missing);
+            if let Some((channel, _)) = channels.get(id).filter(|_| missing > 0) {
+                let sum = self.missing.entry(channel.topic.clone()).or_default();
+                *sum = sum.saturating_add(missing);
+            }
+        }
+        // What was found damaged already explains it.
+        if self.records.has_losses() {
+            return Ok(());
+        }
+        let lacking = [
+            (messages, "message"),
+            (promised.attachments.saturating_sub(found.attachments), "attachment"),
+            (promised.metadata.saturating_sub(found.metadata), "metadata record"),
+        ];
+        let lacking: Vec<_> = lacking.iter().filter(|(n, _)| *n > 0).map(|(n, noun)| counted(*n, noun)).collect();
+        if lacking.is_empty() {
+            return Ok(());
+        }
+        self.records.missing(&format!("its summary counts {} more than it holds", lacking.join(" and ")))
+    }
+
     fn event(&self, opcode: u8) -> Result<Option<Event<'_>>> {
-        let record = self.records.parse(opcode).map_err(|reason| self.records.damaged(&reason))?;
-        Ok(match record {
+        Ok(match self.record(opcode)? {
             Record::Message { header, data } => {
-                let channel = self.channels.get(&header.channel_id);
-                channel.map(|channel| Event::Message { channel, log_time: header.log_time, data })
+                let channel = self.channel(header.channel_id);
+                channel.map(|(channel, _)| Event::Message { channel, log_time: header.log_time, data })
             }
             Record::Metadata(metadata) => Some(Event::Metadata(metadata)),
             Record::Attachment { header, data, .. } => Some(Event::Attachment { name: header.name, data }),
             Record::Header(header) => Some(Event::Library(header)),
-            Record::Statistics(statistics) => {
-                let mut counts = BTreeMap::<String, u64>::new();
-                for (id, n) in &statistics.channel_message_counts {
-                    if let Some(channel) = self.channels.get(id) {
-                        let count = counts.entry(channel.topic.clone()).or_default();
-                        *count = count.saturating_add(*n);
-                    }
-                }
-                Some(Event::Counts(counts))
-            }
             _ => None,
         })
     }

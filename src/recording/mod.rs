@@ -22,9 +22,10 @@
 //! [`Dialect::Ros2`] is the same in ROS 2's messages alone.
 //!
 //! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are found by their types, and
-//! two images are a pair when their stamps are near enough; see [`Selection`].
+//! two images are a pair when their stamps are near enough; see [`Selection`]. A bag may be the folder of its files.
 
 mod append;
+mod bag;
 mod chunk;
 mod dialect;
 mod float_image;
@@ -32,6 +33,8 @@ mod foreign;
 mod geometry;
 mod gray_image;
 mod header;
+mod layout;
+mod loss;
 mod messages;
 mod pairing;
 mod reader;
@@ -39,6 +42,8 @@ mod records;
 mod recovery;
 mod result;
 mod ros;
+mod salvage;
+mod search;
 mod skew;
 mod steady;
 mod summary;
@@ -46,12 +51,13 @@ mod sync;
 mod truth;
 mod writer;
 
+pub use bag::{files, is_bag, only_file};
 pub use dialect::{Dialect, Format};
 pub use foreign::Selection;
 pub use gray_image::ImageFormat;
 pub use header::{Header, attachment, calibration_files, header};
+pub use loss::Loss;
 pub use reader::Reader;
-pub use records::Loss;
 pub use recovery::{Recovery, recover};
 pub use result::{AlgorithmResult, results};
 pub use skew::{Skew, SkewBin};
@@ -64,7 +70,8 @@ use std::borrow::Cow;
 /// Name of the attachment that is the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
 
-/// What the names of attachments begin with that are files of the calibration by which the pairs were rectified.
+/// What the names of attachments begin with that are files of the calibration by which the pairs were rectified, or, of raw
+/// ones, can be.
 pub const CALIBRATION: &str = "calibration/";
 
 /// Name of the attachment that is the manifest of the run which wrote the recording.

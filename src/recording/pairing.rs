@@ -147,10 +147,7 @@ impl Pairing {
         let Some(Right { image: Some(_), .. }) = self.right.get(&right_stamp) else { return Ok(None) };
         let (left, right) = (self.left.remove(&left_stamp), self.right.remove(&right_stamp));
         let frame = frame(left.unwrap_or_default(), right.unwrap_or_default());
-        match frame {
-            Ok(_) => self.pairs += 1,
-            Err(_) => self.unpaired += 2,
-        }
+        self.pairs += u64::from(frame.is_ok());
         frame.map(Some)
     }
 }

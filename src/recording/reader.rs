@@ -1,5 +1,6 @@
 //! Reads recordings.
 
+use super::bag::files;
 use super::foreign::{Foreign, Selection};
 use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
@@ -7,22 +8,29 @@ use super::{Header, Kind, PROFILE, sync};
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-/// Reads the pairs of one recording in the order of the file, holding a few in memory at a time.
+/// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in the order of the file, holding a few in memory
+/// at a time.
 ///
 /// In svl's own recordings left and right belong together as `/stereo/sync` says, in others as their stamps do.
 pub struct Reader {
     path: PathBuf,
     messages: Messages,
+    /// Files of a bag that come after.
+    rest: VecDeque<PathBuf>,
     pairs_of: PairsOf,
     header: Option<Header>,
     pairs: Option<u64>,
-    /// The first pair, read when the file was opened.
-    first: Option<Frame>,
+    /// The first pair, read when the file was opened, and before it those that cannot be read.
+    ahead: VecDeque<Result<Frame>>,
     /// Damage that was met, to be told after the pairs that came before it.
     damage: Option<Error>,
 }
+
+/// Most pairs before the first good one that are none.
+const UNREADABLE: usize = 1000;
 
 /// Whose pairs they are.
 enum PairsOf {
@@ -34,7 +42,7 @@ impl Reader {
     /// Opens a recording and reads its first pair.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is no recording, has no pairs, or begins with a pair that is none;
+    /// [`Error::Io`]; [`Error::Format`] for what is no recording, or has no pair that can be read;
     /// [`Error::Damaged`] when it ends before its first pair does.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         Self::open_selection(path, &Selection::default())
@@ -46,29 +54,49 @@ impl Reader {
     /// [`Error::Format`] besides, where no two topics are, or more than two may be, the cameras.
     pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
         let path = path.into();
-        let is_own = !selection.names_topics() && is_own(&path)?;
+        let files = files(&path)?;
+        let Some((file, rest)) = files.split_first() else { return Err(Error::format(&path, "has no files")) };
+        let is_own = !selection.names_topics() && rest.is_empty() && is_own(file)?;
         let mut reader = Self {
-            messages: Messages::open(&path)?,
+            messages: Messages::open(file)?,
+            rest: rest.iter().cloned().collect(),
             // Without a good summary the length is unknown; what is wrong with it, reading on will tell.
-            pairs: if is_own { Messages::count(&path, Kind::Sync.topic()).unwrap_or(None) } else { None },
+            pairs: if is_own { Messages::count(file, Kind::Sync.topic()).unwrap_or(None) } else { None },
             pairs_of: match is_own {
                 true => PairsOf::Svl(Pairing::default()),
-                false => PairsOf::Others(Box::new(Foreign::open(&path, selection)?)),
+                false => PairsOf::Others(Box::new(Foreign::open(&path, &files, selection)?)),
             },
             header: None,
-            first: None,
+            ahead: VecDeque::new(),
             damage: None,
             path,
         };
-        reader.first = reader.read()?;
-        if reader.first.is_none() {
-            let reason = match &reader.pairs_of {
-                PairsOf::Svl(pairing) => pairing.why_none(),
-                PairsOf::Others(foreign) => foreign.why_none(),
-            };
-            return Err(Error::format(&reader.path, reason));
-        }
+        reader.read_first()?;
         Ok(reader)
+    }
+
+    /// # Errors
+    /// Why there is no first pair.
+    fn read_first(&mut self) -> Result<()> {
+        while self.ahead.len() < UNREADABLE {
+            match self.read() {
+                Ok(Some(first)) => {
+                    self.ahead.push_back(Ok(first));
+                    return Ok(());
+                }
+                Err(error @ Error::Format { .. }) => self.ahead.push_back(Err(error)),
+                Err(error) => return Err(error),
+                Ok(None) => break,
+            }
+        }
+        if let Some(Err(unreadable)) = self.ahead.pop_front() {
+            return Err(unreadable);
+        }
+        let reason = match &self.pairs_of {
+            PairsOf::Svl(pairing) => pairing.why_none(),
+            PairsOf::Others(foreign) => foreign.why_none(),
+        };
+        Err(Error::format(&self.path, reason))
     }
 
     pub fn path(&self) -> &Path {
@@ -93,6 +121,15 @@ impl Reader {
         }
     }
 
+    /// Images read so far that came when those of their time had been given up for want of room, as the file is not in the
+    /// order of their times.
+    pub fn late(&self) -> u64 {
+        match &self.pairs_of {
+            PairsOf::Svl(_) => 0,
+            PairsOf::Others(foreign) => foreign.late(),
+        }
+    }
+
     /// What a person should know before trusting the pairs of a recording that svl did not write, a line each.
     pub fn remarks(&self) -> Vec<String> {
         match &self.pairs_of {
@@ -114,10 +151,10 @@ impl Reader {
     ///
     /// # Errors
     /// [`Error::Format`] for a pair that is none, after which the next may be asked for. [`Error::Damaged`], once, where
-    /// the file ends early or is not what its CRCs say: all pairs before it are good, and there are no more.
+    /// a file ends early or is not what its CRCs say: all pairs before it are good, and there are no more.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
-        match self.first.take() {
-            Some(first) => Ok(Some(first)),
+        match self.ahead.pop_front() {
+            Some(next) => next.map(Some),
             None => self.read(),
         }
     }
@@ -144,8 +181,12 @@ impl Reader {
                     self.header = self.header.take().or_else(|| Header::from_record(&metadata));
                 }
                 Ok(Some(_)) => {}
-                Ok(None) => ended = true,
-                Err(error) => (ended, self.damage) = (true, Some(error)),
+                Ok(None) => match self.rest.pop_front() {
+                    Some(next) => self.messages = Messages::open(&next)?,
+                    None => ended = true,
+                },
+                // Of this file: it has no more, but a bag may have others.
+                Err(error) => self.damage = self.damage.take().or(Some(error)),
             }
             if ended {
                 self.pairs_of.end();
@@ -153,25 +194,31 @@ impl Reader {
         }
     }
 
-    /// The error with the number of pairs that came before it.
+    /// The error with the number of pairs that were read.
     fn counted(&self, error: Error) -> Error {
         let Error::Damaged { path, reason } = error else { return error };
         let pairs = match &self.pairs_of {
             PairsOf::Svl(pairing) => pairing.pairs(),
             PairsOf::Others(foreign) => foreign.pairs(),
         };
-        Error::damaged(path, format!("{reason}; read before it: {}", counted(pairs, "whole pair")))
+        Error::damaged(path, format!("{reason}; read all the same: {}", counted(pairs, "whole pair")))
     }
 }
 
 /// Whether svl wrote the recording at `path`.
 fn is_own(path: &Path) -> Result<bool> {
-    // The header stands first. Where that is not to be read, nothing is.
-    if !matches!(Messages::open(path)?.next(), Ok(Some(Event::Library(header))) if header.profile != PROFILE) {
+    let first = Messages::open(path)?.next().map(|event| match event {
+        Some(Event::Library(header)) => header.profile,
+        _ => String::new(),
+    });
+    if first.as_ref().is_ok_and(|profile| profile == PROFILE) {
         return Ok(true);
     }
-    // Other programs copy svl's messages into files of another profile. A ROS 2 bag of svl's has no such message.
-    Ok(Messages::all_channels(path)?.iter().any(|channel| channel.schema == sync::SCHEMA))
+    // Other programs copy svl's messages into files of another profile, and the header may be damaged. A ROS 2 bag of
+    // svl's has no such message.
+    let channels = Messages::all_channels(path)?;
+    // Where nothing at all is to be read, that is what should be told.
+    Ok(channels.iter().any(|channel| channel.schema == sync::SCHEMA) || channels.is_empty() && first.is_err())
 }
 
 impl PairsOf {

@@ -2,9 +2,14 @@
 //!
 //! mcap's own readers take lengths out of a chunk before its CRC is known to be good, and reserve memory for them; here
 //! every length is checked against what the file can hold, a chunk is used only when its CRC fits, and the CRCs of data
-//! and summary section are checked on the way. So any changed byte is noticed, at the latest at the end.
+//! and summary section are checked on the way. So any changed byte is noticed, at the latest at the end, in files that have
+//! CRCs; those of many ROS 2 recorders have none, see [`Records::is_checked`].
 
+use super::bag::not_mcap;
 use super::chunk::Chunk;
+use super::layout::{body_size, u32_at, u64_at};
+use super::loss::Loss;
+use super::salvage::{self, Salvage};
 use crate::error::{Error, Result};
 use mcap::records::{Record, op};
 use std::cell::Cell;
@@ -14,23 +19,12 @@ use std::path::{Path, PathBuf};
 
 /// Longest record and chunk: an image of the largest size in 32-bit floats, and as much again.
 pub(super) const MAX_RECORD: u64 = 2 << 30;
+/// Opcode and length of a record.
+pub(super) const HEAD: u64 = 9;
+/// Where another file begins in the same. No record has this opcode.
+pub(super) const ANOTHER: u8 = 0;
 /// Footer record and end magic.
-const TAIL: u64 = 9 + 20 + 8;
-
-/// A part of a file that cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Loss {
-    pub at_byte: u64,
-    /// How long the part is; 0 where something was never written.
-    pub bytes: u64,
-    pub reason: String,
-}
-
-impl std::fmt::Display for Loss {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the recording is incomplete or damaged at byte {}: {}", self.at_byte, self.reason)
-    }
-}
+const TAIL: u64 = HEAD + 20 + 8;
 
 /// Raw records, those inside chunks included.
 ///
@@ -51,21 +45,67 @@ pub(super) struct Records {
     in_chunk: bool,
     /// In a cell, because whoever finds damage ends the reading.
     ended: Cell<bool>,
-    /// What was passed over, where they are salvaged.
-    losses: Option<Vec<Loss>>,
-    /// Whether chunks are left unread, and the section that has them unchecked.
-    skips_chunks: bool,
+    extent: Extent,
+    has_header: bool,
+    has_chunks: bool,
+    /// Whether nothing but another file may follow.
+    finished: bool,
+    /// Whether messages came that no CRC has vouched for: in this section, and before.
+    unchecked: [bool; 2],
+    salvage: Option<Salvage>,
+}
+
+/// What is read of a file.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Extent {
+    All,
+    /// What stands outside of chunks: neither messages nor the damage among them.
+    Beside,
+    /// The summary section.
+    Summary,
+}
+
+/// What stands at a place of the file.
+enum Top {
+    Record(u8),
+    /// Something that was dealt with.
+    Passed,
+    End,
 }
 
 impl Records {
     pub(super) fn open(path: &Path) -> Result<Self> {
+        let mut records = Self::unread(path)?;
+        if records.begin()? { Ok(records) } else { Err(no_mcap(path)) }
+    }
+
+    /// As [`Records::open`], passing over what is damaged.
+    pub(super) fn salvage(path: &Path) -> Result<Self> {
+        let io = |e| Error::io(path, e);
+        let mut records = Self::unread(path)?;
+        let file = records.file.get_ref().try_clone().map_err(io)?;
+        let mut salvage = Salvage::new(file, records.len).map_err(io)?;
+        if records.begin()? {
+            salvage.trust(records.at);
+        } else {
+            let at = salvage.begin(records.len).map_err(io)?.ok_or_else(|| no_mcap(path))?;
+            records.seek(at)?;
+        }
+        records.salvage = Some(salvage);
+        Ok(records)
+    }
+
+    fn unread(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path, e);
         let file = File::open(path).map_err(io)?;
         let metadata = file.metadata().map_err(io)?;
         if metadata.is_dir() {
             return Err(Error::format(path, "is a folder, not a recording"));
         }
-        let mut records = Self {
+        if metadata.len() == 0 {
+            return Err(Error::format(path, "is empty: nothing was recorded, or not yet"));
+        }
+        Ok(Self {
             path: path.to_owned(),
             file: BufReader::with_capacity(1 << 18, file),
             len: metadata.len(),
@@ -76,32 +116,49 @@ impl Records {
             chunk: Chunk::new().map_err(io)?,
             in_chunk: false,
             ended: Cell::new(false),
-            losses: None,
-            skips_chunks: false,
-        };
-        if records.len == 0 {
-            return Err(Error::format(path, "is empty: nothing was recorded, or not yet"));
-        }
-        let mut magic = [0; 8];
-        if records.len < 8 || records.read(&mut magic).is_err() || magic != mcap::MAGIC {
-            return Err(Error::format(path, "is not an MCAP file; svl reads recordings in MCAP (.mcap)"));
-        }
-        Ok(records)
+            extent: Extent::All,
+            has_header: false,
+            has_chunks: false,
+            finished: false,
+            unchecked: [false; 2],
+            salvage: None,
+        })
     }
 
-    /// From here on passes over what is damaged.
-    pub(super) fn salvage(&mut self) {
-        self.losses = Some(Vec::new());
+    /// Whether the magic stands here.
+    fn begin(&mut self) -> Result<bool> {
+        let mut magic = [0; 8];
+        Ok(self.len - self.at >= 8 && self.read(&mut magic).map(|()| magic == *mcap::MAGIC)?)
     }
 
     /// From here on reads only what stands outside of chunks: neither messages nor the damage among them.
     pub(super) fn skip_chunks(&mut self) {
-        self.skips_chunks = true;
+        self.extent = Extent::Beside;
     }
 
-    /// What was passed over.
+    /// Whether everything is read.
+    pub(super) fn reads_all(&self) -> bool {
+        self.extent == Extent::All
+    }
+
+    /// Whether there are no more records.
+    pub(super) fn has_ended(&self) -> bool {
+        self.ended.get()
+    }
+
+    /// Whether a CRC vouches for all messages read so far. Without one, changed bytes may go unnoticed.
+    pub(super) fn is_checked(&self) -> bool {
+        self.unchecked == [false; 2]
+    }
+
+    /// What was passed over, in the order of the file.
     pub(super) fn take_losses(&mut self) -> Vec<Loss> {
-        self.losses.take().unwrap_or_default()
+        self.salvage.take().map(Salvage::into_losses).unwrap_or_default()
+    }
+
+    /// Whether anything of the current file was passed over.
+    pub(super) fn has_losses(&self) -> bool {
+        self.salvage.as_ref().is_some_and(Salvage::has_losses)
     }
 
     /// Goes to the summary section; false where the file has none.
@@ -116,6 +173,7 @@ impl Records {
         }
         self.seek(start)?;
         self.crc = crc32fast::Hasher::new();
+        (self.extent, self.has_header) = (Extent::Summary, true);
         Ok(true)
     }
 
@@ -149,7 +207,7 @@ impl Records {
     pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
         let body = self.body();
         // mcap 0.25 panics on an attachment that ends before its CRC.
-        if opcode == op::ATTACHMENT && !attachment_fits(body) {
+        if opcode == op::ATTACHMENT && body_size(opcode, body) != Some(body.len() as u64) {
             return Err("an attachment is cut short".to_owned());
         }
         mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))
@@ -163,58 +221,101 @@ impl Records {
                     Ok(opcode) => return Ok(Some(opcode)),
                     Err(reason) => {
                         self.chunk.clear();
-                        self.lose(reason)?;
+                        self.pass_over(self.at, reason)?;
                         continue;
                     }
                 }
             }
             self.start = self.at;
             match self.top()? {
-                Some(op::CHUNK) if self.skips_chunks => {}
-                Some(op::CHUNK) => {
-                    if let Err(reason) = self.chunk.open(&self.body) {
-                        self.lose(&format!("a chunk is damaged: {reason}"))?;
+                Top::Record(op::CHUNK) if self.extent == Extent::Beside => {}
+                Top::Record(op::CHUNK) => match self.chunk.open(&self.body) {
+                    Ok(()) => {
+                        self.has_chunks = true;
+                        self.unchecked[0] |= !self.chunk.has_crc();
+                        match &mut self.salvage {
+                            Some(salvage) if self.chunk.has_crc() => salvage.trust(self.at),
+                            Some(salvage) if self.chunk.has_only_whole_records() => salvage.trust_if_followed(self.at),
+                            _ => {}
+                        }
                     }
+                    Err(reason) => self.pass_over(self.at, &format!("a chunk is damaged: {reason}"))?,
+                },
+                Top::Record(opcode) => {
+                    self.unchecked[0] |= opcode == op::MESSAGE;
+                    return Ok(Some(opcode));
                 }
-                opcode => return Ok(opcode),
+                Top::Passed => {}
+                Top::End => return Ok(None),
             }
         }
     }
 
     /// Reads the next record of the file itself into `body`.
-    fn top(&mut self) -> Result<Option<u8>> {
+    fn top(&mut self) -> Result<Top> {
         let left = self.len - self.at;
-        if left == 0 {
-            return self.lose_the_rest("it was never finished");
-        }
-        if left < 9 {
-            return self.lose_the_rest("it ends inside a record");
+        if left < HEAD {
+            return match (left, self.finished) {
+                (0, true) => Ok(Top::End),
+                (0, false) => self.cut("it was never finished"),
+                _ => self.cut("it ends inside a record"),
+            };
         }
         let section = self.crc.clone();
-        let mut head = [0; 9];
+        let mut head = [0; HEAD as usize];
         self.read(&mut head)?;
         let (opcode, length) = (head[0], u64_at(&head, 1).unwrap_or(u64::MAX));
+        if head.starts_with(mcap::MAGIC) {
+            return Ok(Top::Record(ANOTHER));
+        }
+        if self.finished {
+            return self.cut("something else follows behind its end");
+        }
+        if opcode == 0 {
+            return self.cut("what stands there is no record");
+        }
         let left = self.len - self.at;
         if length > left {
             let reason = format!("it ends inside a record of {length} bytes, of which it has {left}");
-            return self.lose_the_rest(&reason);
+            return self.cut(&reason);
         }
         if length > MAX_RECORD {
-            return self.lose_the_rest(&format!("a record of {length} bytes is longer than {MAX_RECORD}"));
+            return self.cut(&format!("a record of {length} bytes is longer than {MAX_RECORD}"));
         }
-        if opcode == op::CHUNK && self.skips_chunks {
+        if let Some(salvage) = &mut self.salvage {
+            salvage.follows(self.start, opcode);
+        }
+        if opcode == op::CHUNK && self.extent == Extent::Beside {
             // No more than the file has.
             self.file.seek_relative(length as i64).map_err(|e| Error::io(&self.path, e))?;
             self.at += length;
-            return Ok(Some(opcode));
+            return Ok(Top::Record(opcode));
         }
         self.body.resize(length as usize, 0);
         self.file.read_exact(&mut self.body).map_err(|e| Error::io(&self.path, e))?;
         self.at += length;
         self.crc.update(&self.body);
+        if self.salvage.is_some()
+            && let Err(reason) = self.examine(opcode)
+        {
+            self.pass_over(self.at, &reason)?;
+            return Ok(Top::Passed);
+        }
+        if let Some(salvage) = &mut self.salvage
+            && matches!(opcode, op::ATTACHMENT | op::METADATA | op::DATA_END)
+        {
+            salvage.try_trust(self.start..self.at).map_err(|e| Error::io(&self.path, e))?;
+            self.seek(self.at)?;
+        }
+        if self.extent == Extent::Summary && is_data(opcode) {
+            return Err(self.damaged("its summary is not where its footer says"));
+        }
         match opcode {
+            op::HEADER => self.has_header = true,
             op::DATA_END => {
-                self.check_crc("data section", section, u32_at(&self.body, 0))?;
+                let checked = self.check_crc("data section", section, u32_at(&self.body, 0))?;
+                let [section, before] = self.unchecked;
+                self.unchecked = [false, before || section && !checked];
                 self.crc = crc32fast::Hasher::new();
             }
             op::FOOTER => {
@@ -226,48 +327,89 @@ impl Records {
             }
             _ => {}
         }
-        Ok(Some(opcode))
+        Ok(Top::Record(opcode))
     }
 
-    fn finish(&mut self) -> Result<Option<u8>> {
-        let mut magic = [0; 8];
-        if self.len - self.at != 8 || self.read(&mut magic).is_err() || magic != mcap::MAGIC {
-            return self.lose_the_rest("it does not end as an MCAP file does");
+    /// Why the record just read cannot be what was written here. Only salvaging needs to know at once.
+    fn examine(&self, opcode: u8) -> std::result::Result<(), String> {
+        // Nobody mixes them, and a record of another kind may have become a message by one bit.
+        if opcode == op::MESSAGE && self.has_chunks {
+            return Err("a message stands outside of the chunks".to_owned());
         }
-        Ok(None)
+        salvage::examine(opcode, &self.body)
     }
 
-    /// Passes over the current record of the file and notes why; an error unless records are salvaged.
+    fn finish(&mut self) -> Result<Top> {
+        if !self.has_header && !self.has_losses() {
+            self.missing("it has no header")?;
+        }
+        self.start = self.at;
+        if !self.begin()? {
+            return self.cut("it does not end as an MCAP file does");
+        }
+        self.finished = true;
+        if let Some(salvage) = &mut self.salvage {
+            salvage.trust(self.at);
+        }
+        Ok(if self.at == self.len { Top::End } else { Top::Passed })
+    }
+
+    /// Goes on in the file that begins here, see [`ANOTHER`].
+    pub(super) fn begin_another(&mut self) -> Result<()> {
+        let what =
+            if self.finished { "another MCAP file follows" } else { "it breaks off, and another MCAP file follows" };
+        let Some(salvage) = &mut self.salvage else { return Err(self.damaged(what)) };
+        salvage.note(self.start..self.start, what);
+        salvage.begin_another(self.start + 8);
+        self.seek(self.start + 8)?;
+        (self.has_header, self.has_chunks, self.finished) = (false, false, false);
+        self.unchecked = [false, self.unchecked.contains(&true)];
+        self.crc = crc32fast::Hasher::new();
+        self.crc.update(mcap::MAGIC);
+        Ok(())
+    }
+
+    /// Passes over the current record and notes why; an error unless records are salvaged.
     pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
-        let loss = Loss { at_byte: self.start, bytes: self.at - self.start, reason: reason.to_owned() };
-        match &mut self.losses {
-            Some(losses) => losses.push(loss),
-            None => return Err(self.damaged(reason)),
+        match &mut self.salvage {
+            Some(salvage) if self.in_chunk => salvage.note(self.start..self.at, reason),
+            _ => return self.pass_over(self.at, reason),
         }
         Ok(())
     }
 
-    /// As [`Records::lose`], of all that follows.
-    fn lose_the_rest(&mut self, reason: &str) -> Result<Option<u8>> {
-        if self.losses.is_some() {
-            self.at = self.len;
-        }
-        self.lose(reason).map(|()| None)
+    /// Notes that something is not there; an error unless records are salvaged.
+    pub(super) fn missing(&mut self, reason: &str) -> Result<()> {
+        let Some(salvage) = &mut self.salvage else { return Err(self.damaged(reason)) };
+        salvage.note(self.at..self.at, reason);
+        Ok(())
     }
 
-    fn check_crc(&mut self, section: &str, crc: crc32fast::Hasher, saved: Option<u32>) -> Result<()> {
+    /// Passes over what does not say where it ends.
+    fn cut(&mut self, reason: &str) -> Result<Top> {
+        self.pass_over(self.len, reason).map(|()| Top::Passed)
+    }
+
+    /// Passes over the current record of the file itself up to `end`, or to what before that vouches for itself.
+    fn pass_over(&mut self, end: u64, reason: &str) -> Result<()> {
+        let Some(salvage) = &mut self.salvage else { return Err(self.damaged(reason)) };
+        let found = salvage.pass_over(self.start..self.at, end, reason).map_err(|e| Error::io(&self.path, e))?;
+        self.finished = found == self.len;
+        self.seek(found)
+    }
+
+    /// Whether a section has a CRC that fits.
+    fn check_crc(&mut self, section: &str, crc: crc32fast::Hasher, saved: Option<u32>) -> Result<bool> {
         let calculated = crc.finalize();
-        match saved {
-            Some(_) if self.skips_chunks => Ok(()),
-            Some(saved) if saved == 0 || saved == calculated => Ok(()),
-            // Explained by what was found damaged already.
-            Some(_) if self.losses.as_ref().is_some_and(|losses| !losses.is_empty()) => Ok(()),
-            Some(saved) => {
-                self.start = self.at;
-                self.lose(&format!("the CRC of its {section} is {calculated:08x}, {saved:08x} expected"))
-            }
-            None => self.lose(&format!("the end of its {section} is cut short")),
+        let Some(saved) = saved else {
+            return self.missing(&format!("the end of its {section} is cut short")).map(|()| false);
+        };
+        let unread = self.extent == Extent::Beside;
+        // What does not fit may be explained by what was found damaged already.
+        if saved != 0 && saved != calculated && !unread && !self.has_losses() {
+            self.missing(&format!("the CRC of its {section} is {calculated:08x}, {saved:08x} expected"))?;
         }
+        Ok(saved == calculated && saved != 0)
     }
 
     /// The error for damage met at this place, after which there are no more records.
@@ -278,16 +420,18 @@ impl Records {
     }
 }
 
-/// Whether an attachment's body has room for two times, name, media type, length and CRC.
-fn attachment_fits(body: &[u8]) -> bool {
-    let after_string = |at: usize| at.checked_add(4)?.checked_add(u32_at(body, at)? as usize);
-    after_string(16).and_then(after_string).is_some_and(|end| body.len() >= end.saturating_add(8 + 4))
+fn no_mcap(path: &Path) -> Error {
+    let mut start = Vec::new();
+    match File::open(path).and_then(|file| file.take(8).read_to_end(&mut start)) {
+        Ok(_) => Error::format(path, not_mcap(&start)),
+        Err(error) => Error::io(path, error),
+    }
 }
 
-pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
-    bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
-}
-
-pub(super) fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
-    bytes.get(at..)?.first_chunk().map(|b| u64::from_le_bytes(*b))
+/// Whether records of this kind stand in the data section alone, its end included.
+fn is_data(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::HEADER | op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END
+    )
 }

@@ -1,8 +1,8 @@
 //! What a recording holds, for a person to look over.
 
-use super::foreign::{Selection, choose};
+use super::foreign::{Selection, choose, is_image};
+use super::loss::Loss;
 use super::messages::{Channel, Event, Messages};
-use super::records::Loss;
 use super::skew::Skew;
 use super::sync::StereoSync;
 use super::{Camera, GRABBER, Header, Kind, MANIFEST, PROFILE};
@@ -21,6 +21,8 @@ pub struct Summary {
     pub bytes: u64,
     /// Why the file is not whole, where it is not.
     pub damage: Option<String>,
+    /// Whether checksums vouch for all messages. Without, changed bytes go unnoticed where they leave the records in order.
+    pub checksums: bool,
     /// What cannot be read of it, in the order of the file.
     pub losses: Vec<Loss>,
     /// Messages that the file's own summary counts and that are not there, by topic.
@@ -47,7 +49,7 @@ pub struct Summary {
     pub end_ns: u64,
     /// Pairs that svl wrote whole.
     pub pairs: u64,
-    /// Median time from one left image to the next.
+    /// Median time from one left image to the next; nothing where it is not known which they are.
     pub period_ns: Option<u64>,
     /// Where left images are more than 1.5 median periods apart.
     pub gaps: Vec<Gap>,
@@ -89,7 +91,8 @@ impl Summary {
         while let Some(event) = messages.next()? {
             seen.take_in(event);
         }
-        seen.losses = messages.take_losses();
+        (seen.losses, seen.missing) = messages.take_losses();
+        seen.checksums = messages.is_checked();
         if seen.profile != PROFILE && seen.sequences.is_empty() {
             let channels: Vec<_> = messages.channels().into_iter().cloned().collect();
             seen.stereo = choose(&channels, &Selection::default()).ok();
@@ -119,28 +122,33 @@ struct Seen {
     manifest: Option<Manifest>,
     attachments: Vec<(String, u64)>,
     topics: BTreeMap<String, Topic>,
-    left_stamps: Vec<u64>,
+    /// Of the images of each topic.
+    stamps: BTreeMap<String, Vec<u64>>,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
     drops: u64,
-    promised: BTreeMap<String, u64>,
     losses: Vec<Loss>,
+    missing: BTreeMap<String, u64>,
+    checksums: bool,
     stereo: Option<[String; 2]>,
 }
 
 impl Seen {
     fn take_in(&mut self, event: Event<'_>) {
         match event {
-            Event::Library(header) => (self.library, self.profile) = (header.library, header.profile),
+            // The first is that of all, where files stand one behind the other.
+            Event::Library(header) if self.library.is_empty() => {
+                (self.library, self.profile) = (header.library, header.profile);
+            }
+            Event::Library(_) => {}
             Event::Metadata(metadata) if metadata.name == GRABBER => self.grabber = metadata.metadata,
             Event::Metadata(metadata) => self.header = self.header.take().or_else(|| Header::from_record(&metadata)),
             Event::Attachment { name, data } => {
-                if name == MANIFEST {
+                if name == MANIFEST && self.manifest.is_none() {
                     self.manifest = serde_json::from_slice(&data).ok();
                 }
                 self.attachments.push((name, data.len() as u64));
             }
-            Event::Counts(promised) => self.promised = promised,
             Event::Message { channel, log_time, data } => self.count(channel, log_time, &data),
         }
     }
@@ -163,31 +171,33 @@ impl Seen {
         topic.end_ns = topic.end_ns.max(stamp_ns);
         let seconds = (topic.end_ns - topic.start_ns) as f64 / 1e9;
         topic.rate_hz = (seconds > 0.0).then(|| (topic.messages - 1) as f64 / seconds);
-        match Kind::of(&channel.topic) {
-            Some(Kind::Image(Camera::Left)) => self.left_stamps.push(stamp_ns),
-            Some(Kind::Sync) => {
-                if let Ok(sync) = StereoSync::decode(&channel.schema, data) {
-                    self.skews.push(sync.exposure.skew_ns);
-                    self.sequences.insert(sync.sequence);
-                    self.drops = self.drops.max(sync.exposure.drops);
-                }
+        if is_image(channel) {
+            match self.stamps.get_mut(&channel.topic) {
+                Some(stamps) => stamps.push(stamp_ns),
+                None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
             }
-            _ => {}
+        }
+        if Kind::of(&channel.topic) == Some(Kind::Sync)
+            && let Ok(sync) = StereoSync::decode(&channel.schema, data)
+        {
+            self.skews.push(sync.exposure.skew_ns);
+            self.sequences.insert(sync.sequence);
+            self.drops = self.drops.max(sync.exposure.drops);
         }
     }
 
     fn summary(mut self, path: &Path, bytes: u64) -> Summary {
-        self.left_stamps.sort_unstable();
-        let steps: Vec<_> = self.left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
+        let left = self.stereo.as_ref().map_or(Kind::Image(Camera::Left).topic(), |[left, _]| left);
+        let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
+        left_stamps.sort_unstable();
+        left_stamps.dedup();
+        let steps: Vec<_> = left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
         let period_ns = middle(&periods);
         let is_gap = |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
         let skew = Skew::of(&mut self.skews);
-        let found = |topic: &String| self.topics.get(topic).map_or(0, |topic| topic.messages);
-        let missing = self.promised.iter().map(|(topic, n)| (topic.clone(), n.saturating_sub(found(topic))));
-        let missing = missing.filter(|&(_, n)| n > 0).collect();
         let numbers = match (self.sequences.first(), self.sequences.last()) {
             (Some(first), Some(last)) => (last - first).saturating_add(1),
             _ => 0,
@@ -196,7 +206,8 @@ impl Seen {
             path: path.to_owned(),
             bytes,
             damage: self.losses.first().map(Loss::to_string),
-            missing,
+            checksums: self.checksums,
+            missing: self.missing,
             missing_pairs: numbers - self.sequences.len() as u64,
             losses: self.losses,
             stereo: self.stereo,

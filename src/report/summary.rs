@@ -10,7 +10,7 @@ use serde::Serialize;
 /// What a run comes to. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
-    /// Why the run is not whole: it ended before its end, or algorithms failed.
+    /// Why the run is not whole: it ended before its end, pairs could not be read, or algorithms failed.
     pub incomplete: Option<String>,
     /// Digest of the pairs' hashes in their order; absent when there are none.
     pub pairs_hash: Option<String>,

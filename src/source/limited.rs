@@ -1,6 +1,6 @@
 //! The beginning of another source.
 
-use super::Source;
+use super::{LeftOut, Source};
 use crate::error::Result;
 use crate::stereo::Frame;
 
@@ -45,7 +45,7 @@ impl Source for Limited {
         }
     }
 
-    fn unpaired(&self) -> u64 {
-        self.source.unpaired()
+    fn left_out(&self) -> LeftOut {
+        self.source.left_out()
     }
 }

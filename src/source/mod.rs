@@ -34,8 +34,19 @@ pub trait Source: Send {
     /// How many frames there are in all, where that is known.
     fn pairs(&self) -> Option<u64>;
 
-    /// Images that found no partner so far and were left out.
-    fn unpaired(&self) -> u64 {
-        0
+    /// What was left out so far.
+    fn left_out(&self) -> LeftOut {
+        LeftOut::default()
     }
+}
+
+/// What of a source is in no frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Images that found no partner.
+    pub unpaired: u64,
+    /// Images that came when those of their time had been given up, as the file is not in the order of their times.
+    pub late: u64,
+    /// Pairs that cannot be read.
+    pub unreadable: u64,
 }

@@ -1,6 +1,6 @@
 //! Frames from a recording.
 
-use super::Source;
+use super::{LeftOut, Source};
 use crate::error::{Error, Result};
 use crate::recording::{self, Reader, SCENARIO, Selection};
 use crate::stereo::Frame;
@@ -8,9 +8,14 @@ use std::path::PathBuf;
 
 /// A recording as a source.
 ///
+/// A pair that cannot be read is left out and counted, and the first of them told.
+///
 /// A damaged recording ends with one [`crate::Error::Damaged`], after which there are no more frames: a run may show it
 /// and go on to score the frames that came before.
-pub struct RecordingSource(Reader);
+pub struct RecordingSource {
+    reader: Reader,
+    unreadable: u64,
+}
 
 impl RecordingSource {
     /// Opens a recording.
@@ -18,7 +23,7 @@ impl RecordingSource {
     /// # Errors
     /// As [`Reader::open`].
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
-        Reader::open(path).map(Self)
+        Self::open_selection(path, &Selection::default())
     }
 
     /// As [`RecordingSource::open`], choosing the topics of a recording that svl did not write.
@@ -26,7 +31,7 @@ impl RecordingSource {
     /// # Errors
     /// As [`Reader::open_selection`].
     pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
-        Reader::open_selection(path, selection).map(Self)
+        Reader::open_selection(path, selection).map(|reader| Self { reader, unreadable: 0 })
     }
 
     /// The scenario file that the recording was made by, where it holds one. Damage is left to be told with the pairs.
@@ -34,7 +39,7 @@ impl RecordingSource {
     /// # Errors
     /// [`Error::Io`].
     pub fn scenario(&self) -> Result<Option<String>> {
-        match recording::attachment(self.0.path(), SCENARIO) {
+        match recording::attachment(self.reader.path(), SCENARIO) {
             Err(Error::Damaged { .. }) => Ok(None),
             found => Ok(found?.and_then(|bytes| String::from_utf8(bytes).ok())),
         }
@@ -42,24 +47,35 @@ impl RecordingSource {
 
     /// The recording, to ask it for its header and what it left out.
     pub fn reader(&self) -> &Reader {
-        &self.0
+        &self.reader
     }
 }
 
 impl Source for RecordingSource {
     fn name(&self) -> String {
-        self.0.path().display().to_string()
+        self.reader.path().display().to_string()
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        self.0.next_pair()
+        loop {
+            match self.reader.next_pair() {
+                // Of one pair alone: the file goes on.
+                Err(error @ Error::Format { .. }) => {
+                    if self.unreadable == 0 {
+                        tracing::warn!("{error}; this pair is left out");
+                    }
+                    self.unreadable += 1;
+                }
+                next => return next,
+            }
+        }
     }
 
     fn pairs(&self) -> Option<u64> {
-        self.0.pairs()
+        self.reader.pairs()
     }
 
-    fn unpaired(&self) -> u64 {
-        self.0.unpaired()
+    fn left_out(&self) -> LeftOut {
+        LeftOut { unpaired: self.reader.unpaired(), late: self.reader.late(), unreadable: self.unreadable }
     }
 }

@@ -1,6 +1,6 @@
 //! Raw pairs, rectified on their way.
 
-use super::Source;
+use super::{LeftOut, Source};
 use crate::error::{Error, Result};
 use crate::rectify::{Epipolar, Framing, Rectifier, matches, uncalibrated};
 use crate::stereo::{Frame, Gray, StereoPair};
@@ -94,7 +94,7 @@ impl Source for RectifiedSource {
         self.source.pairs()
     }
 
-    fn unpaired(&self) -> u64 {
-        self.source.unpaired()
+    fn left_out(&self) -> LeftOut {
+        self.source.left_out()
     }
 }

@@ -1,6 +1,6 @@
 //! Pairs that somebody keeps an eye on.
 
-use super::Source;
+use super::{LeftOut, Source};
 use crate::error::Result;
 use crate::rectify::AlignmentMeter;
 use crate::stereo::Frame;
@@ -62,7 +62,7 @@ impl Source for Watched<'_> {
         self.source.pairs()
     }
 
-    fn unpaired(&self) -> u64 {
-        self.source.unpaired()
+    fn left_out(&self) -> LeftOut {
+        self.source.left_out()
     }
 }

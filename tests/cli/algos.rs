@@ -17,5 +17,5 @@ fn json_is_complete() {
 
 #[test]
 fn unknown_names_suggest_the_nearest() {
-    Fixture::new().svl(&["algos", "v33"]).failed(1, &["unknown algorithm 'v33'", "did you mean 'v3'?"]);
+    Fixture::new().svl(&["algos", "v33"]).failed(2, &["unknown algorithm 'v33'", "did you mean 'v3'?"]);
 }

@@ -17,5 +17,5 @@ fn figures_are_complete_and_in_order() {
 #[test]
 fn bad_sizes_are_wrong_usage() {
     Fixture::new().svl(&["bench", "--size", "0x9"]).failed(2, &["WxH"]);
-    Fixture::new().svl(&["bench", "--algo", "v3", "--max-disparity", "60000"]).failed(1, &["max_disparity=60000"]);
+    Fixture::new().svl(&["bench", "--algo", "dp", "--max-disparity", "1000"]).failed(2, &["max_disparity=1000"]);
 }

@@ -91,11 +91,11 @@ fn nothing_is_overwritten_unasked() {
     run("calib.xml", &["--force"]).done();
     fixture.write("calib-report/mine.txt", "mine");
     run("calib.xml", &["--force"]).failed(1, &["mine.txt", "not part of a calibration's report"]);
-    run("c.png", &[]).failed(1, &["must end in .xml"]);
+    run("c.png", &[]).failed(2, &["must end in .xml"]);
     // The pairs that a calibration is made from are not cleared away for it.
     let args = ["calibrate", "board", "calib-report", "--yes", "--force", "-o", "calib.xml"];
     std::fs::remove_file(fixture.path("calib-report/mine.txt")).unwrap();
-    fixture.svl(&args).failed(1, &["named twice"]);
+    fixture.svl(&args).failed(2, &["named twice"]);
     assert!(fixture.path("calib-report/left01.png").is_file());
 }
 
@@ -112,7 +112,7 @@ fn what_cannot_be_calibrated_says_why_and_what_to_do() {
     run(&["--yes", "--squares", "12x9"]).failed(1, &["not 12x9; try --squares 9x6"]);
     run(&["--yes", "--squares", "9"]).failed(2, &["inner corners along both sides"]);
     run(&["--yes", "--squares", "2x9"]).failed(2, &["3 to 50"]);
-    run(&["--yes", "--square-m", "0"]).failed(2, &["positive"]);
+    run(&["--yes", "--square-m", "0"]).failed(2, &["--square-m", "0.0001 to 100"]);
     run(&["--yes", "--rate", "5"]).failed(2, &["--rate is for cameras"]);
     assert!(!fixture.path("calib.xml").exists());
 

@@ -33,9 +33,9 @@ fn what_is_missing_or_in_the_way_has_a_cure() {
     fixture.write("other.yaml", "a: 1\n");
     let convert = |args: &[&str]| fixture.svl(&[&["calibrate", "convert"], args].concat());
     convert(&["cv.yml", "c.xml"]).failed(1, &["cv.yml", "--unit", "squares"]);
-    convert(&["cv.yml", "c.txt", "--unit", "m"]).failed(1, &["c.txt", "--to", "middlebury, kitti"]);
-    convert(&["cv.yml", "c.pdf", "--unit", "m"]).failed(1, &["c.pdf", ".xml"]);
-    convert(&["cv.yml", "cv.yml", "--force", "--unit", "m"]).failed(1, &["cv.yml", "named twice"]);
+    convert(&["cv.yml", "c.txt", "--unit", "m"]).failed(2, &["c.txt", "--to", "middlebury, kitti"]);
+    convert(&["cv.yml", "c.pdf", "--unit", "m"]).failed(2, &["c.pdf", ".xml"]);
+    convert(&["cv.yml", "cv.yml", "--force", "--unit", "m"]).failed(2, &["cv.yml", "named twice"]);
     convert(&["cv.yml", "c.xml", "--unit", "foot"]).failed(2, &["'foot'", "mm"]);
     convert(&["cv.yml", "c.xml", "--from", "opencw"]).failed(2, &["did you mean 'opencv'"]);
     convert(&["cv.yml", "c.xml", "--from", "boofcv"]).failed(1, &["cv.yml", "no 'rightToLeft.rotation'", "BoofCV"]);

@@ -46,12 +46,12 @@ fn bad_input_is_one_line_that_names_it() {
     run(&["neither.csv"]).failed(1, &["neither.csv", "one of both"]);
     run(&["swapped.csv"]).failed(1, &["must grow"]);
     run(&["missing.csv"]).failed(1, &["missing.csv", "no such table"]);
-    run(&["no.mcap"]).failed(1, &["no.mcap", "130cm=no.mcap"]);
+    run(&["no.mcap"]).failed(2, &["no.mcap", "130cm=no.mcap"]);
     run(&["10cm=no.mcap"]).failed(1, &["no.mcap"]);
-    run(&["ten=no.mcap"]).failed(1, &["'ten'", "130cm"]);
+    run(&["ten=no.mcap"]).failed(2, &["'ten'", "130cm"]);
     run(&["few.csv", "--cells", "1;2"]).failed(2, &["COLUMN,ROW"]);
-    run(&["few.csv", "--figure", "a.png"]).failed(1, &["a.png", ".svg"]);
-    run(&["few.csv", "--table", "few.csv"]).failed(1, &["few.csv", "--force"]);
+    run(&["few.csv", "--figure", "a.png"]).failed(2, &["a.png", ".svg"]);
+    run(&["few.csv", "--table", "few.csv"]).failed(2, &["few.csv", "named twice"]);
     run(&[]).failed(2, &["--help"]);
 }
 
@@ -97,5 +97,5 @@ fn a_simulated_target_gives_the_cameras_own_product() {
 
     let cells = |cells: &[&str]| fixture.svl(&[&["calibrate", "distance", named[0], "--cells"], cells].concat());
     cells(&["1,1", "2,1"]).failed(1, &["120.mcap", "in 2 cells, at least 3"]);
-    cells(&["1,1", "2,1", "9,1"]).failed(1, &["120.mcap", "no cell 9,1"]);
+    cells(&["1,1", "2,1", "9,1"]).failed(2, &["--cells", "9,1", "5x3 cells"]);
 }

@@ -174,10 +174,10 @@ fn what_cannot_be_had_is_one_line_with_the_cure() {
     from(&format!("http://{nobody}"), &["cannot be reached", "check the network", "--from DIR"]);
     from("http://no-such-host.invalid", &["cannot be reached", "check the network"]);
     from("nowhere", &["--from nowhere: neither an address"]);
-    fetch(&fixture, &["middlebury2003"]).failed(1, &["--data DIR", "SVL_DATASETS"]);
+    fetch(&fixture, &["middlebury2003"]).failed(2, &["--data DIR", "SVL_DATASETS"]);
     fetch(&fixture, &["kiti2015", "--data", "d"])
-        .failed(1, &["unknown data set 'kiti2015'", "did you mean 'kitti2015'?"]);
-    fetch(&fixture, &["middeval3", "X", "--data", "d"]).failed(1, &["no part 'X'", "Q, H, F"]);
+        .failed(2, &["unknown data set 'kiti2015'", "did you mean 'kitti2015'?"]);
+    fetch(&fixture, &["middeval3", "X", "--data", "d"]).failed(2, &["no part 'X'", "Q, H, F"]);
     fixture.write("d/eth3d/fetched.json", "[]");
     fetch(&fixture, &["eth3d", "--data", "d"]).failed(1, &["fetched.json: not svl's list"]);
     assert_eq!(fetch(&fixture, &[]).code, Some(2));

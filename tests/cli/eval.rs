@@ -189,9 +189,9 @@ fn bad_input_is_one_line_that_names_it() {
     run("d.pfm", "truth.pfm", "kitti13", &[]).failed(2, &["unknown protocol 'kitti13' (did you mean 'kitti12'?)"]);
     run("d.pfm", "truth.pfm", "kitti12", &["--object-map", "noc.pgm"]).failed(2, &["--object-map belongs to kitti15"]);
     run("d.pfm", "truth.pfm", "eth3d", &["--max-disparity", "9"]).failed(2, &["--max-disparity belongs to middeval3"]);
-    run("d.pfm", "truth.pfm", "eth3d", &["--scale", "0"]).failed(2, &["positive number"]);
+    run("d.pfm", "truth.pfm", "eth3d", &["--scale", "0"]).failed(2, &["--scale", "0.001 to 65536"]);
     run("d.pfm", "truth.pfm", "eth3d", &["--scale", "4"]).failed(2, &["--scale belongs to images"]);
-    run("d.pfm", "truth.pfm", "eth3d", &["--error-map", "e.jpg"]).failed(1, &["must end in .png"]);
+    run("d.pfm", "truth.pfm", "eth3d", &["--error-map", "e.jpg"]).failed(2, &["must end in .png"]);
     run("d.pfm", "truth.pfm", "eth3d", &["--mask", "noc.pgm", "--right-truth", "d.pfm"]).failed(2, &["cannot be used"]);
     assert_eq!(fixture.svl(&["eval", "d.pfm", "truth.pfm"]).code, Some(2));
 }

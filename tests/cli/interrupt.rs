@@ -57,7 +57,7 @@ fn cameras_that_give_no_pair_can_be_stopped() {
     let args = ["record", sim, "--trigger", "free", "--max-skew-ms", "1", "-o", "a.mcap"];
     let (code, stderr) = interrupted(&fixture, &args, || fixture.path("a.mcap").exists());
     assert_eq!(code, Some(1), "{stderr}");
-    assert!(stderr.contains("gave no pair") && stderr.lines().count() == 1, "{stderr}");
+    assert!(stderr.contains("stopped before the first pair") && stderr.lines().count() == 1, "{stderr}");
     assert!(!fixture.path("a.mcap").exists(), "a file without a pair stands in the way");
 }
 

@@ -60,11 +60,11 @@ fn bad_input_is_one_line_that_names_it() {
     run("r.pgm", &["--algo", "v3:max_disparty=4"]).failed(2, &["no parameter 'max_disparty'", "'max_disparity'"]);
     run("r.pgm", &["--algo", "v3:max_disparity=x"]).failed(2, &["max_disparity=x is not a whole number in"]);
     run("r.pgm", &["--algo", "v3:max_disparity=99999"]).failed(2, &["99999"]);
-    run("r.pgm", &["--algo", "v3:min_disparity=9,max_disparity=3"]).failed(1, &["min_disparity"]);
-    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.jpg"]).failed(1, &["d.jpg: must end in .pfm or .png"]);
+    run("r.pgm", &["--algo", "v3:min_disparity=9,max_disparity=3"]).failed(2, &["min_disparity"]);
+    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.jpg"]).failed(2, &["d.jpg: must end in .pfm or .png"]);
     fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "no/where.pfm"]).failed(1, &["no: no such folder"]);
-    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.png", "--why", "./d.png"]).failed(1, &["d.png: named twice"]);
-    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "/dev/null"]).failed(1, &["/dev/null"]);
+    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.png", "--why", "./d.png"]).failed(2, &["d.png: named twice"]);
+    fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "/dev/null"]).failed(2, &["/dev/null: must end in"]);
     fixture
         .svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--calib", "/dev/zero"])
         .failed(1, &["/dev/zero", "regular"]);

@@ -65,8 +65,8 @@ fn bad_input_is_one_line_that_names_it() {
     assert!(!fixture.path("b.mcap").exists(), "a file without a pair stands in the way");
     fixture.svl(&["record", "odd", "-o", "there.mcap", "--force"]).failed(1, &["odd"]);
     assert_eq!(std::fs::read(fixture.path("there.mcap")).unwrap(), b"precious");
-    fixture.svl(&["record", "odd", "--seed", "3", "-o", "a.mcap"]).failed(1, &["only the arena"]);
-    fixture.svl(&["record", "-o", "a.txt"]).failed(1, &["a.txt: must end in .mcap"]);
+    fixture.svl(&["record", "odd", "--seed", "3", "-o", "a.mcap"]).failed(2, &["only the arena"]);
+    fixture.svl(&["record", "-o", "a.txt"]).failed(2, &["a.txt: must end in .mcap"]);
     fixture.svl(&["record", "bad.toml", "-o", "a.mcap"]).failed(1, &["bad.toml: line 1, column 8"]);
     fixture.svl(&["record", "there.mcap", "-o", "a.mcap"]).failed(1, &["there.mcap"]);
     fixture.svl(&["record", "-o", "no/where.mcap"]).failed(1, &["no: no such folder"]);
@@ -105,6 +105,6 @@ fn topics_of_another_programs_recording_are_named() {
     assert!(pairs(&fixture, "a.mcap") == pairs(&fixture, "b.mcap"));
     let wrong = ["replay", "a.mcap", "--left", "/stereo/sync", "--right", "/stereo/right/image"];
     fixture.svl(&wrong).failed(1, &["a.mcap", "--left /stereo/sync has messages of svl.StereoSync"]);
-    fixture.svl(&["record", "--left", "/x", "-o", "c.mcap"]).failed(1, &["arena: --left, --right and --max-skew-ms"]);
+    fixture.svl(&["record", "--left", "/x", "-o", "c.mcap"]).failed(2, &["arena: --left, --right and --max-skew-ms"]);
     fixture.svl(&["replay", "a.mcap", "--max-skew-ms", "-1"]).failed(2, &["--max-skew-ms"]);
 }

@@ -136,5 +136,18 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
         let raw = fixture.svl(&["replay", &bag, "--calib", "none"]);
         assert!(raw.stderr.contains("not rectified") && raw.stderr.contains("px apart"), "{}", raw.stderr);
         raw.done();
+
+        // Left raw, the recording keeps what rectifies it, and so does a copy.
+        fixture.svl(&["record", &bag, "--force", "--calib", "none", "-o", "raw.mcap"]).done();
+        fixture.svl(&["record", "raw.mcap", "--force", "-o", "copy.mcap"]).done();
+        let info = fixture.svl(&["info", "copy.mcap"]).done();
+        assert!(info.contains("attached   calibration/left.yaml,") && !info.contains("rectified  "), "{info}");
+        let by_itself = ["record", "copy.mcap", "--calib", "copy.mcap", "--force", "-o", "later.mcap"];
+        fixture.svl(&by_itself).done();
+        let pair = |name: &str| RecordingSource::open(fixture.path(name)).unwrap().next().unwrap().unwrap();
+        assert!(pair("later.mcap").pair == pair("rectified.mcap").pair, "to the bit");
+        assert_eq!(pair("later.mcap").rig, pair("rectified.mcap").rig);
+        let without = fixture.svl(&["record", "copy.mcap", "--calib", "rectified.mcap", "--force", "-o", "later.mcap"]);
+        without.failed(1, &["rectified.mcap: keeps no calibration"]);
     }
 }

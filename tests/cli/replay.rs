@@ -88,13 +88,13 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.svl(&["replay", "."]).failed(1, &["."]);
     fixture.svl(&["replay", "a.mcap", "--algo", "v2x"]).failed(2, &["unknown algorithm 'v2x'"]);
     fixture.svl(&["replay", "a.mcap", "--rate", "0"]).failed(2, &["asap"]);
-    fixture.svl(&["replay", "a.mcap", "--rows", "rows.txt"]).failed(1, &["rows.txt: must end in .csv or .parquet"]);
+    fixture.svl(&["replay", "a.mcap", "--rows", "rows.txt"]).failed(2, &["rows.txt: must end in .csv or .parquet"]);
     fixture.svl(&["replay", "a.mcap", "--rows", "no/rows.csv"]).failed(1, &["no: no such folder"]);
-    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap"]).failed(1, &["a.mcap: exists already"]);
-    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap", "--force"]).failed(1, &["a.mcap: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap"]).failed(2, &["a.mcap: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "-o", "a.mcap", "--force"]).failed(2, &["a.mcap: named twice"]);
     fixture.svl(&["replay", "a.mcap", "--rerun", "spwan"]).failed(2, &["'spwan' is no Rerun target", "`spawn`"]);
-    fixture.svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"]).failed(1, &["v3: named twice"]);
-    fixture.svl(&["replay", "a.mcap", "--algo", "v3:min_disparity=9,max_disparity=3"]).failed(1, &["min_disparity"]);
+    fixture.svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"]).failed(2, &["v3: named twice"]);
+    fixture.svl(&["replay", "a.mcap", "--algo", "v3:min_disparity=9,max_disparity=3"]).failed(2, &["min_disparity"]);
 }
 
 #[test]
@@ -167,4 +167,70 @@ fn verify_tells_what_differs() {
     fails("--verify=a.txt", "expected RESULT.mcap, ROWS.csv or the folder of a report");
     std::fs::write(fixture.path("bad.csv"), "run_id\nx\n").unwrap();
     fails("--verify=bad.csv", "bad.csv");
+}
+
+#[test]
+fn pairs_that_cannot_be_read_are_left_out_and_counted() {
+    let fixture = Fixture::new();
+    fixture.svl(&["record", "--frames", "12", "-o", "a.mcap"]).done();
+    // The left images of pairs 4, 5 and 9 are cut short.
+    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    let mut writer = mcap::Writer::new(std::fs::File::create(fixture.path("bad.mcap")).unwrap()).unwrap();
+    let mut lefts = 0;
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let mut message = message.unwrap();
+        if message.channel.topic == "/stereo/left/image" {
+            if [4, 5, 9].contains(&lefts) {
+                message.data = message.data[..message.data.len() / 2].to_vec().into();
+            }
+            lefts += 1;
+        }
+        writer.write(&message).unwrap();
+    }
+    writer.finish().unwrap();
+    let error = "error: 3 pairs could not be read, as warned; all else is kept\n";
+    for threads in ["1", "2"] {
+        let ran = fixture.svl(&["replay", "bad.mcap", "--threads", threads, "--json", "--rows", "r.csv", "--force"]);
+        assert!(ran.code == Some(1) && ran.stderr.ends_with(error), "{}", ran.stderr);
+        let told = ran.stderr.lines().filter(|line| line.contains("this pair is left out"));
+        assert_eq!(told.count(), 1, "the first of them: {}", ran.stderr);
+        assert!(ran.stderr.contains("left out, as they cannot be read: 3 pairs"), "{}", ran.stderr);
+        let answer: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert_eq!(
+            (&answer["incomplete"], &answer["algorithms"][0]["pairs"]),
+            (&"3 pairs could not be read".into(), &9.into())
+        );
+        assert_eq!(std::fs::read_to_string(fixture.path("r.csv")).unwrap().lines().count(), 10);
+    }
+    let ran = fixture.svl(&["record", "bad.mcap", "-o", "good.mcap"]);
+    assert!(
+        ran.code == Some(1) && ran.stderr.ends_with(error) && ran.stdout.contains("good.mcap: 9 pairs"),
+        "{}",
+        ran.stderr
+    );
+    assert!(fixture.svl(&["info", "good.mcap"]).done().contains("3 missing between the first and the last"));
+}
+
+#[test]
+fn the_folder_of_a_bag_is_a_recording() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("bag")).unwrap();
+    fixture.svl(&["record", "--frames", "2", "--ros2", "-o", "bag/a.mcap"]).done();
+    fixture.svl(&["record", "bag", "-o", "b.mcap", "--max-skew-ms", "1"]).done();
+    assert!(fixture.svl(&["info", "bag"]).done().contains("a.mcap"));
+    assert!(fixture.svl(&["replay", "bag"]).done().starts_with("bag (2 pairs)"));
+    fixture.svl(&["recover", "bag", "-o", "c.mcap"]).done();
+    fixture.svl(&["record", "bag", "-o", "bag/a.mcap", "--force"]).failed(1, &["bag/a.mcap: named twice"]);
+    std::fs::copy(fixture.path("bag/a.mcap"), fixture.path("bag/b.mcap")).unwrap();
+    for args in [
+        &["info", "bag"][..],
+        &["record", "bag"],
+        &["replay", "bag"],
+        &["view", "bag"],
+        &["recover", "bag", "-o", "d.mcap"],
+    ] {
+        fixture.svl(args).failed(1, &["bag: is a folder of recordings", "name one of bag/a.mcap, bag/b.mcap"]);
+    }
+    fixture.write("old.db3", "SQLite format 3");
+    fixture.svl(&["record", "old.db3"]).failed(1, &["old.db3: is a bag in SQLite", "rosbags-convert"]);
 }

@@ -36,7 +36,7 @@ fn a_sweep_is_scored_as_so_many_algorithms_and_plotted_as_one() {
     let html = std::fs::read_to_string(fixture.path("reports/arena/index.html")).unwrap();
     assert!(html.contains("bm: uniqueness = 0") && !html.contains("v3: "));
     let many = ["score", "short.toml", "--algo", "bm:uniqueness=0..30/1", "--algo", "v3:texture_sigma=1..5/1"];
-    fixture.svl(&many).failed(1, &["36 algorithms", "at most 32"]);
+    fixture.svl(&many).failed(2, &["36 algorithms", "at most 32"]);
     fixture.svl(&["score", "short.toml", "--algo", "bm:uniqueness=0..9"]).failed(2, &["FROM..TO/STEP"]);
 }
 

@@ -55,7 +55,7 @@ fn a_killed_recording_is_recovered() {
     fixture.svl(&first).done();
     assert!(saved.len() >= 5 && saved == pairs(&fixture.path("first.mcap")), "{} pairs", saved.len());
     fixture.svl(&["recover", "killed.mcap", "-o", "saved.mcap"]).failed(1, &["saved.mcap: exists already"]);
-    fixture.svl(&["recover", "killed.mcap", "-o", "killed.mcap"]).failed(1, &["named twice"]);
+    fixture.svl(&["recover", "killed.mcap", "-o", "killed.mcap"]).failed(2, &["named twice"]);
     fixture.svl(&["recover", "none.mcap", "-o", "a.mcap"]).failed(1, &["none.mcap"]);
     fixture.write("text.mcap", "no recording");
     fixture.svl(&["recover", "text.mcap", "-o", "a.mcap"]).failed(1, &["text.mcap: is not an MCAP file"]);

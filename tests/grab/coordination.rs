@@ -4,7 +4,7 @@ use crate::stage::{Fired, MS, PERIOD_NS, Stage, slow};
 use svl::grab::simulated::Temper;
 use svl::grab::{Rule, Unpaired};
 
-const NEAR: Rule = Rule::Stamp { max_skew_ns: PERIOD_NS / 4 };
+const NEAR: Rule = Rule::Stamp { max_skew_ns: PERIOD_NS / 4, period_ns: PERIOD_NS };
 
 #[test]
 fn a_slow_camera_slows_the_rate_and_never_shifts_the_phase() {
@@ -50,6 +50,22 @@ fn at_a_fixed_rate_a_late_camera_shifts_the_phase_for_good() {
         assert!(frames.last().unwrap().exposure.drops >= 3);
         assert!(frames.windows(2).all(|two| two[0].exposure.drops <= two[1].exposure.drops));
     }
+}
+
+#[test]
+fn the_phase_goes_on_shifting() {
+    let (frames, tally) = Stage::new(slow(1.0, 0.0), slow(1.0, 10.0)).grab(Fired::AtFixedRate, Rule::Arrival, 600);
+    let last = frames.last().unwrap().exposure.skew_ns;
+    assert!(last > 30 * PERIOD_NS as i64, "{last}");
+    assert_eq!(tally.unpaired[Unpaired::Overdue as usize], 0, "{tally}");
+}
+
+#[test]
+fn by_stamp_the_nearest_are_paired_however_much_may_be_between() {
+    let rule = Rule::Stamp { max_skew_ns: 20 * MS, period_ns: PERIOD_NS };
+    let (frames, tally) = Stage::new(slow(1.0, 0.0), slow(1.0, 10.0)).grab(Fired::AtFixedRate, rule, 200);
+    assert!(tally.unpaired[Unpaired::Skew as usize] > 10, "{tally}");
+    assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0));
 }
 
 #[test]

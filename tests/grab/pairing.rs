@@ -5,10 +5,21 @@ use svl::grab::{Capture, Pairing, Rule, Settings, Side, Unpaired, WAITING};
 use svl::stereo::Gray;
 
 const NEAR_NS: u64 = 10;
+const NEAR: Rule = Rule::Stamp { max_skew_ns: NEAR_NS, period_ns: 100 };
 
 fn capture(stamp_ns: u64, trigger_id: Option<u64>, shutter_us: u32) -> Capture {
     let settings = Settings { shutter_us, gain_mdb: 0 };
-    Capture { image: Gray::filled(1, 1, 0).unwrap(), stamp_ns, trigger_id, settings }
+    Capture { image: Gray::filled(1, 1, 0).unwrap(), stamp_ns, trigger_id, ordered: settings, settings }
+}
+
+/// The pairs as they come, and those that come at the end.
+fn paired(pairing: &mut Pairing, arrivals: impl IntoIterator<Item = (Side, Capture)>) -> [Vec<[Capture; 2]>; 2] {
+    let mut pairs = Vec::new();
+    for (side, capture) in arrivals {
+        pairing.push(side, capture);
+        pairs.extend(std::iter::from_fn(|| pairing.pair()));
+    }
+    [pairs, std::iter::from_fn(|| pairing.finish()).collect()]
 }
 
 /// Images of both cameras in the order of arrival, each camera's in the order of time.
@@ -27,23 +38,34 @@ fn arrivals() -> impl Strategy<Value = Vec<(Side, Capture)>> {
     })
 }
 
+#[test]
+fn cameras_that_round_differently_still_make_pairs() {
+    for rule in [Rule::Trigger, NEAR, Rule::Arrival] {
+        let left = capture(0, Some(1), 100);
+        let right = Capture { settings: Settings { shutter_us: 90, gain_mdb: 0 }, ..left.clone() };
+        let [pairs, _] = paired(&mut Pairing::new(rule), [(Side::Left, left), (Side::Right, right)]);
+        assert_eq!(pairs.len(), 1);
+    }
+}
+
 proptest! {
     #[test]
     fn every_image_is_in_one_pair_or_counted(arrivals in arrivals(), rule in 0..3) {
-        let rule = [Rule::Trigger, Rule::Stamp { max_skew_ns: NEAR_NS }, Rule::Arrival][rule as usize];
+        let rule = [Rule::Trigger, NEAR, Rule::Arrival][rule as usize];
         let mut pairing = Pairing::new(rule);
         let count = arrivals.len() as u64;
-        let pairs: Vec<_> = arrivals.into_iter().filter_map(|(side, capture)| pairing.push(side, capture)).collect();
-        let waiting = count - 2 * pairs.len() as u64 - pairing.unpaired().iter().sum::<u64>();
-        prop_assert!(waiting <= WAITING as u64, "only one side can wait: {waiting}");
-        pairing.finish();
-        prop_assert_eq!(pairing.unpaired()[Unpaired::Unfinished as usize], waiting);
+        let pairs = paired(&mut pairing, arrivals).concat();
         prop_assert_eq!(2 * pairs.len() as u64 + pairing.unpaired().iter().sum::<u64>(), count);
+        if rule == Rule::Arrival {
+            prop_assert_eq!(pairing.unpaired()[Unpaired::Overdue as usize], 0, "there is room");
+        } else {
+            prop_assert!(pairing.unpaired()[Unpaired::Unfinished as usize] <= WAITING as u64 + 1);
+        }
         for [left, right] in &pairs {
-            prop_assert_eq!(left.settings, right.settings);
+            prop_assert_eq!(left.ordered, right.ordered);
             match rule {
                 Rule::Trigger => prop_assert!(left.trigger_id.is_some() && left.trigger_id == right.trigger_id),
-                Rule::Stamp { max_skew_ns } => prop_assert!(left.stamp_ns.abs_diff(right.stamp_ns) <= max_skew_ns),
+                Rule::Stamp { max_skew_ns, .. } => prop_assert!(left.stamp_ns.abs_diff(right.stamp_ns) <= max_skew_ns),
                 Rule::Arrival => {}
             }
         }
@@ -63,16 +85,62 @@ proptest! {
             missed.iter().enumerate().filter_map(has).collect::<Vec<_>>()
         };
         let both: Vec<_> = sent(false).into_iter().filter(|id| sent(true).contains(id)).collect();
-        for rule in [Rule::Trigger, Rule::Stamp { max_skew_ns: NEAR_NS }] {
+        for rule in [Rule::Trigger, NEAR] {
             let mut pairing = Pairing::new(rule);
             // The right camera's images come so many pulses later.
             let mut events: Vec<_> = sent(false).into_iter().map(|id| (id, Side::Left, id)).collect();
             events.extend(sent(true).into_iter().map(|id| (id + lag as u64, Side::Right, id)));
             events.sort_by_key(|(when, side, _)| (*when, *side as usize));
-            let pairs = events.into_iter().filter_map(|(_, side, id)| {
-                pairing.push(side, capture(100 * id + side as u64, Some(id), 100)).map(|[left, _]| left.trigger_id.unwrap())
-            });
-            prop_assert_eq!(&pairs.collect::<Vec<_>>(), &both);
+            let events = events.into_iter().map(|(_, side, id)| (side, capture(100 * id + side as u64, Some(id), 100)));
+            let [pairs, late] = paired(&mut pairing, events);
+            prop_assert_eq!(pairs.iter().map(|[left, _]| left.trigger_id.unwrap()).collect::<Vec<_>>(), both.clone());
+            prop_assert!(late.is_empty(), "so near, none waits for its next");
+        }
+    }
+
+    /// Two cameras whose images are at least half a period of 100 apart, heard in two orders of arrival, neither too far
+    /// behind: the same pairs, and no image that comes after the pair before is nearer to one of them.
+    #[test]
+    fn the_nearest_are_paired_in_any_order_of_arrival(
+        steps in prop::collection::vec((50u64..300, 50u64..300), 1..60),
+        max_skew_ns in 0u64..250,
+        lag_ns in 0u64..1200,
+    ) {
+        let mut at = [0; 2];
+        let stamps: Vec<_> = steps.iter().map(|(left, right)| { at[0] += left; at[1] += right; at }).collect();
+        let of = |side: Side| stamps.iter().map(|both| both[side as usize]).collect::<Vec<_>>();
+        let pairs_of = |sides: Vec<Side>| {
+            let mut next = Side::BOTH.map(|side| of(side).into_iter());
+            let arrivals = sides.into_iter().filter_map(|side| Some((side, next[side as usize].next()?)));
+            let mut pairing = Pairing::new(Rule::Stamp { max_skew_ns, period_ns: 100 });
+            let arrivals: Vec<_> = arrivals.map(|(side, stamp)| (side, capture(stamp, None, 100))).collect();
+            let pairs = paired(&mut pairing, arrivals).concat();
+            pairs.iter().map(|pair| pair.each_ref().map(|capture| capture.stamp_ns)).collect::<Vec<_>>()
+        };
+        let arriving = |lag_ns: u64| {
+            let taken = |side: Side| of(side).into_iter().map(move |at| (at + if side == Side::Right { lag_ns } else { 600 }, side));
+            let mut arrivals: Vec<_> = taken(Side::Left).chain(taken(Side::Right)).collect();
+            arrivals.sort_by_key(|(at, _)| *at);
+            arrivals.into_iter().map(|(_, side)| side).collect()
+        };
+        let pairs = pairs_of(arriving(600));
+        prop_assert_eq!(&pairs_of(arriving(lag_ns)), &pairs);
+        let is_near = |[left, right]: [u64; 2]| left.abs_diff(right) <= max_skew_ns;
+        for (i, &[left, right]) in pairs.iter().enumerate() {
+            prop_assert!(is_near([left, right]));
+            let skew = left.abs_diff(right);
+            let is_free = |side: usize, at: u64| pairs[..i].iter().all(|pair| pair[side] < at);
+            prop_assert!(of(Side::Left).into_iter().all(|at| at.abs_diff(right) >= skew || !is_free(0, at)));
+            prop_assert!(of(Side::Right).into_iter().all(|at| at.abs_diff(left) >= skew || !is_free(1, at)));
+        }
+        // Two that are the nearest to each other, and alone so, are a pair.
+        for &left in &of(Side::Left) {
+            for &right in &of(Side::Right) {
+                let skew = left.abs_diff(right);
+                let nearest = of(Side::Left).iter().all(|&at| at == left || at.abs_diff(right) > skew)
+                    && of(Side::Right).iter().all(|&at| at == right || at.abs_diff(left) > skew);
+                prop_assert!(!(nearest && is_near([left, right])) || pairs.contains(&[left, right]));
+            }
         }
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use svl::Result;
 use svl::grab::simulated::{Drive, Pictures, SimulatedCamera, SimulatedTrigger, Temper, Wire};
-use svl::grab::{Camera, Clock, Grabber, Limits, Policy, Rule, Settings, Setup, Side, Taken, Tally, WhenFull};
+use svl::grab::{Camera, Capture, Clock, Grabber, Limits, Policy, Rule, Settings, Setup, Side, Taken, Tally, WhenFull};
 use svl::stereo::{Frame, Gray, StereoPair};
 
 pub const MS: u64 = 1_000_000;
@@ -31,6 +31,9 @@ pub struct Stage {
     pub balance_every: u32,
     /// From this number on, from 0, all images of the right camera are damaged.
     pub damaged_from: u64,
+    /// How long an image of the right camera is on its way besides, from a driver that knows no pulses.
+    pub on_its_way_ms: u64,
+    pub period_ns: u64,
 }
 
 pub const FIRST: Settings = Settings { shutter_us: 4_000, gain_mdb: 0 };
@@ -39,29 +42,36 @@ impl Stage {
     pub fn new(left: Temper, right: Temper) -> Self {
         let (queue, when_full) = (100_000, WhenFull::Wait);
         let (tempers, first, balance_every) = ([left, right], FIRST, u32::MAX);
-        let (clock, light, damaged_from) = (Clock::scripted(), 1.0, u64::MAX);
-        Self { clock, tempers, light, queue, when_full, first, balance_every, damaged_from }
+        let (clock, light, damaged_from, on_its_way_ms) = (Clock::scripted(), 1.0, u64::MAX, 0);
+        let period_ns = PERIOD_NS;
+        Self { clock, tempers, light, queue, when_full, first, balance_every, damaged_from, on_its_way_ms, period_ns }
     }
 
     pub fn start(self, fired: Fired, rule: Rule) -> Grabber {
-        let Self { clock, tempers, light, queue, when_full, first, balance_every, damaged_from } = self;
+        let Self { clock, tempers, light, queue, when_full, first, balance_every, period_ns, .. } = self;
         let wire = Wire::new(&clock);
         let pictures = Arc::new(pictures());
         let [left, right] = tempers;
         let camera = |side, temper| -> Box<dyn Camera> {
             let drive = match fired {
-                Fired::Freely => Drive::Free { period_ns: PERIOD_NS },
+                Fired::Freely => Drive::Free { period_ns },
                 _ => Drive::Wire(wire.clone()),
             };
             Box::new(SimulatedCamera::new(side, &clock, drive, &pictures, light, temper))
         };
-        let right = Box::new(Failing { camera: camera(Side::Right, right), whole: damaged_from });
+        let right = Box::new(Failing { camera: camera(Side::Right, right), whole: self.damaged_from });
+        let right: Box<dyn Camera> = match self.on_its_way_ms {
+            0 => right,
+            ms => {
+                Box::new(Belated { camera: right, clock: clock.clone(), late_ns: ms * MS, coming: None, is_new: true })
+            }
+        };
         let cameras: [Box<dyn Camera>; 2] = [camera(Side::Left, left), right];
         let trigger = Box::new(SimulatedTrigger::new(&wire));
         let policy = match fired {
-            Fired::WhenArmed => Policy::Coordinated { trigger, period_ns: PERIOD_NS },
-            Fired::AtFixedRate => Policy::FixedRate { trigger, period_ns: PERIOD_NS },
-            Fired::Freely => Policy::Free,
+            Fired::WhenArmed => Policy::Coordinated { trigger, period_ns },
+            Fired::AtFixedRate => Policy::FixedRate { trigger, period_ns },
+            Fired::Freely => Policy::Free { period_ns },
         };
         Grabber::start(Setup {
             clock,
@@ -111,6 +121,50 @@ impl Camera for Failing {
         let is_whole = self.whole > 0;
         self.whole = self.whole.saturating_sub(1);
         Ok(Some(if is_whole { taken } else { Taken::Damaged }))
+    }
+}
+
+/// A camera by a driver that does not know pulses, nor how to call back an image that is on its way. At first it gives an
+/// image that nothing fired.
+struct Belated {
+    camera: Box<dyn Camera>,
+    clock: Arc<Clock>,
+    late_ns: u64,
+    coming: Option<(u64, Capture)>,
+    is_new: bool,
+}
+
+impl Camera for Belated {
+    fn name(&self) -> String {
+        self.camera.name()
+    }
+
+    fn limits(&self) -> Limits {
+        self.camera.limits()
+    }
+
+    fn arm(&mut self, settings: Settings) -> Result<()> {
+        self.camera.arm(settings)
+    }
+
+    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
+        if std::mem::take(&mut self.is_new) {
+            let image = Gray::filled(32, 24, 0)?;
+            let capture = Capture { image, stamp_ns: 0, trigger_id: None, ordered: FIRST, settings: FIRST };
+            return Ok(Some(Taken::Image(capture)));
+        }
+        let Some((due_ns, capture)) = self.coming.take() else {
+            if let Some(Taken::Image(capture)) = self.camera.capture(patience)? {
+                self.coming = Some((self.clock.now_ns() + self.late_ns, Capture { trigger_id: None, ..capture }));
+            }
+            return Ok(None);
+        };
+        self.clock.sleep_until(due_ns.min(self.clock.now_ns() + patience.as_nanos() as u64));
+        if self.clock.now_ns() >= due_ns {
+            return Ok(Some(Taken::Image(capture)));
+        }
+        self.coming = Some((due_ns, capture));
+        Ok(None)
     }
 }
 

@@ -12,11 +12,29 @@ pub(crate) struct Message {
     pub(crate) data: Vec<u8>,
 }
 
+impl Message {
+    /// The message with other bytes.
+    pub(crate) fn with(&self, data: Vec<u8>) -> Self {
+        let &Self { topic, schema, encoding, log_time, .. } = self;
+        Self { topic, schema, encoding, log_time, data }
+    }
+}
+
 /// Writes the messages in this order, in small chunks.
 pub(crate) fn write(folder: &Path, messages: &[Message]) -> PathBuf {
+    write_as(mcap::WriteOptions::new(), folder, messages)
+}
+
+/// As [`write`], in the way of ROS 2's own recorder: without compression and without checksums.
+pub(crate) fn write_unchecked(folder: &Path, messages: &[Message]) -> PathBuf {
+    let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
+    write_as(options.calculate_data_section_crc(false).calculate_summary_section_crc(false), folder, messages)
+}
+
+fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) -> PathBuf {
     let path = folder.join("bag.mcap");
     let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
-    let mut writer = mcap::WriteOptions::new().profile("ros2").chunk_size(Some(4096)).create(file).unwrap();
+    let mut writer = options.profile("ros2").chunk_size(Some(4096)).create(file).unwrap();
     for Message { topic, schema, encoding, log_time, data } in messages {
         let schema = writer.add_schema(schema, "some", b"definition").unwrap();
         let channel_id = writer.add_channel(schema, topic, encoding, &Default::default()).unwrap();
@@ -66,18 +84,34 @@ pub(crate) fn ros_compressed(topic: &'static str, stamp: u64, format: &str, byte
     Message { topic, schema: "sensor_msgs/msg/CompressedImage", encoding: "cdr", log_time: stamp, data }
 }
 
-/// A sensor_msgs/msg/CameraInfo with these distortion coefficients and this fourth column of P.
+/// What a sensor_msgs/msg/CameraInfo says besides a focal length of 328 and a centre of (12, 8).
+pub(crate) struct Camera<'a> {
+    pub(crate) size: (u32, u32),
+    pub(crate) distortion: &'a [f64],
+    /// Fourth column of P.
+    pub(crate) tx: f64,
+    pub(crate) binning: u32,
+    /// Left and upper side, height and width.
+    pub(crate) roi: [u32; 4],
+}
+
+/// A sensor_msgs/msg/CameraInfo of 24x16 with these distortion coefficients and this fourth column of P.
 pub(crate) fn camera_info(topic: &'static str, stamp: u64, distortion: &[f64], tx: f64) -> Message {
+    camera_info_of(topic, stamp, &Camera { size: (24, 16), distortion, tx, binning: 0, roi: [0; 4] })
+}
+
+pub(crate) fn camera_info_of(topic: &'static str, stamp: u64, camera: &Camera<'_>) -> Message {
+    let &Camera { size: (width, height), distortion, tx, binning, roi } = camera;
     let data = cdr(stamp, |cdr| {
-        cdr.write_u32(16);
-        cdr.write_u32(24);
+        cdr.write_u32(height);
+        cdr.write_u32(width);
         cdr.write_string("plumb_bob");
         cdr.write_sequence_length(distortion.len());
         let k = [328.0, 0.0, 12.0, 0.0, 328.0, 8.0, 0.0, 0.0, 1.0];
         let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let p = [328.0, 0.0, 12.0, tx, 0.0, 328.0, 8.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         distortion.iter().chain(&k).chain(&r).chain(&p).for_each(|&v| cdr.write_f64(v));
-        (0..6).for_each(|_| cdr.write_u32(0));
+        [binning; 2].into_iter().chain(roi).for_each(|v| cdr.write_u32(v));
         cdr.write_bool(false);
     });
     Message { topic, schema: "sensor_msgs/msg/CameraInfo", encoding: "cdr", log_time: stamp, data }
@@ -107,6 +141,18 @@ pub(crate) fn foxglove_compressed(topic: &'static str, stamp: u64, format: &str,
     let (timestamp, data, format) = (timestamp(stamp), bytes.to_vec().into(), format.to_owned());
     let image = foxglove::messages::CompressedImage { timestamp, data, format, ..Default::default() };
     protobuf(topic, "foxglove.CompressedImage", stamp, &image)
+}
+
+/// A foxglove.CameraCalibration in JSON, of a focal length of 328 and a centre of (12, 8).
+pub(crate) fn json_calibration(topic: &'static str, stamp: u64, (width, height): (u32, u32), tx: f64) -> Message {
+    let data = serde_json::json!({
+        "width": width, "height": height, "distortion_model": "plumb_bob", "D": [],
+        "K": [328.0, 0.0, 12.0, 0.0, 328.0, 8.0, 0.0, 0.0, 1.0],
+        "R": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        "P": [328.0, 0.0, 12.0, tx, 0.0, 328.0, 8.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+    });
+    let data = data.to_string().into_bytes();
+    Message { topic, schema: "foxglove.CameraCalibration", encoding: "json", log_time: stamp, data }
 }
 
 /// A foxglove.RawImage in JSON, mono8.

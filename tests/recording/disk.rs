@@ -62,7 +62,7 @@ fn what_is_synced_survives_the_writer() {
     std::mem::forget(writer);
     let (frames, error) = read(&path);
     assert_eq!(frames.len(), 3);
-    assert!(error.unwrap().to_string().contains("never finished; read before it: 3 whole pairs"));
+    assert!(error.unwrap().to_string().contains("never finished; read all the same: 3 whole pairs"));
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! ROS 2 bags and Foxglove recordings as sources.
 
-use crate::bag::{self, Message, camera_info, ros_image};
+use crate::bag::{self, Camera, Message, camera_info, camera_info_of, json_calibration, ros_image};
 use crate::frames::{PERIOD_NS, image, read};
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
 use svl::recording::{Reader, Selection};
-use svl::source::{RecordingSource, Source};
+use svl::source::{LeftOut, RecordingSource, Source};
 use svl::stereo::{Frame, Gray};
 
 const SIZE: (usize, usize) = (24, 16);
@@ -60,7 +60,7 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
         let rig = rig.unwrap();
         assert!((rig.focal_px(), rig.center_px()) == (328.0, (12.0, 8.0)) && (rig.baseline_m() - 0.044).abs() < 1e-12);
     }
-    assert!(source.next().unwrap().is_none() && source.unpaired() == 0);
+    assert!(source.next().unwrap().is_none() && source.left_out() == LeftOut::default());
 }
 
 #[test]
@@ -80,16 +80,88 @@ fn raw_images_are_called_so() {
 }
 
 #[test]
-fn every_form_of_an_image_gives_its_pixels() {
-    let grey = image(SIZE, 3);
-    let pixels = bytes(&grey);
+fn a_calibration_is_of_the_images_that_it_says() {
+    let distances = |infos: [Message; 2]| {
+        let (_folder, path) = of(infos.into_iter().chain(pair(0, 0)));
+        let mut reader = Reader::open(&path).unwrap();
+        (reader.remarks(), reader.next_pair().unwrap().unwrap().rig)
+    };
+    let infos = |size, binning, roi| {
+        let camera = |tx| Camera { size, distortion: &[], tx, binning, roi };
+        [("/cam0/camera_info", 0.0), ("/cam1/camera_info", -14.432)]
+            .map(|(topic, tx)| camera_info_of(topic, 9, &camera(tx)))
+    };
+    let (remarks, rig) = distances(infos((48, 32), 2, [0; 4]));
+    let rig = rig.unwrap();
+    assert!(remarks.is_empty() && (rig.focal_px(), rig.center_px()) == (164.0, (6.0, 4.0)), "{rig:?}");
+    assert!((rig.baseline_m() - 0.044).abs() < 1e-12, "{rig:?}");
+    let (remarks, rig) = distances(infos((640, 480), 1, [10, 5, 16, 24]));
+    assert!(remarks.is_empty() && rig.unwrap().center_px() == (2.0, 3.0));
+    let json = |size| {
+        [("/cam0/calibration", 0.0), ("/cam1/calibration", -14.432)]
+            .map(|(topic, tx)| json_calibration(topic, 9, size, tx))
+    };
+    assert!(distances(json((24, 16))).1.is_some());
+    for infos in [infos((48, 32), 0, [0; 4]), infos((24, 16), 2, [0; 4]), json((48, 32))] {
+        let (remarks, rig) = distances(infos);
+        assert!(rig.is_none() && remarks.len() == 1, "{remarks:?}");
+        assert!(remarks[0].contains("disparities but no distances: the calibration is of images of"), "{remarks:?}");
+    }
+    // A message that ends before them is none.
+    let [left, right] = infos((24, 16), 0, [0; 4]);
+    for length in (0..left.data.len() - 1).step_by(7) {
+        let short = left.with(left.data[..length].to_vec());
+        let (_folder, path) = of([short, right.with(right.data.clone())].into_iter().chain(pair(0, 0)));
+        let text = complaint(&path);
+        assert!(text.contains("/cam0/camera_info at 9 ns: it") && text.contains("CDR"), "{text}");
+    }
+}
+
+#[test]
+fn raw_images_are_known_by_the_last_part_of_their_topics() {
+    let rig = |[left, right]: [&'static str; 2]| {
+        let [image_left, image_right] = pair(0, 0);
+        let images = [Message { topic: left, ..image_left }, Message { topic: right, ..image_right }];
+        let info = |topic, tx| camera_info(topic, 9, &[-0.28], tx);
+        let infos = [info("/director/left/camera_info", 0.0), info("/director/right/camera_info", -14.432)];
+        let (_folder, path) = of(infos.into_iter().chain(images));
+        let mut reader = Reader::open(&path).unwrap();
+        (reader.calibration().is_some(), reader.next_pair().unwrap().unwrap().rig.is_some())
+    };
+    assert_eq!(rig(["/director/left/image_raw", "/director/right/image_raw"]), (true, false));
+    assert_eq!(rig(["/director/left/image_unrectified", "/director/right/image_unrectified"]), (true, false));
+    assert_eq!(rig(["/director/left/image_rect", "/director/right/image_rect"]), (false, true));
+}
+
+#[test]
+fn a_compressed_mosaic_is_that_mosaic() {
+    let pixels = bytes(&image(SIZE, 3));
+    let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();
+    let left = |message: Message| {
+        let (_folder, path) = of([message, ros_image(RIGHT, stamp(0), SIZE, "mono8", &pixels)]);
+        bytes(read(&path).0[0].pair.left())
+    };
+    let compressed = |format| left(bag::ros_compressed(LEFT, stamp(0), format, &png));
+    let raw = left(ros_image(LEFT, stamp(0), SIZE, "bayer_grbg8", &pixels));
+    assert_ne!(raw, pixels);
+    assert_eq!(compressed("bayer_grbg8; png compressed "), raw);
+    assert_eq!(compressed("mono8; png compressed "), pixels);
+    // Three channels: its colours were put together before.
+    let colours =
+        svl::files::encode_png(SIZE.0, SIZE.1, &pixels.iter().flat_map(|&p| [p; 3]).collect::<Vec<_>>()).unwrap();
+    assert_eq!(left(bag::ros_compressed(LEFT, stamp(0), "bayer_grbg8; png compressed bgr8", &colours)), pixels);
+}
+
+/// The image in every form that is read, on the left, with how far its pixels may then be off.
+fn forms(grey: &Gray) -> Vec<(Message, i32)> {
+    let pixels = bytes(grey);
     let spread = |n: usize| pixels.iter().flat_map(|&p| vec![p; n]).collect::<Vec<_>>();
     let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();
     let mut jpeg = Vec::new();
     let colour = ::image::ExtendedColorType::Rgb8;
     JpegEncoder::new_with_quality(&mut jpeg, 100).encode(&spread(3), SIZE.0 as u32, SIZE.1 as u32, colour).unwrap();
     let (size, at) = (SIZE, stamp(0));
-    let forms: Vec<(Message, i32)> = vec![
+    vec![
         (ros_image(LEFT, at, size, "mono8", &pixels), 0),
         (ros_image(LEFT, at, size, "mono16", &spread(2)), 0),
         (ros_image(LEFT, at, size, "rgb8", &spread(3)), 0),
@@ -105,14 +177,36 @@ fn every_form_of_an_image_gives_its_pixels() {
         (bag::foxglove_compressed(LEFT, at, "png", &png), 0),
         (bag::foxglove_compressed(LEFT, at, "jpeg", &jpeg), 6),
         (bag::json_raw(LEFT, at, size, &pixels), 0),
-    ];
-    for (left, tolerance) in forms {
+    ]
+}
+
+#[test]
+fn every_form_of_an_image_gives_its_pixels() {
+    let grey = image(SIZE, 3);
+    for (left, tolerance) in forms(&grey) {
         let form = format!("{} {}, {} bytes", left.schema, left.encoding, left.data.len());
-        let (_folder, path) = of([left, ros_image(RIGHT, at, size, "mono8", &pixels)]);
+        let (_folder, path) = of([left, ros_image(RIGHT, stamp(0), SIZE, "mono8", &bytes(&grey))]);
         let (frames, error) = read(&path);
-        assert!(error.is_none() && frames.len() == 1 && frames[0].stamp_ns == at, "{form}: {error:?}");
+        assert!(error.is_none() && frames.len() == 1 && frames[0].stamp_ns == stamp(0), "{form}: {error:?}");
         let off = frames[0].pair.left().pixels().zip(grey.pixels()).map(|(a, b)| (i32::from(a) - i32::from(b)).abs());
         assert!(off.max().unwrap() <= tolerance, "{form}");
+    }
+}
+
+#[test]
+fn no_form_of_an_image_that_is_cut_off_gives_other_pixels() {
+    let grey = image(SIZE, 3);
+    let left_of = |message| {
+        let (_folder, path) = of([message, ros_image(RIGHT, stamp(0), SIZE, "mono8", &bytes(&grey))]);
+        read(&path).0.first().map(|frame| bytes(frame.pair.left()))
+    };
+    for (whole, _) in forms(&grey) {
+        let whole_left = left_of(whole.with(whole.data.clone())).unwrap();
+        for length in (0..whole.data.len()).step_by(11) {
+            // What is missing may be the camera's name, which comes last in some.
+            let left = left_of(whole.with(whole.data[..length].to_vec()));
+            assert!(left.is_none_or(|left| left == whole_left), "{}: {length} bytes", whole.schema);
+        }
     }
 }
 
@@ -158,6 +252,43 @@ fn messages_out_of_order_find_their_partners() {
 }
 
 #[test]
+fn one_camera_after_the_other_loses_no_pair() {
+    let (lefts, rights): (Vec<_>, Vec<_>) = (0..100).map(|i| <(_, _)>::from(pair(i, 2_000))).unzip();
+    let (_folder, path) = of(lefts.into_iter().chain(rights));
+    let mut source = RecordingSource::open(&path).unwrap();
+    for i in 0..100 {
+        let frame = source.next().unwrap().unwrap();
+        assert_eq!((frame.sequence, frame.stamp_ns, frame.exposure.skew_ns), (i, stamp(i), 2_000));
+        assert_eq!((frame.pair.left(), frame.pair.right()), (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1)));
+    }
+    assert!(source.next().unwrap().is_none() && source.left_out() == LeftOut::default());
+}
+
+#[test]
+fn a_pair_that_cannot_be_read_costs_only_itself() {
+    let left_out = |bad: &[u64]| {
+        let messages = (0..12).flat_map(|i| {
+            let [left, right] = pair(i, 0);
+            let nothing = |topic| bag::ros_compressed(topic, stamp(i), "mono8; png compressed", &[]);
+            match bad.contains(&i) {
+                true if i % 2 == 0 => [nothing(LEFT), right],
+                // It is one pair all the same.
+                true => [nothing(LEFT), nothing(RIGHT)],
+                false => [left, right],
+            }
+        });
+        let (_folder, path) = of(messages);
+        let mut source = RecordingSource::open(&path)?;
+        let stamps = std::iter::from_fn(|| source.next().unwrap()).map(|frame| (frame.stamp_ns - START_NS) / PERIOD_NS);
+        Ok::<_, svl::Error>((stamps.collect::<Vec<_>>(), source.left_out().unreadable, source.left_out().unpaired))
+    };
+    assert_eq!(left_out(&[6]).unwrap(), ([0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11].into(), 1, 0));
+    assert_eq!(left_out(&[0, 1, 2, 11]).unwrap(), ((3..11).collect(), 4, 0));
+    let error = left_out(&(0..12).collect::<Vec<_>>()).unwrap_err().to_string();
+    assert!(error.contains(&format!("the pair at {START_NS} ns: {LEFT}: its image")), "{error}");
+}
+
+#[test]
 fn what_is_no_pair_is_told() {
     let (_folder, path) = of([pair(0, 0).into_iter().next().unwrap()]);
     assert!(complaint(&path).contains("/cam0/image_rect is its only topic of images"));
@@ -176,6 +307,9 @@ fn what_is_no_pair_is_told() {
     let [left, right] = pair(0, 0);
     let (_folder, path) = of([Message { data: left.data[..60].to_vec(), ..left }, right]);
     assert!(complaint(&path).contains("its CDR cannot be read"));
+    let [left, right] = pair(0, 0).map(|whole| whole.with(vec![0x28, 0xB5, 0x2F, 0xFD, 4, 0]));
+    let (_folder, path) = of([left, right]);
+    assert!(complaint(&path).contains("it is compressed, message by message; `rosbags-convert"));
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 mod bad_input;
 mod bag;
+mod bag_folders;
+mod damage;
 mod disk;
 mod foreign_bags;
 mod foreign_readers;
@@ -10,3 +12,4 @@ mod kill;
 mod recovery;
 mod round_trip;
 mod summary;
+mod unchecked;

@@ -10,7 +10,7 @@ use svl::stereo::Frame;
 const SIZE: (usize, usize) = (24, 16);
 
 /// A recording of six pairs, each in a chunk of its own.
-fn specimen(folder: &Path) -> (Vec<u8>, Vec<Frame>) {
+pub(crate) fn specimen(folder: &Path) -> (Vec<u8>, Vec<Frame>) {
     let path = folder.join("specimen.mcap");
     let mut writer = Writer::create(&path, &Header { seed: Some(7), ..Header::new("test") }, ImageFormat::Raw).unwrap();
     writer.attach("scenario.toml", "application/toml", b"name = 'x'").unwrap();
@@ -24,7 +24,7 @@ fn specimen(folder: &Path) -> (Vec<u8>, Vec<Frame>) {
     (std::fs::read(&path).unwrap(), frames)
 }
 
-fn recovered(folder: &Path, bytes: &[u8]) -> (svl::Result<Recovery>, PathBuf) {
+pub(crate) fn recovered(folder: &Path, bytes: &[u8]) -> (svl::Result<Recovery>, PathBuf) {
     let (damaged, saved) = (folder.join("damaged.mcap"), folder.join("saved.mcap"));
     let _ = std::fs::remove_file(&saved);
     std::fs::write(&damaged, bytes).unwrap();

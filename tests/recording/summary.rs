@@ -1,5 +1,6 @@
 //! What `svl info` is told.
 
+use crate::bag;
 use crate::frames::{PERIOD_NS, bare, full, record};
 use svl::recording::{Gap, ImageFormat, Skew, Summary};
 use svl::stereo::Frame;
@@ -44,6 +45,23 @@ fn a_summary_knows_counts_gaps_and_skew() {
     );
     let rate = summary.topics[0].rate_hz.unwrap();
     assert!((rate - 6.0 / (8.0 * PERIOD_NS as f64 / 1e9)).abs() < 1e-9);
+}
+
+#[test]
+fn a_bag_has_the_gaps_of_its_left_images() {
+    let folder = tempfile::tempdir().unwrap();
+    // Sixty pairs without the second ten, and images of a third camera all along.
+    let image = |topic, i: u64| bag::ros_image(topic, i * PERIOD_NS, SIZE, "mono8", &[7; 24 * 16]);
+    let pair = |i| ["/cam0/image", "/cam1/image"].map(|topic| image(topic, i));
+    let pairs = (1..60).filter(|i| !(10..20).contains(i)).flat_map(pair);
+    let other = || (1..60).map(|i| image("/depth/image", i));
+    let summary = Summary::of(&bag::write(folder.path(), &pairs.chain(other()).collect::<Vec<_>>())).unwrap();
+    assert_eq!(summary.stereo, Some(["/cam0/image".to_owned(), "/cam1/image".to_owned()]));
+    let Gap { after_ns, length_ns } = summary.gaps[0];
+    assert_eq!((summary.period_ns, summary.gaps.len(), length_ns), (Some(PERIOD_NS), 1, 11 * PERIOD_NS));
+    assert!((9 * PERIOD_NS..10 * PERIOD_NS).contains(&after_ns), "by log time");
+    let summary = Summary::of(&bag::write(folder.path(), &other().collect::<Vec<_>>())).unwrap();
+    assert_eq!((summary.stereo, summary.period_ns, summary.gaps), (None, None, vec![]));
 }
 
 #[test]

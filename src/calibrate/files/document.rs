@@ -1,26 +1,15 @@
 //! The tree of names and values that a calibration file is, whatever its syntax.
 
-use super::{Format, lines, markup, yaml};
+use super::{Format, lines, markup};
 use crate::bounded::read_text;
 use crate::error::{Error, Result};
 use crate::stereo::{self, MAX_SIDE};
+use crate::yaml::{self, Node};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Largest calibration file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
-
-/// Deepest nesting; the deepest calibration has four levels.
-pub(super) const MAX_DEPTH: usize = 16;
-
-/// Text of a value, a list, or named values.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Node {
-    Value(String),
-    List(Vec<Node>),
-    Table(BTreeMap<String, Node>),
-}
 
 /// How a format writes names and values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

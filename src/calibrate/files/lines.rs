@@ -1,6 +1,6 @@
 //! `NAME=values` or `NAME: values`, line by line.
 
-use super::document::Node;
+use crate::yaml::Node;
 use std::collections::BTreeMap;
 
 /// Lines without the mark are passed over, and of two of one name the second.

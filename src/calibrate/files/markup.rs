@@ -2,7 +2,7 @@
 //!
 //! Names are not checked: annex E's own example has attributes called `x(0,0)`, which no XML allows.
 
-use super::document::{MAX_DEPTH, Node};
+use crate::yaml::{MAX_DEPTH, Node};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 use std::collections::BTreeMap;

@@ -20,7 +20,6 @@ mod ros;
 mod thesis;
 mod unit;
 mod words;
-mod yaml;
 
 pub use kitti::read_projections;
 pub use middlebury::read_calib;

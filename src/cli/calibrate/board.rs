@@ -3,10 +3,12 @@
 use super::super::live::LiveArgs;
 use super::super::output::{Aside, distinct, may_write, print, print_json};
 use super::super::source::{self, Topics};
+use super::super::usage;
 use super::ask::{Answers, Judge};
 use super::collect::{Collected, collect};
 use super::report::Folder;
 use anyhow::{anyhow, bail};
+use clap::builder::NonEmptyStringValueParser;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
@@ -23,29 +25,34 @@ use svl::sink::RerunTarget;
 /// Ctrl-C ends the search and calibrates from what was accepted. The accepted pairs are kept as PNG files.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Sources are those of `svl record`: a folder with left01.png, right01.png, ... or left/ and right/, a recording (.mcap),
-cameras, or `board`, a simulated board.
+Sources are those of `svl record`: a folder with left01.png, right01.png, ...
+or left/ and right/, a recording (.mcap), cameras, or `board`, a simulated
+board.
 
 Examples:
   svl calibrate board pictures/ --squares 9x6 --square-m 0.025 -o calib.xml
-  svl calibrate board run.mcap --yes -o calib.yaml        a recording of the board, without questions
-  svl calibrate board v4l2:/dev/video0,/dev/video2 --square-m 0.03 -o calib.xml
-  svl calibrate board calib-report --yes -o again.xml     once more, from the pairs that were accepted
-  svl calibrate board board --square-m 0.03 --yes -o simulated.xml    without any camera")]
+  svl calibrate board run.mcap --yes -o calib.yaml
+      a recording of the board, without questions
+  svl calibrate board v4l2:/dev/video0,/dev/video2 -o calib.xml
+  svl calibrate board calib-report --yes -o again.xml
+      once more, from the pairs that were accepted
+  svl calibrate board board --square-m 0.03 --yes -o simulated.xml
+      without any camera")]
 pub(super) struct Args {
     /// Where the pairs come from
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
     source: String,
     /// Inner corners of the board along its sides, where four squares meet: one less than its squares
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = squares)]
     squares: (usize, usize),
     /// Side of a square, metres, as measured [default: unknown, and lengths are in squares]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::super::positive)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(1e-4..=100.0))]
     square_m: Option<f64>,
     /// Take every pair that helps, without asking
     #[arg(short, long)]
     yes: bool,
     /// Calibration to write; the report and the accepted pairs go into a folder beside it, OUT-report
-    #[arg(short, long, value_name = "OUT.xml|.yaml")]
+    #[arg(short, long, value_name = "OUT.xml|.yaml", value_parser = usage::ending(&["xml", "yaml", "yml"]))]
     output: PathBuf,
     /// Show the pairs in Rerun: a new viewer, a running one, or a file [default: spawn, with --yes nowhere]
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
@@ -70,19 +77,19 @@ fn squares(text: &str) -> Result<(usize, usize), String> {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    may_write(&args.output, &["xml", "yaml", "yml"], args.force)?;
-    let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
-    if !args.yes && !can_ask {
-        bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
-    }
     let board = Board::new(args.squares, args.square_m)?;
     let rrd = match &args.rerun {
         Some(RerunTarget::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    rrd.map(|path| may_write(path, &["rrd"], args.force)).transpose()?;
-    distinct([Some(args.output.as_path()), Some(Path::new(&args.source)), rrd].into_iter().flatten())?;
-    let opened = source::open_any(&args.source, None, &args.topics, &args.live)?;
+    let outputs: Vec<_> = [Some(args.output.as_path()), rrd].into_iter().flatten().collect();
+    distinct(outputs.iter().copied().chain([Path::new(&args.source)]))?;
+    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
+    let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+    if !args.yes && !can_ask {
+        bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
+    }
+    let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
     let folder = Folder::new(&args.output, Path::new(&args.source), args.force)?;
     let earlier = rrd.map(Aside::new).transpose()?;
     let answers = if args.yes { Answers::Yes } else { Answers::asked() };

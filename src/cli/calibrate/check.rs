@@ -3,7 +3,9 @@
 use super::super::output::{print, print_json};
 use super::super::rectify::Rectify;
 use super::super::source::{self, Topics};
+use super::super::usage;
 use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
 use svl::counted;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
 
@@ -15,18 +17,21 @@ use svl::rectify::{Alignment, AlignmentMeter, Misfit};
 #[command(after_help = "\
 Examples:
   svl calibrate check run.mcap
-  svl calibrate check raw.mcap --calib calibration.xml    how well that calibration rectifies it
-  svl calibrate check bag.mcap --calib none               how far its raw images are apart
+  svl calibrate check raw.mcap --calib calibration.xml
+      how well that calibration rectifies it
+  svl calibrate check bag.mcap --calib none
+      how far its raw images are apart
   svl calibrate check FOLDER --json")]
 pub(super) struct Args {
     /// Recording, or folder of pairs
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: String,
     #[command(flatten)]
     topics: Topics,
     #[command(flatten)]
     rectify: Rectify,
     /// Look at so many pairs, spread over all
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true, value_parser = usage::within(1..=1_000_000u32))]
     pairs: u32,
     /// Print JSON
     #[arg(long)]
@@ -34,7 +39,8 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let opened = source::open(&args.recording, None, &args.topics)?;
+    let expected = "a recording (.mcap) or a folder of pairs";
+    let opened = source::open(&args.recording, None, &args.topics, expected)?;
     let mut source = args.rectify.opened(opened, quiet)?.source;
     // Of a source that does not know its length, pairs from its first ten seconds or so.
     let step = source.pairs().map_or(10, |pairs| pairs.div_ceil(args.pairs.into())).max(1);

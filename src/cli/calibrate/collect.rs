@@ -114,7 +114,7 @@ pub(super) fn collect(
         tracing::warn!("{failure:#}; calibrating from what came before");
     }
     judge.finish()?;
-    source::tell_unpaired(&*opened.source);
+    source::tell_left_out(&*opened.source);
     if let Some(chooser) = chooser {
         found.lacks = chooser.lacks();
         found.views = chooser.views().to_vec();

@@ -1,6 +1,7 @@
 //! `svl calibrate convert`: a calibration from one program's file to another's.
 
 use super::super::output::{distinct, may_write, print};
+use super::super::usage;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, FORMATS, Format, Found, Hints, Unit};
@@ -24,7 +25,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FORMAT", value_parser = files::format)]
     from: Option<&'static Format>,
     /// Format of B [default: by its ending; .yaml and .yml are opencv]
-    #[arg(long, value_name = "FORMAT", value_parser = files::format)]
+    #[arg(long, value_name = "FORMAT", value_parser = written)]
     to: Option<&'static Format>,
     /// What A's lengths are in, where A does not say it: m, cm, mm, squares, squares=SIDE_IN_METRES
     #[arg(long)]
@@ -54,9 +55,32 @@ Formats, by the endings of their files:
     for format in FORMATS {
         let endings = format.endings.join(", .");
         let only = if format.is_written() { "" } else { ", read only" };
-        text += &format!("  {:<11} {} (.{endings}{only}): {}\n", format.name, format.title, format.conventions);
+        text += &format!("  {:<11} {} (.{endings}{only}):\n", format.name, format.title);
+        text += &paragraph(format.conventions, 14);
     }
     text
+}
+
+/// Lines that fit below the options of a help, which clap does not break again.
+fn paragraph(words: &str, indent: usize) -> String {
+    const COLUMNS: usize = 78;
+    let (mut text, mut column) = (String::new(), COLUMNS);
+    for word in words.split_whitespace() {
+        let width = word.chars().count();
+        if column + 1 + width > COLUMNS {
+            text += &format!("{}{:indent$}{word}", if text.is_empty() { "" } else { "\n" }, "");
+            column = indent + width;
+        } else {
+            text += &format!(" {word}");
+            column += 1 + width;
+        }
+    }
+    text + "\n"
+}
+
+fn written(name: &str) -> Result<&'static Format, String> {
+    let format = files::format(name).map_err(|e| e.to_string())?;
+    if format.is_written() { Ok(format) } else { Err(format!("{} is read only; choose another", format.title)) }
 }
 
 fn size(text: &str) -> Result<(usize, usize), String> {
@@ -68,15 +92,18 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let to = match args.to {
         Some(format) => format,
-        None => files::written_as(&args.output)?,
+        None => files::written_as(&args.output).map_err(usage::wrong)?,
     };
-    let outputs = files::outputs(&args.output, to)?;
-    for output in &outputs {
-        may_write(output, &["xml", "yaml", "yml", "txt"], args.force)?;
-    }
-    let hints = Hints { format: args.from, unit: args.unit, size: args.size };
+    let outputs = files::outputs(&args.output, to).map_err(usage::wrong)?;
     let inputs = files::inputs(&args.input)?;
+    if inputs.iter().chain(&outputs).any(|path| path.as_os_str().is_empty()) {
+        return Err(usage::wrong("two files with a comma between are left.yaml,right.yaml: one has no name"));
+    }
+    let endings = &["xml", "yaml", "yml", "txt"];
+    outputs.iter().try_for_each(|output| usage::ends_in(output, endings)).map_err(usage::wrong)?;
+    let hints = Hints { format: args.from, unit: args.unit, size: args.size };
     distinct(inputs.iter().chain(&outputs).map(PathBuf::as_path))?;
+    outputs.iter().try_for_each(|output| may_write(output, args.force))?;
     let mut found = files::read_with(&args.input, &hints)?;
     if args.rectify {
         let rectification = bouguet(&found.calibration, &Framing::default())?;

@@ -4,7 +4,7 @@ mod files;
 mod report;
 
 use super::output::{distinct, may_write};
-use clap::error::ErrorKind;
+use super::usage;
 use files::Files;
 use std::path::PathBuf;
 use svl::files as on_disk;
@@ -18,21 +18,28 @@ use svl::stereo::{Plane, Visibility, cross_check};
 #[command(after_help = "\
 Examples:
   svl eval disparity.pfm disp0GT.pfm --protocol middeval3 --mask mask0nocc.png
-  svl eval cones.pfm disp2.png --scale 4 --protocol middlebury-v2 --right-truth disp6.png
+  svl eval cones.pfm disp2.png --scale 4 --protocol middlebury-v2 \\
+      --right-truth disp6.png
   svl eval disparity.png truth.png --protocol kitti12 --error-map errors.png
-  svl eval results/disp_0 training/disp_occ_0 --protocol kitti15 --object-map training/obj_map
+  svl eval results/disp_0 training/disp_occ_0 --protocol kitti15 \\
+      --object-map training/obj_map
 
 Protocols:
-  middeval3      Middlebury v3: bad is of all judged pixels, holes are neither bad nor filled
-  middlebury-v2  tsukuba, venus, cones, teddy: holes are bad; a --mask for each column wanted
+  middeval3      Middlebury v3: bad is of all judged pixels, holes are neither
+                 bad nor filled
+  middlebury-v2  tsukuba, venus, cones, teddy: holes are bad; a --mask for
+                 each column wanted
   eth3d          ETH3D two-view: bad and errors are of the estimated pixels
   kitti12        beyond 1 to 5 px
   kitti15        D1: beyond 3 px and 5 % of the truth
-KITTI's numbers are of the map as it is, a hole being -1; those in _dense of the map filled as the
-kit does (the web page's All); those in _est of the estimated pixels alone (its Est).
 
-Shares are percent, errors pixels of disparity. What would be divided by nothing is null, and - in
-the table. A hole of DISPARITY is +inf in .pfm and .npz, 0 in .png.")]
+KITTI's numbers are of the map as it is, a hole being -1; those in _dense of
+the map filled as the kit does (the web page's All); those in _est of the
+estimated pixels alone (its Est).
+
+Shares are percent, errors pixels of disparity. What would be divided by
+nothing is null, and - in the table. A hole of DISPARITY is +inf in .pfm and
+.npz, 0 in .png.")]
 pub(super) struct Args {
     /// Disparities to judge: .pfm, .npz, 16-bit .png (256·d); or a folder of them
     disparity: PathBuf,
@@ -51,14 +58,14 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE")]
     object_map: Option<PathBuf>,
     /// Clip to this disparity, as middeval3 does to `ndisp` of calib.txt (pixels of DISPARITY)
-    #[arg(long, value_name = "N", value_parser = super::positive)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
     max_disparity: Option<f64>,
     /// By how much the images of truth multiply disparities; 8-bit ones need it (and 8-bit DISPARITY has the same)
     /// [default: 256 for 16 bits]
-    #[arg(long, value_name = "S", value_parser = super::positive)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
     scale: Option<f64>,
     /// Where the errors in KITTI's colours go
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png", value_parser = usage::ending(&["png"]))]
     error_map: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
@@ -72,13 +79,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let images = Files::find(args)?;
     if args.scale.is_some() && !images.iter().any(Files::has_images) {
-        return Err(wrong_usage("--scale belongs to images; .pfm and .npz hold disparities as they are"));
+        return Err(usage::wrong("--scale belongs to images; .pfm and .npz hold disparities as they are"));
     }
     if let Some(path) = &args.error_map {
-        may_write(path, &["png"], args.force)?;
         for input in images.iter().flat_map(Files::inputs) {
             distinct([path.as_path(), input])?;
         }
+        may_write(path, args.force)?;
     }
     let columns = args.mask.len().max(1);
     let mut scores: Vec<Vec<Score>> = vec![Vec::new(); columns];
@@ -109,12 +116,8 @@ impl Args {
         } else {
             return Ok(());
         };
-        Err(wrong_usage(&wrong))
+        Err(usage::wrong(wrong))
     }
-}
-
-fn wrong_usage(what: &str) -> anyhow::Error {
-    super::command().error(ErrorKind::ArgumentConflict, what).into()
 }
 
 /// One image's files, read.

@@ -22,8 +22,8 @@ pub struct GenicamCamera {
     clock: Arc<Clock>,
     device_clock: DeviceClock,
     limits: Limits,
-    /// What it is set to, and since when.
-    settings: Option<(Settings, u64)>,
+    /// What was asked for, what it is set to, and since when.
+    settings: Option<(Settings, Settings, u64)>,
     size: [i32; 2],
 }
 
@@ -69,9 +69,9 @@ impl GenicamCamera {
         }
     }
 
-    /// What is in a buffer; nothing when it was exposed before the camera was set as it is.
+    /// What is in a buffer.
     fn read(&mut self, buffer: &Buffer) -> Option<Taken> {
-        let (settings, since_ns) = self.settings?;
+        let (ordered, settings, since_ns) = self.settings?;
         let status = buffer.status();
         if status != BufferStatus::Success {
             tracing::info!("{}: image {} is damaged ({status:?})", self.device.name, buffer.frame_id());
@@ -80,14 +80,14 @@ impl GenicamCamera {
         let exposed_ns = self.exposed_ns(buffer, settings);
         let began_ns = exposed_ns.saturating_sub(shutter_ns(settings));
         if began_ns < since_ns {
-            return None;
+            return Some(Taken::Unready);
         }
         let Some(image) = image(buffer) else {
             tracing::info!("{}: image {} is none of 8 bits", self.device.name, buffer.frame_id());
             return Some(Taken::Damaged);
         };
         let stamp_ns = exposed_ns - shutter_ns(settings) / 2;
-        Some(Taken::Image(Capture { image, stamp_ns, trigger_id: None, settings }))
+        Some(Taken::Image(Capture { image, stamp_ns, trigger_id: None, ordered, settings }))
     }
 }
 
@@ -122,9 +122,9 @@ impl Camera for GenicamCamera {
 
     fn arm(&mut self, settings: Settings) -> Result<()> {
         self.device.answers()?;
-        if self.settings.is_none_or(|(before, _)| before != settings) {
-            self.device.expose(settings, &self.limits)?;
-            self.settings = Some((settings, self.clock.now_ns()));
+        if self.settings.is_none_or(|(before, ..)| before != settings) {
+            let applied = self.device.expose(settings, &self.limits)?;
+            self.settings = Some((settings, applied, self.clock.now_ns()));
         }
         while let Some(buffer) = self.stream.try_pop_buffer() {
             self.stream.push_buffer(buffer);

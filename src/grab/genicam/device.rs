@@ -130,13 +130,20 @@ impl Device {
         })
     }
 
-    pub(super) fn expose(&self, settings: Settings, limits: &Limits) -> Result<()> {
+    /// Sets shutter and gain, and says what they are then: a camera takes the nearest that it has.
+    pub(super) fn expose(&self, settings: Settings, limits: &Limits) -> Result<Settings> {
         let camera = self.lock();
-        camera.set_exposure_time(settings.shutter_us.into()).map_err(|e| self.failed(&e))?;
-        if limits.gain_mdb.start() < limits.gain_mdb.end() {
-            camera.set_float(GAIN, f64::from(settings.gain_mdb) / 1e3).map_err(|e| self.failed(&e))?;
-        }
-        Ok(())
+        let exposed = || -> Answer<Settings> {
+            camera.set_exposure_time(settings.shutter_us.into())?;
+            // Casts saturate.
+            let shutter_us = camera.exposure_time()?.round() as u32;
+            if limits.gain_mdb.start() == limits.gain_mdb.end() {
+                return Ok(Settings { shutter_us, ..settings });
+            }
+            camera.set_float(GAIN, f64::from(settings.gain_mdb) / 1e3)?;
+            Ok(Settings { shutter_us, gain_mdb: (camera.float(GAIN)? * 1e3).round() as i32 })
+        };
+        exposed().map_err(|e| self.failed(&e))
     }
 
     pub(super) fn fire(&self) -> Result<()> {

@@ -145,6 +145,6 @@ impl Camera for SimulatedCamera {
         }
         let stamp_ns = begin_ns + shutter_ns / 2;
         let image = self.sensor.expose(self.pictures.at(self.side, stamp_ns), self.settings)?;
-        Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id, settings: self.settings })))
+        Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id, ordered: self.settings, settings: self.settings })))
     }
 }

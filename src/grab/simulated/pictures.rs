@@ -19,11 +19,18 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Renders the first `count` pictures of the arena's run in `size`, `rate_hz` a second but at most 100.
+    /// Renders the first `count` pictures of the arena's run in `size`, `rate_hz` a second but at most 100; nothing when
+    /// `go_on`, which is called after each, on any thread, says so.
     ///
     /// # Errors
     /// [`Error::Invalid`] when the arena cannot be made so.
-    pub fn render((width_px, height_px): (usize, usize), rate_hz: f64, count: usize, seed: u64) -> Result<Self> {
+    pub fn render(
+        (width_px, height_px): (usize, usize),
+        rate_hz: f64,
+        count: usize,
+        seed: u64,
+        go_on: impl Fn() -> bool + Sync,
+    ) -> Result<Option<Self>> {
         // A sharp picture's shutter has to fit into its period.
         let rate_hz = rate_hz.min(100.0);
         let mut config = ArenaConfig::default();
@@ -35,24 +42,24 @@ impl Pictures {
         (config.sensor.shutter_us, config.sensor.gain_db) = (REFERENCE.shutter_us, f64::from(REFERENCE.gain_mdb) / 1e3);
         let arena = Arena::new(&config, seed)?;
         let count = (count as u64).min(arena.frames());
-        let pairs: Result<Vec<_>> =
-            (0..count).into_par_iter().map(|i| arena.frame(i).map(|frame| frame.pair)).collect();
-        Self::new(pairs?, rate_hz, Some(arena.rig()))
+        let pairs = rendered(count, go_on, |i| arena.frame(i).map(|frame| frame.pair))?;
+        pairs.map(|pairs| Self::new(pairs, rate_hz, Some(arena.rig()))).transpose()
     }
 
-    /// Renders all pictures of a board that is moved, for calibrating; the cameras have lenses.
+    /// Renders all pictures of a board that is moved, for calibrating, as [`Pictures::render`] does; the cameras have
+    /// lenses.
     ///
     /// # Errors
     /// [`Error::Invalid`] for another size than the board's cameras have.
-    pub fn of_board(size: (usize, usize), seed: u64) -> Result<Self> {
+    pub fn of_board(size: (usize, usize), seed: u64, go_on: impl Fn() -> bool + Sync) -> Result<Option<Self>> {
         let board = MovingBoard::new(seed)?;
         let own = board.truth().left().size();
         if size != own {
             let reason = format!("sim: the board's pictures are {}x{}, not {}x{}", own.0, own.1, size.0, size.1);
             return Err(Error::Invalid(reason));
         }
-        let pairs: Result<Vec<_>> = (0..board.pairs()).into_par_iter().map(|i| board.pair(i)).collect();
-        Self::new(pairs?, RATE_HZ, None)
+        let pairs = rendered(board.pairs(), go_on, |i| board.pair(i))?;
+        pairs.map(|pairs| Self::new(pairs, RATE_HZ, None)).transpose()
     }
 
     /// From pictures that there are.
@@ -80,5 +87,30 @@ impl Pictures {
             Side::Left => pair.left(),
             Side::Right => pair.right(),
         }
+    }
+}
+
+/// So many pairs; nothing once `go_on` says so, which is called after each.
+fn rendered(
+    count: u64,
+    go_on: impl Fn() -> bool + Sync,
+    pair: impl Fn(u64) -> Result<StereoPair> + Sync,
+) -> Result<Option<Vec<StereoPair>>> {
+    let one = |i| pair(i).map(|pair| go_on().then_some(pair)).transpose();
+    (0..count).into_par_iter().map(one).collect::<Option<Result<_>>>().transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn rendering_can_be_stopped() {
+        let done = AtomicU64::new(0);
+        let pictures = Pictures::render((32, 24), 60.0, 200, 1, || done.fetch_add(1, Ordering::Relaxed) < 3);
+        assert!(pictures.unwrap().is_none());
+        assert!(done.into_inner() < 100, "the others are not begun");
+        assert!(Pictures::render((32, 24), 60.0, 2, 1, || true).unwrap().is_some());
     }
 }

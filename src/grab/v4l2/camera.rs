@@ -8,7 +8,7 @@ use super::stamp::Times;
 use crate::error::{Error, Result};
 use crate::grab::{Camera, Capture, Limits, Settings, Taken};
 use rustix::io::Errno;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Images that a camera which runs by itself may still have begun with what it was set to before.
 const SETTLING: u32 = 2;
@@ -23,8 +23,8 @@ pub(super) struct V4l2Camera<D> {
     controls: Controls,
     /// Whether it exposes when it is fired, else by itself.
     fired: bool,
-    settings: Option<Settings>,
-    exposure_us: u32,
+    /// What was asked for, and what it is set to.
+    settings: Option<[Settings; 2]>,
     /// Images to come that are not of the settings yet.
     unsettled: u32,
     times: Times,
@@ -49,7 +49,6 @@ impl<D: Driver> V4l2Camera<D> {
             controls,
             fired,
             settings: None,
-            exposure_us: 0,
             unsettled: 0,
             times,
             has_stamps: true,
@@ -94,42 +93,35 @@ impl<D: Driver> Camera for V4l2Camera<D> {
     /// Of a camera that runs by itself, images that wait are kept while the settings stay: their stamps say when they
     /// were taken.
     fn arm(&mut self, settings: Settings) -> Result<()> {
-        if self.settings != Some(settings) {
-            let applied = self.controls.apply(settings, &mut self.driver);
-            self.exposure_us = applied.map_err(|errno| {
-                let Settings { shutter_us, gain_mdb } = settings;
-                let asked = format!("cannot be set to {shutter_us} µs and {:.1} dB", f64::from(gain_mdb) / 1e3);
-                Error::camera(&self.name, format!("{asked}: {}", trouble(errno)))
+        if self.settings.is_none_or(|[ordered, _]| ordered != settings) {
+            let applied = self.controls.apply(settings, &mut self.driver).map_err(|errno| {
+                Error::camera(&self.name, format!("cannot be set to {settings}: {}", trouble(errno)))
             })?;
-            self.settings = Some(settings);
+            self.settings = Some([settings, applied]);
             self.unsettled = if self.fired { 0 } else { SETTLING };
         }
         if self.fired { self.discard() } else { Ok(()) }
     }
 
     fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
-        let began = Instant::now();
-        let Some(settings) = self.settings else { return Ok(None) };
-        loop {
-            let layout = self.layout;
-            let left = patience.saturating_sub(began.elapsed());
-            let (image, stamp) = match self.driver.next(left, |data, stamp| (layout.read(data), stamp)) {
-                Ok(None) => return Ok(None),
-                Ok(Some((Ok(image), stamp))) => (image, stamp),
-                Ok(Some((Err(reason), _))) => return Ok(Some(self.damaged(&reason))),
-                Err(Fault::Buffer(reason)) => return Ok(Some(self.damaged(reason))),
-                Err(Fault::Stream(errno)) => return Err(self.error(errno)),
-            };
-            if self.unsettled > 0 {
-                self.unsettled -= 1;
-                continue;
-            }
-            let middle_ns = stamp.middle_ns(self.exposure_us, self.times.earliest_ns);
-            if middle_ns.is_none() && std::mem::take(&mut self.has_stamps) {
-                tracing::warn!("{}: its driver gives no times; images have the time of their arrival", self.name);
-            }
-            let stamp_ns = middle_ns.unwrap_or(stamp.arrived_ns).wrapping_add(self.times.offset_ns);
-            return Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id: None, settings })));
+        let Some([ordered, settings]) = self.settings else { return Ok(None) };
+        let layout = self.layout;
+        let (image, stamp) = match self.driver.next(patience, |data, stamp| (layout.read(data), stamp)) {
+            Ok(None) => return Ok(None),
+            Ok(Some((Ok(image), stamp))) => (image, stamp),
+            Ok(Some((Err(reason), _))) => return Ok(Some(self.damaged(&reason))),
+            Err(Fault::Buffer(reason)) => return Ok(Some(self.damaged(reason))),
+            Err(Fault::Stream(errno)) => return Err(self.error(errno)),
+        };
+        if self.unsettled > 0 {
+            self.unsettled -= 1;
+            return Ok(Some(Taken::Unready));
         }
+        let middle_ns = stamp.middle_ns(settings.shutter_us, self.times.earliest_ns);
+        if middle_ns.is_none() && std::mem::take(&mut self.has_stamps) {
+            tracing::warn!("{}: its driver gives no times; images have the time of their arrival", self.name);
+        }
+        let stamp_ns = middle_ns.unwrap_or(stamp.arrived_ns).wrapping_add(self.times.offset_ns);
+        Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id: None, ordered, settings })))
     }
 }

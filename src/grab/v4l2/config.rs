@@ -1,7 +1,7 @@
 //! Which cameras and how, as text: `/dev/video0,/dev/video2,size=640x480,format=YUYV`.
 
 use super::mode::Format;
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::stereo::MAX_SIDE;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -21,35 +21,40 @@ const USAGE: &str = "v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]";
 impl FromStr for V4l2Config {
     type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         let mut parts = text.split(',').map(str::trim);
         let mut device = || parts.next().filter(|name| !name.is_empty() && !name.contains('='));
         let (Some(left), Some(right)) = (device(), device()) else {
-            return Err(Error::Invalid(format!(
-                "v4l2:{text}: name two devices, {USAGE}; `svl record --list` shows what there is"
-            )));
+            let cure = "`svl record --list` shows what there is";
+            return Err(Error::Invalid(format!("v4l2: expected two devices, {USAGE}, not '{text}'; {cure}")));
         };
+        if left == right {
+            return Err(Error::Invalid(format!("v4l2: {left} is named twice; left and right are two cameras")));
+        }
         let mut config = Self { devices: [left.into(), right.into()], size: None, format: None };
         for setting in parts {
-            let understood = setting.split_once('=').and_then(|(key, value)| config.set(key.trim(), value.trim()));
-            understood.ok_or_else(|| Error::Invalid(format!("v4l2: '{setting}' is not of {USAGE}")))?;
+            let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
+            let understood = config.set(key.trim(), value.trim());
+            understood.map_err(|expected| Error::Invalid(format!("v4l2: '{setting}': expected {expected}")))?;
         }
         Ok(config)
     }
 }
 
 impl V4l2Config {
-    fn set(&mut self, key: &str, value: &str) -> Option<()> {
+    /// # Errors
+    /// What was expected instead.
+    fn set(&mut self, key: &str, value: &str) -> Result<(), String> {
         match key {
             "size" => {
-                let (width, height) = value.split_once('x')?;
                 let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-                self.size = Some((side(width)?, side(height)?));
+                let sides = value.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
+                self.size = Some(sides.ok_or_else(|| format!("WxH in pixels, each 1 to {MAX_SIDE}"))?);
             }
-            "format" => self.format = Some(value.parse().ok()?),
-            _ => return None,
+            "format" => self.format = Some(value.parse().map_err(|()| "format=GREY, YUYV or MJPG")?),
+            _ => return Err(USAGE.to_owned()),
         }
-        Some(())
+        Ok(())
     }
 }
 
@@ -64,11 +69,19 @@ mod tests {
         assert_eq!((config.size, config.format), (Some((320, 240)), None));
         let config: V4l2Config = "a,b,format=MJPG".parse().unwrap();
         assert_eq!((config.size, config.format), (None, Some(Format::Mjpeg)));
-        for wrong in
-            ["", "/dev/video0", "/dev/video0,", "a,size=3x3", "a,b,c", "a,b,size=0x9", "a,b,format=RGB3", "a,b,"]
-        {
+        for (wrong, expected) in [
+            ("", "v4l2:LEFT,RIGHT"),
+            ("/dev/video0", "v4l2:LEFT,RIGHT"),
+            ("/dev/video0,", "v4l2:LEFT,RIGHT"),
+            ("a,size=3x3", "v4l2:LEFT,RIGHT"),
+            ("a,a", "a is named twice"),
+            ("a,b,c", "v4l2:LEFT,RIGHT"),
+            ("a,b,size=0x9", "'size=0x9': expected WxH in pixels, each 1 to"),
+            ("a,b,format=RGB3", "'format=RGB3': expected format=GREY, YUYV or MJPG"),
+            ("a,b,", "v4l2:LEFT,RIGHT"),
+        ] {
             let error = wrong.parse::<V4l2Config>().unwrap_err().to_string();
-            assert!(error.contains("v4l2:LEFT,RIGHT") && !error.contains('\n'), "{error}");
+            assert!(error.contains(expected) && !error.contains('\n'), "{error}");
         }
     }
 }

@@ -54,18 +54,19 @@ impl Controls {
         Limits { shutter_us: us(exposure.min)..=us(exposure.max), gain_mdb: 0..=greatest_mdb }
     }
 
-    /// Sets shutter and gain to the nearest that there is, and says what shutter that is, in microseconds.
+    /// Sets shutter and gain to the nearest that there is, and says what they are then.
     ///
     /// # Errors
     /// The driver's.
-    pub(super) fn apply(&self, settings: Settings, driver: &mut impl Driver) -> Result<u32, Errno> {
-        let Some(exposure) = self.exposure else { return Ok(0) };
+    pub(super) fn apply(&self, settings: Settings, driver: &mut impl Driver) -> Result<Settings, Errno> {
+        let Some(exposure) = self.exposure else { return Ok(Settings { shutter_us: 0, gain_mdb: 0 }) };
         let units = exposure.nearest(f64::from(settings.shutter_us) / US_PER_UNIT);
-        driver.set(EXPOSURE_ABSOLUTE, units)?;
-        if let Some((id, range)) = self.gain {
-            driver.set(id, range.of_mdb(f64::from(settings.gain_mdb)))?;
-        }
-        Ok((f64::from(units) * US_PER_UNIT) as u32)
+        let units = driver.set(EXPOSURE_ABSOLUTE, units)?;
+        let gain_mdb = match self.gain {
+            Some((id, range)) => range.mdb(driver.set(id, range.of_mdb(f64::from(settings.gain_mdb)))?).round() as i32,
+            None => 0,
+        };
+        Ok(Settings { shutter_us: (f64::from(units.max(0)) * US_PER_UNIT) as u32, gain_mdb })
     }
 }
 

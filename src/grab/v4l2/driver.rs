@@ -10,9 +10,11 @@ pub(super) trait Driver: Send {
     /// What a control can be set to, if the camera has it.
     fn range(&self, control: u32) -> Option<Range>;
 
+    /// Sets a control, and says to what: a driver takes the nearest that it has.
+    ///
     /// # Errors
     /// The driver's.
-    fn set(&mut self, control: u32, value: i32) -> Result<(), Errno>;
+    fn set(&mut self, control: u32, value: i32) -> Result<i32, Errno>;
 
     /// Waits for the next filled buffer, and lets it be read before the driver fills it again. Nothing when none came.
     ///

@@ -26,6 +26,8 @@ struct State {
     controls: Vec<(u32, Range)>,
     /// What was set, in this order.
     set: Vec<(u32, i32)>,
+    /// What it makes of a gain.
+    gain_step: i32,
     buffers: VecDeque<Filled>,
 }
 
@@ -40,10 +42,12 @@ impl Driver for Odd {
         self.state().controls.iter().find(|(id, _)| *id == control).map(|(_, range)| *range)
     }
 
-    fn set(&mut self, control: u32, value: i32) -> Result<(), Errno> {
+    fn set(&mut self, control: u32, value: i32) -> Result<i32, Errno> {
         self.range(control).filter(|range| (range.min..=range.max).contains(&value)).ok_or(Errno::RANGE)?;
-        self.state().set.push((control, value));
-        Ok(())
+        let mut state = self.state();
+        state.set.push((control, value));
+        let step = if control == ANALOGUE_GAIN { state.gain_step.max(1) } else { 1 };
+        Ok(value / step * step)
     }
 
     fn next<T>(&mut self, _: Duration, read: impl FnOnce(&[u8], Stamp) -> T) -> Result<Option<T>, Fault> {
@@ -93,6 +97,7 @@ fn next(camera: &mut impl Camera) -> Option<Capture> {
     match camera.capture(Duration::ZERO).unwrap() {
         Some(Taken::Image(capture)) => Some(capture),
         Some(Taken::Damaged) => panic!("damaged"),
+        Some(Taken::Unready) => next(camera),
         None => None,
     }
 }
@@ -128,12 +133,28 @@ fn stamps_are_of_the_middle_of_the_exposure_in_the_grabbers_time() {
     let capture = next(&mut camera).unwrap();
     // The third began at 3 ms and was exposed for 4.
     assert_eq!((capture.image.get(1, 0), capture.stamp_ns), (3, 7_005_000_000));
-    assert_eq!((capture.settings, capture.trigger_id), (SETTINGS, None));
+    assert_eq!((capture.ordered, capture.trigger_id), (SETTINGS, None));
 }
 
 #[test]
-fn images_from_before_a_setting_are_discarded_and_others_kept() {
+fn what_the_driver_makes_of_the_settings_is_told() {
+    let (mut camera, driver) = camera(false, (1..9).map(image));
+    driver.state().gain_step = 20;
+    // 41.3 hundreds of microseconds, and 34 sixteenths, of which the driver makes 20.
+    let ordered = Settings { shutter_us: 4_130, gain_mdb: 6_547 };
+    camera.arm(ordered).unwrap();
+    let capture = next(&mut camera).unwrap();
+    assert_eq!((capture.ordered, capture.settings), (ordered, Settings { shutter_us: 4_100, gain_mdb: 1_938 }));
+    // The third began at 3 ms.
+    assert_eq!(capture.stamp_ns, 7_005_050_000);
+}
+
+#[test]
+fn images_from_before_a_setting_are_counted_and_others_kept() {
     let (mut camera, _) = camera(false, (1..=9).map(image));
+    for _ in 0..2 {
+        assert_eq!(camera.capture(Duration::ZERO).unwrap(), Some(Taken::Unready));
+    }
     assert_eq!(next(&mut camera).unwrap().image.get(1, 0), 3);
     camera.arm(SETTINGS).unwrap();
     assert_eq!(next(&mut camera).unwrap().image.get(1, 0), 4);
@@ -152,9 +173,9 @@ fn a_camera_that_is_fired_gives_what_came_after_it_was_armed() {
 #[test]
 fn damaged_buffers_are_no_images_and_the_camera_goes_on() {
     let short = Ok((vec![9], image(3).unwrap().1));
-    let settling = [image(1), image(2)];
-    let damaged = [short, Err(Fault::Buffer("its driver says so")), image(5)];
-    let (mut camera, _) = camera(false, settling.into_iter().chain(damaged));
+    let damaged = [short, Err(Fault::Buffer("its driver says so"))];
+    let settling = [image(1), image(2), image(5)];
+    let (mut camera, _) = camera(false, damaged.into_iter().chain(settling));
     for _ in 0..2 {
         assert_eq!(camera.capture(Duration::ZERO).unwrap(), Some(Taken::Damaged));
     }

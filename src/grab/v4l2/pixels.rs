@@ -1,11 +1,8 @@
 //! From a driver's buffer to a grey image.
 
 use super::mode::Format;
+use crate::files::brightness;
 use crate::stereo::Gray;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// How the images of a stream lie in its buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +20,7 @@ impl Layout {
         match self.format {
             Format::Grey => self.unpack(data, 1),
             Format::Yuyv => self.unpack(data, 2),
-            Format::Mjpeg => self.decode(data),
+            Format::Mjpeg => brightness(data, (self.width, self.height)),
         }
     }
 
@@ -43,38 +40,6 @@ impl Layout {
         };
         Gray::from_vec(width, height, pixels).map_err(|e| e.to_string())
     }
-
-    fn decode(&self, data: &[u8]) -> Result<Gray, String> {
-        let Some(content) = data.strip_prefix(BEGIN).and_then(before_end) else {
-            return Err(format!("a JPEG without its begin or end, {} bytes", data.len()));
-        };
-        // At the end marker the decoder makes up what is missing; without one, missing data are an error.
-        let jpeg = [BEGIN, MOTION_JPEG, content].concat();
-        let options = DecoderOptions::default()
-            .set_strict_mode(true)
-            .set_max_width(self.width)
-            .set_max_height(self.height)
-            .jpeg_set_out_colorspace(ColorSpace::Luma);
-        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&jpeg), options);
-        let pixels = decoder.decode().map_err(|e| format!("a broken JPEG: {e:?}"))?;
-        match decoder.dimensions() {
-            Some(size) if size == (self.width, self.height) => {
-                Gray::from_vec(self.width, self.height, pixels).map_err(|e| e.to_string())
-            }
-            size => Err(format!("a JPEG of {size:?} pixels, not {}x{}", self.width, self.height)),
-        }
-    }
-}
-
-/// A JPEG's first marker.
-const BEGIN: &[u8] = &[0xFF, 0xD8];
-/// A segment which says that this is one image of many. Frames of many cameras lack the Huffman tables, and with this
-/// the decoder takes those of the standard (ITU-T T.81, K.3).
-const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
-
-/// What stands before the end marker. Zeros, or what was there before, may follow it.
-fn before_end(jpeg: &[u8]) -> Option<&[u8]> {
-    jpeg.windows(2).rposition(|two| two == [0xFF, 0xD9]).map(|end| &jpeg[..end])
 }
 
 #[cfg(test)]

@@ -75,8 +75,10 @@ impl Driver for Stream {
         (query.flags & (CONTROL_DISABLED | CONTROL_READ_ONLY) == 0 && min <= max).then_some(Range { min, max, step })
     }
 
-    fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<()> {
-        abi::S_CTRL.call(&self.device, &mut abi::Control { id: control, value })
+    fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<i32> {
+        let mut set = abi::Control { id: control, value };
+        abi::S_CTRL.call(&self.device, &mut set)?;
+        Ok(set.value)
     }
 
     fn next<T>(

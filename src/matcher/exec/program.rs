@@ -4,7 +4,7 @@
 use super::protocol::{Reply, one_line, read_reply};
 use crate::error::Error;
 use std::collections::VecDeque;
-use std::io::{BufReader, Read, Write};
+use std::io::{BufReader, ErrorKind, Read, Write};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -65,7 +65,13 @@ impl Program {
         // Ctrl-C is svl's: it ends the run orderly, and the program with it.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command.spawn().map_err(|error| Failure::new(format!("cannot be started: {error}")))?;
+        let mut child = command.spawn().map_err(|error| {
+            let why = match error.kind() {
+                ErrorKind::NotFound => "no such program; check its name and the PATH".to_owned(),
+                _ => error.to_string(),
+            };
+            Failure::new(format!("cannot be started: {why}"))
+        })?;
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         // All three were asked for above.
         let (Some(stdin), Some(stdout), Some(stderr)) = pipes else { unreachable!("pipes") };

@@ -33,11 +33,7 @@ pub(super) struct Calibration {
 
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
-        ("sensor_msgs/msg/CameraInfo", "cdr") => {
-            let ros::CameraInfo { width, height, model, distortion: d, k, r, p } = ros::read(data, ros::camera_info)?;
-            let (k, r, p) = (k.to_vec(), r.to_vec(), p.to_vec());
-            Ok(Calibration { size: (width, height), model, k, d, r, p })
-        }
+        ("sensor_msgs/msg/CameraInfo", "cdr") => Ok(of_image(ros::read(data, ros::camera_info)?)),
         ("foxglove.CameraCalibration", "protobuf") => {
             let foxglove::messages::CameraCalibration { width, height, distortion_model: model, k, d, r, p, .. } =
                 decode_protobuf(data)?;
@@ -51,7 +47,36 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
     }
 }
 
+/// The calibration of the images that a sensor gives, which may be a part of it and binned, as image_geometry's
+/// PinholeCameraModel has it.
+fn of_image(info: ros::CameraInfo) -> Calibration {
+    let ros::CameraInfo { width, height, model, distortion: d, mut k, r, mut p, binning, roi } = info;
+    let [columns, rows] = binning.map(|pixels| pixels.max(1));
+    let side = |roi: u32, whole: u32| if roi == 0 { whole } else { roi };
+    let size = (side(roi.width, width) / columns, side(roi.height, height) / rows);
+    for matrix in [&mut k[..], &mut p[..]] {
+        let row = matrix.len() / 3;
+        matrix[2] -= f64::from(roi.x);
+        matrix[row + 2] -= f64::from(roi.y);
+        matrix[..row].iter_mut().for_each(|v| *v /= f64::from(columns));
+        matrix[row..2 * row].iter_mut().for_each(|v| *v /= f64::from(rows));
+    }
+    Calibration { size, model, k: k.to_vec(), d, r: r.to_vec(), p: p.to_vec() }
+}
+
 impl Calibration {
+    /// Whether it is of images of that size, as far as it says.
+    ///
+    /// # Errors
+    /// Of which it is.
+    pub(super) fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
+        let (w, h) = self.size;
+        if [(0, 0), (width, height)].contains(&(w as usize, h as usize)) {
+            return Ok(());
+        }
+        Err(format!("the calibration is of images of {w}x{h} pixels, these have {width}x{height}"))
+    }
+
     /// Whether an image straight from this camera is not rectified: its lens distorts, or it has to be turned.
     pub(super) fn is_of_raw_camera(&self) -> bool {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
@@ -158,6 +183,35 @@ mod tests {
         says(&left, &Calibration { p: vec![0.0; 12], ..left.clone() }, "not calibrated");
         says(&left, &Calibration { p: vec![], ..left.clone() }, "not calibrated");
         says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
+    }
+
+    #[test]
+    fn a_part_of_the_sensor_and_binned_pixels_are_what_the_calibration_is_of() {
+        let info = |binning, (x, y, width, height)| ros::CameraInfo {
+            width: 640,
+            height: 480,
+            model: "plumb_bob".into(),
+            distortion: vec![],
+            k: [600.0, 0.0, 320.0, 0.0, 602.0, 240.0, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [600.0, 0.0, 322.0, -60.0, 0.0, 600.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            binning,
+            roi: ros::RegionOfInterest { x, y, height, width },
+        };
+        let whole = of_image(info([0, 1], (0, 0, 0, 0)));
+        assert_eq!((whole.size, whole.k[0], whole.p[3]), ((640, 480), 600.0, -60.0));
+        // As image_geometry's PinholeCameraModel: first the offset, then the binning; Tx with it, so the baseline stays.
+        let binned = of_image(info([2, 2], (0, 0, 0, 0)));
+        assert_eq!(
+            (binned.size, &binned.p[..4], &binned.p[4..8]),
+            ((320, 240), &[300.0, 0.0, 161.0, -30.0][..], &[0.0, 300.0, 121.0, 0.0][..])
+        );
+        let part = of_image(info([2, 1], (100, 40, 320, 240)));
+        assert_eq!((part.size, &part.k[..6]), ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..]));
+        assert_eq!((&part.p[..4], part.p[6]), (&[300.0, 0.0, 111.0, -30.0][..], 202.0));
+        assert!(part.check_size((160, 240)).is_ok());
+        assert!(part.check_size((320, 240)).unwrap_err().contains("of 160x240 pixels, these have 320x240"));
+        assert!(Calibration { size: (0, 0), ..part }.check_size((320, 240)).is_ok(), "it does not say");
     }
 
     #[test]

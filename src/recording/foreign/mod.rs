@@ -9,7 +9,7 @@ mod pixels;
 mod topics;
 
 pub use topics::Selection;
-pub(super) use topics::choose;
+pub(super) use topics::{choose, is_image};
 
 use super::Camera;
 use super::messages::{Channel, Event, Messages};
@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Gray, Rig, StereoCalibration, StereoPair};
 use camera::Calibration;
 use partners::Partners;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Makes pairs of the images of two topics.
 pub(super) struct Foreign {
@@ -26,20 +26,27 @@ pub(super) struct Foreign {
     calibrations: [Option<String>; 2],
     /// The last calibration of each camera; until there is one, the first that will be.
     cameras: [Option<Calibration>; 2],
-    partners: Partners<Gray>,
+    partners: Partners<std::result::Result<Gray, String>>,
     max_skew_ns: u64,
     /// Images of each camera.
     counts: [u64; 2],
+    /// Pairs put together, and those of them that could be read.
+    sequence: u64,
     pairs: u64,
+    /// Width and height of the last pair's images.
+    size: (usize, usize),
 }
 
 impl Foreign {
-    /// Chooses the topics of the recording at `path` and looks for the first calibration of each camera.
+    /// Chooses the topics of the recording at `path`, which is these files, and looks for the first calibration of each camera.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the cameras.
-    pub(super) fn open(path: &Path, selection: &Selection) -> Result<Self> {
-        let channels = Messages::all_channels(path)?;
+    pub(super) fn open(path: &Path, files: &[PathBuf], selection: &Selection) -> Result<Self> {
+        let mut channels = Vec::new();
+        for file in files {
+            channels.extend(Messages::all_channels(file)?);
+        }
         let images = choose(&channels, selection).map_err(|reason| Error::format(path, reason))?;
         let calibrations = images.each_ref().map(|topic| topics::calibration(&channels, topic));
         let mut foreign = Self {
@@ -49,21 +56,25 @@ impl Foreign {
             partners: Partners::new(selection.max_skew_ns),
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
+            sequence: 0,
             pairs: 0,
+            size: (0, 0),
         };
-        let mut messages = Messages::open(path)?;
-        while foreign.lacks_calibration() {
-            match messages.next() {
-                // One that cannot be read is told when its turn comes.
-                Ok(Some(Event::Message { channel, data, .. })) => drop(foreign.calibrate(channel, &data)),
-                Ok(Some(_)) => {}
-                Ok(None) | Err(_) => break,
+        for file in files {
+            let mut messages = Messages::open(file)?;
+            while foreign.lacks_calibration() {
+                match messages.next() {
+                    // One that cannot be read is told when its turn comes.
+                    Ok(Some(Event::Message { channel, data, .. })) => drop(foreign.calibrate(channel, &data)),
+                    Ok(Some(_)) => {}
+                    Ok(None) | Err(_) => break,
+                }
             }
         }
         Ok(foreign)
     }
 
-    /// Pairs put together.
+    /// Pairs that could be read.
     pub(super) fn pairs(&self) -> u64 {
         self.pairs
     }
@@ -71,6 +82,11 @@ impl Foreign {
     /// Images that were given up.
     pub(super) fn unpaired(&self) -> u64 {
         self.partners.unpaired()
+    }
+
+    /// Images that came too far out of the order of their times to find a partner.
+    pub(super) fn late(&self) -> u64 {
+        self.partners.late()
     }
 
     /// Takes in one message.
@@ -82,8 +98,9 @@ impl Foreign {
             if channel.topic == self.images[camera as usize] {
                 self.counts[camera as usize] += 1;
                 let (stamp, image) = image::decode(channel, data)?;
-                let (width, height) = image.size();
-                self.partners.push(camera, stamp.unwrap_or(log_time), image, width * height);
+                let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
+                let bytes = image.as_ref().map_or(0, |image| image.size().0 * image.size().1);
+                self.partners.push(camera, stamp.unwrap_or(log_time), image, bytes);
             }
         }
         self.calibrate(channel, data)
@@ -95,20 +112,29 @@ impl Foreign {
     /// Why two images that belong together are no pair.
     pub(super) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
         let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
-        let sequence = self.pairs;
-        self.pairs += 1;
+        let sequence = self.sequence;
+        self.sequence += 1;
         let exposure = Exposure {
             trigger_id: sequence,
             skew_ns: right_ns.wrapping_sub(left_ns).cast_signed(),
             drops: self.unpaired(),
             ..Exposure::default()
         };
-        let frame = StereoPair::new(left, right).map(|pair| Frame {
+        let pair = match (left, right) {
+            (Ok(left), Ok(right)) => StereoPair::new(left, right).map_err(|e| e.to_string()),
+            (Err(reason), _) | (_, Err(reason)) => Err(reason),
+        };
+        if let Ok(pair) = &pair {
+            self.pairs += 1;
+            self.size = pair.size();
+        }
+        let rig = self.rig().ok();
+        let frame = pair.map(|pair| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,
             pair,
-            rig: self.rig().ok(),
+            rig,
             pose: None,
             truth: None,
             exposure,
@@ -142,19 +168,14 @@ impl Foreign {
     /// # Errors
     /// Why what they say of their cameras does not suffice.
     pub(super) fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
-        self.are_raw().then(|| match &self.cameras {
-            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
-                camera::calibration(left, right)
-            }
-            _ => Err("it has no calibration of both cameras".to_owned()),
-        })
+        self.are_raw().then(|| self.both().and_then(|[left, right]| camera::calibration(left, right)))
     }
 
     /// Whether the images come straight from a camera whose calibration says that they have to be rectified. That of a
     /// rectified topic says the same, as ROS has one for both.
     fn are_raw(&self) -> bool {
         let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
-            !topic.to_lowercase().contains("rect") && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
+            !topics::is_of_rectified(topic) && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
         };
         self.images.iter().zip(&self.cameras).any(is_raw)
     }
@@ -176,9 +197,19 @@ impl Foreign {
     }
 
     fn rig(&self) -> std::result::Result<Rig, String> {
+        if self.are_raw() {
+            return Err("the images are not rectified".to_owned());
+        }
+        self.both().and_then(|[left, right]| camera::rig(left, right))
+    }
+
+    /// The calibrations of the cameras, for images of the size that they have.
+    fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
         match &self.cameras {
-            _ if self.are_raw() => Err("the images are not rectified".to_owned()),
-            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => camera::rig(left, right),
+            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
+                [left, right].into_iter().try_for_each(|camera| camera.check_size(self.size))?;
+                Ok([left, right])
+            }
             _ => Err("it has no calibration of both cameras".to_owned()),
         }
     }

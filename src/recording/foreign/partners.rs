@@ -4,33 +4,56 @@ use crate::recording::Camera;
 use std::collections::BTreeMap;
 use std::ops::Bound;
 
-/// Images of one camera that may wait for their partners, and bytes of all that wait: room for topics that are written
-/// in turns of half a second, and for two of the largest images.
-const WAITING: usize = 32;
-const WAITING_BYTES: usize = 1 << 29;
-/// How many later images of the other camera prove that an image has no partner, as bags are not in the order of stamps.
-const LATER: usize = 4;
+/// Bytes of images that may wait for their partners: half a minute and more of two cameras, where a file has first the
+/// images of the one and then those of the other.
+const WAITING_BYTES: usize = 1 << 30;
+/// What waiting costs an image besides its pixels, at least.
+const ENTRY_BYTES: usize = 128;
+/// How many later images of the other camera prove that an image has no partner: so many in a row are in order by chance
+/// in no file that is not in order.
+const LATER: usize = 8;
+/// How much farther an image may come out of its turn than any did so far.
+const FARTHER: usize = 8;
 
 /// Images of two cameras, each waiting for the one of the other camera that is nearest in time.
 pub(super) struct Partners<T> {
     max_skew_ns: u64,
     waiting: [BTreeMap<u64, (T, usize)>; 2],
+    /// How many later images of each camera must have come before an earlier one can no more: none where all came in order.
+    slack: [usize; 2],
     bytes: usize,
     ended: bool,
     unpaired: u64,
     /// The least skew that was too much.
     nearest_miss_ns: Option<u64>,
+    /// The latest image of each camera that was given up for want of room.
+    crowded_out: [Option<u64>; 2],
+    late: u64,
 }
 
 impl<T> Partners<T> {
     pub(super) fn new(max_skew_ns: u64) -> Self {
-        let waiting = [BTreeMap::new(), BTreeMap::new()];
-        Self { max_skew_ns, waiting, bytes: 0, ended: false, unpaired: 0, nearest_miss_ns: None }
+        Self {
+            max_skew_ns,
+            waiting: [BTreeMap::new(), BTreeMap::new()],
+            slack: [0; 2],
+            bytes: 0,
+            ended: false,
+            unpaired: 0,
+            nearest_miss_ns: None,
+            crowded_out: [None; 2],
+            late: 0,
+        }
     }
 
     /// Images that were given up.
     pub(super) fn unpaired(&self) -> u64 {
         self.unpaired
+    }
+
+    /// Images that came when those of their time had been given up for want of room.
+    pub(super) fn late(&self) -> u64 {
+        self.late
     }
 
     pub(super) fn nearest_miss_ns(&self) -> Option<u64> {
@@ -39,8 +62,16 @@ impl<T> Partners<T> {
 
     /// Takes in an image of so many bytes; a second one of the same stamp replaces the first.
     pub(super) fn push(&mut self, camera: Camera, stamp: u64, image: T, bytes: usize) {
+        let bytes = bytes.saturating_add(ENTRY_BYTES);
+        let camera = camera as usize;
+        let given_up = self.crowded_out[1 - camera];
+        self.late += u64::from(given_up.is_some_and(|given_up| given_up >= stamp.saturating_sub(self.max_skew_ns)));
+        // Beyond some measure the file has no order at all.
+        let overtaken = self.waiting[camera].range((Bound::Excluded(stamp), Bound::Unbounded)).take(4 * LATER).count();
+        let slack = if overtaken < 4 * LATER { FARTHER * overtaken } else { usize::MAX };
+        self.slack[camera] = self.slack[camera].max(slack);
         self.bytes += bytes;
-        if let Some((_, replaced)) = self.waiting[camera as usize].insert(stamp, (image, bytes)) {
+        if let Some((_, replaced)) = self.waiting[camera].insert(stamp, (image, bytes)) {
             self.bytes -= replaced;
             self.unpaired += 1;
         }
@@ -58,8 +89,7 @@ impl<T> Partners<T> {
         loop {
             let (camera, stamp) = self.earliest()?;
             let (own, other) = (&self.waiting[camera], &self.waiting[1 - camera]);
-            let crowded = self.bytes > WAITING_BYTES || own.len().max(other.len()) > WAITING;
-            let forced = self.ended || crowded;
+            let forced = self.ended || self.bytes > WAITING_BYTES;
             // Nothing waits that is earlier, so the first of the other camera is the nearest.
             let Some(&partner) = other.keys().next() else {
                 if !forced {
@@ -68,8 +98,12 @@ impl<T> Partners<T> {
                 self.give_up(camera, stamp);
                 continue;
             };
+            let settled = own.len() > self.slack[camera] && other.len() > self.slack[1 - camera];
+            if !settled && !forced {
+                return None;
+            }
             let skew = partner - stamp;
-            let rival = own.range((Bound::Excluded(stamp), Bound::Unbounded)).next().map(|(&rival, _)| rival);
+            let rival = own.keys().nth(1);
             if skew > self.max_skew_ns {
                 if !forced && other.len() < LATER {
                     return None;
@@ -101,6 +135,9 @@ impl<T> Partners<T> {
     }
 
     fn give_up(&mut self, camera: usize, stamp: u64) {
+        if !self.ended && self.bytes > WAITING_BYTES {
+            self.crowded_out[camera] = self.crowded_out[camera].max(Some(stamp));
+        }
         self.unpaired += u64::from(self.take(camera, stamp).is_some());
     }
 }
@@ -159,15 +196,59 @@ mod tests {
     }
 
     #[test]
-    fn few_wait_and_all_are_counted() {
+    fn as_many_wait_as_there_is_room_for() {
         let mut partners = Partners::new(5);
-        for i in 0..1000 {
-            partners.push(Left, 10 * i, (), 1);
-            assert!(partners.pop().is_none() && partners.waiting[0].len() <= WAITING);
+        let mut push = |camera, stamps: std::ops::Range<u64>| {
+            let mut found = 0;
+            for stamp in stamps.step_by(10) {
+                partners.push(camera, stamp, (), WAITING_BYTES / 100 - ENTRY_BYTES);
+                found += std::iter::from_fn(|| partners.pop()).count();
+            }
+            (found, partners.waiting[0].len(), partners.unpaired(), partners.late())
+        };
+        assert_eq!(push(Left, 0..1500), (0, 100, 50, 0));
+        // The first fifty are told as what they are: late.
+        assert_eq!(push(Right, 0..1500), (100, 0, 100, 50));
+        assert_eq!(push(Left, 5000..6500), (0, 100, 150, 50), "nobody is late where no partner comes");
+        assert_eq!(push(Right, 6500..6510), (0, 99, 151, 50));
+    }
+
+    #[test]
+    fn one_camera_after_the_other_and_no_order_at_all_lose_no_pair() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let lefts = (0..300).map(|i| (Left, 100 * i));
+        let rights = (0..300).map(|i| (Right, 100 * i + i % 4));
+        let mut images: Vec<_> = lefts.chain(rights).collect();
+        let all: Vec<_> = (0..300).map(|i| (100 * i, 100 * i + i % 4)).collect();
+        assert_eq!(pairs(5, &images), (all.clone(), 0));
+        for _ in 0..100 {
+            random.shuffle(&mut images);
+            assert_eq!(pairs(5, &images), (all.clone(), 0));
+            images.reverse();
+            assert_eq!(pairs(5, &images).1, 0);
         }
-        partners.end();
-        assert!(partners.pop().is_none());
-        assert_eq!(partners.unpaired(), 1000);
+    }
+
+    #[test]
+    fn what_is_in_order_waits_for_few() {
+        // Every third right image is missing, and messages come up to three out of their turn, as in bags.
+        for jitter in [0, 25] {
+            let lefts = (0..1000).map(|i| (Left, i * 10, i * 10 + i * 7 % (jitter + 1)));
+            let rights =
+                (0..1000).filter(|i| i % 3 > 0).map(|i| (Right, i * 10 + 1, i * 10 + 1 + i * 11 % (jitter + 1)));
+            let mut images: Vec<_> = lefts.chain(rights).collect();
+            images.sort_by_key(|&(_, _, logged)| logged);
+            let (mut partners, mut found, mut most) = (Partners::new(2), 0, 0);
+            for (camera, stamp, _) in images {
+                partners.push(camera, stamp, (), 1);
+                found += std::iter::from_fn(|| partners.pop()).count();
+                most = most.max(partners.waiting[0].len());
+            }
+            partners.end();
+            found += std::iter::from_fn(|| partners.pop()).count();
+            assert_eq!((found, partners.unpaired()), (666, 334));
+            assert!(most < 20 + 40 * usize::from(jitter > 0), "{most}");
+        }
     }
 
     #[test]

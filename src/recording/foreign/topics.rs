@@ -29,12 +29,17 @@ impl Default for Selection {
     }
 }
 
+/// Whether the messages of a channel are images.
+pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
+    image::SCHEMAS.contains(&channel.schema.as_str())
+}
+
 /// The topics of the left and the right images.
 ///
 /// # Errors
 /// Why there are none, or more than one pair of them, with the cure.
 pub(in crate::recording) fn choose(channels: &[Channel], selection: &Selection) -> Result<[String; 2], String> {
-    let images: Vec<_> = channels.iter().filter(|c| image::SCHEMAS.contains(&c.schema.as_str())).collect();
+    let images: Vec<_> = channels.iter().filter(|channel| is_image(channel)).collect();
     let mut topics: Vec<&str> = images.iter().map(|channel| channel.topic.as_str()).collect();
     topics.sort_unstable();
     topics.dedup();
@@ -42,7 +47,10 @@ pub(in crate::recording) fn choose(channels: &[Channel], selection: &Selection) 
     for (option, named) in [("--left", &selection.left), ("--right", &selection.right)] {
         if let Some(named) = named.as_deref().filter(|named| !topics.contains(named)) {
             return Err(match channels.iter().find(|channel| channel.topic == named) {
-                Some(channel) => format!("{option} {named} has messages of {}, no images", channel.schema),
+                Some(channel) => match unread(std::slice::from_ref(channel)) {
+                    Some(reason) => format!("{option}: {reason}"),
+                    None => format!("{option} {named} has messages of {}, no images", channel.schema),
+                },
                 None if topics.is_empty() => format!("{option} {named}: it has no images"),
                 None => format!("{option} {named}: no such topic of images; it has {listed}"),
             });
@@ -56,10 +64,31 @@ pub(in crate::recording) fn choose(channels: &[Channel], selection: &Selection) 
     let pairs: Vec<_> = pairs.filter(|&[left, right]| both_named || are_sides(left, right)).collect();
     match (pairs[..].split_first(), &topics[..]) {
         (Some((pair, [])), _) => Ok(pair.map(str::to_owned)),
-        (_, []) => Err("has no stereo pairs: it has no images".to_owned()),
+        (_, []) => Err(unread(channels).map_or("has no stereo pairs: it has no images".to_owned(), |reason| {
+            format!("has no stereo pairs that svl reads: {reason}")
+        })),
         (_, [only]) => Err(format!("has no stereo pairs: {only} is its only topic of images")),
         _ => Err(format!("which images are the pair? Name two with --left TOPIC --right TOPIC; it has {listed}")),
     }
+}
+
+/// Of which kind the images are that svl does not read, if there are such, and what to do.
+fn unread(channels: &[Channel]) -> Option<String> {
+    let name = |channel: &Channel| channel.schema.rsplit(['/', '.']).next().unwrap_or_default().to_owned();
+    let kinds = ["Image", "RawImage", "CompressedImage", "CompressedVideo"];
+    let seems = |channel: &&Channel| kinds.contains(&name(channel).as_str());
+    let first = channels.iter().filter(seems).find(|channel| !image::SCHEMAS.contains(&channel.schema.as_str()))?;
+    let alike = channels.iter().filter(|channel| channel.schema == first.schema);
+    let topics = alike.map(|channel| channel.topic.as_str()).collect::<Vec<_>>().join(", ");
+    let Channel { schema, encoding, .. } = first;
+    Some(match (encoding.as_str(), name(first).as_str()) {
+        ("ros1", _) => format!(
+            "{topics}: {schema} of ROS 1; `rosbags-convert --src FILE.bag --dst FOLDER --dst-storage mcap` makes a ROS 2 bag of \
+             a .bag file"
+        ),
+        (_, "CompressedVideo") => format!("{topics}: {schema}, a video; record images, as they are or as PNG or JPEG"),
+        _ => format!("{topics}: {schema}; it reads {}", image::SCHEMAS.join(", ")),
+    })
 }
 
 /// Whether two topics differ as left and right do: in these words, or in a number that is one higher, from 0 or 1.
@@ -91,6 +120,14 @@ fn words(topic: &str) -> Vec<String> {
         last = Some(kind(c));
     }
     words
+}
+
+/// Whether the name of a topic says that its images are rectified: `rect` is a word of its last part, as in `image_rect`,
+/// `image_rect_raw` and `rectified/compressed`. The folders of a camera say nothing of it.
+pub(super) fn is_of_rectified(topic: &str) -> bool {
+    let topic = topic.strip_suffix("/compressed").unwrap_or(topic);
+    let words = topic.rsplit('/').next().unwrap_or_default().split(|c: char| !c.is_alphabetic());
+    words.map(str::to_lowercase).any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
 /// The topic of the calibration that belongs to the images of `topic`: the one that shares the most of its folders.
@@ -134,6 +171,47 @@ mod tests {
         for (left, right) in [("/a", "/b"), ("/cam0/image1", "/cam1/image2"), ("/cam0/x", "/cam2/x"), ("/2", "/3")] {
             assert!(chosen(&[left, right], &Selection::default()).is_err(), "{left} {right}");
         }
+    }
+
+    #[test]
+    fn rectified_is_a_word_of_the_topics_last_part() {
+        let rectified = [
+            "/stereo/left/image_rect",
+            "/stereo/left/image_rect/compressed",
+            "/left/image_rect_color",
+            "/camera/infra1/image_rect_raw",
+            "/left/rectified",
+            "/left/IMAGE_RECT",
+            "/left/rect0",
+        ];
+        let others = [
+            "/stereo/left/image_unrectified",
+            "/left/image_unrect/compressed",
+            "/director/left/image_raw",
+            "/rect/left/image_raw",
+            "/left/rectangles",
+            "/left/direct",
+            "",
+        ];
+        assert_eq!(rectified.map(is_of_rectified), [true; 7]);
+        assert_eq!(others.map(is_of_rectified), [false; 7]);
+    }
+
+    #[test]
+    fn images_that_are_not_read_are_named_with_the_cure() {
+        let complaint = |schema: &str, encoding: &str, left: Option<&str>| {
+            let channel = |topic: &str| (topic.to_owned(), schema.to_owned(), encoding.to_owned());
+            let channels = ["/cam0/image", "/cam1/image"].map(channel);
+            let channels = channels.map(|(topic, schema, encoding)| Channel { topic, schema, encoding });
+            choose(&channels, &Selection { left: left.map(str::to_owned), ..Selection::default() }).unwrap_err()
+        };
+        let ros1 = complaint("sensor_msgs/Image", "ros1", None);
+        assert!(ros1.contains("/cam0/image, /cam1/image: sensor_msgs/Image of ROS 1; `rosbags-convert"), "{ros1}");
+        let named = complaint("sensor_msgs/CompressedImage", "ros1", Some("/cam0/image"));
+        assert!(named.starts_with("--left: /cam0/image: sensor_msgs/CompressedImage of ROS 1"), "{named}");
+        assert!(complaint("foxglove.CompressedVideo", "protobuf", None).contains("a video; record images"));
+        assert!(complaint("foxglove_msgs/msg/RawImage", "cdr", None).contains("it reads sensor_msgs/msg/Image,"));
+        assert!(complaint("sensor_msgs/msg/Imu", "cdr", None).contains("it has no images"));
     }
 
     #[test]

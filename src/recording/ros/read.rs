@@ -1,5 +1,6 @@
 //! Messages taken out of their CDR.
 
+use crate::recording::bag::CONVERT;
 use re_cdr::{CdrReader, Error, LittleEndian, Result};
 
 /// Most coefficients of a lens that any of ROS's distortion models has.
@@ -24,7 +25,7 @@ pub(in crate::recording) struct CompressedImage<'a> {
     pub(in crate::recording) data: &'a [u8],
 }
 
-/// sensor_msgs/msg/CameraInfo, as far as svl needs it.
+/// sensor_msgs/msg/CameraInfo. Size, K and P are those of the whole sensor.
 pub(in crate::recording) struct CameraInfo {
     pub(in crate::recording) width: u32,
     pub(in crate::recording) height: u32,
@@ -33,6 +34,17 @@ pub(in crate::recording) struct CameraInfo {
     pub(in crate::recording) k: [f64; 9],
     pub(in crate::recording) r: [f64; 9],
     pub(in crate::recording) p: [f64; 12],
+    /// How many columns and rows of the sensor are one of the image; 0 is 1.
+    pub(in crate::recording) binning: [u32; 2],
+    pub(in crate::recording) roi: RegionOfInterest,
+}
+
+/// sensor_msgs/msg/RegionOfInterest: the part of the sensor that the image shows, before binning; a side of 0 is all.
+pub(in crate::recording) struct RegionOfInterest {
+    pub(in crate::recording) x: u32,
+    pub(in crate::recording) y: u32,
+    pub(in crate::recording) height: u32,
+    pub(in crate::recording) width: u32,
 }
 
 /// builtin_interfaces/msg/Time.
@@ -53,6 +65,10 @@ pub(in crate::recording) fn read<'a, T>(
     // The header's last two bytes are options, which XCDR 1 leaves open.
     let body = match data {
         [0, 1, _, _, body @ ..] => body,
+        // zstd's magic number: a bag whose compression_mode is `message`.
+        [0x28, 0xB5, 0x2F, 0xFD, ..] => {
+            return Err(format!("it is compressed, message by message, which svl does not read; {CONVERT}"));
+        }
         _ => return Err("it is not little-endian CDR".to_owned()),
     };
     read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
@@ -83,7 +99,22 @@ pub(in crate::recording) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -
         )));
     }
     let distortion = (0..coefficients).map(|_| cdr.read_f64()).collect::<Result<_>>()?;
-    Ok(CameraInfo { width, height, model, distortion, k: floats(cdr)?, r: floats(cdr)?, p: floats(cdr)? })
+    Ok(CameraInfo {
+        width,
+        height,
+        model,
+        distortion,
+        k: floats(cdr)?,
+        r: floats(cdr)?,
+        p: floats(cdr)?,
+        binning: [cdr.read_u32()?, cdr.read_u32()?],
+        roi: RegionOfInterest {
+            x: cdr.read_u32()?,
+            y: cdr.read_u32()?,
+            height: cdr.read_u32()?,
+            width: cdr.read_u32()?,
+        },
+    })
 }
 
 fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<Time> {

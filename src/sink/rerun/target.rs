@@ -41,10 +41,10 @@ impl FromStr for RerunTarget {
             };
         };
         let scheme = scheme.trim_start_matches("rerun+");
-        if !matches!(scheme, "http" | "https") {
+        let address = address.trim_end_matches('/').trim_end_matches("/proxy");
+        if !matches!(scheme, "http" | "https") || address.is_empty() {
             return Err(Error::Invalid(format!("{text}: a viewer's URL looks like rerun+http://127.0.0.1:9876/proxy")));
         }
-        let address = address.trim_end_matches('/').trim_end_matches("/proxy");
         Ok(Self::Url(format!("rerun+{scheme}://{address}/proxy")))
     }
 }

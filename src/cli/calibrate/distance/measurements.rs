@@ -1,6 +1,7 @@
 //! Distances with disparities, from a table or measured in recordings.
 
 use super::super::super::source::{Topics, open_recording};
+use super::super::super::usage;
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
@@ -10,11 +11,14 @@ use svl::depth;
 use svl::matcher::Algorithm;
 use svl::scenario::GridSettings;
 use svl::source::Source;
-use svl::stereo::DisparityMap;
+use svl::stereo::{DisparityMap, MAX_SIDE};
 use svl::timing::Clock;
 
 /// More make no better curve.
 const MOST: usize = 1000;
+
+/// As far as one can see.
+const MOST_CM: f64 = 1e6;
 
 /// Largest table, bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -61,6 +65,7 @@ pub(super) fn measurements(
     let mut found = Vec::new();
     for text in named {
         match text.split_once('=') {
+            Some((_, "")) => return Err(usage::wrong(format!("{text}: name the recording after ="))),
             Some((distance, recording)) => {
                 found.push(measure(length_cm(distance)?, recording.into(), algorithm, cells)?)
             }
@@ -76,7 +81,9 @@ pub(super) fn measurements(
 fn table(path: &Path, algorithm: &Algorithm, cells: &[(usize, usize)]) -> anyhow::Result<Vec<Measurement>> {
     let shown = path.display();
     if path.extension().is_some_and(|e| e == "mcap") {
-        bail!("{shown}: at which distance? Name it before the recording, as 130cm={shown}");
+        return Err(usage::wrong(format!(
+            "{shown}: at which distance? Name it before the recording, as 130cm={shown}"
+        )));
     }
     let file = std::fs::File::open(path)
         .ok()
@@ -91,6 +98,9 @@ fn table(path: &Path, algorithm: &Algorithm, cells: &[(usize, usize)]) -> anyhow
             let cure = "expected the columns distance_cm, and disparity_px or recording";
             anyhow::anyhow!("{shown}: measurement {}: {e}; {cure}", number + 1)
         })?;
+        if distance_cm > MOST_CM || disparity_px.is_some_and(|px| px > MAX_SIDE as f64) {
+            bail!("{shown}: measurement {}: a distance is {MOST_CM} cm at most, a disparity {MAX_SIDE} px", number + 1);
+        }
         found.push(match (disparity_px, recording) {
             (Some(disparity_px), None) => Measurement { distance_cm, disparity_px, seen: None },
             (None, Some(recording)) => measure(distance_cm, folder.join(recording), algorithm, cells)?,
@@ -110,9 +120,9 @@ fn length_cm(text: &str) -> anyhow::Result<f64> {
         _ => None,
     };
     let length = factor.and_then(|factor| Some(digits.parse::<f64>().ok()? * factor));
-    length
-        .filter(|cm| cm.is_finite() && *cm > 0.0)
-        .with_context(|| format!("'{text}' is no distance; write it as 130cm, 1.3m or 1300mm before ="))
+    length.filter(|cm| *cm > 0.0 && *cm <= MOST_CM).ok_or_else(|| {
+        usage::wrong(format!("'{text}' is no distance up to 10 km; write it as 130cm, 1.3m or 1300mm before ="))
+    })
 }
 
 fn measure(
@@ -122,7 +132,7 @@ fn measure(
     cells: &[(usize, usize)],
 ) -> anyhow::Result<Measurement> {
     let mut source = open_recording(&recording, &Topics::default())?;
-    let mut matcher = algorithm.build()?;
+    let mut matcher = algorithm.build().map_err(usage::of_words)?;
     let settings = GridSettings::default();
     let (mut grids, mut rig) = (Vec::new(), None);
     while let Some(frame) = source.next()?.filter(|_| grids.len() < FRAMES) {

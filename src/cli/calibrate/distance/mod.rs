@@ -4,11 +4,15 @@ mod measurements;
 mod report;
 
 use super::super::output::{distinct, may_write, print, print_json};
+use super::super::usage;
 use anyhow::Context;
+use clap::builder::NonEmptyStringValueParser;
 use measurements::measurements;
 use report::Report;
 use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
+use svl::scenario::GridSettings;
+use svl::stereo::GridShape;
 
 /// Fit the distance that belongs to a disparity, from a target at known distances
 ///
@@ -18,28 +22,30 @@ use svl::matcher::Algorithm;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl calibrate distance scenarios/annex-b.csv              the thesis's table B.1
-  svl calibrate distance 130cm=far.mcap 80cm=middle.mcap 30cm=near.mcap --algo v3
+  svl calibrate distance scenarios/annex-b.csv       the thesis's table B.1
+  svl calibrate distance 130cm=far.mcap 80cm=middle.mcap 30cm=near.mcap
   svl calibrate distance target.csv --figure curve.svg --table curve.csv
-  svl calibrate distance 1.3m=a.mcap 0.8m=b.mcap 0.3m=c.mcap --cells 1,1 2,1 3,1
+  svl calibrate distance 1.3m=a.mcap 0.8m=b.mcap 0.3m=c.mcap \\
+      --algo v3 --cells 1,1 2,1 3,1
 
-A CSV has the columns distance_cm and disparity_px, or distance_cm and recording (paths from the CSV's folder). In a
-recording the target stands still before both cameras, which must be rectified.")]
+A CSV has the columns distance_cm and disparity_px, or distance_cm and
+recording (paths from the CSV's folder). In a recording the target stands
+still before both cameras, which must be rectified.")]
 pub(super) struct Args {
     /// A CSV of measurements, or recordings of the target with its distance before each
-    #[arg(required = true, value_name = "TABLE.csv|DISTANCE=RECORDING")]
+    #[arg(required = true, value_name = "TABLE.csv|DISTANCE=RECORDING", value_parser = NonEmptyStringValueParser::new())]
     measurements: Vec<String>,
     /// Algorithm that matches the recordings, as `svl algos` lists them
-    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3")]
+    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3", value_parser = usage::algorithm)]
     algo: Algorithm,
     /// Cells of the 5 x 3 grid that show the target [default: those that agree with the middle one, joined to it]
     #[arg(long, value_name = "COLUMN,ROW", num_args = 1.., value_parser = cell)]
     cells: Vec<(usize, usize)>,
     /// Draw both curves with the measurements (figure 5.1)
-    #[arg(long, value_name = "FIGURE.svg")]
+    #[arg(long, value_name = "FIGURE.svg", value_parser = usage::ending(&["svg"]))]
     figure: Option<PathBuf>,
     /// Write the distance of every disparity
-    #[arg(long, value_name = "TABLE.csv")]
+    #[arg(long, value_name = "TABLE.csv", value_parser = usage::ending(&["csv"]))]
     table: Option<PathBuf>,
     /// Replace files that exist
     #[arg(long)]
@@ -50,18 +56,20 @@ pub(super) struct Args {
 }
 
 fn cell(text: &str) -> Result<(usize, usize), String> {
+    let GridShape { columns, rows } = GridSettings::default().shape();
     let place = text.split_once(',').and_then(|(column, row)| Some((column.parse().ok()?, row.parse().ok()?)));
-    place.ok_or_else(|| "expected COLUMN,ROW, counted from 0 at the top left".into())
+    place
+        .filter(|(column, row)| *column < columns && *row < rows)
+        .ok_or_else(|| format!("expected COLUMN,ROW of {columns}x{rows} cells, counted from 0 at the top left"))
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = [(args.figure.as_deref(), "svg"), (args.table.as_deref(), "csv")];
-    for (path, ending) in outputs {
-        path.map_or(Ok(()), |path| may_write(path, &[ending], args.force))?;
-    }
+    let outputs: Vec<_> = [args.figure.as_deref(), args.table.as_deref()].into_iter().flatten().collect();
     let inputs = args.measurements.iter().map(|text| Path::new(text.rsplit('=').next().unwrap_or(text)));
-    distinct(inputs.chain(outputs.into_iter().filter_map(|(path, _)| path)))?;
-    let report = Report::of(measurements(&args.measurements, &args.algo, &args.cells)?)?;
+    distinct(inputs.chain(outputs.iter().copied()))?;
+    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
+    let found = measurements(&args.measurements, &args.algo, &args.cells)?;
+    let report = Report::of(found).with_context(|| args.measurements.join(" "))?;
     let write = |path: &Path, text: String| std::fs::write(path, text).with_context(|| path.display().to_string());
     if let Some(path) = &args.figure {
         write(path, report.figure()?)?;

@@ -1,12 +1,22 @@
-//! YAML without what no calibration needs: aliases and deep nesting are refused, tags are passed over.
+//! YAML without what no calibration and no bag needs: aliases and deep nesting are refused, tags are passed over.
 
-use super::document::{MAX_DEPTH, Node};
 use saphyr_parser::{Event, Parser};
 use std::collections::BTreeMap;
 
+/// Deepest nesting; the deepest bag has nine levels, the deepest calibration four.
+pub(crate) const MAX_DEPTH: usize = 16;
+
+/// Text of a value, a list, or named values.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Node {
+    Value(String),
+    List(Vec<Node>),
+    Table(BTreeMap<String, Node>),
+}
+
 /// # Errors
 /// What is wrong, with its line.
-pub(super) fn parse(text: &str) -> Result<Node, String> {
+pub(crate) fn parse(text: &str) -> Result<Node, String> {
     // OpenCV's first line, `%YAML:1.0`, is no YAML; as a comment it does no harm.
     let text = match text.strip_prefix('%') {
         Some(rest) => format!("#{rest}"),
@@ -52,7 +62,7 @@ impl Tree {
 
     fn open(&mut self, open: Open) -> Result<(), String> {
         if self.open.len() == MAX_DEPTH {
-            return Err(format!("more than {MAX_DEPTH} levels, which no calibration has"));
+            return Err(format!("more than {MAX_DEPTH} levels, which no file that svl reads has"));
         }
         self.open.push(open);
         Ok(())
@@ -93,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_calibration_needs_is_refused_with_its_line() {
+    fn what_no_file_needs_is_refused_with_its_line() {
         let bomb = "a: &a [1, 1]\nb: &b [*a, *a]\n";
         assert!(parse(bomb).unwrap_err().starts_with("line 2: an alias"));
         for (open, close) in [("[", "]"), ("{a: ", "}")] {

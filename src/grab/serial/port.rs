@@ -1,0 +1,114 @@
+//! The port that a controller is at, for one program alone.
+
+use crate::error::{Error, Result};
+use serial2::SerialPort;
+use std::io;
+use std::path::Path;
+
+const BAUD: u32 = 500_000;
+
+/// Opens a port and locks it.
+///
+/// # Errors
+/// [`Error::Camera`] with the cure.
+pub(super) fn open(device: &Path) -> Result<SerialPort> {
+    let open = || {
+        let port = SerialPort::open(device, BAUD)?;
+        lock(&port)?;
+        Ok(port)
+    };
+    open().map_err(|e| Error::camera(device.display().to_string(), reason(&e, group(device).as_deref())))
+}
+
+/// Two programs on one line would take each other's answers. The lock ends with the port.
+#[cfg(unix)]
+fn lock(port: &SerialPort) -> io::Result<()> {
+    use std::os::fd::AsFd;
+    // Of what was opened, so that the handle may go.
+    let handle = std::fs::File::from(port.as_fd().try_clone_to_owned()?);
+    match handle.try_lock() {
+        Err(std::fs::TryLockError::WouldBlock) => Err(io::ErrorKind::ResourceBusy.into()),
+        // Where nothing can be locked, recording is better than not.
+        Err(std::fs::TryLockError::Error(_)) | Ok(()) => Ok(()),
+    }
+}
+
+/// Windows opens a port but once.
+#[cfg(not(unix))]
+fn lock(_: &SerialPort) -> io::Result<()> {
+    Ok(())
+}
+
+fn reason(cause: &io::Error, group: Option<&str>) -> String {
+    use io::ErrorKind::{NotFound, PermissionDenied, ResourceBusy};
+    let words = match (cause.kind(), group) {
+        (ResourceBusy, _) => return "is in use by another program; end that one first".to_owned(),
+        (NotFound, _) => "no such device; plug it in; `svl record --list` shows the serial ports",
+        (PermissionDenied, Some(group)) => {
+            let join = format!("sudo usermod -aG {group} $USER");
+            return format!("cannot be opened: it is for the group {group}; `{join}`, then log in again");
+        }
+        (PermissionDenied, None) => "permission denied; change its permissions",
+        _ => {
+            return format!(
+                "is no serial port of {BAUD} baud ({cause}); `svl record --list` shows the serial ports there are"
+            );
+        }
+    };
+    format!("cannot be opened: {words}")
+}
+
+/// The group that may use a device, where it is not everyone's and not only root's.
+#[cfg(unix)]
+fn group(device: &Path) -> Option<String> {
+    use std::os::unix::fs::MetadataExt;
+    const USE_BY_GROUP: u32 = 0o060;
+    let device = device.metadata().ok()?;
+    let groups = std::fs::read_to_string("/etc/group").ok()?;
+    let name = groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)?.parse() == Ok(device.gid())).then_some(name)
+    });
+    name.filter(|_| device.gid() != 0 && device.mode() & USE_BY_GROUP == USE_BY_GROUP).map(str::to_owned)
+}
+
+#[cfg(not(unix))]
+fn group(_: &Path) -> Option<String> {
+    None
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+    use std::os::fd::AsRawFd;
+
+    #[test]
+    fn a_port_is_for_one_program() {
+        let (_theirs, ours) = SerialPort::pair().unwrap();
+        let path = std::fs::read_link(format!("/proc/self/fd/{}", ours.as_raw_fd())).unwrap();
+        lock(&ours).unwrap();
+        let error = open(&path).map(drop).unwrap_err().to_string();
+        assert_eq!(error, format!("{}: is in use by another program; end that one first", path.display()));
+        drop(ours);
+        open(&path).unwrap();
+    }
+
+    #[test]
+    fn what_cannot_be_opened_is_told_with_the_cure() {
+        for (device, words) in [
+            ("/dev/nowhere", "cannot be opened: no such device; plug it in"),
+            ("/dev/null", "is no serial port of 500000 baud"),
+            ("/", "is no serial port of 500000 baud"),
+        ] {
+            let error = open(Path::new(device)).map(drop).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("{device}: {words}")) && error.contains("svl record --list"), "{error}");
+        }
+        let denied = io::Error::from(io::ErrorKind::PermissionDenied);
+        assert_eq!(
+            reason(&denied, Some("dialout")),
+            "cannot be opened: it is for the group dialout; `sudo usermod -aG dialout $USER`, then log in again"
+        );
+        assert_eq!(reason(&denied, None), "cannot be opened: permission denied; change its permissions");
+    }
+}

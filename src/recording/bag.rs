@@ -1,0 +1,124 @@
+//! A ROS 2 bag: a folder of MCAP files that one after the other are one recording.
+
+use crate::counted;
+use crate::error::{Error, Result};
+use crate::files::read_text;
+use crate::yaml::{self, Node};
+use std::path::{Path, PathBuf};
+
+/// What rosbag2 writes beside the files when it is done.
+const METADATA: &str = "metadata.yaml";
+/// What all of the metadata stands under.
+const BAG: &str = "rosbag2_bagfile_information";
+/// Largest that is read, bytes: thousands of files and topics.
+const MAX_BYTES: u64 = 1 << 22;
+/// Files that are named in a message.
+const LISTED: usize = 5;
+/// What makes a bag that svl reads of any other: SQLite, and what is compressed.
+pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes a bag that svl reads \
+                                  (pip install rosbags)";
+
+/// Whether `path` is the folder of a bag: one with its metadata, or with MCAP files and no folders.
+pub fn is_bag(path: &Path) -> bool {
+    let holds_no_folder =
+        || path.read_dir().is_ok_and(|mut entries| !entries.any(|e| e.is_ok_and(|e| e.path().is_dir())));
+    read_text(&path.join(METADATA), MAX_BYTES).is_ok_and(|text| text.contains(BAG))
+        || holds_no_folder() && mcap_files(path).is_ok_and(|files| !files.is_empty())
+}
+
+/// The files of the recording at `path`, in their order: itself, or those of a ROS 2 bag.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] for a folder that is no bag, or one that svl does not read, with the cure.
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let metadata = path.join(METADATA);
+    if metadata.is_file() {
+        let names = names(&metadata)?;
+        return Ok(names.into_iter().map(|name| path.join(name)).collect());
+    }
+    let files = mcap_files(path)?;
+    match files.len() {
+        0 => Err(Error::format(
+            path,
+            "is a folder, not a recording, nor a ROS 2 bag: it holds no metadata.yaml and no .mcap",
+        )),
+        1 => Ok(files),
+        _ => Err(Error::format(
+            path,
+            format!("is a folder of recordings, without a bag's metadata.yaml: {}", name_one(&files)),
+        )),
+    }
+}
+
+/// The only file of the recording at `path`.
+///
+/// # Errors
+/// As [`files`]; [`Error::Format`] besides for a bag of several, which names them.
+pub fn only_file(path: &Path) -> Result<PathBuf> {
+    match &files(path)?[..] {
+        [file] => Ok(file.clone()),
+        files => Err(Error::format(
+            path,
+            format!("is a bag of {}: {}", counted(files.len() as u64, "file"), name_one(files)),
+        )),
+    }
+}
+
+/// What a file is that begins with `start`, not as an MCAP file does, and the cure.
+pub(super) fn not_mcap(start: &[u8]) -> String {
+    match start {
+        [0x28, 0xB5, 0x2F, 0xFD, ..] => "is compressed as a whole; `zstd -dc FILE > FILE.mcap` unpacks it".to_owned(),
+        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => format!("is a bag in SQLite, svl reads MCAP; {CONVERT}"),
+        _ => "is not an MCAP file; svl reads recordings in MCAP (.mcap)".to_owned(),
+    }
+}
+
+/// The names of a bag's files by its metadata.
+fn names(metadata: &Path) -> Result<Vec<String>> {
+    let wrong = |reason: String| Error::format(metadata, reason);
+    let Node::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)? else {
+        return Err(wrong("is not that of a ROS 2 bag".to_owned()));
+    };
+    let Some(Node::Table(bag)) = root.remove(BAG) else {
+        return Err(wrong(format!("is not that of a ROS 2 bag: it has no {BAG}")));
+    };
+    let text = |key: &str| match bag.get(key) {
+        Some(Node::Value(text)) => text.to_lowercase(),
+        _ => String::new(),
+    };
+    match text("storage_identifier").as_str() {
+        "mcap" => {}
+        other => return Err(wrong(format!("the bag is in '{other}', svl reads mcap; {CONVERT}"))),
+    }
+    let mode = text("compression_mode");
+    if mode == "file" || mode == "message" {
+        return Err(wrong(format!("the bag is compressed {mode} by {mode}, which svl does not read; {CONVERT}")));
+    }
+    let Some(Node::List(paths)) = bag.get("relative_file_paths") else {
+        return Err(wrong("has no list of relative_file_paths".to_owned()));
+    };
+    // The name alone: rosbag2 once wrote the folder before it, and no other folder is to be read.
+    let name = |path: &Node| match path {
+        Node::Value(path) => Path::new(path).file_name()?.to_str().map(str::to_owned),
+        _ => None,
+    };
+    let names: Option<Vec<_>> = paths.iter().map(name).collect();
+    names.filter(|names| !names.is_empty()).ok_or_else(|| wrong("its relative_file_paths name no files".to_owned()))
+}
+
+/// The MCAP files in a folder, by their names.
+fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = folder.read_dir().map_err(|e| Error::io(folder, e))?.filter_map(|entry| Some(entry.ok()?.path()));
+    let mut files: Vec<_> = entries.filter(|path| path.extension().is_some_and(|ending| ending == "mcap")).collect();
+    files.sort_unstable();
+    Ok(files)
+}
+
+fn name_one(files: &[PathBuf]) -> String {
+    let names: Vec<_> = files.iter().take(LISTED).map(|file| file.display().to_string()).collect();
+    let more = if files.len() > LISTED { format!(" and {} more", files.len() - LISTED) } else { String::new() };
+    format!("name one of {}{more}", names.join(", "))
+}

@@ -1,0 +1,160 @@
+//! Where the records of a damaged file go on: the lengths that lead from one to the next may be what is damaged.
+//!
+//! A place is taken for the beginning of a record when what stands there vouches for itself:
+//! - a chunk whose lengths agree, that decompresses, falls into records without a rest, and fits its CRC or, where it has
+//!   none, stands before another record;
+//! - an attachment that fits its CRC;
+//! - metadata whose lengths agree, or the end of the data section, before another record;
+//! - the magic of another file that was appended.
+//!
+//! Every place is looked at once, and a budget bounds what places that only look like records may cost. So the time is
+//! linear in the file's length, whatever it holds.
+
+use super::chunk::{Chunk, chunk_size};
+use super::layout::{body_size, is_record, u64_at};
+use super::records::{HEAD, MAX_RECORD};
+use mcap::records::{Record, op};
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::ops::Range;
+
+/// Bytes looked through at a time.
+const WINDOW: usize = 1 << 18;
+/// As much of a record as tells whether it looks like one.
+const LOOK: usize = 64;
+/// Longest start of an attachment, up to its data, and longest metadata that are looked for.
+const MAX_BESIDE: u64 = 1 << 16;
+
+/// Searches one file.
+pub(super) struct Search {
+    file: File,
+    len: u64,
+    /// Bytes that may still be read and decompressed for nothing.
+    budget: u64,
+    body: Vec<u8>,
+    chunk: Chunk,
+}
+
+impl Search {
+    pub(super) fn new(file: File, len: u64) -> io::Result<Self> {
+        let budget = len.saturating_mul(16).saturating_add(16 << 20);
+        Ok(Self { file, len, budget, body: Vec::new(), chunk: Chunk::new()? })
+    }
+
+    /// The first place in `range` where a record begins that vouches for itself.
+    ///
+    /// # Errors
+    /// Those of reading the file.
+    pub(super) fn next(&mut self, range: Range<u64>) -> io::Result<Option<u64>> {
+        let mut window = vec![0; WINDOW];
+        let mut at = range.start;
+        while at < range.end && self.budget > 0 {
+            let bytes = WINDOW.min(usize::try_from(self.len - at).unwrap_or(WINDOW));
+            self.file.seek(SeekFrom::Start(at))?;
+            self.file.read_exact(&mut window[..bytes])?;
+            // What begins near the end of the window is looked at in the next one.
+            let last = at + bytes as u64 == self.len;
+            let places = if last { bytes } else { bytes - LOOK };
+            let places = places.min(usize::try_from(range.end - at).unwrap_or(places));
+            for i in 0..places {
+                let place = at + i as u64;
+                if self.vouches(place, &window[i..bytes.min(i + LOOK)])? {
+                    return Ok(Some(place));
+                }
+            }
+            at += places as u64;
+        }
+        Ok(None)
+    }
+
+    /// Whether a record begins at this place of the file that vouches for itself.
+    pub(super) fn vouches_at(&mut self, at: u64) -> io::Result<bool> {
+        self.read(at, (self.len - at).min(LOOK as u64))?;
+        let head = self.body.clone();
+        self.vouches(at, &head)
+    }
+
+    /// As [`Search::vouches_at`], where `head` is what stands there.
+    fn vouches(&mut self, at: u64, head: &[u8]) -> io::Result<bool> {
+        if head.starts_with(mcap::MAGIC) {
+            return self.is_header(at + 8);
+        }
+        let may_be = matches!(head[0], op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END);
+        let Some(length) = u64_at(head, 1).filter(|_| may_be) else { return Ok(false) };
+        let body = at + HEAD;
+        if length > MAX_RECORD.min(self.len - body) || self.budget == 0 {
+            return Ok(false);
+        }
+        match head[0] {
+            op::CHUNK => {
+                let Some(size) = chunk_size(&head[HEAD as usize..], length) else { return Ok(false) };
+                self.read(body, length)?;
+                let opened = self.chunk.open(&self.body).is_ok() && self.chunk.has_only_whole_records();
+                self.chunk.clear();
+                // A length that is too long may still fall into records, over what follows.
+                let fits = opened && (self.chunk.has_crc() || self.goes_on(body + length)?);
+                Ok(self.paid(fits, length + size))
+            }
+            op::ATTACHMENT => {
+                let start = length.min(MAX_BESIDE);
+                self.read(body, start)?;
+                if body_size(op::ATTACHMENT, &self.body) != Some(length) {
+                    return Ok(self.paid(false, start));
+                }
+                self.read(body, length)?;
+                let has_crc = self.body.last_chunk() != Some(&[0; 4]);
+                let fits = has_crc && mcap::parse_record(op::ATTACHMENT, &self.body).is_ok();
+                Ok(self.paid(fits, length))
+            }
+            op::METADATA if length <= MAX_BESIDE => {
+                self.read(body, length)?;
+                let metadata = mcap::parse_record(op::METADATA, &self.body);
+                let fits = matches!(metadata, Ok(Record::Metadata(metadata)) if !metadata.name.is_empty())
+                    && body_size(op::METADATA, &self.body) == Some(length)
+                    && self.goes_on(body + length)?;
+                Ok(self.paid(fits, length))
+            }
+            op::DATA_END => Ok(length == 4 && self.goes_on(body + length)?),
+            _ => Ok(false),
+        }
+    }
+
+    /// Whether a file's header stands there.
+    pub(super) fn is_header(&mut self, at: u64) -> io::Result<bool> {
+        let Some(left) = self.len.checked_sub(at + HEAD) else { return Ok(false) };
+        self.read(at, HEAD)?;
+        let length =
+            u64_at(&self.body, 1).filter(|&length| self.body[0] == op::HEADER && length <= left.min(MAX_BESIDE));
+        let Some(length) = length else { return Ok(false) };
+        self.read(at + HEAD, length)?;
+        let fits = body_size(op::HEADER, &self.body) == Some(length);
+        Ok(self.paid(fits, length))
+    }
+
+    /// Takes bytes that are read again from the budget.
+    pub(super) fn spend(&mut self, bytes: u64) {
+        self.budget = self.budget.saturating_sub(bytes);
+    }
+
+    /// `is_right`, which has cost so many bytes where it is not.
+    fn paid(&mut self, is_right: bool, bytes: u64) -> bool {
+        if !is_right {
+            self.spend(bytes);
+        }
+        is_right
+    }
+
+    /// Whether what stands `at` looks like a record.
+    fn goes_on(&mut self, at: u64) -> io::Result<bool> {
+        let Some(left) = self.len.checked_sub(at + HEAD) else { return Ok(false) };
+        self.read(at, HEAD)?;
+        Ok(is_record(self.body[0]) && u64_at(&self.body, 1).is_some_and(|length| length <= left.min(MAX_RECORD)))
+    }
+
+    /// Reads `length` bytes, which the file has.
+    fn read(&mut self, at: u64, length: u64) -> io::Result<()> {
+        self.body.resize(length as usize, 0);
+        self.file.seek(SeekFrom::Start(at))?;
+        self.file.read_exact(&mut self.body)
+    }
+}
