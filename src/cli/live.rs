@@ -31,7 +31,8 @@ pub(super) struct LiveArgs {
     /// When so many wait: let the cameras wait too, or drop pairs and count them [default: drop]
     #[arg(long, value_name = "wait|drop")]
     when_full: Option<FullChoice>,
-    /// How long a camera may be silent; the third time in a row ends the recording [default: 1, and two periods at least]
+    /// How long a camera may be silent, beyond the period of one that nobody fires; the third time in a row ends the
+    /// recording [default: 1]
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.01..=86_400.0))]
     timeout: Option<f64>,
 }
@@ -98,7 +99,7 @@ impl LiveArgs {
             // Half a period is left for arming and transfer.
             max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
             balance_every: BALANCE_EVERY,
-            timeout: self.timeout(period_ns),
+            timeout: Duration::from_secs_f64(self.timeout.unwrap_or(1.0)),
             queue: self.queue.unwrap_or(QUEUE).into(),
             when_full: match self.when_full {
                 Some(FullChoice::Wait) => WhenFull::Wait,
@@ -145,11 +146,6 @@ impl LiveArgs {
             TriggerChoice::Fixed(hz) => *hz,
             _ => self.rate.unwrap_or(RATE_HZ),
         }
-    }
-
-    fn timeout(&self, period_ns: u64) -> Duration {
-        let usual = Duration::from_nanos(period_ns.saturating_mul(2)).max(Duration::from_secs(1));
-        self.timeout.map_or(usual, Duration::from_secs_f64)
     }
 
     fn rule(&self, kind: &str, trigger: &TriggerChoice, period_ns: u64, max_skew_ms: Option<f64>) -> Rule {

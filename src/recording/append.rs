@@ -84,19 +84,21 @@ impl Append {
         self.tell(|mcap| mcap.write_metadata(metadata))
     }
 
-    /// Closes the chunk and brings it to the disk, if there is something to bring.
+    /// Closes the chunk and brings it to the disk, where there is something to bring. A finished file is there.
     ///
     /// # Errors
     /// [`Error::Io`], also when the file is gone from its folder.
     pub(super) fn sync(&mut self) -> Result<()> {
-        if !self.open || !self.unsynced {
+        if !self.open {
             return Ok(());
         }
-        self.tell(mcap::Writer::flush)?;
-        self.file.sync_data().map_err(|e| self.failed(e))?;
+        if self.unsynced {
+            self.tell(mcap::Writer::flush)?;
+            self.file.sync_data().map_err(|e| self.failed(e))?;
+            self.unsynced = false;
+        }
         // A file whose folder was removed takes bytes without complaint, and they are lost.
         self.path.metadata().map_err(|e| self.failed(e))?;
-        self.unsynced = false;
         Ok(())
     }
 

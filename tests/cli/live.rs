@@ -81,10 +81,9 @@ fn what_came_before_a_camera_failed_is_kept() {
 #[test]
 fn slow_cameras_are_not_silent_ones() {
     let fixture = Fixture::new();
-    let free = ["record", SIM, "--trigger", "free", "--rate", "0.25", "--frames", "2", "-o", "a.mcap"];
+    let free =
+        ["record", SIM, "--trigger", "free", "--rate", "0.5", "--timeout", "0.3", "--frames", "2", "-o", "a.mcap"];
     fixture.svl(&free).done();
-    let fails = fixture.svl(&[&free[..], &["--timeout", "1", "--force"]].concat());
-    fails.failed(1, &["silent for 3.0 s"]);
 }
 
 #[test]

@@ -220,7 +220,7 @@ fn the_folder_of_a_bag_is_a_recording() {
     assert!(fixture.svl(&["info", "bag"]).done().contains("a.mcap"));
     assert!(fixture.svl(&["replay", "bag"]).done().starts_with("bag (2 pairs)"));
     fixture.svl(&["recover", "bag", "-o", "c.mcap"]).done();
-    fixture.svl(&["record", "bag", "-o", "bag/a.mcap", "--force"]).failed(1, &["bag/a.mcap: named twice"]);
+    fixture.svl(&["record", "bag", "-o", "bag/a.mcap", "--force"]).failed(2, &["bag/a.mcap: named twice"]);
     std::fs::copy(fixture.path("bag/a.mcap"), fixture.path("bag/b.mcap")).unwrap();
     for args in [
         &["info", "bag"][..],
