@@ -74,7 +74,7 @@ refused() {
   [ ! -e refused.mcap ] || fail "left a file"
 }
 ln -sf /dev/video0 /mnt/left
-refused 1 v4l2:/dev/video0,/dev/video0 "are one camera; name two"
+refused 2 v4l2:/dev/video0,/dev/video0 "is named twice"
 refused 1 v4l2:/mnt/left,/dev/video0 "/mnt/left and /dev/video0 are one camera"
 refused 1 v4l2:/dev/video0,/dev/video9 "/dev/video9: no such device; \`svl record --list\`"
 refused 1 v4l2:/dev/video0,/dev/video2 "/dev/video2: gives images in several planes"
@@ -150,7 +150,7 @@ cp webcams.mcap /mnt/out/
 begin half.mcap "v4l2:$left,$right" --timeout 0.3
 kill -USR1 $right_cord
 ended
-expect 1 "$right: an image came damaged (a JPEG without its begin or end, 269 bytes)" \
+expect 1 "$right: an image came damaged (a JPEG that is cut off: it has no end marker, 269 bytes)" \
   ": all its images came damaged for" "check its cable"
 kill -USR1 $right_cord
 begin unplugged.mcap "v4l2:$left,$right"
