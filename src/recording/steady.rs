@@ -2,6 +2,7 @@
 
 use super::append::Append;
 use crate::error::Result;
+use std::io;
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -25,7 +26,9 @@ struct Shared {
 }
 
 impl Steady {
-    pub(super) fn new(file: Append) -> Self {
+    /// # Errors
+    /// When the machine has no room for a thread.
+    pub(super) fn new(file: Append) -> io::Result<Self> {
         let shared = Arc::new(Mutex::new(Shared { file, synced: Ok(()) }));
         let (life, ended) = mpsc::channel();
         let threads = Arc::clone(&shared);
@@ -37,7 +40,8 @@ impl Steady {
                 }
             }
         };
-        Self { shared, life: Some(life), thread: Some(thread::spawn(keep)) }
+        let thread = thread::Builder::new().spawn(keep)?;
+        Ok(Self { shared, life: Some(life), thread: Some(thread) })
     }
 
     /// Does something with the file.

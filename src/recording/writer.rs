@@ -31,9 +31,11 @@ impl Writer {
     /// [`Error::Io`] when the file exists already or cannot be made.
     pub fn create(path: impl Into<PathBuf>, header: &Header, format: impl Into<Format>) -> Result<Self> {
         let format = format.into();
-        let mut file = Append::create(path.into(), format.dialect.profile(), LIBRARY)?;
+        let path = path.into();
+        let mut file = Append::create(path.clone(), format.dialect.profile(), LIBRARY)?;
         file.metadata(&header.to_record())?;
-        Ok(Self { file: Steady::new(file), format, channels: HashMap::new() })
+        let file = Steady::new(file).map_err(|e| Error::io(&path, e))?;
+        Ok(Self { file, format, channels: HashMap::new() })
     }
 
     /// Keeps a file beside the pairs: the scenario, the calibration.

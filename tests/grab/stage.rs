@@ -59,14 +59,12 @@ impl Stage {
             };
             Box::new(SimulatedCamera::new(side, &clock, drive, &pictures, light, temper))
         };
-        let right = Box::new(Failing { camera: camera(Side::Right, right), whole: self.damaged_from });
-        let right: Box<dyn Camera> = match self.on_its_way_ms {
+        let right = failing(camera(Side::Right, right), self.damaged_from);
+        let right = match self.on_its_way_ms {
             0 => right,
-            ms => {
-                Box::new(Belated { camera: right, clock: clock.clone(), late_ns: ms * MS, coming: None, is_new: true })
-            }
+            ms => belated(right, &clock, ms * MS),
         };
-        let cameras: [Box<dyn Camera>; 2] = [camera(Side::Left, left), right];
+        let cameras = [camera(Side::Left, left), right];
         let trigger = Box::new(SimulatedTrigger::new(&wire));
         let policy = match fired {
             Fired::WhenArmed => Policy::Coordinated { trigger, period_ns },
@@ -97,13 +95,13 @@ impl Stage {
     }
 }
 
-/// A camera that after so many whole images gives damaged ones only.
-struct Failing {
+/// A camera whose images go through `capture`.
+struct Altered<F> {
     camera: Box<dyn Camera>,
-    whole: u64,
+    capture: F,
 }
 
-impl Camera for Failing {
+impl<F: FnMut(&mut dyn Camera, Duration) -> Result<Option<Taken>> + Send> Camera for Altered<F> {
     fn name(&self) -> String {
         self.camera.name()
     }
@@ -117,55 +115,45 @@ impl Camera for Failing {
     }
 
     fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
-        let Some(taken) = self.camera.capture(patience)? else { return Ok(None) };
-        let is_whole = self.whole > 0;
-        self.whole = self.whole.saturating_sub(1);
-        Ok(Some(if is_whole { taken } else { Taken::Damaged }))
+        (self.capture)(&mut *self.camera, patience)
     }
+}
+
+/// A camera that after so many whole images gives damaged ones only.
+fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
+    let capture = move |camera: &mut dyn Camera, patience: Duration| {
+        let Some(taken) = camera.capture(patience)? else { return Ok(None) };
+        let is_whole = whole > 0;
+        whole = whole.saturating_sub(1);
+        Ok(Some(if is_whole { taken } else { Taken::Damaged }))
+    };
+    Box::new(Altered { camera, capture })
 }
 
 /// A camera by a driver that does not know pulses, nor how to call back an image that is on its way. At first it gives an
 /// image that nothing fired.
-struct Belated {
-    camera: Box<dyn Camera>,
-    clock: Arc<Clock>,
-    late_ns: u64,
-    coming: Option<(u64, Capture)>,
-    is_new: bool,
-}
-
-impl Camera for Belated {
-    fn name(&self) -> String {
-        self.camera.name()
-    }
-
-    fn limits(&self) -> Limits {
-        self.camera.limits()
-    }
-
-    fn arm(&mut self, settings: Settings) -> Result<()> {
-        self.camera.arm(settings)
-    }
-
-    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
-        if std::mem::take(&mut self.is_new) {
+fn belated(camera: Box<dyn Camera>, clock: &Arc<Clock>, late_ns: u64) -> Box<dyn Camera> {
+    let (clock, mut coming, mut is_new) = (clock.clone(), None::<(u64, Capture)>, true);
+    let capture = move |camera: &mut dyn Camera, patience: Duration| {
+        if std::mem::take(&mut is_new) {
             let image = Gray::filled(32, 24, 0)?;
             let capture = Capture { image, stamp_ns: 0, trigger_id: None, ordered: FIRST, settings: FIRST };
             return Ok(Some(Taken::Image(capture)));
         }
-        let Some((due_ns, capture)) = self.coming.take() else {
-            if let Some(Taken::Image(capture)) = self.camera.capture(patience)? {
-                self.coming = Some((self.clock.now_ns() + self.late_ns, Capture { trigger_id: None, ..capture }));
+        let Some((due_ns, capture)) = coming.take() else {
+            if let Some(Taken::Image(capture)) = camera.capture(patience)? {
+                coming = Some((clock.now_ns() + late_ns, Capture { trigger_id: None, ..capture }));
             }
             return Ok(None);
         };
-        self.clock.sleep_until(due_ns.min(self.clock.now_ns() + patience.as_nanos() as u64));
-        if self.clock.now_ns() >= due_ns {
+        clock.sleep_until(due_ns.min(clock.now_ns() + patience.as_nanos() as u64));
+        if clock.now_ns() >= due_ns {
             return Ok(Some(Taken::Image(capture)));
         }
-        self.coming = Some((due_ns, capture));
+        coming = Some((due_ns, capture));
         Ok(None)
-    }
+    };
+    Box::new(Altered { camera, capture })
 }
 
 /// Nothing is uncounted.
