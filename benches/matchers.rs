@@ -1,4 +1,5 @@
-//! Criterion's statistics of the matchers on a pair of the arena, one thread: how a change moved them.
+//! Criterion's statistics of the matchers on a pair of the arena, one thread: how a change moved
+//! them.
 //!
 //! ```text
 //! cargo bench                       # all of them
@@ -6,7 +7,8 @@
 //! cargo bench -- --save-baseline a  # then, after a change: --baseline a
 //! ```
 //!
-//! `svl bench` compares algorithms in one run, beside a peer; this compares one with itself over time.
+//! `svl bench` compares algorithms in one run, beside a peer; this compares one with itself over
+//! time.
 
 use criterion::{Criterion, Throughput};
 use svl::arena::{Arena, ArenaConfig};
@@ -19,7 +21,10 @@ use svl::timing::Clock;
 const SIZES: [(usize, usize, u16); 2] = [(320, 240, 80), (640, 480, 128)];
 
 fn main() {
-    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be had");
+    let one_thread = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("one thread can be had");
     one_thread.install(|| {
         let mut criterion = Criterion::default().configure_from_args();
         for size in SIZES {
@@ -34,9 +39,18 @@ fn main() {
 fn matchers(criterion: &mut Criterion, size: (usize, usize, u16)) {
     let (width, height, max_disparity) = size;
     let pair = pair(width, height);
-    let isa = Isa::available().next().expect("there is always the portable one");
+    let isa = Isa::available()
+        .next()
+        .expect("there is always the portable one");
     for spec in MATCHERS.iter().filter(|spec| spec.name != "exec") {
-        bench(criterion, &format!("{width}x{height}"), spec.name, &pair, max_disparity, isa);
+        bench(
+            criterion,
+            &format!("{width}x{height}"),
+            spec.name,
+            &pair,
+            max_disparity,
+            isa,
+        );
     }
 }
 
@@ -53,18 +67,36 @@ fn pair(width: usize, height: usize) -> StereoPair {
     let mut config = ArenaConfig::default();
     (config.rig.width_px, config.rig.height_px) = (width, height);
     let arena = Arena::new(&config, 1).expect("the default arena can be built");
-    arena.frame(config.frames / 2).expect("it has that frame").pair
+    arena
+        .frame(config.frames / 2)
+        .expect("it has that frame")
+        .pair
 }
 
-fn bench(criterion: &mut Criterion, group: &str, name: &str, pair: &StereoPair, max_disparity: u16, isa: Isa) {
-    let algorithm: Algorithm = format!("{name}:max_disparity={max_disparity}").parse().expect("every matcher has it");
-    let mut matcher = algorithm.build_on(isa).expect("the instruction set is available");
+fn bench(
+    criterion: &mut Criterion,
+    group: &str,
+    name: &str,
+    pair: &StereoPair,
+    max_disparity: u16,
+    isa: Isa,
+) {
+    let algorithm: Algorithm = format!("{name}:max_disparity={max_disparity}")
+        .parse()
+        .expect("every matcher has it");
+    let mut matcher = algorithm
+        .build_on(isa)
+        .expect("the instruction set is available");
     let (width, height) = pair.size();
     let mut map = DisparityMap::new(width, height).expect("the size of a pair");
     let mut group = criterion.benchmark_group(group);
     group.throughput(Throughput::Elements((width * height) as u64));
     group.bench_function(name, |bencher| {
-        bencher.iter(|| matcher.compute(pair, &mut map, &mut Clock::start()).expect("the pair can be matched"));
+        bencher.iter(|| {
+            matcher
+                .compute(pair, &mut map, &mut Clock::start())
+                .expect("the pair can be matched")
+        });
     });
     group.finish();
 }

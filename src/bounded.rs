@@ -8,21 +8,31 @@ use std::path::Path;
 /// Reads a file of at most `max_bytes` whole.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what is empty, larger, or no file (a folder, a device, a pipe).
+/// [`Error::Io`]; [`Error::Format`] for what is empty, larger, or no file (a folder, a device, a
+/// pipe).
 pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let io = |e| Error::io(path, e);
     let kind = std::fs::metadata(path).map_err(io)?.file_type();
     if !kind.is_file() {
-        let what = if kind.is_dir() { "is a folder" } else { "is not a regular file" };
+        let what = if kind.is_dir() {
+            "is a folder"
+        } else {
+            "is not a regular file"
+        };
         return Err(Error::format(path, format!("{what}; name a file")));
     }
     let mut bytes = Vec::new();
-    File::open(path).map_err(io)?.take(max_bytes + 1).read_to_end(&mut bytes).map_err(io)?;
+    File::open(path)
+        .map_err(io)?
+        .take(max_bytes + 1)
+        .read_to_end(&mut bytes)
+        .map_err(io)?;
     match bytes.len() as u64 {
         0 => Err(Error::format(path, "is empty")),
-        length if length > max_bytes => {
-            Err(Error::format(path, format!("is larger than the {max_bytes} bytes it may be")))
-        }
+        length if length > max_bytes => Err(Error::format(
+            path,
+            format!("is larger than the {max_bytes} bytes it may be"),
+        )),
         _ => Ok(bytes),
     }
 }

@@ -1,4 +1,5 @@
-//! The library's one error type: every variant says what was read, what was expected and what to do.
+//! The library's one error type: every variant says what was read, what was expected and what to
+//! do.
 
 use std::path::PathBuf;
 
@@ -11,28 +12,55 @@ pub type Result<T> = std::result::Result<T, Error>;
 pub enum Error {
     /// A buffer does not hold the image its size promises.
     #[error("a {width}x{height} image needs {expected} bytes, got {got}")]
-    Size { width: usize, height: usize, expected: usize, got: usize },
+    Size {
+        width: usize,
+        height: usize,
+        expected: usize,
+        got: usize,
+    },
     /// An image has no pixels or more than the library accepts.
     #[error("an image of {width}x{height} pixels is outside 1x1 ..= {max}x{max}")]
-    Dimensions { width: usize, height: usize, max: usize },
+    Dimensions {
+        width: usize,
+        height: usize,
+        max: usize,
+    },
     /// Left and right of a pair differ in size.
     #[error("left image is {}x{}, right image is {}x{}: a rectified pair has equal sizes", left.0, left.1, right.0, right.1)]
-    PairSize { left: (usize, usize), right: (usize, usize) },
+    PairSize {
+        left: (usize, usize),
+        right: (usize, usize),
+    },
     /// No algorithm of that name.
     #[error("unknown algorithm '{name}'{}; `svl algos` lists them", did_you_mean(.nearest))]
-    UnknownAlgorithm { name: String, nearest: Option<String> },
+    UnknownAlgorithm {
+        name: String,
+        nearest: Option<String>,
+    },
     /// The algorithm has no such parameter.
     #[error("{algorithm} has no parameter '{name}'{}; `svl algos {algorithm}` lists them", did_you_mean(.nearest))]
-    UnknownParameter { algorithm: &'static str, name: String, nearest: Option<String> },
+    UnknownParameter {
+        algorithm: &'static str,
+        name: String,
+        nearest: Option<String>,
+    },
     /// A parameter value that cannot be read or lies outside its range.
     #[error("{algorithm}: {name}={value} is not {expected}")]
-    ParameterValue { algorithm: &'static str, name: String, value: String, expected: String },
+    ParameterValue {
+        algorithm: &'static str,
+        name: String,
+        value: String,
+        expected: String,
+    },
     /// A rig whose numbers are not those of a stereo camera.
     #[error("not a stereo rig: {0}")]
     Rig(String),
     /// A file could not be opened, read or written.
     #[error("{}: {}", path.display(), words(cause))]
-    Io { path: PathBuf, cause: std::io::Error },
+    Io {
+        path: PathBuf,
+        cause: std::io::Error,
+    },
     /// A file is not what it should be.
     #[error("{}: {reason}", path.display())]
     Format { path: PathBuf, reason: String },
@@ -41,7 +69,11 @@ pub enum Error {
     Damaged { path: PathBuf, reason: String },
     /// A program that matches pairs failed; `stderr` is the end of what it said there.
     #[error("program `{command}` {reason}{}", said(.stderr))]
-    Program { command: String, reason: String, stderr: String },
+    Program {
+        command: String,
+        reason: String,
+        stderr: String,
+    },
     /// A file could not be got from where it is published.
     #[error("{url}: {reason}")]
     Download { url: String, reason: String },
@@ -56,32 +88,51 @@ pub enum Error {
 impl Error {
     /// An I/O error at `path`.
     pub fn io(path: impl Into<PathBuf>, cause: std::io::Error) -> Self {
-        Self::Io { path: path.into(), cause }
+        Self::Io {
+            path: path.into(),
+            cause,
+        }
     }
 
     /// A malformed file at `path`.
     pub fn format(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
-        Self::Format { path: path.into(), reason: reason.into() }
+        Self::Format {
+            path: path.into(),
+            reason: reason.into(),
+        }
     }
 
     /// A download of `url` that failed.
     pub fn download(url: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Download { url: url.into(), reason: reason.into() }
+        Self::Download {
+            url: url.into(),
+            reason: reason.into(),
+        }
     }
 
     /// A camera or trigger that failed.
     pub fn camera(camera: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Camera { camera: camera.into(), reason: reason.into() }
+        Self::Camera {
+            camera: camera.into(),
+            reason: reason.into(),
+        }
     }
 
     /// A recording at `path` that is good only up to here.
     pub fn damaged(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
-        Self::Damaged { path: path.into(), reason: reason.into() }
+        Self::Damaged {
+            path: path.into(),
+            reason: reason.into(),
+        }
     }
 }
 
 fn said(stderr: &str) -> String {
-    if stderr.is_empty() { String::new() } else { format!("; it said: {stderr}") }
+    if stderr.is_empty() {
+        String::new()
+    } else {
+        format!("; it said: {stderr}")
+    }
 }
 
 /// What went wrong with a file, with the cure where there is one.
@@ -103,11 +154,18 @@ fn words(cause: &std::io::Error) -> String {
 
 /// The hint to `nearest`, empty without one.
 pub(crate) fn did_you_mean(nearest: &Option<String>) -> String {
-    nearest.as_ref().map(|n| format!(" (did you mean '{n}'?)")).unwrap_or_default()
+    nearest
+        .as_ref()
+        .map(|n| format!(" (did you mean '{n}'?)"))
+        .unwrap_or_default()
 }
 
-/// The candidate nearest to `name` by edit distance, if it is near enough to be a slip of the finger.
-pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+/// The candidate nearest to `name` by edit distance, if it is near enough to be a slip of the
+/// finger.
+pub(crate) fn nearest<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<String> {
     candidates
         .into_iter()
         .map(|c| (strsim::damerau_levenshtein(&name.to_lowercase(), c), c))

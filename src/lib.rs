@@ -9,8 +9,8 @@
 //! data set                                  tables ──▶ report
 //! ```
 //!
-//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`], [`depth`],
-//! [`rectify`].
+//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`],
+//! [`depth`], [`rectify`].
 //!
 //! ```
 //! use svl::stereo::{DisparityMap, Gray, GridShape, StereoPair};

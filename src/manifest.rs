@@ -6,7 +6,8 @@ use crate::matcher::Algorithm;
 use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
 
-/// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata `svl.run`).
+/// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata
+/// `svl.run`).
 ///
 /// Equal pairs, algorithms and parameters have equal result hashes, whatever else stands here.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -60,9 +61,18 @@ impl Manifest {
     ///
     /// # Errors
     /// When `SVL_ISA` names an instruction set this CPU lacks.
-    pub fn new(scenario: &str, scenario_text: Option<&str>, algorithms: &[Algorithm]) -> Result<Self> {
+    pub fn new(
+        scenario: &str,
+        scenario_text: Option<&str>,
+        algorithms: &[Algorithm],
+    ) -> Result<Self> {
         let now = jiff::Timestamp::now();
-        let run_id = hash(&format!("{scenario} {} {}", now.as_nanosecond(), std::process::id()))[..12].to_owned();
+        let run_id = hash(&format!(
+            "{scenario} {} {}",
+            now.as_nanosecond(),
+            std::process::id()
+        ))[..12]
+            .to_owned();
         Ok(Self {
             run_id,
             began: format!("{now:.0}"),
@@ -78,7 +88,12 @@ impl Manifest {
 
     /// Names and values, as a person reads them. Names differ, and none is empty.
     pub fn entries(&self) -> Vec<(String, String)> {
-        let Machine { processor, isa, threads, governor } = &self.machine;
+        let Machine {
+            processor,
+            isa,
+            threads,
+            governor,
+        } = &self.machine;
         let revision = self.git_revision.as_deref().unwrap_or("revision unknown");
         let fixed = [
             ("run", Some(self.run_id.clone())),
@@ -92,22 +107,40 @@ impl Manifest {
             ("threads", Some(threads.to_string())),
             ("governor", governor.clone()),
         ];
-        let fixed = fixed.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
-        fixed.chain(self.algorithms.iter().flat_map(Contestant::entries)).collect()
+        let fixed = fixed
+            .into_iter()
+            .filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        fixed
+            .chain(self.algorithms.iter().flat_map(Contestant::entries))
+            .collect()
     }
 }
 
 impl Contestant {
     fn of(algorithm: &Algorithm) -> Self {
         let parameters = algorithm.parameters().to_string();
-        let parameters_hash = hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
-        let (name, label) = (algorithm.spec().name.to_owned(), algorithm.label().to_owned());
+        let parameters_hash =
+            hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
+        let (name, label) = (
+            algorithm.spec().name.to_owned(),
+            algorithm.label().to_owned(),
+        );
         let disparities = algorithm.disparities();
-        Self { name, label, parameters, parameters_hash, disparities, results_hash: None }
+        Self {
+            name,
+            label,
+            parameters,
+            parameters_hash,
+            disparities,
+            results_hash: None,
+        }
     }
 
     fn entries(&self) -> impl Iterator<Item = (String, String)> {
-        let results = self.results_hash.clone().map(|hash| (format!("{} results hash", self.label), hash));
+        let results = self
+            .results_hash
+            .clone()
+            .map(|hash| (format!("{} results hash", self.label), hash));
         std::iter::once((self.label.clone(), self.parameters.clone())).chain(results)
     }
 }
@@ -115,10 +148,14 @@ impl Contestant {
 impl Machine {
     fn this() -> Result<Self> {
         let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+        let model = cpuinfo
+            .lines()
+            .find_map(|line| line.strip_prefix("model name")?.split_once(": "));
         let governor = read_to_string("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor").ok();
         Ok(Self {
-            processor: model.map_or(std::env::consts::ARCH, |(_, name)| name).to_owned(),
+            processor: model
+                .map_or(std::env::consts::ARCH, |(_, name)| name)
+                .to_owned(),
             isa: kernel::isa()?.name().to_owned(),
             threads: rayon::current_num_threads(),
             governor: governor.map(|text| text.trim().to_owned()),
@@ -137,14 +174,20 @@ mod tests {
 
     #[test]
     fn parameters_decide_not_how_they_were_asked_for() {
-        let algorithms: Vec<Algorithm> =
-            ["v3", "v3:max_disparity=80", "v3:max_disparity=64", "v1"].map(|a| a.parse().unwrap()).into();
+        let algorithms: Vec<Algorithm> = ["v3", "v3:max_disparity=80", "v3:max_disparity=64", "v1"]
+            .map(|a| a.parse().unwrap())
+            .into();
         let manifest = Manifest::new("s", Some("text"), &algorithms).unwrap();
-        let [plain, spelled, other, v1] = &manifest.algorithms[..] else { panic!() };
+        let [plain, spelled, other, v1] = &manifest.algorithms[..] else {
+            panic!()
+        };
         assert_eq!(plain.parameters_hash, spelled.parameters_hash);
         assert_ne!(plain.parameters_hash, other.parameters_hash);
         assert_ne!(plain.parameters_hash, v1.parameters_hash);
-        assert_ne!(manifest.run_id, Manifest::new("s", None, &[]).unwrap().run_id);
+        assert_ne!(
+            manifest.run_id,
+            Manifest::new("s", None, &[]).unwrap().run_id
+        );
     }
 
     #[test]

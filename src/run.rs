@@ -48,9 +48,10 @@ pub struct Outcome {
 impl Outcome {
     /// What is missing, in words; nothing of a complete run.
     pub fn lacks(&self) -> Option<String> {
-        let unreadable =
-            (self.unreadable > 0).then(|| format!("{} could not be read", counted(self.unreadable, "pair")));
-        let failures = (self.failures > 0).then(|| format!("algorithms failed on {}", counted(self.failures, "pair")));
+        let unreadable = (self.unreadable > 0)
+            .then(|| format!("{} could not be read", counted(self.unreadable, "pair")));
+        let failures = (self.failures > 0)
+            .then(|| format!("algorithms failed on {}", counted(self.failures, "pair")));
         let lacks: Vec<_> = unreadable.into_iter().chain(failures).collect();
         (!lacks.is_empty()).then(|| lacks.join(" and "))
     }
@@ -76,21 +77,37 @@ impl Lineup {
         let contestant = |(i, algorithm): (usize, &Algorithm)| {
             let label = algorithm.label().to_owned();
             if algorithms[..i].iter().any(|other| other.label() == label) {
-                return Err(Error::Invalid(format!("{label}: named twice; name each algorithm once")));
+                return Err(Error::Invalid(format!(
+                    "{label}: named twice; name each algorithm once"
+                )));
             }
             let matcher = algorithm.build().map_err(|error| match error {
                 Error::Invalid(reason) => Error::Invalid(format!("{label}: {reason}")),
                 other => other,
             })?;
-            Ok(Contestant { label, matcher, last_failure: String::new(), spent: Vec::new() })
+            Ok(Contestant {
+                label,
+                matcher,
+                last_failure: String::new(),
+                spent: Vec::new(),
+            })
         };
-        algorithms.iter().enumerate().map(contestant).collect::<Result<_>>().map(Self)
+        algorithms
+            .iter()
+            .enumerate()
+            .map(contestant)
+            .collect::<Result<_>>()
+            .map(Self)
     }
 
     /// Keeps the maps of estimates for later frames.
     fn take_back(&mut self, estimates: Vec<Estimate>) {
         for estimate in estimates {
-            if let Some(contestant) = self.0.iter_mut().find(|contestant| contestant.label == estimate.algorithm) {
+            if let Some(contestant) = self
+                .0
+                .iter_mut()
+                .find(|contestant| contestant.label == estimate.algorithm)
+            {
                 contestant.spent.push(estimate.disparity);
             }
         }
@@ -99,16 +116,17 @@ impl Lineup {
 
 /// Runs every frame of `source` through the algorithms into `sinks`.
 ///
-/// The sinks are finished by the caller, who may have more to say to them: also after an error, so that what came
-/// before it is kept.
+/// The sinks are finished by the caller, who may have more to say to them: also after an error, so
+/// that what came before it is kept.
 ///
-/// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads of their own, in the
-/// same order; else all happens in turn, lest the threads disturb the times that are being measured. A source or sink that
-/// computes on rayon's own pool, as the arena does, must then not be run from within a pool of one thread: it would wait
-/// for the thread that waits for it. Recordings and svl's sinks do not.
+/// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads
+/// of their own, in the same order; else all happens in turn, lest the threads disturb the times
+/// that are being measured. A source or sink that computes on rayon's own pool, as the arena does,
+/// must then not be run from within a pool of one thread: it would wait for the thread that waits
+/// for it. Recordings and svl's sinks do not.
 ///
-/// An algorithm that fails on a frame leaves no estimate of it, and the others go on. The monitor is told, but not again
-/// while the algorithm fails for the same reason frame after frame.
+/// An algorithm that fails on a frame leaves no estimate of it, and the others go on. The monitor
+/// is told, but not again while the algorithm fails for the same reason frame after frame.
 ///
 /// # Errors
 /// The first of the source or of a sink.
@@ -120,8 +138,13 @@ pub fn run(
     sinks: &mut [&mut dyn Sink],
     monitor: &mut dyn Monitor,
 ) -> Result<Outcome> {
-    let mut matching =
-        Matching { lineup, grid, pacer: Pacer { pace, start: None }, monitor, outcome: Outcome::default() };
+    let mut matching = Matching {
+        lineup,
+        grid,
+        pacer: Pacer { pace, start: None },
+        monitor,
+        outcome: Outcome::default(),
+    };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let ran = if !matching.lineup.0.is_empty() && cores > rayon::current_num_threads() {
         side_by_side(source, &mut matching, sinks)
@@ -129,14 +152,23 @@ pub fn run(
         in_turn(source, &mut matching, sinks)
     };
     let unreadable = source.left_out().unreadable;
-    ran.map(|()| Outcome { unreadable, ..matching.outcome })
+    ran.map(|()| Outcome {
+        unreadable,
+        ..matching.outcome
+    })
 }
 
-fn in_turn(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mut [&mut dyn Sink]) -> Result<()> {
+fn in_turn(
+    source: &mut dyn Source,
+    matching: &mut Matching<'_>,
+    sinks: &mut [&mut dyn Sink],
+) -> Result<()> {
     let grid = matching.grid;
     while let Some(frame) = source.next()? {
         let matched = matching.matched(&frame)?;
-        matching.lineup.take_back(push(sinks, grid, &frame, matched)?);
+        matching
+            .lineup
+            .take_back(push(sinks, grid, &frame, matched)?);
         if !matching.go_on() {
             break;
         }
@@ -147,7 +179,11 @@ fn in_turn(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mut [&m
 /// Frames that wait between two threads: enough that neither waits for a single slow one.
 const BETWEEN: usize = 2;
 
-fn side_by_side(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mut [&mut dyn Sink]) -> Result<()> {
+fn side_by_side(
+    source: &mut dyn Source,
+    matching: &mut Matching<'_>,
+    sinks: &mut [&mut dyn Sink],
+) -> Result<()> {
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
         scope.spawn(move || {
@@ -171,9 +207,12 @@ fn side_by_side(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mu
         });
         let mut ran = Ok(());
         for next in frames {
-            let matched = next.and_then(|frame| matching.matched(&frame).map(|matched| (frame, matched)));
+            let matched =
+                next.and_then(|frame| matching.matched(&frame).map(|matched| (frame, matched)));
             let sent = matched.map(|matched| send.send(matched).is_ok());
-            spent.try_iter().for_each(|estimates| matching.lineup.take_back(estimates));
+            spent
+                .try_iter()
+                .for_each(|estimates| matching.lineup.take_back(estimates));
             match sent {
                 Ok(true) if matching.go_on() => {}
                 Ok(_) => break,
@@ -185,7 +224,9 @@ fn side_by_side(source: &mut dyn Source, matching: &mut Matching<'_>, sinks: &mu
         }
         // The sinks take what was matched, whatever happened after.
         drop(send);
-        let pushed = pushing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let pushed = pushing
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         pushed.and(ran)
     })
 }
@@ -204,13 +245,29 @@ fn push(
     frame: &Frame,
     matched: Vec<Matched>,
 ) -> Result<Vec<Estimate>> {
-    let estimate = |Matched { algorithm, disparity, times }| {
+    let estimate = |Matched {
+                        algorithm,
+                        disparity,
+                        times,
+                    }| {
         let rig = frame.rig.as_ref();
-        let grid = depth::grid(disparity.disparity(), settings.shape(), settings.min_valid, rig);
-        Estimate { algorithm, disparity, grid, times }
+        let grid = depth::grid(
+            disparity.disparity(),
+            settings.shape(),
+            settings.min_valid,
+            rig,
+        );
+        Estimate {
+            algorithm,
+            disparity,
+            grid,
+            times,
+        }
     };
     let estimates: Vec<Estimate> = matched.into_iter().map(estimate).collect();
-    sinks.iter_mut().try_for_each(|sink| sink.push(frame, &estimates))?;
+    sinks
+        .iter_mut()
+        .try_for_each(|sink| sink.push(frame, &estimates))?;
     Ok(estimates)
 }
 
@@ -227,21 +284,34 @@ impl Matching<'_> {
     fn matched(&mut self, frame: &Frame) -> Result<Vec<Matched>> {
         self.pacer.wait_for(frame);
         let mut matched = Vec::with_capacity(self.lineup.0.len());
-        for Contestant { label, matcher, last_failure, spent } in &mut self.lineup.0 {
+        for Contestant {
+            label,
+            matcher,
+            last_failure,
+            spent,
+        } in &mut self.lineup.0
+        {
             let (width, height) = frame.pair.size();
-            let mut disparity = spent.pop().map_or_else(|| DisparityMap::new(width, height), Ok)?;
+            let mut disparity = spent
+                .pop()
+                .map_or_else(|| DisparityMap::new(width, height), Ok)?;
             let mut clock = Clock::start();
             if let Err(error) = matcher.compute(&frame.pair, &mut disparity, &mut clock) {
                 self.outcome.failures += 1;
                 let failure = error.to_string();
                 if failure != *last_failure {
-                    self.monitor.failed(&format!("{label} on pair {}: {failure}", frame.sequence));
+                    self.monitor
+                        .failed(&format!("{label} on pair {}: {failure}", frame.sequence));
                 }
                 *last_failure = failure;
                 continue;
             }
             last_failure.clear();
-            matched.push(Matched { algorithm: label.clone(), disparity, times: clock.times() });
+            matched.push(Matched {
+                algorithm: label.clone(),
+                disparity,
+                times: clock.times(),
+            });
         }
         Ok(matched)
     }
@@ -260,9 +330,12 @@ struct Pacer {
 
 impl Pacer {
     fn wait_for(&mut self, frame: &Frame) {
-        let Pace::Times(factor) = self.pace else { return };
+        let Pace::Times(factor) = self.pace else {
+            return;
+        };
         let (began, first_ns) = *self.start.get_or_insert((Instant::now(), frame.stamp_ns));
-        let due = Duration::from_nanos((frame.stamp_ns.saturating_sub(first_ns) as f64 / factor) as u64);
+        let due =
+            Duration::from_nanos((frame.stamp_ns.saturating_sub(first_ns) as f64 / factor) as u64);
         std::thread::sleep(due.saturating_sub(began.elapsed()));
     }
 }
@@ -281,12 +354,24 @@ mod tests {
         }
 
         fn next(&mut self) -> Result<Option<Frame>> {
-            self.0 = self.0.checked_sub(1).ok_or_else(|| Error::Invalid("source failed".into()))?;
+            self.0 = self
+                .0
+                .checked_sub(1)
+                .ok_or_else(|| Error::Invalid("source failed".into()))?;
             let image = Gray::filled(40, 20, self.0 as u8)?;
             let pair = StereoPair::new(image.clone(), image)?;
             let (exposure, stamp_ns) = Default::default();
             let (name, rig, pose, truth) = (None, None, None, None);
-            Ok(Some(Frame { sequence: self.0, stamp_ns, name, pair, rig, pose, truth, exposure }))
+            Ok(Some(Frame {
+                sequence: self.0,
+                stamp_ns,
+                name,
+                pair,
+                rig,
+                pose,
+                truth,
+                exposure,
+            }))
         }
 
         fn pairs(&self) -> Option<u64> {
@@ -326,9 +411,18 @@ mod tests {
     fn ran(flow: Flow, sink_takes: usize, monitor_wants: u64) -> (Vec<u64>, Result<()>, Outcome) {
         let mut lineup = Lineup::new(&["v3:max_disparity=8".parse().unwrap()]).unwrap();
         let (mut sink, mut monitor) = (Full(sink_takes, Vec::new()), Until(monitor_wants));
-        let pacer = Pacer { pace: Pace::Asap, start: None };
+        let pacer = Pacer {
+            pace: Pace::Asap,
+            start: None,
+        };
         let (grid, outcome) = (GridSettings::default(), Outcome::default());
-        let mut matching = Matching { lineup: &mut lineup, grid, pacer, monitor: &mut monitor, outcome };
+        let mut matching = Matching {
+            lineup: &mut lineup,
+            grid,
+            pacer,
+            monitor: &mut monitor,
+            outcome,
+        };
         let ended = flow(&mut Failing(20), &mut matching, &mut [&mut sink]);
         let outcome = matching.outcome;
         (sink.1, ended, outcome)
@@ -339,11 +433,20 @@ mod tests {
         let all: Vec<u64> = (0..20).rev().collect();
         for flow in [in_turn as Flow, side_by_side] {
             let (taken, ended, _) = ran(flow, 100, 100);
-            assert_eq!((taken, ended.unwrap_err().to_string().as_str()), (all.clone(), "source failed"));
+            assert_eq!(
+                (taken, ended.unwrap_err().to_string().as_str()),
+                (all.clone(), "source failed")
+            );
             let (taken, ended, _) = ran(flow, 6, 100);
-            assert_eq!((&taken[..], ended.unwrap_err().to_string().as_str()), (&all[..6], "sink failed"));
+            assert_eq!(
+                (&taken[..], ended.unwrap_err().to_string().as_str()),
+                (&all[..6], "sink failed")
+            );
             let (taken, ended, outcome) = ran(flow, 100, 4);
-            assert_eq!((&taken[..], outcome.frames, outcome.interrupted), (&all[..4], 4, true));
+            assert_eq!(
+                (&taken[..], outcome.frames, outcome.interrupted),
+                (&all[..4], 4, true)
+            );
             ended.unwrap();
         }
     }

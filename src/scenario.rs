@@ -37,9 +37,13 @@ pub struct Scenario {
 #[derive(Clone, Debug, PartialEq)]
 pub enum ScenarioSource {
     /// The simulated arena, one run per seed.
-    Arena { config: Box<ArenaConfig>, seeds: Vec<u64> },
-    /// Scenes below the folder of data sets, as [`crate::source::dataset::Scene::find_all`] takes them: folders, numbered
-    /// scenes of a folder, or with `*` as their last part all scenes of a folder.
+    Arena {
+        config: Box<ArenaConfig>,
+        seeds: Vec<u64>,
+    },
+    /// Scenes below the folder of data sets, as [`crate::source::dataset::Scene::find_all`] takes
+    /// them: folders, numbered scenes of a folder, or with `*` as their last part all scenes of a
+    /// folder.
     Dataset { scenes: Vec<String> },
 }
 
@@ -57,13 +61,20 @@ impl Default for GridSettings {
     /// The thesis's 5 x 3 cells and its share of pixels.
     fn default() -> Self {
         let GridShape { columns, rows } = GridShape::default();
-        Self { columns, rows, min_valid: MIN_VALID }
+        Self {
+            columns,
+            rows,
+            min_valid: MIN_VALID,
+        }
     }
 }
 
 impl GridSettings {
     pub fn shape(&self) -> GridShape {
-        GridShape { columns: self.columns, rows: self.rows }
+        GridShape {
+            columns: self.columns,
+            rows: self.rows,
+        }
     }
 }
 
@@ -115,7 +126,10 @@ impl Scenario {
     /// # Errors
     /// None unless svl was built with a broken `scenarios/arena.toml`.
     pub fn arena() -> Result<Self> {
-        Self::parse(include_str!("../scenarios/arena.toml"), Path::new("scenarios/arena.toml"))
+        Self::parse(
+            include_str!("../scenarios/arena.toml"),
+            Path::new("scenarios/arena.toml"),
+        )
     }
 
     /// Checks a scenario's text; `path` is for the errors.
@@ -124,7 +138,8 @@ impl Scenario {
     /// As [`Scenario::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|e| toml_error(&e, text, path))?;
-        file.check(text).map_err(|e| Error::format(path, e.to_string()))
+        file.check(text)
+            .map_err(|e| Error::format(path, e.to_string()))
     }
 
     /// The algorithms' labels.
@@ -142,22 +157,43 @@ impl File {
                 self.name
             ));
         }
-        let GridSettings { columns, rows, min_valid } = self.grid;
-        if !(1..=MAX_GRID).contains(&columns) || !(1..=MAX_GRID).contains(&rows) || !(0.0..=1.0).contains(&min_valid) {
-            return invalid(format!("grid: columns and rows are 1..={MAX_GRID}, min_valid 0..=1"));
+        let GridSettings {
+            columns,
+            rows,
+            min_valid,
+        } = self.grid;
+        if !(1..=MAX_GRID).contains(&columns)
+            || !(1..=MAX_GRID).contains(&rows)
+            || !(0.0..=1.0).contains(&min_valid)
+        {
+            return invalid(format!(
+                "grid: columns and rows are 1..={MAX_GRID}, min_valid 0..=1"
+            ));
         }
         self.cells.validate()?;
         for (i, checkpoint) in self.checkpoint.iter().enumerate() {
             checkpoint.validate(self.grid.shape())?;
-            if self.checkpoint[..i].iter().any(|c| c.number == checkpoint.number) {
+            if self.checkpoint[..i]
+                .iter()
+                .any(|c| c.number == checkpoint.number)
+            {
                 return invalid(format!("checkpoint {} stands twice", checkpoint.number));
             }
         }
         if self.algorithms.is_empty() {
-            return invalid("algorithms is empty: name at least one, as `svl algos` lists them".into());
+            return invalid(
+                "algorithms is empty: name at least one, as `svl algos` lists them".into(),
+            );
         }
-        let algorithms = self.algorithms.iter().map(|a| a.parse()).collect::<Result<_>>()?;
-        let gate = self.gate.into_iter().map(|limit| check_limit(limit, text, &self.checkpoint));
+        let algorithms = self
+            .algorithms
+            .iter()
+            .map(|a| a.parse())
+            .collect::<Result<_>>()?;
+        let gate = self
+            .gate
+            .into_iter()
+            .map(|limit| check_limit(limit, text, &self.checkpoint));
         let gate = gate.collect::<Result<_>>()?;
         let source = self.source.check(self.arena)?;
         if matches!(source, ScenarioSource::Dataset { .. }) && !self.checkpoint.is_empty() {
@@ -177,17 +213,28 @@ impl File {
     }
 }
 
-fn check_limit(limit: toml::Spanned<Limit>, text: &str, checkpoints: &[Checkpoint]) -> Result<Limit> {
+fn check_limit(
+    limit: toml::Spanned<Limit>,
+    text: &str,
+    checkpoints: &[Checkpoint],
+) -> Result<Limit> {
     let line = line(text, limit.span().start);
-    let limit = Limit { line, ..limit.into_inner() };
+    let limit = Limit {
+        line,
+        ..limit.into_inner()
+    };
     limit.validate()?;
-    for name in [Some(&limit.algorithm), limit.relative_to.as_ref()].into_iter().flatten() {
-        name.parse::<Algorithm>().map_err(|e| Error::Invalid(format!("gate in line {line}: {e}")))?;
+    for name in [Some(&limit.algorithm), limit.relative_to.as_ref()]
+        .into_iter()
+        .flatten()
+    {
+        name.parse::<Algorithm>()
+            .map_err(|e| Error::Invalid(format!("gate in line {line}: {e}")))?;
     }
     match limit.checkpoint {
-        Some(number) if !checkpoints.iter().any(|c| c.number == number) => {
-            invalid(format!("gate in line {line}: there is no checkpoint {number}"))
-        }
+        Some(number) if !checkpoints.iter().any(|c| c.number == number) => invalid(format!(
+            "gate in line {line}: there is no checkpoint {number}"
+        )),
         _ => Ok(limit),
     }
 }
@@ -249,7 +296,13 @@ mod tests {
     fn what_is_left_out_has_the_thesis_defaults() {
         let scenario = parse(MINIMAL).unwrap();
         assert_eq!((scenario.grid.columns, scenario.grid.rows), (5, 3));
-        assert_eq!(scenario.source, ScenarioSource::Arena { config: Box::default(), seeds: vec![1] });
+        assert_eq!(
+            scenario.source,
+            ScenarioSource::Arena {
+                config: Box::default(),
+                seeds: vec![1]
+            }
+        );
     }
 
     #[test]
@@ -260,8 +313,13 @@ mod tests {
 
     #[test]
     fn errors_name_line_and_column() {
-        let error = parse(&MINIMAL.replace("kind", "kidn")).unwrap_err().to_string();
-        assert!(error.starts_with("s.toml: line 7, column 1: unknown field `kidn`"), "{error}");
+        let error = parse(&MINIMAL.replace("kind", "kidn"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.starts_with("s.toml: line 7, column 1: unknown field `kidn`"),
+            "{error}"
+        );
         assert!(!error.contains('\n'));
         let error = parse("name = [").unwrap_err().to_string();
         assert!(error.starts_with("s.toml: line 1, column 9: "), "{error}");
@@ -274,10 +332,16 @@ mod tests {
             ("[\"v3\"]", "[]", "algorithms"),
             ("\"v3\"", "\"v33\"", "did you mean 'v3'"),
             ("\"arena\"", "\"dataset\"", "scenes"),
-            ("kind = \"arena\"", "kind = \"arena\"\nseeds = [1, 1]", "seeds"),
+            (
+                "kind = \"arena\"",
+                "kind = \"arena\"\nseeds = [1, 1]",
+                "seeds",
+            ),
             ("[source]", "[grid]\ncolumns = 0\n[source]", "columns"),
         ] {
-            let error = parse(&MINIMAL.replacen(from, to, 1)).unwrap_err().to_string();
+            let error = parse(&MINIMAL.replacen(from, to, 1))
+                .unwrap_err()
+                .to_string();
             assert!(error.contains(word), "{to}: {error}");
         }
     }
@@ -286,18 +350,36 @@ mod tests {
     fn limits_are_checked_and_know_their_lines() {
         let gate = |limit: &str| parse(&format!("{MINIMAL}[[gate]]\nalgorithm = \"v3\"\n{limit}"));
         let scenario = gate("metric = \"time\"\nrelative_to = \"bm\"\nmax = 2").unwrap();
-        assert_eq!((scenario.gate[0].line, scenario.gate[0].max), (8, Some(2.0)));
+        assert_eq!(
+            (scenario.gate[0].line, scenario.gate[0].max),
+            (8, Some(2.0))
+        );
         for (limit, word) in [
             ("metric = \"wrong\"", "gate in line 8: needs min or max"),
             ("metric = \"wrong\"\nmax = 5", "5 % is 0.05"),
             ("metric = \"wrong\"\nmax = nan", "0 or more"),
-            ("metric = \"wrong\"\nmin = 0.2\nmax = 0.1", "min is above max"),
+            (
+                "metric = \"wrong\"\nmin = 0.2\nmax = 0.1",
+                "min is above max",
+            ),
             ("metric = \"time\"\nmax = 5", "relative_to"),
-            ("metric = \"wrong\"\nmax = 0.1\nrelative_to = \"v1\"", "absolute"),
+            (
+                "metric = \"wrong\"\nmax = 0.1\nrelative_to = \"v1\"",
+                "absolute",
+            ),
             ("metric = \"wrong\"\nmax = 0.1\ncheckpoint = 1", "passed"),
-            ("metric = \"passed\"\nmin = 0.1\ncheckpoint = 1", "no checkpoint 1"),
-            ("metric = \"time\"\nmax = 1\nrelative_to = \"bn\"", "did you mean"),
-            ("metric = \"time\"\nmax = 1\nrelative_to = \"v3\"", "names the algorithm itself"),
+            (
+                "metric = \"passed\"\nmin = 0.1\ncheckpoint = 1",
+                "no checkpoint 1",
+            ),
+            (
+                "metric = \"time\"\nmax = 1\nrelative_to = \"bn\"",
+                "did you mean",
+            ),
+            (
+                "metric = \"time\"\nmax = 1\nrelative_to = \"v3\"",
+                "names the algorithm itself",
+            ),
             ("metric = \"wrnog\"\nmax = 1", "line 10"),
         ] {
             let error = gate(limit).unwrap_err().to_string();

@@ -14,7 +14,12 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in the order they run.
-    pub const ALL: [Stage; 4] = [Stage::Smoothing, Stage::Texture, Stage::Matching, Stage::Checks];
+    pub const ALL: [Stage; 4] = [
+        Stage::Smoothing,
+        Stage::Texture,
+        Stage::Matching,
+        Stage::Checks,
+    ];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -53,7 +58,10 @@ pub struct Clock {
 
 impl Clock {
     pub fn start() -> Self {
-        Self { last: Instant::now(), times: StageTimes::default() }
+        Self {
+            last: Instant::now(),
+            times: StageTimes::default(),
+        }
     }
 
     /// Ends the lap: the time since the last one belongs to `stage`.
@@ -70,14 +78,18 @@ impl Clock {
         self.last = now;
     }
 
-    /// Ends the lap: the time since the last one is divided among the stages as `times` are, which threads took side by
-    /// side.
+    /// Ends the lap: the time since the last one is divided among the stages as `times` are, which
+    /// threads took side by side.
     pub fn lap_as(&mut self, times: StageTimes) {
         let now = Instant::now();
-        let share = (now - self.last).as_secs_f64() / times.total().as_secs_f64().max(f64::MIN_POSITIVE);
+        let share =
+            (now - self.last).as_secs_f64() / times.total().as_secs_f64().max(f64::MIN_POSITIVE);
         for stage in Stage::ALL {
-            self.times
-                .add(stage, Duration::try_from_secs_f64(share * times.get(stage).as_secs_f64()).unwrap_or_default());
+            self.times.add(
+                stage,
+                Duration::try_from_secs_f64(share * times.get(stage).as_secs_f64())
+                    .unwrap_or_default(),
+            );
         }
         self.last = now;
     }

@@ -1,4 +1,5 @@
-//! YAML without what no calibration and no bag needs: aliases and deep nesting are refused, tags are passed over.
+//! YAML without what no calibration and no bag needs: aliases and deep nesting are refused, tags
+//! are passed over.
 
 use saphyr_parser::{Event, Parser};
 use std::collections::BTreeMap;
@@ -24,8 +25,10 @@ pub(crate) fn parse(text: &str) -> Result<Node, String> {
     };
     let mut tree = Tree::default();
     for event in Parser::new_from_str(&text) {
-        let (event, span) = event.map_err(|e| format!("line {}: is no YAML: {}", e.marker().line(), e.info()))?;
-        tree.add(event).map_err(|reason| format!("line {}: {reason}", span.start.line()))?;
+        let (event, span) =
+            event.map_err(|e| format!("line {}: is no YAML: {}", e.marker().line(), e.info()))?;
+        tree.add(event)
+            .map_err(|reason| format!("line {}: {reason}", span.start.line()))?;
     }
     tree.root.ok_or_else(|| "holds no YAML".into())
 }
@@ -46,7 +49,9 @@ enum Open {
 impl Tree {
     fn add(&mut self, event: Event<'_>) -> Result<(), String> {
         match event {
-            Event::Alias(_) => Err("an alias (*), which is not read; write the value itself".into()),
+            Event::Alias(_) => {
+                Err("an alias (*), which is not read; write the value itself".into())
+            }
             Event::Scalar(text, ..) => self.put(Node::Value(text.into_owned())),
             Event::SequenceStart(..) => self.open(Open::List(Vec::new())),
             Event::MappingStart(..) => self.open(Open::Table(BTreeMap::new(), None)),
@@ -62,7 +67,9 @@ impl Tree {
 
     fn open(&mut self, open: Open) -> Result<(), String> {
         if self.open.len() == MAX_DEPTH {
-            return Err(format!("more than {MAX_DEPTH} levels, which no file that svl reads has"));
+            return Err(format!(
+                "more than {MAX_DEPTH} levels, which no file that svl reads has"
+            ));
         }
         self.open.push(open);
         Ok(())
@@ -93,10 +100,21 @@ mod tests {
 
     #[test]
     fn headers_and_tags_of_opencv_are_passed_over() {
-        for header in ["%YAML:1.0\n", "%YAML:1.0\n---\n", "%YAML 1.2\n---\n# said\n", ""] {
-            let text = format!("{header}K: !!opencv-matrix\n   rows: 1\n   data: [ 1., -2.5e-01,\n       .5 ]\n");
-            let Node::Table(root) = parse(&text).unwrap() else { panic!() };
-            let Node::Table(matrix) = &root["K"] else { panic!() };
+        for header in [
+            "%YAML:1.0\n",
+            "%YAML:1.0\n---\n",
+            "%YAML 1.2\n---\n# said\n",
+            "",
+        ] {
+            let text = format!(
+                "{header}K: !!opencv-matrix\n   rows: 1\n   data: [ 1., -2.5e-01,\n       .5 ]\n"
+            );
+            let Node::Table(root) = parse(&text).unwrap() else {
+                panic!()
+            };
+            let Node::Table(matrix) = &root["K"] else {
+                panic!()
+            };
             let values = ["1.", "-2.5e-01", ".5"].map(|v| Node::Value(v.into()));
             assert_eq!(matrix["data"], Node::List(values.into()), "{header:?}");
         }
@@ -112,9 +130,17 @@ mod tests {
             assert!(parse(&nested(17)).unwrap_err().contains("levels"));
             assert!(parse(&nested(100_000)).is_err());
         }
-        assert!(parse("a: 1\na: 2").unwrap_err().contains("'a' stands twice"));
+        assert!(
+            parse("a: 1\na: 2")
+                .unwrap_err()
+                .contains("'a' stands twice")
+        );
         assert!(parse("a: [1, 2").unwrap_err().starts_with("line "));
         assert!(parse("").unwrap_err().contains("no YAML"));
-        assert!(parse("---\na: 1\n---\nb: 2\n").unwrap_err().contains("second"));
+        assert!(
+            parse("---\na: 1\n---\nb: 2\n")
+                .unwrap_err()
+                .contains("second")
+        );
     }
 }

@@ -15,8 +15,21 @@ use svl::stereo::Reason;
 
 impl Bm {
     fn text(&self) -> String {
-        let Self { min, max, log, block_size, texture_threshold, uniqueness, .. } = self;
-        let Self { symmetry_tolerance, speckle_size, speckle_range, .. } = self;
+        let Self {
+            min,
+            max,
+            log,
+            block_size,
+            texture_threshold,
+            uniqueness,
+            ..
+        } = self;
+        let Self {
+            symmetry_tolerance,
+            speckle_size,
+            speckle_range,
+            ..
+        } = self;
         let prefilter = if *log { "log" } else { "xsobel" };
         format!(
             "bm:min_disparity={min},max_disparity={max},prefilter={prefilter},block_size={block_size},\
@@ -38,19 +51,28 @@ fn sizes() -> impl Strategy<Value = (usize, usize)> {
 fn matchers() -> impl Strategy<Value = Bm> {
     let ends = prop_oneof![4 => (-20i32..=20, 0i32..=40), 1 => (-1024i32..=1024, 0i32..=2048)];
     let block = prop::sample::select(vec![5, 5, 7, 9, 9, 31]);
-    let tests = (prop::sample::select(vec![0, 10, 900, 30_000]), prop::sample::select(vec![0, 15, 100]));
-    let checks = (-1i32..=3, prop::sample::select(vec![0usize, 1, 7, 60]), 0i32..=3);
-    (ends, any::<bool>(), block, tests, checks).prop_map(|((min, span), log, block_size, tests, checks)| Bm {
-        min,
-        max: (min + span).min(1024),
-        log,
-        block_size,
-        texture_threshold: tests.0,
-        uniqueness: tests.1,
-        symmetry_tolerance: checks.0,
-        speckle_size: checks.1,
-        speckle_range: checks.2,
-    })
+    let tests = (
+        prop::sample::select(vec![0, 10, 900, 30_000]),
+        prop::sample::select(vec![0, 15, 100]),
+    );
+    let checks = (
+        -1i32..=3,
+        prop::sample::select(vec![0usize, 1, 7, 60]),
+        0i32..=3,
+    );
+    (ends, any::<bool>(), block, tests, checks).prop_map(
+        |((min, span), log, block_size, tests, checks)| Bm {
+            min,
+            max: (min + span).min(1024),
+            log,
+            block_size,
+            texture_threshold: tests.0,
+            uniqueness: tests.1,
+            symmetry_tolerance: checks.0,
+            speckle_size: checks.1,
+            speckle_range: checks.2,
+        },
+    )
 }
 
 proptest! {
@@ -84,30 +106,58 @@ proptest! {
 fn every_reason_of_bm_occurs() {
     let mut tally = [0; 7];
     for scene in Scene::ALL {
-        let noise = if matches!(scene, Scene::Constant) { 0 } else { 9 };
+        let noise = if matches!(scene, Scene::Constant) {
+            0
+        } else {
+            9
+        };
         let pair = pair(scene, (60, 20), 5, noise, 42);
-        let map = common::run("bm:max_disparity=20,symmetry_tolerance=0,block_size=5", Isa::PORTABLE, &pair);
-        tally.iter_mut().zip(map.tally()).for_each(|(sum, n)| *sum += n);
+        let map = common::run(
+            "bm:max_disparity=20,symmetry_tolerance=0,block_size=5",
+            Isa::PORTABLE,
+            &pair,
+        );
+        tally
+            .iter_mut()
+            .zip(map.tally())
+            .for_each(|(sum, n)| *sum += n);
     }
-    for reason in [Reason::Valid, Reason::Border, Reason::Untextured, Reason::Ambiguous, Reason::Inconsistent] {
+    for reason in [
+        Reason::Valid,
+        Reason::Border,
+        Reason::Untextured,
+        Reason::Ambiguous,
+        Reason::Inconsistent,
+    ] {
         assert!(tally[reason as usize] > 0, "{reason:?} {tally:?}");
     }
 }
 
 #[test]
 fn a_window_without_a_centre_is_refused() {
-    let error = "bm:block_size=10".parse::<svl::matcher::Algorithm>().unwrap().build().map(|_| ()).unwrap_err();
+    let error = "bm:block_size=10"
+        .parse::<svl::matcher::Algorithm>()
+        .unwrap()
+        .build()
+        .map(|_| ())
+        .unwrap_err();
     assert!(error.to_string().contains("block_size=10"), "{error}");
 }
 
 /// What OpenCV's StereoBM says of the real scenes.
 #[test]
 fn equals_opencv() {
-    let Some(folder) = common::datasets() else { return };
+    let Some(folder) = common::datasets() else {
+        return;
+    };
     let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let asked = Command::new(&python).args(["-c", "import cv2, numpy; print(cv2.__version__)"]).output();
+    let asked = Command::new(&python)
+        .args(["-c", "import cv2, numpy; print(cv2.__version__)"])
+        .output();
     let Some(version) = asked.ok().filter(|output| output.status.success()) else {
-        println!("skipped: `{python}` has no cv2; set SVL_PYTHON to a Python with opencv-python-headless");
+        println!(
+            "skipped: `{python}` has no cv2; set SVL_PYTHON to a Python with opencv-python-headless"
+        );
         return;
     };
     println!("OpenCV {}", String::from_utf8_lossy(&version.stdout).trim());
@@ -119,20 +169,49 @@ fn equals_opencv() {
         let fields: Vec<&str> = line.split('\t').collect();
         let pair = common::pair(&folder.join(fields[0]), fields[1], fields[2]);
         let (width, height) = pair.size();
-        std::fs::write(file("pair"), pair.left().pixels().chain(pair.right().pixels()).collect::<Vec<_>>()).unwrap();
+        std::fs::write(
+            file("pair"),
+            pair.left()
+                .pixels()
+                .chain(pair.right().pixels())
+                .collect::<Vec<_>>(),
+        )
+        .unwrap();
         for block in [9, 15] {
             let sizes = [width, height, 80, block].map(|n| n.to_string());
-            let run = Command::new(&python).arg(script).args(sizes).args([file("pair"), file("disparity")]).output();
+            let run = Command::new(&python)
+                .arg(script)
+                .args(sizes)
+                .args([file("pair"), file("disparity")])
+                .output();
             let run = run.unwrap();
-            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+            assert!(
+                run.status.success(),
+                "{}",
+                String::from_utf8_lossy(&run.stderr)
+            );
             let bytes = std::fs::read(file("disparity")).unwrap();
-            let expected = bytes.as_chunks::<2>().0.iter().map(|&b| f32::from(i16::from_le_bytes(b)) / 16.0);
+            let expected = bytes
+                .as_chunks::<2>()
+                .0
+                .iter()
+                .map(|&b| f32::from(i16::from_le_bytes(b)) / 16.0);
             let algorithm = format!("svs:max_disparity=79,block_size={block}");
             let map = common::run(&algorithm, Isa::available().next().unwrap(), &pair);
             // OpenCV writes one less than the lowest disparity where it found none.
-            let got = map.disparity().pixels().map(|d| if d.is_finite() { d } else { -1.0 });
-            let differing = got.zip(expected).filter(|(got, expected)| got != expected).count();
-            println!("{} {block}x{block}: {differing} of {} pixels differ", fields[0], width * height);
+            let got = map
+                .disparity()
+                .pixels()
+                .map(|d| if d.is_finite() { d } else { -1.0 });
+            let differing = got
+                .zip(expected)
+                .filter(|(got, expected)| got != expected)
+                .count();
+            println!(
+                "{} {block}x{block}: {differing} of {} pixels differ",
+                fields[0],
+                width * height
+            );
             assert_eq!(differing, 0, "{} {algorithm}", fields[0]);
         }
     }

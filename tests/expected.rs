@@ -1,4 +1,5 @@
-//! Real scenes give, on every pixel, the disparities and reasons that the specification's own implementation gave.
+//! Real scenes give, on every pixel, the disparities and reasons that the specification's own
+//! implementation gave.
 
 mod common;
 
@@ -7,23 +8,39 @@ use svl::stereo::DisparityMap;
 
 /// Pixels whose disparity or reason is not the expected one.
 fn differing(algorithm: &str, scene: &str, map: &DisparityMap) -> usize {
-    let folder = common::datasets().unwrap().join("../expected").join(algorithm);
+    let folder = common::datasets()
+        .unwrap()
+        .join("../expected")
+        .join(algorithm);
     let file = |kind: &str| folder.join(format!("{}.{kind}.png", scene.replace('/', "_")));
     let disparities = image::open(file("disp")).unwrap().into_luma16();
     // There are no reasons for v4.
-    let reasons = file("reason").exists().then(|| image::open(file("reason")).unwrap().into_luma8().into_raw());
-    assert_eq!((disparities.width() as usize, disparities.height() as usize), map.size());
+    let reasons = file("reason")
+        .exists()
+        .then(|| image::open(file("reason")).unwrap().into_luma8().into_raw());
+    assert_eq!(
+        (disparities.width() as usize, disparities.height() as usize),
+        map.size()
+    );
     let code = |d: f32| if d.is_finite() { d as u16 + 1 } else { 0 };
     let whys = map.why().pixels().map(|why| why as u8).collect::<Vec<_>>();
     let reasons = reasons.unwrap_or_else(|| whys.clone());
     let got = map.disparity().pixels().map(code).zip(whys);
-    got.zip(disparities.into_raw().into_iter().zip(reasons)).filter(|(got, expected)| got != expected).count()
+    got.zip(disparities.into_raw().into_iter().zip(reasons))
+        .filter(|(got, expected)| got != expected)
+        .count()
 }
 
 fn check(algorithm: &str, scene: &str) {
-    let Some(pair) = common::scene(scene) else { return };
+    let Some(pair) = common::scene(scene) else {
+        return;
+    };
     for isa in Isa::available() {
-        assert_eq!(differing(algorithm, scene, &common::run(algorithm, isa, &pair)), 0, "{algorithm} {scene} {isa}");
+        assert_eq!(
+            differing(algorithm, scene, &common::run(algorithm, isa, &pair)),
+            0,
+            "{algorithm} {scene} {isa}"
+        );
     }
 }
 

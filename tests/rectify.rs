@@ -4,10 +4,13 @@ mod common;
 
 use common::{datasets, pair};
 use nalgebra::{Matrix3, Vector3};
-use svl::rectify::{Alignment, AlignmentMeter, Epipolar, Framing, Rectifier, bouguet, matches, uncalibrated};
+use svl::rectify::{
+    Alignment, AlignmentMeter, Epipolar, Framing, Rectifier, bouguet, matches, uncalibrated,
+};
 use svl::stereo::{Gray, Intrinsics, LengthUnit, StereoCalibration, StereoPair, motion};
 
-/// A calibration with the rotations that OpenCV 5.0.0's `stereoRectify` makes of it, and its focal length at `alpha` 0.
+/// A calibration with the rotations that OpenCV 5.0.0's `stereoRectify` makes of it, and its focal
+/// length at `alpha` 0.
 struct Reference {
     calibration: StereoCalibration,
     turns: [Matrix3<f64>; 2],
@@ -23,7 +26,9 @@ fn calibration(
     apart: [f64; 3],
     unit: LengthUnit,
 ) -> StereoCalibration {
-    let camera = |([fx, fy, cx, cy], lens): Numbers| Intrinsics::new(size, (fx, fy), (cx, cy), lens).unwrap();
+    let camera = |([fx, fy, cx, cy], lens): Numbers| {
+        Intrinsics::new(size, (fx, fy), (cx, cy), lens).unwrap()
+    };
     let motion = motion(&Matrix3::from_row_slice(&turn), Vector3::from(apart)).unwrap();
     StereoCalibration::new(camera(left), camera(right), motion, unit).unwrap()
 }
@@ -136,19 +141,41 @@ fn bumblebee() -> Reference {
     }
 }
 
-/// Rotations are the same. Focal lengths are not, as OpenCV fixes the centre first: ours are shorter by up to a twentieth, so
-/// that more of the pictures is kept, and still no pixel is without one.
+/// Rotations are the same. Focal lengths are not, as OpenCV fixes the centre first: ours are
+/// shorter by up to a twentieth, so that more of the pictures is kept, and still no pixel is
+/// without one.
 #[test]
 fn cameras_are_turned_as_opencv_turns_them() {
-    for Reference { calibration, turns, focal_px } in [euroc(), chessboard(), bumblebee()] {
+    for Reference {
+        calibration,
+        turns,
+        focal_px,
+    } in [euroc(), chessboard(), bumblebee()]
+    {
         let found = bouguet(&calibration, &Framing::default()).unwrap();
-        assert!((found.left.matrix() - turns[0]).amax() < 1e-6 && (found.right.matrix() - turns[1]).amax() < 1e-6);
+        assert!(
+            (found.left.matrix() - turns[0]).amax() < 1e-6
+                && (found.right.matrix() - turns[1]).amax() < 1e-6
+        );
         let ratio = found.rig.focal_px() / focal_px;
-        assert!((0.95..1.0).contains(&ratio), "{} px, OpenCV {focal_px} px", found.rig.focal_px());
+        assert!(
+            (0.95..1.0).contains(&ratio),
+            "{} px, OpenCV {focal_px} px",
+            found.rig.focal_px()
+        );
         assert_eq!(Rectifier::new(&calibration).unwrap().outside(), 0.0);
-        let all = bouguet(&calibration, &Framing { alpha: 1.0, size: None }).unwrap();
+        let all = bouguet(
+            &calibration,
+            &Framing {
+                alpha: 1.0,
+                size: None,
+            },
+        )
+        .unwrap();
         assert!(all.rig.focal_px() < found.rig.focal_px());
-        let outside = Rectifier::new(&calibration.with_rectification(all)).unwrap().outside();
+        let outside = Rectifier::new(&calibration.with_rectification(all))
+            .unwrap()
+            .outside();
         assert!((0.01..0.4).contains(&outside), "{outside}");
     }
 }
@@ -166,13 +193,17 @@ fn measured(pairs: impl IntoIterator<Item = StereoPair>) -> Alignment {
     meter.alignment().unwrap()
 }
 
-/// Raw pairs, by their calibration within `good_px` (which OpenCV's SIFT finds too), without it better than raw.
+/// Raw pairs, by their calibration within `good_px` (which OpenCV's SIFT finds too), without it
+/// better than raw.
 fn becomes_aligned(pairs: &[StereoPair], reference: &Reference, raw_px: f64, good_px: f64) {
     let raw = measured(pairs.iter().cloned());
     assert!((raw.median_abs_px - raw_px).abs() < 0.8, "{raw:?}");
     let rectifier = Rectifier::new(&reference.calibration).unwrap();
     let by_calibration = measured(pairs.iter().map(|pair| rectified(&rectifier, pair)));
-    assert!(by_calibration.median_abs_px <= good_px, "{by_calibration:?}");
+    assert!(
+        by_calibration.median_abs_px <= good_px,
+        "{by_calibration:?}"
+    );
     assert!(by_calibration.matches > 300, "{by_calibration:?}");
     let pooled: Vec<_> = pairs.iter().flat_map(matches).collect();
     let agreeing = Epipolar::of(&pooled, 2.0).unwrap().inliers;
@@ -189,19 +220,34 @@ fn becomes_aligned(pairs: &[StereoPair], reference: &Reference, raw_px: f64, goo
 
 #[test]
 fn euroc_becomes_aligned() {
-    let Some(folder) = datasets().map(|folder| folder.join("euroc-v1_01_easy/mav0")) else { return };
-    let images = std::fs::read_dir(folder.join("cam0/data")).unwrap().map(|entry| entry.unwrap().file_name());
+    let Some(folder) = datasets().map(|folder| folder.join("euroc-v1_01_easy/mav0")) else {
+        return;
+    };
+    let images = std::fs::read_dir(folder.join("cam0/data"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name());
     let mut names: Vec<_> = images.map(|name| name.into_string().unwrap()).collect();
     names.sort();
-    let pairs: Vec<_> =
-        names.iter().map(|n| pair(&folder, &format!("cam0/data/{n}"), &format!("cam1/data/{n}"))).collect();
+    let pairs: Vec<_> = names
+        .iter()
+        .map(|n| {
+            pair(
+                &folder,
+                &format!("cam0/data/{n}"),
+                &format!("cam1/data/{n}"),
+            )
+        })
+        .collect();
     becomes_aligned(&pairs, &euroc(), 12.9, 0.15);
 }
 
 #[test]
 fn bumblebee_becomes_aligned() {
-    let Some(folder) = datasets().map(|folder| folder.join("bumblebee2-raw")) else { return };
-    let pairs = ["chair01", "garden01"].map(|scene| pair(&folder.join(scene), "im0.jpg", "im1.jpg"));
+    let Some(folder) = datasets().map(|folder| folder.join("bumblebee2-raw")) else {
+        return;
+    };
+    let pairs =
+        ["chair01", "garden01"].map(|scene| pair(&folder.join(scene), "im0.jpg", "im1.jpg"));
     becomes_aligned(&pairs, &bumblebee(), 3.2, 0.25);
 }
 
@@ -211,11 +257,18 @@ fn rectified_data_sets_raise_no_alarm() {
     let index = std::fs::read_to_string(folder.join("index.tsv")).unwrap();
     let mut told = 0;
     for line in index.lines().skip(1) {
-        let [scene, left, right, ..] = line.split('\t').collect::<Vec<_>>()[..] else { panic!("{line}") };
+        let [scene, left, right, ..] = line.split('\t').collect::<Vec<_>>()[..] else {
+            panic!("{line}")
+        };
         let mut meter = AlignmentMeter::new();
         meter.add(&pair(&folder.join(scene), left, right));
-        let Some(alignment) = meter.alignment() else { continue };
-        println!("{scene} {} {:.2}", alignment.matches, alignment.median_abs_px);
+        let Some(alignment) = meter.alignment() else {
+            continue;
+        };
+        println!(
+            "{scene} {} {:.2}",
+            alignment.matches, alignment.median_abs_px
+        );
         assert!(!alignment.is_off(), "{scene}: {alignment:?}");
         told += 1;
     }

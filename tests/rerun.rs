@@ -1,4 +1,5 @@
-//! What the Rerun sink leaves in a file, read back with the SDK's own decoder and, where there is one, the viewer.
+//! What the Rerun sink leaves in a file, read back with the SDK's own decoder and, where there is
+//! one, the viewer.
 
 use rerun::StoreKind;
 use rerun::external::re_log_encoding::DecoderApp;
@@ -12,8 +13,8 @@ use std::time::Duration;
 use svl::score::CellRule;
 use svl::sink::{Edges, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
 use svl::stereo::{
-    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, Frame, Gray, GridShape, Plane, Pose, Reason, Rig,
-    StereoPair, Truth,
+    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, Frame, Gray, GridShape, Plane,
+    Pose, Reason, Rig, StereoPair, Truth,
 };
 use svl::timing::{Stage, StageTimes};
 
@@ -24,7 +25,12 @@ const LABELS: [&str; 2] = ["v3", "bm:max_disparity=64"];
 fn frame(sequence: u64, rig: bool) -> Frame {
     let (width, height) = SIZE;
     let image = Gray::from_fn(width, height, |x, y| (3 * x + 4 * y) as u8).unwrap();
-    let truth = Plane::from_fn(width, height, |x, _| if x < 8 { f32::INFINITY } else { 20.0 }).unwrap();
+    let truth = Plane::from_fn(
+        width,
+        height,
+        |x, _| if x < 8 { f32::INFINITY } else { 20.0 },
+    )
+    .unwrap();
     Frame {
         sequence,
         stamp_ns: 40_000_000 * sequence,
@@ -32,7 +38,10 @@ fn frame(sequence: u64, rig: bool) -> Frame {
         pair: StereoPair::new(image.clone(), image).unwrap(),
         rig: rig.then(|| Rig::new(40.0, (19.5, 14.5), 0.05, 0.0).unwrap()),
         pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
-        truth: Some(Truth { disparity: truth, visibility: None }),
+        truth: Some(Truth {
+            disparity: truth,
+            visibility: None,
+        }),
         exposure: Exposure::default(),
     }
 }
@@ -45,20 +54,51 @@ fn estimate(label: &str, rig: Option<Rig>) -> Estimate {
         (20..40).for_each(|x| row.accept(x, 20.0, 100));
     }
     let distance_m = rig.and_then(|rig| rig.depth_m(20.0));
-    let known = CellDepth { median_px: 20.0, p20_px: 20.0, p80_px: 20.0, distance_m };
-    let cells = vec![Cell { valid_share: 0.0, depth: None }, Cell { valid_share: 1.0, depth: Some(known) }];
-    let grid = DepthGrid::new(GridShape { columns: 2, rows: 1 }, cells).unwrap();
+    let known = CellDepth {
+        median_px: 20.0,
+        p20_px: 20.0,
+        p80_px: 20.0,
+        distance_m,
+    };
+    let cells = vec![
+        Cell {
+            valid_share: 0.0,
+            depth: None,
+        },
+        Cell {
+            valid_share: 1.0,
+            depth: Some(known),
+        },
+    ];
+    let grid = DepthGrid::new(
+        GridShape {
+            columns: 2,
+            rows: 1,
+        },
+        cells,
+    )
+    .unwrap();
     let mut times = StageTimes::default();
     times.add(Stage::Matching, Duration::from_micros(900));
-    Estimate { algorithm: label.to_owned(), disparity, grid, times }
+    Estimate {
+        algorithm: label.to_owned(),
+        disparity,
+        grid,
+        times,
+    }
 }
 
 fn write(path: &Path, rig: bool) {
-    let edges = Edges { name: "wall".into(), strips: vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]] };
+    let edges = Edges {
+        name: "wall".into(),
+        strips: vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]],
+    };
     let run = RunInfo {
         recording_id: "run-1".into(),
         scenario: "test".into(),
-        algorithms: LABELS.map(|label| (label.to_owned(), "window 9 px".to_owned())).into(),
+        algorithms: LABELS
+            .map(|label| (label.to_owned(), "window 9 px".to_owned()))
+            .into(),
         wireframe: if rig { vec![edges] } else { Vec::new() },
         grid: GridShape::default(),
         rule: CellRule::Distance,
@@ -66,7 +106,8 @@ fn write(path: &Path, rig: bool) {
     let mut sink = RerunSink::new(RerunTarget::File(path.to_owned()), &run).unwrap();
     for sequence in 0..3 {
         let frame = frame(sequence, rig);
-        sink.push(&frame, &LABELS.map(|label| estimate(label, frame.rig))).unwrap();
+        sink.push(&frame, &LABELS.map(|label| estimate(label, frame.rig)))
+            .unwrap();
     }
     sink.verdicts("# all passed").unwrap();
     sink.finish().unwrap();
@@ -90,9 +131,17 @@ impl Content {
                     let chunk = Chunk::from_arrow_msg(&message).unwrap();
                     let entity = chunk.entity_path().to_string();
                     let components = chunk.components().keys().map(|c| c.to_string());
-                    content.components.entry(entity.clone()).or_default().extend(components);
+                    content
+                        .components
+                        .entry(entity.clone())
+                        .or_default()
+                        .extend(components);
                     let timelines = chunk.timelines().keys().map(|t| t.to_string());
-                    content.timelines.entry(entity).or_default().extend(timelines);
+                    content
+                        .timelines
+                        .entry(entity)
+                        .or_default()
+                        .extend(timelines);
                 }
                 _ => {}
             }
@@ -101,7 +150,9 @@ impl Content {
     }
 
     fn has(&self, entity: &str, component: &str) -> bool {
-        self.components.get(entity).is_some_and(|components| components.contains(component))
+        self.components
+            .get(entity)
+            .is_some_and(|components| components.contains(component))
     }
 }
 
@@ -126,7 +177,12 @@ fn every_entity_is_there_for_every_algorithm() {
     for name in ["v3", "bm-max_disparity-64"] {
         let entity = |path: &str| format!("/algo/{name}/{path}");
         for map in ["depth", "disparity", "ssdpi"] {
-            let components = ["DepthImage:buffer", "DepthImage:meter", "DepthImage:depth_range", "DepthImage:colormap"];
+            let components = [
+                "DepthImage:buffer",
+                "DepthImage:meter",
+                "DepthImage:depth_range",
+                "DepthImage:colormap",
+            ];
             expected.extend(components.map(|component| (entity(map), component)));
         }
         expected.extend([
@@ -142,9 +198,20 @@ fn every_entity_is_there_for_every_algorithm() {
             (entity("wrong_cells"), "Scalars:scalars"),
         ]);
     }
-    let missing: Vec<_> = expected.iter().filter(|(entity, component)| !content.has(entity, component)).collect();
-    assert!(missing.is_empty(), "missing {missing:?} in {:#?}", content.components);
-    assert!(["pair", "time"].iter().all(|&timeline| content.timelines["/algo/v3/depth"].contains(timeline)));
+    let missing: Vec<_> = expected
+        .iter()
+        .filter(|(entity, component)| !content.has(entity, component))
+        .collect();
+    assert!(
+        missing.is_empty(),
+        "missing {missing:?} in {:#?}",
+        content.components
+    );
+    assert!(
+        ["pair", "time"]
+            .iter()
+            .all(|&timeline| content.timelines["/algo/v3/depth"].contains(timeline))
+    );
 }
 
 #[test]
@@ -153,10 +220,26 @@ fn a_run_is_one_recording_with_a_layout() {
     let path = folder.path().join("run.rrd");
     write(&path, true);
     let stores = Content::read(&path).stores;
-    assert!(stores.iter().all(|store| store.application_id().as_str() == "svl"));
-    let recordings: Vec<_> = stores.iter().filter(|store| store.kind() == StoreKind::Recording).collect();
-    assert!(!recordings.is_empty() && recordings.iter().all(|store| store.recording_id().as_str() == "run-1"));
-    assert!(stores.iter().any(|store| store.kind() == StoreKind::Blueprint));
+    assert!(
+        stores
+            .iter()
+            .all(|store| store.application_id().as_str() == "svl")
+    );
+    let recordings: Vec<_> = stores
+        .iter()
+        .filter(|store| store.kind() == StoreKind::Recording)
+        .collect();
+    assert!(
+        !recordings.is_empty()
+            && recordings
+                .iter()
+                .all(|store| store.recording_id().as_str() == "run-1")
+    );
+    assert!(
+        stores
+            .iter()
+            .any(|store| store.kind() == StoreKind::Blueprint)
+    );
 }
 
 #[test]
@@ -187,8 +270,14 @@ fn a_target_that_cannot_be_is_one_line() {
     ];
     for target in targets {
         let name = target.to_string();
-        let error = RerunSink::new(target, &RunInfo::default()).err().expect("not a target").to_string();
-        assert!(error.contains("taken.rrd") || error.starts_with(&name), "{error}");
+        let error = RerunSink::new(target, &RunInfo::default())
+            .err()
+            .expect("not a target")
+            .to_string();
+        assert!(
+            error.contains("taken.rrd") || error.starts_with(&name),
+            "{error}"
+        );
         assert_eq!(error.lines().count(), 1, "{error}");
     }
     assert_eq!(std::fs::read(&taken).unwrap(), b"mine");
@@ -203,7 +292,8 @@ fn a_recording_of_ours_gets_a_layout_and_a_foreign_one_none() {
     assert!(!layout.exists());
     assert!(save_recording_layout(recording, &["/stereo/left/image".to_owned()], &layout).unwrap());
     let stores = Content::read(&layout).stores;
-    let ours = |s: &StoreId| s.kind() == StoreKind::Blueprint && s.application_id().as_str() == "arena";
+    let ours =
+        |s: &StoreId| s.kind() == StoreKind::Blueprint && s.application_id().as_str() == "arena";
     assert!(!stores.is_empty() && stores.iter().all(ours));
 }
 
@@ -213,8 +303,16 @@ fn the_viewer_verifies_the_file() {
     let path = folder.path().join("run.rrd");
     write(&path, true);
     let program = std::env::var("SVL_RERUN").unwrap_or_else(|_| "rerun".into());
-    match std::process::Command::new(&program).args(["rrd", "verify"]).arg(&path).output() {
-        Ok(output) => assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr)),
+    match std::process::Command::new(&program)
+        .args(["rrd", "verify"])
+        .arg(&path)
+        .output()
+    {
+        Ok(output) => assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        ),
         Err(error) => println!("skipped: {program}: {error}"),
     }
 }

@@ -1,5 +1,5 @@
-//! v1, v2 and v4 against their oracles: on images of every kind, size and range, on every instruction set and thread
-//! count.
+//! v1, v2 and v4 against their oracles: on images of every kind, size and range, on every
+//! instruction set and thread count.
 
 mod common;
 mod oracle;
@@ -26,34 +26,48 @@ fn sigmas() -> impl Strategy<Value = f64> {
 
 fn symmetric() -> impl Strategy<Value = Symmetric> {
     let filter = prop_oneof![
-        prop::sample::select(vec![0.1, 0.0, 0.0333, 2.0]).prop_map(|uniqueness| Filter::V1 { uniqueness }),
-        (prop::sample::select(vec![4.0, 0.0, 1.7, 60.0]), prop::sample::select(vec![8.0, 0.0, 2.0, 3.3, 40.0]))
-            .prop_map(|(texture_threshold, spread_threshold)| Filter::V2 { texture_threshold, spread_threshold }),
+        prop::sample::select(vec![0.1, 0.0, 0.0333, 2.0])
+            .prop_map(|uniqueness| Filter::V1 { uniqueness }),
+        (
+            prop::sample::select(vec![4.0, 0.0, 1.7, 60.0]),
+            prop::sample::select(vec![8.0, 0.0, 2.0, 3.3, 40.0])
+        )
+            .prop_map(|(texture_threshold, spread_threshold)| Filter::V2 {
+                texture_threshold,
+                spread_threshold
+            }),
     ];
     (ends(), sigmas(), filter, 0i32..=3, any::<(bool, bool)>()).prop_map(
-        |((min, max), smoothing_sigma, filter, symmetry_tolerance, (subpixel, back_check))| Symmetric {
-            min,
-            max,
-            smoothing_sigma,
-            filter,
-            symmetry_tolerance,
-            subpixel,
-            back_check,
+        |((min, max), smoothing_sigma, filter, symmetry_tolerance, (subpixel, back_check))| {
+            Symmetric {
+                min,
+                max,
+                smoothing_sigma,
+                filter,
+                symmetry_tolerance,
+                subpixel,
+                back_check,
+            }
         },
     )
 }
 
 fn v4() -> impl Strategy<Value = V4> {
-    let tolerances = (prop::sample::select(vec![150, 0, 40, 2295]), prop::sample::select(vec![2, 0, 1, 5]));
+    let tolerances = (
+        prop::sample::select(vec![150, 0, 40, 2295]),
+        prop::sample::select(vec![2, 0, 1, 5]),
+    );
     (ends(), sigmas(), tolerances, any::<(bool, bool)>()).prop_map(
-        |((min, max), smoothing_sigma, (hash_tolerance, row_tolerance), (subpixel, back_check))| V4 {
-            min,
-            max,
-            smoothing_sigma,
-            hash_tolerance,
-            row_tolerance,
-            subpixel,
-            back_check,
+        |((min, max), smoothing_sigma, (hash_tolerance, row_tolerance), (subpixel, back_check))| {
+            V4 {
+                min,
+                max,
+                smoothing_sigma,
+                hash_tolerance,
+                row_tolerance,
+                subpixel,
+                back_check,
+            }
         },
     )
 }
@@ -70,9 +84,26 @@ fn check(text: &str, expected: &DisparityMap, pair: &StereoPair) -> Result<(), T
     for isa in Isa::available() {
         for threads in [1, 2] {
             let got = pool(threads).install(|| common::run(text, isa, pair));
-            prop_assert_eq!(difference(&got, expected), None, "{} on {}, {} threads", text, isa, threads);
-            let offsets = |map: &DisparityMap| map.row_offset().map(|plane| plane.pixels().collect::<Vec<_>>());
-            prop_assert_eq!(offsets(&got), offsets(expected), "{} on {}, {} threads", text, isa, threads);
+            prop_assert_eq!(
+                difference(&got, expected),
+                None,
+                "{} on {}, {} threads",
+                text,
+                isa,
+                threads
+            );
+            let offsets = |map: &DisparityMap| {
+                map.row_offset()
+                    .map(|plane| plane.pixels().collect::<Vec<_>>())
+            };
+            prop_assert_eq!(
+                offsets(&got),
+                offsets(expected),
+                "{} on {}, {} threads",
+                text,
+                isa,
+                threads
+            );
         }
     }
     Ok(())
@@ -111,7 +142,13 @@ fn tall_pairs_equal_their_oracles() {
         back_check: false,
     };
     check(&v4.text(), &v4.compute(&pair), &pair).unwrap();
-    for filter in [Filter::V1 { uniqueness: 0.1 }, Filter::V2 { texture_threshold: 4.0, spread_threshold: 3.0 }] {
+    for filter in [
+        Filter::V1 { uniqueness: 0.1 },
+        Filter::V2 {
+            texture_threshold: 4.0,
+            spread_threshold: 3.0,
+        },
+    ] {
         let algorithm = Symmetric {
             min: -2,
             max: 9,
@@ -130,21 +167,46 @@ fn tall_pairs_equal_their_oracles() {
 fn every_reason_occurs() {
     let tally = |algorithm: &str| {
         let mut tally = [0; 7];
-        for scene in [Scene::Noise, Scene::Constant, Scene::Faint, Scene::BlackAndWhite, Scene::Periodic] {
+        for scene in [
+            Scene::Noise,
+            Scene::Constant,
+            Scene::Faint,
+            Scene::BlackAndWhite,
+            Scene::Periodic,
+        ] {
             let map = common::run(algorithm, Isa::PORTABLE, &pair(scene, (60, 8), 5, 9, 42));
-            tally.iter_mut().zip(map.tally()).for_each(|(sum, n)| *sum += n);
+            tally
+                .iter_mut()
+                .zip(map.tally())
+                .for_each(|(sum, n)| *sum += n);
         }
         tally
     };
     use Reason::{Ambiguous, Border, Inconsistent, SelfCheck, Unmatched, Untextured, Valid};
     for (algorithm, reasons) in [
-        ("v1:max_disparity=20", &[Valid, Border, Ambiguous, Inconsistent][..]),
-        ("v2:max_disparity=20,spread_threshold=4", &[Valid, Border, Untextured, Ambiguous, Inconsistent]),
-        ("v4:max_disparity=20", &[Valid, Border, Untextured, SelfCheck, Unmatched]),
+        (
+            "v1:max_disparity=20",
+            &[Valid, Border, Ambiguous, Inconsistent][..],
+        ),
+        (
+            "v2:max_disparity=20,spread_threshold=4",
+            &[Valid, Border, Untextured, Ambiguous, Inconsistent],
+        ),
+        (
+            "v4:max_disparity=20",
+            &[Valid, Border, Untextured, SelfCheck, Unmatched],
+        ),
     ] {
         let tally = tally(algorithm);
-        assert!(reasons.iter().all(|&reason| tally[reason as usize] > 0), "{algorithm} {tally:?}");
-        assert_eq!(tally.iter().filter(|&&n| n > 0).count(), reasons.len(), "{algorithm} {tally:?}");
+        assert!(
+            reasons.iter().all(|&reason| tally[reason as usize] > 0),
+            "{algorithm} {tally:?}"
+        );
+        assert_eq!(
+            tally.iter().filter(|&&n| n > 0).count(),
+            reasons.len(),
+            "{algorithm} {tally:?}"
+        );
     }
 }
 
@@ -155,9 +217,17 @@ fn the_misalignment_is_the_rows_that_the_right_image_is_too_low() {
         let map = common::run("v4:max_disparity=20", Isa::PORTABLE, &lowered(&pair, rows));
         assert_eq!(map.misalignment(), Some(rows as i8));
     }
-    assert_eq!(common::run("v3", Isa::PORTABLE, &pair).misalignment(), None, "v3 knows of no other row");
+    assert_eq!(
+        common::run("v3", Isa::PORTABLE, &pair).misalignment(),
+        None,
+        "v3 knows of no other row"
+    );
     let flat = Gray::filled(80, 40, 9).unwrap();
-    let map = common::run("v4", Isa::PORTABLE, &StereoPair::new(flat.clone(), flat).unwrap());
+    let map = common::run(
+        "v4",
+        Isa::PORTABLE,
+        &StereoPair::new(flat.clone(), flat).unwrap(),
+    );
     assert_eq!((map.valid(), map.misalignment()), (0, None));
 }
 
@@ -167,8 +237,13 @@ fn row_offsets_do_not_outlive_their_result() {
     let pair = pair(Scene::Noise, (60, 8), 5, 9, 42);
     let mut map = common::run("v4", Isa::PORTABLE, &pair);
     assert!(map.row_offset().is_some());
-    let mut v3 = "v3".parse::<svl::matcher::Algorithm>().unwrap().build().unwrap();
-    v3.compute(&pair, &mut map, &mut svl::timing::Clock::start()).unwrap();
+    let mut v3 = "v3"
+        .parse::<svl::matcher::Algorithm>()
+        .unwrap()
+        .build()
+        .unwrap();
+    v3.compute(&pair, &mut map, &mut svl::timing::Clock::start())
+        .unwrap();
     assert!(map.row_offset().is_none());
 }
 
@@ -179,10 +254,17 @@ fn subpixel_follows_a_half_pixel_shift() {
     let side = |shift: f64| Gray::from_fn(120, 4, |x, _| wave(x as f64 + shift)).unwrap();
     for fraction in [0.0, 0.25, 0.5, 0.75] {
         let pair = StereoPair::new(side(0.0), side(7.0 + fraction)).unwrap();
-        let map = common::run("v1:max_disparity=20,subpixel=true,uniqueness=0", Isa::PORTABLE, &pair);
+        let map = common::run(
+            "v1:max_disparity=20,subpixel=true,uniqueness=0",
+            Isa::PORTABLE,
+            &pair,
+        );
         let mut found: Vec<f32> = map.disparity().pixels().filter(|d| d.is_finite()).collect();
         found.sort_by(f32::total_cmp);
         let median = found[found.len() / 2];
-        assert!((f64::from(median) - 7.0 - fraction).abs() < 0.1, "{fraction}: {median}");
+        assert!(
+            (f64::from(median) - 7.0 - fraction).abs() < 0.1,
+            "{fraction}: {median}"
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! Calibrations in the files of other programs: what is read is written in every format that holds it, and read again.
-//! Of a format with two files the second follows a NUL.
+//! Calibrations in the files of other programs: what is read is written in every format that holds
+//! it, and read again. Of a format with two files the second follows a NUL.
 #![no_main]
 
 use std::path::Path;

@@ -1,7 +1,8 @@
 //! Messages of the topics and schemas svl reads, with any bytes in them, in a file that is whole.
 //!
-//! The input is a sequence of messages: a byte that chooses topic and schema, a byte of log time, two bytes of length,
-//! and that many bytes. Without chunks' compression and CRC in the way, the messages' own readers are what is tried.
+//! The input is a sequence of messages: a byte that chooses topic and schema, a byte of log time,
+//! two bytes of length, and that many bytes. Without chunks' compression and CRC in the way, the
+//! messages' own readers are what is tried.
 #![no_main]
 
 use mcap::records::MessageHeader;

@@ -1,5 +1,5 @@
-//! Writes a few small files for each target to begin with, into `corpus/`. A target itself, because what is compiled for
-//! fuzzing has to be linked with libFuzzer; run it with `-runs=0`.
+//! Writes a few small files for each target to begin with, into `corpus/`. A target itself, because
+//! what is compiled for fuzzing has to be linked with libFuzzer; run it with `-runs=0`.
 #![no_main]
 
 use image::{DynamicImage, ImageFormat};
@@ -160,7 +160,8 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
     })
 }
 
-/// The body of a message of another program: little-endian CDR, JSON, or for protobuf what comes to the fuzzer's mind.
+/// The body of a message of another program: little-endian CDR, JSON, or for protobuf what comes to
+/// the fuzzer's mind.
 fn foreign(schema: &str, encoding: &str) -> Vec<u8> {
     let mut cdr: Vec<u8> = vec![0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 4, 0, 0, 0, b'c', b'a', b'm', 0];
     let mut word = |v: u32| cdr.extend(v.to_le_bytes());

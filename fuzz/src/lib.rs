@@ -8,7 +8,8 @@ thread_local! {
     static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
 }
 
-/// Gives `read` a folder that stays the same from call to call, in memory where the system has a place there.
+/// Gives `read` a folder that stays the same from call to call, in memory where the system has a
+/// place there.
 ///
 /// # Panics
 /// When there is no such folder.

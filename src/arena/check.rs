@@ -1,4 +1,5 @@
-//! What the arena's numbers must be, each on its own; what they mean together is checked where they meet.
+//! What the arena's numbers must be, each on its own; what they mean together is checked where they
+//! meet.
 
 use super::config::{ArenaConfig, WorldConfig};
 use crate::error::{Error, Result};
@@ -10,7 +11,14 @@ impl ArenaConfig {
     /// # Errors
     /// [`Error::Invalid`] with the first key whose number is out of its range.
     pub(super) fn check(&self) -> Result<()> {
-        let Self { frames, rate_hz, rig, sensor, robot, world } = self;
+        let Self {
+            frames,
+            rate_hz,
+            rig,
+            sensor,
+            robot,
+            world,
+        } = self;
         within("frames", *frames as f64, 1.0, 1.0e6)?;
         within("rate_hz", *rate_hz, 0.1, 1.0e4)?;
         within("rig.width_px", rig.width_px as f64, 16.0, 4096.0)?;
@@ -18,12 +26,27 @@ impl ArenaConfig {
         within("rig.field_of_view_deg", rig.field_of_view_deg, 5.0, 150.0)?;
         within("rig.baseline_m", rig.baseline_m, 0.001, 1.0)?;
         within("rig.above_floor_m", rig.above_floor_m, 0.005, 10.0)?;
-        within("rig.right_row_offset_px", rig.right_row_offset_px, -20.0, 20.0)?;
+        within(
+            "rig.right_row_offset_px",
+            rig.right_row_offset_px,
+            -20.0,
+            20.0,
+        )?;
         within("rig.right_roll_deg", rig.right_roll_deg, -5.0, 5.0)?;
-        within("sensor.shutter_us", f64::from(sensor.shutter_us), 1.0, 1.0e6 / rate_hz)?;
+        within(
+            "sensor.shutter_us",
+            f64::from(sensor.shutter_us),
+            1.0,
+            1.0e6 / rate_hz,
+        )?;
         within("sensor.gain_db", sensor.gain_db, -40.0, 60.0)?;
         within("sensor.right_gain_db", sensor.right_gain_db, -20.0, 20.0)?;
-        within("sensor.white_e_per_ms", sensor.white_e_per_ms, 1.0e-3, 1.0e9)?;
+        within(
+            "sensor.white_e_per_ms",
+            sensor.white_e_per_ms,
+            1.0e-3,
+            1.0e9,
+        )?;
         within("sensor.full_scale_e", sensor.full_scale_e, 1.0, 1.0e9)?;
         within("sensor.read_noise_e", sensor.read_noise_e, 0.0, 1.0e6)?;
         within("sensor.vignetting", sensor.vignetting, 0.0, 1.0)?;
@@ -38,7 +61,12 @@ impl ArenaConfig {
         within("robot.deviation_m", robot.deviation_m, 0.0, 1.0)?;
         for (i, point) in robot.path.iter().enumerate() {
             place(&format!("robot.path[{i}].at_m"), point.at_m)?;
-            within(&format!("robot.path[{i}].heading_deg"), point.heading_deg, -3600.0, 3600.0)?;
+            within(
+                &format!("robot.path[{i}].heading_deg"),
+                point.heading_deg,
+                -3600.0,
+                3600.0,
+            )?;
         }
         world.check()
     }
@@ -78,13 +106,16 @@ impl WorldConfig {
 }
 
 fn place(key: &str, at_m: [f64; 2]) -> Result<()> {
-    at_m.into_iter().try_for_each(|v| within(key, v, -100.0, 100.0))
+    at_m.into_iter()
+        .try_for_each(|v| within(key, v, -100.0, 100.0))
 }
 
 fn within(key: &str, value: f64, from: f64, to: f64) -> Result<()> {
     if (from..=to).contains(&value) {
         Ok(())
     } else {
-        Err(Error::Invalid(format!("arena: {key} = {value} is outside {from} ..= {to}")))
+        Err(Error::Invalid(format!(
+            "arena: {key} = {value} is outside {from} ..= {to}"
+        )))
     }
 }

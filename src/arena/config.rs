@@ -60,7 +60,8 @@ pub struct SensorConfig {
     pub focus_m: f64,
 }
 
-/// How the robot moves: the path is the same in each run up to `deviation_m`, the seed sets the phases of its gait.
+/// How the robot moves: the path is the same in each run up to `deviation_m`, the seed sets the
+/// phases of its gait.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotConfig {
@@ -87,7 +88,8 @@ pub struct Waypoint {
     pub heading_deg: f64,
 }
 
-/// A rectangle of floor with walls around it, from the origin to (`width_m`, `length_m`), and what stands in it.
+/// A rectangle of floor with walls around it, from the origin to (`width_m`, `length_m`), and what
+/// stands in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WorldConfig {

@@ -1,7 +1,9 @@
-//! What stands where in the thesis's arena, and the way through it: six stations, counterclockwise from the lower right.
+//! What stands where in the thesis's arena, and the way through it: six stations, counterclockwise
+//! from the lower right.
 //!
-//! The thesis gives the floor's area, the walls' height and what each station shows (chapter 7), but figure 7.1 no
-//! measures: the places are ours, chosen so that from each station its subject stands 0.3 m to 0.9 m away.
+//! The thesis gives the floor's area, the walls' height and what each station shows (chapter 7),
+//! but figure 7.1 no measures: the places are ours, chosen so that from each station its subject
+//! stands 0.3 m to 0.9 m away.
 
 use super::config::{Ball, Block, Waypoint};
 
@@ -15,17 +17,46 @@ pub(super) fn blocks() -> Vec<Block> {
     };
     vec![
         block("opening left", [1.295, 1.175], [0.41, 0.15, 0.2], 0.0, 0.0),
-        block("opening right", [1.8325, 1.175], [0.335, 0.15, 0.2], 0.0, 0.0),
+        block(
+            "opening right",
+            [1.8325, 1.175],
+            [0.335, 0.15, 0.2],
+            0.0,
+            0.0,
+        ),
         block("close block", [1.66, 1.865], [0.68, 0.17, 0.2], 0.0, 0.0),
-        block("slanted wall", [0.394, 0.292], [1.0, 0.02, 0.2], 0.0, -36.87),
-        block("bridge right pillar", [1.31, 0.325], [0.12, 0.18, 0.14], 0.0, 0.0),
-        block("bridge left pillar", [1.31, 0.705], [0.12, 0.18, 0.14], 0.0, 0.0),
+        block(
+            "slanted wall",
+            [0.394, 0.292],
+            [1.0, 0.02, 0.2],
+            0.0,
+            -36.87,
+        ),
+        block(
+            "bridge right pillar",
+            [1.31, 0.325],
+            [0.12, 0.18, 0.14],
+            0.0,
+            0.0,
+        ),
+        block(
+            "bridge left pillar",
+            [1.31, 0.705],
+            [0.12, 0.18, 0.14],
+            0.0,
+            0.0,
+        ),
         block("bridge deck", [1.31, 0.515], [0.12, 0.56, 0.08], 0.14, 0.0),
     ]
 }
 
 pub(super) fn balls() -> Vec<Ball> {
-    vec![Ball { name: "ball".into(), at_m: [0.964, 2.41], radius_m: 0.06, height_m: 0.06 }]
+    vec![Ball {
+        name: "ball".into(),
+        at_m: [0.964, 2.41],
+        radius_m: 0.06,
+        height_m: 0.06,
+    }]
 }
 
 pub(super) fn path() -> Vec<Waypoint> {
@@ -47,5 +78,10 @@ pub(super) fn path() -> Vec<Waypoint> {
         (0.70, 0.50, 360.0),
         (1.62, 0.50, 360.0),
     ];
-    way.into_iter().map(|(x, y, heading_deg)| Waypoint { at_m: [x, y], heading_deg }).collect()
+    way.into_iter()
+        .map(|(x, y, heading_deg)| Waypoint {
+            at_m: [x, y],
+            heading_deg,
+        })
+        .collect()
 }

@@ -1,15 +1,17 @@
-//! The simulated arena of the thesis's tests (chapter 7): a world with exact truth, a robot that crawls through it, and
-//! the stereo head that it carries.
+//! The simulated arena of the thesis's tests (chapter 7): a world with exact truth, a robot that
+//! crawls through it, and the stereo head that it carries.
 //!
 //! ```text
 //! config ─▶ objects, scene (geometry, pictures) ─┐
 //!        └▶ path (robot, gait) ─▶ view ─▶ render (rays, truth) ─▶ sensor (grey values) ─▶ Frame
 //! ```
 //!
-//! What it leaves out: lens distortion, since pairs are rectified; gloss and shadows other than those at the foot of
-//! things; defocus of outlines (surfaces do blur) and exact motion blur at them; fixed-pattern noise.
+//! What it leaves out: lens distortion, since pairs are rectified; gloss and shadows other than
+//! those at the foot of things; defocus of outlines (surfaces do blur) and exact motion blur at
+//! them; fixed-pattern noise.
 //!
-//! Every frame is a pure function of (configuration, seed, index): it can be rendered in any order and on any thread.
+//! Every frame is a pure function of (configuration, seed, index): it can be rendered in any order
+//! and on any thread.
 
 mod check;
 mod config;
@@ -25,7 +27,9 @@ mod texture;
 mod view;
 mod wireframe;
 
-pub use config::{ArenaConfig, Ball, Block, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig};
+pub use config::{
+    ArenaConfig, Ball, Block, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
+};
 pub use wireframe::Wire;
 
 use crate::error::{Error, Result};
@@ -38,7 +42,8 @@ use render::{Lens, Shot};
 use scene::Scene;
 use view::{Skew, View};
 
-/// Raised when the same configuration and seed come to give other pixels, so that cached recordings are made anew.
+/// Raised when the same configuration and seed come to give other pixels, so that cached recordings
+/// are made anew.
 pub const REVISION: u32 = 1;
 
 /// One run of the robot through the arena.
@@ -52,22 +57,34 @@ pub struct Arena {
 }
 
 impl Arena {
-    /// Builds the world and paints its pictures. The seed sets the pictures, the gait's phases, the deviation from the
-    /// path and the noise; the same configuration and seed give the same bytes on every machine.
+    /// Builds the world and paints its pictures. The seed sets the pictures, the gait's phases, the
+    /// deviation from the path and the noise; the same configuration and seed give the same bytes
+    /// on every machine.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the key of a number out of its range, or with the place where the robot would touch
-    /// something.
+    /// [`Error::Invalid`] with the key of a number out of its range, or with the place where the
+    /// robot would touch something.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         config.check()?;
         let (width, height) = (config.rig.width_px as f64, config.rig.height_px as f64);
         let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
-        let rig = Rig::new(focal_px, (0.5 * (width - 1.0), 0.5 * (height - 1.0)), config.rig.baseline_m, 0.0)?;
+        let rig = Rig::new(
+            focal_px,
+            (0.5 * (width - 1.0), 0.5 * (height - 1.0)),
+            config.rig.baseline_m,
+            0.0,
+        )?;
         let walk = Walk::new(config, seed)?;
         let objects = Objects::new(&config.world);
         check_clearance(config, &walk, &objects)?;
         let scene = Scene::new(&config.world, objects, seed);
-        Ok(Self { config: config.clone(), rig, scene, walk, noise: Dice::new(seed, Stream::Sensor).bits() })
+        Ok(Self {
+            config: config.clone(),
+            rig,
+            scene,
+            walk,
+            noise: Dice::new(seed, Stream::Sensor).bits(),
+        })
     }
 
     pub fn config(&self) -> &ArenaConfig {
@@ -95,7 +112,10 @@ impl Arena {
     /// [`Error::Invalid`] at or beyond [`Arena::frames`].
     pub fn frame(&self, index: u64) -> Result<Frame> {
         if index >= self.config.frames {
-            return Err(Error::Invalid(format!("arena: frame {index} of a run of {}", self.config.frames)));
+            return Err(Error::Invalid(format!(
+                "arena: frame {index} of a run of {}",
+                self.config.frames
+            )));
         }
         let ArenaConfig { rig, sensor, .. } = &self.config;
         let size = (rig.width_px, rig.height_px);
@@ -128,10 +148,19 @@ impl Arena {
             || {
                 let (shot, image) = expose(&left_view, &twist, sensor.gain_db, 0)?;
                 let exact_right = View::new(&right_pose, &self.rig, Skew::NONE);
-                let truth = render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
+                let truth =
+                    render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
                 Ok::<_, Error>((image, truth))
             },
-            || expose(&right_view, &right_twist, sensor.gain_db + sensor.right_gain_db, 1).map(|(_, image)| image),
+            || {
+                expose(
+                    &right_view,
+                    &right_twist,
+                    sensor.gain_db + sensor.right_gain_db,
+                    1,
+                )
+                .map(|(_, image)| image)
+            },
         );
         let (left, truth) = left?;
         Ok(Frame {
@@ -170,14 +199,19 @@ fn check_clearance(config: &ArenaConfig, walk: &Walk, objects: &Objects) -> Resu
         let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);
         let head = Vector3::new(middle.x, middle.y, config.rig.above_floor_m).cast();
         let place = format!("({:.2}, {:.2})", middle.x, middle.y);
-        if let Some((name, _)) = objects.named().find(|(_, solid)| f64::from(solid.distance(&head)) < half_width_m) {
+        if let Some((name, _)) = objects
+            .named()
+            .find(|(_, solid)| f64::from(solid.distance(&head)) < half_width_m)
+        {
             return Err(Error::Invalid(format!(
                 "arena: robot.path comes nearer than robot.half_width_m = {half_width_m} to '{name}' at {place}"
             )));
         }
         let (x, y) = (0.0..=config.world.width_m, 0.0..=config.world.length_m);
         if !x.contains(&middle.x) || !y.contains(&middle.y) {
-            return Err(Error::Invalid(format!("arena: robot.path leaves the arena at {place}")));
+            return Err(Error::Invalid(format!(
+                "arena: robot.path leaves the arena at {place}"
+            )));
         }
     }
     Ok(())

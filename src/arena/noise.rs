@@ -8,11 +8,13 @@ pub(super) fn mix(key: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// A standard normal deviate from 64 random bits: the sum of four uniform ones (Irwin-Hall), cut off at 3.46 sigma.
+/// A standard normal deviate from 64 random bits: the sum of four uniform ones (Irwin-Hall), cut
+/// off at 3.46 sigma.
 pub(super) fn gaussian(bits: u64) -> f32 {
     let lane = |shift: u32| ((bits >> shift) & 0xFFFF) as i32;
     let sum = lane(0) + lane(16) + lane(32) + lane(48);
-    // Four uniforms of 0..=65535 have the mean 2 * 65535 and the standard deviation 65536 / sqrt(3).
+    // Four uniforms of 0..=65535 have the mean 2 * 65535 and the standard deviation 65536 /
+    // sqrt(3).
     (sum - 131_070) as f32 * (1.732_050_8 / 65_536.0)
 }
 
@@ -79,7 +81,9 @@ mod tests {
     #[test]
     fn gaussian_has_zero_mean_and_unit_variance() {
         let n = 100_000;
-        let (sum, square) = (0..n).map(|i| gaussian(mix(i)) as f64).fold((0.0, 0.0), |(s, q), g| (s + g, q + g * g));
+        let (sum, square) = (0..n)
+            .map(|i| gaussian(mix(i)) as f64)
+            .fold((0.0, 0.0), |(s, q), g| (s + g, q + g * g));
         let mean = sum / n as f64;
         assert!(mean.abs() < 0.01, "{mean}");
         assert!((square / n as f64 - 1.0).abs() < 0.02, "{square}");

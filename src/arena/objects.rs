@@ -18,8 +18,19 @@ impl Objects {
     pub(super) fn new(world: &WorldConfig) -> Self {
         let walls = walls(world);
         let blocks = walls.iter().chain(&world.blocks);
-        let names = blocks.clone().map(|b| &b.name).chain(world.balls.iter().map(|b| &b.name)).cloned().collect();
-        Self { names, solids: blocks.map(Solid::block).chain(world.balls.iter().map(Solid::ball)).collect() }
+        let names = blocks
+            .clone()
+            .map(|b| &b.name)
+            .chain(world.balls.iter().map(|b| &b.name))
+            .cloned()
+            .collect();
+        Self {
+            names,
+            solids: blocks
+                .map(Solid::block)
+                .chain(world.balls.iter().map(Solid::ball))
+                .collect(),
+        }
     }
 
     pub(super) fn solids(&self) -> &[Solid] {
@@ -30,21 +41,33 @@ impl Objects {
         self.names.iter().map(String::as_str).zip(&self.solids)
     }
 
-    /// All that the ray `origin + t * direction` enters, with their indices. `candidates`: the set of those it can meet.
-    pub(super) fn enter(&self, origin: &V3, direction: &V3, candidates: u64) -> impl Iterator<Item = (usize, Hit)> {
+    /// All that the ray `origin + t * direction` enters, with their indices. `candidates`: the set
+    /// of those it can meet.
+    pub(super) fn enter(
+        &self,
+        origin: &V3,
+        direction: &V3,
+        candidates: u64,
+    ) -> impl Iterator<Item = (usize, Hit)> {
         bits(candidates).filter_map(|i| self.solids[i].enter(origin, direction).map(|hit| (i, hit)))
     }
 
     /// Whether one stands between `origin` and the surface point `origin + direction`.
     pub(super) fn hide(&self, origin: &V3, direction: &V3, candidates: u64) -> bool {
         // What the ray meets in the last thousandth is the surface itself.
-        self.enter(origin, direction, candidates).any(|(_, (t, _))| t < 0.999)
+        self.enter(origin, direction, candidates)
+            .any(|(_, (t, _))| t < 0.999)
     }
 }
 
 /// The arena's walls, inner faces on the floor's border.
 fn walls(world: &WorldConfig) -> [Block; 4] {
-    let WorldConfig { width_m: w, length_m: l, wall_height_m: h, .. } = *world;
+    let WorldConfig {
+        width_m: w,
+        length_m: l,
+        wall_height_m: h,
+        ..
+    } = *world;
     let wall = |name: &str, at_m, length: f64, heading_deg| Block {
         name: name.into(),
         at_m,

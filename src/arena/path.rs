@@ -1,4 +1,5 @@
-//! The robot's way: a smooth curve through the waypoints, the gait around it, and the pose of its head at any time.
+//! The robot's way: a smooth curve through the waypoints, the gait around it, and the pose of its
+//! head at any time.
 
 use super::config::{ArenaConfig, RobotConfig, Waypoint};
 use super::noise::{Dice, Stream};
@@ -77,7 +78,10 @@ impl Walk {
         let middle = self.middle(along_m);
         let head = Vector3::new(middle.x, middle.y, self.above_floor_m);
         let left = head - rotation * Vector3::x() * (0.5 * self.baseline_m);
-        Pose::from_parts(Translation3::from(left), UnitQuaternion::from_rotation_matrix(&rotation))
+        Pose::from_parts(
+            Translation3::from(left),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        )
     }
 
     /// Velocity of the left camera at `time_s`.
@@ -114,14 +118,19 @@ impl Spline {
 
     fn new(path: &[Waypoint]) -> Result<Self> {
         if path.len() < 2 {
-            return Err(Error::Invalid(format!("arena: robot.path has {} points, a path needs 2", path.len())));
+            return Err(Error::Invalid(format!(
+                "arena: robot.path has {} points, a path needs 2",
+                path.len()
+            )));
         }
         let mut knots: Vec<Knot> = Vec::with_capacity((path.len() - 1) * Self::STEPS + 1);
         for (i, pair) in path.windows(2).enumerate() {
             let [from, to] = [pair[0], pair[1]].map(|p| Point2::from(p.at_m).coords);
             let chord_m = (to - from).norm();
             if chord_m < 1.0e-3 {
-                return Err(Error::Invalid(format!("arena: robot.path[{i}] and the next point are the same place")));
+                return Err(Error::Invalid(format!(
+                    "arena: robot.path[{i}] and the next point are the same place"
+                )));
             }
             let [start, end] = [pair[0], pair[1]].map(|p| {
                 let (sin, cos) = p.heading_deg.to_radians().sin_cos();
@@ -134,11 +143,18 @@ impl Spline {
                     + start * (t3 - 2.0 * t2 + t)
                     + to * (3.0 * t2 - 2.0 * t3)
                     + end * (t3 - t2);
-                let slope =
-                    (from - to) * (6.0 * (t2 - t)) + start * (3.0 * t2 - 4.0 * t + 1.0) + end * (3.0 * t2 - 2.0 * t);
+                let slope = (from - to) * (6.0 * (t2 - t))
+                    + start * (3.0 * t2 - 4.0 * t + 1.0)
+                    + end * (3.0 * t2 - 2.0 * t);
                 let direction = slope.try_normalize(1.0e-9).unwrap_or((to - from) / chord_m);
-                let along_m = knots.last().map_or(0.0, |last| last.along_m + (at - last.at).norm());
-                knots.push(Knot { along_m, at, direction });
+                let along_m = knots
+                    .last()
+                    .map_or(0.0, |last| last.along_m + (at - last.at).norm());
+                knots.push(Knot {
+                    along_m,
+                    at,
+                    direction,
+                });
             }
         }
         Ok(Self { knots })
@@ -150,12 +166,22 @@ impl Spline {
 
     /// Point and direction `along_m` metres after the start.
     fn at(&self, along_m: f64) -> (V2, V2) {
-        let next = self.knots.partition_point(|k| k.along_m <= along_m).clamp(1, self.knots.len() - 1);
+        let next = self
+            .knots
+            .partition_point(|k| k.along_m <= along_m)
+            .clamp(1, self.knots.len() - 1);
         let (a, b) = (&self.knots[next - 1], &self.knots[next]);
         let t = (along_m - a.along_m) / (b.along_m - a.along_m);
-        let direction = a.direction.lerp(&b.direction, t.clamp(0.0, 1.0)).normalize();
+        let direction = a
+            .direction
+            .lerp(&b.direction, t.clamp(0.0, 1.0))
+            .normalize();
         let inside = (0.0..=1.0).contains(&t);
-        let at = if inside { a.at.lerp(&b.at, t) } else { a.at + a.direction * (along_m - a.along_m) };
+        let at = if inside {
+            a.at.lerp(&b.at, t)
+        } else {
+            a.at + a.direction * (along_m - a.along_m)
+        };
         (at, direction)
     }
 }

@@ -31,48 +31,83 @@ impl Lens {
 }
 
 /// Offsets of the samples in a pixel that an edge crosses: a rotated grid.
-const SAMPLES_PX: [(f32, f32); 4] = [(-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125)];
+const SAMPLES_PX: [(f32, f32); 4] = [
+    (-0.125, -0.375),
+    (0.375, -0.125),
+    (0.125, 0.375),
+    (-0.375, 0.125),
+];
 
 impl Shot {
-    /// Takes it: one ray per pixel, four where surfaces meet. Defocus widens the footprint on the surface that a pixel
-    /// sees, so surfaces blur with distance but the outlines of near things do not.
+    /// Takes it: one ray per pixel, four where surfaces meet. Defocus widens the footprint on the
+    /// surface that a pixel sees, so surfaces blur with distance but the outlines of near things do
+    /// not.
     pub(super) fn take(scene: &Scene, view: &View, lens: &Lens, size: (usize, usize)) -> Self {
         let (width, height) = size;
         let candidates = Candidates::new(view, scene.objects.solids(), size);
-        let nothing = Hit { t: f32::INFINITY, surface: 0 };
+        let nothing = Hit {
+            t: f32::INFINITY,
+            surface: 0,
+        };
         let mut hits = vec![nothing; width * height];
         let mut radiance = vec![0.0; width * height];
         let light = |x: f32, y: f32, set: u64| {
             let ray = view.ray(view.slope(x, y));
             let hit = scene.cast(&view.origin, &ray, set);
-            (hit, scene.radiance(&view.origin, &ray, hit, lens.angle(hit.t)))
+            (
+                hit,
+                scene.radiance(&view.origin, &ray, hit, lens.angle(hit.t)),
+            )
         };
-        let rows = hits.par_chunks_exact_mut(width).zip(radiance.par_chunks_exact_mut(width));
+        let rows = hits
+            .par_chunks_exact_mut(width)
+            .zip(radiance.par_chunks_exact_mut(width));
         rows.enumerate().for_each(|(y, (hits, radiance))| {
             for (x, (hit, value)) in hits.iter_mut().zip(radiance).enumerate() {
                 (*hit, *value) = light(x as f32, y as f32, candidates.at(x, y));
             }
         });
-        radiance.par_chunks_exact_mut(width).enumerate().for_each(|(y, radiance)| {
-            let row = |y: usize| &hits[y * width..][..width];
-            let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1)));
-            for (x, value) in radiance.iter_mut().enumerate() {
-                let own = here[x].surface;
-                let around = [here[x.saturating_sub(1)], here[(x + 1).min(width - 1)], above[x], below[x]];
-                if around.iter().any(|hit| hit.surface != own) {
-                    let set = candidates.at(x, y);
-                    let sum: f32 = SAMPLES_PX.iter().map(|(dx, dy)| light(x as f32 + dx, y as f32 + dy, set).1).sum();
-                    *value = sum / SAMPLES_PX.len() as f32;
+        radiance
+            .par_chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, radiance)| {
+                let row = |y: usize| &hits[y * width..][..width];
+                let (above, here, below) = (
+                    row(y.saturating_sub(1)),
+                    row(y),
+                    row((y + 1).min(height - 1)),
+                );
+                for (x, value) in radiance.iter_mut().enumerate() {
+                    let own = here[x].surface;
+                    let around = [
+                        here[x.saturating_sub(1)],
+                        here[(x + 1).min(width - 1)],
+                        above[x],
+                        below[x],
+                    ];
+                    if around.iter().any(|hit| hit.surface != own) {
+                        let set = candidates.at(x, y);
+                        let sum: f32 = SAMPLES_PX
+                            .iter()
+                            .map(|(dx, dy)| light(x as f32 + dx, y as f32 + dy, set).1)
+                            .sum();
+                        *value = sum / SAMPLES_PX.len() as f32;
+                    }
                 }
-            }
-        });
-        Self { width, radiance, hits }
+            });
+        Self {
+            width,
+            radiance,
+            hits,
+        }
     }
 }
 
-/// True disparity and visibility of the left image: `left` its shot, `views` the two cameras as if rectified exactly.
+/// True disparity and visibility of the left image: `left` its shot, `views` the two cameras as if
+/// rectified exactly.
 ///
-/// A point is occluded when it falls beside the right image or a solid stands between it and the right camera.
+/// A point is occluded when it falls beside the right image or a solid stands between it and the
+/// right camera.
 pub(super) fn truth(
     scene: &Scene,
     left: &Shot,
@@ -86,19 +121,31 @@ pub(super) fn truth(
     let to_right = left_view.origin - right_view.origin;
     let mut disparity = vec![f32::INFINITY; left.hits.len()];
     let mut visibility = vec![Visibility::Unknown; left.hits.len()];
-    let rows = disparity.par_chunks_exact_mut(width).zip(visibility.par_chunks_exact_mut(width));
-    rows.zip(left.hits.par_chunks_exact(width)).enumerate().for_each(|(y, ((disparity, visibility), hits))| {
-        for (x, hit) in hits.iter().enumerate() {
-            disparity[x] = focal_baseline / hit.t;
-            let right_x = x as f32 - disparity[x];
-            let inside = right_x > -0.5 && right_x < width as f32 - 0.5;
-            let hidden = || {
-                let ray = left_view.ray(left_view.slope(x as f32, y as f32)) * hit.t + to_right;
-                scene.objects.hide(&right_view.origin, &ray, candidates.at((right_x + 0.5) as usize, y))
-            };
-            visibility[x] = if inside && !hidden() { Visibility::Visible } else { Visibility::Occluded };
-        }
-    });
+    let rows = disparity
+        .par_chunks_exact_mut(width)
+        .zip(visibility.par_chunks_exact_mut(width));
+    rows.zip(left.hits.par_chunks_exact(width))
+        .enumerate()
+        .for_each(|(y, ((disparity, visibility), hits))| {
+            for (x, hit) in hits.iter().enumerate() {
+                disparity[x] = focal_baseline / hit.t;
+                let right_x = x as f32 - disparity[x];
+                let inside = right_x > -0.5 && right_x < width as f32 - 0.5;
+                let hidden = || {
+                    let ray = left_view.ray(left_view.slope(x as f32, y as f32)) * hit.t + to_right;
+                    scene.objects.hide(
+                        &right_view.origin,
+                        &ray,
+                        candidates.at((right_x + 0.5) as usize, y),
+                    )
+                };
+                visibility[x] = if inside && !hidden() {
+                    Visibility::Visible
+                } else {
+                    Visibility::Occluded
+                };
+            }
+        });
     Ok(Truth {
         disparity: Plane::from_vec(size.0, size.1, disparity)?,
         visibility: Some(Plane::from_vec(size.0, size.1, visibility)?),

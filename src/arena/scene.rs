@@ -46,12 +46,20 @@ impl Scene {
         let margin = world.room_margin_m as f32;
         let light = |x: f32, y: f32| {
             let near = |solid: &Solid| (1.0 - solid.distance(&V3::new(x, y, 0.0)) / 0.09).max(0.0);
-            solids.iter().fold(1.0, |light, solid| light * (1.0 - 0.45 * near(solid) * near(solid)))
+            solids.iter().fold(1.0, |light, solid| {
+                light * (1.0 - 0.45 * near(solid) * near(solid))
+            })
         };
         let floor = texture::floor(seed, world.floor_contrast as f32, light);
         Self {
             pieces_m,
-            room: [[-margin; 2], [world.width_m as f32 + margin, world.length_m as f32 + margin]],
+            room: [
+                [-margin; 2],
+                [
+                    world.width_m as f32 + margin,
+                    world.length_m as f32 + margin,
+                ],
+            ],
             forest: texture::forest(seed, world.forest_contrast as f32),
             floor,
             lab: texture::room(seed),
@@ -59,52 +67,94 @@ impl Scene {
         }
     }
 
-    /// The first thing on the ray `origin + t * direction`. `candidates`: the solids that it can meet.
+    /// The first thing on the ray `origin + t * direction`. `candidates`: the solids that it can
+    /// meet.
     pub(super) fn cast(&self, origin: &V3, direction: &V3, candidates: u64) -> Hit {
         let mut hit = self.lab_or_floor(origin, direction);
         for (i, (t, face)) in self.objects.enter(origin, direction, candidates) {
             if t < hit.t {
-                hit = Hit { t, surface: (i as u16) << 3 | u16::from(face) };
+                hit = Hit {
+                    t,
+                    surface: (i as u16) << 3 | u16::from(face),
+                };
             }
         }
         hit
     }
 
     fn lab_or_floor(&self, origin: &V3, direction: &V3) -> Hit {
-        let floor = if direction.z < 0.0 { -origin.z / direction.z } else { f32::INFINITY };
+        let floor = if direction.z < 0.0 {
+            -origin.z / direction.z
+        } else {
+            f32::INFINITY
+        };
         let wall = |axis: usize| {
             let towards = nonzero(direction[axis]);
             let side = usize::from(towards > 0.0);
             let t = (self.room[side][axis] - origin[axis]) / towards;
-            Hit { t, surface: LAB - (2 * axis + side) as u16 }
+            Hit {
+                t,
+                surface: LAB - (2 * axis + side) as u16,
+            }
         };
         let nearer = |a: Hit, b: Hit| if b.t < a.t { b } else { a };
-        nearer(nearer(Hit { t: floor, surface: FLOOR }, wall(0)), wall(1))
+        nearer(
+            nearer(
+                Hit {
+                    t: floor,
+                    surface: FLOOR,
+                },
+                wall(0),
+            ),
+            wall(1),
+        )
     }
 
-    /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle that a pixel sees, radians, with
-    /// the lens's blur.
+    /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle that a pixel
+    /// sees, radians, with the lens's blur.
     pub(super) fn radiance(&self, origin: &V3, direction: &V3, hit: Hit, pixel: f32) -> f32 {
         let point = origin + direction * hit.t;
         let minor_m = hit.t * pixel;
         match hit.surface {
             FLOOR => {
-                let at = footprint((point.x, point.y), (V3::x(), V3::y()), &V3::z(), direction, minor_m);
+                let at = footprint(
+                    (point.x, point.y),
+                    (V3::x(), V3::y()),
+                    &V3::z(),
+                    direction,
+                    minor_m,
+                );
                 0.9 * self.floor.albedo(&at)
             }
             lab if lab >= LAB - 3 => {
                 let wall = LAB - lab;
-                let (along, normal) = if wall < 2 { (V3::y(), V3::x()) } else { (V3::x(), V3::y()) };
+                let (along, normal) = if wall < 2 {
+                    (V3::y(), V3::x())
+                } else {
+                    (V3::x(), V3::y())
+                };
                 // The four walls are unrolled 10 m apart.
                 let u_m = along.dot(&point) + 10.0 * f32::from(wall);
-                0.8 * self.lab.albedo(&footprint((u_m, point.z), (along, V3::z()), &normal, direction, minor_m))
+                0.8 * self.lab.albedo(&footprint(
+                    (u_m, point.z),
+                    (along, V3::z()),
+                    &normal,
+                    direction,
+                    minor_m,
+                ))
             }
             solid => {
                 let index = usize::from(solid >> 3);
                 let surface = self.objects.solids()[index].surface(&point, (solid & 7) as u8);
                 let u_m = surface.u_m + self.pieces_m[index];
                 let axes = (surface.u_axis, surface.v_axis);
-                let at = footprint((u_m, surface.v_m), axes, &surface.normal, direction, minor_m);
+                let at = footprint(
+                    (u_m, surface.v_m),
+                    axes,
+                    &surface.normal,
+                    direction,
+                    minor_m,
+                );
                 self.forest.albedo(&at) * lamps(&surface.normal) * sky(point.z)
             }
         }
@@ -122,12 +172,25 @@ fn sky(z: f32) -> f32 {
     1.0 - 0.3 * shade * shade
 }
 
-fn footprint((u_m, v_m): (f32, f32), axes: (V3, V3), normal: &V3, direction: &V3, minor_m: f32) -> Footprint {
+fn footprint(
+    (u_m, v_m): (f32, f32),
+    axes: (V3, V3),
+    normal: &V3,
+    direction: &V3,
+    minor_m: f32,
+) -> Footprint {
     let facing = normal.dot(direction);
     let length = direction.norm();
     let stretch = (length / facing.abs().max(1.0e-3)).max(1.0);
-    // Along the surface, away from the camera; its length is that of the direction's share in the surface.
+    // Along the surface, away from the camera; its length is that of the direction's share in the
+    // surface.
     let away = direction - normal * facing;
     let scale = 0.5 * minor_m * stretch / away.norm().max(1.0e-6);
-    Footprint { u_m, v_m, minor_m, reach_m: (axes.0.dot(&away) * scale, axes.1.dot(&away) * scale), stretch }
+    Footprint {
+        u_m,
+        v_m,
+        minor_m,
+        reach_m: (axes.0.dot(&away) * scale, axes.1.dot(&away) * scale),
+        stretch,
+    }
 }

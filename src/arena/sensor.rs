@@ -1,4 +1,5 @@
-//! Light to grey values: lens blur, motion during the exposure, vignetting, photons, amplifier, 8 bits.
+//! Light to grey values: lens blur, motion during the exposure, vignetting, photons, amplifier, 8
+//! bits.
 
 use super::config::SensorConfig;
 use super::noise::{gaussian, mix};
@@ -8,11 +9,12 @@ use super::view::View;
 use crate::stereo::Gray;
 use rayon::prelude::*;
 
-/// Exposes one shot of `view`, which moves by `twist`. `key` tells the noise of one image from that of every other.
+/// Exposes one shot of `view`, which moves by `twist`. `key` tells the noise of one image from that
+/// of every other.
 ///
-/// Motion blur follows each pixel's own velocity on the sharp image: right within a surface, but where a near thing
-/// passes before a far one the uncovered background is borrowed from what the shot shows beside it. With the default
-/// speeds and shutter that is less than 2 px.
+/// Motion blur follows each pixel's own velocity on the sharp image: right within a surface, but
+/// where a near thing passes before a far one the uncovered background is borrowed from what the
+/// shot shows beside it. With the default speeds and shutter that is less than 2 px.
 pub(super) fn expose(
     config: &SensorConfig,
     gain_db: f64,
@@ -29,17 +31,22 @@ pub(super) fn expose(
     let read_variance = (config.read_noise_e * config.read_noise_e) as f32;
     let vignetting = config.vignetting as f32;
     let mut grey = vec![0u8; width * height];
-    grey.par_chunks_exact_mut(width).enumerate().for_each(|(y, grey)| {
-        for (x, grey) in grey.iter_mut().enumerate() {
-            let i = y * width + x;
-            let blur = motion.blur_px(view.slope(x as f32, y as f32), shot.hits[i].t);
-            let light = smear(&soft, (width, height), (x, y), blur);
-            let mean_e = light * white_e * (1.0 - vignetting * view.eccentricity(x, y));
-            let deviation =
-                if config.noise { (mean_e + read_variance).sqrt() * gaussian(mix(key ^ i as u64)) } else { 0.0 };
-            *grey = ((mean_e + deviation) * grey_per_e + 0.5) as u8;
-        }
-    });
+    grey.par_chunks_exact_mut(width)
+        .enumerate()
+        .for_each(|(y, grey)| {
+            for (x, grey) in grey.iter_mut().enumerate() {
+                let i = y * width + x;
+                let blur = motion.blur_px(view.slope(x as f32, y as f32), shot.hits[i].t);
+                let light = smear(&soft, (width, height), (x, y), blur);
+                let mean_e = light * white_e * (1.0 - vignetting * view.eccentricity(x, y));
+                let deviation = if config.noise {
+                    (mean_e + read_variance).sqrt() * gaussian(mix(key ^ i as u64))
+                } else {
+                    0.0
+                };
+                *grey = ((mean_e + deviation) * grey_per_e + 0.5) as u8;
+            }
+        });
     Gray::from_vec(width, height, grey)
 }
 
@@ -53,12 +60,17 @@ fn soften(sharp: &[f32], width: usize, sigma_px: f32) -> Vec<f32> {
         || vec![0.0; width],
         |column, (y, soft)| {
             let row = |y: usize| &sharp[y * width..][..width];
-            let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1)));
+            let (above, here, below) = (
+                row(y.saturating_sub(1)),
+                row(y),
+                row((y + 1).min(height - 1)),
+            );
             for (x, value) in column.iter_mut().enumerate() {
                 *value = center * here[x] + side * (above[x] + below[x]);
             }
             for (x, value) in soft.iter_mut().enumerate() {
-                *value = center * column[x] + side * (column[x.saturating_sub(1)] + column[(x + 1).min(width - 1)]);
+                *value = center * column[x]
+                    + side * (column[x.saturating_sub(1)] + column[(x + 1).min(width - 1)]);
             }
         },
     );
@@ -75,7 +87,11 @@ struct Motion {
 impl Motion {
     fn new(twist: &Twist, shutter_s: f64, focal_px: f32) -> Self {
         let over = |v: &nalgebra::Vector3<f64>| [v.x, v.y, v.z].map(|v| (v * shutter_s) as f32);
-        Self { linear: over(&twist.linear_m_per_s), angular: over(&twist.angular_rad_per_s), focal_px }
+        Self {
+            linear: over(&twist.linear_m_per_s),
+            angular: over(&twist.angular_rad_per_s),
+            focal_px,
+        }
     }
 
     /// How far the image of a resting point moves (Longuet-Higgins and Prazdny, 1980).
@@ -94,7 +110,12 @@ const STILL_PX: f32 = 0.15;
 const TAPS: usize = 12;
 
 /// Mean along a line of the length and direction `blur_px` through a pixel.
-fn smear(image: &[f32], (width, height): (usize, usize), (x, y): (usize, usize), blur_px: (f32, f32)) -> f32 {
+fn smear(
+    image: &[f32],
+    (width, height): (usize, usize),
+    (x, y): (usize, usize),
+    blur_px: (f32, f32),
+) -> f32 {
     let length = blur_px.0.abs().max(blur_px.1.abs());
     if length < STILL_PX {
         return image[y * width + x];
@@ -108,7 +129,10 @@ fn smear(image: &[f32], (width, height): (usize, usize), (x, y): (usize, usize),
         let v = (y as f32 + along * blur_px.1).clamp(0.0, bottom);
         let (iu, iv) = (u as usize, v as usize);
         let (fu, fv) = (u - iu as f32, v - iv as f32);
-        let (next, down) = (usize::from(iu + 1 < width), if iv + 1 < height { width } else { 0 });
+        let (next, down) = (
+            usize::from(iu + 1 < width),
+            if iv + 1 < height { width } else { 0 },
+        );
         let i = iv * width + iu;
         let low = image[i] + fu * (image[i + next] - image[i]);
         let high = image[i + down] + fu * (image[i + down + next] - image[i + down]);

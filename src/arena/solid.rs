@@ -38,15 +38,26 @@ impl Solid {
         let [x, y] = block.at_m;
         let (sin, cos) = block.heading_deg.to_radians().sin_cos();
         Self::Block(Slab {
-            center: V3::new(x as f32, y as f32, (block.above_floor_m + 0.5 * height) as f32),
-            half: V3::new(0.5 * length as f32, 0.5 * breadth as f32, 0.5 * height as f32),
+            center: V3::new(
+                x as f32,
+                y as f32,
+                (block.above_floor_m + 0.5 * height) as f32,
+            ),
+            half: V3::new(
+                0.5 * length as f32,
+                0.5 * breadth as f32,
+                0.5 * height as f32,
+            ),
             along: (cos as f32, sin as f32),
         })
     }
 
     pub(super) fn ball(ball: &Ball) -> Self {
         let [x, y] = ball.at_m;
-        Self::Ball { center: V3::new(x as f32, y as f32, ball.height_m as f32), radius: ball.radius_m as f32 }
+        Self::Ball {
+            center: V3::new(x as f32, y as f32, ball.height_m as f32),
+            radius: ball.radius_m as f32,
+        }
     }
 
     /// Where the ray `origin + t * direction`, t > 0, enters the solid; nothing from inside it.
@@ -56,7 +67,8 @@ impl Solid {
             Self::Ball { center, radius } => {
                 let from = origin - center;
                 let (a, b) = (direction.norm_squared(), from.dot(direction));
-                // The squared distance of the ray from the centre by way of its nearest point: no cancellation.
+                // The squared distance of the ray from the centre by way of its nearest point: no
+                // cancellation.
                 let nearest = from - direction * (b / a);
                 let room = radius * radius - nearest.norm_squared();
                 if room <= 0.0 {
@@ -81,8 +93,17 @@ impl Solid {
                     _ => (2, V3::x(), V3::y()),
                 };
                 let spread = radius / normal[axis].abs();
-                let (u_m, v_m) = (u_axis.dot(&normal) * spread, radius + v_axis.dot(&normal) * spread);
-                Surface { normal, u_m, v_m, u_axis, v_axis }
+                let (u_m, v_m) = (
+                    u_axis.dot(&normal) * spread,
+                    radius + v_axis.dot(&normal) * spread,
+                );
+                Surface {
+                    normal,
+                    u_m,
+                    v_m,
+                    u_axis,
+                    v_axis,
+                }
             }
         }
     }
@@ -116,9 +137,14 @@ impl Solid {
     }
 }
 
-/// A component of a direction, fit to divide by: a ray along an axis leans by nothing that could be measured.
+/// A component of a direction, fit to divide by: a ray along an axis leans by nothing that could be
+/// measured.
 pub(super) fn nonzero(component: f32) -> f32 {
-    if component.abs() < 1.0e-30 { 1.0e-30 } else { component }
+    if component.abs() < 1.0e-30 {
+        1.0e-30
+    } else {
+        component
+    }
 }
 
 impl Slab {
@@ -132,7 +158,8 @@ impl Slab {
         V3::new(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
     }
 
-    /// By slabs (Kay and Kajiya, SIGGRAPH 1986). The face is twice the axis, plus one on its positive side.
+    /// By slabs (Kay and Kajiya, SIGGRAPH 1986). The face is twice the axis, plus one on its
+    /// positive side.
     fn enter(&self, origin: &V3, direction: &V3) -> Option<Hit> {
         let from = self.to_local(&(origin - self.center));
         let towards = self.to_local(direction);
@@ -161,11 +188,35 @@ impl Slab {
         let quarter = self.half.x + self.half.y;
         let turn = if sign > 0.0 { 0.0 } else { 2.0 * quarter };
         let (normal, u_axis, v_axis, u_m, v_m) = match face / 2 {
-            0 => (V3::x() * sign, V3::y() * sign, V3::z(), turn + quarter + sign * local.y, up),
-            1 => (V3::y() * sign, V3::x() * -sign, V3::z(), turn - sign * local.x, up),
-            _ => (V3::z() * sign, V3::x(), V3::y(), 4.0 * quarter + local.x, local.y),
+            0 => (
+                V3::x() * sign,
+                V3::y() * sign,
+                V3::z(),
+                turn + quarter + sign * local.y,
+                up,
+            ),
+            1 => (
+                V3::y() * sign,
+                V3::x() * -sign,
+                V3::z(),
+                turn - sign * local.x,
+                up,
+            ),
+            _ => (
+                V3::z() * sign,
+                V3::x(),
+                V3::y(),
+                4.0 * quarter + local.x,
+                local.y,
+            ),
         };
         let world = |v: V3| self.to_world(&v);
-        Surface { normal: world(normal), u_m, v_m, u_axis: world(u_axis), v_axis: world(v_axis) }
+        Surface {
+            normal: world(normal),
+            u_m,
+            v_m,
+            u_axis: world(u_axis),
+            v_axis: world(v_axis),
+        }
     }
 }

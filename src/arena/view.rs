@@ -22,7 +22,10 @@ pub(super) struct Skew {
 }
 
 impl Skew {
-    pub(super) const NONE: Self = Self { sin_roll: 0.0, row_offset_px: 0.0 };
+    pub(super) const NONE: Self = Self {
+        sin_roll: 0.0,
+        row_offset_px: 0.0,
+    };
 }
 
 impl View {
@@ -39,10 +42,16 @@ impl View {
 
     /// Where the pixel (`x`, `y`) looks in camera axes, scaled to depth 1.
     pub(super) fn slope(&self, x: f32, y: f32) -> (f32, f32) {
-        let (dx, dy) = (x - self.center_px.0, y - self.center_px.1 - self.skew.row_offset_px);
+        let (dx, dy) = (
+            x - self.center_px.0,
+            y - self.center_px.1 - self.skew.row_offset_px,
+        );
         // Roll is a fraction of a degree: the cosine is one to a millionth.
         let sin = self.skew.sin_roll;
-        ((dx + sin * dy) / self.focal_px, (dy - sin * dx) / self.focal_px)
+        (
+            (dx + sin * dy) / self.focal_px,
+            (dy - sin * dx) / self.focal_px,
+        )
     }
 
     /// The ray of a slope in the world; a point at `t` of it has the depth `t`.
@@ -69,12 +78,17 @@ const TILE_PX: usize = 16;
 impl Candidates {
     pub(super) fn new(view: &View, solids: &[Solid], (width, height): (usize, usize)) -> Self {
         let corners: Vec<[V3; 8]> = (solids.iter())
-            .map(|solid| solid.corners().map(|corner| view.axes.tr_mul(&(corner - view.origin))))
+            .map(|solid| {
+                solid
+                    .corners()
+                    .map(|corner| view.axes.tr_mul(&(corner - view.origin)))
+            })
             .collect();
         // Half a pixel for the samples within one, the rest for the skew.
         let reach = view.center_px.0.max(view.center_px.1);
         let margin = 1.0 + view.skew.row_offset_px.abs() + view.skew.sin_roll.abs() * reach;
-        // A solid is outside when all its corners lie beyond one of the planes that bound the tile's rays.
+        // A solid is outside when all its corners lie beyond one of the planes that bound the
+        // tile's rays.
         let between = |axis: usize, center: f32, tile: usize| {
             let from = ((tile * TILE_PX) as f32 - center - margin) / view.focal_px;
             let to = (((tile + 1) * TILE_PX) as f32 - center + margin) / view.focal_px;
@@ -82,12 +96,20 @@ impl Candidates {
                 let before = corners.iter().all(|c| c[axis] < from * c.z);
                 let beyond = corners.iter().all(|c| c[axis] > to * c.z);
                 let behind = corners.iter().all(|c| c.z <= 0.0);
-                if before || beyond || behind { set } else { set | 1 << i }
+                if before || beyond || behind {
+                    set
+                } else {
+                    set | 1 << i
+                }
             })
         };
         Self {
-            columns: (0..width.div_ceil(TILE_PX)).map(|tile| between(0, view.center_px.0, tile)).collect(),
-            rows: (0..height.div_ceil(TILE_PX)).map(|tile| between(1, view.center_px.1, tile)).collect(),
+            columns: (0..width.div_ceil(TILE_PX))
+                .map(|tile| between(0, view.center_px.0, tile))
+                .collect(),
+            rows: (0..height.div_ceil(TILE_PX))
+                .map(|tile| between(1, view.center_px.1, tile))
+                .collect(),
         }
     }
 

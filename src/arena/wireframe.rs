@@ -16,14 +16,23 @@ pub struct Wire {
 pub(super) fn wires(objects: &Objects, walk: &Walk, world: &WorldConfig) -> Vec<Wire> {
     let (w, l) = (world.width_m as f32, world.length_m as f32);
     let border = [[0.0, 0.0], [w, 0.0], [w, l], [0.0, l], [0.0, 0.0]];
-    let floor = Wire { name: "floor".into(), strips: vec![border.map(|[x, y]| [x, y, 0.0]).to_vec()] };
+    let floor = Wire {
+        name: "floor".into(),
+        strips: vec![border.map(|[x, y]| [x, y, 0.0]).to_vec()],
+    };
     let steps = (walk.length_m() / 0.02).ceil() as usize;
     let way = (0..=steps).map(|i| {
         let at = walk.middle(walk.length_m() * i as f64 / steps as f64);
         [at.x as f32, at.y as f32, 0.0]
     });
-    let path = Wire { name: "path".into(), strips: vec![way.collect()] };
-    let solids = objects.named().map(|(name, solid)| Wire { name: name.into(), strips: outline(solid) });
+    let path = Wire {
+        name: "path".into(),
+        strips: vec![way.collect()],
+    };
+    let solids = objects.named().map(|(name, solid)| Wire {
+        name: name.into(),
+        strips: outline(solid),
+    });
     [floor].into_iter().chain(solids).chain([path]).collect()
 }
 
@@ -32,7 +41,12 @@ fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
         Solid::Block(_) => {
             let corners = solid.corners().map(|c| [c.x, c.y, c.z]);
             let strip = |order: &[usize]| order.iter().map(|&i| corners[i]).collect();
-            vec![strip(&[0, 1, 3, 2, 0, 4, 5, 7, 6, 4]), strip(&[1, 5]), strip(&[3, 7]), strip(&[2, 6])]
+            vec![
+                strip(&[0, 1, 3, 2, 0, 4, 5, 7, 6, 4]),
+                strip(&[1, 5]),
+                strip(&[3, 7]),
+                strip(&[2, 6]),
+            ]
         }
         Solid::Ball { center, radius } => {
             let circle = |a: V3, b: V3| {
@@ -43,7 +57,11 @@ fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
                 };
                 (0..=24).map(point).collect()
             };
-            vec![circle(V3::x(), V3::y()), circle(V3::y(), V3::z()), circle(V3::z(), V3::x())]
+            vec![
+                circle(V3::x(), V3::y()),
+                circle(V3::y(), V3::z()),
+                circle(V3::z(), V3::x()),
+            ]
         }
     }
 }

@@ -1,5 +1,5 @@
-//! What a target at a known distance measures (thesis, annex B): "each measure is the median of the values of at least
-//! three sectors where the target was present".
+//! What a target at a known distance measures (thesis, annex B): "each measure is the median of the
+//! values of at least three sectors where the target was present".
 
 use crate::counted;
 use crate::depth;
@@ -25,30 +25,45 @@ pub struct Target {
 }
 
 impl Target {
-    /// The target in the grids of frames that all show it at one distance. A cell's disparity is the median of its medians
-    /// in the frames, and known when it was in half of them.
+    /// The target in the grids of frames that all show it at one distance. A cell's disparity is
+    /// the median of its medians in the frames, and known when it was in half of them.
     ///
-    /// Its cells are those named, or else those that agree with the cell in the middle of the image and are joined to it.
+    /// Its cells are those named, or else those that agree with the cell in the middle of the image
+    /// and are joined to it.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when fewer than three cells hold it, or one that was named holds nothing or is not there.
+    /// [`Error::Invalid`] when fewer than three cells hold it, or one that was named holds nothing
+    /// or is not there.
     pub fn measure(grids: &[DepthGrid], named: &[(usize, usize)]) -> Result<Self> {
-        let shape =
-            grids.first().map(DepthGrid::shape).ok_or_else(|| Error::Invalid("no frames to measure in".into()))?;
+        let shape = grids
+            .first()
+            .map(DepthGrid::shape)
+            .ok_or_else(|| Error::Invalid("no frames to measure in".into()))?;
         let known = |place: (usize, usize)| {
             let depth = |cell: &Cell| Some(f64::from(cell.depth?.median_px));
-            let seen: Vec<f64> = grids.iter().filter_map(|grid| depth(grid.cell(place.0, place.1))).collect();
+            let seen: Vec<f64> = grids
+                .iter()
+                .filter_map(|grid| depth(grid.cell(place.0, place.1)))
+                .collect();
             (2 * seen.len() >= grids.len() && !seen.is_empty()).then(|| depth::median(seen))
         };
-        let cells = if named.is_empty() { agreeing(shape, known)? } else { named.to_vec() };
+        let cells = if named.is_empty() {
+            agreeing(shape, known)?
+        } else {
+            named.to_vec()
+        };
         let mut disparities = Vec::new();
         for &(column, row) in &cells {
             if column >= shape.columns || row >= shape.rows {
                 let GridShape { columns, rows } = shape;
-                return Err(Error::Invalid(format!("there is no cell {column},{row}: the grid has {columns}x{rows}")));
+                return Err(Error::Invalid(format!(
+                    "there is no cell {column},{row}: the grid has {columns}x{rows}"
+                )));
             }
             disparities.push(known((column, row)).ok_or_else(|| {
-                Error::Invalid(format!("cell {column},{row} has no disparity in half of the frames; name others"))
+                Error::Invalid(format!(
+                    "cell {column},{row} has no disparity in half of the frames; name others"
+                ))
             })?);
         }
         if cells.len() < LEAST_CELLS {
@@ -59,18 +74,31 @@ impl Target {
                 shown(&cells)
             )));
         }
-        let (least, most) = disparities.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &d| (a.min(d), b.max(d)));
-        Ok(Self { disparity_px: depth::median(disparities), cells, spread_px: most - least })
+        let (least, most) = disparities
+            .iter()
+            .fold((f64::INFINITY, 0.0f64), |(a, b), &d| (a.min(d), b.max(d)));
+        Ok(Self {
+            disparity_px: depth::median(disparities),
+            cells,
+            spread_px: most - least,
+        })
     }
 }
 
 /// Column and row of each, for a person.
 pub fn shown(cells: &[(usize, usize)]) -> String {
-    cells.iter().map(|(column, row)| format!("{column},{row}")).collect::<Vec<_>>().join(" ")
+    cells
+        .iter()
+        .map(|(column, row)| format!("{column},{row}"))
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// The cells joined to the middle one, by their sides, that have its disparity.
-fn agreeing(shape: GridShape, known: impl Fn((usize, usize)) -> Option<f64>) -> Result<Vec<(usize, usize)>> {
+fn agreeing(
+    shape: GridShape,
+    known: impl Fn((usize, usize)) -> Option<f64>,
+) -> Result<Vec<(usize, usize)>> {
     let middle = (shape.columns / 2, shape.rows / 2);
     let target = known(middle).ok_or_else(|| {
         let (column, row) = middle;
@@ -86,10 +114,19 @@ fn agreeing(shape: GridShape, known: impl Fn((usize, usize)) -> Option<f64>) -> 
     let mut next = 0;
     while next < cells.len() {
         let (column, row) = cells[next];
-        let beside =
-            [(column.wrapping_sub(1), row), (column + 1, row), (column, row.wrapping_sub(1)), (column, row + 1)];
-        let new = beside.into_iter().filter(|(c, r)| *c < shape.columns && *r < shape.rows);
-        let new: Vec<_> = new.filter(|place| !cells.contains(place)).filter(holds).collect();
+        let beside = [
+            (column.wrapping_sub(1), row),
+            (column + 1, row),
+            (column, row.wrapping_sub(1)),
+            (column, row + 1),
+        ];
+        let new = beside
+            .into_iter()
+            .filter(|(c, r)| *c < shape.columns && *r < shape.rows);
+        let new: Vec<_> = new
+            .filter(|place| !cells.contains(place))
+            .filter(holds)
+            .collect();
         cells.extend(new);
         next += 1;
     }
@@ -106,7 +143,12 @@ mod tests {
     fn grid(medians: [f32; 15]) -> DepthGrid {
         let cell = |px: f32| Cell {
             valid_share: 0.5,
-            depth: (px > 0.0).then_some(CellDepth { median_px: px, p20_px: px, p80_px: px, distance_m: None }),
+            depth: (px > 0.0).then_some(CellDepth {
+                median_px: px,
+                p20_px: px,
+                p80_px: px,
+                distance_m: None,
+            }),
         };
         DepthGrid::new(GridShape::default(), medians.map(cell).to_vec()).unwrap()
     }
@@ -122,7 +164,10 @@ mod tests {
     fn the_target_is_what_agrees_with_the_middle_and_is_joined_to_it() {
         let target = Target::measure(&[grid(TARGET)], &[]).unwrap();
         assert_eq!(target.cells, [(1, 0), (2, 0), (2, 1), (3, 1)]);
-        assert!((target.disparity_px - 20.2).abs() < 0.11 && (target.spread_px - 0.8).abs() < 1e-5, "{target:?}");
+        assert!(
+            (target.disparity_px - 20.2).abs() < 0.11 && (target.spread_px - 0.8).abs() < 1e-5,
+            "{target:?}"
+        );
     }
 
     #[test]
@@ -133,19 +178,47 @@ mod tests {
         unknown[8] = 0.0;
         let grids = [grid(TARGET), grid(outlier), grid(unknown)];
         assert_eq!(Target::measure(&grids, &[]).unwrap().cells.len(), 4);
-        assert_eq!(Target::measure(&[grid(TARGET), grid(unknown), grid(unknown)], &[]).unwrap().cells.len(), 3);
+        assert_eq!(
+            Target::measure(&[grid(TARGET), grid(unknown), grid(unknown)], &[])
+                .unwrap()
+                .cells
+                .len(),
+            3
+        );
     }
 
     #[test]
     fn cells_may_be_named_and_are_checked() {
-        let measure = |cells: &[(usize, usize)]| Target::measure(&[grid(TARGET)], cells).map_err(|e| e.to_string());
-        assert_eq!(measure(&[(0, 0), (0, 1), (0, 2)]).unwrap().disparity_px, 5.0);
-        assert!(measure(&[(0, 0), (0, 1)]).unwrap_err().contains("in 2 cells, at least 3"));
-        assert!(measure(&[(5, 0), (0, 1), (0, 2)]).unwrap_err().contains("no cell 5,0"));
-        assert!(measure(&[(1, 1), (0, 1), (0, 2)]).unwrap_err().contains("cell 1,1 has no disparity"));
+        let measure = |cells: &[(usize, usize)]| {
+            Target::measure(&[grid(TARGET)], cells).map_err(|e| e.to_string())
+        };
+        assert_eq!(
+            measure(&[(0, 0), (0, 1), (0, 2)]).unwrap().disparity_px,
+            5.0
+        );
+        assert!(
+            measure(&[(0, 0), (0, 1)])
+                .unwrap_err()
+                .contains("in 2 cells, at least 3")
+        );
+        assert!(
+            measure(&[(5, 0), (0, 1), (0, 2)])
+                .unwrap_err()
+                .contains("no cell 5,0")
+        );
+        assert!(
+            measure(&[(1, 1), (0, 1), (0, 2)])
+                .unwrap_err()
+                .contains("cell 1,1 has no disparity")
+        );
         let mut empty = TARGET;
         empty[7] = 0.0;
-        assert!(Target::measure(&[grid(empty)], &[]).unwrap_err().to_string().contains("max_disparity"));
+        assert!(
+            Target::measure(&[grid(empty)], &[])
+                .unwrap_err()
+                .to_string()
+                .contains("max_disparity")
+        );
         assert!(Target::measure(&[], &[]).is_err());
     }
 }

@@ -13,11 +13,12 @@ pub struct Board {
 }
 
 impl Board {
-    /// `columns`, `rows`: inner corners along each side. `square_m`: side of a square in metres, where it was measured;
-    /// lengths are in squares otherwise.
+    /// `columns`, `rows`: inner corners along each side. `square_m`: side of a square in metres,
+    /// where it was measured; lengths are in squares otherwise.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for fewer than 3 or more than 50 corners along a side, or a side that is not positive.
+    /// [`Error::Invalid`] for fewer than 3 or more than 50 corners along a side, or a side that is
+    /// not positive.
     pub fn new((columns, rows): (usize, usize), square_m: Option<f64>) -> Result<Self> {
         if ![columns, rows].iter().all(|side| (3..=50).contains(side)) {
             return Err(Error::Invalid(format!(
@@ -25,10 +26,14 @@ impl Board {
             )));
         }
         match square_m {
-            Some(side) if !(side.is_finite() && side > 0.0) => {
-                Err(Error::Invalid(format!("squares of {side} m: their side must be positive")))
-            }
-            _ => Ok(Self { columns, rows, square_m }),
+            Some(side) if !(side.is_finite() && side > 0.0) => Err(Error::Invalid(format!(
+                "squares of {side} m: their side must be positive"
+            ))),
+            _ => Ok(Self {
+                columns,
+                rows,
+                square_m,
+            }),
         }
     }
 
@@ -43,7 +48,11 @@ impl Board {
 
     /// What its lengths are in.
     pub fn unit(&self) -> LengthUnit {
-        if self.square_m.is_some() { LengthUnit::Metres } else { LengthUnit::Squares }
+        if self.square_m.is_some() {
+            LengthUnit::Metres
+        } else {
+            LengthUnit::Squares
+        }
     }
 
     /// Side of a square in [`Board::unit`].
@@ -54,7 +63,13 @@ impl Board {
     /// The corners row by row in the board's own frame, z = 0.
     pub fn corners(&self) -> impl Iterator<Item = Point3<f64>> + use<> {
         let (columns, side) = (self.columns, self.side());
-        let at = move |i: usize| Point3::new((i % columns) as f64 * side, (i / columns) as f64 * side, 0.0);
+        let at = move |i: usize| {
+            Point3::new(
+                (i % columns) as f64 * side,
+                (i / columns) as f64 * side,
+                0.0,
+            )
+        };
         (0..columns * self.rows).map(at)
     }
 }

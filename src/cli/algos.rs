@@ -46,11 +46,31 @@ impl Entry {
                 Range::Int { default, min, max } => (default.into(), min.into(), max.into()),
                 Range::Real { default, min, max } => (default.into(), min.into(), max.into()),
                 Range::Flag { default } => (default.into(), false.into(), true.into()),
-                Range::Text { default } => (default.into(), serde_json::Value::Null, serde_json::Value::Null),
-                Range::Choice { default, .. } => (default.into(), serde_json::Value::Null, serde_json::Value::Null),
+                Range::Text { default } => (
+                    default.into(),
+                    serde_json::Value::Null,
+                    serde_json::Value::Null,
+                ),
+                Range::Choice { default, .. } => (
+                    default.into(),
+                    serde_json::Value::Null,
+                    serde_json::Value::Null,
+                ),
             };
-            let options = if let Range::Choice { options, .. } = p.range { options } else { &[] };
-            ParameterEntry { name: p.name, unit: p.unit, default, min, max, options, description: p.description }
+            let options = if let Range::Choice { options, .. } = p.range {
+                options
+            } else {
+                &[]
+            };
+            ParameterEntry {
+                name: p.name,
+                unit: p.unit,
+                default,
+                min,
+                max,
+                options,
+                description: p.description,
+            }
         });
         Self {
             name: spec.name,
@@ -63,7 +83,9 @@ impl Entry {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let specs = args.name.map_or_else(|| MATCHERS.iter().collect(), |spec| vec![spec]);
+    let specs = args
+        .name
+        .map_or_else(|| MATCHERS.iter().collect(), |spec| vec![spec]);
     if args.json {
         return print_json(&specs.iter().map(|spec| Entry::of(spec)).collect::<Vec<_>>());
     }
@@ -76,15 +98,26 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn describe(text: &mut String, spec: &MatcherSpec) -> std::fmt::Result {
-    writeln!(text, "{:<6} {}\n       {}", spec.name, spec.summary, spec.paper)?;
+    writeln!(
+        text,
+        "{:<6} {}\n       {}",
+        spec.name, spec.summary, spec.paper
+    )?;
     if !spec.aliases.is_empty() {
         writeln!(text, "       also called {}", spec.aliases.join(", "))?;
     }
     text.push('\n');
-    let width = |f: fn(&matcher::Parameter) -> usize| spec.parameters.iter().map(f).max().unwrap_or(0);
+    let width =
+        |f: fn(&matcher::Parameter) -> usize| spec.parameters.iter().map(f).max().unwrap_or(0);
     let (names, values) = (width(|p| p.name.len()), width(|p| setting(p).len()));
     for p in spec.parameters {
-        writeln!(text, "       {:<names$}  {:<values$}  {}", p.name, setting(p), p.description)?;
+        writeln!(
+            text,
+            "       {:<names$}  {:<values$}  {}",
+            p.name,
+            setting(p),
+            p.description
+        )?;
     }
     text.push('\n');
     Ok(())
@@ -92,7 +125,11 @@ fn describe(text: &mut String, spec: &MatcherSpec) -> std::fmt::Result {
 
 /// Default and range of a parameter with its unit: `80 px (-512..=512)`.
 fn setting(p: &matcher::Parameter) -> String {
-    let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
+    let unit = if p.unit.is_empty() {
+        String::new()
+    } else {
+        format!(" {}", p.unit)
+    };
     let range = match p.range {
         Range::Int { min, max, .. } => format!("{min}..={max}"),
         Range::Real { min, max, .. } => format!("{min}..={max}"),

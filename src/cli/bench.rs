@@ -13,8 +13,9 @@ use svl::timing::Clock;
 
 /// Measure the speed of algorithms, matching only
 ///
-/// Every algorithm matches the same pair of the arena, in turns, so that a slow moment of the machine meets all of them.
-/// Times are of one machine at one moment: compare them within a run, by their medians.
+/// Every algorithm matches the same pair of the arena, in turns, so that a slow moment of the
+/// machine meets all of them. Times are of one machine at one moment: compare them within a run, by
+/// their medians.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -22,7 +23,8 @@ Examples:
   svl bench --algo v3 --algo v3:smoothing_sigma=0 --size 640x480
   svl bench --max-disparity 128 --threads 2 --json")]
 pub(super) struct Args {
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: all of svl's own]
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: all of svl's
+    /// own]
     #[arg(long, value_name = "NAME[:key=value,…]")]
     algo: Vec<Algorithm>,
     /// Size of the images
@@ -45,7 +47,9 @@ const BUDGET: Duration = Duration::from_secs(2);
 const ROUNDS: std::ops::RangeInclusive<usize> = 5..=1000;
 
 fn size(text: &str) -> Result<(usize, usize), String> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    let sides = text
+        .split_once('x')
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     sides
         .filter(|(w, h)| (32..=4096).contains(w) && (32..=4096).contains(h))
         .ok_or("expected WxH, each 32..=4096".into())
@@ -79,11 +83,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             .collect::<Result<_, _>>()?,
         named => named.to_vec(),
     };
-    let algorithms =
-        algorithms.iter().map(|a| with_range(a, args.max_disparity)).collect::<anyhow::Result<Vec<_>>>()?;
+    let algorithms = algorithms
+        .iter()
+        .map(|a| with_range(a, args.max_disparity))
+        .collect::<anyhow::Result<Vec<_>>>()?;
     let pair = pair(args.size)?;
     let figures = measure(&algorithms, &pair)?;
-    if args.json { print_json(&figures) } else { print(&table(&figures)?) }
+    if args.json {
+        print_json(&figures)
+    } else {
+        print(&table(&figures)?)
+    }
 }
 
 /// The algorithm with that range of disparities, unless it sets its own.
@@ -93,7 +103,9 @@ fn with_range(algorithm: &Algorithm, max_disparity: u16) -> anyhow::Result<Algor
         return Ok(algorithm.clone());
     }
     let joint = if label.contains(':') { ',' } else { ':' };
-    format!("{label}{joint}max_disparity={max_disparity}").parse().map_err(usage::of_words)
+    format!("{label}{joint}max_disparity={max_disparity}")
+        .parse()
+        .map_err(usage::of_words)
 }
 
 /// A pair of the arena at that size: textured walls, a plain floor, noise.
@@ -127,10 +139,17 @@ fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Fi
         }
     }
     let isa = svl::kernel::isa()?.name();
-    Ok(contestants.into_iter().map(|(algorithm, _, times)| figures(algorithm, (width, height), isa, times)).collect())
+    Ok(contestants
+        .into_iter()
+        .map(|(algorithm, _, times)| figures(algorithm, (width, height), isa, times))
+        .collect())
 }
 
-fn time(matcher: &mut dyn Matcher, pair: &StereoPair, map: &mut DisparityMap) -> svl::Result<Duration> {
+fn time(
+    matcher: &mut dyn Matcher,
+    pair: &StereoPair,
+    map: &mut DisparityMap,
+) -> svl::Result<Duration> {
     let began = Instant::now();
     matcher.compute(pair, map, &mut Clock::start())?;
     Ok(began.elapsed())
@@ -143,7 +162,9 @@ fn figures(
     mut times: Vec<Duration>,
 ) -> Figures {
     times.sort_unstable();
-    let rank = |percent: usize| times[(percent * times.len()).div_ceil(100).max(1) - 1].as_secs_f64() * 1e3;
+    let rank = |percent: usize| {
+        times[(percent * times.len()).div_ceil(100).max(1) - 1].as_secs_f64() * 1e3
+    };
     let disparities = algorithm.disparities().unwrap_or(1);
     Figures {
         algo: algorithm.label().to_owned(),
@@ -163,13 +184,38 @@ fn figures(
 
 fn table(figures: &[Figures]) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
-    let Some(first) = figures.first() else { return Ok(text) };
-    let Figures { width, height, threads, isa, .. } = first;
-    writeln!(text, "{width}x{height}, {threads} thread{}, {isa}", if *threads == 1 { "" } else { "s" })?;
+    let Some(first) = figures.first() else {
+        return Ok(text);
+    };
+    let Figures {
+        width,
+        height,
+        threads,
+        isa,
+        ..
+    } = first;
+    writeln!(
+        text,
+        "{width}x{height}, {threads} thread{}, {isa}",
+        if *threads == 1 { "" } else { "s" }
+    )?;
     let name = figures.iter().map(|f| f.algo.len()).max().unwrap_or(0);
-    writeln!(text, "{:<name$}  disparities   runs  median ms      p95      p99    MDE/s", "algorithm")?;
+    writeln!(
+        text,
+        "{:<name$}  disparities   runs  median ms      p95      p99    MDE/s",
+        "algorithm"
+    )?;
     for f in figures {
-        let Figures { algo, disparities, runs, median_ms, p95_ms, p99_ms, mde_per_s, .. } = f;
+        let Figures {
+            algo,
+            disparities,
+            runs,
+            median_ms,
+            p95_ms,
+            p99_ms,
+            mde_per_s,
+            ..
+        } = f;
         writeln!(
             text,
             "{algo:<name$}  {disparities:>11} {runs:>6} {median_ms:>10.3} {p95_ms:>8.3} {p99_ms:>8.3} {mde_per_s:>8.0}"

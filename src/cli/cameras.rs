@@ -7,7 +7,9 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
-use svl::grab::simulated::{Cabled, Drive, Pictures, SimulatedCamera, SimulatedConfig, SimulatedTrigger, Wire};
+use svl::grab::simulated::{
+    Cabled, Drive, Pictures, SimulatedCamera, SimulatedConfig, SimulatedTrigger, Wire,
+};
 use svl::grab::{Camera, Clock, Policy, SerialTrigger, Side, Trigger};
 use svl::stereo::Rig;
 
@@ -41,9 +43,9 @@ impl FromStr for TriggerChoice {
             None if text == "software" => Ok(Self::Software),
             None if text == "free" => Ok(Self::Free),
             Some(("serial", device)) if !device.is_empty() => Ok(Self::Serial(device.to_owned())),
-            Some(("fixed", hz)) => {
-                usage::within(RATES_HZ)(hz).map(Self::Fixed).map_err(|why| format!("fixed:HZ: {why}"))
-            }
+            Some(("fixed", hz)) => usage::within(RATES_HZ)(hz)
+                .map(Self::Fixed)
+                .map_err(|why| format!("fixed:HZ: {why}")),
             _ => Err("expected software, serial:DEVICE, fixed:HZ or free".to_owned()),
         }
     }
@@ -94,24 +96,45 @@ impl Wanted {
         let progress = Progress::new("rendering", count, self.quiet);
         let pictures = match config.board {
             true => Pictures::of_board(config.size, seed, || progress.step()),
-            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed, || progress.step()),
+            false => Pictures::render(config.size, self.rate_hz, config.pictures, seed, || {
+                progress.step()
+            }),
         };
         progress.clear();
         let pictures = pictures.map_err(usage::of_words)?;
-        let Some(pictures) = pictures.map(Arc::new) else { bail!("stopped by Ctrl-C before the cameras began") };
+        let Some(pictures) = pictures.map(Arc::new) else {
+            bail!("stopped by Ctrl-C before the cameras began")
+        };
         let wire = Wire::new(&self.clock);
         let camera = |side: Side| -> Box<dyn Camera> {
             let drive = match self.trigger {
-                TriggerChoice::Free => Drive::Free { period_ns: self.period_ns() },
+                TriggerChoice::Free => Drive::Free {
+                    period_ns: self.period_ns(),
+                },
                 _ => Drive::Wire(wire.clone()),
             };
             let temper = config.tempers[side as usize].clone();
-            Box::new(SimulatedCamera::new(side, &self.clock, drive, &pictures, config.light, temper))
+            Box::new(SimulatedCamera::new(
+                side,
+                &self.clock,
+                drive,
+                &pictures,
+                config.light,
+                temper,
+            ))
         };
         let software = Box::new(SimulatedTrigger::new(&wire));
-        let policy = self.policy(software, |controller| Box::new(Cabled::new(controller, &wire)))?;
+        let policy = self.policy(software, |controller| {
+            Box::new(Cabled::new(controller, &wire))
+        })?;
         let period_ns = self.period_ns();
-        Ok(Cameras { cameras: Side::BOTH.map(camera), policy, period_ns, rig: pictures.rig(), seed: Some(seed) })
+        Ok(Cameras {
+            cameras: Side::BOTH.map(camera),
+            policy,
+            period_ns,
+            rig: pictures.rig(),
+            seed: Some(seed),
+        })
     }
 
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
@@ -122,13 +145,27 @@ impl Wanted {
             _ => None,
         };
         let is_fired = controller.is_some();
-        let (cameras, rate_hz) = svl::grab::v4l2::open(&config, self.rate_hz, is_fired, &self.clock)?;
-        let period_ns = if is_fired { self.period_ns() } else { (1e9 / rate_hz).round() as u64 };
+        let (cameras, rate_hz) =
+            svl::grab::v4l2::open(&config, self.rate_hz, is_fired, &self.clock)?;
+        let period_ns = if is_fired {
+            self.period_ns()
+        } else {
+            (1e9 / rate_hz).round() as u64
+        };
         let policy = match controller {
-            Some(controller) => Policy::Coordinated { trigger: Box::new(controller), period_ns },
+            Some(controller) => Policy::Coordinated {
+                trigger: Box::new(controller),
+                period_ns,
+            },
             None => Policy::Free { period_ns },
         };
-        Ok(Cameras { cameras, policy, period_ns, rig: None, seed: None })
+        Ok(Cameras {
+            cameras,
+            policy,
+            period_ns,
+            rig: None,
+            seed: None,
+        })
     }
 
     #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
@@ -144,7 +181,9 @@ impl Wanted {
         let drive = match self.trigger {
             TriggerChoice::Software | TriggerChoice::Fixed(_) => Drive::Software,
             TriggerChoice::Serial(_) => Drive::Line,
-            TriggerChoice::Free => Drive::Free { rate_hz: self.rate_hz },
+            TriggerChoice::Free => Drive::Free {
+                rate_hz: self.rate_hz,
+            },
         };
         let Some((left, right)) = two_names(names) else {
             let cure = "`svl record --list` shows what there is";
@@ -153,7 +192,10 @@ impl Wanted {
             )));
         };
         let cameras = open([left, right], drive, &self.clock)?;
-        let policy = self.policy(Box::new(SoftwareTrigger::new(&cameras, &self.clock)), |controller| controller)?;
+        let policy = self.policy(
+            Box::new(SoftwareTrigger::new(&cameras, &self.clock)),
+            |controller| controller,
+        )?;
         Ok(Cameras {
             cameras: cameras.map(|camera| Box::new(camera) as Box<dyn Camera>),
             policy,
@@ -172,11 +214,16 @@ impl Wanted {
     }
 
     fn controller(&self, device: &str) -> anyhow::Result<SerialTrigger> {
-        Ok(SerialTrigger::open(Path::new(device), self.period_ns(), &self.clock, interrupted)?)
+        Ok(SerialTrigger::open(
+            Path::new(device),
+            self.period_ns(),
+            &self.clock,
+            interrupted,
+        )?)
     }
 
-    /// When the cameras expose: `software` is svl's own way to fire them, `cabled` what the trigger controller's pulses
-    /// take to reach them.
+    /// When the cameras expose: `software` is svl's own way to fire them, `cabled` what the trigger
+    /// controller's pulses take to reach them.
     fn policy(
         &self,
         software: Box<dyn Trigger>,
@@ -184,22 +231,34 @@ impl Wanted {
     ) -> anyhow::Result<Policy> {
         let period_ns = self.period_ns();
         Ok(match &self.trigger {
-            TriggerChoice::Software => Policy::Coordinated { trigger: software, period_ns },
+            TriggerChoice::Software => Policy::Coordinated {
+                trigger: software,
+                period_ns,
+            },
             TriggerChoice::Serial(device) => {
                 let controller = Box::new(self.controller(device)?);
-                Policy::Coordinated { trigger: cabled(controller), period_ns }
+                Policy::Coordinated {
+                    trigger: cabled(controller),
+                    period_ns,
+                }
             }
-            TriggerChoice::Fixed(_) => Policy::FixedRate { trigger: software, period_ns },
+            TriggerChoice::Fixed(_) => Policy::FixedRate {
+                trigger: software,
+                period_ns,
+            },
             TriggerChoice::Free => Policy::Free { period_ns },
         })
     }
 }
 
-/// Left and right at the comma in the middle: a vendor's name, which begins an id, may have commas of its own.
+/// Left and right at the comma in the middle: a vendor's name, which begins an id, may have commas
+/// of its own.
 #[cfg(any(test, feature = "genicam"))]
 fn two_names(names: &str) -> Option<(&str, &str)> {
     let commas: Vec<_> = names.match_indices(',').map(|(at, _)| at).collect();
-    let middle = *commas.get(commas.len() / 2).filter(|_| commas.len() % 2 == 1)?;
+    let middle = *commas
+        .get(commas.len() / 2)
+        .filter(|_| commas.len() % 2 == 1)?;
     let (left, right) = (names[..middle].trim(), names[middle + 1..].trim());
     (!left.is_empty() && !right.is_empty() && left != right).then_some((left, right))
 }
@@ -210,7 +269,10 @@ mod tests {
 
     #[test]
     fn two_cameras_are_named() {
-        assert_eq!(two_names("192.168.0.2, 192.168.0.3"), Some(("192.168.0.2", "192.168.0.3")));
+        assert_eq!(
+            two_names("192.168.0.2, 192.168.0.3"),
+            Some(("192.168.0.2", "192.168.0.3"))
+        );
         let ids = "Eyes, Inc.-E1-7,Eyes, Inc.-E1-8";
         assert_eq!(two_names(ids), Some(("Eyes, Inc.-E1-7", "Eyes, Inc.-E1-8")));
         for wrong in ["", "a", "a,", ",b", " , ", "a,b,c", "a,a"] {

@@ -40,9 +40,10 @@ enum Command {
 
 /// Download a data set from its authors and unpack it
 ///
-/// It lands in DIR/NAME, as its archives have it; what is there already stays. A download that was interrupted goes on
-/// where it ended. The authors publish no checksums: the first fetch writes those it saw into DIR/NAME/fetched.json, and
-/// later ones are held against them. Archives that svl downloaded are removed once they are unpacked.
+/// It lands in DIR/NAME, as its archives have it; what is there already stays. A download that was
+/// interrupted goes on where it ended. The authors publish no checksums: the first fetch writes
+/// those it saw into DIR/NAME/fetched.json, and later ones are held against them. Archives that svl
+/// downloaded are removed once they are unpacked.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -88,10 +89,29 @@ impl Entry {
             name: part.name,
             usual: part.usual,
             megabytes: part.megabytes,
-            urls: part.files.iter().map(|file| format!("{}{file}", part.base)).collect(),
+            urls: part
+                .files
+                .iter()
+                .map(|file| format!("{}{file}", part.base))
+                .collect(),
         };
-        let &Dataset { name, title, home, licence, citation, parts, .. } = dataset;
-        Self { name, title, home, licence, citation, parts: parts.iter().map(part).collect() }
+        let &Dataset {
+            name,
+            title,
+            home,
+            licence,
+            citation,
+            parts,
+            ..
+        } = dataset;
+        Self {
+            name,
+            title,
+            home,
+            licence,
+            citation,
+            parts: parts.iter().map(part).collect(),
+        }
     }
 }
 
@@ -106,10 +126,28 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 fn list() -> Result<String, std::fmt::Error> {
     let mut text = String::new();
     for dataset in DATASETS {
-        let usual: u32 = dataset.parts.iter().filter(|p| p.usual).map(|p| p.megabytes).sum();
-        writeln!(text, "{:<15} {}, about {usual} MB", dataset.name, dataset.title)?;
-        writeln!(text, "{:15} {}\n{:15} {}", "", dataset.licence, "", dataset.home)?;
-        let others: Vec<_> = dataset.parts.iter().filter(|p| !p.usual).map(|p| p.name).collect();
+        let usual: u32 = dataset
+            .parts
+            .iter()
+            .filter(|p| p.usual)
+            .map(|p| p.megabytes)
+            .sum();
+        writeln!(
+            text,
+            "{:<15} {}, about {usual} MB",
+            dataset.name, dataset.title
+        )?;
+        writeln!(
+            text,
+            "{:15} {}\n{:15} {}",
+            "", dataset.licence, "", dataset.home
+        )?;
+        let others: Vec<_> = dataset
+            .parts
+            .iter()
+            .filter(|p| !p.usual)
+            .map(|p| p.name)
+            .collect();
         if !others.is_empty() {
             writeln!(text, "{:15} also: {}", "", others.join(", "))?;
         }
@@ -123,21 +161,42 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
     let dataset = args.dataset;
     let parts = dataset.parts(&args.part).map_err(usage::wrong)?;
     let Some(data) = data_folder(args.data.as_deref()) else {
-        return Err(usage::wrong("where to? Name the folder of the data sets with --data DIR or SVL_DATASETS"));
+        return Err(usage::wrong(
+            "where to? Name the folder of the data sets with --data DIR or SVL_DATASETS",
+        ));
     };
     let origin = Origin::named(args.from.as_deref())?;
     let folder = data.join(dataset.name);
-    std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
-    print(&format!("{}: {}\nTerms: {}; {}\n", dataset.name, dataset.title, dataset.licence, dataset.home))?;
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    print(&format!(
+        "{}: {}\nTerms: {}; {}\n",
+        dataset.name, dataset.title, dataset.licence, dataset.home
+    ))?;
     print(&format!("Please cite: {}\n", dataset.citation))?;
-    let mut fetching = Fetching { receipts: Receipts::of(&folder)?, folder, origin, quiet, written: 0, kept: 0 };
+    let mut fetching = Fetching {
+        receipts: Receipts::of(&folder)?,
+        folder,
+        origin,
+        quiet,
+        written: 0,
+        kept: 0,
+    };
     for part in parts {
         for file in part.files {
             fetching.file(part, file)?;
         }
     }
-    let Fetching { folder, written, kept, .. } = fetching;
-    print(&format!("{}: {written} files written, {kept} there already\n", folder.display()))
+    let Fetching {
+        folder,
+        written,
+        kept,
+        ..
+    } = fetching;
+    print(&format!(
+        "{}: {written} files written, {kept} there already\n",
+        folder.display()
+    ))
 }
 
 /// Where the files come from.
@@ -155,7 +214,9 @@ impl Origin {
                 Ok(Self::Mirror(url.trim_end_matches('/').to_owned() + "/"))
             }
             Some(folder) if Path::new(folder).is_dir() => Ok(Self::Folder(folder.into())),
-            Some(other) => bail!("--from {other}: neither an address (http://, https://) nor a folder"),
+            Some(other) => {
+                bail!("--from {other}: neither an address (http://, https://) nor a folder")
+            }
         }
     }
 }
@@ -172,7 +233,11 @@ struct Fetching {
 
 impl Fetching {
     fn file(&mut self, part: &Part, file: &str) -> anyhow::Result<()> {
-        let key = if part.folder.is_empty() { file.to_owned() } else { format!("{}/{file}", part.folder) };
+        let key = if part.folder.is_empty() {
+            file.to_owned()
+        } else {
+            format!("{}/{file}", part.folder)
+        };
         if self.receipts.fulfilled(&key) {
             self.kept += 1;
             return Ok(());
@@ -181,19 +246,33 @@ impl Fetching {
         let downloads = !matches!(self.origin, Origin::Folder(_)) && !own.exists();
         let (path, from) = self.obtain(part, file, &own)?;
         let mut first = [0];
-        let page = std::fs::File::open(&path).and_then(|mut file| Ok(file.read(&mut first)? == 1 && first == *b"<"));
+        let page = std::fs::File::open(&path)
+            .and_then(|mut file| Ok(file.read(&mut first)? == 1 && first == *b"<"));
         if page.with_context(|| path.display().to_string())? {
             if downloads {
                 // It would be taken for the file the next time.
                 let _ = std::fs::remove_file(&path);
             }
-            bail!("{from}: is a web page and not {file}; is the address right, and this machine let through?");
+            bail!(
+                "{from}: is a web page and not {file}; is the address right, and this machine let through?"
+            );
         }
         let (sha256, bytes) = self.with_bar("check", &path, |bar| fetch::sha256(&path, bar))?;
         self.receipts.agrees(&key, &path, &sha256)?;
         let made = self.place(part, &path, &own)?;
-        let made = made.into_iter().map(|top| join(part.folder, &top)).collect();
-        self.receipts.add(&key, Receipt { from, bytes, sha256, made })?;
+        let made = made
+            .into_iter()
+            .map(|top| join(part.folder, &top))
+            .collect();
+        self.receipts.add(
+            &key,
+            Receipt {
+                from,
+                bytes,
+                sha256,
+                made,
+            },
+        )?;
         // What the user put there stays.
         if fetch::is_archive(file) && downloads {
             std::fs::remove_file(&path).with_context(|| path.display().to_string())?;
@@ -207,11 +286,21 @@ impl Fetching {
             Origin::Authors => format!("{}{file}", part.base),
             Origin::Mirror(base) => format!("{base}{file}"),
             Origin::Folder(folder) => {
-                let places = [folder.join(file), folder.join(file.rsplit('/').next().unwrap_or(file))];
+                let places = [
+                    folder.join(file),
+                    folder.join(file.rsplit('/').next().unwrap_or(file)),
+                ];
                 // Single files of many scenes have one name.
-                let places = if fetch::is_archive(file) { &places[..] } else { &places[..1] };
+                let places = if fetch::is_archive(file) {
+                    &places[..]
+                } else {
+                    &places[..1]
+                };
                 let Some(path) = places.iter().find(|p| p.is_file()) else {
-                    bail!("{}: no such file; --from takes the folder that holds {file}", places[0].display());
+                    bail!(
+                        "{}: no such file; --from takes the folder that holds {file}",
+                        places[0].display()
+                    );
                 };
                 return Ok((path.clone(), path.display().to_string()));
             }
@@ -220,16 +309,19 @@ impl Fetching {
             return Ok((own.to_owned(), own.display().to_string()));
         }
         let folder = own.parent().unwrap_or(&self.folder);
-        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
         self.with_bar("fetch", own, |bar| fetch::download(&url, own, bar))?;
         Ok((own.to_owned(), url))
     }
 
-    /// Unpacks an archive, or puts a single file where it belongs; what that made, below the part's folder.
+    /// Unpacks an archive, or puts a single file where it belongs; what that made, below the part's
+    /// folder.
     fn place(&mut self, part: &Part, path: &Path, own: &Path) -> anyhow::Result<BTreeSet<String>> {
         if fetch::is_archive(&path.to_string_lossy()) {
             let folder = self.folder.join(part.folder);
-            let unpacked = self.with_bar("unpack", path, |bar| fetch::unpack(path, &folder, bar))?;
+            let unpacked =
+                self.with_bar("unpack", path, |bar| fetch::unpack(path, &folder, bar))?;
             self.written += unpacked.written;
             self.kept += unpacked.kept;
             return Ok(unpacked.top);
@@ -266,5 +358,9 @@ impl Fetching {
 }
 
 fn join(folder: &str, name: &str) -> String {
-    if folder.is_empty() { name.to_owned() } else { format!("{folder}/{name}") }
+    if folder.is_empty() {
+        name.to_owned()
+    } else {
+        format!("{folder}/{name}")
+    }
 }

@@ -11,29 +11,47 @@ pub(super) fn list() -> anyhow::Result<()> {
     let cameras = video_devices(Path::new("/sys/class/video4linux"));
     for (device, name) in &cameras {
         lines.push(format!("{device:<22}  camera: {name}"));
-        lines.extend(modes(Path::new(device)).into_iter().map(|line| format!("{:<22}  {line}", "")));
+        lines.extend(
+            modes(Path::new(device))
+                .into_iter()
+                .map(|line| format!("{:<22}  {line}", "")),
+        );
     }
     let genicam = genicam_cameras();
-    lines.extend(genicam.iter().map(|(name, what)| format!("{name:<22}  camera: {what}")));
+    lines.extend(
+        genicam
+            .iter()
+            .map(|(name, what)| format!("{name:<22}  camera: {what}")),
+    );
     let ports = serial2::SerialPort::available_ports().unwrap_or_default();
-    lines.extend(ports.iter().map(|port| format!("serial:{:<15}  serial port", port.display())));
+    lines.extend(
+        ports
+            .iter()
+            .map(|port| format!("serial:{:<15}  serial port", port.display())),
+    );
     if cameras.is_empty() && genicam.is_empty() {
         lines.push("no camera of this machine found".to_owned());
     }
     if cfg!(not(feature = "genicam")) {
-        lines.push("GenICam: not built in; GigE Vision and USB3 Vision cameras need --features genicam".to_owned());
+        lines.push(
+            "GenICam: not built in; GigE Vision and USB3 Vision cameras need --features genicam"
+                .to_owned(),
+        );
     }
     lines.push(String::new());
     print(&lines.join("\n"))
 }
 
-/// What a camera can be asked for: a line for each format, with the sizes and the rates that they hold.
+/// What a camera can be asked for: a line for each format, with the sizes and the rates that they
+/// hold.
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 fn modes(device: &Path) -> Vec<String> {
     let modes = match svl::grab::v4l2::modes(device) {
         Ok(modes) => modes,
         // Without the cure, which is to look here.
-        Err(svl::Error::Camera { reason, .. }) => return reason.split(';').take(1).map(str::to_owned).collect(),
+        Err(svl::Error::Camera { reason, .. }) => {
+            return reason.split(';').take(1).map(str::to_owned).collect();
+        }
         Err(error) => return vec![error.to_string()],
     };
     if modes.is_empty() {
@@ -41,11 +59,21 @@ fn modes(device: &Path) -> Vec<String> {
     }
     let of_one_format = modes.chunk_by(|a, b| a.format == b.format);
     let line = |modes: &[Mode]| {
-        let sizes = modes.iter().map(|Mode { size: (width, height), max_rate_hz, .. }| match max_rate_hz {
-            Some(hz) => format!("{width}x{height} ({} Hz)", (hz * 10.0).round() / 10.0),
-            None => format!("{width}x{height}"),
-        });
-        format!("{}: {}", modes[0].format, sizes.collect::<Vec<_>>().join(", "))
+        let sizes = modes.iter().map(
+            |Mode {
+                 size: (width, height),
+                 max_rate_hz,
+                 ..
+             }| match max_rate_hz {
+                Some(hz) => format!("{width}x{height} ({} Hz)", (hz * 10.0).round() / 10.0),
+                None => format!("{width}x{height}"),
+            },
+        );
+        format!(
+            "{}: {}",
+            modes[0].format,
+            sizes.collect::<Vec<_>>().join(", ")
+        )
     };
     of_one_format.map(line).collect()
 }
@@ -59,7 +87,10 @@ fn modes(_: &Path) -> Vec<String> {
 #[cfg(feature = "genicam")]
 fn genicam_cameras() -> Vec<(String, String)> {
     let what = |found: svl::grab::genicam::Found| {
-        (format!("genicam:{}", found.id), format!("{}, {}, {}", found.model, found.protocol, found.address))
+        (
+            format!("genicam:{}", found.id),
+            format!("{}, {}, {}", found.model, found.protocol, found.address),
+        )
     };
     svl::grab::genicam::found().into_iter().map(what).collect()
 }
@@ -74,7 +105,10 @@ fn video_devices(folder: &Path) -> Vec<(String, String)> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let device = |entry: std::fs::DirEntry| {
         let name = std::fs::read_to_string(entry.path().join("name")).unwrap_or_default();
-        (format!("/dev/{}", entry.file_name().display()), name.trim().to_owned())
+        (
+            format!("/dev/{}", entry.file_name().display()),
+            name.trim().to_owned(),
+        )
     };
     let mut devices: Vec<_> = entries.map(device).collect();
     devices.sort();
@@ -93,7 +127,13 @@ mod tests {
             std::fs::write(folder.path().join(device).join("name"), name).unwrap();
         }
         let found = video_devices(folder.path());
-        assert_eq!(found, [("/dev/video0".into(), "Webcam".into()), ("/dev/video2".into(), "Firefly MV".into())]);
+        assert_eq!(
+            found,
+            [
+                ("/dev/video0".into(), "Webcam".into()),
+                ("/dev/video2".into(), "Firefly MV".into())
+            ]
+        );
         assert!(video_devices(Path::new("nowhere")).is_empty());
     }
 }

@@ -15,7 +15,10 @@ pub(super) fn line(ruling: &Ruling) -> String {
 
 /// Refuses a run that broke a limit, or that no limit was for.
 pub(super) fn pass(gate: &[Ruling]) -> anyhow::Result<()> {
-    let broken: Vec<_> = gate.iter().filter(|ruling| ruling.kept == Some(false)).collect();
+    let broken: Vec<_> = gate
+        .iter()
+        .filter(|ruling| ruling.kept == Some(false))
+        .collect();
     match broken[..] {
         [] if gate.iter().any(|ruling| ruling.kept.is_some()) => Ok(()),
         [] => bail!("gate: none of the scenario's limits is for the algorithms that took part"),

@@ -69,15 +69,24 @@ struct Report<'a> {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let outputs = [Some(&args.output), args.why.as_ref(), args.preview.as_ref()];
-    let outputs: Vec<_> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
+    let outputs: Vec<_> = outputs
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
     for input in [&args.left, &args.right] {
         distinct(outputs.iter().copied().chain([input.as_path()]))?;
     }
-    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
+    outputs
+        .iter()
+        .try_for_each(|path| may_write(path, args.force))?;
     let mut matcher = args.algo.build().map_err(usage::of_words)?;
     let rig = args.calib.as_deref().map(read_calib).transpose()?;
-    let pair = StereoPair::new(files::read_gray(&args.left)?, files::read_gray(&args.right)?)
-        .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
+    let pair = StereoPair::new(
+        files::read_gray(&args.left)?,
+        files::read_gray(&args.right)?,
+    )
+    .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
     let (width, height) = pair.size();
     let mut map = DisparityMap::new(width, height)?;
     let mut clock = Clock::start();
@@ -88,11 +97,22 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         files::write_why(path, &map)?;
     }
     if let Some(path) = &args.preview {
-        let max_px = map.disparity().pixels().filter(|d| d.is_finite()).fold(1.0, f32::max);
+        let max_px = map
+            .disparity()
+            .pixels()
+            .filter(|d| d.is_finite())
+            .fold(1.0, f32::max);
         files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
     }
     let settings = GridSettings::default();
-    let grid = rig.map(|rig| depth::grid(map.disparity(), settings.shape(), settings.min_valid, Some(&rig)));
+    let grid = rig.map(|rig| {
+        depth::grid(
+            map.disparity(),
+            settings.shape(),
+            settings.min_valid,
+            Some(&rig),
+        )
+    });
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     let report = Report {
         algorithm: args.algo.label(),
@@ -100,25 +120,46 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         width,
         height,
         coverage: map.coverage(),
-        pixels: Reason::ALL.iter().map(|r| (r.name(), map.tally()[*r as usize])).collect(),
+        pixels: Reason::ALL
+            .iter()
+            .map(|r| (r.name(), map.tally()[*r as usize]))
+            .collect(),
         total_ms: ms(clock.times().total()),
-        stages_ms: Stage::ALL.iter().map(|s| (s.name(), ms(clock.times().get(*s)))).collect(),
+        stages_ms: Stage::ALL
+            .iter()
+            .map(|s| (s.name(), ms(clock.times().get(*s))))
+            .collect(),
         hash: format!("{:032x}", map.hash()),
         distances_m: grid.as_ref().map(distances),
     };
-    if args.json { print_json(&report) } else { print(&report.text()?) }
+    if args.json {
+        print_json(&report)
+    } else {
+        print(&report.text()?)
+    }
 }
 
 /// Distances row by row, nothing where unknown.
 fn distances(grid: &DepthGrid) -> Vec<Vec<Option<f64>>> {
-    let cells: Vec<_> = grid.iter().map(|(_, cell)| cell.depth.and_then(|d| d.distance_m)).collect();
-    cells.chunks(grid.shape().columns).map(<[_]>::to_vec).collect()
+    let cells: Vec<_> = grid
+        .iter()
+        .map(|(_, cell)| cell.depth.and_then(|d| d.distance_m))
+        .collect();
+    cells
+        .chunks(grid.shape().columns)
+        .map(<[_]>::to_vec)
+        .collect()
 }
 
 impl Report<'_> {
     fn text(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
-        let Self { algorithm, width, height, .. } = self;
+        let Self {
+            algorithm,
+            width,
+            height,
+            ..
+        } = self;
         writeln!(
             text,
             "{algorithm} on {width}x{height}: {:.1} % of the pixels, {:.2} ms",
@@ -126,10 +167,17 @@ impl Report<'_> {
             self.total_ms
         )?;
         for (reason, pixels) in self.pixels.iter().filter(|(_, pixels)| *pixels > 0) {
-            writeln!(text, "  {reason:<12} {:>6.2} %  {pixels}", 100.0 * *pixels as f64 / (width * height) as f64)?;
+            writeln!(
+                text,
+                "  {reason:<12} {:>6.2} %  {pixels}",
+                100.0 * *pixels as f64 / (width * height) as f64
+            )?;
         }
         for row in self.distances_m.iter().flatten() {
-            let cells: Vec<_> = row.iter().map(|d| d.map_or("     ?".to_owned(), |d| format!("{d:6.2}"))).collect();
+            let cells: Vec<_> = row
+                .iter()
+                .map(|d| d.map_or("     ?".to_owned(), |d| format!("{d:6.2}")))
+                .collect();
             writeln!(text, "  {} m", cells.join(" "))?;
         }
         writeln!(text, "  hash {}", self.hash)?;

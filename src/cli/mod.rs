@@ -38,8 +38,8 @@ use tracing_subscriber::{Layer, fmt, layer::SubscriberExt, util::SubscriberInitE
 
 /// The record/replay bench for stereo vision.
 ///
-/// Record synchronized pairs to MCAP, replay them through pluggable matchers, score them against obstacle checkpoints
-/// and data sets with truth, and watch the run in Rerun.
+/// Record synchronized pairs to MCAP, replay them through pluggable matchers, score them against
+/// obstacle checkpoints and data sets with truth, and watch the run in Rerun.
 #[derive(Parser)]
 #[command(name = "svl", version, about, max_term_width = 100, after_help = EXAMPLES)]
 pub(crate) struct Cli {
@@ -98,7 +98,8 @@ impl Cli {
             Err(error) => return usage::tell(&error),
         };
         cli.configure();
-        // As one of rayon's threads: beside them it would be one too many for the cores, and they wait for each other.
+        // As one of rayon's threads: beside them it would be one too many for the cores, and they
+        // wait for each other.
         match rayon::scope(|_| cli.command.run(cli.quiet)) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => match error.downcast_ref() {
@@ -121,11 +122,17 @@ impl Cli {
         // Only what svl says itself: what a library meets, svl's own errors tell.
         let ours = Targets::new().with_target("svl", level);
         let lines = fmt::layer().without_time().with_target(false);
-        let lines = lines.with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal());
-        tracing_subscriber::registry().with(lines.with_filter(ours)).init();
+        let lines = lines
+            .with_writer(std::io::stderr)
+            .with_ansi(std::io::stderr().is_terminal());
+        tracing_subscriber::registry()
+            .with(lines.with_filter(ours))
+            .init();
         let own = matches!(self.command, Command::Bench(_)).then_some(bench::THREADS);
         if let Some(threads) = self.threads.or(own)
-            && let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()
+            && let Err(error) = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads.into())
+                .build_global()
         {
             tracing::warn!("--threads {threads}: {error}");
         }
@@ -157,7 +164,10 @@ impl Command {
 
 /// The error and its causes in one line.
 fn one_line(error: &anyhow::Error) -> String {
-    format!("{error:#}").split_whitespace().collect::<Vec<_>>().join(" ")
+    format!("{error:#}")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// The program's full description, for completions and the man page.
@@ -171,7 +181,10 @@ mod tests {
     #[test]
     fn no_option_stands_twice() {
         for subcommand in super::command().get_subcommands() {
-            let mut longs: Vec<_> = subcommand.get_arguments().filter_map(|argument| argument.get_long()).collect();
+            let mut longs: Vec<_> = subcommand
+                .get_arguments()
+                .filter_map(|argument| argument.get_long())
+                .collect();
             let all = longs.len();
             longs.sort_unstable();
             longs.dedup();
@@ -184,8 +197,15 @@ mod tests {
     fn what_stands_below_the_options_fits_into_78_columns() {
         fn check(command: &clap::Command) {
             let text = command.get_after_help().unwrap_or_default().to_string();
-            assert!(text.contains("Example"), "{} --help shows no example", command.get_name());
-            let long: Vec<_> = text.lines().filter(|line| line.chars().count() > 78).collect();
+            assert!(
+                text.contains("Example"),
+                "{} --help shows no example",
+                command.get_name()
+            );
+            let long: Vec<_> = text
+                .lines()
+                .filter(|line| line.chars().count() > 78)
+                .collect();
             assert!(long.is_empty(), "{} --help: {long:#?}", command.get_name());
             command.get_subcommands().for_each(check);
         }

@@ -4,16 +4,21 @@ use super::usage;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 
-/// Refuses what cannot or must not be written, before any work is done: an existing file unless `force`, anything that is
-/// no regular file, a folder that is not there.
+/// Refuses what cannot or must not be written, before any work is done: an existing file unless
+/// `force`, anything that is no regular file, a folder that is not there.
 pub(super) fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
     let shown = path.display();
     match path.metadata() {
         Ok(found) if !found.is_file() => bail!("{shown}: is not a regular file; name another"),
-        Ok(_) if !force => bail!("{shown}: exists already; name another file, or add --force to replace it"),
+        Ok(_) if !force => {
+            bail!("{shown}: exists already; name another file, or add --force to replace it")
+        }
         _ => {}
     }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     if !folder.is_dir() {
         bail!("{}: no such folder; create it first", folder.display());
     }
@@ -24,9 +29,16 @@ pub(super) fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
 pub(super) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
     let mut seen: Vec<PathBuf> = Vec::new();
     for path in paths {
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let named =
-            || folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default());
+        let folder = path
+            .parent()
+            .filter(|p| !p.as_os_str().is_empty())
+            .unwrap_or(Path::new("."));
+        let named = || {
+            folder
+                .canonicalize()
+                .unwrap_or_else(|_| folder.to_owned())
+                .join(path.file_name().unwrap_or_default())
+        };
         let real = path.canonicalize().unwrap_or_else(|_| named());
         if seen.contains(&real) {
             return Err(usage::wrong(format!(
@@ -39,7 +51,8 @@ pub(super) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow:
     Ok(())
 }
 
-/// An earlier file, set aside while a new one of its name is made. It comes back unless something new was kept.
+/// An earlier file, set aside while a new one of its name is made. It comes back unless something
+/// new was kept.
 pub(super) struct Aside {
     path: PathBuf,
     earlier: Option<PathBuf>,
@@ -53,9 +66,13 @@ impl Aside {
         let earlier = PathBuf::from(earlier);
         let there = path.exists();
         if there {
-            std::fs::rename(path, &earlier).with_context(|| format!("{}: cannot be replaced", path.display()))?;
+            std::fs::rename(path, &earlier)
+                .with_context(|| format!("{}: cannot be replaced", path.display()))?;
         }
-        Ok(Self { path: path.to_owned(), earlier: there.then_some(earlier) })
+        Ok(Self {
+            path: path.to_owned(),
+            earlier: there.then_some(earlier),
+        })
     }
 
     /// The new file is whole: the earlier one goes.
@@ -69,7 +86,11 @@ impl Aside {
     /// The new file is only a part: both stay.
     pub(super) fn keep_both(mut self) {
         if let Some(earlier) = self.earlier.take() {
-            tracing::warn!("{}: incomplete; the earlier one is {}", self.path.display(), earlier.display());
+            tracing::warn!(
+                "{}: incomplete; the earlier one is {}",
+                self.path.display(),
+                earlier.display()
+            );
         }
     }
 }

@@ -8,7 +8,8 @@ use svl::run::Monitor;
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 static HANDLER: OnceLock<()> = OnceLock::new();
 
-/// Whether Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the program at once.
+/// Whether Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
+/// program at once.
 pub(super) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
@@ -21,7 +22,8 @@ pub(super) fn listen_for_interrupt() {
                 std::process::exit(130);
             }
         };
-        // Without a handler Ctrl-C ends the program at once, which is no worse than a power cut: files survive that.
+        // Without a handler Ctrl-C ends the program at once, which is no worse than a power cut:
+        // files survive that.
         if let Err(error) = ctrlc::set_handler(handler) {
             tracing::warn!("Ctrl-C will end svl at once: {error}");
         }
@@ -35,17 +37,23 @@ impl Progress {
     /// `pairs`: how many there will be, where known.
     pub(super) fn new(what: &str, pairs: Option<u64>, quiet: bool) -> Self {
         listen_for_interrupt();
-        let bar =
-            if quiet { ProgressBar::hidden() } else { pairs.map_or_else(ProgressBar::no_length, ProgressBar::new) };
+        let bar = if quiet {
+            ProgressBar::hidden()
+        } else {
+            pairs.map_or_else(ProgressBar::no_length, ProgressBar::new)
+        };
         let form = match pairs {
             Some(_) => "{prefix:<24} {bar:30} {pos:>6}/{len} pairs {per_sec:>9} {eta:>4} left",
             None => "{prefix:<24} {spinner} {pos:>6} pairs {per_sec:>9}",
         };
         // The templates above are constants; the tests run both.
         let style = ProgressStyle::with_template(form).expect("a valid template");
-        bar.set_style(style.with_key("per_sec", |state: &indicatif::ProgressState, w: &mut dyn std::fmt::Write| {
-            let _ = write!(w, "{:.0}/s", state.per_sec());
-        }));
+        bar.set_style(style.with_key(
+            "per_sec",
+            |state: &indicatif::ProgressState, w: &mut dyn std::fmt::Write| {
+                let _ = write!(w, "{:.0}/s", state.per_sec());
+            },
+        ));
         bar.set_prefix(what.to_owned());
         Self(bar)
     }
@@ -79,8 +87,13 @@ pub(super) struct Bytes(ProgressBar);
 impl Bytes {
     pub(super) fn new(what: &str, quiet: bool) -> Self {
         listen_for_interrupt();
-        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::no_length() };
-        let form = "{prefix:<36} {bar:24} {bytes:>10}/{total_bytes} {bytes_per_sec:>12} {eta:>4} left";
+        let bar = if quiet {
+            ProgressBar::hidden()
+        } else {
+            ProgressBar::no_length()
+        };
+        let form =
+            "{prefix:<36} {bar:24} {bytes:>10}/{total_bytes} {bytes_per_sec:>12} {eta:>4} left";
         // The template above is a constant; the tests run it.
         bar.set_style(ProgressStyle::with_template(form).expect("a valid template"));
         bar.set_prefix(what.to_owned());

@@ -86,7 +86,8 @@ pub(super) struct Args {
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
-    /// Write a ROS 2 bag: sensor_msgs and tf2_msgs in CDR, and as JSON in strings what ROS has no message for
+    /// Write a ROS 2 bag: sensor_msgs and tf2_msgs in CDR, and as JSON in strings what ROS has no
+    /// message for
     #[arg(long)]
     ros2: bool,
     /// Replace a file that exists
@@ -122,13 +123,25 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
     let format = Format {
-        dialect: if args.ros2 { Dialect::Ros2 } else { Dialect::Svl },
-        images: if args.compress { ImageFormat::Png } else { ImageFormat::Raw },
+        dialect: if args.ros2 {
+            Dialect::Ros2
+        } else {
+            Dialect::Svl
+        },
+        images: if args.compress {
+            ImageFormat::Png
+        } else {
+            ImageFormat::Raw
+        },
     };
     let began = Instant::now();
     let written = write(opened, &output, format, quiet);
     if let Some(live) = live.filter(|_| !quiet) {
-        let whose = if output.exists() { output.display().to_string() } else { args.source.clone() };
+        let whose = if output.exists() {
+            output.display().to_string()
+        } else {
+            args.source.clone()
+        };
         print(&format!("{whose}: {}\n", live.get()))?;
     }
     let outcome = match written {
@@ -148,7 +161,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 /// Records all of a source into `path`, which does not exist yet.
-pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool) -> anyhow::Result<Outcome> {
+pub(super) fn write(
+    mut opened: Opened,
+    path: &Path,
+    format: Format,
+    quiet: bool,
+) -> anyhow::Result<Outcome> {
     // From here on Ctrl-C leaves a whole file.
     listen_for_interrupt();
     let mut writer = Writer::create(path, &opened.header, format)?;
@@ -162,7 +180,14 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool
     let mut progress = Progress::new(&opened.source.name(), opened.source.pairs(), quiet);
     let grid = GridSettings::default();
     let mut lineup = Lineup::new(&[])?;
-    let ran = run_loop(&mut *opened.source, &mut lineup, grid, Pace::Asap, &mut [&mut sink], &mut progress);
+    let ran = run_loop(
+        &mut *opened.source,
+        &mut lineup,
+        grid,
+        Pace::Asap,
+        &mut [&mut sink],
+        &mut progress,
+    );
     progress.clear();
     source::tell_left_out(&*opened.source);
     // A grabber's counts are complete when it has ended.
@@ -170,7 +195,11 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool
     let remembered = opened.live.map_or(Ok(()), |live| {
         live.used(sink.pairs());
         let mut facts = live.get().facts();
-        facts.extend(ran.as_ref().err().map(|error| ("error".to_owned(), error.to_string())));
+        facts.extend(
+            ran.as_ref()
+                .err()
+                .map(|error| ("error".to_owned(), error.to_string())),
+        );
         sink.writer().remember(GRABBER, facts)
     });
     // What came before an error is kept: the file is completed first, the error told after.
@@ -187,7 +216,11 @@ pub(super) fn write(mut opened: Opened, path: &Path, format: Format, quiet: bool
 fn report(path: &Path, outcome: Outcome, seconds: f64) -> anyhow::Result<()> {
     let bytes = path.metadata()?.len();
     let rate = outcome.frames as f64 / seconds;
-    let stopped = if outcome.interrupted { ", stopped by Ctrl-C" } else { "" };
+    let stopped = if outcome.interrupted {
+        ", stopped by Ctrl-C"
+    } else {
+        ""
+    };
     print(&format!(
         "{}: {} in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
         path.display(),

@@ -9,9 +9,10 @@ use svl::recording::{Recovery, only_file, recover};
 
 /// Save what an unfinished or damaged recording still holds
 ///
-/// Everything whole goes into a new file: topics, schemas, messages, attachments and metadata, chunk by chunk, whoever
-/// wrote them. A chunk that is not what its CRC says is passed over; where the length of one is damaged, the next that can be
-/// believed is looked for. The damaged file stays as it is.
+/// Everything whole goes into a new file: topics, schemas, messages, attachments and metadata,
+/// chunk by chunk, whoever wrote them. A chunk that is not what its CRC says is passed over; where
+/// the length of one is damaged, the next that can be believed is looked for. The damaged file
+/// stays as it is.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
 pub(super) struct Args {
@@ -30,14 +31,28 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     distinct([file.as_path(), args.output.as_path()])?;
     may_write(&args.output, false)?;
     let recovery = recover(&file, &args.output)?;
-    if args.json { print_json(&recovery) } else { print(&table(args, &recovery)?) }
+    if args.json {
+        print_json(&recovery)
+    } else {
+        print(&table(args, &recovery)?)
+    }
 }
 
 fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
-    let Recovery { messages, pairs, attachments, metadata, .. } = recovery;
+    let Recovery {
+        messages,
+        pairs,
+        attachments,
+        metadata,
+        ..
+    } = recovery;
     let bytes = args.output.metadata()?.len();
     let (topics, messages) = (messages.len(), messages.values().sum::<u64>());
-    let pairs = if *pairs > 0 { format!("{}, ", counted(*pairs, "pair")) } else { String::new() };
+    let pairs = if *pairs > 0 {
+        format!("{}, ", counted(*pairs, "pair"))
+    } else {
+        String::new()
+    };
     let mut lines = vec![
         format!("{}: {}", args.output.display(), size(bytes)),
         format!(
@@ -50,7 +65,9 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
     let file = args.file.display();
     match (recovery.losses.is_empty(), recovery.checksums) {
         (true, true) => lines.push(format!("lost       nothing: {file} is whole")),
-        (true, false) => lines.push(format!("lost       nothing, as far as can be told: {file} has no checksums")),
+        (true, false) => lines.push(format!(
+            "lost       nothing, as far as can be told: {file} has no checksums"
+        )),
         (false, _) => {}
     }
     lines.extend(losses(&recovery.losses));

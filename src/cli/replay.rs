@@ -21,8 +21,8 @@ use svl::source::{RecordingSource, Watched};
 
 /// Replay a recording through algorithms
 ///
-/// Every pair goes through every algorithm, in order, none is skipped; the same recording gives the same results on any
-/// machine and any number of threads.
+/// Every pair goes through every algorithm, in order, none is skipped; the same recording gives the
+/// same results on any machine and any number of threads.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -38,9 +38,11 @@ Examples:
   svl replay run.mcap --verify=rows.csv
       against a table of rows, or the folder of a report")]
 pub(super) struct Args {
-    /// Recording to replay, svl's or another program's, or the folder of a ROS 2 bag [default: the newest of recordings/, else the arena, recorded first]
+    /// Recording to replay, svl's or another program's, or the folder of a ROS 2 bag [default: the
+    /// newest of recordings/, else the arena, recorded first]
     recording: Option<PathBuf>,
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of then]
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with
+    /// --verify those of then]
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
@@ -75,7 +77,9 @@ fn pace(text: &str) -> Result<Pace, String> {
         return Ok(Pace::Asap);
     }
     let times = usage::within(0.001..=1000.0)(text);
-    times.map(Pace::Times).map_err(|why| format!("{why}, 2 being twice as fast, or 'asap'"))
+    times
+        .map(Pace::Times)
+        .map_err(|why| format!("{why}, 2 being twice as fast, or 'asap'"))
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
@@ -83,23 +87,50 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Some(RerunTarget::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    let outputs: Vec<_> = [args.output.as_deref(), args.rows.as_deref(), rrd].into_iter().flatten().collect();
-    args.recording.as_deref().map_or(Ok(()), source::is_recorded)?;
-    let inputs = args.recording.as_deref().map(source::inputs).unwrap_or_default();
-    distinct(inputs.iter().map(PathBuf::as_path).chain(outputs.iter().copied()))?;
-    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
+    let outputs: Vec<_> = [args.output.as_deref(), args.rows.as_deref(), rrd]
+        .into_iter()
+        .flatten()
+        .collect();
+    args.recording
+        .as_deref()
+        .map_or(Ok(()), source::is_recorded)?;
+    let inputs = args
+        .recording
+        .as_deref()
+        .map(source::inputs)
+        .unwrap_or_default();
+    distinct(
+        inputs
+            .iter()
+            .map(PathBuf::as_path)
+            .chain(outputs.iter().copied()),
+    )?;
+    outputs
+        .iter()
+        .try_for_each(|path| may_write(path, args.force))?;
     let source = match &args.recording {
         Some(path) => RecordingSource::open_selection(path, &args.topics.selection())?,
         None => newest_or_arena(quiet)?,
     };
     let recording = source.reader().path().to_owned();
-    let mut header = source.reader().header().cloned().unwrap_or_else(|| Header::new(recording.display().to_string()));
+    let mut header = source
+        .reader()
+        .header()
+        .cloned()
+        .unwrap_or_else(|| Header::new(recording.display().to_string()));
     let scenario = header.scenario.clone().unwrap_or_else(|| stem(&recording));
     let scenario_text = source.scenario()?;
     let recorded = Recorded::of(&source)?;
-    let (mut source, recorded) = args.rectify.pairs(Box::new(source), recorded, &mut header, quiet)?;
-    let verify = args.verify.as_ref().map(|path| path.as_deref().unwrap_or(&recording));
-    let before = verify.map(|path| Earlier::read(path, header.seed)).transpose()?;
+    let (mut source, recorded) =
+        args.rectify
+            .pairs(Box::new(source), recorded, &mut header, quiet)?;
+    let verify = args
+        .verify
+        .as_ref()
+        .map(|path| path.as_deref().unwrap_or(&recording));
+    let before = verify
+        .map(|path| Earlier::read(path, header.seed))
+        .transpose()?;
     let algorithms = match (&args.algo[..], &before) {
         ([], Some(before)) => before.algorithms()?,
         ([], None) => vec!["v3".parse()?],
@@ -107,7 +138,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let mut lineup = Lineup::new(&algorithms).map_err(usage::of_words)?;
 
-    let earlier = outputs.iter().map(|path| Aside::new(path)).collect::<anyhow::Result<Vec<_>>>()?;
+    let earlier = outputs
+        .iter()
+        .map(|path| Aside::new(path))
+        .collect::<anyhow::Result<Vec<_>>>()?;
     let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
     let settings = GridSettings::default();
     let mut identity = Identity::new(&manifest, CellRule::Distance, settings.shape());
@@ -116,9 +150,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut rows = RowSink::new(identity.clone(), table);
     let mut rerun = match &args.rerun {
         Some(target) => {
-            let parsed = scenario_text.as_deref().and_then(|text| Scenario::parse(text, &recording).ok());
+            let parsed = scenario_text
+                .as_deref()
+                .and_then(|text| Scenario::parse(text, &recording).ok());
             let wireframe = parsed.map_or_else(Vec::new, |s| run_info::wireframe(&s, header.seed));
-            Some(RerunSink::new(target.clone(), &run_info::rerun(&manifest, &identity, wireframe))?)
+            Some(RerunSink::new(
+                target.clone(),
+                &run_info::rerun(&manifest, &identity, wireframe),
+            )?)
         }
         None => None,
     };
@@ -140,24 +179,54 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
     let mut progress = Progress::new(&source.name(), source.pairs(), quiet);
     let mut watched = Watched::new(&mut *source);
-    let ran = run_loop(&mut watched, &mut lineup, settings, args.rate, &mut sinks, &mut progress);
+    let ran = run_loop(
+        &mut watched,
+        &mut lineup,
+        settings,
+        args.rate,
+        &mut sinks,
+        &mut progress,
+    );
     progress.clear();
     // Everything that came before an error is kept and told, so the sinks are finished first.
-    let finished = sinks.iter_mut().map(|sink| sink.finish()).fold(Ok(()), Result::and);
+    let finished = sinks
+        .iter_mut()
+        .map(|sink| sink.finish())
+        .fold(Ok(()), Result::and);
     drop(sinks);
     let pairs = rows.pairs();
     let mut verification = None;
     if pairs > 0 || ran.is_ok() {
         let whole = ran.is_ok() && finished.is_ok();
-        earlier.into_iter().for_each(if whole { Aside::replaced } else { Aside::keep_both });
+        earlier.into_iter().for_each(if whole {
+            Aside::replaced
+        } else {
+            Aside::keep_both
+        });
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
-        let incomplete = ran.as_ref().map_or_else(|error| Some(error.to_string()), Outcome::lacks);
-        let summary = Summary { incomplete, ..Summary::of_rows(rows.rows())? };
-        verification = before.map(|before| before.compare(rows.rows(), &algorithms)).transpose()?;
-        let text = || format!("{} ({})\n{summary}", recording.display(), counted(pairs, "pair"));
+        let incomplete = ran
+            .as_ref()
+            .map_or_else(|error| Some(error.to_string()), Outcome::lacks);
+        let summary = Summary {
+            incomplete,
+            ..Summary::of_rows(rows.rows())?
+        };
+        verification = before
+            .map(|before| before.compare(rows.rows(), &algorithms))
+            .transpose()?;
+        let text = || {
+            format!(
+                "{} ({})\n{summary}",
+                recording.display(),
+                counted(pairs, "pair")
+            )
+        };
         if args.json {
-            print_json(&Answer { summary: &summary, verification: &verification })?
+            print_json(&Answer {
+                summary: &summary,
+                verification: &verification,
+            })?
         } else {
             print(&text())?
         }
@@ -166,7 +235,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     finished?;
     source::tell_left_out(&*source);
     if outcome.interrupted {
-        bail!("stopped by Ctrl-C after {}; what was written is kept", counted(outcome.frames, "pair"));
+        bail!(
+            "stopped by Ctrl-C after {}; what was written is kept",
+            counted(outcome.frames, "pair")
+        );
     }
     if let Some(verification) = verification {
         let proved = verification.proved()?;
@@ -198,5 +270,8 @@ fn newest_or_arena(quiet: bool) -> anyhow::Result<RecordingSource> {
 }
 
 fn stem(path: &Path) -> String {
-    path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned()
+    path.file_stem()
+        .and_then(|s| s.to_str())
+        .unwrap_or("recording")
+        .to_owned()
 }

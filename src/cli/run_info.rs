@@ -11,24 +11,34 @@ pub(super) fn rerun(manifest: &Manifest, identity: &Identity, wireframe: Vec<Wir
     RunInfo {
         recording_id: manifest.run_id.clone(),
         scenario: manifest.scenario.clone(),
-        algorithms: manifest.algorithms.iter().map(|a| (a.label.clone(), a.parameters.clone())).collect(),
-        wireframe: wireframe.into_iter().map(|Wire { name, strips }| Edges { name, strips }).collect(),
+        algorithms: manifest
+            .algorithms
+            .iter()
+            .map(|a| (a.label.clone(), a.parameters.clone()))
+            .collect(),
+        wireframe: wireframe
+            .into_iter()
+            .map(|Wire { name, strips }| Edges { name, strips })
+            .collect(),
         grid: identity.shape,
         rule: identity.rule,
     }
 }
 
-/// The outlines of the arena's things and the way of the run with that seed; none for other sources.
+/// The outlines of the arena's things and the way of the run with that seed; none for other
+/// sources.
 pub(super) fn wireframe(scenario: &Scenario, seed: Option<u64>) -> Vec<Wire> {
     match &scenario.source {
-        ScenarioSource::Arena { config, seeds } => {
-            Arena::new(config, seed.unwrap_or(seeds[0])).map(|a| a.wireframe()).unwrap_or_default()
-        }
+        ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))
+            .map(|a| a.wireframe())
+            .unwrap_or_default(),
         ScenarioSource::Dataset { .. } => Vec::new(),
     }
 }
 
 /// Refuses to call a run done that lacks something.
 pub(super) fn complete(outcome: &Outcome) -> anyhow::Result<()> {
-    outcome.lacks().map_or(Ok(()), |lacks| Err(anyhow::anyhow!("{lacks}, as warned; all else is kept")))
+    outcome.lacks().map_or(Ok(()), |lacks| {
+        Err(anyhow::anyhow!("{lacks}, as warned; all else is kept"))
+    })
 }

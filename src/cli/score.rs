@@ -19,10 +19,10 @@ use svl::source::{Source, Watched};
 
 /// Score algorithms on a scenario and write a report
 ///
-/// Records what is missing (recordings/ is a cache), replays it through the algorithms, judges every cell and every
-/// checkpoint, prints a summary, and writes a report: index.html to read, summary.md, run.rrd for Rerun, and as .csv and
-/// .parquet the tables summary (per algorithm), verdicts (per checkpoint), rows (per pair), cells and checkpoints (per
-/// run).
+/// Records what is missing (recordings/ is a cache), replays it through the algorithms, judges
+/// every cell and every checkpoint, prints a summary, and writes a report: index.html to read,
+/// summary.md, run.rrd for Rerun, and as .csv and .parquet the tables summary (per algorithm),
+/// verdicts (per checkpoint), rows (per pair), cells and checkpoints (per run).
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -41,16 +41,19 @@ against error. A run takes at most 32 algorithms.")]
 pub(super) struct Args {
     /// Scenario file
     scenario: PathBuf,
-    /// Algorithm, as `svl algos` lists them, or a sweep; may be given more than once [default: the scenario's]
+    /// Algorithm, as `svl algos` lists them, or a sweep; may be given more than once [default: the
+    /// scenario's]
     #[arg(long, value_name = "NAME[:key=value,…]")]
     algo: Vec<Algorithms>,
-    /// Folder for the report; a report of svl's that is there is replaced [default: reports/SCENARIO]
+    /// Folder for the report; a report of svl's that is there is replaced [default:
+    /// reports/SCENARIO]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in a folder
+    /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in
+    /// a folder
     #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = NonEmptyStringValueParser::new())]
     scenes: Vec<String>,
     /// Fail when a limit of the scenario's [[gate]] is broken
@@ -64,11 +67,16 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut scenario = Scenario::read(&args.scenario)?;
     if !args.algo.is_empty() {
-        scenario.algorithms = args.algo.iter().flat_map(|Algorithms(all)| all.clone()).collect();
+        scenario.algorithms = args
+            .algo
+            .iter()
+            .flat_map(|Algorithms(all)| all.clone())
+            .collect();
     }
     if scenario.algorithms.len() > MAX_ALGORITHMS {
         let many = scenario.algorithms.len();
-        let words = format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps");
+        let words =
+            format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps");
         return Err(usage::wrong(words));
     }
     if args.gate && scenario.gate.is_empty() {
@@ -79,19 +87,28 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     if !args.scenes.is_empty() {
         let ScenarioSource::Dataset { scenes } = &mut scenario.source else {
-            bail!("{}: does not read scenes; --scenes is for scenarios that do", args.scenario.display());
+            bail!(
+                "{}: does not read scenes; --scenes is for scenarios that do",
+                args.scenario.display()
+            );
         };
         scenes.clone_from(&args.scenes);
         // The page and the scenario's hash say what was judged.
         let named = args.scenes.join(", ");
-        scenario.description.push_str(&format!("\n\nOf other scenes than the scenario's: {named}."));
+        scenario.description.push_str(&format!(
+            "\n\nOf other scenes than the scenario's: {named}."
+        ));
         scenario.text.push_str(&format!("\n# --scenes {named}\n"));
     }
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("reports").join(&scenario.name));
-    let mut lineup = Lineup::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
-        true => error.into(),
-        false => usage::of_words(error),
-    })?;
+    let folder = args
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new("reports").join(&scenario.name));
+    let mut lineup =
+        Lineup::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
+            true => error.into(),
+            false => usage::of_words(error),
+        })?;
     let earlier = folder::earlier_report(&folder, REPORT_FILES, MANIFEST)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = data_folder(args.data.as_deref());
@@ -100,30 +117,52 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut report = Report::begin(&scenario, &folder)?;
     let mut outcome = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
-        let Outcome { frames, failures, unreadable, .. } = report.take(run, &mut lineup, &scenario, quiet)?;
+        let Outcome {
+            frames,
+            failures,
+            unreadable,
+            ..
+        } = report.take(run, &mut lineup, &scenario, quiet)?;
         outcome.frames += frames;
         outcome.failures += failures;
         outcome.unreadable += unreadable;
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let incomplete = ran.as_ref().err().map(super::one_line).or_else(|| outcome.lacks());
+    let incomplete = ran
+        .as_ref()
+        .err()
+        .map(super::one_line)
+        .or_else(|| outcome.lacks());
     let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
     };
     let limits = if args.gate { &scenario.gate[..] } else { &[] };
-    let rulings: Vec<_> = limits.iter().flat_map(|limit| limit.judge(&summary, &manifest)).collect();
+    let rulings: Vec<_> = limits
+        .iter()
+        .flat_map(|limit| limit.judge(&summary, &manifest))
+        .collect();
     if args.json {
-        print_json(&Answer { summary: &summary, gate: &rulings })?;
+        print_json(&Answer {
+            summary: &summary,
+            gate: &rulings,
+        })?;
     } else {
         let gate: String = rulings.iter().map(gate::line).collect();
-        print(&format!("{summary}\n{}\n{gate}", folder.join("index.html").display()))?;
+        print(&format!(
+            "{summary}\n{}\n{gate}",
+            folder.join("index.html").display()
+        ))?;
     }
     ran?;
     earlier.replaced()?;
     run_info::complete(&outcome)?;
-    if args.gate { gate::pass(&rulings) } else { Ok(()) }
+    if args.gate {
+        gate::pass(&rulings)
+    } else {
+        Ok(())
+    }
 }
 
 /// What `--json` prints.
@@ -146,7 +185,12 @@ struct Run {
 fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result<Vec<Run>> {
     match &scenario.source {
         ScenarioSource::Arena { seeds, .. } => {
-            let run = |&seed| Ok(Run { seed: Some(seed), source: Box::new(cache::recording(scenario, seed, quiet)?) });
+            let run = |&seed| {
+                Ok(Run {
+                    seed: Some(seed),
+                    source: Box::new(cache::recording(scenario, seed, quiet)?),
+                })
+            };
             seeds.iter().map(run).collect()
         }
         ScenarioSource::Dataset { scenes } => {
@@ -197,9 +241,17 @@ impl Report {
         let source = &mut *run.source;
         self.judge.begin_run(run.seed);
         self.rerun.begin_run();
-        let mut progress = Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
+        let mut progress =
+            Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
         let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
-        let ran = run_loop(&mut Watched::new(source), lineup, scenario.grid, Pace::Asap, &mut sinks, &mut progress);
+        let ran = run_loop(
+            &mut Watched::new(source),
+            lineup,
+            scenario.grid,
+            Pace::Asap,
+            &mut sinks,
+            &mut progress,
+        );
         progress.clear();
         self.judge.end_run()?;
         let outcome = ran?;
@@ -209,9 +261,23 @@ impl Report {
         Ok(outcome)
     }
 
-    fn finish(self, scenario: &Scenario, incomplete: Option<String>) -> anyhow::Result<(Summary, Manifest)> {
-        let Self { folder, mut manifest, judge, mut rerun } = self;
-        let Findings { mut summary, times_ms, figures, scenes } = judge.finish()?;
+    fn finish(
+        self,
+        scenario: &Scenario,
+        incomplete: Option<String>,
+    ) -> anyhow::Result<(Summary, Manifest)> {
+        let Self {
+            folder,
+            mut manifest,
+            judge,
+            mut rerun,
+        } = self;
+        let Findings {
+            mut summary,
+            times_ms,
+            figures,
+            scenes,
+        } = judge.finish()?;
         summary.incomplete = incomplete;
         summary.complete(&mut manifest);
         summary.write_tables(&folder)?;

@@ -54,7 +54,9 @@ impl Topics {
         Selection {
             left: self.left.clone(),
             right: self.right.clone(),
-            max_skew_ns: self.max_skew_ms.map_or(Selection::MAX_SKEW_NS, |ms| (ms * 1e6) as u64),
+            max_skew_ns: self
+                .max_skew_ms
+                .map_or(Selection::MAX_SKEW_NS, |ms| (ms * 1e6) as u64),
         }
     }
 
@@ -71,7 +73,11 @@ impl Topics {
 /// Opens a recording whose pairs are taken as they are, and says what to know of it.
 pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<RecordingSource> {
     let source = RecordingSource::open_selection(path, &topics.selection())?;
-    source.reader().remarks().iter().for_each(|remark| tracing::warn!("{}: {remark}", path.display()));
+    source
+        .reader()
+        .remarks()
+        .iter()
+        .for_each(|remark| tracing::warn!("{}: {remark}", path.display()));
     Ok(source)
 }
 
@@ -79,16 +85,28 @@ pub(super) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<Rec
 pub(super) fn is_recorded(path: &Path) -> anyhow::Result<()> {
     let name = path.to_string_lossy();
     if !path.exists() && (["arena", "board"].contains(&&*name) || is_live(&name)) {
-        return Err(usage::wrong(format!("{name}: is no recording; make one first, svl record {name} -o run.mcap")));
+        return Err(usage::wrong(format!(
+            "{name}: is no recording; make one first, svl record {name} -o run.mcap"
+        )));
     }
     Ok(())
 }
 
 /// Says what of a source is in no frame.
 pub(super) fn tell_left_out(source: &dyn Source) {
-    let (name, LeftOut { unpaired, late, unreadable }) = (source.name(), source.left_out());
+    let (
+        name,
+        LeftOut {
+            unpaired,
+            late,
+            unreadable,
+        },
+    ) = (source.name(), source.left_out());
     if unreadable > 0 {
-        tracing::warn!("{name}: left out, as they cannot be read: {}", counted(unreadable, "pair"));
+        tracing::warn!(
+            "{name}: left out, as they cannot be read: {}",
+            counted(unreadable, "pair")
+        );
     }
     if late > 0 {
         tracing::warn!(
@@ -102,7 +120,10 @@ pub(super) fn tell_left_out(source: &dyn Source) {
 
 fn tell_unpaired(name: &str, images: u64) {
     if images > 0 {
-        tracing::warn!("{name}: left out, without a partner: {}", counted(images, "image"));
+        tracing::warn!(
+            "{name}: left out, without a partner: {}",
+            counted(images, "image")
+        );
     }
 }
 
@@ -123,7 +144,9 @@ pub(super) fn open_any(
         return open(name, seed, topics, SOURCES);
     }
     if topics.are_named() {
-        return Err(usage::wrong(format!("{name}: --left and --right choose topics of a recording (.mcap)")));
+        return Err(usage::wrong(format!(
+            "{name}: --left and --right choose topics of a recording (.mcap)"
+        )));
     }
     live.open(name, seed, topics.max_skew_ms, quiet)
 }
@@ -137,9 +160,14 @@ pub(super) fn inputs(source: &Path) -> Vec<PathBuf> {
     files(source).unwrap_or_else(|_| vec![source.to_owned()])
 }
 
-/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording; `expected` are those to
-/// be offered where the name is of none.
-pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics, expected: &str) -> anyhow::Result<Opened> {
+/// Opens `arena`, `board`, a scenario file of the arena, a scene or image folder, or a recording;
+/// `expected` are those to be offered where the name is of none.
+pub(super) fn open(
+    name: &str,
+    seed: Option<u64>,
+    topics: &Topics,
+    expected: &str,
+) -> anyhow::Result<Opened> {
     let path = Path::new(name);
     // A scene may have a recording beside its images.
     let is_bag = is_bag(path) && Scene::find(path, name).is_none();
@@ -158,7 +186,9 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics, expected: &st
     }
     let scenario = path.extension().is_some_and(|e| e == "toml");
     if seed.is_some() && !scenario {
-        return Err(usage::wrong(format!("{name}: only the arena, the board and simulated cameras take a --seed")));
+        return Err(usage::wrong(format!(
+            "{name}: only the arena, the board and simulated cameras take a --seed"
+        )));
     }
     if is_bag {
         return recording(path, topics);
@@ -177,7 +207,10 @@ pub(super) fn open(name: &str, seed: Option<u64>, topics: &Topics, expected: &st
 /// The arena of a scenario with one of its seeds, or another.
 pub(super) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
     let ScenarioSource::Arena { config, .. } = &scenario.source else {
-        bail!("scenario '{}' reads scene folders; name one of them to record it", scenario.name);
+        bail!(
+            "scenario '{}' reads scene folders; name one of them to record it",
+            scenario.name
+        );
     };
     Ok(Opened {
         source: Box::new(ArenaSource::new(Arena::new(config, seed)?, seed)),
@@ -199,7 +232,10 @@ fn board(seed: u64) -> anyhow::Result<Opened> {
     Ok(Opened {
         source: Box::new(BoardSource::new(seed)?),
         stem: format!("board-seed{seed}"),
-        header: Header { seed: Some(seed), ..Header::new("board") },
+        header: Header {
+            seed: Some(seed),
+            ..Header::new("board")
+        },
         scenario: None,
         live: None,
         recorded: Recorded::default(),
@@ -210,13 +246,20 @@ fn board(seed: u64) -> anyhow::Result<Opened> {
 fn arena_hash(config: &ArenaConfig, seed: u64) -> String {
     // A configuration is plain numbers and text: JSON can say them all.
     let config = serde_json::to_string(config).unwrap_or_default();
-    let said = format!("svl {} arena {} seed {seed} {config}", env!("CARGO_PKG_VERSION"), svl::arena::REVISION);
+    let said = format!(
+        "svl {} arena {} seed {seed} {config}",
+        env!("CARGO_PKG_VERSION"),
+        svl::arena::REVISION
+    );
     format!("{:032x}", xxhash_rust::xxh3::xxh3_128(said.as_bytes()))
 }
 
 fn folder(path: &Path) -> anyhow::Result<Opened> {
-    let stem =
-        path.canonicalize().ok().and_then(|p| Some(p.file_name()?.to_str()?.to_owned())).unwrap_or("pairs".into());
+    let stem = path
+        .canonicalize()
+        .ok()
+        .and_then(|p| Some(p.file_name()?.to_str()?.to_owned()))
+        .unwrap_or("pairs".into());
     let scenes = match Scene::find(path, &stem) {
         Some(scene) => vec![scene],
         None => Scene::all_in(path, "")?,
@@ -228,33 +271,64 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
     } else {
         Box::new(SceneSource::new(scenes))
     };
-    let header = Header { scenario: Some(stem.clone()), ..Header::new(path.display().to_string()) };
-    Ok(Opened { source, header, scenario: None, stem, live: None, recorded: Recorded::default() })
+    let header = Header {
+        scenario: Some(stem.clone()),
+        ..Header::new(path.display().to_string())
+    };
+    Ok(Opened {
+        source,
+        header,
+        scenario: None,
+        stem,
+        live: None,
+        recorded: Recorded::default(),
+    })
 }
 
 fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
     let source = RecordingSource::open_selection(path, &topics.selection())?;
     let recorded = Recorded::of(&source)?;
-    let header = source.reader().header().cloned().unwrap_or_else(|| Header::new(path.display().to_string()));
-    let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("recording").to_owned();
+    let header = source
+        .reader()
+        .header()
+        .cloned()
+        .unwrap_or_else(|| Header::new(path.display().to_string()));
+    let stem = path
+        .file_stem()
+        .and_then(|s| s.to_str())
+        .unwrap_or("recording")
+        .to_owned();
     let scenario = source.scenario()?;
-    Ok(Opened { source: Box::new(source), header, scenario, stem, live: None, recorded })
+    Ok(Opened {
+        source: Box::new(source),
+        header,
+        scenario,
+        stem,
+        live: None,
+        recorded,
+    })
 }
 
 /// The folder of the data sets: the one named, or what `SVL_DATASETS` names.
 pub(super) fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
     let variable = || std::env::var_os("SVL_DATASETS").filter(|folder| !folder.is_empty());
-    named.map(Path::to_owned).or_else(|| variable().map(PathBuf::from))
+    named
+        .map(Path::to_owned)
+        .or_else(|| variable().map(PathBuf::from))
 }
 
 /// Makes the folder where recordings are kept.
 pub(super) fn make_recordings_folder() -> anyhow::Result<()> {
-    std::fs::create_dir_all(RECORDINGS).with_context(|| format!("{RECORDINGS}: cannot make the folder"))
+    std::fs::create_dir_all(RECORDINGS)
+        .with_context(|| format!("{RECORDINGS}: cannot make the folder"))
 }
 
 /// The newest recording in `recordings/`.
 pub(super) fn newest_recording() -> Option<PathBuf> {
-    let entries = std::fs::read_dir(RECORDINGS).ok()?.filter_map(Result::ok).map(|e| e.path());
+    let entries = std::fs::read_dir(RECORDINGS)
+        .ok()?
+        .filter_map(Result::ok)
+        .map(|e| e.path());
     let recordings = entries.filter(|p| p.extension().is_some_and(|e| e == "mcap"));
     recordings.max_by_key(|p| p.metadata().and_then(|m| m.modified()).ok())
 }
@@ -262,5 +336,8 @@ pub(super) fn newest_recording() -> Option<PathBuf> {
 /// `folder/stem-N.mcap` with the first number that is free.
 pub(super) fn free_name(folder: &Path, stem: &str) -> PathBuf {
     let name = |n: u32| folder.join(format!("{stem}-{n}.mcap"));
-    (1..).map(name).find(|p| !p.exists()).unwrap_or_else(|| name(0))
+    (1..)
+        .map(name)
+        .find(|p| !p.exists())
+        .unwrap_or_else(|| name(0))
 }

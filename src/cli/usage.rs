@@ -1,4 +1,5 @@
-//! What is wrong with the command line itself, whatever files and machines there are: one line, and exit code 2.
+//! What is wrong with the command line itself, whatever files and machines there are: one line, and
+//! exit code 2.
 
 use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
@@ -15,21 +16,31 @@ pub(super) fn wrong(words: impl Display) -> anyhow::Error {
     Error::raw(ErrorKind::ValueValidation, format!("{words}\n")).into()
 }
 
-/// An error of something that the command line says: of its words it is wrong usage, of files and machines it is none.
+/// An error of something that the command line says: of its words it is wrong usage, of files and
+/// machines it is none.
 pub(super) fn of_words(error: svl::Error) -> anyhow::Error {
     use svl::Error::{Invalid, ParameterValue, UnknownAlgorithm, UnknownParameter};
     match error {
-        Invalid(_) | ParameterValue { .. } | UnknownAlgorithm { .. } | UnknownParameter { .. } => wrong(error),
+        Invalid(_) | ParameterValue { .. } | UnknownAlgorithm { .. } | UnknownParameter { .. } => {
+            wrong(error)
+        }
         other => other.into(),
     }
 }
 
-/// Prints clap's error in one line, without the usage that `--help` shows; help and version as they are.
+/// Prints clap's error in one line, without the usage that `--help` shows; help and version as they
+/// are.
 pub(super) fn tell(error: &Error) -> ExitCode {
     if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let text = error.to_string();
-        let end = ["\n\nUsage:", "\n\nFor more information"].iter().filter_map(|mark| text.find(mark)).min();
-        let line = text[..end.unwrap_or(text.len())].split_whitespace().collect::<Vec<_>>().join(" ");
+        let end = ["\n\nUsage:", "\n\nFor more information"]
+            .iter()
+            .filter_map(|mark| text.find(mark))
+            .min();
+        let line = text[..end.unwrap_or(text.len())]
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
         eprintln!("{line}; see --help");
     } else {
         // A closed standard output is no reason to panic.
@@ -39,7 +50,9 @@ pub(super) fn tell(error: &Error) -> ExitCode {
 }
 
 /// A number in a range.
-pub(super) fn within<N>(range: RangeInclusive<N>) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync
+pub(super) fn within<N>(
+    range: RangeInclusive<N>,
+) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync
 where
     N: FromStr + PartialOrd + Display + Clone + Send + Sync,
 {
@@ -65,8 +78,15 @@ pub(super) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<
 
 /// Refuses the name of a file with none of these endings.
 pub(super) fn ends_in(path: &Path, endings: &[&str]) -> Result<(), String> {
-    match endings.iter().any(|ending| path.extension().is_some_and(|e| e == *ending)) {
+    match endings
+        .iter()
+        .any(|ending| path.extension().is_some_and(|e| e == *ending))
+    {
         true => Ok(()),
-        false => Err(format!("{}: must end in .{}", path.display(), endings.join(" or ."))),
+        false => Err(format!(
+            "{}: must end in .{}",
+            path.display(),
+            endings.join(" or .")
+        )),
     }
 }

@@ -28,34 +28,51 @@ pub(super) struct Verification {
     equal: usize,
     /// Algorithms whose results are not, each with the pairs' numbers.
     differing: BTreeMap<String, Vec<u64>>,
-    /// Results of now without an earlier one, and of the same algorithms then without a present one.
+    /// Results of now without an earlier one, and of the same algorithms then without a present
+    /// one.
     only_now: usize,
     only_then: usize,
 }
 
 impl Earlier {
-    /// Reads the results in a result recording, a table of rows (CSV) or the folder of a report; of a report only the run
-    /// with that seed.
+    /// Reads the results in a result recording, a table of rows (CSV) or the folder of a report; of
+    /// a report only the run with that seed.
     pub(super) fn read(path: &Path, seed: Option<u64>) -> anyhow::Result<Self> {
-        let mut earlier =
-            Self { path: path.to_owned(), labels: Vec::new(), hashes: BTreeMap::new(), parameters: BTreeMap::new() };
+        let mut earlier = Self {
+            path: path.to_owned(),
+            labels: Vec::new(),
+            hashes: BTreeMap::new(),
+            parameters: BTreeMap::new(),
+        };
         match path.extension().and_then(|e| e.to_str()) {
             _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), seed)?,
             Some("csv") => earlier.read_rows(path, seed)?,
             Some("mcap") => earlier.read_recording(path)?,
-            _ => bail!("{}: expected RESULT.mcap, ROWS.csv or the folder of a report", path.display()),
+            _ => bail!(
+                "{}: expected RESULT.mcap, ROWS.csv or the folder of a report",
+                path.display()
+            ),
         }
         if earlier.hashes.is_empty() {
             let cure = "`svl replay -o RESULT.mcap`, `svl replay --rows ROWS.csv` and `svl score` leave some";
-            bail!("{}: holds no results of that recording to compare with; {cure}", path.display());
+            bail!(
+                "{}: holds no results of that recording to compare with; {cure}",
+                path.display()
+            );
         }
         Ok(earlier)
     }
 
     fn read_rows(&mut self, path: &Path, seed: Option<u64>) -> anyhow::Result<()> {
-        for row in svl::report::read_rows::<Row>(path)?.into_iter().filter(|row| row.seed.is_none() || row.seed == seed)
+        for row in svl::report::read_rows::<Row>(path)?
+            .into_iter()
+            .filter(|row| row.seed.is_none() || row.seed == seed)
         {
-            self.add(row.algorithm.clone(), row.sequence, (row.result_hash, row.pair_hash));
+            self.add(
+                row.algorithm.clone(),
+                row.sequence,
+                (row.result_hash, row.pair_hash),
+            );
             self.parameters.insert(row.algorithm, row.parameters_hash);
         }
         Ok(())
@@ -63,12 +80,21 @@ impl Earlier {
 
     fn read_recording(&mut self, path: &Path) -> anyhow::Result<()> {
         for result in recording::results(path)? {
-            self.add(result.algorithm, result.sequence, (result.hash, result.pair_hash));
+            self.add(
+                result.algorithm,
+                result.sequence,
+                (result.hash, result.pair_hash),
+            );
         }
         if let Some(json) = recording::attachment(path, MANIFEST)? {
-            let manifest: Manifest =
-                serde_json::from_slice(&json).with_context(|| format!("{}: {MANIFEST}", path.display()))?;
-            self.parameters.extend(manifest.algorithms.into_iter().map(|a| (a.label, a.parameters_hash)));
+            let manifest: Manifest = serde_json::from_slice(&json)
+                .with_context(|| format!("{}: {MANIFEST}", path.display()))?;
+            self.parameters.extend(
+                manifest
+                    .algorithms
+                    .into_iter()
+                    .map(|a| (a.label, a.parameters_hash)),
+            );
         }
         Ok(())
     }
@@ -83,10 +109,14 @@ impl Earlier {
     /// The algorithms of the earlier run.
     pub(super) fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
         let parse = |label: &String| {
-            let algorithm: Algorithm = label.parse().with_context(|| self.path.display().to_string())?;
+            let algorithm: Algorithm = label
+                .parse()
+                .with_context(|| self.path.display().to_string())?;
             if algorithm.spec().name == "exec" {
                 let shown = self.path.display();
-                bail!("{shown}: names a program, which is not started unasked; name it yourself with --algo '{label}'");
+                bail!(
+                    "{shown}: names a program, which is not started unasked; name it yourself with --algo '{label}'"
+                );
             }
             Ok(algorithm)
         };
@@ -94,7 +124,11 @@ impl Earlier {
     }
 
     /// Compares the rows of a replay of `algorithms`.
-    pub(super) fn compare(&self, rows: &[Row], algorithms: &[Algorithm]) -> anyhow::Result<Verification> {
+    pub(super) fn compare(
+        &self,
+        rows: &[Row],
+        algorithms: &[Algorithm],
+    ) -> anyhow::Result<Verification> {
         let mut found = Verification {
             against: self.path.clone(),
             equal: 0,
@@ -103,7 +137,11 @@ impl Earlier {
             only_then: 0,
         };
         for row in rows {
-            if self.parameters.get(&row.algorithm).is_some_and(|then| *then != row.parameters_hash) {
+            if self
+                .parameters
+                .get(&row.algorithm)
+                .is_some_and(|then| *then != row.parameters_hash)
+            {
                 let label = &row.algorithm;
                 bail!(
                     "{label}: its parameters are not those of {}; give them all, as `{label}:key=value`",
@@ -113,14 +151,26 @@ impl Earlier {
             match self.hashes.get(&(row.algorithm.clone(), row.sequence)) {
                 None => found.only_now += 1,
                 Some((_, pair)) if *pair != row.pair_hash => {
-                    bail!("{}: is of other pairs than these; pair {} differs", self.path.display(), row.sequence);
+                    bail!(
+                        "{}: is of other pairs than these; pair {} differs",
+                        self.path.display(),
+                        row.sequence
+                    );
                 }
                 Some((then, _)) if *then == row.result_hash => found.equal += 1,
-                Some(_) => found.differing.entry(row.algorithm.clone()).or_default().push(row.sequence),
+                Some(_) => found
+                    .differing
+                    .entry(row.algorithm.clone())
+                    .or_default()
+                    .push(row.sequence),
             }
         }
         // Algorithms of then that were not asked for now are not missed.
-        let ran = |label: &str| algorithms.iter().any(|algorithm| algorithm.label() == label);
+        let ran = |label: &str| {
+            algorithms
+                .iter()
+                .any(|algorithm| algorithm.label() == label)
+        };
         let then = self.hashes.keys().filter(|(label, _)| ran(label)).count();
         let compared = found.equal + found.differing.values().map(Vec::len).sum::<usize>();
         found.only_then = then.saturating_sub(compared);
@@ -132,7 +182,8 @@ impl Verification {
     /// What was proved, in a line.
     ///
     /// # Errors
-    /// What was not: results that differ, or that the earlier run does not have, or that this one lacks.
+    /// What was not: results that differ, or that the earlier run does not have, or that this one
+    /// lacks.
     pub(super) fn proved(&self) -> anyhow::Result<String> {
         let against = self.against.display();
         if let Some((label, pairs)) = self.differing.first_key_value() {
@@ -148,8 +199,13 @@ impl Verification {
         }
         if self.only_now + self.only_then > 0 {
             let (now, then, equal) = (self.only_now, self.only_then, self.equal);
-            bail!("{now} results have no counterpart in {against}, {then} of its results none here; {equal} are equal");
+            bail!(
+                "{now} results have no counterpart in {against}, {then} of its results none here; {equal} are equal"
+            );
         }
-        Ok(format!("verified: {} results equal those of {against}\n", self.equal))
+        Ok(format!(
+            "verified: {} results equal those of {against}\n",
+            self.equal
+        ))
     }
 }

@@ -17,17 +17,30 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     // The viewer names a recording after the path it is given, and the layout must name the same.
-    let file = only_file(&args.file)?.canonicalize().map_err(|cause| svl::Error::io(&args.file, cause))?;
+    let file = only_file(&args.file)?
+        .canonicalize()
+        .map_err(|cause| svl::Error::io(&args.file, cause))?;
     match file.extension().and_then(|extension| extension.to_str()) {
         // A run carries its layout.
         Some("rrd") => view(&[&file]),
         Some("mcap") => {
             let folder = tempfile::tempdir().context("no folder for the layout")?;
             let layout = folder.path().join("layout.rbl");
-            let topics: Vec<_> = Summary::of(&file)?.topics.into_iter().map(|topic| topic.name).collect();
-            if save_recording_layout(&file, &topics, &layout)? { view(&[&file, &layout]) } else { view(&[&file]) }
+            let topics: Vec<_> = Summary::of(&file)?
+                .topics
+                .into_iter()
+                .map(|topic| topic.name)
+                .collect();
+            if save_recording_layout(&file, &topics, &layout)? {
+                view(&[&file, &layout])
+            } else {
+                view(&[&file])
+            }
         }
-        _ => bail!("{}: neither a recording (.mcap) nor a run (.rrd)", args.file.display()),
+        _ => bail!(
+            "{}: neither a recording (.mcap) nor a run (.rrd)",
+            args.file.display()
+        ),
     }
 }
 
@@ -36,7 +49,9 @@ fn view(files: &[&Path]) -> anyhow::Result<()> {
     match Command::new("rerun").args(files).status() {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => bail!("the Rerun viewer ended with {status}"),
-        Err(error) if error.kind() == ErrorKind::NotFound => bail!("no program `rerun` on the PATH; {VIEWER_HINT}"),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            bail!("no program `rerun` on the PATH; {VIEWER_HINT}")
+        }
         Err(error) => Err(error).context("rerun"),
     }
 }

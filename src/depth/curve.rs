@@ -1,13 +1,15 @@
-//! The distance curve of the thesis: a polynomial of degree 5 through measured pairs (annex B; section 5.1, figure 5.1).
+//! The distance curve of the thesis: a polynomial of degree 5 through measured pairs (annex B;
+//! section 5.1, figure 5.1).
 //!
-//! A target was moved from 130 cm towards the cameras and its disparity noted; `polyfit(disparity, cm, 5)` made the
-//! table that the robot used.
+//! A target was moved from 130 cm towards the cameras and its disparity noted;
+//! `polyfit(disparity, cm, 5)` made the table that the robot used.
 //!
-//! Departure from the thesis: no extrapolation. Beyond its measurements a polynomial of degree 5 says anything, and the
-//! thesis's table is filled by it for every disparity from 1 on.
+//! Departure from the thesis: no extrapolation. Beyond its measurements a polynomial of degree 5
+//! says anything, and the thesis's table is filled by it for every disparity from 1 on.
 //!
-//! Even inside, where annex B's measurements are far apart, the curve swings: it passes within 1.2 cm of most of them,
-//! but between 38 and 81 px it says 15 cm at 50 px and 38 cm at 70 px. The pinhole model does not.
+//! Even inside, where annex B's measurements are far apart, the curve swings: it passes within 1.2
+//! cm of most of them, but between 38 and 81 px it says 15 cm at 50 px and 38 cm at 70 px. The
+//! pinhole model does not.
 
 use crate::error::{Error, Result};
 use nalgebra::{SMatrix, SVector};
@@ -49,8 +51,13 @@ impl DistanceCurve {
     /// # Errors
     /// [`Error::Invalid`] when a number is not finite or fewer than six disparities are distinct.
     pub fn fit(pairs: &[(f64, f64)]) -> Result<Self> {
-        if pairs.iter().any(|(cm, px)| !cm.is_finite() || !px.is_finite()) {
-            return Err(Error::Invalid("a distance curve needs finite distances and disparities".into()));
+        if pairs
+            .iter()
+            .any(|(cm, px)| !cm.is_finite() || !px.is_finite())
+        {
+            return Err(Error::Invalid(
+                "a distance curve needs finite distances and disparities".into(),
+            ));
         }
         let mut distinct: Vec<f64> = pairs.iter().map(|&(_, px)| px).collect();
         distinct.sort_by(f64::total_cmp);
@@ -61,7 +68,11 @@ impl DistanceCurve {
         if distinct.len() < COEFFICIENTS {
             return Err(too_few(distinct.len()));
         }
-        let mut curve = Self { coefficients: SVector::zeros(), first_px, last_px };
+        let mut curve = Self {
+            coefficients: SVector::zeros(),
+            first_px,
+            last_px,
+        };
         let mut normal = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::zeros();
         let mut right = SVector::<f64, COEFFICIENTS>::zeros();
         for &(cm, px) in pairs {
@@ -69,7 +80,10 @@ impl DistanceCurve {
             normal += powers * powers.transpose();
             right += powers * cm;
         }
-        curve.coefficients = normal.cholesky().ok_or_else(|| too_few(distinct.len()))?.solve(&right);
+        curve.coefficients = normal
+            .cholesky()
+            .ok_or_else(|| too_few(distinct.len()))?
+            .solve(&right);
         Ok(curve)
     }
 
@@ -81,43 +95,58 @@ impl DistanceCurve {
         Self::fit(&Self::TABLE_B1)
     }
 
-    /// Distance in centimetres; nothing outside [`DistanceCurve::measured_px`], where the curve knows nothing.
+    /// Distance in centimetres; nothing outside [`DistanceCurve::measured_px`], where the curve
+    /// knows nothing.
     pub fn distance_cm(&self, disparity_px: f64) -> Option<f64> {
         let measured = self.measured_px().contains(&disparity_px);
         measured.then(|| self.powers(disparity_px).dot(&self.coefficients))
     }
 
-    /// Its coefficients for disparities in pixels, lowest power first, as MATLAB's `polyfit` gives them in reverse.
+    /// Its coefficients for disparities in pixels, lowest power first, as MATLAB's `polyfit` gives
+    /// them in reverse.
     pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
         // t = slope·d + offset, expanded by Horner's rule.
         let slope = 2.0 / (self.last_px - self.first_px);
         let offset = -(self.first_px + self.last_px) / (self.last_px - self.first_px);
-        self.coefficients.iter().rev().fold([0.0; COEFFICIENTS], |sum, coefficient| {
-            let mut next = sum.map(|v| v * offset);
-            (1..COEFFICIENTS).for_each(|power| next[power] += slope * sum[power - 1]);
-            next[0] += coefficient;
-            next
-        })
+        self.coefficients
+            .iter()
+            .rev()
+            .fold([0.0; COEFFICIENTS], |sum, coefficient| {
+                let mut next = sum.map(|v| v * offset);
+                (1..COEFFICIENTS).for_each(|power| next[power] += slope * sum[power - 1]);
+                next[0] += coefficient;
+                next
+            })
     }
 
-    /// `(disparity_px, distance_cm)` every half pixel, from the farthest measurement to the nearest.
+    /// `(disparity_px, distance_cm)` every half pixel, from the farthest measurement to the
+    /// nearest.
     pub fn points(&self) -> Vec<(f64, f64)> {
         let steps = (2.0 * (self.last_px - self.first_px)) as usize;
         let px = (0..=steps).map(|i| self.first_px + 0.5 * i as f64);
-        px.filter_map(|px| Some((px, self.distance_cm(px)?))).collect()
+        px.filter_map(|px| Some((px, self.distance_cm(px)?)))
+            .collect()
     }
 
-    /// The ranges of disparity in which it may be used: between measurements next to each other it stays between their
-    /// distances, or goes beyond by no more than a share of them. `pairs` are those it was fitted to.
+    /// The ranges of disparity in which it may be used: between measurements next to each other it
+    /// stays between their distances, or goes beyond by no more than a share of them. `pairs` are
+    /// those it was fitted to.
     pub fn usable_px(&self, pairs: &[(f64, f64)], share: f64) -> Vec<(f64, f64)> {
         let mut pairs = pairs.to_vec();
         pairs.sort_by(|a, b| a.1.total_cmp(&b.1));
         let mut usable: Vec<(f64, f64)> = Vec::new();
         for pair in pairs.windows(2) {
             let ((cm, from), (next_cm, to)) = (pair[0], pair[1]);
-            let (least, most) = ((1.0 - share) * cm.min(next_cm), (1.0 + share) * cm.max(next_cm));
-            let mut steps = (0..=STEPS).map(|i| from + (to - from) * f64::from(i) / f64::from(STEPS));
-            let stays = |px: f64| self.distance_cm(px.min(self.last_px)).is_some_and(|cm| (least..=most).contains(&cm));
+            let (least, most) = (
+                (1.0 - share) * cm.min(next_cm),
+                (1.0 + share) * cm.max(next_cm),
+            );
+            let mut steps =
+                (0..=STEPS).map(|i| from + (to - from) * f64::from(i) / f64::from(STEPS));
+            let stays = |px: f64| {
+                self.distance_cm(px.min(self.last_px))
+                    .is_some_and(|cm| (least..=most).contains(&cm))
+            };
             match usable.last_mut() {
                 _ if !steps.all(stays) => {}
                 Some(last) if last.1 == from => last.1 = to,
@@ -133,13 +162,16 @@ impl DistanceCurve {
     }
 
     fn powers(&self, disparity_px: f64) -> SVector<f64, COEFFICIENTS> {
-        let t = (2.0 * disparity_px - self.first_px - self.last_px) / (self.last_px - self.first_px);
+        let t =
+            (2.0 * disparity_px - self.first_px - self.last_px) / (self.last_px - self.first_px);
         SVector::from_fn(|power, _| t.powi(power as i32))
     }
 }
 
 fn too_few(distinct: usize) -> Error {
-    Error::Invalid(format!("a distance curve needs {COEFFICIENTS} well separated disparities, got {distinct}"))
+    Error::Invalid(format!(
+        "a distance curve needs {COEFFICIENTS} well separated disparities, got {distinct}"
+    ))
 }
 
 #[cfg(test)]
@@ -149,10 +181,15 @@ mod tests {
     #[test]
     fn an_exact_polynomial_is_recovered() {
         let polynomial = |d: f64| 3.0 - 2.0 * d + 0.5 * d * d - 0.01 * d.powi(5);
-        let pairs: Vec<(f64, f64)> = (-4..=8).map(|d| (polynomial(f64::from(d)), f64::from(d))).collect();
+        let pairs: Vec<(f64, f64)> = (-4..=8)
+            .map(|d| (polynomial(f64::from(d)), f64::from(d)))
+            .collect();
         let curve = DistanceCurve::fit(&pairs).unwrap();
         for d in [-4.0, -1.5, 0.25, 7.9] {
-            assert!((curve.distance_cm(d).unwrap() - polynomial(d)).abs() < 1e-8, "{d}");
+            assert!(
+                (curve.distance_cm(d).unwrap() - polynomial(d)).abs() < 1e-8,
+                "{d}"
+            );
         }
     }
 
@@ -160,7 +197,13 @@ mod tests {
     fn annex_b_is_what_polyfit_makes_of_it() {
         let curve = DistanceCurve::annex_b().unwrap();
         // numpy.polyfit(px, cm, 5)
-        for (px, cm) in [(11.0, 130.5673), (20.0, 67.3588), (32.0, 40.1092), (50.0, 15.2899), (70.0, 37.9085)] {
+        for (px, cm) in [
+            (11.0, 130.5673),
+            (20.0, 67.3588),
+            (32.0, 40.1092),
+            (50.0, 15.2899),
+            (70.0, 37.9085),
+        ] {
             assert!((curve.distance_cm(px).unwrap() - cm).abs() < 1e-4, "{px}");
         }
     }
@@ -168,9 +211,17 @@ mod tests {
     #[test]
     fn it_is_not_used_where_it_swings() {
         let curve = DistanceCurve::annex_b().unwrap();
-        assert_eq!(curve.usable_px(&DistanceCurve::TABLE_B1, 0.1), [(11.0, 38.0)]);
-        let line: Vec<(f64, f64)> = (1..=9).map(|d| (100.0 - 10.0 * f64::from(d), f64::from(d))).collect();
-        assert_eq!(DistanceCurve::fit(&line).unwrap().usable_px(&line, 0.01), [(1.0, 9.0)]);
+        assert_eq!(
+            curve.usable_px(&DistanceCurve::TABLE_B1, 0.1),
+            [(11.0, 38.0)]
+        );
+        let line: Vec<(f64, f64)> = (1..=9)
+            .map(|d| (100.0 - 10.0 * f64::from(d), f64::from(d)))
+            .collect();
+        assert_eq!(
+            DistanceCurve::fit(&line).unwrap().usable_px(&line, 0.01),
+            [(1.0, 9.0)]
+        );
     }
 
     #[test]
@@ -203,7 +254,12 @@ mod tests {
     #[test]
     fn six_distinct_disparities_are_needed() {
         let five: Vec<(f64, f64)> = (0..20).map(|i| (1.0, f64::from(i % 5))).collect();
-        assert!(DistanceCurve::fit(&five).unwrap_err().to_string().contains("got 5"));
+        assert!(
+            DistanceCurve::fit(&five)
+                .unwrap_err()
+                .to_string()
+                .contains("got 5")
+        );
         assert!(DistanceCurve::fit(&[]).is_err());
         assert!(DistanceCurve::fit(&[(f64::NAN, 1.0)]).is_err());
     }

@@ -1,23 +1,33 @@
 //! The median grid (thesis, section 5.1, figure 5.2).
 //!
-//! Departure from the thesis: percentiles are by nearest rank, so each is a disparity that was measured.
+//! Departure from the thesis: percentiles are by nearest rank, so each is a disparity that was
+//! measured.
 
 use crate::stereo::{Cell, CellDepth, DepthGrid, GridShape, Plane, Rig};
 
-/// Least share of a cell's pixels that must have a disparity for the cell to be known (thesis, section 5.3.1).
+/// Least share of a cell's pixels that must have a disparity for the cell to be known (thesis,
+/// section 5.3.1).
 pub const MIN_VALID: f64 = 0.20;
 
-/// The grid of a plane of disparities, of a matcher or of the truth: per cell the median, 20th and 80th percentile of
-/// those that are finite, and the distance of the median.
+/// The grid of a plane of disparities, of a matcher or of the truth: per cell the median, 20th and
+/// 80th percentile of those that are finite, and the distance of the median.
 ///
-/// A cell is unknown when fewer than `min_valid`, 0..=1, of its pixels have a disparity, and when none has. Distances
-/// are pinhole, `f·B / (d + doffs)`; without `rig` there are none.
+/// A cell is unknown when fewer than `min_valid`, 0..=1, of its pixels have a disparity, and when
+/// none has. Distances are pinhole, `f·B / (d + doffs)`; without `rig` there are none.
 ///
 /// # Panics
 /// When `shape` has no cells.
-pub fn grid(disparity: &Plane<f32>, shape: GridShape, min_valid: f64, rig: Option<&Rig>) -> DepthGrid {
+pub fn grid(
+    disparity: &Plane<f32>,
+    shape: GridShape,
+    min_valid: f64,
+    rig: Option<&Rig>,
+) -> DepthGrid {
     let mut keys = Vec::new();
-    let cells = shape.iter().map(|place| cell(disparity, shape, place, min_valid, rig, &mut keys)).collect();
+    let cells = shape
+        .iter()
+        .map(|place| cell(disparity, shape, place, min_valid, rig, &mut keys))
+        .collect();
     // One cell was made per place.
     DepthGrid::new(shape, cells).expect("a grid has at least one cell")
 }
@@ -32,7 +42,8 @@ fn cell(
 ) -> Cell {
     let (columns, rows) = shape.pixels(place, disparity.size());
     let pixels = columns.len() * rows.len();
-    // Every pixel is written and the next one over it unless it is finite: quicker than to decide whether to write.
+    // Every pixel is written and the next one over it unless it is finite: quicker than to decide
+    // whether to write.
     keys.resize(pixels + 1, 0);
     let mut valid = 0;
     for y in rows {
@@ -41,12 +52,21 @@ fn cell(
             valid += usize::from(d.is_finite());
         }
     }
-    let valid_share = if pixels == 0 { 0.0 } else { valid as f64 / pixels as f64 };
+    let valid_share = if pixels == 0 {
+        0.0
+    } else {
+        valid as f64 / pixels as f64
+    };
     let known = valid > 0 && valid_share >= min_valid;
     let depth = known.then(|| {
         let [p20_px, median_px, p80_px] = percentiles(&mut keys[..valid]);
         let distance_m = rig.and_then(|rig| rig.depth_m(f64::from(median_px)));
-        CellDepth { median_px, p20_px, p80_px, distance_m }
+        CellDepth {
+            median_px,
+            p20_px,
+            p80_px,
+            distance_m,
+        }
     });
     Cell { valid_share, depth }
 }
@@ -62,13 +82,22 @@ fn value(key: i32) -> f32 {
     f32::from_bits((key ^ ((key >> 31) as u32 >> 1) as i32) as u32)
 }
 
-/// The 20th, 50th and 80th percentile by nearest rank, `sorted[⌈p·n⌉ − 1]`, of at least one value; reorders them.
+/// The 20th, 50th and 80th percentile by nearest rank, `sorted[⌈p·n⌉ − 1]`, of at least one value;
+/// reorders them.
 fn percentiles(keys: &mut [i32]) -> [f32; 3] {
     let index = |percent: usize| (percent * keys.len()).div_ceil(100) - 1;
     let [low, middle, high] = [20, 50, 80].map(index);
     let (below, &mut median, above) = keys.select_nth_unstable(middle);
-    let p20 = if low < middle { *below.select_nth_unstable(low).1 } else { median };
-    let p80 = if high > middle { *above.select_nth_unstable(high - middle - 1).1 } else { median };
+    let p20 = if low < middle {
+        *below.select_nth_unstable(low).1
+    } else {
+        median
+    };
+    let p80 = if high > middle {
+        *above.select_nth_unstable(high - middle - 1).1
+    } else {
+        median
+    };
     [p20, median, p80].map(value)
 }
 
@@ -82,24 +111,40 @@ mod tests {
 
     #[test]
     fn percentiles_are_nearest_ranks() {
-        let percentiles = |values: &[f32]| percentiles(&mut values.iter().map(|&value| key(value)).collect::<Vec<_>>());
+        let percentiles = |values: &[f32]| {
+            percentiles(&mut values.iter().map(|&value| key(value)).collect::<Vec<_>>())
+        };
         assert_eq!(percentiles(&[7.0]), [7.0, 7.0, 7.0]);
         // n = 4: ranks ⌈0.8⌉, 2, ⌈3.2⌉.
         assert_eq!(percentiles(&[40.0, 10.0, 30.0, 20.0]), [10.0, 20.0, 40.0]);
         // n = 5: ranks 1, ⌈2.5⌉, 4.
         assert_eq!(percentiles(&[5.0, 4.0, 3.0, 2.0, 1.0]), [1.0, 3.0, 4.0]);
         // n = 10: ranks 2, 5, 8.
-        assert_eq!(percentiles(&[9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]), [1.0, 4.0, 7.0]);
+        assert_eq!(
+            percentiles(&[9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]),
+            [1.0, 4.0, 7.0]
+        );
         assert_eq!(percentiles(&[3.0, 3.0, -2.0]), [-2.0, 3.0, 3.0]);
-        assert_eq!(percentiles(&[-1.5, -0.0, 0.0, 1e-9, -1e9]), [-1e9, -0.0, 0.0]);
+        assert_eq!(
+            percentiles(&[-1.5, -0.0, 0.0, 1e-9, -1e9]),
+            [-1e9, -0.0, 0.0]
+        );
     }
 
     #[test]
     fn cells_are_known_from_the_share_on() {
         let none = f32::INFINITY;
-        // Two cells of five pixels: one valid of five is exactly 0.20, none is unknown even when nothing is asked.
-        let disparities = plane(10, 1, &[none, 12.0, none, none, none, none, none, none, none, none]);
-        let shape = GridShape { columns: 2, rows: 1 };
+        // Two cells of five pixels: one valid of five is exactly 0.20, none is unknown even when
+        // nothing is asked.
+        let disparities = plane(
+            10,
+            1,
+            &[none, 12.0, none, none, none, none, none, none, none, none],
+        );
+        let shape = GridShape {
+            columns: 2,
+            rows: 1,
+        };
         let grid_at = |min_valid| grid(&disparities, shape, min_valid, None);
         assert_eq!(grid_at(MIN_VALID).cell(0, 0).depth.unwrap().median_px, 12.0);
         assert_eq!(grid_at(MIN_VALID).cell(0, 0).valid_share, 0.2);
@@ -110,9 +155,22 @@ mod tests {
     #[test]
     fn distance_is_pinhole() {
         let rig = Rig::new(300.0, (0.0, 0.0), 0.1, 2.0).unwrap();
-        let grid_of = |d: f32| grid(&plane(2, 1, &[d, d]), GridShape { columns: 1, rows: 1 }, MIN_VALID, Some(&rig));
+        let grid_of = |d: f32| {
+            grid(
+                &plane(2, 1, &[d, d]),
+                GridShape {
+                    columns: 1,
+                    rows: 1,
+                },
+                MIN_VALID,
+                Some(&rig),
+            )
+        };
         // 300 · 0.1 / (10 + 2)
-        assert_eq!(grid_of(10.0).cell(0, 0).depth.unwrap().distance_m, Some(2.5));
+        assert_eq!(
+            grid_of(10.0).cell(0, 0).depth.unwrap().distance_m,
+            Some(2.5)
+        );
         assert_eq!(grid_of(-2.0).cell(0, 0).depth.unwrap().distance_m, None);
     }
 
@@ -120,14 +178,36 @@ mod tests {
     fn cells_split_the_image_by_integer_division() {
         // 5 columns over 7 pixels: 0..1, 1..2, 2..4, 4..5, 5..7.
         let disparities = plane(7, 1, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        let grid = grid(&disparities, GridShape { columns: 5, rows: 1 }, MIN_VALID, None);
-        let medians: Vec<f32> = grid.iter().map(|(_, cell)| cell.depth.unwrap().median_px).collect();
+        let grid = grid(
+            &disparities,
+            GridShape {
+                columns: 5,
+                rows: 1,
+            },
+            MIN_VALID,
+            None,
+        );
+        let medians: Vec<f32> = grid
+            .iter()
+            .map(|(_, cell)| cell.depth.unwrap().median_px)
+            .collect();
         assert_eq!(medians, [1.0, 2.0, 3.0, 5.0, 6.0]);
     }
 
     #[test]
     fn more_cells_than_pixels_leave_empty_cells_unknown() {
-        let grid = grid(&plane(2, 1, &[4.0, 4.0]), GridShape { columns: 5, rows: 3 }, MIN_VALID, None);
-        assert_eq!(grid.iter().filter(|(_, cell)| cell.depth.is_some()).count(), 2);
+        let grid = grid(
+            &plane(2, 1, &[4.0, 4.0]),
+            GridShape {
+                columns: 5,
+                rows: 3,
+            },
+            MIN_VALID,
+            None,
+        );
+        assert_eq!(
+            grid.iter().filter(|(_, cell)| cell.depth.is_some()).count(),
+            2
+        );
     }
 }

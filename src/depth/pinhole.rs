@@ -1,10 +1,12 @@
-//! The physical distance curve: a pinhole pair sees a target at distance `Z` with disparity `d = a/Z − b`, hence
-//! `Z = a/(d + b)`, where `a` is `f·B` and `b` what the principal points differ by (`doffs`).
+//! The physical distance curve: a pinhole pair sees a target at distance `Z` with disparity
+//! `d = a/Z − b`, hence `Z = a/(d + b)`, where `a` is `f·B` and `b` what the principal points
+//! differ by (`doffs`).
 //!
-//! In `1/Z` that is a straight line. Disparities are taken to be good to a whole pixel and distances to half a centimetre of
-//! a rule, which is a pixel and more for a near target; how good they all are, the residuals say. The fit begins with the
-//! line of median slope (Theil 1950, Sen 1968), which bears nearly a third of wrong measurements, and goes on with Tukey's
-//! biweight (Beaton and Tukey 1974).
+//! In `1/Z` that is a straight line. Disparities are taken to be good to a whole pixel and
+//! distances to half a centimetre of a rule, which is a pixel and more for a near target; how good
+//! they all are, the residuals say. The fit begins with the line of median slope (Theil 1950, Sen
+//! 1968), which bears nearly a third of wrong measurements, and goes on with Tukey's biweight
+//! (Beaton and Tukey 1974).
 
 use super::median;
 use crate::error::{Error, Result};
@@ -42,28 +44,49 @@ impl PinholeFit {
     /// The robust least-squares line through `(distance_cm, disparity_px)` pairs.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for fewer than three pairs, two equal distances alone, numbers that are not finite, distances
-    /// that are not positive, and disparities that do not grow as the target comes nearer.
+    /// [`Error::Invalid`] for fewer than three pairs, two equal distances alone, numbers that are
+    /// not finite, distances that are not positive, and disparities that do not grow as the target
+    /// comes nearer.
     pub fn fit(pairs: &[(f64, f64)]) -> Result<Self> {
-        if pairs.iter().any(|(cm, px)| !(cm.is_finite() && *cm > 0.0 && px.is_finite())) {
-            return Err(Error::Invalid("a distance curve needs positive distances and finite disparities".into()));
+        if pairs
+            .iter()
+            .any(|(cm, px)| !(cm.is_finite() && *cm > 0.0 && px.is_finite()))
+        {
+            return Err(Error::Invalid(
+                "a distance curve needs positive distances and finite disparities".into(),
+            ));
         }
         if pairs.len() < LEAST {
-            return Err(Error::Invalid(format!("a distance curve needs {LEAST} measurements, got {}", pairs.len())));
+            return Err(Error::Invalid(format!(
+                "a distance curve needs {LEAST} measurements, got {}",
+                pairs.len()
+            )));
         }
-        let mut line = median_line(pairs)
-            .ok_or_else(|| Error::Invalid("a distance curve needs measurements at different distances".into()))?;
+        let mut line = median_line(pairs).ok_or_else(|| {
+            Error::Invalid("a distance curve needs measurements at different distances".into())
+        })?;
         let mut rows = Vec::new();
         let mut normal = Matrix2::zeros();
         for _ in 0..STEPS {
-            rows = pairs.iter().map(|&pair| Row::new(pair, &line)).collect::<Vec<_>>();
+            rows = pairs
+                .iter()
+                .map(|&pair| Row::new(pair, &line))
+                .collect::<Vec<_>>();
             let scale = 1.4826 * median(rows.iter().map(|row| row.residual(&line).abs()).collect());
             for row in &mut rows {
                 row.weight = biweight(row.residual(&line) / (BIWEIGHT * scale.max(1.0)));
             }
-            normal = rows.iter().map(|row| row.x * row.x.transpose() * row.weight).sum();
-            let right = rows.iter().map(|row| row.x * (row.weight * row.y)).sum::<Vector2<f64>>();
-            let Some(inverse) = normal.try_inverse() else { break };
+            normal = rows
+                .iter()
+                .map(|row| row.x * row.x.transpose() * row.weight)
+                .sum();
+            let right = rows
+                .iter()
+                .map(|row| row.x * (row.weight * row.y))
+                .sum::<Vector2<f64>>();
+            let Some(inverse) = normal.try_inverse() else {
+                break;
+            };
             let moved = inverse * right;
             let still = (moved - line).norm() <= 1e-12 * line.norm();
             line = moved;
@@ -72,12 +95,24 @@ impl PinholeFit {
             }
         }
         let kept: f64 = rows.iter().map(|row| row.weight).sum();
-        let squares: f64 = rows.iter().map(|row| row.weight * row.residual(&line).powi(2)).sum();
+        let squares: f64 = rows
+            .iter()
+            .map(|row| row.weight * row.residual(&line).powi(2))
+            .sum();
         // Whole disparities are no better known than that, however well they fit.
-        let best = if pairs.iter().all(|(_, px)| px.fract() == 0.0) { 1.0 } else { BEST };
+        let best = if pairs.iter().all(|(_, px)| px.fract() == 0.0) {
+            1.0
+        } else {
+            BEST
+        };
         let scale = (squares / (kept - 2.0).max(1.0)).sqrt().max(best);
-        let (noise_px, weights) = (scale * DISPARITY_PX, rows.iter().map(|row| row.weight).collect());
-        let covariance = normal.try_inverse().map(|inverse| inverse * (scale * scale));
+        let (noise_px, weights) = (
+            scale * DISPARITY_PX,
+            rows.iter().map(|row| row.weight).collect(),
+        );
+        let covariance = normal
+            .try_inverse()
+            .map(|inverse| inverse * (scale * scale));
         match covariance {
             Some(covariance) if line.x > 0.0 && line.iter().chain(covariance.iter()).all(|v| v.is_finite()) => {
                 Ok(Self { a_cm_px: line.x, b_px: line.y, covariance, noise_px, weights })
@@ -100,7 +135,10 @@ impl PinholeFit {
 
     /// Of `a` and `b`.
     pub fn standard_deviations(&self) -> (f64, f64) {
-        (self.covariance[(0, 0)].sqrt(), self.covariance[(1, 1)].sqrt())
+        (
+            self.covariance[(0, 0)].sqrt(),
+            self.covariance[(1, 1)].sqrt(),
+        )
     }
 
     /// Standard deviation of one measured disparity.
@@ -124,16 +162,18 @@ impl PinholeFit {
         self.a_cm_px / distance_cm - self.b_px
     }
 
-    /// Standard deviation of the distance that one measured disparity gives, relative to it: of `a` and `b`, and of the
-    /// measurement. Nothing at or beyond infinity.
+    /// Standard deviation of the distance that one measured disparity gives, relative to it: of `a`
+    /// and `b`, and of the measurement. Nothing at or beyond infinity.
     pub fn relative_deviation(&self, disparity_px: f64) -> Option<f64> {
         let shift = disparity_px + self.b_px;
         let gradient = Vector2::new(1.0 / self.a_cm_px, -1.0 / shift);
-        let variance = gradient.dot(&(self.covariance * gradient)) + (self.noise_px / shift).powi(2);
+        let variance =
+            gradient.dot(&(self.covariance * gradient)) + (self.noise_px / shift).powi(2);
         (shift > 0.0).then(|| variance.max(0.0).sqrt())
     }
 
-    /// The farthest distance that is known to a share of itself in 95 of 100 cases; nothing when no distance is.
+    /// The farthest distance that is known to a share of itself in 95 of 100 cases; nothing when no
+    /// distance is.
     ///
     /// The variance of a distance is quadratic in the distance, so there is one.
     pub fn farthest_cm(&self, share: f64) -> Option<f64> {
@@ -143,12 +183,18 @@ impl PinholeFit {
         let (square, linear) = (bb + self.noise_px.powi(2), -2.0 * ab);
         let constant = aa - (0.5 * share * a).powi(2);
         let root = linear * linear - 4.0 * square * constant;
-        (root >= 0.0).then(|| (-linear + root.sqrt()) / (2.0 * square)).filter(|cm| *cm > 0.0)
+        (root >= 0.0)
+            .then(|| (-linear + root.sqrt()) / (2.0 * square))
+            .filter(|cm| *cm > 0.0)
     }
 }
 
 fn biweight(u: f64) -> f64 {
-    if u.abs() < 1.0 { (1.0 - u * u).powi(2) } else { 0.0 }
+    if u.abs() < 1.0 {
+        (1.0 - u * u).powi(2)
+    } else {
+        0.0
+    }
 }
 
 /// One measurement as a line of the equations, in units of its own standard deviation.
@@ -161,7 +207,11 @@ struct Row {
 impl Row {
     fn new((cm, px): (f64, f64), line: &Vector2<f64>) -> Self {
         let deviation = DISPARITY_PX.hypot(line.x * DISTANCE_CM / (cm * cm));
-        Self { x: Vector2::new(1.0 / cm, -1.0) / deviation, y: px / deviation, weight: 1.0 }
+        Self {
+            x: Vector2::new(1.0 / cm, -1.0) / deviation,
+            y: px / deviation,
+            weight: 1.0,
+        }
     }
 
     fn residual(&self, line: &Vector2<f64>) -> f64 {
@@ -169,19 +219,27 @@ impl Row {
     }
 }
 
-/// `a` and `b` of the median slope of all two measurements, and the median intercept; nothing where all distances are one.
+/// `a` and `b` of the median slope of all two measurements, and the median intercept; nothing where
+/// all distances are one.
 fn median_line(pairs: &[(f64, f64)]) -> Option<Vector2<f64>> {
     let points: Vec<(f64, f64)> = pairs.iter().map(|&(cm, px)| (1.0 / cm, px)).collect();
     let slope = |(i, p): (usize, &(f64, f64))| {
         let p = *p;
-        points[..i].iter().filter(move |q| q.0 != p.0).map(move |q| (p.1 - q.1) / (p.0 - q.0)).collect::<Vec<_>>()
+        points[..i]
+            .iter()
+            .filter(move |q| q.0 != p.0)
+            .map(move |q| (p.1 - q.1) / (p.0 - q.0))
+            .collect::<Vec<_>>()
     };
     let slopes: Vec<f64> = points.iter().enumerate().flat_map(slope).collect();
     if slopes.is_empty() {
         return None;
     }
     let a = median(slopes);
-    Some(Vector2::new(a, median(points.iter().map(|(x, px)| a * x - px).collect())))
+    Some(Vector2::new(
+        a,
+        median(points.iter().map(|(x, px)| a * x - px).collect()),
+    ))
 }
 
 #[cfg(test)]
@@ -189,7 +247,10 @@ mod tests {
     use super::*;
 
     fn target(a: f64, b: f64) -> Vec<(f64, f64)> {
-        (2..=13).map(|i| f64::from(i) * 10.0).map(|cm| (cm, a / cm - b)).collect()
+        (2..=13)
+            .map(|i| f64::from(i) * 10.0)
+            .map(|cm| (cm, a / cm - b))
+            .collect()
     }
 
     #[test]
@@ -218,7 +279,9 @@ mod tests {
         // A small generator of normal noise: the sum of twelve uniform numbers.
         let mut state = 1u64;
         let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1u64 << 53) as f64
         };
         let mut inside = [0; 3];
@@ -231,7 +294,8 @@ mod tests {
             inside[0] += usize::from((fit.a_cm_px() - 1300.0).abs() < 2.0 * of_a);
             inside[1] += usize::from((fit.b_px() - 1.0).abs() < 2.0 * of_b);
             // A new measurement at 2 m, beyond all that were fitted.
-            let measured = 1300.0 / 200.0 - 1.0 + 0.3 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+            let measured =
+                1300.0 / 200.0 - 1.0 + 0.3 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
             let told = fit.distance_cm(measured).unwrap();
             let deviation = fit.relative_deviation(measured).unwrap();
             inside[2] += usize::from((told / 200.0 - 1.0).abs() < 2.0 * deviation);
@@ -242,19 +306,27 @@ mod tests {
 
     #[test]
     fn the_farthest_distance_is_where_the_deviation_says() {
-        let pairs: Vec<_> =
-            target(1300.0, 1.0).into_iter().enumerate().map(|(i, (cm, px))| (cm, px + [0.2, -0.2][i % 2])).collect();
+        let pairs: Vec<_> = target(1300.0, 1.0)
+            .into_iter()
+            .enumerate()
+            .map(|(i, (cm, px))| (cm, px + [0.2, -0.2][i % 2]))
+            .collect();
         let fit = PinholeFit::fit(&pairs).unwrap();
         let farthest = fit.farthest_cm(0.1).unwrap();
         let deviation = fit.relative_deviation(fit.disparity_px(farthest)).unwrap();
-        assert!((2.0 * deviation - 0.1).abs() < 1e-9, "{farthest} {deviation}");
+        assert!(
+            (2.0 * deviation - 0.1).abs() < 1e-9,
+            "{farthest} {deviation}"
+        );
         assert!(fit.farthest_cm(0.2).unwrap() > farthest);
         assert_eq!(fit.farthest_cm(1e-9), None);
     }
 
     #[test]
     fn whole_disparities_are_good_to_their_rounding() {
-        let pairs: Vec<_> = [1.0, 2.0, 4.0, 5.0, 10.0, 20.0].map(|px| (1000.0 / px, px)).into();
+        let pairs: Vec<_> = [1.0, 2.0, 4.0, 5.0, 10.0, 20.0]
+            .map(|px| (1000.0 / px, px))
+            .into();
         assert_eq!(PinholeFit::fit(&pairs).unwrap().noise_px(), DISPARITY_PX);
         let pairs: Vec<_> = pairs.iter().map(|(cm, px)| (*cm, px + 0.25)).collect();
         assert!(PinholeFit::fit(&pairs).unwrap().noise_px() < 0.1 * DISPARITY_PX);
@@ -263,7 +335,10 @@ mod tests {
     #[test]
     fn what_is_no_target_is_refused() {
         for (pairs, word) in [
-            (vec![(10.0, 1.0), (20.0, 2.0)], "needs 3 measurements, got 2"),
+            (
+                vec![(10.0, 1.0), (20.0, 2.0)],
+                "needs 3 measurements, got 2",
+            ),
             (vec![(10.0, 1.0), (20.0, 2.0), (30.0, 3.0)], "must grow"),
             (vec![(10.0, 1.0); 4], "different distances"),
             (vec![(10.0, f64::NAN), (20.0, 2.0), (30.0, 3.0)], "finite"),

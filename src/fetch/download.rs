@@ -15,13 +15,14 @@ const MAX_BYTES: u64 = 8 << 30;
 /// How often a connection may break before any byte came over it.
 const MAX_IDLE_BREAKS: u32 = 3;
 
-/// Downloads `url` to `path`, which must not exist. Until it is whole the file is called `path.part`; one that is there
-/// is continued (RFC 9110, section 14). A connection that breaks is taken up again. That the file is still the same then
-/// is for the archive's CRCs and the receipts to see.
+/// Downloads `url` to `path`, which must not exist. Until it is whole the file is called
+/// `path.part`; one that is there is continued (RFC 9110, section 14). A connection that breaks is
+/// taken up again. That the file is still the same then is for the archive's CRCs and the receipts
+/// to see.
 ///
 /// # Errors
-/// [`Error::Download`] with the cure: no network, no such file, an answer that is not the file, or `watch` said stop;
-/// what came is kept. [`Error::Io`].
+/// [`Error::Download`] with the cure: no network, no such file, an answer that is not the file, or
+/// `watch` said stop; what came is kept. [`Error::Io`].
 pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
     let part = unfinished(path);
     let agent = agent();
@@ -31,9 +32,16 @@ pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
         match attempt(&agent, url, &part, watch)? {
             Came::Whole => break,
             Came::Broken(reason) => {
-                idle_breaks = if length(&part) > before { 0 } else { idle_breaks + 1 };
+                idle_breaks = if length(&part) > before {
+                    0
+                } else {
+                    idle_breaks + 1
+                };
                 if idle_breaks == MAX_IDLE_BREAKS {
-                    let reason = format!("broke off after {} bytes ({reason}); run it again to go on", length(&part));
+                    let reason = format!(
+                        "broke off after {} bytes ({reason}); run it again to go on",
+                        length(&part)
+                    );
                     return Err(Error::download(url, reason));
                 }
             }
@@ -72,7 +80,12 @@ fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<Ca
     let total = match response.status() {
         StatusCode::PARTIAL_CONTENT => match range(&response) {
             Some((Some(start), total)) if start == done => total,
-            _ => return Err(Error::download(url, "the server sends another part than asked for; try a mirror")),
+            _ => {
+                return Err(Error::download(
+                    url,
+                    "the server sends another part than asked for; try a mirror",
+                ));
+            }
         },
         // No ranges here: from the beginning.
         StatusCode::OK => {
@@ -80,16 +93,31 @@ fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<Ca
             response.body().content_length()
         }
         StatusCode::RANGE_NOT_SATISFIABLE if done > 0 => {
-            return Ok(if range(&response) == Some((None, Some(done))) { Came::Whole } else { Came::Stale });
+            return Ok(if range(&response) == Some((None, Some(done))) {
+                Came::Whole
+            } else {
+                Came::Stale
+            });
         }
         status => return Err(refused(url, status)),
     };
     if total.is_some_and(|total| total > MAX_BYTES) {
         return Err(too_large(url));
     }
-    let mut file = OpenOptions::new().create(true).append(true).open(part).map_err(|e| Error::io(part, e))?;
+    let mut file = OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(part)
+        .map_err(|e| Error::io(part, e))?;
     file.set_len(done).map_err(|e| Error::io(part, e))?;
-    let came = receive(url, response.body_mut(), &mut file, (done, total), part, watch)?;
+    let came = receive(
+        url,
+        response.body_mut(),
+        &mut file,
+        (done, total),
+        part,
+        watch,
+    )?;
     file.sync_all().map_err(|e| Error::io(part, e))?;
     Ok(came)
 }
@@ -109,10 +137,13 @@ fn receive(
             return Err(Error::download(url, STOPPED));
         }
         match body.read(&mut chunk) {
-            Ok(0) if total.is_some_and(|total| done < total) => return Ok(Came::Broken("cut short".into())),
+            Ok(0) if total.is_some_and(|total| done < total) => {
+                return Ok(Came::Broken("cut short".into()));
+            }
             Ok(0) => return Ok(Came::Whole),
             Ok(n) => {
-                file.write_all(&chunk[..n]).map_err(|e| Error::io(part, e))?;
+                file.write_all(&chunk[..n])
+                    .map_err(|e| Error::io(part, e))?;
                 done += n as u64;
             }
             Err(error) => return Ok(Came::Broken(error.to_string())),
@@ -123,11 +154,20 @@ fn receive(
     }
 }
 
-/// First byte and whole length that `Content-Range` tells: `bytes 5-9/10`, `bytes 5-9/*`, or `bytes */10`.
+/// First byte and whole length that `Content-Range` tells: `bytes 5-9/10`, `bytes 5-9/*`, or
+/// `bytes */10`.
 fn range(response: &Response<Body>) -> Option<(Option<u64>, Option<u64>)> {
-    let text = response.headers().get(header::CONTENT_RANGE)?.to_str().ok()?;
+    let text = response
+        .headers()
+        .get(header::CONTENT_RANGE)?
+        .to_str()
+        .ok()?;
     let (span, total) = text.strip_prefix("bytes ")?.split_once('/')?;
-    Some((span.split_once('-').and_then(|(start, _)| start.parse().ok()), total.parse().ok()))
+    Some((
+        span.split_once('-')
+            .and_then(|(start, _)| start.parse().ok()),
+        total.parse().ok(),
+    ))
 }
 
 fn length(path: &Path) -> u64 {
@@ -136,7 +176,10 @@ fn length(path: &Path) -> u64 {
 
 fn unreachable(url: &str, error: &ureq::Error) -> Error {
     if let ureq::Error::BadUri(_) | ureq::Error::Http(_) = error {
-        return Error::download(url, format!("not an address ({error}); expected http://... or https://..."));
+        return Error::download(
+            url,
+            format!("not an address ({error}); expected http://... or https://..."),
+        );
     }
     let cure = "check the network, or get the file elsewhere and name its folder with --from DIR";
     Error::download(url, format!("cannot be reached ({error}); {cure}"))
@@ -144,14 +187,27 @@ fn unreachable(url: &str, error: &ureq::Error) -> Error {
 
 fn refused(url: &str, status: StatusCode) -> Error {
     let what = match status {
-        StatusCode::NOT_FOUND | StatusCode::GONE => "no such file there; it may have moved: see the home page",
-        StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => "not given to everyone; get it from the home page",
+        StatusCode::NOT_FOUND | StatusCode::GONE => {
+            "no such file there; it may have moved: see the home page"
+        }
+        StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => {
+            "not given to everyone; get it from the home page"
+        }
         status if status.is_server_error() => "the server has a problem; try again later",
         _ => "the server does not send the file; try again later",
     };
-    Error::download(url, format!("{what}, or name a mirror or a folder with --from (HTTP status {})", status.as_u16()))
+    Error::download(
+        url,
+        format!(
+            "{what}, or name a mirror or a folder with --from (HTTP status {})",
+            status.as_u16()
+        ),
+    )
 }
 
 fn too_large(url: &str) -> Error {
-    Error::download(url, format!("is larger than it says or than the {MAX_BYTES} bytes svl takes; try a mirror"))
+    Error::download(
+        url,
+        format!("is larger than it says or than the {MAX_BYTES} bytes svl takes; try a mirror"),
+    )
 }

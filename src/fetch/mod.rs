@@ -1,4 +1,5 @@
-//! Getting files from where they are published: download, check, unpack. All that arrives is taken for hostile.
+//! Getting files from where they are published: download, check, unpack. All that arrives is taken
+//! for hostile.
 
 mod download;
 mod receipt;

@@ -1,4 +1,5 @@
-//! What was fetched, remembered beside it: publishers of data sets give no checksums, so the first fetch sets them.
+//! What was fetched, remembered beside it: publishers of data sets give no checksums, so the first
+//! fetch sets them.
 
 use super::{CHUNK, STOPPED, Watch, unfinished};
 use crate::error::{Error, Result};
@@ -40,8 +41,12 @@ impl Receipts {
     pub fn of(folder: &Path) -> Result<Self> {
         let path = folder.join("fetched.json");
         let by_name = match path.exists() {
-            true => serde_json::from_str(&read_text(&path, MAX_BYTES)?)
-                .map_err(|e| Error::format(&path, format!("not svl's list of what was fetched ({e}); delete it")))?,
+            true => serde_json::from_str(&read_text(&path, MAX_BYTES)?).map_err(|e| {
+                Error::format(
+                    &path,
+                    format!("not svl's list of what was fetched ({e}); delete it"),
+                )
+            })?,
             false => BTreeMap::new(),
         };
         Ok(Self { path, by_name })
@@ -50,7 +55,9 @@ impl Receipts {
     /// Whether the file called `name` was fetched and what it became is still there.
     pub fn fulfilled(&self, name: &str) -> bool {
         let folder = self.path.parent().unwrap_or(Path::new("."));
-        self.by_name.get(name).is_some_and(|receipt| receipt.made.iter().all(|made| folder.join(made).exists()))
+        self.by_name
+            .get(name)
+            .is_some_and(|receipt| receipt.made.iter().all(|made| folder.join(made).exists()))
     }
 
     /// Whether a file with this checksum is the one that was fetched before under that name.
@@ -58,10 +65,20 @@ impl Receipts {
     /// # Errors
     /// [`Error::Format`] with both checksums when it is not.
     pub fn agrees(&self, name: &str, path: &Path, sha256: &str) -> Result<()> {
-        match self.by_name.get(name).filter(|receipt| receipt.sha256 != sha256) {
+        match self
+            .by_name
+            .get(name)
+            .filter(|receipt| receipt.sha256 != sha256)
+        {
             Some(earlier) => {
-                let what = format!("its sha256 is {sha256}, of the one fetched before it was {}", earlier.sha256);
-                let cure = format!("delete it to fetch it again, or {} to trust the new one", self.path.display());
+                let what = format!(
+                    "its sha256 is {sha256}, of the one fetched before it was {}",
+                    earlier.sha256
+                );
+                let cure = format!(
+                    "delete it to fetch it again, or {} to trust the new one",
+                    self.path.display()
+                );
                 Err(Error::format(path, format!("{what}; {cure}")))
             }
             None => Ok(()),
@@ -74,7 +91,9 @@ impl Receipts {
     /// [`Error::Io`].
     pub fn add(&mut self, name: &str, receipt: Receipt) -> Result<()> {
         self.by_name.insert(name.to_owned(), receipt);
-        let text = serde_json::to_string_pretty(&self.by_name).map_err(|e| Error::Invalid(e.to_string()))? + "\n";
+        let text = serde_json::to_string_pretty(&self.by_name)
+            .map_err(|e| Error::Invalid(e.to_string()))?
+            + "\n";
         let part = unfinished(&self.path);
         let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &self.path));
         written.map_err(|e| Error::io(&self.path, e))

@@ -1,4 +1,5 @@
-//! Zip and 7z archives. Nothing leaves the folder, no link is made, nothing is replaced, sizes are bounded beforehand.
+//! Zip and 7z archives. Nothing leaves the folder, no link is made, nothing is replaced, sizes are
+//! bounded beforehand.
 
 use super::{CHUNK, STOPPED, Watch, unfinished};
 use crate::error::{Error, Result};
@@ -10,8 +11,8 @@ use std::path::{Component, Path, PathBuf};
 /// Largest number of entries of an archive.
 const MAX_ENTRIES: usize = 1 << 20;
 
-/// How many times its own size an archive may hold, beyond a first [`MAX_FREE`] bytes: images hardly shrink, a map of
-/// disparities by ten at most, a bomb by a thousand.
+/// How many times its own size an archive may hold, beyond a first [`MAX_FREE`] bytes: images
+/// hardly shrink, a map of disparities by ten at most, a bomb by a thousand.
 const MAX_RATIO: u64 = 100;
 const MAX_FREE: u64 = 1 << 24;
 
@@ -34,22 +35,32 @@ pub fn is_archive(name: &str) -> bool {
     [".zip", ".7z"].iter().any(|ending| name.ends_with(ending))
 }
 
-/// Unpacks an archive into `folder`, which is made. Every file appears under its name only when it is whole and its
-/// CRC right; what is there already stays.
+/// Unpacks an archive into `folder`, which is made. Every file appears under its name only when it
+/// is whole and its CRC right; what is there already stays.
 ///
 /// # Errors
-/// [`Error::Format`] for what is no archive, is damaged, wants to write elsewhere or holds absurdly much, or when
-/// `watch` says stop; [`Error::Io`].
+/// [`Error::Format`] for what is no archive, is damaged, wants to write elsewhere or holds absurdly
+/// much, or when `watch` says stop; [`Error::Io`].
 pub fn unpack(archive: &Path, folder: &Path, watch: Watch<'_>) -> Result<Unpacked> {
     let file = File::open(archive).map_err(|e| Error::io(archive, e))?;
     let length = file.metadata().map_err(|e| Error::io(archive, e))?.len();
     let most = length.saturating_mul(MAX_RATIO).saturating_add(MAX_FREE);
     let file = BufReader::with_capacity(CHUNK, file);
-    let target = Target { archive, folder, watch, done: 0, total: 0, made: Unpacked::default() };
+    let target = Target {
+        archive,
+        folder,
+        watch,
+        done: 0,
+        total: 0,
+        made: Unpacked::default(),
+    };
     match archive.extension().and_then(|e| e.to_str()) {
         Some("zip") => zip(file, most, target),
         Some("7z") => seven(file, most, target),
-        _ => Err(Error::format(archive, "not an archive that svl unpacks (.zip, .7z); unpack it yourself")),
+        _ => Err(Error::format(
+            archive,
+            "not an archive that svl unpacks (.zip, .7z); unpack it yourself",
+        )),
     }
 }
 
@@ -79,8 +90,17 @@ fn zip(file: BufReader<File>, most: u64, mut target: Target<'_>) -> Result<Unpac
 fn seven(file: BufReader<File>, most: u64, mut target: Target<'_>) -> Result<Unpacked> {
     let path = target.archive;
     let broken = |e: sevenz_rust2::Error| damaged(path, &e);
-    let mut archive = sevenz_rust2::ArchiveReader::new(file, sevenz_rust2::Password::empty()).map_err(broken)?;
-    target.expect(archive.archive().files.iter().map(|entry| entry.size).collect(), most)?;
+    let mut archive =
+        sevenz_rust2::ArchiveReader::new(file, sevenz_rust2::Password::empty()).map_err(broken)?;
+    target.expect(
+        archive
+            .archive()
+            .files
+            .iter()
+            .map(|entry| entry.size)
+            .collect(),
+        most,
+    )?;
     let mut failure = None;
     let walked = archive.for_each_entries(|entry, bytes| {
         // Unix keeps the kind of a file in the upper half; 0o120000 is a link.
@@ -100,7 +120,10 @@ fn seven(file: BufReader<File>, most: u64, mut target: Target<'_>) -> Result<Unp
 }
 
 fn damaged(archive: &Path, error: &dyn std::fmt::Display) -> Error {
-    Error::format(archive, format!("not a whole archive ({error}); delete it and fetch it again"))
+    Error::format(
+        archive,
+        format!("not a whole archive ({error}); delete it and fetch it again"),
+    )
 }
 
 /// What an entry is.
@@ -124,18 +147,34 @@ struct Target<'a> {
 impl Target<'_> {
     /// Refuses an archive whose entries are too many or hold more than `most` bytes.
     fn expect(&mut self, sizes: Vec<u64>, most: u64) -> Result<()> {
-        self.total = sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size));
+        self.total = sizes
+            .iter()
+            .fold(0, |sum: u64, &size| sum.saturating_add(size));
         if sizes.len() > MAX_ENTRIES || self.total > most {
-            let what = format!("holds {} entries of {} bytes together", sizes.len(), self.total);
-            return Err(Error::format(self.archive, format!("{what}, absurdly many for its size; it is not unpacked")));
+            let what = format!(
+                "holds {} entries of {} bytes together",
+                sizes.len(),
+                self.total
+            );
+            return Err(Error::format(
+                self.archive,
+                format!("{what}, absurdly many for its size; it is not unpacked"),
+            ));
         }
         std::fs::create_dir_all(self.folder).map_err(|e| Error::io(self.folder, e))
     }
 
     fn take(&mut self, name: &str, kind: Kind, bytes: &mut dyn Read) -> Result<()> {
         let refuse = |why: &str| {
-            let shown: String = name.chars().take(80).flat_map(char::escape_default).collect();
-            Error::format(self.archive, format!("its entry '{shown}' {why}; the archive is not to be trusted"))
+            let shown: String = name
+                .chars()
+                .take(80)
+                .flat_map(char::escape_default)
+                .collect();
+            Error::format(
+                self.archive,
+                format!("its entry '{shown}' {why}; the archive is not to be trusted"),
+            )
         };
         let inside = inside(name).ok_or_else(|| refuse("would be written outside its folder"))?;
         let size = match kind {
@@ -147,7 +186,11 @@ impl Target<'_> {
             self.made.top.insert(top.to_string_lossy().into_owned());
         }
         let path = self.folder.join(inside);
-        let folder = if matches!(kind, Kind::Folder) { &path } else { path.parent().unwrap_or(self.folder) };
+        let folder = if matches!(kind, Kind::Folder) {
+            &path
+        } else {
+            path.parent().unwrap_or(self.folder)
+        };
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         if matches!(kind, Kind::Folder) {
             return Ok(());
@@ -170,14 +213,20 @@ impl Target<'_> {
             if !(self.watch)(self.done, Some(self.total)) {
                 return Err(Error::format(self.archive, STOPPED));
             }
-            let n = bytes.read(&mut chunk).map_err(|e| damaged(self.archive, &e))?;
+            let n = bytes
+                .read(&mut chunk)
+                .map_err(|e| damaged(self.archive, &e))?;
             if n == 0 && left == 0 {
                 break;
             }
             let Some(rest) = left.checked_sub(n as u64).filter(|_| n > 0) else {
-                return Err(damaged(self.archive, &format!("{} is not of the size it says", path.display())));
+                return Err(damaged(
+                    self.archive,
+                    &format!("{} is not of the size it says", path.display()),
+                ));
             };
-            file.write_all(&chunk[..n]).map_err(|e| Error::io(&part, e))?;
+            file.write_all(&chunk[..n])
+                .map_err(|e| Error::io(&part, e))?;
             left = rest;
             self.done += n as u64;
         }
@@ -185,13 +234,17 @@ impl Target<'_> {
     }
 }
 
-/// The path below a folder that an entry's name means; nothing where it would be elsewhere or not be portable.
+/// The path below a folder that an entry's name means; nothing where it would be elsewhere or not
+/// be portable.
 fn inside(name: &str) -> Option<PathBuf> {
     let strange = |c: char| c.is_control() || c == '\\' || c == ':';
     let path = Path::new(name);
-    let normal = path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    let normal = path
+        .components()
+        .all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
     let named = path.components().any(|c| matches!(c, Component::Normal(_)));
-    (name.len() <= MAX_NAME && normal && named && !name.chars().any(strange)).then(|| path.components().collect())
+    (name.len() <= MAX_NAME && normal && named && !name.chars().any(strange))
+        .then(|| path.components().collect())
 }
 
 #[cfg(test)]
@@ -202,7 +255,18 @@ mod tests {
     fn names_stay_inside() {
         assert_eq!(inside("a/./b.png"), Some(PathBuf::from("a/b.png")));
         assert_eq!(inside("a/"), Some(PathBuf::from("a")));
-        for name in ["../a", "a/../../b", "/etc/passwd", "", ".", "C:\\a", "a\\b", "a\0b", "a\nb", &"a".repeat(1025)] {
+        for name in [
+            "../a",
+            "a/../../b",
+            "/etc/passwd",
+            "",
+            ".",
+            "C:\\a",
+            "a\\b",
+            "a\0b",
+            "a\nb",
+            &"a".repeat(1025),
+        ] {
             assert_eq!(inside(name), None, "{name}");
         }
     }

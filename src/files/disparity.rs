@@ -7,18 +7,34 @@ use crate::stereo::{DisparityMap, Plane};
 use image::{DynamicImage, ExtendedColorType};
 use std::path::Path;
 
-/// Reads a grey image, 8 or 16 bits, whose value is `scale` times the disparity and 0 means unknown where
-/// `zero_unknown`; unknown becomes `+∞`. Palette images are read by their grey, not by their index.
+/// Reads a grey image, 8 or 16 bits, whose value is `scale` times the disparity and 0 means unknown
+/// where `zero_unknown`; unknown becomes `+∞`. Palette images are read by their grey, not by their
+/// index.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`].
 pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Result<Plane<f32>> {
     let image = decode(path)?;
     let (width, height) = (image.width() as usize, image.height() as usize);
-    let disparity = |v: f32| if v == 0.0 && zero_unknown { f32::INFINITY } else { v / scale };
+    let disparity = |v: f32| {
+        if v == 0.0 && zero_unknown {
+            f32::INFINITY
+        } else {
+            v / scale
+        }
+    };
     let values = match image {
-        DynamicImage::ImageLuma16(grey) => grey.into_raw().into_iter().map(|v| disparity(f32::from(v))).collect(),
-        other => other.into_luma8().into_raw().into_iter().map(|v| disparity(f32::from(v))).collect(),
+        DynamicImage::ImageLuma16(grey) => grey
+            .into_raw()
+            .into_iter()
+            .map(|v| disparity(f32::from(v)))
+            .collect(),
+        other => other
+            .into_luma8()
+            .into_raw()
+            .into_iter()
+            .map(|v| disparity(f32::from(v)))
+            .collect(),
     };
     Plane::from_vec(width, height, values)
 }
@@ -26,27 +42,35 @@ pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Res
 /// KITTI's multiple of the disparity, which 16-bit images hold.
 const KITTI_SCALE: f32 = 256.0;
 
-/// Reads true disparities, `+∞` where unknown, by the file's ending: `.pfm`, `.npz`, or a grey image whose values are
-/// `scale` times the disparity and 0 is unknown. Images of 16 bits have KITTI's 256 where `scale` is not given.
+/// Reads true disparities, `+∞` where unknown, by the file's ending: `.pfm`, `.npz`, or a grey
+/// image whose values are `scale` times the disparity and 0 is unknown. Images of 16 bits have
+/// KITTI's 256 where `scale` is not given.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Format`]; the latter also for an 8-bit image without a scale, and for a colour image.
+/// [`Error::Io`], [`Error::Format`]; the latter also for an 8-bit image without a scale, and for a
+/// colour image.
 pub fn read_truth(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
     Ok(known(&values(path, scale.unwrap_or(KITTI_SCALE), scale)?))
 }
 
-/// As [`read_truth`], for what is to be judged: what has no disparity is `+∞` there, so that anything else which is not
-/// finite is a mistake. Images of 16 bits are KITTI's, whatever the scale of a truth.
+/// As [`read_truth`], for what is to be judged: what has no disparity is `+∞` there, so that
+/// anything else which is not finite is a mistake. Images of 16 bits are KITTI's, whatever the
+/// scale of a truth.
 ///
 /// # Errors
 /// [`Error::Format`] besides, for NaN and `-∞`.
 pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
     let values = values(path, KITTI_SCALE, scale)?;
-    let wrong = values.pixels().position(|d| d.is_nan() || d == f32::NEG_INFINITY);
+    let wrong = values
+        .pixels()
+        .position(|d| d.is_nan() || d == f32::NEG_INFINITY);
     if let Some(at) = wrong {
         let (x, y) = (at % values.width(), at / values.width());
         let what = values.get(x, y);
-        return Err(Error::format(path, format!("holds {what} at ({x}, {y}); a pixel without disparity is +inf")));
+        return Err(Error::format(
+            path,
+            format!("holds {what} at ({x}, {y}); a pixel without disparity is +inf"),
+        ));
     }
     Ok(values)
 }
@@ -61,17 +85,31 @@ fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>
     }
     let image = decode(path)?;
     let (width, height) = (image.width() as usize, image.height() as usize);
-    let disparity = |value: u16, scale: f32| if value == 0 { f32::INFINITY } else { f32::from(value) / scale };
+    let disparity = |value: u16, scale: f32| {
+        if value == 0 {
+            f32::INFINITY
+        } else {
+            f32::from(value) / scale
+        }
+    };
     let values = match image {
-        DynamicImage::ImageLuma16(grey) => grey.into_raw().into_iter().map(|v| disparity(v, scale_16)).collect(),
-        DynamicImage::ImageRgb16(_) | DynamicImage::ImageRgba16(_) => return Err(Error::format(path, COLOUR)),
+        DynamicImage::ImageLuma16(grey) => grey
+            .into_raw()
+            .into_iter()
+            .map(|v| disparity(v, scale_16))
+            .collect(),
+        DynamicImage::ImageRgb16(_) | DynamicImage::ImageRgba16(_) => {
+            return Err(Error::format(path, COLOUR));
+        }
         other => {
             let rgb = other.into_rgb8();
             if rgb.pixels().any(|p| p[0] != p[1] || p[1] != p[2]) {
                 return Err(Error::format(path, COLOUR));
             }
             let scale = scale_8.ok_or_else(|| Error::format(path, NO_SCALE))?;
-            rgb.pixels().map(|p| disparity(p[0].into(), scale)).collect()
+            rgb.pixels()
+                .map(|p| disparity(p[0].into(), scale))
+                .collect()
         }
     };
     Plane::from_vec(width, height, values)
@@ -79,7 +117,8 @@ fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>
 
 /// Whether a file is called so, in small letters or capitals.
 pub fn has_ending(path: &Path, ending: &str) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
 const COLOUR: &str = "is a colour picture; disparities are read from grey images, .pfm and .npz";
@@ -87,24 +126,36 @@ const COLOUR: &str = "is a colour picture; disparities are read from grey images
 const NO_SCALE: &str = "has 8 bits, which hold a multiple of the disparity: name it with --scale \
      (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
 
-/// Writes the disparities by the file's ending: `.pfm` with `+∞` for none, or `.png`, 16-bit in KITTI's form: 256·d,
-/// 0 = none, a true 0 written as 1.
+/// Writes the disparities by the file's ending: `.pfm` with `+∞` for none, or `.png`, 16-bit in
+/// KITTI's form: 256·d, 0 = none, a true 0 written as 1.
 ///
 /// # Errors
-/// [`Error::Invalid`] for another ending, or for disparities a KITTI PNG cannot hold (negative, 256 and more).
+/// [`Error::Invalid`] for another ending, or for disparities a KITTI PNG cannot hold (negative, 256
+/// and more).
 pub fn write_disparity(path: &Path, map: &DisparityMap) -> Result<()> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("pfm") => write_pfm(path, map.disparity()),
         Some("png") => {
             let (width, height) = map.size();
-            let values = map.disparity().pixels().map(kitti).collect::<Option<Vec<u16>>>().ok_or_else(|| {
-                Error::format(path, "a 16-bit PNG holds disparities in 0..256 only; write .pfm instead")
-            })?;
+            let values = map
+                .disparity()
+                .pixels()
+                .map(kitti)
+                .collect::<Option<Vec<u16>>>()
+                .ok_or_else(|| {
+                    Error::format(
+                        path,
+                        "a 16-bit PNG holds disparities in 0..256 only; write .pfm instead",
+                    )
+                })?;
             let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_ne_bytes()).collect();
             let png = encode(width, height, &bytes, ExtendedColorType::L16)?;
             std::fs::write(path, png).map_err(|e| Error::io(path, e))
         }
-        _ => Err(Error::format(path, "disparities are written as .pfm or .png")),
+        _ => Err(Error::format(
+            path,
+            "disparities are written as .pfm or .png",
+        )),
     }
 }
 
@@ -114,7 +165,9 @@ fn kitti(disparity: f32) -> Option<u16> {
         return Some(0);
     }
     let code = (disparity * 256.0).round();
-    (0.0..=65535.0).contains(&code).then(|| (code as u16).max(1))
+    (0.0..=65535.0)
+        .contains(&code)
+        .then(|| (code as u16).max(1))
 }
 
 /// Writes the reason codes as an 8-bit PNG.
@@ -167,8 +220,15 @@ mod tests {
     fn an_estimate_is_a_number_or_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("d.pfm");
-        for (value, word) in [(f32::NAN, "NaN at (1, 0)"), (f32::NEG_INFINITY, "-inf at (1, 0)")] {
-            write_pfm(&path, &Plane::from_vec(2, 1, vec![f32::INFINITY, value]).unwrap()).unwrap();
+        for (value, word) in [
+            (f32::NAN, "NaN at (1, 0)"),
+            (f32::NEG_INFINITY, "-inf at (1, 0)"),
+        ] {
+            write_pfm(
+                &path,
+                &Plane::from_vec(2, 1, vec![f32::INFINITY, value]).unwrap(),
+            )
+            .unwrap();
             let error = read_estimate(&path, None).unwrap_err().to_string();
             assert!(error.contains(word), "{error}");
             assert_eq!(read_truth(&path, None).unwrap().row(0), [f32::INFINITY; 2]);

@@ -4,7 +4,8 @@ use super::{MAX_BYTES, jpeg, read_bounded};
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, MAX_SIDE, Plane, Visibility};
 use image::{
-    ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, codecs::png::PngEncoder,
+    ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader,
+    codecs::png::PngEncoder,
 };
 use std::io::Cursor;
 use std::path::Path;
@@ -18,7 +19,9 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
 
 /// As [`decode`], of a file that is in memory.
 pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|e| e.to_string())?;
     if reader.format() == Some(ImageFormat::Jpeg) {
         return jpeg::decode(bytes);
     }
@@ -29,7 +32,8 @@ pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, St
     reader.decode().map_err(|e| e.to_string())
 }
 
-/// Reads an image as 8-bit grey: grey as it is (16 bits keep their upper 8), colour by [`Gray::from_rgb`].
+/// Reads an image as 8-bit grey: grey as it is (16 bits keep their upper 8), colour by
+/// [`Gray::from_rgb`].
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Dimensions`].
@@ -47,9 +51,11 @@ pub(crate) fn gray(image: DynamicImage) -> Result<Gray> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     match image {
         DynamicImage::ImageLuma8(grey) => Gray::from_vec(width, height, grey.into_raw()),
-        DynamicImage::ImageLuma16(grey) => {
-            Gray::from_vec(width, height, grey.into_raw().iter().map(|v| (v >> 8) as u8).collect())
-        }
+        DynamicImage::ImageLuma16(grey) => Gray::from_vec(
+            width,
+            height,
+            grey.into_raw().iter().map(|v| (v >> 8) as u8).collect(),
+        ),
         other => Gray::from_rgb(width, height, other.into_rgb8().as_raw()),
     }
 }
@@ -69,7 +75,15 @@ pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
 pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
     let image = decode(path)?.into_luma16();
     let (width, height) = (image.width() as usize, image.height() as usize);
-    Plane::from_vec(width, height, image.into_raw().into_iter().map(|object| object > 0).collect())
+    Plane::from_vec(
+        width,
+        height,
+        image
+            .into_raw()
+            .into_iter()
+            .map(|object| object > 0)
+            .collect(),
+    )
 }
 
 /// A PNG of interleaved `rgb` (3 bytes a pixel) or grey (1 byte), `width` x `height`.
@@ -77,14 +91,28 @@ pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
 /// # Errors
 /// [`Error::Size`] when the bytes are not that many.
 pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>> {
-    let color = if pixels.len() == width * height { ColorType::L8 } else { ColorType::Rgb8 };
+    let color = if pixels.len() == width * height {
+        ColorType::L8
+    } else {
+        ColorType::Rgb8
+    };
     encode(width, height, pixels, color.into())
 }
 
-pub(super) fn encode(width: usize, height: usize, pixels: &[u8], color: ExtendedColorType) -> Result<Vec<u8>> {
+pub(super) fn encode(
+    width: usize,
+    height: usize,
+    pixels: &[u8],
+    color: ExtendedColorType,
+) -> Result<Vec<u8>> {
     let expected = width * height * usize::from(color.bits_per_pixel() / 8);
     if pixels.len() != expected {
-        return Err(Error::Size { width, height, expected, got: pixels.len() });
+        return Err(Error::Size {
+            width,
+            height,
+            expected,
+            got: pixels.len(),
+        });
     }
     let mut png = Vec::new();
     // Sides are at most MAX_SIDE, so they fit in 32 bits.
@@ -110,11 +138,22 @@ mod tests {
     fn what_is_cut_off_is_no_image() {
         let image = Gray::from_fn(40, 30, |x, y| (x * x + 7 * y) as u8).unwrap();
         let pixels: Vec<u8> = image.pixels().collect();
-        let (png, jpeg) = (encode_png(40, 30, &pixels).unwrap(), encode_jpeg(&image, 40).unwrap());
+        let (png, jpeg) = (
+            encode_png(40, 30, &pixels).unwrap(),
+            encode_jpeg(&image, 40).unwrap(),
+        );
         let pgm = [b"P5 40 30 255\n", &pixels[..]].concat();
-        for (bytes, end) in [(&pgm, pgm.len()), (&jpeg, jpeg.len()), (&png, png.len() - END_CHUNK)] {
+        for (bytes, end) in [
+            (&pgm, pgm.len()),
+            (&jpeg, jpeg.len()),
+            (&png, png.len() - END_CHUNK),
+        ] {
             for length in 0..end {
-                assert!(gray_of(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
+                assert!(
+                    gray_of(&bytes[..length]).is_err(),
+                    "{length} of {} bytes",
+                    bytes.len()
+                );
             }
             assert!(gray_of(bytes).is_ok());
         }
@@ -122,7 +161,10 @@ mod tests {
             let mut flipped = png.clone();
             flipped[at] ^= 1 << (at % 8);
             let read = gray_of(&flipped);
-            assert!(read.is_err() || read.is_ok_and(|read| read == image), "byte {at} changed");
+            assert!(
+                read.is_err() || read.is_ok_and(|read| read == image),
+                "byte {at} changed"
+            );
         }
     }
 

@@ -13,11 +13,12 @@ const END: u8 = 0xD9;
 const RESTART_0: u8 = 0xD0;
 const RESTART_7: u8 = 0xD7;
 
-/// A segment which says that this is one image of many. Frames of many cameras lack the Huffman tables, and with this
-/// the decoder takes those of the standard (ITU-T T.81, K.3).
+/// A segment which says that this is one image of many. Frames of many cameras lack the Huffman
+/// tables, and with this the decoder takes those of the standard (ITU-T T.81, K.3).
 const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
 
-/// 128 ones, each byte with the zero that says it is no marker: twice as many as the decoder reads ahead.
+/// 128 ones, each byte with the zero that says it is no marker: twice as many as the decoder reads
+/// ahead.
 const ONES: [u8; 32] =
     *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
 
@@ -30,7 +31,14 @@ type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
 pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     let (mut decoder, (width, height)) = open(jpeg)?;
     let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
-    let pixels = pixels(&mut decoder, if grey { ColorSpace::Luma } else { ColorSpace::RGB })?;
+    let pixels = pixels(
+        &mut decoder,
+        if grey {
+            ColorSpace::Luma
+        } else {
+            ColorSpace::RGB
+        },
+    )?;
     // Sides are at most MAX_SIDE, so they fit in 32 bits.
     let (width, height) = (width as u32, height as u32);
     let image = match grey {
@@ -40,9 +48,13 @@ pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     image.ok_or_else(|| format!("a JPEG of {width}x{height} pixels with fewer than these"))
 }
 
-/// The brightness of a camera's image, without its colours; in a few words what is wrong where it is not of that size.
+/// The brightness of a camera's image, without its colours; in a few words what is wrong where it
+/// is not of that size.
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
-pub(crate) fn brightness(jpeg: &[u8], (width, height): (usize, usize)) -> Result<crate::stereo::Gray, String> {
+pub(crate) fn brightness(
+    jpeg: &[u8],
+    (width, height): (usize, usize),
+) -> Result<crate::stereo::Gray, String> {
     match open(jpeg)? {
         (mut decoder, size) if size == (width, height) => {
             let pixels = pixels(&mut decoder, ColorSpace::Luma)?;
@@ -54,13 +66,20 @@ pub(crate) fn brightness(jpeg: &[u8], (width, height): (usize, usize)) -> Result
 
 /// A decoder that has read the headers, and the size of the image.
 fn open(jpeg: &[u8]) -> Result<(Decoder, (usize, usize)), String> {
-    let options = DecoderOptions::default().set_strict_mode(true).set_max_width(MAX_SIDE).set_max_height(MAX_SIDE);
+    let options = DecoderOptions::default()
+        .set_strict_mode(true)
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(guarded(jpeg)?), options);
     decoder.decode_headers().map_err(|e| broken(&e))?;
     let (width, height) = decoder.dimensions().unwrap_or_default();
-    // A block of 8x8 pixels takes a bit at least. Room is made for what the file can hold, not for what it claims.
+    // A block of 8x8 pixels takes a bit at least. Room is made for what the file can hold, not for
+    // what it claims.
     if width * height > 64 * 8 * jpeg.len() {
-        return Err(format!("a JPEG of {width}x{height} pixels in {} bytes", jpeg.len()));
+        return Err(format!(
+            "a JPEG of {width}x{height} pixels in {} bytes",
+            jpeg.len()
+        ));
     }
     Ok((decoder, (width, height)))
 }
@@ -71,16 +90,24 @@ fn pixels(decoder: &mut Decoder, colours: ColorSpace) -> Result<Vec<u8>, String>
 }
 
 fn broken(error: &DecodeErrors) -> String {
-    format!("a JPEG whose data are broken or end early: {}", error.to_string().trim_matches('"'))
+    format!(
+        "a JPEG whose data are broken or end early: {}",
+        error.to_string().trim_matches('"')
+    )
 }
 
 /// The image up to its end marker, with ones before each marker that ends coded data for good.
 ///
-/// Where a marker comes too early, the decoder makes up the rest, strict or not. No code consists of ones (ITU-T T.81,
-/// annex C), so a decoder that reads on meets them and fails. Between the scans of an image there are none: there it looks
-/// for the marker right behind the last code.
+/// Where a marker comes too early, the decoder makes up the rest, strict or not. No code consists
+/// of ones (ITU-T T.81, annex C), so a decoder that reads on meets them and fails. Between the
+/// scans of an image there are none: there it looks for the marker right behind the last code.
 fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
-    let cut = || format!("a JPEG that is cut off: it has no end marker, {} bytes", jpeg.len());
+    let cut = || {
+        format!(
+            "a JPEG that is cut off: it has no end marker, {} bytes",
+            jpeg.len()
+        )
+    };
     if !jpeg.starts_with(&BEGIN) {
         return Err(format!("no JPEG, {} bytes", jpeg.len()));
     }
@@ -96,8 +123,17 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
                 guarded.extend([&jpeg[taken..marker], &ONES].concat());
                 (taken, at) = (marker, marker + 2);
             }
-            END => return Ok([&guarded, &jpeg[taken..marker], &ONES, &jpeg[marker..marker + 2]].concat()),
-            // A segment with its length. What looks like markers in it, as those of a small picture, are none.
+            END => {
+                return Ok([
+                    &guarded,
+                    &jpeg[taken..marker],
+                    &ONES,
+                    &jpeg[marker..marker + 2],
+                ]
+                .concat());
+            }
+            // A segment with its length. What looks like markers in it, as those of a small
+            // picture, are none.
             _ => {
                 let length = jpeg.get(marker + 2..marker + 4).ok_or_else(cut)?;
                 at = marker + 2 + usize::from(u16::from_be_bytes([length[0], length[1]]));
@@ -108,7 +144,9 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
 
 /// How far the next marker is: 0xFF before what is neither 0, as in coded data, nor another 0xFF.
 fn to_marker(bytes: &[u8]) -> Option<usize> {
-    bytes.windows(2).position(|two| two[0] == 0xFF && !matches!(two[1], 0 | 0xFF))
+    bytes
+        .windows(2)
+        .position(|two| two[0] == 0xFF && !matches!(two[1], 0 | 0xFF))
 }
 
 #[cfg(test)]
@@ -121,11 +159,18 @@ mod tests {
     const RESTARTS: &[u8] = include_bytes!("restarts.jpg");
     const PROGRESSIVE: &[u8] = include_bytes!("progressive.jpg");
 
-    fn encoded(width: u32, height: u32, colours: ExtendedColorType, pixel: impl Fn(usize) -> u8) -> Vec<u8> {
+    fn encoded(
+        width: u32,
+        height: u32,
+        colours: ExtendedColorType,
+        pixel: impl Fn(usize) -> u8,
+    ) -> Vec<u8> {
         let bytes = (width * height) as usize * usize::from(colours.bits_per_pixel() / 8);
         let pixels: Vec<u8> = (0..bytes).map(pixel).collect();
         let mut jpeg = Vec::new();
-        JpegEncoder::new_with_quality(&mut jpeg, 90).encode(&pixels, width, height, colours).unwrap();
+        JpegEncoder::new_with_quality(&mut jpeg, 90)
+            .encode(&pixels, width, height, colours)
+            .unwrap();
         jpeg
     }
 
@@ -150,9 +195,17 @@ mod tests {
             let expected = load_from_memory(&jpeg).unwrap();
             assert_eq!(decode(&jpeg).unwrap(), expected);
             // Cameras and other programs leave something after the end, a second image maybe.
-            assert_eq!(decode(&[&jpeg[..], &[0; 9], &jpeg].concat()).unwrap(), expected);
+            assert_eq!(
+                decode(&[&jpeg[..], &[0; 9], &jpeg].concat()).unwrap(),
+                expected
+            );
             // A small picture among the headers has an end of its own.
-            let small = [&jpeg[..2], &[0xFF, 0xE1, 0, 8, 0xFF, 0xD8, 1, 2, 0xFF, 0xD9], &jpeg[2..]].concat();
+            let small = [
+                &jpeg[..2],
+                &[0xFF, 0xE1, 0, 8, 0xFF, 0xD8, 1, 2, 0xFF, 0xD9],
+                &jpeg[2..],
+            ]
+            .concat();
             assert_eq!(decode(&small).unwrap(), expected);
         }
     }
@@ -161,23 +214,37 @@ mod tests {
     fn an_image_that_is_cut_off_is_none() {
         for jpeg in whole() {
             for length in 0..jpeg.len() {
-                assert!(decode(&jpeg[..length]).is_err(), "{length} of {} bytes", jpeg.len());
+                assert!(
+                    decode(&jpeg[..length]).is_err(),
+                    "{length} of {} bytes",
+                    jpeg.len()
+                );
             }
         }
     }
 
     #[test]
     fn an_image_that_ends_early_is_none() {
-        for jpeg in [RESTARTS.to_vec(), encoded(64, 48, ExtendedColorType::Rgb8, noise())] {
+        for jpeg in [
+            RESTARTS.to_vec(),
+            encoded(64, 48, ExtendedColorType::Rgb8, noise()),
+        ] {
             let scan = jpeg.windows(2).position(|two| two == [0xFF, 0xDA]).unwrap() + 12;
             for length in scan..jpeg.len() - 4 {
                 let ended = [&jpeg[..length], &[0xFF, 0xD9]].concat();
-                assert!(decode(&ended).is_err(), "{length} of {} bytes and an end", jpeg.len());
+                assert!(
+                    decode(&ended).is_err(),
+                    "{length} of {} bytes and an end",
+                    jpeg.len()
+                );
             }
         }
         // The data of one restart are missing.
-        let at: Vec<_> =
-            RESTARTS.windows(2).enumerate().filter(|(_, two)| two[0] == 0xFF && two[1] & 0xF8 == 0xD0).collect();
+        let at: Vec<_> = RESTARTS
+            .windows(2)
+            .enumerate()
+            .filter(|(_, two)| two[0] == 0xFF && two[1] & 0xF8 == 0xD0)
+            .collect();
         let holed = [&RESTARTS[..at[1].0], &RESTARTS[at[2].0..]].concat();
         assert!(decode(&holed).is_err() && load_from_memory(&holed).is_ok());
         let thinned = [&RESTARTS[..at[1].0 + 12], &RESTARTS[at[2].0..]].concat();
@@ -189,6 +256,10 @@ mod tests {
         let mut jpeg = encoded(64, 48, ExtendedColorType::L8, noise());
         let size = jpeg.windows(2).position(|two| two == [0xFF, 0xC0]).unwrap() + 5;
         jpeg[size..size + 4].copy_from_slice(&[0x3F, 0xFF, 0x3F, 0xFF]);
-        assert!(decode(&jpeg).unwrap_err().contains("a JPEG of 16383x16383 pixels in"));
+        assert!(
+            decode(&jpeg)
+                .unwrap_err()
+                .contains("a JPEG of 16383x16383 pixels in")
+        );
     }
 }

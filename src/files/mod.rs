@@ -1,4 +1,5 @@
-//! Images and disparity maps on disk. Everything read here is taken for hostile: sizes are bounded before memory is.
+//! Images and disparity maps on disk. Everything read here is taken for hostile: sizes are bounded
+//! before memory is.
 
 mod disparity;
 mod image;
@@ -8,7 +9,9 @@ mod pfm;
 mod picture;
 
 pub(crate) use crate::bounded::{read_bounded, read_text};
-pub use disparity::{has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why};
+pub use disparity::{
+    has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
+};
 pub(crate) use image::{decode_bytes, gray, gray_of};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 #[cfg(all(feature = "v4l2", target_os = "linux"))]

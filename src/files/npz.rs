@@ -9,8 +9,9 @@ use std::path::Path;
 /// Longest header that is read, bytes; NumPy's own are 118.
 const MAX_HEADER: usize = 4096;
 
-/// Reads the only array of an npz archive, rows x columns of float32 or float64 in either byte and memory order, as
-/// scikit-image's `motorcycle_disp.npz` is. Non-finite values become `+∞`, "unknown".
+/// Reads the only array of an npz archive, rows x columns of float32 or float64 in either byte and
+/// memory order, as scikit-image's `motorcycle_disp.npz` is. Non-finite values become `+∞`,
+/// "unknown".
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] saying what is missing.
@@ -20,7 +21,8 @@ pub fn read_npz(path: &Path) -> Result<Plane<f32>> {
 
 /// The values as they stand in the file.
 pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
-    parse(read_bounded(path, MAX_BYTES)?).map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
+    parse(read_bounded(path, MAX_BYTES)?)
+        .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
 }
 
 fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
@@ -29,16 +31,28 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
         return Err(format!("it holds {} arrays, expected one", archive.len()));
     }
     let mut file = archive.by_index(0).map_err(|e| e.to_string())?;
-    let Header { item, big_endian, fortran, width, height } = Header::read(&mut file)?;
+    let Header {
+        item,
+        big_endian,
+        fortran,
+        width,
+        height,
+    } = Header::read(&mut file)?;
     let expected = width * height * item;
     if expected as u64 > MAX_BYTES {
-        return Err(format!("{width}x{height} needs {expected} bytes, more than the {MAX_BYTES} it may have"));
+        return Err(format!(
+            "{width}x{height} needs {expected} bytes, more than the {MAX_BYTES} it may have"
+        ));
     }
     // One byte more: the archive's check sum is compared at the end of the array.
     let mut data = Vec::new();
-    file.take(expected as u64 + 1).read_to_end(&mut data).map_err(|e| e.to_string())?;
+    file.take(expected as u64 + 1)
+        .read_to_end(&mut data)
+        .map_err(|e| e.to_string())?;
     if data.len() != expected {
-        return Err(format!("{width}x{height} needs {expected} bytes, the array does not have that many"));
+        return Err(format!(
+            "{width}x{height} needs {expected} bytes, the array does not have that many"
+        ));
     }
     let float = |index: usize| {
         let bytes = &data[index * item..][..item];
@@ -47,16 +61,26 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
             Ok(bytes) => f32::from_le_bytes(bytes),
             Err(_) => {
                 let bytes = <[u8; 8]>::try_from(bytes).expect("an item has four or eight bytes");
-                (if big_endian { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) }) as f32
+                (if big_endian {
+                    f64::from_be_bytes(bytes)
+                } else {
+                    f64::from_le_bytes(bytes)
+                }) as f32
             }
         }
     };
-    let index = |x, y| if fortran { x * height + y } else { y * width + x };
+    let index = |x, y| {
+        if fortran {
+            x * height + y
+        } else {
+            y * width + x
+        }
+    };
     Plane::from_fn(width, height, |x, y| float(index(x, y))).map_err(|e| e.to_string())
 }
 
-/// What stands before an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }` (NumPy Enhancement
-/// Proposal 1, "A Simple File Format for NumPy Arrays").
+/// What stands before an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }`
+/// (NumPy Enhancement Proposal 1, "A Simple File Format for NumPy Arrays").
 struct Header {
     /// Bytes of a value.
     item: usize,
@@ -80,7 +104,9 @@ impl Header {
         .map_err(short)?;
         let length = u32::from_le_bytes(length) as usize;
         if length > MAX_HEADER {
-            return Err(format!("the header is {length} bytes long, more than the {MAX_HEADER} it may be"));
+            return Err(format!(
+                "the header is {length} bytes long, more than the {MAX_HEADER} it may be"
+            ));
         }
         let mut text = vec![0; length];
         file.read_exact(&mut text).map_err(short)?;
@@ -89,7 +115,9 @@ impl Header {
 
     fn parse(text: &str) -> std::result::Result<Self, String> {
         let field = |name: &str| {
-            let found = text.split_once(&format!("'{name}':")).map(|(_, rest)| rest.trim_start());
+            let found = text
+                .split_once(&format!("'{name}':"))
+                .map(|(_, rest)| rest.trim_start());
             found.ok_or_else(|| format!("the header has no '{name}'"))
         };
         let kind = field("descr")?.split('\'').nth(1).unwrap_or_default();
@@ -98,15 +126,36 @@ impl Header {
             ">f4" => (true, 4),
             "<f8" => (false, 8),
             ">f8" => (true, 8),
-            _ => return Err(format!("its values are '{kind}', expected float32 or float64")),
+            _ => {
+                return Err(format!(
+                    "its values are '{kind}', expected float32 or float64"
+                ));
+            }
         };
         let shape = field("shape")?;
         let wrong = || format!("its shape is not (rows, columns) in 1..={MAX_SIDE}");
-        let sides = shape.strip_prefix('(').and_then(|s| s.split_once(')')).ok_or_else(wrong)?.0;
-        let sides: Vec<usize> = sides.split(',').map(|s| s.trim().parse().unwrap_or(0)).collect();
+        let sides = shape
+            .strip_prefix('(')
+            .and_then(|s| s.split_once(')'))
+            .ok_or_else(wrong)?
+            .0;
+        let sides: Vec<usize> = sides
+            .split(',')
+            .map(|s| s.trim().parse().unwrap_or(0))
+            .collect();
         match sides[..] {
-            [height, width] if [height, width].iter().all(|side| (1..=MAX_SIDE).contains(side)) => {
-                Ok(Self { item, big_endian, fortran: field("fortran_order")?.starts_with("True"), width, height })
+            [height, width]
+                if [height, width]
+                    .iter()
+                    .all(|side| (1..=MAX_SIDE).contains(side)) =>
+            {
+                Ok(Self {
+                    item,
+                    big_endian,
+                    fortran: field("fortran_order")?.starts_with("True"),
+                    width,
+                    height,
+                })
             }
             _ => Err(wrong()),
         }
@@ -123,13 +172,20 @@ mod tests {
     const HEADER: &str = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }\n";
 
     fn npy(header: &str, data: &[u8]) -> Vec<u8> {
-        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()
+        [
+            b"\x93NUMPY\x01\x00",
+            &(header.len() as u16).to_le_bytes()[..],
+            header.as_bytes(),
+            data,
+        ]
+        .concat()
     }
 
     fn npz(arrays: &[Vec<u8>]) -> Vec<u8> {
         let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
         for (i, array) in arrays.iter().enumerate() {
-            let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+            let stored =
+                SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
             archive.start_file(format!("arr_{i}.npy"), stored).unwrap();
             archive.write_all(array).unwrap();
         }
@@ -142,10 +198,18 @@ mod tests {
 
     #[test]
     fn either_byte_and_memory_order() {
-        let read = |header: &str, data: &[u8]| parse(npz(&[npy(header, data)])).unwrap().pixels().collect::<Vec<_>>();
+        let read = |header: &str, data: &[u8]| {
+            parse(npz(&[npy(header, data)]))
+                .unwrap()
+                .pixels()
+                .collect::<Vec<_>>()
+        };
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, f32::INFINITY];
         assert_eq!(read(HEADER, &le(&values)), values);
-        let big: Vec<u8> = values.iter().flat_map(|v| f64::from(*v).to_be_bytes()).collect();
+        let big: Vec<u8> = values
+            .iter()
+            .flat_map(|v| f64::from(*v).to_be_bytes())
+            .collect();
         assert_eq!(read(&HEADER.replace("<f4", ">f8"), &big), values);
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, f32::INFINITY]);
         assert_eq!(read(&HEADER.replace("False", "True"), &columns), values);
@@ -157,7 +221,10 @@ mod tests {
         let data = le(&[1.0, f32::NAN, f32::NEG_INFINITY, 0.0, -1.0, f32::INFINITY]);
         std::fs::write(file.path(), npz(&[npy(HEADER, &data)])).unwrap();
         let inf = f32::INFINITY;
-        assert_eq!(read_npz(file.path()).unwrap().pixels().collect::<Vec<_>>(), [1.0, inf, inf, 0.0, -1.0, inf]);
+        assert_eq!(
+            read_npz(file.path()).unwrap().pixels().collect::<Vec<_>>(),
+            [1.0, inf, inf, 0.0, -1.0, inf]
+        );
     }
 
     #[test]
@@ -166,15 +233,30 @@ mod tests {
         let one = |header: &str| npz(&[npy(header, &data)]);
         for (bytes, words) in [
             (npz(&[]), "holds 0 arrays"),
-            (npz(&[npy(HEADER, &data), npy(HEADER, &data)]), "holds 2 arrays"),
+            (
+                npz(&[npy(HEADER, &data), npy(HEADER, &data)]),
+                "holds 2 arrays",
+            ),
             (npz(&[b"\x93NUM".to_vec()]), "cut short"),
             (npz(&[vec![0; 99]]), "does not begin"),
             (npz(&[npy(HEADER, &data[1..])]), "needs 24 bytes"),
-            (npz(&[npy(HEADER, &[data.clone(), vec![0]].concat())]), "needs 24 bytes"),
-            (npz(&[[&b"\x93NUMPY\x02\x00"[..], &u32::MAX.to_le_bytes()].concat()]), "4294967295"),
+            (
+                npz(&[npy(HEADER, &[data.clone(), vec![0]].concat())]),
+                "needs 24 bytes",
+            ),
+            (
+                npz(&[[&b"\x93NUMPY\x02\x00"[..], &u32::MAX.to_le_bytes()].concat()]),
+                "4294967295",
+            ),
             (one(&HEADER.replace("(2, 3)", "(2, 3, 1)")), "shape"),
-            (one(&HEADER.replace("(2, 3)", "(18446744073709551615, 3)")), "shape"),
-            (one(&HEADER.replace("(2, 3)", "(16384, 16384)")), "1073741824 bytes"),
+            (
+                one(&HEADER.replace("(2, 3)", "(18446744073709551615, 3)")),
+                "shape",
+            ),
+            (
+                one(&HEADER.replace("(2, 3)", "(16384, 16384)")),
+                "1073741824 bytes",
+            ),
             (one(&HEADER.replace("<f4", "|O")), "'|O'"),
             (one("{}"), "no 'descr'"),
         ] {
@@ -186,7 +268,10 @@ mod tests {
     #[test]
     fn a_flipped_bit_is_found_by_the_check_sum() {
         let mut bytes = npz(&[npy(HEADER, &le(&[7.0; 6]))]);
-        let at = bytes.windows(4).position(|w| w == 7f32.to_le_bytes()).unwrap();
+        let at = bytes
+            .windows(4)
+            .position(|w| w == 7f32.to_le_bytes())
+            .unwrap();
         bytes[at] ^= 1;
         assert!(parse(bytes).unwrap_err().contains("checksum"));
     }

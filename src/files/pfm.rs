@@ -6,8 +6,8 @@ use crate::stereo::{MAX_SIDE, Plane};
 use std::io::Write;
 use std::path::Path;
 
-/// Reads a one-channel PFM of either byte order. The magnitude of the scale line is no multiplier (Middlebury's
-/// convention); non-finite values become `+∞`, "unknown".
+/// Reads a one-channel PFM of either byte order. The magnitude of the scale line is no multiplier
+/// (Middlebury's convention); non-finite values become `+∞`, "unknown".
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] saying what is missing.
@@ -17,16 +17,24 @@ pub fn read_pfm(path: &Path) -> Result<Plane<f32>> {
 
 /// The values as they stand in the file.
 pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
-    parse(&read_bounded(path, MAX_BYTES)?).map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
+    parse(&read_bounded(path, MAX_BYTES)?)
+        .map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
 }
 
 fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     let mut rest = bytes;
     let mut word = || -> std::result::Result<&str, String> {
-        let start = rest.iter().position(|b| !b.is_ascii_whitespace()).ok_or("the header is cut short")?;
-        let length =
-            rest[start..].iter().take(32).position(|b| b.is_ascii_whitespace()).ok_or("the header is cut short")?;
-        let word = std::str::from_utf8(&rest[start..start + length]).map_err(|_| "the header is not text")?;
+        let start = rest
+            .iter()
+            .position(|b| !b.is_ascii_whitespace())
+            .ok_or("the header is cut short")?;
+        let length = rest[start..]
+            .iter()
+            .take(32)
+            .position(|b| b.is_ascii_whitespace())
+            .ok_or("the header is cut short")?;
+        let word = std::str::from_utf8(&rest[start..start + length])
+            .map_err(|_| "the header is not text")?;
         rest = &rest[start + length + 1..];
         Ok(word)
     };
@@ -42,16 +50,29 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     let (width, height) = (side("width")?, side("height")?);
     let scale: f32 = word()?.parse().map_err(|_| "the scale is not a number")?;
     if scale == 0.0 || !scale.is_finite() {
-        return Err(format!("the scale is {scale}, its sign should tell the byte order"));
+        return Err(format!(
+            "the scale is {scale}, its sign should tell the byte order"
+        ));
     }
     let expected = width * height * 4;
     if rest.len() < expected {
-        return Err(format!("{width}x{height} needs {expected} bytes of pixels, got {}", rest.len()));
+        return Err(format!(
+            "{width}x{height} needs {expected} bytes of pixels, got {}",
+            rest.len()
+        ));
     }
-    let read = if scale < 0.0 { f32::from_le_bytes } else { f32::from_be_bytes };
+    let read = if scale < 0.0 {
+        f32::from_le_bytes
+    } else {
+        f32::from_be_bytes
+    };
     let mut plane = Plane::filled(width, height, f32::INFINITY).map_err(|e| e.to_string())?;
     for (i, row) in rest[..expected].chunks_exact(width * 4).enumerate() {
-        for (pixel, bytes) in plane.row_mut(height - 1 - i).iter_mut().zip(row.as_chunks::<4>().0) {
+        for (pixel, bytes) in plane
+            .row_mut(height - 1 - i)
+            .iter_mut()
+            .zip(row.as_chunks::<4>().0)
+        {
             *pixel = read(*bytes);
         }
     }
@@ -65,7 +86,12 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
 pub fn write_pfm(path: &Path, plane: &Plane<f32>) -> Result<()> {
     let (width, height) = plane.size();
     let mut bytes = format!("Pf\n{width} {height}\n-1\n").into_bytes();
-    (0..height).rev().for_each(|y| plane.row(y).iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes())));
+    (0..height).rev().for_each(|y| {
+        plane
+            .row(y)
+            .iter()
+            .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
+    });
     let write = |bytes: &[u8]| std::fs::File::create(path)?.write_all(bytes);
     write(&bytes).map_err(|e| Error::io(path, e))
 }
@@ -77,8 +103,13 @@ mod tests {
     #[test]
     fn both_byte_orders_and_upside_down() {
         let mut big = b"Pf\n1 2\n1.0\n".to_vec();
-        [7.5f32, f32::NAN].iter().for_each(|v| big.extend(v.to_be_bytes()));
-        assert_eq!(known(&parse(&big).unwrap()).pixels().collect::<Vec<_>>(), [f32::INFINITY, 7.5]);
+        [7.5f32, f32::NAN]
+            .iter()
+            .for_each(|v| big.extend(v.to_be_bytes()));
+        assert_eq!(
+            known(&parse(&big).unwrap()).pixels().collect::<Vec<_>>(),
+            [f32::INFINITY, 7.5]
+        );
         let mut little = b"Pf 1 1 -0.0039\n".to_vec();
         little.extend(7.5f32.to_le_bytes());
         assert_eq!(parse(&little).unwrap().get(0, 0), 7.5);
@@ -87,7 +118,14 @@ mod tests {
     #[test]
     fn round_trip() {
         let path = tempfile::NamedTempFile::new().unwrap();
-        let plane = Plane::from_fn(3, 2, |x, y| if x == 1 { f32::INFINITY } else { (x + 10 * y) as f32 }).unwrap();
+        let plane = Plane::from_fn(3, 2, |x, y| {
+            if x == 1 {
+                f32::INFINITY
+            } else {
+                (x + 10 * y) as f32
+            }
+        })
+        .unwrap();
         write_pfm(path.path(), &plane).unwrap();
         assert_eq!(read_pfm(path.path()).unwrap(), plane);
     }

@@ -14,14 +14,22 @@ const QUALITY: u8 = 78;
 /// [`Error::Invalid`] for a palette that is empty or too large, or a code beyond it.
 pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<u8>> {
     let (width, height) = codes.size();
-    if palette.is_empty() || palette.len() > 256 || codes.pixels().any(|c| usize::from(c) >= palette.len()) {
-        return Err(Error::Invalid(format!("PNG encoder: codes beyond a palette of {} colours", palette.len())));
+    if palette.is_empty()
+        || palette.len() > 256
+        || codes.pixels().any(|c| usize::from(c) >= palette.len())
+    {
+        return Err(Error::Invalid(format!(
+            "PNG encoder: codes beyond a palette of {} colours",
+            palette.len()
+        )));
     }
     let half_bytes = palette.len() <= 16;
     // A row of half bytes begins with a whole one.
     let packed = |row: &[u8]| -> Vec<u8> {
         if half_bytes {
-            row.chunks(2).map(|pair| pair[0] << 4 | pair.get(1).copied().unwrap_or_default()).collect()
+            row.chunks(2)
+                .map(|pair| pair[0] << 4 | pair.get(1).copied().unwrap_or_default())
+                .collect()
         } else {
             row.to_vec()
         }
@@ -32,12 +40,19 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
     // Sides are at most MAX_SIDE, so they fit in 32 bits.
     let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
     encoder.set_color(png::ColorType::Indexed);
-    encoder.set_depth(if half_bytes { png::BitDepth::Four } else { png::BitDepth::Eight });
+    encoder.set_depth(if half_bytes {
+        png::BitDepth::Four
+    } else {
+        png::BitDepth::Eight
+    });
     encoder.set_palette(palette.as_flattened());
     encoder.set_compression(png::Compression::High);
     // Codes are names, not amounts: their differences mean nothing.
     encoder.set_filter(png::Filter::NoFilter);
-    encoder.write_header().and_then(|mut writer| writer.write_image_data(&data)).map_err(wrong)?;
+    encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(&data))
+        .map_err(wrong)?;
     Ok(file)
 }
 
@@ -52,7 +67,12 @@ pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
     let mut grey = grey.ok_or_else(|| Error::Invalid(format!("JPEG encoder: {w}x{h} pixels")))?;
     if w > width && width > 0 {
         let height = (h * width / w).max(1);
-        grey = imageops::resize(&grey, width as u32, height as u32, imageops::FilterType::Triangle);
+        grey = imageops::resize(
+            &grey,
+            width as u32,
+            height as u32,
+            imageops::FilterType::Triangle,
+        );
     }
     let mut file = Vec::new();
     let encoded = JpegEncoder::new_with_quality(&mut file, QUALITY).encode_image(&grey);
@@ -65,7 +85,12 @@ mod tests {
     use super::*;
 
     fn decoded(png: &[u8]) -> Vec<[u8; 3]> {
-        image::load_from_memory(png).unwrap().into_rgb8().pixels().map(|p| p.0).collect()
+        image::load_from_memory(png)
+            .unwrap()
+            .into_rgb8()
+            .pixels()
+            .map(|p| p.0)
+            .collect()
     }
 
     #[test]
@@ -73,10 +98,19 @@ mod tests {
         let codes = Plane::from_vec(3, 2, vec![0, 1, 2, 2, 1, 0]).unwrap();
         for colors in [3, 16, 17] {
             let palette: Vec<_> = (0..colors).map(|i| [i, 2 * i, 255 - i]).collect();
-            let expected: Vec<_> = codes.pixels().map(|code| palette[usize::from(code)]).collect();
-            assert_eq!(decoded(&encode_palette_png(&codes, &palette).unwrap()), expected);
+            let expected: Vec<_> = codes
+                .pixels()
+                .map(|code| palette[usize::from(code)])
+                .collect();
+            assert_eq!(
+                decoded(&encode_palette_png(&codes, &palette).unwrap()),
+                expected
+            );
         }
-        assert!(encode_palette_png(&codes, &[[0; 3]; 2]).is_err() && encode_palette_png(&codes, &[]).is_err());
+        assert!(
+            encode_palette_png(&codes, &[[0; 3]; 2]).is_err()
+                && encode_palette_png(&codes, &[]).is_err()
+        );
     }
 
     #[test]
@@ -86,6 +120,9 @@ mod tests {
             let grey = image::load_from_memory(&encode_jpeg(&image, width).unwrap()).unwrap();
             (grey.width(), grey.height())
         };
-        assert_eq!((size(40), size(20), size(99)), ((40, 30), (20, 15), (40, 30)));
+        assert_eq!(
+            (size(40), size(20), size(99)),
+            ((40, 30), (20, 15), (40, 30))
+        );
     }
 }

@@ -31,7 +31,12 @@ pub(super) enum Event {
 const SLICE: Duration = Duration::from_millis(100);
 
 /// Follows orders until there are no more, or the camera fails.
-pub(super) fn acquire(side: Side, mut camera: Box<dyn Camera>, orders: &Mailbox<Order>, reports: &Mailbox<Report>) {
+pub(super) fn acquire(
+    side: Side,
+    mut camera: Box<dyn Camera>,
+    orders: &Mailbox<Order>,
+    reports: &Mailbox<Report>,
+) {
     let report = |event| reports.send(Report { side, event });
     let mut next = orders.receive(u64::MAX);
     while let Received::Message(order) = next {

@@ -33,7 +33,9 @@ impl Side {
     /// An error of this side's camera, which says so.
     pub(super) fn blame(self, error: Error) -> Error {
         match error {
-            Error::Camera { camera, reason } => Error::camera(format!("{} camera, {camera}", self.name()), reason),
+            Error::Camera { camera, reason } => {
+                Error::camera(format!("{} camera, {camera}", self.name()), reason)
+            }
             other => other,
         }
     }
@@ -57,7 +59,12 @@ impl Settings {
 
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} µs and {:.1} dB", self.shutter_us, f64::from(self.gain_mdb) / 1e3)
+        write!(
+            f,
+            "{} µs and {:.1} dB",
+            self.shutter_us,
+            f64::from(self.gain_mdb) / 1e3
+        )
     }
 }
 
@@ -76,10 +83,14 @@ impl Limits {
     pub fn common(&self, other: &Self) -> Result<Self> {
         let (a, b) = (self, other);
         let nothing = |what: &str, a: String, b: String| {
-            Err(Error::Invalid(format!("the cameras have no {what} in common: left {a}, right {b}; use two alike")))
+            Err(Error::Invalid(format!(
+                "the cameras have no {what} in common: left {a}, right {b}; use two alike"
+            )))
         };
-        let shutter_us = *a.shutter_us.start().max(b.shutter_us.start())..=*a.shutter_us.end().min(b.shutter_us.end());
-        let gain_mdb = *a.gain_mdb.start().max(b.gain_mdb.start())..=*a.gain_mdb.end().min(b.gain_mdb.end());
+        let shutter_us = *a.shutter_us.start().max(b.shutter_us.start())
+            ..=*a.shutter_us.end().min(b.shutter_us.end());
+        let gain_mdb =
+            *a.gain_mdb.start().max(b.gain_mdb.start())..=*a.gain_mdb.end().min(b.gain_mdb.end());
         if shutter_us.is_empty() {
             let words = |range: &RangeInclusive<u32>| match (range.start(), range.end()) {
                 (0, 0) => "has none to be set".to_owned(),
@@ -89,10 +100,15 @@ impl Limits {
         }
         if gain_mdb.is_empty() {
             let db = |mdb: &i32| f64::from(*mdb) / 1e3;
-            let words = |range: &RangeInclusive<i32>| format!("{} to {} dB", db(range.start()), db(range.end()));
+            let words = |range: &RangeInclusive<i32>| {
+                format!("{} to {} dB", db(range.start()), db(range.end()))
+            };
             return nothing("gain", words(&a.gain_mdb), words(&b.gain_mdb));
         }
-        Ok(Self { shutter_us, gain_mdb })
+        Ok(Self {
+            shutter_us,
+            gain_mdb,
+        })
     }
 }
 
@@ -127,15 +143,15 @@ pub trait Camera: Send {
 
     fn limits(&self) -> Limits;
 
-    /// Prepares for one exposure. When it returns, the next trigger exposes; what was armed or exposed before and not
-    /// captured is discarded.
+    /// Prepares for one exposure. When it returns, the next trigger exposes; what was armed or
+    /// exposed before and not captured is discarded.
     ///
     /// # Errors
     /// [`Error::Camera`] when it cannot.
     fn arm(&mut self, settings: Settings) -> Result<()>;
 
-    /// Waits for the exposure and for its image; nothing when none came in that time. After that, and after
-    /// [`Taken::Unready`], it may be asked again.
+    /// Waits for the exposure and for its image; nothing when none came in that time. After that,
+    /// and after [`Taken::Unready`], it may be asked again.
     ///
     /// # Errors
     /// [`Error::Camera`] when the camera is gone.

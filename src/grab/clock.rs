@@ -1,4 +1,5 @@
-//! The time that the grabber lives in: the machine's, or a scripted one in which every run is the same.
+//! The time that the grabber lives in: the machine's, or a scripted one in which every run is the
+//! same.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -6,8 +7,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Tells the time, and lets threads wait for it or for each other.
 ///
-/// A scripted clock stands still while one of its participants has something to do, and jumps to the next moment that
-/// one waits for when all wait. So a test of threads that sleep takes no time and cannot fail for a slow machine.
+/// A scripted clock stands still while one of its participants has something to do, and jumps to
+/// the next moment that one waits for when all wait. So a test of threads that sleep takes no time
+/// and cannot fail for a slow machine.
 pub struct Clock {
     time: Time,
     state: Mutex<State>,
@@ -33,15 +35,21 @@ struct Waiting {
     settled: bool,
 }
 
-/// A thread that a scripted clock reckons with, until it is dropped. Enter it before the thread begins.
+/// A thread that a scripted clock reckons with, until it is dropped. Enter it before the thread
+/// begins.
 pub struct Participant(Arc<Clock>);
 
 impl Clock {
     /// The machine's time, nanoseconds since 1970, never running backwards.
     pub fn real() -> Arc<Self> {
-        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let since_epoch = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
         let epoch_ns = since_epoch.as_nanos() as u64;
-        Self::with(Time::Real { began: Instant::now(), epoch_ns })
+        Self::with(Time::Real {
+            began: Instant::now(),
+            epoch_ns,
+        })
     }
 
     /// A scripted time that begins at 0.
@@ -50,7 +58,11 @@ impl Clock {
     }
 
     fn with(time: Time) -> Arc<Self> {
-        Arc::new(Self { time, state: Mutex::default(), changed: Condvar::new() })
+        Arc::new(Self {
+            time,
+            state: Mutex::default(),
+            changed: Condvar::new(),
+        })
     }
 
     pub fn now_ns(&self) -> u64 {
@@ -60,13 +72,17 @@ impl Clock {
         }
     }
 
-    /// Waits until `ready` gives something, or the time has come: then nothing. `ready` is asked again after every
-    /// [`Clock::notify`]. On a scripted clock only participants may wait.
+    /// Waits until `ready` gives something, or the time has come: then nothing. `ready` is asked
+    /// again after every [`Clock::notify`]. On a scripted clock only participants may wait.
     pub fn wait_until<T>(&self, until_ns: u64, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
         let mut state = self.lock();
         let id = state.next_id;
         state.next_id += 1;
-        state.waiting.push(Waiting { id, until_ns, settled: false });
+        state.waiting.push(Waiting {
+            id,
+            until_ns,
+            settled: false,
+        });
         let found = loop {
             let found = ready();
             let now_ns = self.now_ns();
@@ -76,14 +92,23 @@ impl Clock {
             state = match &self.time {
                 Time::Real { .. } => {
                     let left = Duration::from_nanos(until_ns - now_ns);
-                    self.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0
+                    self.changed
+                        .wait_timeout(state, left)
+                        .unwrap_or_else(PoisonError::into_inner)
+                        .0
                 }
                 Time::Scripted(time) => {
-                    state.waiting.iter_mut().filter(|w| w.id == id).for_each(|w| w.settled = true);
+                    state
+                        .waiting
+                        .iter_mut()
+                        .filter(|w| w.id == id)
+                        .for_each(|w| w.settled = true);
                     if self.advance(&mut state, time) {
                         state
                     } else {
-                        self.changed.wait(state).unwrap_or_else(PoisonError::into_inner)
+                        self.changed
+                            .wait(state)
+                            .unwrap_or_else(PoisonError::into_inner)
                     }
                 }
             };
@@ -96,9 +121,13 @@ impl Clock {
         self.wait_until(until_ns, || None::<()>);
     }
 
-    /// Something changed that others may wait for. Not to be called while holding what their `ready` locks.
+    /// Something changed that others may wait for. Not to be called while holding what their
+    /// `ready` locks.
     pub fn notify(&self) {
-        self.lock().waiting.iter_mut().for_each(|w| w.settled = false);
+        self.lock()
+            .waiting
+            .iter_mut()
+            .for_each(|w| w.settled = false);
         self.changed.notify_all();
     }
 
@@ -110,9 +139,12 @@ impl Clock {
 
     /// Jumps to the next moment that a participant waits for, when all wait.
     fn advance(&self, state: &mut State, time: &AtomicU64) -> bool {
-        let all_wait = state.waiting.len() >= state.participants && state.waiting.iter().all(|w| w.settled);
+        let all_wait =
+            state.waiting.len() >= state.participants && state.waiting.iter().all(|w| w.settled);
         let next_ns = state.waiting.iter().map(|w| w.until_ns).min();
-        let Some(next_ns) = next_ns.filter(|&ns| all_wait && ns < u64::MAX) else { return false };
+        let Some(next_ns) = next_ns.filter(|&ns| all_wait && ns < u64::MAX) else {
+            return false;
+        };
         time.fetch_max(next_ns, Ordering::AcqRel);
         state.waiting.iter_mut().for_each(|w| w.settled = false);
         self.changed.notify_all();
@@ -147,13 +179,23 @@ mod tests {
             move || {
                 for &nap in naps_ms {
                     clock.sleep_until(clock.now_ns() + nap * 3_600_000_000_000);
-                    order.lock().unwrap().push((name, clock.now_ns() / 3_600_000_000_000));
+                    order
+                        .lock()
+                        .unwrap()
+                        .push((name, clock.now_ns() / 3_600_000_000_000));
                 }
                 drop(participant);
             }
         };
         let sleepers = [sleeper("a", &[2, 2, 2]), sleeper("b", &[3, 4])];
-        std::thread::scope(|scope| sleepers.map(|sleeper| scope.spawn(sleeper)).map(|thread| thread.join().unwrap()));
-        assert_eq!(order.into_inner().unwrap(), [("a", 2), ("b", 3), ("a", 4), ("a", 6), ("b", 7)]);
+        std::thread::scope(|scope| {
+            sleepers
+                .map(|sleeper| scope.spawn(sleeper))
+                .map(|thread| thread.join().unwrap())
+        });
+        assert_eq!(
+            order.into_inner().unwrap(),
+            [("a", 2), ("b", 3), ("a", 4), ("a", 6), ("b", 7)]
+        );
     }
 }

@@ -80,7 +80,11 @@ impl Coordinator {
         let next: fn(&mut Self, Side) = match taken {
             Taken::Image(capture) => match self.firing.with_pulse(capture) {
                 Some(capture) => {
-                    let next = if self.firing.is_late(&capture) { Self::order_next } else { Self::order };
+                    let next = if self.firing.is_late(&capture) {
+                        Self::order_next
+                    } else {
+                        Self::order
+                    };
                     camera.gave_image();
                     self.pairing.push(side, capture);
                     next
@@ -108,16 +112,21 @@ impl Coordinator {
         }
         self.deliver_pairs(Pairing::pair)?;
         checked?;
-        self.pairless.image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
+        self.pairless
+            .image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
     }
 
     /// Waits for the image that a camera is taking: its partner may be there.
     fn finish_exposure(&mut self, side: Side) -> Result<()> {
         let until_ns = self.clock.now_ns().saturating_add(self.timeout_ns);
-        let mut taking = self.cameras[side as usize].phase != Phase::Arming && self.patience_ns(side).is_some();
+        let mut taking =
+            self.cameras[side as usize].phase != Phase::Arming && self.patience_ns(side).is_some();
         while taking {
             match self.reports.receive(until_ns) {
-                Received::Message(Report { side: from, event: Event::Captured(taken) }) if from == side => {
+                Received::Message(Report {
+                    side: from,
+                    event: Event::Captured(taken),
+                }) if from == side => {
                     taking = taken == Taken::Unready;
                     self.hear_image(side, taken)?;
                 }
@@ -154,15 +163,25 @@ impl Coordinator {
     }
 
     fn both_armed(&self) -> bool {
-        self.cameras.iter().all(|camera| camera.phase == Phase::Armed)
+        self.cameras
+            .iter()
+            .all(|camera| camera.phase == Phase::Armed)
     }
 
     fn fire_if_due(&mut self) -> Result<()> {
         if self.both_armed() {
-            let Self { clock, reports, tally, .. } = self;
-            let begin = |trigger, period_ns| Pulser::start(clock, trigger, period_ns, reports, tally);
+            let Self {
+                clock,
+                reports,
+                tally,
+                ..
+            } = self;
+            let begin =
+                |trigger, period_ns| Pulser::start(clock, trigger, period_ns, reports, tally);
             if self.firing.fire_if_due(clock.now_ns(), tally, begin)? {
-                Side::BOTH.into_iter().for_each(|side| self.enter(side, Phase::Exposing));
+                Side::BOTH
+                    .into_iter()
+                    .for_each(|side| self.enter(side, Phase::Exposing));
             }
         }
         Ok(())
@@ -170,15 +189,25 @@ impl Coordinator {
 
     /// Until when there is nothing to do unless a camera reports.
     fn deadline_ns(&self) -> u64 {
-        let silent = Side::BOTH.into_iter().filter_map(|side| self.silent_at_ns(side));
-        silent.chain(self.firing.due_ns().filter(|_| self.both_armed())).min().unwrap_or(u64::MAX)
+        let silent = Side::BOTH
+            .into_iter()
+            .filter_map(|side| self.silent_at_ns(side));
+        silent
+            .chain(self.firing.due_ns().filter(|_| self.both_armed()))
+            .min()
+            .unwrap_or(u64::MAX)
     }
 
     fn silent_at_ns(&self, side: Side) -> Option<u64> {
-        Some(self.cameras[side as usize].since_ns.saturating_add(self.patience_ns(side)?))
+        Some(
+            self.cameras[side as usize]
+                .since_ns
+                .saturating_add(self.patience_ns(side)?),
+        )
     }
 
-    /// How long a camera may take for what it is at, if it is its turn: an armed one may wait for the other.
+    /// How long a camera may take for what it is at, if it is its turn: an armed one may wait for
+    /// the other.
     fn patience_ns(&self, side: Side) -> Option<u64> {
         let needed_ns = match self.cameras[side as usize].phase {
             Phase::Arming => 0,
@@ -191,7 +220,9 @@ impl Coordinator {
     fn check_silence(&mut self) -> Result<()> {
         let now_ns = self.clock.now_ns();
         for side in Side::BOTH {
-            let Some(patience_ns) = self.patience_ns(side) else { continue };
+            let Some(patience_ns) = self.patience_ns(side) else {
+                continue;
+            };
             let camera = &mut self.cameras[side as usize];
             if now_ns < camera.since_ns.saturating_add(patience_ns) {
                 continue;
@@ -219,11 +250,16 @@ impl Coordinator {
     }
 
     fn deliver(&mut self, [left, right]: [Capture; 2]) -> Result<()> {
-        self.balance.observe(&left.image, &right.image, left.ordered);
-        if !left.settings.is_near(right.settings) && !std::mem::replace(&mut self.told_apart, true) {
+        self.balance
+            .observe(&left.image, &right.image, left.ordered);
+        if !left.settings.is_near(right.settings) && !std::mem::replace(&mut self.told_apart, true)
+        {
             let [a, b] = &self.cameras;
             let (ordered, a, b, right) = (left.ordered, &a.name, &b.name, right.settings);
-            tracing::warn!("of {ordered} {a} makes {}, {b} {right}: the two do not expose alike", left.settings);
+            tracing::warn!(
+                "of {ordered} {a} makes {}, {b} {right}: the two do not expose alike",
+                left.settings
+            );
         }
         let skew_ns = right.stamp_ns.wrapping_sub(left.stamp_ns) as i64;
         let mut tally = self.tally();
@@ -276,8 +312,14 @@ mod tests {
     #[test]
     fn what_was_taken_before_the_end_is_in_a_pair_or_counted() {
         let clock = Clock::scripted();
-        let settings = Settings { shutter_us: 100, gain_mdb: 0 };
-        let limits = Limits { shutter_us: 100..=100, gain_mdb: 0..=0 };
+        let settings = Settings {
+            shutter_us: 100,
+            gain_mdb: 0,
+        };
+        let limits = Limits {
+            shutter_us: 100..=100,
+            gain_mdb: 0..=0,
+        };
         let (reports, tally) = (Mailbox::new(&clock), Arc::<Mutex<Tally>>::default());
         let queue = Arc::new(Queue::new(1, WhenFull::Drop));
         let coordinator = Coordinator {
@@ -297,14 +339,23 @@ mod tests {
             clock,
         };
         let image = Gray::filled(1, 1, 7).unwrap();
-        let capture = Capture { image, stamp_ns: 1, trigger_id: None, ordered: settings, settings };
+        let capture = Capture {
+            image,
+            stamp_ns: 1,
+            trigger_id: None,
+            ordered: settings,
+            settings,
+        };
         for (side, taken) in [
             (Side::Left, Taken::Image(capture.clone())),
             (Side::Left, Taken::Image(capture.clone())),
             (Side::Right, Taken::Damaged),
             (Side::Right, Taken::Image(capture)),
         ] {
-            reports.send(Report { side, event: Event::Captured(taken) });
+            reports.send(Report {
+                side,
+                event: Event::Captured(taken),
+            });
         }
         reports.close();
         coordinator.run();

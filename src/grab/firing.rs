@@ -19,12 +19,19 @@ pub(super) enum Firing {
         pulses: VecDeque<Pulse>,
     },
     /// A trigger that begins once both cameras have been armed.
-    FixedRate { trigger: Box<dyn Trigger>, period_ns: u64 },
+    FixedRate {
+        trigger: Box<dyn Trigger>,
+        period_ns: u64,
+    },
     /// Something else fires: a pulser, or the cameras themselves.
-    Elsewhere { period_ns: u64, _pulser: Option<Pulser> },
+    Elsewhere {
+        period_ns: u64,
+        _pulser: Option<Pulser>,
+    },
 }
 
-/// Times of a camera and of a pulse that are one may be so far apart: clocks are brought together to less.
+/// Times of a camera and of a pulse that are one may be so far apart: clocks are brought together
+/// to less.
 const SAME_NS: u64 = 1_000_000;
 /// Pulses whose images may still come: who is slower than that is given up.
 const PULSES: usize = PATIENCE as usize + 1;
@@ -32,17 +39,24 @@ const PULSES: usize = PATIENCE as usize + 1;
 impl From<Policy> for Firing {
     fn from(policy: Policy) -> Self {
         match policy {
-            Policy::Coordinated { trigger, period_ns } => {
-                Self::WhenArmed { trigger, period_ns, due_ns: 0, pulses: VecDeque::new() }
-            }
+            Policy::Coordinated { trigger, period_ns } => Self::WhenArmed {
+                trigger,
+                period_ns,
+                due_ns: 0,
+                pulses: VecDeque::new(),
+            },
             Policy::FixedRate { trigger, period_ns } => Self::FixedRate { trigger, period_ns },
-            Policy::Free { period_ns } => Self::Elsewhere { period_ns, _pulser: None },
+            Policy::Free { period_ns } => Self::Elsewhere {
+                period_ns,
+                _pulser: None,
+            },
         }
     }
 }
 
 impl Firing {
-    /// Fires, if that is due, two cameras that are armed; whether it did. `begin` starts a trigger of fixed rate.
+    /// Fires, if that is due, two cameras that are armed; whether it did. `begin` starts a trigger
+    /// of fixed rate.
     ///
     /// # Errors
     /// The trigger's.
@@ -53,12 +67,22 @@ impl Firing {
         begin: impl FnOnce(Box<dyn Trigger>, u64) -> Pulser,
     ) -> Result<bool> {
         match self {
-            Self::WhenArmed { trigger, period_ns, due_ns, pulses } if now_ns >= *due_ns => {
-                // The rate is kept to on average: a pulse that is late makes up for up to one period.
+            Self::WhenArmed {
+                trigger,
+                period_ns,
+                due_ns,
+                pulses,
+            } if now_ns >= *due_ns => {
+                // The rate is kept to on average: a pulse that is late makes up for up to one
+                // period.
                 let was_due_ns = if pulses.is_empty() { now_ns } else { *due_ns };
-                *due_ns = was_due_ns.max(now_ns.saturating_sub(*period_ns)).saturating_add(*period_ns);
+                *due_ns = was_due_ns
+                    .max(now_ns.saturating_sub(*period_ns))
+                    .saturating_add(*period_ns);
                 let pulse = trigger.fire()?;
-                let strays = pulses.back().map_or(0, |last| pulse.id.saturating_sub(last.id + 1));
+                let strays = pulses
+                    .back()
+                    .map_or(0, |last| pulse.id.saturating_sub(last.id + 1));
                 pulses.push_back(pulse);
                 if pulses.len() > PULSES {
                     pulses.pop_front();
@@ -70,9 +94,18 @@ impl Firing {
             }
             Self::FixedRate { period_ns, .. } => {
                 let period_ns = *period_ns;
-                let fixed = std::mem::replace(self, Self::Elsewhere { period_ns, _pulser: None });
+                let fixed = std::mem::replace(
+                    self,
+                    Self::Elsewhere {
+                        period_ns,
+                        _pulser: None,
+                    },
+                );
                 if let Self::FixedRate { trigger, .. } = fixed {
-                    *self = Self::Elsewhere { period_ns, _pulser: Some(begin(trigger, period_ns)) };
+                    *self = Self::Elsewhere {
+                        period_ns,
+                        _pulser: Some(begin(trigger, period_ns)),
+                    };
                 }
                 Ok(false)
             }
@@ -98,11 +131,15 @@ impl Firing {
 
     /// Ends it.
     pub(super) fn end(&mut self) {
-        *self = Self::Elsewhere { period_ns: 0, _pulser: None };
+        *self = Self::Elsewhere {
+            period_ns: 0,
+            _pulser: None,
+        };
     }
 
-    /// Writes the pulse into an image whose camera does not know it. Both were armed when it rose, so an image that is in
-    /// time is of the last one; one that began before that is of a pulse that had been given up. Nothing when it is of none.
+    /// Writes the pulse into an image whose camera does not know it. Both were armed when it rose,
+    /// so an image that is in time is of the last one; one that began before that is of a pulse
+    /// that had been given up. Nothing when it is of none.
     pub(super) fn with_pulse(&self, mut capture: Capture) -> Option<Capture> {
         if let (Self::WhenArmed { pulses, .. }, None) = (self, capture.trigger_id) {
             let Settings { shutter_us, .. } = capture.settings;
@@ -116,7 +153,9 @@ impl Firing {
     /// Whether an image is of a pulse before the last, so that another one is still to come.
     pub(super) fn is_late(&self, capture: &Capture) -> bool {
         match self {
-            Self::WhenArmed { pulses, .. } => pulses.back().is_some_and(|last| capture.trigger_id < Some(last.id)),
+            Self::WhenArmed { pulses, .. } => pulses
+                .back()
+                .is_some_and(|last| capture.trigger_id < Some(last.id)),
             _ => false,
         }
     }

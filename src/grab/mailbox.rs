@@ -4,8 +4,9 @@ use super::clock::Clock;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A channel whose ends are the same thing, and whose waiting a scripted clock knows of. What is sent is bounded by its
-/// users: a camera gets an order only after its answer was read, and gives few images for one.
+/// A channel whose ends are the same thing, and whose waiting a scripted clock knows of. What is
+/// sent is bounded by its users: a camera gets an order only after its answer was read, and gives
+/// few images for one.
 pub(super) struct Mailbox<T> {
     clock: Arc<Clock>,
     content: Mutex<Content<T>>,
@@ -28,8 +29,14 @@ pub(super) enum Received<T> {
 
 impl<T> Mailbox<T> {
     pub(super) fn new(clock: &Arc<Clock>) -> Arc<Self> {
-        let content = Mutex::new(Content { messages: VecDeque::new(), closed: false });
-        Arc::new(Self { clock: clock.clone(), content })
+        let content = Mutex::new(Content {
+            messages: VecDeque::new(),
+            closed: false,
+        });
+        Arc::new(Self {
+            clock: clock.clone(),
+            content,
+        })
     }
 
     /// Sends, unless it is closed.
@@ -57,7 +64,9 @@ impl<T> Mailbox<T> {
             }
             content.messages.pop_front().map(Received::Message)
         };
-        self.clock.wait_until(until_ns, look).unwrap_or(Received::Nothing)
+        self.clock
+            .wait_until(until_ns, look)
+            .unwrap_or(Received::Nothing)
     }
 
     /// What was sent and not received, of a closed mailbox.

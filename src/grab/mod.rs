@@ -8,13 +8,14 @@
 //!     └──────────── trigger ◀── when both are armed ───────┘
 //! ```
 //!
-//! Two cameras that a free-running trigger fires get out of step as soon as one of them is not ready for a pulse
-//! (figure 4.2). So here the coordinator fires, and only when both are armed (figure 4.3): a slow camera slows the rate,
-//! and the two images of a pair are always of one pulse. The other policies are there to show the difference, and for
-//! cameras that cannot be triggered.
+//! Two cameras that a free-running trigger fires get out of step as soon as one of them is not
+//! ready for a pulse (figure 4.2). So here the coordinator fires, and only when both are armed
+//! (figure 4.3): a slow camera slows the rate, and the two images of a pair are always of one
+//! pulse. The other policies are there to show the difference, and for cameras that cannot be
+//! triggered.
 //!
-//! Stamps are of the middle of the exposure. Every image ends in a pair or is counted with its reason, and every pair is
-//! read or counted ([`Tally`]).
+//! Stamps are of the middle of the exposure. Every image ends in a pair or is counted with its
+//! reason, and every pair is read or counted ([`Tally`]).
 
 mod acquire;
 mod camera;
@@ -72,8 +73,9 @@ pub struct Setup {
     pub max_shutter_us: u32,
     /// Pairs from one look of the exposure balance to the next.
     pub balance_every: u32,
-    /// How long a camera may take for what it has to do, beyond its shutter time, and beyond the period where nothing of
-    /// svl's fires it. The third time in a row that it does not is an error.
+    /// How long a camera may take for what it has to do, beyond its shutter time, and beyond the
+    /// period where nothing of svl's fires it. The third time in a row that it does not is an
+    /// error.
     pub timeout: Duration,
     /// Pairs that may wait for the writer.
     pub queue: usize,
@@ -95,15 +97,28 @@ impl Grabber {
     /// Starts the threads.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the cameras have no settings in common; [`Error::Io`] when there can be no more threads.
+    /// [`Error::Invalid`] when the cameras have no settings in common; [`Error::Io`] when there can
+    /// be no more threads.
     pub fn start(setup: Setup) -> Result<Self> {
-        let Setup { clock, cameras, policy, rule, settings, rig, .. } = setup;
+        let Setup {
+            clock,
+            cameras,
+            policy,
+            rule,
+            settings,
+            rig,
+            ..
+        } = setup;
         let mut limits = cameras[0].limits().common(&cameras[1].limits())?;
         let (shortest, longest) = (*limits.shutter_us.start(), *limits.shutter_us.end());
         limits.shutter_us = shortest..=longest.min(setup.max_shutter_us).max(shortest);
         let settings = Settings {
-            shutter_us: settings.shutter_us.clamp(shortest, *limits.shutter_us.end()),
-            gain_mdb: settings.gain_mdb.clamp(*limits.gain_mdb.start(), *limits.gain_mdb.end()),
+            shutter_us: settings
+                .shutter_us
+                .clamp(shortest, *limits.shutter_us.end()),
+            gain_mdb: settings
+                .gain_mdb
+                .clamp(*limits.gain_mdb.start(), *limits.gain_mdb.end()),
         };
         let reports = Mailbox::new(&clock);
         let orders = [Mailbox::new(&clock), Mailbox::new(&clock)];
@@ -144,12 +159,19 @@ impl Grabber {
                 drop(participant);
             }),
         ));
-        let mut grabber = Self { clock, reports, queue, tally, threads: Vec::new(), last_stamp_ns: None };
+        let mut grabber = Self {
+            clock,
+            reports,
+            queue,
+            tally,
+            threads: Vec::new(),
+            last_stamp_ns: None,
+        };
         for (name, work) in work {
             let thread = std::thread::Builder::new().name(name.clone()).spawn(work);
-            grabber
-                .threads
-                .push(thread.map_err(|e| Error::Invalid(format!("cannot start a thread for the {name}: {e}")))?);
+            grabber.threads.push(thread.map_err(|e| {
+                Error::Invalid(format!("cannot start a thread for the {name}: {e}"))
+            })?);
         }
         Ok(grabber)
     }
@@ -170,7 +192,11 @@ impl Grabber {
         if let Some(stamp_ns) = self.last_stamp_ns.take() {
             let lateness_ns = self.clock.now_ns().saturating_sub(stamp_ns);
             // Saturates at an hour.
-            self.tally.lock().unwrap_or_else(PoisonError::into_inner).lateness_ns.saturating_record(lateness_ns);
+            self.tally
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .lateness_ns
+                .saturating_record(lateness_ns);
         }
         let frame = self.queue.pop_unless(stopped)?;
         self.last_stamp_ns = frame.as_ref().map(|frame| frame.stamp_ns);
@@ -183,7 +209,8 @@ impl Grabber {
         let unread = self.queue.abandon();
         // A driver that never returns cannot be waited for.
         let began = Instant::now();
-        while began.elapsed() < STOPPING && self.threads.iter().any(|thread| !thread.is_finished()) {
+        while began.elapsed() < STOPPING && self.threads.iter().any(|thread| !thread.is_finished())
+        {
             std::thread::sleep(Duration::from_millis(1));
         }
         self.threads.clear();

@@ -8,12 +8,13 @@ use std::collections::VecDeque;
 pub enum Rule {
     /// The same pulse fired both.
     Trigger,
-    /// No other image is nearer in time to either, and they are at most so far apart. An image may have to wait for the
-    /// next of its camera, which may be nearer to its partner; not when they are less than a quarter of the period apart,
-    /// as a camera's images are at least half of it apart.
+    /// No other image is nearer in time to either, and they are at most so far apart. An image may
+    /// have to wait for the next of its camera, which may be nearer to its partner; not when they
+    /// are less than a quarter of the period apart, as a camera's images are at least half of it
+    /// apart.
     Stamp { max_skew_ns: u64, period_ns: u64 },
-    /// The n-th of one and the n-th of the other, whatever they show: to see what goes wrong (thesis, figure 4.2). Images
-    /// wait for their n-th partner up to [`ARRIVAL_BYTES`] of them.
+    /// The n-th of one and the n-th of the other, whatever they show: to see what goes wrong
+    /// (thesis, figure 4.2). Images wait for their n-th partner up to [`ARRIVAL_BYTES`] of them.
     Arrival,
 }
 
@@ -68,14 +69,17 @@ impl Unpaired {
             }
             Unpaired::Skew => "fire both with one --trigger, or allow more with --max-skew-ms",
             Unpaired::Damaged => "check the cables",
-            Unpaired::Settings | Unpaired::Unfinished | Unpaired::Unready => "try another --trigger",
+            Unpaired::Settings | Unpaired::Unfinished | Unpaired::Unready => {
+                "try another --trigger"
+            }
         }
     }
 }
 
 /// Images of one camera that may wait for the other's.
 pub const WAITING: usize = 16;
-/// Of images that are paired in the order of arrival, more wait with every pulse that one camera misses.
+/// Of images that are paired in the order of arrival, more wait with every pulse that one camera
+/// misses.
 pub const ARRIVAL_BYTES: usize = 1 << 29;
 
 /// Pairs images as they come. Each camera's come in the order of their exposure.
@@ -95,7 +99,11 @@ enum Verdict {
 
 impl Pairing {
     pub fn new(rule: Rule) -> Self {
-        Self { rule, waiting: Default::default(), unpaired: [0; Unpaired::ALL.len()] }
+        Self {
+            rule,
+            waiting: Default::default(),
+            unpaired: [0; Unpaired::ALL.len()],
+        }
     }
 
     /// Takes an image, left or right; [`Pairing::pair`] has the pairs that it completes.
@@ -107,7 +115,8 @@ impl Pairing {
         };
         let queue = &mut self.waiting[side as usize];
         queue.push_back(capture);
-        // Who has the next pairs at once leaves at most one camera's images waiting, and one of the other's.
+        // Who has the next pairs at once leaves at most one camera's images waiting, and one of the
+        // other's.
         if queue.len() > most {
             self.give_up(side, Unpaired::Overdue);
         }
@@ -146,13 +155,22 @@ impl Pairing {
             let verdict = match self.rule {
                 Rule::Arrival => Verdict::Pair,
                 Rule::Trigger => by_trigger(left, right),
-                Rule::Stamp { max_skew_ns, period_ns } => self.by_stamp(left, right, max_skew_ns, period_ns),
+                Rule::Stamp {
+                    max_skew_ns,
+                    period_ns,
+                } => self.by_stamp(left, right, max_skew_ns, period_ns),
             };
             match verdict {
-                Verdict::Wait(side) if !ended && self.waiting[side.other() as usize].len() < WAITING => return None,
+                Verdict::Wait(side)
+                    if !ended && self.waiting[side.other() as usize].len() < WAITING =>
+                {
+                    return None;
+                }
                 Verdict::Partnerless(side, reason) => self.give_up(side, reason),
                 _ if left.ordered != right.ordered => {
-                    Side::BOTH.into_iter().for_each(|side| self.give_up(side, Unpaired::Settings));
+                    Side::BOTH
+                        .into_iter()
+                        .for_each(|side| self.give_up(side, Unpaired::Settings));
                 }
                 _ => return Some([self.waiting[0].pop_front()?, self.waiting[1].pop_front()?]),
             }
@@ -160,23 +178,36 @@ impl Pairing {
         None
     }
 
-    /// Nothing that comes is nearer to the earlier of the two than the later; but its own next may be nearer to that.
-    fn by_stamp(&self, left: &Capture, right: &Capture, max_skew_ns: u64, period_ns: u64) -> Verdict {
+    /// Nothing that comes is nearer to the earlier of the two than the later; but its own next may
+    /// be nearer to that.
+    fn by_stamp(
+        &self,
+        left: &Capture,
+        right: &Capture,
+        max_skew_ns: u64,
+        period_ns: u64,
+    ) -> Verdict {
         let skew_ns = left.stamp_ns.abs_diff(right.stamp_ns);
-        let (earlier, later_ns) =
-            if left.stamp_ns < right.stamp_ns { (Side::Left, right.stamp_ns) } else { (Side::Right, left.stamp_ns) };
+        let (earlier, later_ns) = if left.stamp_ns < right.stamp_ns {
+            (Side::Left, right.stamp_ns)
+        } else {
+            (Side::Right, left.stamp_ns)
+        };
         if skew_ns > max_skew_ns {
             return Verdict::Partnerless(earlier, Unpaired::Skew);
         }
         match self.waiting[earlier as usize].get(1) {
-            Some(next) if next.stamp_ns.abs_diff(later_ns) < skew_ns => Verdict::Partnerless(earlier, Unpaired::Skew),
+            Some(next) if next.stamp_ns.abs_diff(later_ns) < skew_ns => {
+                Verdict::Partnerless(earlier, Unpaired::Skew)
+            }
             None if skew_ns > period_ns / 4 => Verdict::Wait(earlier),
             _ => Verdict::Pair,
         }
     }
 
     fn give_up(&mut self, side: Side, reason: Unpaired) {
-        self.unpaired[reason as usize] += u64::from(self.waiting[side as usize].pop_front().is_some());
+        self.unpaired[reason as usize] +=
+            u64::from(self.waiting[side as usize].pop_front().is_some());
     }
 }
 

@@ -8,7 +8,8 @@ use crate::error::{Error, Result};
 
 /// Images of each camera, at least: at a low rate time alone says little.
 const IMAGES: u64 = 10;
-/// Where there have been pairs, they may come back: it is told at first, and given up after so many times as long.
+/// Where there have been pairs, they may come back: it is told at first, and given up after so many
+/// times as long.
 const LONGER: u64 = 10;
 
 type Counts = [u64; Unpaired::ALL.len()];
@@ -26,14 +27,25 @@ pub(super) struct Pairless {
 
 impl Pairless {
     pub(super) fn pair(&mut self, unpaired: Counts) {
-        *self = Self { before: unpaired, had_pairs: true, ..Self::default() };
+        *self = Self {
+            before: unpaired,
+            had_pairs: true,
+            ..Self::default()
+        };
     }
 
     /// An image came; `unpaired` are all without a partner so far.
     ///
     /// # Errors
-    /// [`Error::Camera`] when there has been no pair for too long, with the most frequent reason and its cure.
-    pub(super) fn image(&mut self, side: Side, now_ns: u64, timeout_ns: u64, unpaired: Counts) -> Result<()> {
+    /// [`Error::Camera`] when there has been no pair for too long, with the most frequent reason
+    /// and its cure.
+    pub(super) fn image(
+        &mut self,
+        side: Side,
+        now_ns: u64,
+        timeout_ns: u64,
+        unpaired: Counts,
+    ) -> Result<()> {
         self.images[side as usize] += 1;
         let lasted_ns = now_ns.saturating_sub(*self.since_ns.get_or_insert(now_ns));
         let long_ns = timeout_ns.saturating_mul(PATIENCE.into());
@@ -41,7 +53,12 @@ impl Pairless {
             return Ok(());
         }
         let since = |reason: Unpaired| unpaired[reason as usize] - self.before[reason as usize];
-        let Some(reason) = Unpaired::ALL.into_iter().max_by_key(|&reason| since(reason)) else { return Ok(()) };
+        let Some(reason) = Unpaired::ALL
+            .into_iter()
+            .max_by_key(|&reason| since(reason))
+        else {
+            return Ok(());
+        };
         let [left, right] = self.images;
         let text = format!(
             "no pair for {:.1} s of {left} left and {}, {} {}; {}",

@@ -20,14 +20,22 @@ impl Pulser {
         tally: &Arc<Mutex<Tally>>,
     ) -> Self {
         let stop = Mailbox::new(clock);
-        let (pulser, clock, reports, tally) = (Self(stop.clone()), clock.clone(), reports.clone(), tally.clone());
+        let (pulser, clock, reports, tally) = (
+            Self(stop.clone()),
+            clock.clone(),
+            reports.clone(),
+            tally.clone(),
+        );
         let participant = clock.enter();
         std::thread::spawn(move || {
             let mut due_ns = clock.now_ns();
             while stop.receive(due_ns) == Received::Nothing {
                 if let Err(error) = trigger.fire() {
                     // Whatever the side, it ends the run.
-                    reports.send(Report { side: Side::Left, event: Event::Failed(error) });
+                    reports.send(Report {
+                        side: Side::Left,
+                        event: Event::Failed(error),
+                    });
                     break;
                 }
                 tally.lock().unwrap_or_else(PoisonError::into_inner).pulses += 1;

@@ -48,8 +48,18 @@ struct Content<T> {
 impl<T> Queue<T> {
     /// At most `length` items, at least one.
     pub fn new(length: usize, when_full: WhenFull) -> Self {
-        let content = Content { items: VecDeque::new(), ended: None, closed: false, abandoned: false };
-        Self { length: length.max(1), when_full, content: Mutex::new(content), changed: Condvar::new() }
+        let content = Content {
+            items: VecDeque::new(),
+            ended: None,
+            closed: false,
+            abandoned: false,
+        };
+        Self {
+            length: length.max(1),
+            when_full,
+            content: Mutex::new(content),
+            changed: Condvar::new(),
+        }
     }
 
     pub fn push(&self, item: T) -> Pushed {
@@ -60,7 +70,10 @@ impl<T> Queue<T> {
                 return Pushed::Dropped;
             }
             pushed = Pushed::Late;
-            content = self.changed.wait(content).unwrap_or_else(PoisonError::into_inner);
+            content = self
+                .changed
+                .wait(content)
+                .unwrap_or_else(PoisonError::into_inner);
         }
         if content.abandoned {
             return Pushed::Abandoned;
@@ -77,7 +90,8 @@ impl<T> Queue<T> {
         self.changed.notify_all();
     }
 
-    /// The next item, waiting for it. After the last one nothing, and when `stopped`, which is asked again and again.
+    /// The next item, waiting for it. After the last one nothing, and when `stopped`, which is
+    /// asked again and again.
     ///
     /// # Errors
     /// What ended the writing end, once, after the last item.
@@ -94,7 +108,11 @@ impl<T> Queue<T> {
             if stopped() {
                 return Ok(None);
             }
-            content = self.changed.wait_timeout(content, ASKING).unwrap_or_else(PoisonError::into_inner).0;
+            content = self
+                .changed
+                .wait_timeout(content, ASKING)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
         }
     }
 

@@ -6,8 +6,8 @@ use hdrhistogram::Histogram;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Counts of a run. Nothing goes uncounted: `frames` = 2 · `pairs` + `unpaired`, and `pairs` = written + `dropped` +
-/// `unread`.
+/// Counts of a run. Nothing goes uncounted: `frames` = 2 · `pairs` + `unpaired`, and `pairs` =
+/// written + `dropped` + `unread`.
 #[derive(Clone, Debug)]
 pub struct Tally {
     /// Pulses sent to the cameras.
@@ -74,10 +74,19 @@ impl Tally {
             ("unread_pairs", self.unread),
             ("waits", self.waited),
         ];
-        let counts = counts.into_iter().map(|(name, n)| (name.to_owned(), n.to_string()));
-        let unpaired = Unpaired::ALL.iter().zip(self.unpaired).filter(|(_, n)| *n > 0);
-        let unpaired = unpaired.map(|(reason, n)| (format!("unpaired, {}", reason.words()), n.to_string()));
-        counts.chain(unpaired).chain([("counts".to_owned(), self.to_string())]).collect()
+        let counts = counts
+            .into_iter()
+            .map(|(name, n)| (name.to_owned(), n.to_string()));
+        let unpaired = Unpaired::ALL
+            .iter()
+            .zip(self.unpaired)
+            .filter(|(_, n)| *n > 0);
+        let unpaired =
+            unpaired.map(|(reason, n)| (format!("unpaired, {}", reason.words()), n.to_string()));
+        counts
+            .chain(unpaired)
+            .chain([("counts".to_owned(), self.to_string())])
+            .collect()
     }
 }
 
@@ -89,10 +98,27 @@ impl fmt::Display for Tally {
         if self.stray_pulses > 0 {
             write!(f, "{} more that nobody asked for, ", self.stray_pulses)?;
         }
-        let Self { frames: [left, right], pairs, dropped, waited, unread, .. } = self;
-        write!(f, "{left} left and {}, {}; ", counted(*right, "right image"), counted(*pairs, "pair"))?;
-        let unpaired = Unpaired::ALL.iter().zip(self.unpaired).filter(|(_, n)| *n > 0);
-        let unpaired: Vec<_> = unpaired.map(|(reason, n)| format!("{n} {}", reason.words())).collect();
+        let Self {
+            frames: [left, right],
+            pairs,
+            dropped,
+            waited,
+            unread,
+            ..
+        } = self;
+        write!(
+            f,
+            "{left} left and {}, {}; ",
+            counted(*right, "right image"),
+            counted(*pairs, "pair")
+        )?;
+        let unpaired = Unpaired::ALL
+            .iter()
+            .zip(self.unpaired)
+            .filter(|(_, n)| *n > 0);
+        let unpaired: Vec<_> = unpaired
+            .map(|(reason, n)| format!("{n} {}", reason.words()))
+            .collect();
         match unpaired.is_empty() {
             true => write!(f, "none unpaired; ")?,
             false => write!(f, "unpaired: {}; ", unpaired.join(", "))?,
@@ -106,7 +132,10 @@ impl fmt::Display for Tally {
         if *unread > 0 {
             write!(f, ", {unread} grabbed beyond the end")?;
         }
-        for (name, times) in [("skew", &self.skew_ns), ("writer's lateness", &self.lateness_ns)] {
+        for (name, times) in [
+            ("skew", &self.skew_ns),
+            ("writer's lateness", &self.lateness_ns),
+        ] {
             if !times.is_empty() {
                 write!(f, "; {name} {}", Percentiles(times))?;
             }
@@ -121,7 +150,13 @@ struct Percentiles<'a>(&'a Histogram<u64>);
 impl fmt::Display for Percentiles<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |quantile| self.0.value_at_quantile(quantile) as f64 / 1e6;
-        write!(f, "p50 {:.3} p99 {:.3} max {:.3} ms", ms(0.5), ms(0.99), ms(1.0))
+        write!(
+            f,
+            "p50 {:.3} p99 {:.3} max {:.3} ms",
+            ms(0.5),
+            ms(0.99),
+            ms(1.0)
+        )
     }
 }
 
@@ -132,8 +167,15 @@ mod tests {
     #[test]
     fn percentiles_of_nothing_are_not_told() {
         let mut tally = Tally::default();
-        assert!(tally.to_string().ends_with("0 waits for the writer"), "{tally}");
+        assert!(
+            tally.to_string().ends_with("0 waits for the writer"),
+            "{tally}"
+        );
         tally.skew_ns.saturating_record(1_000_000);
-        assert!(tally.to_string().contains("; skew p50 1.000") && !tally.to_string().contains("lateness"), "{tally}");
+        assert!(
+            tally.to_string().contains("; skew p50 1.000")
+                && !tally.to_string().contains("lateness"),
+            "{tally}"
+        );
     }
 }

@@ -7,8 +7,8 @@ use crate::error::Result;
 pub struct Pulse {
     /// Number of the pulse.
     pub id: u64,
-    /// When it was asked for, by the host's clock just before: it rose as much later as the way to the cameras takes, with
-    /// the trigger controller a byte's way over USB.
+    /// When it was asked for, by the host's clock just before: it rose as much later as the way to
+    /// the cameras takes, with the trigger controller a byte's way over USB.
     pub stamp_ns: u64,
 }
 
@@ -23,11 +23,17 @@ pub trait Trigger: Send {
 
 /// When the cameras expose.
 pub enum Policy {
-    /// When both are armed, at most so often: a slow camera slows the rate and never shifts the phase (thesis,
-    /// figure 4.3).
-    Coordinated { trigger: Box<dyn Trigger>, period_ns: u64 },
+    /// When both are armed, at most so often: a slow camera slows the rate and never shifts the
+    /// phase (thesis, figure 4.3).
+    Coordinated {
+        trigger: Box<dyn Trigger>,
+        period_ns: u64,
+    },
     /// At a fixed rate, armed or not: a camera that is late misses its pulse (thesis, figure 4.2).
-    FixedRate { trigger: Box<dyn Trigger>, period_ns: u64 },
+    FixedRate {
+        trigger: Box<dyn Trigger>,
+        period_ns: u64,
+    },
     /// Each by its own clock, without a trigger.
     Free { period_ns: u64 },
 }

@@ -87,7 +87,10 @@ impl CameraState {
         if self.damaged < DAMAGED || damaged_ns < timeout_ns.saturating_mul(PATIENCE.into()) {
             return Ok(());
         }
-        let reason = format!("all its images came damaged for {:.1} s; check its cable", damaged_ns as f64 / 1e9);
+        let reason = format!(
+            "all its images came damaged for {:.1} s; check its cable",
+            damaged_ns as f64 / 1e9
+        );
         Err(self.error(reason))
     }
 
@@ -103,8 +106,11 @@ impl CameraState {
         }
         let silent_s = self.silent_ns as f64 / 1e9;
         let images = counted(self.images, "image");
-        let cures = "check its power, its cable and its trigger line, or give it a longer --timeout";
-        Err(self.error(format!("silent for {silent_s:.1} s after {images}; {cures}")))
+        let cures =
+            "check its power, its cable and its trigger line, or give it a longer --timeout";
+        Err(self.error(format!(
+            "silent for {silent_s:.1} s after {images}; {cures}"
+        )))
     }
 
     fn error(&self, reason: String) -> Error {

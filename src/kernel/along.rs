@@ -1,5 +1,5 @@
-//! Costs summed along rows, from both ends, in bands of rows: the blocks of a volume are turned first, so that neighbours in
-//! a column are the lanes, and the sums are turned back.
+//! Costs summed along rows, from both ends, in bands of rows: the blocks of a volume are turned
+//! first, so that neighbours in a column are the lanes, and the sums are turned back.
 
 use super::paths::advance;
 use super::turn::{SIDE, Square, turn};
@@ -50,8 +50,21 @@ impl RowPaths {
 
 /// See [`super::follow_rows`].
 #[inline(always)]
-pub(super) fn follow(paths: &mut RowPaths, costs: &[Lanes<u8>], image: &Gray, top: usize, penalties: &Penalties) {
-    let RowPaths { shape, costs: turned, added, steps, line, sums } = paths;
+pub(super) fn follow(
+    paths: &mut RowPaths,
+    costs: &[Lanes<u8>],
+    image: &Gray,
+    top: usize,
+    penalties: &Penalties,
+) {
+    let RowPaths {
+        shape,
+        costs: turned,
+        added,
+        steps,
+        line,
+        sums,
+    } = paths;
     let (count, stride) = (shape.count, shape.stride());
     let rows = costs.len() / stride;
     for block in 0..shape.blocks() {
@@ -59,7 +72,8 @@ pub(super) fn follow(paths: &mut RowPaths, costs: &[Lanes<u8>], image: &Gray, to
             for l in (0..N).step_by(ROWS) {
                 let mut square = Square::default();
                 for row in 0..ROWS {
-                    // A band at the bottom may have fewer rows; what the others hold does not matter.
+                    // A band at the bottom may have fewer rows; what the others hold does not
+                    // matter.
                     let lanes = &costs[row.min(rows - 1) * stride + block * count + i].0;
                     square[row].copy_from_slice(&lanes[l..][..ROWS]);
                 }
@@ -82,22 +96,40 @@ pub(super) fn follow(paths: &mut RowPaths, costs: &[Lanes<u8>], image: &Gray, to
     line.fill([OUTSIDE; ROWS]);
     let mut least = [OUTSIDE; ROWS];
     for x in 0..shape.width {
-        let (costs, added) = (&turned[x * count..][..shape.reached(x)], &mut added[x * count..][..count]);
-        advance([line.iter_mut()], [&mut least], costs.iter(), penalties.small, [steps[x]], |i, _, [from_left]| {
-            added[i] = from_left
-        });
+        let (costs, added) = (
+            &turned[x * count..][..shape.reached(x)],
+            &mut added[x * count..][..count],
+        );
+        advance(
+            [line.iter_mut()],
+            [&mut least],
+            costs.iter(),
+            penalties.small,
+            [steps[x]],
+            |i, _, [from_left]| added[i] = from_left,
+        );
     }
     line.fill([OUTSIDE; ROWS]);
     least.fill(OUTSIDE);
     for x in (0..shape.width).rev() {
-        let (costs, added) = (&turned[x * count..][..shape.reached(x)], &mut added[x * count..][..count]);
+        let (costs, added) = (
+            &turned[x * count..][..shape.reached(x)],
+            &mut added[x * count..][..count],
+        );
         // At the last column nothing lies behind.
         let step = steps[(x + 1).min(shape.width - 1)];
-        advance([line.iter_mut()], [&mut least], costs.iter(), penalties.small, [step], |i, _, [from_right]| {
-            for l in 0..ROWS {
-                added[i][l] += from_right[l];
-            }
-        });
+        advance(
+            [line.iter_mut()],
+            [&mut least],
+            costs.iter(),
+            penalties.small,
+            [step],
+            |i, _, [from_right]| {
+                for l in 0..ROWS {
+                    added[i][l] += from_right[l];
+                }
+            },
+        );
     }
 
     for block in 0..shape.blocks() {

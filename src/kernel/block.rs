@@ -1,7 +1,7 @@
 //! Blocks of rows laid out so that the rows are the lanes.
 //!
-//! A scan along the row then is the same for all lanes of a block: windows slide, nothing is gathered or reduced across
-//! lanes, and every load is aligned.
+//! A scan along the row then is the same for all lanes of a block: windows slide, nothing is
+//! gathered or reduced across lanes, and every load is aligned.
 
 use crate::stereo::Gray;
 
@@ -36,7 +36,9 @@ pub(super) fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) {
         let x = tile * TILE;
         for lane in 0..rows {
             let row = &image.row(y + lane)[x..x + out.len()];
-            out.iter_mut().zip(row).for_each(|(out, &pixel)| out.0[lane] = u16::from(pixel));
+            out.iter_mut()
+                .zip(row)
+                .for_each(|(out, &pixel)| out.0[lane] = u16::from(pixel));
         }
     }
 }
@@ -49,7 +51,9 @@ pub(super) fn transpose_back<T: Copy, C: AsRef<[T]>>(columns: &[C], out: &mut [T
     for (tile, columns) in columns.chunks(TILE).enumerate() {
         for (lane, row) in out.chunks_exact_mut(width).enumerate() {
             let row = &mut row[tile * TILE..][..columns.len()];
-            row.iter_mut().zip(columns).for_each(|(out, column)| *out = column.as_ref()[lane]);
+            row.iter_mut()
+                .zip(columns)
+                .for_each(|(out, column)| *out = column.as_ref()[lane]);
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The census of a pixel, which of its neighbours are darker (Zabih & Woodfill 1994), and in how many of them two differ.
+//! The census of a pixel, which of its neighbours are darker (Zabih & Woodfill 1994), and in how
+//! many of them two differ.
 
 use super::{Lanes, VolumeShape};
 
@@ -17,7 +18,8 @@ pub(super) fn census(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) {
     let [reach_x, reach_y] = CENSUS_REACH;
     let (width, window) = (rows[0].len() - 2 * reach_x, 2 * reach_x + 1);
     let centres = &rows[reach_y][reach_x..][..width];
-    out.chunks_mut(stride).for_each(|plane| plane[..width].fill(0));
+    out.chunks_mut(stride)
+        .for_each(|plane| plane[..width].fill(0));
     let neighbours = (0..7 * window).filter(|&k| k != reach_y * window + reach_x);
     for (bit, k) in neighbours.enumerate() {
         let plane = &mut out[bit / 8 * stride..][..width];
@@ -30,21 +32,37 @@ pub(super) fn census(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) {
 
 /// See [`super::census_costs`].
 #[inline(always)]
-pub(super) fn costs(shape: &VolumeShape, left: &[u8], right: &[u8], outside: &[u8], out: &mut [Lanes<u8>]) {
+pub(super) fn costs(
+    shape: &VolumeShape,
+    left: &[u8],
+    right: &[u8],
+    outside: &[u8],
+    out: &mut [Lanes<u8>],
+) {
     const N: usize = Lanes::COUNT;
     let stride = outside.len();
-    let lanes = |row: &[u8], at: usize| -> [u8; N] { *row[at..].first_chunk().expect("a margin after the last block") };
+    let lanes = |row: &[u8], at: usize| -> [u8; N] {
+        *row[at..]
+            .first_chunk()
+            .expect("a margin after the last block")
+    };
     for (block, out) in out.chunks_exact_mut(shape.count).enumerate() {
         let x = CENSUS_MARGIN + block * N;
         let mut here = [[0; N]; CENSUS_BYTES];
-        here.iter_mut().enumerate().for_each(|(b, here)| *here = lanes(&left[b * stride..], x));
+        here.iter_mut()
+            .enumerate()
+            .for_each(|(b, here)| *here = lanes(&left[b * stride..], x));
         let beyond = lanes(outside, x);
         for (d, out) in (shape.first..).zip(&mut out[..shape.reached_in(block)]) {
-            // Never before the margin, as some pixel has use for the disparity; in the other margin all are outside.
+            // Never before the margin, as some pixel has use for the disparity; in the other margin
+            // all are outside.
             let at = (x as i32 - d).min((stride - N) as i32) as usize;
             let outside = lanes(outside, at);
             let mut there = [[0; N]; CENSUS_BYTES];
-            there.iter_mut().enumerate().for_each(|(b, there)| *there = lanes(&right[b * stride..], at));
+            there
+                .iter_mut()
+                .enumerate()
+                .for_each(|(b, there)| *there = lanes(&right[b * stride..], at));
             for i in 0..N {
                 let mut differing = [0; CENSUS_BYTES];
                 for b in 0..CENSUS_BYTES {

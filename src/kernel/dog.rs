@@ -1,8 +1,10 @@
 //! Two differences of Gaussians along a row, compared.
 
-/// Fixed-point weights (65536 = 1) of the fine and the coarse difference of Gaussians at distance 0 ..= 12.
+/// Fixed-point weights (65536 = 1) of the fine and the coarse difference of Gaussians at distance 0
+/// ..= 12.
 ///
-/// Both are even functions, yet the taps stand at −12 ..= +11: distance 12 counts on the left side only.
+/// Both are even functions, yet the taps stand at −12 ..= +11: distance 12 counts on the left side
+/// only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DogTaps {
     pub fine: [i32; DogTaps::REACH + 1],

@@ -1,4 +1,5 @@
-//! Block matching: for each window the cheapest disparity, and filters that look at the costs of all of them.
+//! Block matching: for each window the cheapest disparity, and filters that look at the costs of
+//! all of them.
 
 use super::Lanes;
 use super::block::transpose_back;
@@ -69,8 +70,8 @@ pub(super) struct Winners {
 }
 
 impl Search {
-    /// For rows of `width` pixels and the disparities from `first` on, with what multiplies the SSD of each to make it a
-    /// cost. Costs fit 32 bits, and there are at most [`Match::DISPARITIES`].
+    /// For rows of `width` pixels and the disparities from `first` on, with what multiplies the SSD
+    /// of each to make it a cost. Costs fit 32 bits, and there are at most [`Match::DISPARITIES`].
     pub fn new(width: usize, first: i32, weights: Vec<u32>) -> Self {
         Self {
             steps: vec![Step::NONE; width],
@@ -106,7 +107,8 @@ impl Range {
         let count = sums.len() as i32;
         for x in REACH..width.saturating_sub(REACH) {
             // Disparities that keep the window inside the right image, counted from the first.
-            let from = ((x + REACH + 1) as i32 - width as i32 - self.first).clamp(0, count) as usize;
+            let from =
+                ((x + REACH + 1) as i32 - width as i32 - self.first).clamp(0, count) as usize;
             let to = ((x + 1) as i32 - REACH as i32 - self.first).clamp(0, count) as usize;
             if from >= to {
                 continue;
@@ -115,13 +117,24 @@ impl Range {
             let last = (x as i32 - self.first) as usize + 1;
             let (sums, weights) = (&mut sums[from..to], &self.weights[from..to]);
             let winners = rows.slide(pairs, x, last - to..last - from, weights, from, sums);
-            visit(x, &winners, &Costs { sums, weights, index: from });
+            visit(
+                x,
+                &winners,
+                &Costs {
+                    sums,
+                    weights,
+                    index: from,
+                },
+            );
         }
     }
 }
 
 impl Winners {
-    pub(super) const NONE: Self = Self { cost: Group::splat(u32::MAX), winner: Group::splat(Match::NONE) };
+    pub(super) const NONE: Self = Self {
+        cost: Group::splat(u32::MAX),
+        winner: Group::splat(Match::NONE),
+    };
 
     /// These or, where it is cheaper, the disparity of that place.
     #[inline(always)]
@@ -129,7 +142,11 @@ impl Winners {
         let mut winners = self;
         for l in 0..Group::ROWS {
             let (cost, least) = (ssds.0[l] * weight, self.cost.0[l]);
-            winners.winner.0[l] = if cost < least { Match(place | ssds.0[l]) } else { self.winner.0[l] };
+            winners.winner.0[l] = if cost < least {
+                Match(place | ssds.0[l])
+            } else {
+                self.winner.0[l]
+            };
             winners.cost.0[l] = least.min(cost);
         }
         winners
@@ -146,10 +163,18 @@ pub(super) fn matches(
     out: &mut [Match],
 ) {
     let width = left.len();
-    let Search { range, steps, sums, matches, .. } = search;
+    let Search {
+        range,
+        steps,
+        sums,
+        matches,
+        ..
+    } = search;
     for (group, out) in out.chunks_mut(Group::ROWS * width).enumerate() {
         let rows = Rows::new(left, right, group, steps);
-        range.scan(&pairs, &rows, width, sums, |x, winners, _| matches[x] = winners.winner);
+        range.scan(&pairs, &rows, width, sums, |x, winners, _| {
+            matches[x] = winners.winner
+        });
         transpose_back(matches, out);
     }
 }
@@ -171,7 +196,11 @@ pub(super) fn matches_and_rivals(
         for l in 0..Group::ROWS {
             let (least, rival) = (winners.cost.0[l], rivals.0[l]);
             let near = 1000 * u64::from(rival - least) < u64::from(thousandths) * u64::from(least);
-            doubts.0[l] = if near & (rival != u32::MAX) { Doubt::Ambiguous } else { Doubt::Certain };
+            doubts.0[l] = if near & (rival != u32::MAX) {
+                Doubt::Ambiguous
+            } else {
+                Doubt::Certain
+            };
         }
         doubts
     });
@@ -188,7 +217,9 @@ pub(super) fn matches_and_spread(
     out: &mut [Match],
     doubts: &mut [Doubt],
 ) {
-    matches_and_doubts(pairs, left, right, search, out, doubts, |_, costs| spread(costs, threshold_px));
+    matches_and_doubts(pairs, left, right, search, out, doubts, |_, costs| {
+        spread(costs, threshold_px)
+    });
 }
 
 #[inline(always)]
@@ -202,8 +233,16 @@ fn matches_and_doubts(
     filter: impl Fn(&Winners, &Costs<'_>) -> Group<Doubt>,
 ) {
     let width = left.len();
-    let Search { range, steps, sums, matches, doubts } = search;
-    let bands = out.chunks_mut(Group::ROWS * width).zip(doubts_out.chunks_mut(Group::ROWS * width));
+    let Search {
+        range,
+        steps,
+        sums,
+        matches,
+        doubts,
+    } = search;
+    let bands = out
+        .chunks_mut(Group::ROWS * width)
+        .zip(doubts_out.chunks_mut(Group::ROWS * width));
     for (group, (out, doubts_out)) in bands.enumerate() {
         let rows = Rows::new(left, right, group, steps);
         range.scan(&pairs, &rows, width, sums, |x, winners, costs| {
@@ -222,7 +261,8 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
     for l in 0..Group::ROWS {
         beside.0[l] = winners.winner.0[l].index().wrapping_sub(1);
     }
-    for (index, (sum, &weight)) in (costs.index as u32..).zip(costs.sums.iter().zip(costs.weights)) {
+    for (index, (sum, &weight)) in (costs.index as u32..).zip(costs.sums.iter().zip(costs.weights))
+    {
         for l in 0..Group::ROWS {
             let elsewhere = index.wrapping_sub(beside.0[l]) > 2;
             let rival = rivals.0[l].min(sum.0[l] * weight);
@@ -234,9 +274,9 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
 
 /// The spread of the disparities, each weighted by `(cost + 25)⁻²`, against the threshold.
 ///
-/// With u the unit roundoff, a weight is off by at most 8 u of itself, each of the three sums of n positive terms by
-/// (n + 10) u, and so the variance by 6 (n + 10) u times the mean square. What is within twice that of the threshold
-/// stays open.
+/// With u the unit roundoff, a weight is off by at most 8 u of itself, each of the three sums of n
+/// positive terms by (n + 10) u, and so the variance by 6 (n + 10) u times the mean square. What is
+/// within twice that of the threshold stays open.
 #[inline(always)]
 fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<Doubt> {
     let [mut zeroth, mut first, mut second] = [Group::splat(0f32); 3];
@@ -258,8 +298,16 @@ fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<Doubt> {
         let (mean, square) = (first.0[l] / zeroth.0[l], second.0[l] / zeroth.0[l]);
         let excess = square - mean * mean - threshold;
         let margin = margin * (square + threshold);
-        let sure = if excess > 0.0 { Doubt::Ambiguous } else { Doubt::Certain };
-        doubts.0[l] = if excess.abs() > margin { sure } else { Doubt::Open };
+        let sure = if excess > 0.0 {
+            Doubt::Ambiguous
+        } else {
+            Doubt::Certain
+        };
+        doubts.0[l] = if excess.abs() > margin {
+            sure
+        } else {
+            Doubt::Open
+        };
     }
     doubts
 }

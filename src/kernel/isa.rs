@@ -26,7 +26,10 @@ impl Isa {
 
     /// All that this CPU has, fastest first.
     pub fn available() -> impl Iterator<Item = Isa> {
-        [Kind::Avx512, Kind::Avx2, Kind::Portable].into_iter().filter(|kind| kind.supported()).map(Isa)
+        [Kind::Avx512, Kind::Avx2, Kind::Portable]
+            .into_iter()
+            .filter(|kind| kind.supported())
+            .map(Isa)
     }
 
     /// `avx512`, `avx2` or `portable`.
@@ -39,10 +42,17 @@ impl Isa {
     /// # Errors
     /// [`Error::Invalid`] when there is none of that name or this CPU lacks it.
     pub fn named(name: &str) -> Result<Isa> {
-        Self::available().find(|isa| isa.name() == name).ok_or_else(|| {
-            let available = Self::available().map(Self::name).collect::<Vec<_>>().join(", ");
-            Error::Invalid(format!("instruction set '{name}' is not one that this CPU has: {available}"))
-        })
+        Self::available()
+            .find(|isa| isa.name() == name)
+            .ok_or_else(|| {
+                let available = Self::available()
+                    .map(Self::name)
+                    .collect::<Vec<_>>()
+                    .join(", ");
+                Error::Invalid(format!(
+                    "instruction set '{name}' is not one that this CPU has: {available}"
+                ))
+            })
     }
 }
 
@@ -83,11 +93,12 @@ impl Kind {
     }
 }
 
-/// The instruction set in use: the fastest this CPU has, or the one that the environment variable `SVL_ISA` names
-/// (`portable`, `avx2`, `avx512`). Chosen once per process.
+/// The instruction set in use: the fastest this CPU has, or the one that the environment variable
+/// `SVL_ISA` names (`portable`, `avx2`, `avx512`). Chosen once per process.
 ///
 /// # Errors
-/// [`Error::Invalid`] when `SVL_ISA` names one that this CPU lacks: a measurement on another would mislead.
+/// [`Error::Invalid`] when `SVL_ISA` names one that this CPU lacks: a measurement on another would
+/// mislead.
 pub fn isa() -> Result<Isa> {
     static CHOSEN: OnceLock<std::result::Result<Isa, String>> = OnceLock::new();
     CHOSEN
@@ -108,6 +119,9 @@ mod tests {
         assert_eq!(Isa::named("portable").unwrap(), Isa::PORTABLE);
         assert_eq!(Isa::available().last(), Some(Isa::PORTABLE));
         let error = Isa::named("mmx").unwrap_err().to_string();
-        assert!(error.contains("'mmx'") && error.contains("portable"), "{error}");
+        assert!(
+            error.contains("'mmx'") && error.contains("portable"),
+            "{error}"
+        );
     }
 }

@@ -23,10 +23,15 @@ fn sorted((above, row, below): (&[i16], &[i16], &[i16]), x: usize) -> (i16, i16,
     (low.min(c), low.max(high.min(c)), high.max(c))
 }
 
-/// Of three sorted columns: the middle one of the largest least, the middle of the middle and the least largest.
+/// Of three sorted columns: the middle one of the largest least, the middle of the middle and the
+/// least largest.
 #[inline(always)]
 fn median(a: (i16, i16, i16), b: (i16, i16, i16), c: (i16, i16, i16)) -> i16 {
-    middle(a.0.max(b.0).max(c.0), middle(a.1, b.1, c.1), a.2.min(b.2).min(c.2))
+    middle(
+        a.0.max(b.0).max(c.0),
+        middle(a.1, b.1, c.1),
+        a.2.min(b.2).min(c.2),
+    )
 }
 
 #[inline(always)]

@@ -1,7 +1,8 @@
-//! Products of pairs of 16-bit numbers, summed: an instruction that the compiler does not find by itself.
+//! Products of pairs of 16-bit numbers, summed: an instruction that the compiler does not find by
+//! itself.
 //!
-//! It makes the sums of squared differences slide in four operations instead of six and one load less; the matching of
-//! v1 to v3 takes two thirds of the time.
+//! It makes the sums of squared differences slide in four operations instead of six and one load
+//! less; the matching of v1 to v3 takes two thirds of the time.
 
 /// A number for each of sixteen rows: in 32 bits a vector of AVX-512.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,12 @@ impl<T> AsRef<[T]> for Group<T> {
 /// How an instruction set multiplies pairs.
 pub trait Pairs {
     /// `sum + a + b + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
-    fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32>;
+    fn sum(
+        &self,
+        sum: Group<u32>,
+        squares: [Group<u32>; 2],
+        pairs: [Group<[i16; 2]>; 2],
+    ) -> Group<u32>;
 
     /// `sum + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
     fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32>;
@@ -37,7 +43,12 @@ pub struct Portable;
 
 impl Pairs for Portable {
     #[inline(always)]
-    fn sum(&self, mut sum: Group<u32>, squares: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+    fn sum(
+        &self,
+        mut sum: Group<u32>,
+        squares: [Group<u32>; 2],
+        pairs: [Group<[i16; 2]>; 2],
+    ) -> Group<u32> {
         for l in 0..Group::ROWS {
             sum.0[l] = sum.0[l].wrapping_add(squares[0].0[l].wrapping_add(squares[1].0[l]));
         }
@@ -86,11 +97,17 @@ mod x86 {
         }
     }
 
-    // SAFETY of all below: the token says that the CPU has the instructions; arrays of numbers are vectors of their size.
+    // SAFETY of all below: the token says that the CPU has the instructions; arrays of numbers are
+    // vectors of their size.
 
     impl Pairs for Avx2 {
         #[inline(always)]
-        fn sum(&self, sum: Group<u32>, [a, b]: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+        fn sum(
+            &self,
+            sum: Group<u32>,
+            [a, b]: [Group<u32>; 2],
+            pairs: [Group<[i16; 2]>; 2],
+        ) -> Group<u32> {
             // SAFETY: see above.
             let sum = unsafe {
                 let [sum, a, b] = transmute::<[Group<u32>; 3], [[__m256i; 2]; 3]>([sum, a, b]);
@@ -114,7 +131,12 @@ mod x86 {
 
     impl Pairs for Avx512 {
         #[inline(always)]
-        fn sum(&self, sum: Group<u32>, [a, b]: [Group<u32>; 2], pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+        fn sum(
+            &self,
+            sum: Group<u32>,
+            [a, b]: [Group<u32>; 2],
+            pairs: [Group<[i16; 2]>; 2],
+        ) -> Group<u32> {
             // SAFETY: see above.
             let sum = unsafe {
                 let [sum, a, b] = transmute::<[Group<u32>; 3], [__m512i; 3]>([sum, a, b]);

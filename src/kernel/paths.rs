@@ -1,8 +1,8 @@
-//! Costs summed along paths (Hirschmüller 2008, equation 13): three directions that come from the row behind in a sweep
-//! over the image.
+//! Costs summed along paths (Hirschmüller 2008, equation 13): three directions that come from the
+//! row behind in a sweep over the image.
 //!
-//! A path's costs fit a byte: the matching cost is at most 62 and what a path adds to it at most P2. What three paths add
-//! fits a byte too, with P2 up to [`Paths::LARGEST_PENALTY`].
+//! A path's costs fit a byte: the matching cost is at most 62 and what a path adds to it at most
+//! P2. What three paths add fits a byte too, with P2 up to [`Paths::LARGEST_PENALTY`].
 
 use super::volume::OUTSIDE;
 use super::{Lanes, Totals, VolumeShape};
@@ -27,10 +27,11 @@ pub struct Paths {
     lines: [Line; 3],
 }
 
-/// Path costs of a row, by disparity and then by pixel: [`OUTSIDE`] where there is no path, as behind the image.
+/// Path costs of a row, by disparity and then by pixel: [`OUTSIDE`] where there is no path, as
+/// behind the image.
 ///
-/// Costs stay where they are until the path's next pixel replaces them. As a diagonal path moves on by a column per row,
-/// the place of the row's first pixel moves as far the other way.
+/// Costs stay where they are until the path's next pixel replaces them. As a diagonal path moves on
+/// by a column per row, the place of the row's first pixel moves as far the other way.
 struct Line {
     span: usize,
     costs: Vec<u8>,
@@ -44,11 +45,20 @@ impl Paths {
     /// Paths over volumes of that shape.
     pub fn new(shape: VolumeShape) -> Self {
         let lines = [(); 3].map(|()| {
-            // An odd number of cache lines, so that neighbouring disparities do not contend for the same ones.
+            // An odd number of cache lines, so that neighbouring disparities do not contend for the
+            // same ones.
             let span = ((shape.padded() + shape.height).div_ceil(N) | 1) * N;
-            Line { span, costs: vec![OUTSIDE; (shape.count + 1) * span], least: vec![OUTSIDE; span] }
+            Line {
+                span,
+                costs: vec![OUTSIDE; (shape.count + 1) * span],
+                least: vec![OUTSIDE; span],
+            }
         });
-        Self { shape, behind: 0, lines }
+        Self {
+            shape,
+            behind: 0,
+            lines,
+        }
     }
 
     /// Begins a sweep.
@@ -60,7 +70,8 @@ impl Paths {
         }
     }
 
-    /// Moves on by a row, and passes what the three paths add, block by block and disparity by disparity.
+    /// Moves on by a row, and passes what the three paths add, block by block and disparity by
+    /// disparity.
     #[inline(always)]
     fn advance(
         &mut self,
@@ -69,7 +80,11 @@ impl Paths {
         penalties: &Penalties,
         mut out: impl FnMut(usize, usize, &[u8; N], [u8; N]),
     ) {
-        let Self { shape, behind, lines } = self;
+        let Self {
+            shape,
+            behind,
+            lines,
+        } = self;
         let starts = [shape.height - 1 - *behind, 0, *behind];
         for (block, costs) in costs.chunks_exact(shape.count).enumerate() {
             let large = steps(block * N, grey, grey_behind, penalties);
@@ -78,15 +93,24 @@ impl Paths {
             let (falling, falling_least) = falling.at(at[0]);
             let (column, column_least) = column.at(at[1]);
             let (rising, rising_least) = rising.at(at[2]);
-            let costs = costs[..shape.reached_in(block)].iter().map(|lanes| &lanes.0);
+            let costs = costs[..shape.reached_in(block)]
+                .iter()
+                .map(|lanes| &lanes.0);
             let least = [falling_least, column_least, rising_least];
-            advance([falling, column, rising], least, costs, penalties.small, large, |i, cost, added| {
-                let mut sum = [0; N];
-                for l in 0..N {
-                    sum[l] = added[0][l] + added[1][l] + added[2][l];
-                }
-                out(block, i, cost, sum);
-            });
+            advance(
+                [falling, column, rising],
+                least,
+                costs,
+                penalties.small,
+                large,
+                |i, cost, added| {
+                    let mut sum = [0; N];
+                    for l in 0..N {
+                        sum[l] = added[0][l] + added[1][l] + added[2][l];
+                    }
+                    out(block, i, cost, sum);
+                },
+            );
         }
         *behind += 1;
     }
@@ -98,8 +122,14 @@ impl Line {
     fn at(&mut self, place: usize) -> (impl Iterator<Item = &mut [u8; N]>, &mut [u8; N]) {
         let costs = self.costs.chunks_exact_mut(self.span);
         (
-            costs.map(move |row| row[place..].first_chunk_mut().expect("a block within the line")),
-            self.least[place..].first_chunk_mut().expect("a block within the line"),
+            costs.map(move |row| {
+                row[place..]
+                    .first_chunk_mut()
+                    .expect("a block within the line")
+            }),
+            self.least[place..]
+                .first_chunk_mut()
+                .expect("a block within the line"),
         )
     }
 }
@@ -118,8 +148,9 @@ fn steps(x: usize, grey: &[u8], behind: &[u8], penalties: &Penalties) -> [[u8; N
     large
 }
 
-/// Moves R paths on to a pixel, per lane. `lines` and `least` have the costs of the pixels behind and get those of this
-/// one; they go on beyond its disparities, `costs`. `out` gets what each path adds to a cost.
+/// Moves R paths on to a pixel, per lane. `lines` and `least` have the costs of the pixels behind
+/// and get those of this one; they go on beyond its disparities, `costs`. `out` gets what each path
+/// adds to a cost.
 #[inline(always)]
 pub(super) fn advance<'a, const R: usize, const N: usize>(
     lines: [impl Iterator<Item = &'a mut [u8; N]>; R],
@@ -130,7 +161,9 @@ pub(super) fn advance<'a, const R: usize, const N: usize>(
     mut out: impl FnMut(usize, &[u8; N], [[u8; N]; R]),
 ) {
     let mut lines = lines;
-    let mut slots = lines.each_mut().map(|line| line.next().expect("one more than there are disparities"));
+    let mut slots = lines
+        .each_mut()
+        .map(|line| line.next().expect("one more than there are disparities"));
     let mut lower = [[OUTSIDE; N]; R];
     let mut same = slots.each_ref().map(|slot| **slot);
     let before = least.each_ref().map(|least| **least);
@@ -144,7 +177,9 @@ pub(super) fn advance<'a, const R: usize, const N: usize>(
     for (i, cost) in costs.enumerate() {
         let mut added = [[0; N]; R];
         for r in 0..R {
-            let next = lines[r].next().expect("one more than there are disparities");
+            let next = lines[r]
+                .next()
+                .expect("one more than there are disparities");
             let higher = *next;
             let mut now = [0; N];
             for l in 0..N {
@@ -175,7 +210,9 @@ pub(super) fn follow(
     sums: &mut [Lanes<u8>],
 ) {
     let count = paths.shape.count;
-    paths.advance(costs, grey, penalties, |block, i, _, added| sums[block * count + i].0 = added);
+    paths.advance(costs, grey, penalties, |block, i, _, added| {
+        sums[block * count + i].0 = added
+    });
 }
 
 /// See [`super::finish_paths`].
@@ -193,7 +230,10 @@ pub(super) fn finish(
         let (sums, along) = (&sums[block * count + i].0, &along[block * count + i].0);
         let total = totals.at_mut(i, block * N);
         for l in 0..N {
-            total[l] = 8 * u16::from(cost[l]) + u16::from(sums[l]) + u16::from(along[l]) + u16::from(added[l]);
+            total[l] = 8 * u16::from(cost[l])
+                + u16::from(sums[l])
+                + u16::from(along[l])
+                + u16::from(added[l]);
         }
     });
 }

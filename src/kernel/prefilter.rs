@@ -1,4 +1,5 @@
-//! Prefilters of grey rows: edges instead of grey levels, capped, so that cameras may differ in brightness.
+//! Prefilters of grey rows: edges instead of grey levels, capped, so that cameras may differ in
+//! brightness.
 
 /// Largest response either way; responses are stored with it added, 0 ..= 62.
 pub const PREFILTER_CAP: i16 = 31;
@@ -27,7 +28,8 @@ pub(super) fn log([above2, above, row, below, below2]: [&[u8]; 5], out: &mut [u8
         return;
     }
     let at = |row: &[u8], i: usize| i16::from(row[i]);
-    let [above2, above, row, below, below2] = [above2, above, row, below, below2].map(|row| &row[..width]);
+    let [above2, above, row, below, below2] =
+        [above2, above, row, below, below2].map(|row| &row[..width]);
     for (i, out) in out[2..width - 2].iter_mut().enumerate() {
         let sides = |row: &[u8]| at(row, i + 1) + 2 * at(row, i + 2) + at(row, i + 3);
         let ends = at(row, i) + at(row, i + 4) + at(above2, i + 2) + at(below2, i + 2);

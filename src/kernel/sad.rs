@@ -1,8 +1,9 @@
 //! Sums of absolute differences over square windows, for a row of pixels at once.
 //!
-//! The columns of the windows are summed first and follow the rows: each takes one difference in and lets one go. A
-//! window then is as many neighbouring columns as it is wide. Pixels are the lanes, disparities the loop: minima,
-//! runners-up and the neighbours of the minimum are kept per lane, and nothing is reduced across lanes.
+//! The columns of the windows are summed first and follow the rows: each takes one difference in
+//! and lets one go. A window then is as many neighbouring columns as it is wide. Pixels are the
+//! lanes, disparities the loop: minima, runners-up and the neighbours of the minimum are kept per
+//! lane, and nothing is reduced across lanes.
 
 use super::PREFILTER_CAP;
 use crate::stereo::{DisparityMap, Reason, RowMut};
@@ -57,12 +58,20 @@ pub(super) fn slide(left: [&[u8]; 2], right: [&[u8]; 2], stride: usize, sums: &m
             let x = block * PIXELS;
             let pixels = |row: &[u8]| -> [u8; PIXELS] {
                 // Rows go on for a block beyond their end.
-                *row[x..].first_chunk().expect("a block beyond the row's end")
+                *row[x..]
+                    .first_chunk()
+                    .expect("a block beyond the row's end")
             };
-            let ([left_in, left_out], [right_in, right_out]) = (left.map(pixels), right.map(pixels));
+            let ([left_in, left_out], [right_in, right_out]) =
+                (left.map(pixels), right.map(pixels));
             for i in 0..PIXELS {
-                let (new, old) = (left_in[i].abs_diff(right_in[i]), left_out[i].abs_diff(right_out[i]));
-                sums[i] = sums[i].wrapping_add(u16::from(new)).wrapping_sub(u16::from(old));
+                let (new, old) = (
+                    left_in[i].abs_diff(right_in[i]),
+                    left_out[i].abs_diff(right_out[i]),
+                );
+                sums[i] = sums[i]
+                    .wrapping_add(u16::from(new))
+                    .wrapping_sub(u16::from(old));
             }
         }
     }
@@ -90,14 +99,15 @@ pub(super) fn run_sums(columns: &[u16], window: usize, out: &mut [u16]) {
 pub(super) fn least(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) {
     for (block, out) in out.iter_mut().enumerate() {
         let mut best = SadWinners::NONE;
-        // The SADs of the disparity before, the least up to the one before that, and whether that one took the lead.
+        // The SADs of the disparity before, the least up to the one before that, and whether that
+        // one took the lead.
         let mut previous = [u16::MAX; PIXELS];
         let mut older = [u16::MAX; PIXELS];
         let mut led = [0u16; PIXELS];
         for (index, columns) in sums.chunks_exact(stride).enumerate() {
             let sads = window_sum(columns, block * PIXELS, window);
-            // Read from a copy: a choice between a new value and the one that is there becomes a conditional store,
-            // which is a branch where the instruction set has none.
+            // Read from a copy: a choice between a new value and the one that is there becomes a
+            // conditional store, which is a branch where the instruction set has none.
             let now = best;
             for i in 0..PIXELS {
                 let (sad, least, led_before) = (sads[i], now.sad[i], led[i]);
@@ -126,7 +136,9 @@ fn blend(mask: u16, yes: u16, no: u16) -> u16 {
 fn window_sum(columns: &[u16], x: usize, window: usize) -> [u16; PIXELS] {
     let mut sums = [0u16; PIXELS];
     for k in 0..window {
-        let columns: &[u16; PIXELS] = columns[x + k..].first_chunk().expect("a block beyond the row's end");
+        let columns: &[u16; PIXELS] = columns[x + k..]
+            .first_chunk()
+            .expect("a block beyond the row's end");
         for i in 0..PIXELS {
             sums[i] += columns[i];
         }
@@ -136,17 +148,36 @@ fn window_sum(columns: &[u16], x: usize, window: usize) -> [u16; PIXELS] {
 
 /// See [`super::accept_sads`].
 #[inline(always)]
-pub(super) fn accept(winners: &[SadWinners], textures: &[u16], test: &SadTest, row: &mut RowMut<'_>) {
+pub(super) fn accept(
+    winners: &[SadWinners],
+    textures: &[u16],
+    test: &SadTest,
+    row: &mut RowMut<'_>,
+) {
     let (disparity, why, ssdpi) = row.planes_mut();
     ssdpi.fill(DisparityMap::NO_SSDPI);
-    let pixels = disparity.chunks_mut(PIXELS).zip(why.chunks_mut(PIXELS)).zip(textures.chunks(PIXELS));
+    let pixels = disparity
+        .chunks_mut(PIXELS)
+        .zip(why.chunks_mut(PIXELS))
+        .zip(textures.chunks(PIXELS));
     for (best, ((disparity, why), textures)) in winners.iter().zip(pixels) {
-        for (i, ((disparity, why), &texture)) in disparity.iter_mut().zip(why).zip(textures).enumerate() {
+        for (i, ((disparity, why), &texture)) in
+            disparity.iter_mut().zip(why).zip(textures).enumerate()
+        {
             let (sad, other) = (u32::from(best.sad[i]), u32::from(best.other[i]));
             let limit = sad + sad * test.uniqueness / 100;
-            let ambiguous = (test.uniqueness > 0) & (other < u32::from(u16::MAX)) & (other <= limit);
-            let reason = if ambiguous { Reason::Ambiguous } else { Reason::Valid };
-            *why = if texture < test.texture { Reason::Untextured } else { reason };
+            let ambiguous =
+                (test.uniqueness > 0) & (other < u32::from(u16::MAX)) & (other <= limit);
+            let reason = if ambiguous {
+                Reason::Ambiguous
+            } else {
+                Reason::Valid
+            };
+            *why = if texture < test.texture {
+                Reason::Untextured
+            } else {
+                reason
+            };
             let whole = test.highest - i32::from(best.index[i]);
             let fraction = if (best.index[i] > 0) & (best.index[i] + 1 < test.count) {
                 fraction(best.before[i], best.sad[i], best.after[i])
@@ -154,17 +185,26 @@ pub(super) fn accept(winners: &[SadWinners], textures: &[u16], test: &SadTest, r
                 0
             };
             let sixteenths = (whole * 256 + fraction + 15) >> 4;
-            *disparity = if *why == Reason::Valid { sixteenths as f32 / 16.0 } else { f32::INFINITY };
+            *disparity = if *why == Reason::Valid {
+                sixteenths as f32 / 16.0
+            } else {
+                f32::INFINITY
+            };
         }
     }
 }
 
-/// Where between its neighbours the minimum lies, in 256ths of a pixel towards the higher disparity, which is before.
+/// Where between its neighbours the minimum lies, in 256ths of a pixel towards the higher
+/// disparity, which is before.
 #[inline(always)]
 fn fraction(before: u16, least: u16, after: u16) -> i32 {
     let [before, least, after] = [before, least, after].map(f64::from);
     let slope = after - before;
     let curvature = before + after - 2.0 * least + slope.abs();
     // A flat neighbourhood has no fraction.
-    if curvature > 0.0 { (slope * 256.0 / curvature) as i32 } else { 0 }
+    if curvature > 0.0 {
+        (slope * 256.0 / curvature) as i32
+    } else {
+        0
+    }
 }

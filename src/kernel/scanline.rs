@@ -1,22 +1,24 @@
 //! Dynamic programming along rows, sixteen rows at once.
 //!
-//! A cell of the table waits for the one above it in its own column, so a row alone cannot be cut into lanes; rows can,
-//! as they know nothing of each other. A cell is one number, `4 · cost + step`: the least number is the least cost, and
-//! of equal costs the first step.
+//! A cell of the table waits for the one above it in its own column, so a row alone cannot be cut
+//! into lanes; rows can, as they know nothing of each other. A cell is one number,
+//! `4 · cost + step`: the least number is the least cost, and of equal costs the first step.
 //!
-//! OpenCV forbids a step up after a diagonal one and a diagonal one after a step up. Two such steps lead where one step
-//! to the left leads for less, so with costs and rewards of 0 or more they are never taken and nothing forbids them here.
+//! OpenCV forbids a step up after a diagonal one and a diagonal one after a step up. Two such steps
+//! lead where one step to the left leads for less, so with costs and rewards of 0 or more they are
+//! never taken and nothing forbids them here.
 
 use super::Lanes;
 
-/// How a path came to a cell: from the column before at the same disparity, from one disparity more in the same column,
-/// from the column before at one disparity less.
+/// How a path came to a cell: from the column before at the same disparity, from one disparity more
+/// in the same column, from the column before at one disparity less.
 const LEFT: i32 = 0;
 const UP: i32 = 1;
 const DIAG: i32 = 2;
 const STEP: i32 = 3;
 
-/// Four times what no path of `MAX_SIDE` columns costs, with occlusions of up to 1000; and there is room to add to it.
+/// Four times what no path of `MAX_SIDE` columns costs, with occlusions of up to 1000; and there is
+/// room to add to it.
 const INFINITE: i32 = 1 << 29;
 
 /// What the larger is taken of with a step's cost: the step is allowed, or it is not.
@@ -55,7 +57,8 @@ struct RightColumn {
 pub struct ScanlinePaths {
     disparities: usize,
     right: Vec<RightColumn>,
-    /// Of the column before, by disparity from −1 on; while a column is made, what is above is of that column.
+    /// Of the column before, by disparity from −1 on; while a column is made, what is above is of
+    /// that column.
     cells: Vec<Numbers>,
     /// By column, then disparity.
     steps: Vec<[u8; ScanlinePaths::ROWS]>,
@@ -68,7 +71,11 @@ impl ScanlinePaths {
     /// For rows of `width` pixels and disparities from 0 up to 255.
     pub fn new(width: usize, max_disparity: u8) -> Self {
         let disparities = width.min(usize::from(max_disparity) + 1);
-        let column = RightColumn { high: [0; Self::ROWS], low: [0; Self::ROWS], diag: [CLOSED; Self::ROWS] };
+        let column = RightColumn {
+            high: [0; Self::ROWS],
+            low: [0; Self::ROWS],
+            diag: [CLOSED; Self::ROWS],
+        };
         Self {
             disparities,
             right: vec![column; width],
@@ -83,7 +90,10 @@ impl ScanlinePaths {
         let step = |x: usize, d: usize| i32::from(self.steps[x * self.disparities + d][lane]);
         let last = self.cells[1..].iter().map(|numbers| numbers.0[lane] >> 2);
         // There is always the disparity 0; of equals the first is taken.
-        let (mut d, _) = last.enumerate().min_by_key(|&(_, cost)| cost).expect("a disparity");
+        let (mut d, _) = last
+            .enumerate()
+            .min_by_key(|&(_, cost)| cost)
+            .expect("a disparity");
         let mut x = width - 1;
         write(0, 0);
         while x > 0 {
@@ -101,10 +111,14 @@ impl ScanlinePaths {
     }
 }
 
-/// Whether column `x` of the left image ends an occlusion: there is an edge on the three pixels before it. `at` gives the
-/// columns of N rows.
+/// Whether column `x` of the left image ends an occlusion: there is an edge on the three pixels
+/// before it. `at` gives the columns of N rows.
 #[inline(always)]
-pub fn edge_before<const N: usize>(x: usize, width: usize, at: impl Fn(usize) -> [u16; N]) -> [bool; N] {
+pub fn edge_before<const N: usize>(
+    x: usize,
+    width: usize,
+    at: impl Fn(usize) -> [u16; N],
+) -> [bool; N] {
     match x {
         _ if x + 3 >= width => [true; N],
         _ if x < 3 || x + 4 == width => [false; N],
@@ -112,7 +126,8 @@ pub fn edge_before<const N: usize>(x: usize, width: usize, at: impl Fn(usize) ->
     }
 }
 
-/// Whether column `x` of the right image begins an occlusion: there is an edge on the three pixels after it.
+/// Whether column `x` of the right image begins an occlusion: there is an edge on the three pixels
+/// after it.
 #[inline(always)]
 fn edge_after<const N: usize>(x: usize, width: usize, at: impl Fn(usize) -> [u16; N]) -> [bool; N] {
     match x {
@@ -146,7 +161,8 @@ pub(super) fn find(
     const N: usize = ScanlinePaths::ROWS;
     let width = left.len();
     // Blocks have a multiple of sixteen rows.
-    let rows = |lanes: &Lanes<u16>| -> [u16; N] { *lanes.0[first..].first_chunk().expect("sixteen rows") };
+    let rows =
+        |lanes: &Lanes<u16>| -> [u16; N] { *lanes.0[first..].first_chunk().expect("sixteen rows") };
     load(right, rows, &mut paths.right);
 
     let costs = [4 * occlusion + UP, 4 * occlusion + DIAG, 4 * reward];
@@ -164,13 +180,21 @@ pub(super) fn find(
         let mut up = [INFINITE; N];
         for d in (0..count).rev() {
             let (below, here) = cells.split_at_mut(d + 1);
-            cell(costs, &column, &right[count - 1 - d], &below[d].0, &mut here[0].0, &mut up, &mut steps[d]);
+            cell(
+                costs,
+                &column,
+                &right[count - 1 - d],
+                &below[d].0,
+                &mut here[0].0,
+                &mut up,
+                &mut steps[d],
+            );
         }
     }
 }
 
-/// Makes of `here`, the number at the column before and the same disparity, that of this cell. `up` is the number by which
-/// this cell is reached from above, and becomes that for the cell below it.
+/// Makes of `here`, the number at the column before and the same disparity, that of this cell. `up`
+/// is the number by which this cell is reached from above, and becomes that for the cell below it.
 #[inline(always)]
 fn cell(
     [up_cost, diag_cost, reward]: [i32; 3],
@@ -185,7 +209,8 @@ fn cell(
         let same = (here[i] & !STEP) - reward;
         let diag = ((below[i] & !STEP) + diag_cost).max(right.diag[i]);
         // One of the two is 0.
-        let unlike = left.pixel[i].saturating_sub(right.high[i]) | right.low[i].saturating_sub(left.pixel[i]);
+        let unlike = left.pixel[i].saturating_sub(right.high[i])
+            | right.low[i].saturating_sub(left.pixel[i]);
         let number = same.min(up[i]).min(diag) + i32::from(unlike & left.counted);
         up[i] = ((number & !STEP) + up_cost).max(left.up[i]);
         step[i] = (number & STEP) as u8;
@@ -195,11 +220,17 @@ fn cell(
 
 /// Prepares the columns of the right image.
 #[inline(always)]
-fn load(right: &[Lanes<u16>], rows: impl Fn(&Lanes<u16>) -> [u16; ScanlinePaths::ROWS], out: &mut [RightColumn]) {
+fn load(
+    right: &[Lanes<u16>],
+    rows: impl Fn(&Lanes<u16>) -> [u16; ScanlinePaths::ROWS],
+    out: &mut [RightColumn],
+) {
     let width = right.len();
     for (x, column) in out.iter_mut().enumerate() {
-        // What the last column holds does not matter: it matches only the last column of the left image, at no cost.
-        let [before, here, after] = [x.saturating_sub(1), x, (x + 1).min(width - 1)].map(|x| rows(&right[x]));
+        // What the last column holds does not matter: it matches only the last column of the left
+        // image, at no cost.
+        let [before, here, after] =
+            [x.saturating_sub(1), x, (x + 1).min(width - 1)].map(|x| rows(&right[x]));
         for i in 0..ScanlinePaths::ROWS {
             let (before, after) = ((before[i] + here[i]) >> 1, (here[i] + after[i]) >> 1);
             column.high[i] = 4 * here[i].max(before).max(after);

@@ -1,10 +1,11 @@
 //! Sums of squared differences of windows of nine pixels, for all rows of a block at once.
 //!
-//! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3, "Optimization", and
-//! figure 5.10). The sums are kept in 16 bits, twice as many to a vector as 32 would allow: each square is capped at
-//! [`CAP`], so that nine of them fit. **A capped sum below [`CAP`] is exact**, as none of its squares was capped, **and
-//! one that is not is still no larger than the exact sum.** So a minimum below [`CAP`] is the exact minimum; callers
-//! look up the rest, windows that differ by 28 grey levels on average and more, one by one.
+//! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3,
+//! "Optimization", and figure 5.10). The sums are kept in 16 bits, twice as many to a vector as 32
+//! would allow: each square is capped at [`CAP`], so that nine of them fit. **A capped sum below
+//! [`CAP`] is exact**, as none of its squares was capped, **and one that is not is still no larger
+//! than the exact sum.** So a minimum below [`CAP`] is the exact minimum; callers look up the rest,
+//! windows that differ by 28 grey levels on average and more, one by one.
 
 use super::Lanes;
 use super::slide::REACH;
@@ -26,7 +27,10 @@ pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [La
         let others = before[first..].iter_mut().rev();
         let come_others = block[first + REACH..x + REACH].iter().rev();
         let gone_others = block[first - REACH - 1..x - REACH - 1].iter().rev();
-        for (sum, (there, (come_other, gone_other))) in sums.iter_mut().zip(others.zip(come_others.zip(gone_others))) {
+        for (sum, (there, (come_other, gone_other))) in sums
+            .iter_mut()
+            .zip(others.zip(come_others.zip(gone_others)))
+        {
             for l in 0..Lanes::COUNT {
                 let (come, gone) = (square(come, come_other, l), square(gone, gone_other, l));
                 sum.0[l] = sum.0[l].wrapping_add(come).wrapping_sub(gone);

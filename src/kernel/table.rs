@@ -13,22 +13,24 @@ const CHUNK: usize = 2 * Group::ROWS;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
 
-/// Sums this far apart are looked up first: most windows find their match there, and it bounds the rest of the search.
+/// Sums this far apart are looked up first: most windows find their match there, and it bounds the
+/// rest of the search.
 const FIRST: u32 = 32;
 /// What stands for the sum of a window that is in no table.
 pub const NO_SUM: u16 = u16::MAX;
 
-/// A hash table of the left windows that those of a right row may match; the hash of a window is the sum of its nine
-/// pixels.
+/// A hash table of the left windows that those of a right row may match; the hash of a window is
+/// the sum of its nine pixels.
 ///
-/// Buckets lie one after the other, so that those of neighbouring sums are one range of places. A place's pixels stand
-/// in five planes of pairs, so that windows at neighbouring places are compared at a time.
+/// Buckets lie one after the other, so that those of neighbouring sums are one range of places. A
+/// place's pixels stand in five planes of pairs, so that windows at neighbouring places are
+/// compared at a time.
 #[derive(Clone, Debug)]
 pub struct WindowTable {
     /// The place where the bucket of each sum begins, and where the last one ends.
     starts: Vec<u32>,
-    /// Per place the rank of the window's row, then 16 bits for its column. There is room for a chunk behind the last,
-    /// and so there is in the others.
+    /// Per place the rank of the window's row, then 16 bits for its column. There is room for a
+    /// chunk behind the last, and so there is in the others.
     windows: Vec<u32>,
     pairs: [Vec<[i16; 2]>; PAIRS],
     /// Sums of the squares of the pixels.
@@ -36,7 +38,8 @@ pub struct WindowTable {
 }
 
 impl WindowTable {
-    /// For rows of `width` pixels, at most [`crate::stereo::MAX_SIDE`], and windows up to `row_tolerance` rows away.
+    /// For rows of `width` pixels, at most [`crate::stereo::MAX_SIDE`], and windows up to
+    /// `row_tolerance` rows away.
     pub fn new(width: usize, row_tolerance: usize) -> Self {
         let places = width * (2 * row_tolerance + 1) + CHUNK;
         Self {
@@ -47,12 +50,16 @@ impl WindowTable {
         }
     }
 
-    /// Takes the windows of the rows of `image` around row `y`, as near as `row_tolerance`. Their sums stand in `sums`.
+    /// Takes the windows of the rows of `image` around row `y`, as near as `row_tolerance`. Their
+    /// sums stand in `sums`.
     pub fn fill(&mut self, image: &Gray, sums: &Plane<u16>, y: usize, row_tolerance: usize) {
         let rows = || y.saturating_sub(row_tolerance)..sums.height().min(y + row_tolerance + 1);
         self.starts.fill(0);
         for row in rows() {
-            sums.row(row).iter().filter(|sum| **sum != NO_SUM).for_each(|&sum| self.starts[usize::from(sum)] += 1);
+            sums.row(row)
+                .iter()
+                .filter(|sum| **sum != NO_SUM)
+                .for_each(|&sum| self.starts[usize::from(sum)] += 1);
         }
         let mut end = 0;
         for start in &mut self.starts {
@@ -63,14 +70,22 @@ impl WindowTable {
         for row in rows() {
             // The row above is the better of two at one distance.
             let rank = 2 * row.abs_diff(y) - usize::from(row < y);
-            for (x, &sum) in sums.row(row).iter().enumerate().filter(|(_, sum)| **sum != NO_SUM) {
+            for (x, &sum) in sums
+                .row(row)
+                .iter()
+                .enumerate()
+                .filter(|(_, sum)| **sum != NO_SUM)
+            {
                 let start = &mut self.starts[usize::from(sum)];
                 *start -= 1;
                 let place = *start as usize;
                 self.windows[place] = (rank << 16 | x) as u32;
                 let pixels = window(image.row(row), x);
                 self.squares[place] = squares(pixels);
-                self.pairs.iter_mut().zip(pairs(pixels)).for_each(|(pairs, pair)| pairs[place] = pair);
+                self.pairs
+                    .iter_mut()
+                    .zip(pairs(pixels))
+                    .for_each(|(pairs, pair)| pairs[place] = pair);
             }
         }
     }
@@ -116,23 +131,38 @@ pub struct Claim {
 }
 
 impl Claim {
-    pub const NONE: Self = Self { ssd: u32::MAX, disparity: 0, row_offset: 0 };
+    pub const NONE: Self = Self {
+        ssd: u32::MAX,
+        disparity: 0,
+        row_offset: 0,
+    };
 
     /// What the claim costs, more than any real one where there is none.
     pub fn cost(self) -> u32 {
-        if self.ssd == u32::MAX { u32::MAX } else { self.ssd * weight(self.disparity.into()) }
+        if self.ssd == u32::MAX {
+            u32::MAX
+        } else {
+            self.ssd * weight(self.disparity.into())
+        }
     }
 }
 
 /// See [`super::claim_row`].
 #[inline(always)]
-pub(super) fn claim_row(pairs: impl Pairs, search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) {
+pub(super) fn claim_row(
+    pairs: impl Pairs,
+    search: &TableSearch<'_>,
+    row: &[u8],
+    out: &mut [Claim],
+) {
     out.fill(Claim::NONE);
     let end = row.len().saturating_sub(REACH);
     for (u, claim) in out.iter_mut().enumerate().take(end).skip(REACH) {
         let window = Window::around(row, u);
         let mut best = [Candidate::NONE; CHUNK];
-        let near = search.table.near(window.sum, search.sum_tolerance.min(FIRST));
+        let near = search
+            .table
+            .near(window.sum, search.sum_tolerance.min(FIRST));
         window.compare(&pairs, search, near.clone(), &mut best);
         let tolerance = search.sum_tolerance.min(least(&best).farthest_sum());
         if tolerance > FIRST {
@@ -144,8 +174,8 @@ pub(super) fn claim_row(pairs: impl Pairs, search: &TableSearch<'_>, row: &[u8],
     }
 }
 
-/// A cost, the rank of its row (0, above 1, below 2, two above 3, ...) and its disparity, counted from the least, in one
-/// word: the least word is the best match.
+/// A cost, the rank of its row (0, above 1, below 2, two above 3, ...) and its disparity, counted
+/// from the least, in one word: the least word is the best match.
 #[derive(Clone, Copy, PartialEq)]
 struct Candidate(u64);
 
@@ -157,8 +187,8 @@ impl Candidate {
         Self(u64::from(cost) << 32 | u64::from(rank_and_index))
     }
 
-    /// Windows whose sums are farther apart cost more: nine differences that sum to s have squares of at least s² / 9,
-    /// and no weight is below 25.
+    /// Windows whose sums are farther apart cost more: nine differences that sum to s have squares
+    /// of at least s² / 9, and no weight is below 25.
     #[inline(always)]
     fn farthest_sum(self) -> u32 {
         ((self.0 >> 32) as f32 * (9.0 / 25.0)).sqrt() as u32 + 2
@@ -173,7 +203,11 @@ impl Candidate {
         let disparity = min_disparity + i32::from(index);
         let distance = rank.div_ceil(2) as i8;
         let row_offset = if rank % 2 == 1 { distance } else { -distance };
-        Claim { ssd: cost / weight(disparity), disparity: disparity as i16, row_offset }
+        Claim {
+            ssd: cost / weight(disparity),
+            disparity: disparity as i16,
+            row_offset,
+        }
     }
 }
 
@@ -194,7 +228,9 @@ fn weight(disparity: i32) -> u32 {
 /// The pixels of the window around `x`.
 #[inline(always)]
 fn window(row: &[u8], x: usize) -> &[u8; WINDOW] {
-    row[x - REACH..].first_chunk().expect("a window inside the row")
+    row[x - REACH..]
+        .first_chunk()
+        .expect("a window inside the row")
 }
 
 #[inline(always)]
@@ -204,7 +240,9 @@ fn squares(pixels: &[u8; WINDOW]) -> u32 {
 
 #[inline(always)]
 fn pairs(pixels: &[u8; WINDOW]) -> [[i16; 2]; PAIRS] {
-    std::array::from_fn(|k| [2 * k, 2 * k + 1].map(|i| if i < WINDOW { i16::from(pixels[i]) } else { 0 }))
+    std::array::from_fn(|k| {
+        [2 * k, 2 * k + 1].map(|i| if i < WINDOW { i16::from(pixels[i]) } else { 0 })
+    })
 }
 
 /// A window of the right image.
@@ -260,11 +298,17 @@ impl Window {
                 let cost = ssds[l]
                     .wrapping_add(self.squares)
                     .wrapping_mul(weight(search.min_disparity.wrapping_add(index as i32)));
-                costs[l] = if (index <= count) & ((l as u32) < len) { cost } else { u32::MAX };
+                costs[l] = if (index <= count) & ((l as u32) < len) {
+                    cost
+                } else {
+                    u32::MAX
+                };
                 ranks_and_indices[l] = windows[l] & !0xffff | index & 0xffff;
             }
             for l in 0..CHUNK {
-                best[l].0 = best[l].0.min(Candidate::new(costs[l], ranks_and_indices[l]).0);
+                best[l].0 = best[l]
+                    .0
+                    .min(Candidate::new(costs[l], ranks_and_indices[l]).0);
             }
         }
     }

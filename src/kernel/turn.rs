@@ -5,8 +5,9 @@ pub(super) const SIDE: usize = 16;
 /// Rows of bytes.
 pub(super) type Square = [[u8; SIDE]; SIDE];
 
-/// Makes rows columns. To merge the halves of all bytes, one from each by turns, moves the first bit of a byte's place to
-/// the end: after as many times as a row's number has bits, row and column have changed places.
+/// Makes rows columns. To merge the halves of all bytes, one from each by turns, moves the first
+/// bit of a byte's place to the end: after as many times as a row's number has bits, row and column
+/// have changed places.
 #[inline(always)]
 pub(super) fn turn(square: &Square) -> Square {
     let mut square = *square;
@@ -36,7 +37,13 @@ fn merge(a: [u8; SIDE], b: [u8; SIDE]) -> [[u8; SIDE]; 2] {
 #[inline(always)]
 fn merge(a: [u8; SIDE], b: [u8; SIDE]) -> [[u8; SIDE]; 2] {
     let mut merged = [[0; SIDE]; 2];
-    for (to, (a, b)) in merged.as_flattened_mut().as_chunks_mut::<2>().0.iter_mut().zip(a.into_iter().zip(b)) {
+    for (to, (a, b)) in merged
+        .as_flattened_mut()
+        .as_chunks_mut::<2>()
+        .0
+        .iter_mut()
+        .zip(a.into_iter().zip(b))
+    {
         *to = [a, b];
     }
     merged

@@ -7,12 +7,27 @@ use crate::stereo::{DisparityMap, Reason, RowMut};
 #[inline(always)]
 pub(super) fn accept(first: i32, winners: &[Match], textured: &[bool], row: &mut RowMut<'_>) {
     let (disparity, why, ssdpi) = row.planes_mut();
-    for (((disparity, why), ssdpi), (winner, &textured)) in
-        disparity.iter_mut().zip(why).zip(ssdpi).zip(winners.iter().zip(textured))
+    for (((disparity, why), ssdpi), (winner, &textured)) in disparity
+        .iter_mut()
+        .zip(why)
+        .zip(ssdpi)
+        .zip(winners.iter().zip(textured))
     {
-        *disparity = if textured { (first + winner.index() as i32) as f32 } else { f32::INFINITY };
-        *why = if textured { Reason::Valid } else { Reason::Untextured };
-        *ssdpi = if textured { winner.ssd() } else { DisparityMap::NO_SSDPI };
+        *disparity = if textured {
+            (first + winner.index() as i32) as f32
+        } else {
+            f32::INFINITY
+        };
+        *why = if textured {
+            Reason::Valid
+        } else {
+            Reason::Untextured
+        };
+        *ssdpi = if textured {
+            winner.ssd()
+        } else {
+            DisparityMap::NO_SSDPI
+        };
     }
 }
 
@@ -20,7 +35,9 @@ pub(super) fn accept(first: i32, winners: &[Match], textured: &[bool], row: &mut
 #[inline(always)]
 pub(super) fn self_check(references: &[u16], row: &mut RowMut<'_>) {
     let (disparity, why, ssdpi) = row.planes_mut();
-    for (((disparity, why), ssdpi), &reference) in disparity.iter_mut().zip(why).zip(ssdpi).zip(references) {
+    for (((disparity, why), ssdpi), &reference) in
+        disparity.iter_mut().zip(why).zip(ssdpi).zip(references)
+    {
         let exact = *ssdpi < u32::from(CAP);
         // What is not valid has no SSD to compare, so it is not exact.
         let rejected = exact & (*ssdpi >= u32::from(reference));

@@ -1,13 +1,16 @@
-//! Block matching, as the SRI Small Vision System does it (chapter 7 of the thesis) and OpenCV's StereoBM after it.
+//! Block matching, as the SRI Small Vision System does it (chapter 7 of the thesis) and OpenCV's
+//! StereoBM after it.
 //!
-//! Konolige, "Small Vision Systems: Hardware and Implementation", ISRR 1997. Edges instead of grey levels, the sum of
-//! absolute differences over a square window, a test of texture, a test of uniqueness, a parabola-like fraction of a
-//! pixel; optionally a left/right check and a speckle filter.
+//! Konolige, "Small Vision Systems: Hardware and Implementation", ISRR 1997. Edges instead of grey
+//! levels, the sum of absolute differences over a square window, a test of texture, a test of
+//! uniqueness, a parabola-like fraction of a pixel; optionally a left/right check and a speckle
+//! filter.
 //!
 //! With `min_disparity` 0 and `max_disparity` one less than a multiple of 16 it equals
-//! `cv2.StereoBM_create(max_disparity + 1, block_size)` of OpenCV 5.0 on every pixel. Departures from OpenCV: any
-//! disparity range; with a negative `min_disparity` windows that leave the right image are *border*; the speckle filter's
-//! step is in pixels, and what it removes is *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
+//! `cv2.StereoBM_create(max_disparity + 1, block_size)` of OpenCV 5.0 on every pixel. Departures
+//! from OpenCV: any disparity range; with a negative `min_disparity` windows that leave the right
+//! image are *border*; the speckle filter's step is in pixels, and what it removes is
+//! *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
 
 use super::stage::{Claims, DisparityRange, Edges, Prefilter, SadSearch, Speckles, both};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
@@ -28,19 +31,31 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "block_size",
             unit: "px",
-            range: Range::Int { default: 9, min: 5, max: 31 },
+            range: Range::Int {
+                default: 9,
+                min: 5,
+                max: 31,
+            },
             description: "side of the square window, odd",
         },
         Parameter {
             name: "texture_threshold",
             unit: "",
-            range: Range::Int { default: 10, min: 0, max: 30_000 },
+            range: Range::Int {
+                default: 10,
+                min: 0,
+                max: 30_000,
+            },
             description: "least sum of the strength of edges over the window",
         },
         Parameter {
             name: "uniqueness",
             unit: "%",
-            range: Range::Int { default: 15, min: 0, max: 100 },
+            range: Range::Int {
+                default: 15,
+                min: 0,
+                max: 100,
+            },
             description: "by how much every other disparity must be worse, 0 = not tested",
         },
         Claims::TOLERANCE,
@@ -77,17 +92,25 @@ impl Bm {
     fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
         let window = parameters.int("block_size");
         if window % 2 == 0 {
-            return Err(Error::Invalid(format!("bm: block_size={window} is even: a window has a pixel at its centre")));
+            return Err(Error::Invalid(format!(
+                "bm: block_size={window} is even: a window has a pixel at its centre"
+            )));
         }
         Ok(Self {
             isa,
-            range: DisparityRange::new(parameters.int("min_disparity"), parameters.int("max_disparity"))?,
+            range: DisparityRange::new(
+                parameters.int("min_disparity"),
+                parameters.int("max_disparity"),
+            )?,
             prefilter: Prefilter::new(parameters.choice("prefilter")),
             window: window as usize,
             texture: parameters.int("texture_threshold") as u16,
             uniqueness: parameters.int("uniqueness") as u32,
             tolerance: parameters.int("symmetry_tolerance"),
-            speckles: (parameters.int("speckle_size"), parameters.real("speckle_range")),
+            speckles: (
+                parameters.int("speckle_size"),
+                parameters.real("speckle_range"),
+            ),
             scratch: None,
         })
     }
@@ -99,29 +122,54 @@ impl Bm {
             threads => threads.min(height.div_ceil(4 * self.window)),
         };
         let band_rows = height.div_ceil(bands);
-        let search = || SadSearch::new((width, height), self.range, self.window, self.texture, self.uniqueness);
+        let search = || {
+            SadSearch::new(
+                (width, height),
+                self.range,
+                self.window,
+                self.texture,
+                self.uniqueness,
+            )
+        };
         Scratch {
             size: (width, height),
             left: Edges::new(width, height),
             right: Edges::new(width, height),
             band_rows,
-            searches: (0..height.div_ceil(band_rows)).map(|_| (search(), Claims::new(width, self.tolerance))).collect(),
+            searches: (0..height.div_ceil(band_rows))
+                .map(|_| (search(), Claims::new(width, self.tolerance)))
+                .collect(),
             speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
         }
     }
 }
 
 impl Matcher for Bm {
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()> {
         let (isa, size) = (self.isa, pair.size());
         map.resize(size.0, size.1)?;
         let mut scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {
             Some(scratch) => scratch,
             None => self.scratch(size),
         };
-        let Scratch { left, right, band_rows, searches, speckles, .. } = &mut scratch;
+        let Scratch {
+            left,
+            right,
+            band_rows,
+            searches,
+            speckles,
+            ..
+        } = &mut scratch;
 
-        both(|| left.load(isa, self.prefilter, pair.left()), || right.load(isa, self.prefilter, pair.right()));
+        both(
+            || left.load(isa, self.prefilter, pair.left()),
+            || right.load(isa, self.prefilter, pair.right()),
+        );
         clock.lap(Stage::Smoothing);
 
         map.each_band_mut(*band_rows, searches, |top, band, (search, claims)| {

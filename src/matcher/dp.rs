@@ -1,20 +1,25 @@
-//! OpenCV 1.0's `CV_DISPARITY_BIRCHFIELD`, the thesis's first try (section 5.2 and appendix A): dynamic programming along
-//! each row, then reliable disparities spread along columns and rows.
+//! OpenCV 1.0's `CV_DISPARITY_BIRCHFIELD`, the thesis's first try (section 5.2 and appendix A):
+//! dynamic programming along each row, then reliable disparities spread along columns and rows.
 //!
-//! The thesis gave it up: it minimises a global error by local assumptions, sees no escape between obstacles, and is
-//! wrong throughout in the dark and on even texture. It answers for every pixel, whatever it sees. It stands here as the
-//! base line, and gives what OpenCV's own code gives, on every pixel.
+//! The thesis gave it up: it minimises a global error by local assumptions, sees no escape between
+//! obstacles, and is wrong throughout in the dark and on even texture. It answers for every pixel,
+//! whatever it sees. It stands here as the base line, and gives what OpenCV's own code gives, on
+//! every pixel.
 //!
-//! Departures of OpenCV from Birchfield and Tomasi: the dissimilarity is one-sided, left pixels against the right image's
-//! half-pixel means and not the other way round too; an occlusion costs per pixel and not once; the table is searched
-//! whole, where the paper prunes it; and the ends of a row are free, its first three columns for a disparity to rise, its
-//! last three for it to fall, its last column at no cost.
+//! Departures of OpenCV from Birchfield and Tomasi: the dissimilarity is one-sided, left pixels
+//! against the right image's half-pixel means and not the other way round too; an occlusion costs
+//! per pixel and not once; the table is searched whole, where the paper prunes it; and the ends of
+//! a row are free, its first three columns for a disparity to rise, its last three for it to fall,
+//! its last column at no cost.
 //!
-//! OpenCV's public documentation names its parameters 3 and 5 the wrong way round, "highly" and "slightly reliable". In
-//! the code, and here, parameter 3 (12) is what a *slightly* reliable disparity needs to withstand a larger one, and
-//! parameter 5 (25) what makes a disparity *highly* reliable, so that it spreads even over one that is larger by one.
+//! OpenCV's public documentation names its parameters 3 and 5 the wrong way round, "highly" and
+//! "slightly reliable". In the code, and here, parameter 3 (12) is what a *slightly* reliable
+//! disparity needs to withstand a larger one, and parameter 5 (25) what makes a disparity *highly*
+//! reliable, so that it spreads even over one that is larger by one.
 
-use super::stage::{Blocks, PathCosts, Scanlines, Spread, SpreadPixel, both, bridge, each_band, each_row};
+use super::stage::{
+    Blocks, PathCosts, Scanlines, Spread, SpreadPixel, both, bridge, each_band, each_row,
+};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
@@ -30,30 +35,63 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "max_disparity",
             unit: "px",
-            range: Range::Int { default: 80, min: 0, max: 255 },
+            range: Range::Int {
+                default: 80,
+                min: 0,
+                max: 255,
+            },
             description: "highest disparity tried, from 0 on: the nearest obstacle that can be seen",
         },
         Parameter {
             name: "occlusion",
             unit: "",
-            range: Range::Int { default: 25, min: 0, max: 1000 },
+            range: Range::Int {
+                default: 25,
+                min: 0,
+                max: 1000,
+            },
             description: "cost of a change of disparity by one pixel, in grey levels (OpenCV's parameter 1)",
         },
         Parameter {
             name: "reward",
             unit: "",
-            range: Range::Int { default: 5, min: 0, max: 1000 },
+            range: Range::Int {
+                default: 5,
+                min: 0,
+                max: 1000,
+            },
             description: "reward of a pixel that keeps its disparity, in grey levels (OpenCV's parameter 2)",
         },
-        run("slightly_reliable", 12, "run that a larger disparity does not overwrite (OpenCV's parameter 3)"),
-        run("moderately_reliable", 15, "run whose disparity spreads (OpenCV's parameter 4)"),
-        run("highly_reliable", 25, "run whose disparity spreads over one larger by one (OpenCV's parameter 5)"),
+        run(
+            "slightly_reliable",
+            12,
+            "run that a larger disparity does not overwrite (OpenCV's parameter 3)",
+        ),
+        run(
+            "moderately_reliable",
+            15,
+            "run whose disparity spreads (OpenCV's parameter 4)",
+        ),
+        run(
+            "highly_reliable",
+            25,
+            "run whose disparity spreads over one larger by one (OpenCV's parameter 5)",
+        ),
     ],
     build: |parameters, isa| Ok(Box::new(Dp::new(parameters, isa))),
 };
 
 const fn run(name: &'static str, default: i32, description: &'static str) -> Parameter {
-    Parameter { name, unit: "px", range: Range::Int { default, min: 0, max: 16_384 }, description }
+    Parameter {
+        name,
+        unit: "px",
+        range: Range::Int {
+            default,
+            min: 0,
+            max: 16_384,
+        },
+        description,
+    }
 }
 
 struct Dp {
@@ -85,7 +123,10 @@ impl Dp {
         Self {
             isa,
             max_disparity: parameters.int("max_disparity") as u8,
-            costs: PathCosts { occlusion: parameters.int("occlusion"), reward: parameters.int("reward") },
+            costs: PathCosts {
+                occlusion: parameters.int("occlusion"),
+                reward: parameters.int("reward"),
+            },
             spread: Spread {
                 slightly_reliable: reliability("slightly_reliable"),
                 moderately_reliable: reliability("moderately_reliable"),
@@ -109,17 +150,33 @@ impl Scratch {
             left: Blocks::new(width, height),
             right: Blocks::new(width, height),
             band_rows,
-            scanlines: (0..bands).map(|_| Scanlines::new(width, rows, max_disparity, costs)).collect(),
-            rows: (0..bands).map(|_| vec![SpreadPixel::default(); width]).collect(),
+            scanlines: (0..bands)
+                .map(|_| Scanlines::new(width, rows, max_disparity, costs))
+                .collect(),
+            rows: (0..bands)
+                .map(|_| vec![SpreadPixel::default(); width])
+                .collect(),
             columns: vec![SpreadPixel::default(); width * height],
             column_band,
-            steep: (0..width.div_ceil(column_band)).map(|_| [(); 3].map(|()| vec![false; height])).collect(),
+            steep: (0..width.div_ceil(column_band))
+                .map(|_| [(); 3].map(|()| vec![false; height]))
+                .collect(),
         }
     }
 
     fn match_rows(&mut self, isa: Isa, pair: &StereoPair) {
-        let Self { size: (_, height), left, right, band_rows, scanlines, .. } = self;
-        both(|| left.load(isa, pair.left()), || right.load(isa, pair.right()));
+        let Self {
+            size: (_, height),
+            left,
+            right,
+            band_rows,
+            scanlines,
+            ..
+        } = self;
+        both(
+            || left.load(isa, pair.left()),
+            || right.load(isa, pair.right()),
+        );
         each_row(scanlines, 1, 1, |band, scanlines| {
             let top = band * *band_rows;
             scanlines[0].search(isa, left, right, top..(top + *band_rows).min(*height));
@@ -127,35 +184,62 @@ impl Scratch {
     }
 
     fn refine_columns(&mut self, spread: Spread) {
-        let Self { size: (width, height), left, scanlines, columns, column_band, steep, .. } = self;
-        each_band(columns, *column_band * *height, steep, |band, columns, [before, here, after]| {
-            let first = band * *column_band;
-            mark_steep(left.column(first.saturating_sub(1)), here);
-            mark_steep(left.column(first), after);
-            for (x, column) in (first..).zip(columns.chunks_exact_mut(*height)) {
-                std::mem::swap(before, here);
-                std::mem::swap(here, after);
-                mark_steep(left.column((x + 1).min(*width - 1)), after);
-                // An edge counts where it goes on to either side, as far as there are columns.
-                let inner = x > 0 && x + 1 < *width;
-                let disparities = scanlines.iter().flat_map(|band| band.column(x));
-                for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
-                    *pixel = SpreadPixel { disparity, edge: here[y] & (!inner | (before[y] & after[y])), run: 0 };
+        let Self {
+            size: (width, height),
+            left,
+            scanlines,
+            columns,
+            column_band,
+            steep,
+            ..
+        } = self;
+        each_band(
+            columns,
+            *column_band * *height,
+            steep,
+            |band, columns, [before, here, after]| {
+                let first = band * *column_band;
+                mark_steep(left.column(first.saturating_sub(1)), here);
+                mark_steep(left.column(first), after);
+                for (x, column) in (first..).zip(columns.chunks_exact_mut(*height)) {
+                    std::mem::swap(before, here);
+                    std::mem::swap(here, after);
+                    mark_steep(left.column((x + 1).min(*width - 1)), after);
+                    // An edge counts where it goes on to either side, as far as there are columns.
+                    let inner = x > 0 && x + 1 < *width;
+                    let disparities = scanlines.iter().flat_map(|band| band.column(x));
+                    for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
+                        *pixel = SpreadPixel {
+                            disparity,
+                            edge: here[y] & (!inner | (before[y] & after[y])),
+                            run: 0,
+                        };
+                    }
+                    bridge(column);
+                    spread.apply(column);
                 }
-                bridge(column);
-                spread.apply(column);
-            }
-        });
+            },
+        );
     }
 
     fn refine_rows(&mut self, spread: Spread, image: &Gray, map: &mut DisparityMap) {
-        let Self { size: (width, height), band_rows, rows, columns, .. } = self;
+        let Self {
+            size: (width, height),
+            band_rows,
+            rows,
+            columns,
+            ..
+        } = self;
         map.each_band_mut(*band_rows, rows, |top, band, line| {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 let grey = image.row(y);
                 for (x, pixel) in line.iter_mut().enumerate() {
                     let [edge] = edge_before(x, *width, |x| [u16::from(grey[x])]);
-                    *pixel = SpreadPixel { disparity: columns[x * *height + y].disparity, edge, run: 0 };
+                    *pixel = SpreadPixel {
+                        disparity: columns[x * *height + y].disparity,
+                        edge,
+                        run: 0,
+                    };
                 }
                 spread.apply(line);
                 for (x, pixel) in line.iter().enumerate() {
@@ -167,11 +251,18 @@ impl Scratch {
 }
 
 impl Matcher for Dp {
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()> {
         let size = pair.size();
         map.resize(size.0, size.1)?;
         self.scratch.take_if(|scratch| scratch.size != size);
-        let scratch = self.scratch.get_or_insert_with(|| Scratch::new(size, self.max_disparity, self.costs));
+        let scratch = self
+            .scratch
+            .get_or_insert_with(|| Scratch::new(size, self.max_disparity, self.costs));
         scratch.match_rows(self.isa, pair);
         clock.lap(Stage::Matching);
         scratch.refine_columns(self.spread);
@@ -181,8 +272,8 @@ impl Matcher for Dp {
     }
 }
 
-/// Marks the three pixels of every window of a column that holds an edge. The window right below a marked one is passed
-/// over.
+/// Marks the three pixels of every window of a column that holds an edge. The window right below a
+/// marked one is passed over.
 fn mark_steep(column: impl Iterator<Item = u16>, steep: &mut [bool]) {
     steep.fill(false);
     let (mut window, mut marked) = ([0; 3], false);

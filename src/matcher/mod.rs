@@ -23,12 +23,17 @@ use crate::timing::Clock;
 
 /// A stereo correspondence algorithm, with its scratch memory.
 pub trait Matcher: Send {
-    /// Matches `pair` into `map`, which is resized to the pair. Allocates nothing after the first pair of a size;
-    /// on several threads rayon keeps a small job for each.
+    /// Matches `pair` into `map`, which is resized to the pair. Allocates nothing after the first
+    /// pair of a size; on several threads rayon keeps a small job for each.
     ///
     /// # Errors
     /// Whatever keeps this pair from being matched; the matcher stays usable.
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()>;
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()>;
 }
 
 /// An entry of [`MATCHERS`].
@@ -40,7 +45,8 @@ pub struct MatcherSpec {
     /// Where the method was published.
     pub paper: &'static str,
     pub parameters: &'static [Parameter],
-    /// Makes one that runs on that instruction set; the parameters are complete and within their ranges.
+    /// Makes one that runs on that instruction set; the parameters are complete and within their
+    /// ranges.
     pub build: fn(&Parameters, Isa) -> Result<Box<dyn Matcher>>,
 }
 
@@ -62,10 +68,13 @@ pub const MATCHERS: &[MatcherSpec] = &[
 /// # Errors
 /// [`Error::UnknownAlgorithm`] with the nearest name.
 pub fn find(name: &str) -> Result<&'static MatcherSpec> {
-    MATCHERS.iter().find(|spec| spec.names().any(|n| n == name)).ok_or_else(|| Error::UnknownAlgorithm {
-        name: name.to_owned(),
-        nearest: nearest(name, MATCHERS.iter().flat_map(MatcherSpec::names)),
-    })
+    MATCHERS
+        .iter()
+        .find(|spec| spec.names().any(|n| n == name))
+        .ok_or_else(|| Error::UnknownAlgorithm {
+            name: name.to_owned(),
+            nearest: nearest(name, MATCHERS.iter().flat_map(MatcherSpec::names)),
+        })
 }
 
 impl MatcherSpec {
@@ -96,7 +105,11 @@ impl std::str::FromStr for Algorithm {
         let (name, settings) = text.split_once(':').unwrap_or((text, ""));
         let spec = find(name)?;
         let parameters = Parameters::parse(spec, settings)?;
-        Ok(Self { spec, parameters, label: text.to_owned() })
+        Ok(Self {
+            spec,
+            parameters,
+            label: text.to_owned(),
+        })
     }
 }
 
@@ -115,9 +128,15 @@ impl Algorithm {
         &self.parameters
     }
 
-    /// How many disparities are tried for a pixel, where the parameters tell: `max_disparity`, from `min_disparity` or 0.
+    /// How many disparities are tried for a pixel, where the parameters tell: `max_disparity`, from
+    /// `min_disparity` or 0.
     pub fn disparities(&self) -> Option<u32> {
-        let bound = |name| self.parameters.iter().find(|(n, _)| *n == name).map(|(_, value)| value);
+        let bound = |name| {
+            self.parameters
+                .iter()
+                .find(|(n, _)| *n == name)
+                .map(|(_, value)| value)
+        };
         match (bound("min_disparity"), bound("max_disparity")?) {
             (Some(Value::Int(min)), Value::Int(max)) => u32::try_from(max - min + 1).ok(),
             (_, Value::Int(max)) => u32::try_from(max + 1).ok(),
@@ -128,7 +147,8 @@ impl Algorithm {
     /// A matcher on the instruction set in use, [`crate::kernel::isa`].
     ///
     /// # Errors
-    /// What the algorithm's constructor says, or that `SVL_ISA` names an instruction set this CPU lacks.
+    /// What the algorithm's constructor says, or that `SVL_ISA` names an instruction set this CPU
+    /// lacks.
     pub fn build(&self) -> Result<Box<dyn Matcher>> {
         self.build_on(isa()?)
     }

@@ -1,4 +1,5 @@
-//! Parameters as data: the command line, `svl algos`, scenario files and the contract tests all read the same tables.
+//! Parameters as data: the command line, `svl algos`, scenario files and the contract tests all
+//! read the same tables.
 
 use super::MatcherSpec;
 use super::quotes::{closed, split, unquote};
@@ -16,11 +17,26 @@ pub struct Parameter {
 /// Kind, default and admissible values of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
-    Int { default: i32, min: i32, max: i32 },
-    Real { default: f64, min: f64, max: f64 },
-    Flag { default: bool },
-    Text { default: &'static str },
-    Choice { default: &'static str, options: &'static [&'static str] },
+    Int {
+        default: i32,
+        min: i32,
+        max: i32,
+    },
+    Real {
+        default: f64,
+        min: f64,
+        max: f64,
+    },
+    Flag {
+        default: bool,
+    },
+    Text {
+        default: &'static str,
+    },
+    Choice {
+        default: &'static str,
+        options: &'static [&'static str],
+    },
 }
 
 /// A parameter's value.
@@ -47,11 +63,23 @@ impl Range {
     /// The value `text` stands for, if it is one of the range.
     pub fn parse(&self, text: &str) -> Option<Value> {
         match *self {
-            Range::Int { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Int),
-            Range::Real { min, max, .. } => text.parse().ok().filter(|v| (min..=max).contains(v)).map(Value::Real),
+            Range::Int { min, max, .. } => text
+                .parse()
+                .ok()
+                .filter(|v| (min..=max).contains(v))
+                .map(Value::Int),
+            Range::Real { min, max, .. } => text
+                .parse()
+                .ok()
+                .filter(|v| (min..=max).contains(v))
+                .map(Value::Real),
             Range::Flag { .. } => text.parse().ok().map(Value::Flag),
             Range::Text { .. } => closed(text).then(|| Value::Text(unquote(text).to_owned())),
-            Range::Choice { options, .. } => options.iter().find(|o| **o == text).copied().map(Value::Choice),
+            Range::Choice { options, .. } => options
+                .iter()
+                .find(|o| **o == text)
+                .copied()
+                .map(Value::Choice),
         }
     }
 }
@@ -76,7 +104,11 @@ impl std::fmt::Display for Value {
             Value::Flag(v) => write!(f, "{v}"),
             // In quotes where it would be read otherwise without them.
             Value::Text(v) if split(v, ',').count() < 2 && unquote(v) == v => write!(f, "{v}"),
-            Value::Text(v) => write!(f, "{quote}{v}{quote}", quote = if v.contains('"') { '\'' } else { '"' }),
+            Value::Text(v) => write!(
+                f,
+                "{quote}{v}{quote}",
+                quote = if v.contains('"') { '\'' } else { '"' }
+            ),
             Value::Choice(v) => write!(f, "{v}"),
         }
     }
@@ -89,23 +121,33 @@ pub struct Parameters(Vec<(&'static str, Value)>);
 impl Parameters {
     /// The algorithm's defaults.
     pub fn defaults(spec: &MatcherSpec) -> Self {
-        Self(spec.parameters.iter().map(|p| (p.name, p.range.default())).collect())
+        Self(
+            spec.parameters
+                .iter()
+                .map(|p| (p.name, p.range.default()))
+                .collect(),
+        )
     }
 
-    /// The defaults changed by `settings`, written `key=value,key=value`. A text with commas stands in quotes, single or
-    /// double ones, as a whole or where the commas are.
+    /// The defaults changed by `settings`, written `key=value,key=value`. A text with commas stands
+    /// in quotes, single or double ones, as a whole or where the commas are.
     ///
     /// # Errors
-    /// [`Error::UnknownParameter`] with the nearest name, [`Error::ParameterValue`] with what is expected.
+    /// [`Error::UnknownParameter`] with the nearest name, [`Error::ParameterValue`] with what is
+    /// expected.
     pub fn parse(spec: &MatcherSpec, settings: &str) -> Result<Self> {
         let mut parameters = Self::defaults(spec);
         for setting in split(settings, ',').filter(|s| !s.is_empty()) {
             let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
-            let index = spec.parameters.iter().position(|p| p.name == name).ok_or_else(|| Error::UnknownParameter {
-                algorithm: spec.name,
-                name: name.to_owned(),
-                nearest: nearest(name, spec.parameters.iter().map(|p| p.name)),
-            })?;
+            let index = spec
+                .parameters
+                .iter()
+                .position(|p| p.name == name)
+                .ok_or_else(|| Error::UnknownParameter {
+                    algorithm: spec.name,
+                    name: name.to_owned(),
+                    nearest: nearest(name, spec.parameters.iter().map(|p| p.name)),
+                })?;
             let range = &spec.parameters[index].range;
             parameters.0[index].1 = range.parse(text).ok_or_else(|| Error::ParameterValue {
                 algorithm: spec.name,

@@ -16,7 +16,11 @@ pub(super) fn closed(text: &str) -> bool {
 
 /// `text` without its quotes, if it is quoted as a whole.
 pub(super) fn unquote(text: &str) -> &str {
-    let inner = |quote| text.strip_prefix(quote)?.strip_suffix(quote).filter(|inner| !inner.contains(quote));
+    let inner = |quote| {
+        text.strip_prefix(quote)?
+            .strip_suffix(quote)
+            .filter(|inner| !inner.contains(quote))
+    };
     inner('"').or_else(|| inner('\'')).unwrap_or(text)
 }
 
@@ -57,7 +61,13 @@ mod tests {
 
     #[test]
     fn only_a_whole_is_unquoted() {
-        for (text, plain) in [("'a b'", "a b"), ("'a' 'b'", "'a' 'b'"), ("\"a'b\"", "a'b"), ("a", "a"), ("'", "'")] {
+        for (text, plain) in [
+            ("'a b'", "a b"),
+            ("'a' 'b'", "'a' 'b'"),
+            ("\"a'b\"", "a'b"),
+            ("a", "a"),
+            ("'", "'"),
+        ] {
             assert_eq!(unquote(text), plain);
         }
         assert!(closed("a 'b' \"c'\"") && !closed("it's"));

@@ -1,14 +1,16 @@
 //! Semi-global matching of censuses.
 //!
-//! Hirschmüller, "Stereo Processing by Semiglobal Matching and Mutual Information", PAMI 2008, with the census of Zabih
-//! & Woodfill, "Non-parametric Local Transforms for Computing Visual Correspondence", ECCV 1994, in place of mutual
-//! information: eight paths, a penalty P1 for steps of one disparity and P2, less at edges, for others; then the median
-//! of three by three, uniqueness, the left/right check and the speckle filter.
+//! Hirschmüller, "Stereo Processing by Semiglobal Matching and Mutual Information", PAMI 2008, with
+//! the census of Zabih & Woodfill, "Non-parametric Local Transforms for Computing Visual
+//! Correspondence", ECCV 1994, in place of mutual information: eight paths, a penalty P1 for steps
+//! of one disparity and P2, less at edges, for others; then the median of three by three,
+//! uniqueness, the left/right check and the speckle filter.
 //!
-//! Departures from Hirschmüller: the right image's disparities come from the same sums (his section 2.3 allows it); P2
-//! falls with the gradient only where that exceeds a threshold; the fraction of a pixel is the equiangular one, which
-//! suits Hamming distances, in 16ths; nothing is interpolated; speckles are *inconsistent*. Left pixels near the edge try
-//! the disparities that stay inside the right image.
+//! Departures from Hirschmüller: the right image's disparities come from the same sums (his section
+//! 2.3 allows it); P2 falls with the gradient only where that exceeds a threshold; the fraction of
+//! a pixel is the equiangular one, which suits Hamming distances, in 16ths; nothing is
+//! interpolated; speckles are *inconsistent*. Left pixels near the edge try the disparities that
+//! stay inside the right image.
 
 use super::stage::{Chosen, CostVolume, DisparityRange, PathSums, Speckles};
 use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
@@ -28,31 +30,51 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "p1",
             unit: "",
-            range: Range::Int { default: 14, min: 0, max: Paths::LARGEST_PENALTY },
+            range: Range::Int {
+                default: 14,
+                min: 0,
+                max: Paths::LARGEST_PENALTY,
+            },
             description: "cost of a step of disparity by one, in bits of the census: slopes",
         },
         Parameter {
             name: "p2",
             unit: "",
-            range: Range::Int { default: 80, min: 0, max: Paths::LARGEST_PENALTY },
+            range: Range::Int {
+                default: 80,
+                min: 0,
+                max: Paths::LARGEST_PENALTY,
+            },
             description: "cost of any other step, at least p1: edges of objects",
         },
         Parameter {
             name: "edge",
             unit: "grey levels",
-            range: Range::Int { default: 10, min: 1, max: 256 },
+            range: Range::Int {
+                default: 10,
+                min: 1,
+                max: 256,
+            },
             description: "difference of neighbours beyond which p2 falls in proportion, 256 = never",
         },
         Parameter {
             name: "uniqueness",
             unit: "%",
-            range: Range::Int { default: 5, min: 0, max: 100 },
+            range: Range::Int {
+                default: 5,
+                min: 0,
+                max: 100,
+            },
             description: "by how much every other disparity must be worse, 0 = not tested",
         },
         Parameter {
             name: "symmetry_tolerance",
             unit: "px",
-            range: Range::Int { default: 1, min: -1, max: 1024 },
+            range: Range::Int {
+                default: 1,
+                min: -1,
+                max: 1024,
+            },
             description: "farthest that left and right image may disagree, -1 = not checked",
         },
         Parameter {
@@ -104,12 +126,21 @@ impl Sgm {
         let large = |difference: i32| p1.max(p2 * edge / edge.max(difference)) as u8;
         Ok(Self {
             isa,
-            range: DisparityRange::new(parameters.int("min_disparity"), parameters.int("max_disparity"))?,
-            penalties: Penalties { small: p1 as u8, large: std::array::from_fn(|difference| large(difference as i32)) },
+            range: DisparityRange::new(
+                parameters.int("min_disparity"),
+                parameters.int("max_disparity"),
+            )?,
+            penalties: Penalties {
+                small: p1 as u8,
+                large: std::array::from_fn(|difference| large(difference as i32)),
+            },
             uniqueness: parameters.int("uniqueness") as u32,
             tolerance: parameters.int("symmetry_tolerance"),
             median: parameters.flag("median"),
-            speckles: (parameters.int("speckle_size"), parameters.real("speckle_range")),
+            speckles: (
+                parameters.int("speckle_size"),
+                parameters.real("speckle_range"),
+            ),
             scratch: None,
         })
     }
@@ -122,7 +153,12 @@ impl Sgm {
             return Ok(None);
         }
         let (first, count) = (*range.start(), range.count());
-        let shape = VolumeShape { width, height, first, count };
+        let shape = VolumeShape {
+            width,
+            height,
+            first,
+            count,
+        };
         let bytes = shape.stride() * height * PathSums::BYTES;
         if bytes > Self::MEMORY {
             return Err(Error::Invalid(format!(
@@ -140,7 +176,9 @@ impl Sgm {
             chosen: Chosen::new(shape),
             costs,
             band_rows,
-            medians: (0..height.div_ceil(band_rows)).map(|_| vec![0; width]).collect(),
+            medians: (0..height.div_ceil(band_rows))
+                .map(|_| vec![0; width])
+                .collect(),
             speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
         }))
     }
@@ -153,12 +191,16 @@ impl Sgm {
                 let match_x = x as i32 - (i32::from(disparity) + 8).div_euclid(16);
                 let agrees = |&right: &i16| {
                     right != ChosenRow::NONE
-                        && (16 * i32::from(right) - i32::from(disparity)).abs() <= 16 * self.tolerance
+                        && (16 * i32::from(right) - i32::from(disparity)).abs()
+                            <= 16 * self.tolerance
                 };
-                self.tolerance < 0 || usize::try_from(match_x).is_ok_and(|x| right.get(x).is_some_and(agrees))
+                self.tolerance < 0
+                    || usize::try_from(match_x).is_ok_and(|x| right.get(x).is_some_and(agrees))
             };
             match why {
-                Reason::Valid if consistent() => row.accept(x, f32::from(disparity) / 16.0, DisparityMap::NO_SSDPI),
+                Reason::Valid if consistent() => {
+                    row.accept(x, f32::from(disparity) / 16.0, DisparityMap::NO_SSDPI)
+                }
                 Reason::Valid => row.reject(x, Reason::Inconsistent, DisparityMap::NO_SSDPI),
                 why => row.reject(x, why, DisparityMap::NO_SSDPI),
             }
@@ -167,7 +209,12 @@ impl Sgm {
 }
 
 impl Matcher for Sgm {
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()> {
         let (isa, size) = (self.isa, pair.size());
         map.resize(size.0, size.1)?;
         let scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {
@@ -178,12 +225,27 @@ impl Matcher for Sgm {
             map.rows_mut().for_each(|mut row| row.clear(Reason::Border));
             return Ok(());
         };
-        let Scratch { costs, sums, chosen, band_rows, medians, speckles, .. } = &mut scratch;
+        let Scratch {
+            costs,
+            sums,
+            chosen,
+            band_rows,
+            medians,
+            speckles,
+            ..
+        } = &mut scratch;
 
         costs.load(isa, pair.left(), pair.right());
         clock.lap(Stage::Matching);
 
-        sums.choose(isa, costs, pair.left(), &self.penalties, self.uniqueness, chosen);
+        sums.choose(
+            isa,
+            costs,
+            pair.left(),
+            &self.penalties,
+            self.uniqueness,
+            chosen,
+        );
         clock.lap(Stage::Matching);
 
         let (chosen, last) = (&*chosen, size.1 - 1);

@@ -1,8 +1,9 @@
-//! What v1 and v2 have in common: smoothing, block matching with a filter on its costs, and the symmetric check.
+//! What v1 and v2 have in common: smoothing, block matching with a filter on its costs, and the
+//! symmetric check.
 
 use super::stage::{
-    BACK_CHECK, Bands, Blocks, CostFilter, CostSearch, DeviationTexture, DisparityRange, SUBPIXEL, Strip,
-    SymmetricCheck, VerticalSmoothing, back_check, refine,
+    BACK_CHECK, Bands, Blocks, CostFilter, CostSearch, DeviationTexture, DisparityRange, SUBPIXEL,
+    Strip, SymmetricCheck, VerticalSmoothing, back_check, refine,
 };
 use super::{Matcher, Parameters};
 use crate::error::Result;
@@ -35,7 +36,12 @@ struct Scratch<F> {
 impl<F: CostFilter + Copy> Symmetric<F> {
     /// # Errors
     /// What [`DisparityRange::new`] says.
-    pub(super) fn new(parameters: &Parameters, isa: Isa, texture: Option<DeviationTexture>, filter: F) -> Result<Self> {
+    pub(super) fn new(
+        parameters: &Parameters,
+        isa: Isa,
+        texture: Option<DeviationTexture>,
+        filter: F,
+    ) -> Result<Self> {
         let range = DisparityRange::of(parameters)?;
         Ok(Self {
             isa,
@@ -68,12 +74,22 @@ impl<F: CostFilter + Copy> Symmetric<F> {
         scratch: &mut Scratch<F>,
         clock: &mut Clock,
     ) {
-        let (isa, count, Scratch { strip, textured, search, check }) = (self.isa, rows.rows(), scratch);
+        let (
+            isa,
+            count,
+            Scratch {
+                strip,
+                textured,
+                search,
+                check,
+            },
+        ) = (self.isa, rows.rows(), scratch);
         strip.load(isa, &self.smoothing, pair, top, count);
         clock.lap(Stage::Smoothing);
 
         if let Some(texture) = self.texture {
-            (0..count).for_each(|lane| texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
+            (0..count)
+                .for_each(|lane| texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
         }
         clock.lap(Stage::Texture);
 
@@ -81,7 +97,12 @@ impl<F: CostFilter + Copy> Symmetric<F> {
         let [left, right] = strip.columns();
         search.search(isa, left, right, count);
         for (lane, mut row) in rows.rows_mut().enumerate() {
-            search.write_row(lane, [strip.left(lane), strip.right(lane)], textured.row(lane), &mut row);
+            search.write_row(
+                lane,
+                [strip.left(lane), strip.right(lane)],
+                textured.row(lane),
+                &mut row,
+            );
         }
         clock.lap(Stage::Matching);
 
@@ -89,7 +110,12 @@ impl<F: CostFilter + Copy> Symmetric<F> {
         for (lane, mut row) in rows.rows_mut().enumerate() {
             check.check_row(lane, &mut row);
             if self.subpixel {
-                refine(self.range, strip.left(lane), |_| strip.right(lane), &mut row);
+                refine(
+                    self.range,
+                    strip.left(lane),
+                    |_| strip.right(lane),
+                    &mut row,
+                );
             }
             if self.back_check {
                 back_check(&mut row);
@@ -100,11 +126,18 @@ impl<F: CostFilter + Copy> Symmetric<F> {
 }
 
 impl<F: CostFilter + Copy + Send> Matcher for Symmetric<F> {
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()> {
         let size = pair.size();
         map.resize(size.0, size.1)?;
         let mut bands = Bands::fitting(self.scratch.take(), size, || self.scratch(size.0))?;
-        bands.each_block(map, clock, |top, rows, scratch, clock| self.match_rows(pair, top, rows, scratch, clock));
+        bands.each_block(map, clock, |top, rows, scratch, clock| {
+            self.match_rows(pair, top, rows, scratch, clock)
+        });
         self.scratch = Some(bands);
         Ok(())
     }

@@ -1,13 +1,15 @@
 //! Stereoscopic Machine Vision Algo v.1 (thesis, section 5.3.1), the first draft.
 //!
-//! Vertical smoothing, block matching of every pixel with a one-dimensional window of nine, the error filter after
-//! Hirschmüller, and the symmetric check.
+//! Vertical smoothing, block matching of every pixel with a one-dimensional window of nine, the
+//! error filter after Hirschmüller, and the symmetric check.
 //!
-//! Departures from the thesis: all in integers; windows near the left edge try the disparities that stay inside the
-//! right image; the error filter takes no disparity beside the winner for a rival.
+//! Departures from the thesis: all in integers; windows near the left edge try the disparities that
+//! stay inside the right image; the error filter takes no disparity beside the winner for a rival.
 
 use super::MatcherSpec;
-use super::stage::{BACK_CHECK, DisparityRange, ErrorFilter, SUBPIXEL, SymmetricCheck, VerticalSmoothing};
+use super::stage::{
+    BACK_CHECK, DisparityRange, ErrorFilter, SUBPIXEL, SymmetricCheck, VerticalSmoothing,
+};
 use super::symmetric::Symmetric;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {

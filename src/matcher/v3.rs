@@ -1,14 +1,15 @@
 //! Stereoscopic Machine Vision Algo v.3 (thesis, section 5.3.3), the thesis's final result.
 //!
-//! Vertical smoothing, a texture filter by differences of Gaussians, block matching of the textured pixels with a
-//! one-dimensional window of nine pixels, and the self check instead of a left/right check.
+//! Vertical smoothing, a texture filter by differences of Gaussians, block matching of the textured
+//! pixels with a one-dimensional window of nine pixels, and the self check instead of a left/right
+//! check.
 //!
-//! Departures from the thesis: all in integers; windows near the left edge try the disparities that stay inside the
-//! right image; the back check sends negative disparities to 0.
+//! Departures from the thesis: all in integers; windows near the left edge try the disparities that
+//! stay inside the right image; the back check sends negative disparities to 0.
 
 use super::stage::{
-    BACK_CHECK, Bands, BlockSearch, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, Strip, VerticalSmoothing,
-    back_check, refine,
+    BACK_CHECK, Bands, BlockSearch, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, Strip,
+    VerticalSmoothing, back_check, refine,
 };
 use super::{Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
@@ -57,7 +58,10 @@ impl V3 {
             isa,
             range: DisparityRange::of(parameters)?,
             smoothing: VerticalSmoothing::new(parameters.real("smoothing_sigma")),
-            texture: DogTexture::new(parameters.real("texture_sigma"), parameters.real("texture_delta")),
+            texture: DogTexture::new(
+                parameters.real("texture_sigma"),
+                parameters.real("texture_delta"),
+            ),
             subpixel: parameters.flag(SUBPIXEL.name),
             back_check: parameters.flag(BACK_CHECK.name),
             scratch: None,
@@ -82,11 +86,23 @@ impl V3 {
         scratch: &mut Scratch,
         clock: &mut Clock,
     ) {
-        let (isa, count, Scratch { strip, textured, search, check }) = (self.isa, rows.rows(), scratch);
+        let (
+            isa,
+            count,
+            Scratch {
+                strip,
+                textured,
+                search,
+                check,
+            },
+        ) = (self.isa, rows.rows(), scratch);
         strip.load(isa, &self.smoothing, pair, top, count);
         clock.lap(Stage::Smoothing);
 
-        (0..count).for_each(|lane| self.texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
+        (0..count).for_each(|lane| {
+            self.texture
+                .apply_row(isa, strip.left(lane), textured.row_mut(lane))
+        });
         clock.lap(Stage::Texture);
 
         strip.transpose(isa);
@@ -101,7 +117,12 @@ impl V3 {
         for (lane, mut row) in rows.rows_mut().enumerate() {
             check.check_row(isa, lane, strip.left(lane), &mut row);
             if self.subpixel {
-                refine(self.range, strip.left(lane), |_| strip.right(lane), &mut row);
+                refine(
+                    self.range,
+                    strip.left(lane),
+                    |_| strip.right(lane),
+                    &mut row,
+                );
             }
             if self.back_check {
                 back_check(&mut row);
@@ -112,11 +133,18 @@ impl V3 {
 }
 
 impl Matcher for V3 {
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()> {
         let size = pair.size();
         map.resize(size.0, size.1)?;
         let mut bands = Bands::fitting(self.scratch.take(), size, || self.scratch(size.0))?;
-        bands.each_block(map, clock, |top, rows, scratch, clock| self.match_rows(pair, top, rows, scratch, clock));
+        bands.each_block(map, clock, |top, rows, scratch, clock| {
+            self.match_rows(pair, top, rows, scratch, clock)
+        });
         self.scratch = Some(bands);
         Ok(())
     }

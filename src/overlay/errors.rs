@@ -3,8 +3,9 @@
 use super::picture::Picture;
 use crate::stereo::{DisparityMap, Truth, Visibility};
 
-/// Error maps of KITTI 2015 (M. Menze and A. Geiger, Object Scene Flow for Autonomous Vehicles, CVPR 2015, development
-/// kit): upper end of each bin, and its colour, from blue, good, to red, wrong. The outliers begin at 1.
+/// Error maps of KITTI 2015 (M. Menze and A. Geiger, Object Scene Flow for Autonomous Vehicles,
+/// CVPR 2015, development kit): upper end of each bin, and its colour, from blue, good, to red,
+/// wrong. The outliers begin at 1.
 pub const BINS: [(f32, [u8; 3]); 10] = [
     (1.0 / 16.0, [49, 54, 149]),
     (1.0 / 8.0, [69, 117, 180]),
@@ -25,7 +26,8 @@ pub const HIDDEN: [u8; 3] = [0x50, 0x50, 0x50];
 /// No truth, so nothing is judged.
 pub const UNKNOWN: [u8; 3] = [0, 0, 0];
 
-/// The size of an error as KITTI 2015 counts it: 1 at 3 px or at 5 % of the true disparity, whichever is more.
+/// The size of an error as KITTI 2015 counts it: 1 at 3 px or at 5 % of the true disparity,
+/// whichever is more.
 pub fn error_size(disparity_px: f32, true_px: f32) -> f32 {
     let error = (disparity_px - true_px).abs();
     // `min` drops the NaN of no error at a truth of 0.
@@ -34,11 +36,13 @@ pub fn error_size(disparity_px: f32, true_px: f32) -> f32 {
 
 /// The number of the bin of [`BINS`] that an error of that size falls into.
 pub fn bin(error_size: f32) -> usize {
-    BINS.iter().position(|(end, _)| error_size < *end).unwrap_or(BINS.len() - 1)
+    BINS.iter()
+        .position(|(end, _)| error_size < *end)
+        .unwrap_or(BINS.len() - 1)
 }
 
-/// The errors of `map`, which has the size of `truth`: blue to red where both cameras see and the truth is known, grey
-/// where the algorithm is silent there; the darker greys are not judged.
+/// The errors of `map`, which has the size of `truth`: blue to red where both cameras see and the
+/// truth is known, grey where the algorithm is silent there; the darker greys are not judged.
 pub fn errors(map: &DisparityMap, truth: &Truth) -> Picture {
     let neutrals = [SILENT, HIDDEN, UNKNOWN];
     let [silent, hidden, unknown] = [0, 1, 2].map(|i| (BINS.len() + i) as u8);
@@ -56,7 +60,14 @@ pub fn errors(map: &DisparityMap, truth: &Truth) -> Picture {
             codes.set(x, y, code);
         }
     }
-    Picture { codes, palette: BINS.iter().map(|(_, color)| *color).chain(neutrals).collect() }
+    Picture {
+        codes,
+        palette: BINS
+            .iter()
+            .map(|(_, color)| *color)
+            .chain(neutrals)
+            .collect(),
+    }
 }
 
 #[cfg(test)]
@@ -67,8 +78,18 @@ mod tests {
     #[test]
     fn sizes_are_kitti_s() {
         // 3 px of 20 are 15 %, of 120 they are 2.5 %.
-        assert_eq!([error_size(23.0, 20.0), error_size(117.0, 120.0), error_size(6.0, 0.0)], [1.0, 0.5, 2.0]);
-        assert_eq!([0.0, 0.0625, 0.99, 1.0, 15.9, 16.0, f32::INFINITY].map(bin), [0, 1, 4, 5, 8, 9, 9]);
+        assert_eq!(
+            [
+                error_size(23.0, 20.0),
+                error_size(117.0, 120.0),
+                error_size(6.0, 0.0)
+            ],
+            [1.0, 0.5, 2.0]
+        );
+        assert_eq!(
+            [0.0, 0.0625, 0.99, 1.0, 15.9, 16.0, f32::INFINITY].map(bin),
+            [0, 1, 4, 5, 8, 9, 9]
+        );
     }
 
     #[test]
@@ -77,12 +98,25 @@ mod tests {
         let mut row = map.rows_mut().next().unwrap();
         (0..6).for_each(|x| row.accept(x, 40.0, 0));
         row.reject(1, Reason::Untextured, 0);
-        let truth = Plane::from_vec(6, 1, vec![40.0, 40.0, 10.0, f32::INFINITY, 10.0, 10.0]).unwrap();
+        let truth =
+            Plane::from_vec(6, 1, vec![40.0, 40.0, 10.0, f32::INFINITY, 10.0, 10.0]).unwrap();
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();
         visibility.set(2, 0, Visibility::Occluded);
         visibility.set(5, 0, Visibility::Unknown);
-        let Picture { codes, palette } = errors(&map, &Truth { disparity: truth, visibility: Some(visibility) });
-        let colors: Vec<_> = codes.pixels().map(|code| palette[usize::from(code)]).collect();
-        assert_eq!(colors, [BINS[0].1, SILENT, HIDDEN, UNKNOWN, BINS[8].1, HIDDEN]);
+        let Picture { codes, palette } = errors(
+            &map,
+            &Truth {
+                disparity: truth,
+                visibility: Some(visibility),
+            },
+        );
+        let colors: Vec<_> = codes
+            .pixels()
+            .map(|code| palette[usize::from(code)])
+            .collect();
+        assert_eq!(
+            colors,
+            [BINS[0].1, SILENT, HIDDEN, UNKNOWN, BINS[8].1, HIDDEN]
+        );
     }
 }

@@ -5,10 +5,12 @@ use serde::Serialize;
 
 /// Distance at which an obstacle fills its cell where the camera moves, metres.
 pub const NEAR_M: f64 = 0.2;
-/// Disparity that fills a cell where nothing is known of the camera: the end of svl's default search range.
+/// Disparity that fills a cell where nothing is known of the camera: the end of svl's default
+/// search range.
 const NEAR_PX: f64 = 80.0;
 
-/// The scale of the squares: how near a disparity is, so that a size means the same in every frame of a camera.
+/// The scale of the squares: how near a disparity is, so that a size means the same in every frame
+/// of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearness {
     near_px: f64,
@@ -16,11 +18,18 @@ pub struct Nearness {
 }
 
 impl Nearness {
-    /// The scale for `frame`'s camera. A moving rig (the arena, a robot) fills a cell at [`NEAR_M`], or as near as it
-    /// measures within a quarter of its width. A still scene with truth fills it at its own nearest point.
+    /// The scale for `frame`'s camera. A moving rig (the arena, a robot) fills a cell at
+    /// [`NEAR_M`], or as near as it measures within a quarter of its width. A still scene with
+    /// truth fills it at its own nearest point.
     pub fn of_frame(frame: &Frame) -> Self {
         let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
-        let nearest = still.and_then(|truth| truth.disparity.pixels().filter(|d| d.is_finite()).reduce(f32::max));
+        let nearest = still.and_then(|truth| {
+            truth
+                .disparity
+                .pixels()
+                .filter(|d| d.is_finite())
+                .reduce(f32::max)
+        });
         let quarter_px = frame.pair.size().0 as f64 / 4.0;
         let near_px = match (nearest, frame.rig) {
             (Some(nearest), _) => f64::from(nearest).max(1.0),
@@ -30,7 +39,8 @@ impl Nearness {
         Self::new(near_px, frame.rig.map_or(0.0, |rig| rig.doffs_px()))
     }
 
-    /// The scale in which the disparity `near_px` fills a cell; `doffs_px` as in [`crate::stereo::Rig`].
+    /// The scale in which the disparity `near_px` fills a cell; `doffs_px` as in
+    /// [`crate::stereo::Rig`].
     pub fn new(near_px: f64, doffs_px: f64) -> Self {
         Self { near_px, doffs_px }
     }
@@ -65,7 +75,12 @@ impl Rect {
     pub fn scaled(&self, factor: f64) -> Self {
         let (x, y) = self.center();
         let (width, height) = (self.width * factor, self.height * factor);
-        Self { x: x - width / 2.0, y: y - height / 2.0, width, height }
+        Self {
+            x: x - width / 2.0,
+            y: y - height / 2.0,
+            width,
+            height,
+        }
     }
 }
 
@@ -93,8 +108,8 @@ pub struct Mark {
 
 /// The squares of a cell with that depth.
 pub fn squares(cell: Rect, depth: &CellDepth, nearness: Nearness) -> Squares {
-    let [median, p20, p80] =
-        [depth.median_px, depth.p20_px, depth.p80_px].map(|disparity| cell.scaled(nearness.of(disparity)));
+    let [median, p20, p80] = [depth.median_px, depth.p20_px, depth.p80_px]
+        .map(|disparity| cell.scaled(nearness.of(disparity)));
     Squares { median, p20, p80 }
 }
 
@@ -102,9 +117,22 @@ pub fn squares(cell: Rect, depth: &CellDepth, nearness: Nearness) -> Squares {
 pub fn marks(grid: &DepthGrid, size: (usize, usize), nearness: Nearness) -> Vec<Mark> {
     let mark = |((column, row), cell): ((usize, usize), &crate::stereo::Cell)| {
         let (x, y) = grid.shape().pixels((column, row), size);
-        let bounds = Rect { x: x.start as f64, y: y.start as f64, width: x.len() as f64, height: y.len() as f64 };
-        let squares = cell.depth.as_ref().map(|depth| squares(bounds, depth, nearness));
-        Mark { column, row, cell: bounds, squares }
+        let bounds = Rect {
+            x: x.start as f64,
+            y: y.start as f64,
+            width: x.len() as f64,
+            height: y.len() as f64,
+        };
+        let squares = cell
+            .depth
+            .as_ref()
+            .map(|depth| squares(bounds, depth, nearness));
+        Mark {
+            column,
+            row,
+            cell: bounds,
+            squares,
+        }
     };
     grid.iter().map(mark).collect()
 }
@@ -114,13 +142,30 @@ mod tests {
     use super::*;
     use crate::stereo::{Cell, Exposure, Gray, GridShape, Plane, Pose, Rig, StereoPair, Truth};
 
-    const CELL: Rect = Rect { x: 64.0, y: 80.0, width: 64.0, height: 80.0 };
+    const CELL: Rect = Rect {
+        x: 64.0,
+        y: 80.0,
+        width: 64.0,
+        height: 80.0,
+    };
 
     fn frame(rig: Option<Rig>, pose: Option<Pose>, truth: Option<f32>) -> Frame {
         let image = Gray::filled(320, 240, 0).unwrap();
-        let truth = truth.map(|d| Truth { disparity: Plane::filled(320, 240, d).unwrap(), visibility: None });
+        let truth = truth.map(|d| Truth {
+            disparity: Plane::filled(320, 240, d).unwrap(),
+            visibility: None,
+        });
         let pair = StereoPair::new(image.clone(), image).unwrap();
-        Frame { sequence: 0, stamp_ns: 0, name: None, pair, rig, pose, truth, exposure: Exposure::default() }
+        Frame {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair,
+            rig,
+            pose,
+            truth,
+            exposure: Exposure::default(),
+        }
     }
 
     #[test]
@@ -136,18 +181,48 @@ mod tests {
     fn a_still_scene_takes_its_nearest_point() {
         let rig = Rig::new(1000.0, (159.5, 119.5), 0.19, 30.0).unwrap();
         let nearness = Nearness::of_frame(&frame(Some(rig), None, Some(64.0)));
-        assert_eq!((nearness.near_px(), nearness.of(64.0), nearness.of(17.0)), (64.0, 1.0, 0.5));
-        assert_eq!(Nearness::of_frame(&frame(None, None, Some(16.0))).near_px(), 16.0);
+        assert_eq!(
+            (nearness.near_px(), nearness.of(64.0), nearness.of(17.0)),
+            (64.0, 1.0, 0.5)
+        );
+        assert_eq!(
+            Nearness::of_frame(&frame(None, None, Some(16.0))).near_px(),
+            16.0
+        );
         let unknown = Nearness::of_frame(&frame(None, None, None));
-        assert_eq!([20.0, 80.0, 99.0, -1.0].map(|d| unknown.of(d)), [0.25, 1.0, 1.0, 0.0]);
+        assert_eq!(
+            [20.0, 80.0, 99.0, -1.0].map(|d| unknown.of(d)),
+            [0.25, 1.0, 1.0, 0.0]
+        );
     }
 
     #[test]
     fn squares_stand_in_the_middle_and_keep_the_cell_s_proportions() {
-        let depth = CellDepth { median_px: 40.0, p20_px: 20.0, p80_px: 80.0, distance_m: None };
+        let depth = CellDepth {
+            median_px: 40.0,
+            p20_px: 20.0,
+            p80_px: 80.0,
+            distance_m: None,
+        };
         let squares = squares(CELL, &depth, Nearness::new(80.0, 0.0));
-        assert_eq!(squares.median, Rect { x: 80.0, y: 100.0, width: 32.0, height: 40.0 });
-        assert_eq!(squares.p20, Rect { x: 88.0, y: 110.0, width: 16.0, height: 20.0 });
+        assert_eq!(
+            squares.median,
+            Rect {
+                x: 80.0,
+                y: 100.0,
+                width: 32.0,
+                height: 40.0
+            }
+        );
+        assert_eq!(
+            squares.p20,
+            Rect {
+                x: 88.0,
+                y: 110.0,
+                width: 16.0,
+                height: 20.0
+            }
+        );
         assert_eq!(squares.p80, CELL);
     }
 
@@ -155,14 +230,34 @@ mod tests {
     fn unknown_cells_have_no_squares_and_cells_tile_the_image() {
         let cell = |known: bool| Cell {
             valid_share: 0.5,
-            depth: known.then_some(CellDepth { median_px: 8.0, p20_px: 8.0, p80_px: 8.0, distance_m: None }),
+            depth: known.then_some(CellDepth {
+                median_px: 8.0,
+                p20_px: 8.0,
+                p80_px: 8.0,
+                distance_m: None,
+            }),
         };
-        let grid =
-            DepthGrid::new(GridShape { columns: 3, rows: 1 }, vec![cell(true), cell(false), cell(true)]).unwrap();
+        let grid = DepthGrid::new(
+            GridShape {
+                columns: 3,
+                rows: 1,
+            },
+            vec![cell(true), cell(false), cell(true)],
+        )
+        .unwrap();
         let marks = marks(&grid, (10, 4), Nearness::new(8.0, 0.0));
-        assert_eq!(marks.iter().map(|m| m.squares.is_some()).collect::<Vec<_>>(), [true, false, true]);
         assert_eq!(
-            marks.iter().map(|m| (m.cell.x, m.cell.width)).collect::<Vec<_>>(),
+            marks
+                .iter()
+                .map(|m| m.squares.is_some())
+                .collect::<Vec<_>>(),
+            [true, false, true]
+        );
+        assert_eq!(
+            marks
+                .iter()
+                .map(|m| (m.cell.x, m.cell.width))
+                .collect::<Vec<_>>(),
             [(0.0, 3.0), (3.0, 3.0), (6.0, 4.0)]
         );
         assert_eq!(marks[2].squares.unwrap().median, marks[2].cell);

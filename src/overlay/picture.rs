@@ -11,15 +11,17 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The picture in at most `width` columns, in its proportions: every so many pixels one, none mixed, so that every
-    /// colour still means what it says.
+    /// The picture in at most `width` columns, in its proportions: every so many pixels one, none
+    /// mixed, so that every colour still means what it says.
     pub fn at_most(self, width: usize) -> Self {
         let (w, h) = self.codes.size();
         if w <= width || width == 0 {
             return self;
         }
         let height = (h * width / w).max(1);
-        match Plane::from_fn(width, height, |x, y| self.codes.get(x * w / width, y * h / height)) {
+        match Plane::from_fn(width, height, |x, y| {
+            self.codes.get(x * w / width, y * h / height)
+        }) {
             Ok(codes) => Self { codes, ..self },
             // Smaller sides than those of a plane are a plane's.
             Err(_) => self,
@@ -33,10 +35,15 @@ mod tests {
 
     #[test]
     fn smaller_pictures_keep_colours_and_proportions() {
-        let picture =
-            Picture { codes: Plane::from_fn(6, 4, |x, y| (10 * y + x) as u8).unwrap(), palette: vec![[1; 3]] };
+        let picture = Picture {
+            codes: Plane::from_fn(6, 4, |x, y| (10 * y + x) as u8).unwrap(),
+            palette: vec![[1; 3]],
+        };
         assert_eq!(picture.clone().at_most(6), picture);
         let small = picture.at_most(3);
-        assert_eq!(small.codes.pixels().collect::<Vec<_>>(), [0, 2, 4, 20, 22, 24]);
+        assert_eq!(
+            small.codes.pixels().collect::<Vec<_>>(),
+            [0, 2, 4, 20, 22, 24]
+        );
     }
 }

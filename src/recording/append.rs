@@ -13,12 +13,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Chunks close when they grow beyond this: two pairs of 320x240 with truth.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// A file to which only whole chunks are written, in order and without seeking back. Dropping it finishes the file and
-/// discards errors; call [`Append::finish`] to see them.
+/// A file to which only whole chunks are written, in order and without seeking back. Dropping it
+/// finishes the file and discards errors; call [`Append::finish`] to see them.
 pub(super) struct Append {
     path: PathBuf,
     file: File,
-    /// mcap writes into memory, where it cannot fail: its writer panics when it is dropped after some failures.
+    /// mcap writes into memory, where it cannot fail: its writer panics when it is dropped after
+    /// some failures.
     mcap: mcap::Writer<NoSeek<Memory>>,
     memory: Memory,
     /// Bytes in the file.
@@ -46,7 +47,8 @@ impl Append {
         let mcap = WriteOptions::new()
             .profile(profile)
             .library(library)
-            // Of the arena's pairs with truth (539 kB) level 1 makes 390 kB, lz4 465, level 3 378 at half the speed.
+            // Of the arena's pairs with truth (539 kB) level 1 makes 390 kB, lz4 465, level 3 378
+            // at half the speed.
             .compression(Some(Compression::Zstd))
             .compression_level(1)
             .compression_threads(0)
@@ -54,10 +56,19 @@ impl Append {
             .disable_seeking(true)
             .create(NoSeek::new(memory.clone()))
             .map_err(|e| refused(&path, e))?;
-        Ok(Self { path, file, mcap, memory, written: 0, unsynced: true, open: true })
+        Ok(Self {
+            path,
+            file,
+            mcap,
+            memory,
+            written: 0,
+            unsynced: true,
+            open: true,
+        })
     }
 
-    /// Declares a topic; the same one again has the same number. Nothing is its schema where it has none.
+    /// Declares a topic; the same one again has the same number. Nothing is its schema where it has
+    /// none.
     pub(super) fn channel(
         &mut self,
         topic: &str,
@@ -67,8 +78,11 @@ impl Append {
     ) -> Result<u16> {
         self.check_open()?;
         // MCAP's number for "no schema".
-        let schema = schema.map_or(Ok(0), |(name, encoding, data)| self.mcap.add_schema(name, encoding, data));
-        let channel = schema.and_then(|schema| self.mcap.add_channel(schema, topic, encoding, metadata));
+        let schema = schema.map_or(Ok(0), |(name, encoding, data)| {
+            self.mcap.add_schema(name, encoding, data)
+        });
+        let channel =
+            schema.and_then(|schema| self.mcap.add_channel(schema, topic, encoding, metadata));
         channel.map_err(|e| refused(&self.path, e))
     }
 
@@ -84,7 +98,8 @@ impl Append {
         self.tell(|mcap| mcap.write_metadata(metadata))
     }
 
-    /// Closes the chunk and brings it to the disk, where there is something to bring. A finished file is there.
+    /// Closes the chunk and brings it to the disk, where there is something to bring. A finished
+    /// file is there.
     ///
     /// # Errors
     /// [`Error::Io`], also when the file is gone from its folder.
@@ -117,7 +132,10 @@ impl Append {
     }
 
     /// Tells mcap to do something, and brings what that wrote into the file.
-    fn tell(&mut self, act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>) -> Result<()> {
+    fn tell(
+        &mut self,
+        act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>,
+    ) -> Result<()> {
         self.check_open()?;
         self.unsynced = true;
         act(&mut self.mcap).map_err(|e| refused(&self.path, e))?;
@@ -129,7 +147,12 @@ impl Append {
 
     /// mcap panics when it is told to write into a finished file.
     fn check_open(&self) -> Result<()> {
-        let closed = || Error::format(&self.path, "takes no more pairs: it is finished, or writing to it failed");
+        let closed = || {
+            Error::format(
+                &self.path,
+                "takes no more pairs: it is finished, or writing to it failed",
+            )
+        };
         self.open.then_some(()).ok_or_else(closed)
     }
 
@@ -165,7 +188,10 @@ impl Memory {
 
 impl io::Write for Memory {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .extend_from_slice(bytes);
         Ok(bytes.len())
     }
 

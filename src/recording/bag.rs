@@ -20,8 +20,10 @@ pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-sto
 
 /// Whether `path` is the folder of a bag: one with its metadata, or with MCAP files and no folders.
 pub fn is_bag(path: &Path) -> bool {
-    let holds_no_folder =
-        || path.read_dir().is_ok_and(|mut entries| !entries.any(|e| e.is_ok_and(|e| e.path().is_dir())));
+    let holds_no_folder = || {
+        path.read_dir()
+            .is_ok_and(|mut entries| !entries.any(|e| e.is_ok_and(|e| e.path().is_dir())))
+    };
     read_text(&path.join(METADATA), MAX_BYTES).is_ok_and(|text| text.contains(BAG))
         || holds_no_folder() && mcap_files(path).is_ok_and(|files| !files.is_empty())
 }
@@ -29,7 +31,8 @@ pub fn is_bag(path: &Path) -> bool {
 /// The files of the recording at `path`, in their order: itself, or those of a ROS 2 bag.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for a folder that is no bag, or one that svl does not read, with the cure.
+/// [`Error::Io`]; [`Error::Format`] for a folder that is no bag, or one that svl does not read,
+/// with the cure.
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
@@ -48,7 +51,10 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
         1 => Ok(files),
         _ => Err(Error::format(
             path,
-            format!("is a folder of recordings, without a bag's metadata.yaml: {}", name_one(&files)),
+            format!(
+                "is a folder of recordings, without a bag's metadata.yaml: {}",
+                name_one(&files)
+            ),
         )),
     }
 }
@@ -62,7 +68,11 @@ pub fn only_file(path: &Path) -> Result<PathBuf> {
         [file] => Ok(file.clone()),
         files => Err(Error::format(
             path,
-            format!("is a bag of {}: {}", counted(files.len() as u64, "file"), name_one(files)),
+            format!(
+                "is a bag of {}: {}",
+                counted(files.len() as u64, "file"),
+                name_one(files)
+            ),
         )),
     }
 }
@@ -70,8 +80,12 @@ pub fn only_file(path: &Path) -> Result<PathBuf> {
 /// What a file is that begins with `start`, not as an MCAP file does, and the cure.
 pub(super) fn not_mcap(start: &[u8]) -> String {
     match start {
-        [0x28, 0xB5, 0x2F, 0xFD, ..] => "is compressed as a whole; `zstd -dc FILE > FILE.mcap` unpacks it".to_owned(),
-        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => format!("is a bag in SQLite, svl reads MCAP; {CONVERT}"),
+        [0x28, 0xB5, 0x2F, 0xFD, ..] => {
+            "is compressed as a whole; `zstd -dc FILE > FILE.mcap` unpacks it".to_owned()
+        }
+        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => {
+            format!("is a bag in SQLite, svl reads MCAP; {CONVERT}")
+        }
         _ => "is not an MCAP file; svl reads recordings in MCAP (.mcap)".to_owned(),
     }
 }
@@ -79,11 +93,14 @@ pub(super) fn not_mcap(start: &[u8]) -> String {
 /// The names of a bag's files by its metadata.
 fn names(metadata: &Path) -> Result<Vec<String>> {
     let wrong = |reason: String| Error::format(metadata, reason);
-    let Node::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)? else {
+    let Node::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)?
+    else {
         return Err(wrong("is not that of a ROS 2 bag".to_owned()));
     };
     let Some(Node::Table(bag)) = root.remove(BAG) else {
-        return Err(wrong(format!("is not that of a ROS 2 bag: it has no {BAG}")));
+        return Err(wrong(format!(
+            "is not that of a ROS 2 bag: it has no {BAG}"
+        )));
     };
     let text = |key: &str| match bag.get(key) {
         Some(Node::Value(text)) => text.to_lowercase(),
@@ -91,11 +108,17 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
     };
     match text("storage_identifier").as_str() {
         "mcap" => {}
-        other => return Err(wrong(format!("the bag is in '{other}', svl reads mcap; {CONVERT}"))),
+        other => {
+            return Err(wrong(format!(
+                "the bag is in '{other}', svl reads mcap; {CONVERT}"
+            )));
+        }
     }
     let mode = text("compression_mode");
     if mode == "file" || mode == "message" {
-        return Err(wrong(format!("the bag is compressed {mode} by {mode}, which svl does not read; {CONVERT}")));
+        return Err(wrong(format!(
+            "the bag is compressed {mode} by {mode}, which svl does not read; {CONVERT}"
+        )));
     }
     let Some(Node::List(paths)) = bag.get("relative_file_paths") else {
         return Err(wrong("has no list of relative_file_paths".to_owned()));
@@ -106,19 +129,34 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
         _ => None,
     };
     let names: Option<Vec<_>> = paths.iter().map(name).collect();
-    names.filter(|names| !names.is_empty()).ok_or_else(|| wrong("its relative_file_paths name no files".to_owned()))
+    names
+        .filter(|names| !names.is_empty())
+        .ok_or_else(|| wrong("its relative_file_paths name no files".to_owned()))
 }
 
 /// The MCAP files in a folder, by their names.
 fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = folder.read_dir().map_err(|e| Error::io(folder, e))?.filter_map(|entry| Some(entry.ok()?.path()));
-    let mut files: Vec<_> = entries.filter(|path| path.extension().is_some_and(|ending| ending == "mcap")).collect();
+    let entries = folder
+        .read_dir()
+        .map_err(|e| Error::io(folder, e))?
+        .filter_map(|entry| Some(entry.ok()?.path()));
+    let mut files: Vec<_> = entries
+        .filter(|path| path.extension().is_some_and(|ending| ending == "mcap"))
+        .collect();
     files.sort_unstable();
     Ok(files)
 }
 
 fn name_one(files: &[PathBuf]) -> String {
-    let names: Vec<_> = files.iter().take(LISTED).map(|file| file.display().to_string()).collect();
-    let more = if files.len() > LISTED { format!(" and {} more", files.len() - LISTED) } else { String::new() };
+    let names: Vec<_> = files
+        .iter()
+        .take(LISTED)
+        .map(|file| file.display().to_string())
+        .collect();
+    let more = if files.len() > LISTED {
+        format!(" and {} more", files.len() - LISTED)
+    } else {
+        String::new()
+    };
     format!("name one of {}{more}", names.join(", "))
 }

@@ -18,8 +18,8 @@ pub(super) struct Chunk {
     zstd: zstd::bulk::Decompressor<'static>,
 }
 
-/// Bytes that a chunk's records have once decompressed, by the beginning of its record of `length` bytes; nothing where
-/// that is not how a chunk begins.
+/// Bytes that a chunk's records have once decompressed, by the beginning of its record of `length`
+/// bytes; nothing where that is not how a chunk begins.
 pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
     let name = u32_at(record, 28)? as usize;
     let compression = record.get(32..)?.get(..name)?;
@@ -35,7 +35,13 @@ pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
 
 impl Chunk {
     pub(super) fn new() -> std::io::Result<Self> {
-        Ok(Self { records: Vec::new(), next: 0, body: 0..0, has_crc: false, zstd: zstd::bulk::Decompressor::new()? })
+        Ok(Self {
+            records: Vec::new(),
+            next: 0,
+            body: 0..0,
+            has_crc: false,
+            zstd: zstd::bulk::Decompressor::new()?,
+        })
     }
 
     /// Opens the chunk whose record holds `record`.
@@ -58,7 +64,9 @@ impl Chunk {
     }
 
     fn decompress(&mut self, record: &[u8]) -> Result<(), String> {
-        let Record::Chunk { header, data } = mcap::parse_record(op::CHUNK, record).map_err(|e| e.to_string())? else {
+        let Record::Chunk { header, data } =
+            mcap::parse_record(op::CHUNK, record).map_err(|e| e.to_string())?
+        else {
             return Err("it is none".to_owned());
         };
         if body_size(op::CHUNK, record) != Some(record.len() as u64) {
@@ -71,7 +79,9 @@ impl Chunk {
         let read = match header.compression.as_str() {
             "" => (&*data).read_to_end(records),
             "zstd" => {
-                records.try_reserve(size as usize).map_err(|e| e.to_string())?;
+                records
+                    .try_reserve(size as usize)
+                    .map_err(|e| e.to_string())?;
                 self.zstd.decompress_to_buffer(&data, records)
             }
             "lz4" => lz4::Decoder::new(&*data).and_then(|d| d.take(size + 1).read_to_end(records)),
@@ -94,7 +104,8 @@ impl Chunk {
         self.has_crc
     }
 
-    /// Whether it holds records, each of a kind that chunks have, and nothing beside them. It is at its first one then.
+    /// Whether it holds records, each of a kind that chunks have, and nothing beside them. It is at
+    /// its first one then.
     pub(super) fn has_only_whole_records(&mut self) -> bool {
         let mut whole = !self.records.is_empty();
         while whole && !self.is_done() {
@@ -114,11 +125,14 @@ impl Chunk {
     /// # Errors
     /// When the chunk ends inside of it, or it is of a kind that stands outside of chunks alone.
     pub(super) fn advance(&mut self) -> Result<u8, &'static str> {
-        let (opcode, body) =
-            self.split().ok_or("the rest of a chunk cannot be read: it ends inside one of its records")?;
+        let (opcode, body) = self
+            .split()
+            .ok_or("the rest of a chunk cannot be read: it ends inside one of its records")?;
         // Those of other programs' own kinds may stand anywhere.
         if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE | 0x80..) {
-            return Err("the rest of a chunk cannot be read: what follows is none of a chunk's records");
+            return Err(
+                "the rest of a chunk cannot be read: what follows is none of a chunk's records",
+            );
         }
         (self.next, self.body) = (body.end, body);
         Ok(opcode)
@@ -131,7 +145,8 @@ impl Chunk {
 
     fn split(&self) -> Option<(u8, Range<usize>)> {
         let start = self.next.checked_add(9)?;
-        let end = start.checked_add(usize::try_from(u64_at(&self.records, self.next + 1)?).ok()?)?;
+        let end =
+            start.checked_add(usize::try_from(u64_at(&self.records, self.next + 1)?).ok()?)?;
         (end <= self.records.len()).then(|| (self.records[self.next], start..end))
     }
 }

@@ -36,7 +36,10 @@ pub struct Format {
 
 impl From<ImageFormat> for Format {
     fn from(images: ImageFormat) -> Self {
-        Self { images, ..Self::default() }
+        Self {
+            images,
+            ..Self::default()
+        }
     }
 }
 
@@ -52,7 +55,13 @@ impl Dialect {
         }
     }
 
-    pub(super) fn calibration(self, rig: &Rig, size: (usize, usize), camera: Camera, stamp: Stamp) -> Said {
+    pub(super) fn calibration(
+        self,
+        rig: &Rig,
+        size: (usize, usize),
+        camera: Camera,
+        stamp: Stamp,
+    ) -> Said {
         match self {
             Self::Svl => {
                 let message = geometry::encode_calibration(rig, size, camera, stamp);
@@ -60,7 +69,10 @@ impl Dialect {
             }
             Self::Ros2 => {
                 let topic = format!("/stereo/{}/camera_info", camera.side());
-                (topic.into(), ros::encode_camera_info(rig, size, camera, stamp))
+                (
+                    topic.into(),
+                    ros::encode_camera_info(rig, size, camera, stamp),
+                )
             }
         }
     }
@@ -69,7 +81,12 @@ impl Dialect {
     pub(super) fn baseline(self, rig: &Rig, stamp: Stamp) -> Option<Said> {
         let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
         let frames = [Camera::Left.frame_id(), Camera::Right.frame_id()];
-        let message = || (Kind::Baseline.topic().into(), geometry::encode_transform(&right, frames, stamp));
+        let message = || {
+            (
+                Kind::Baseline.topic().into(),
+                geometry::encode_transform(&right, frames, stamp),
+            )
+        };
         (self == Self::Svl).then(message)
     }
 
@@ -77,7 +94,10 @@ impl Dialect {
     pub(super) fn pose(self, pose: &Pose, stamp: Stamp) -> Said {
         let frames = [geometry::WORLD, Camera::Left.frame_id()];
         match self {
-            Self::Svl => (Kind::Pose.topic().into(), geometry::encode_transform(pose, frames, stamp)),
+            Self::Svl => (
+                Kind::Pose.topic().into(),
+                geometry::encode_transform(pose, frames, stamp),
+            ),
             Self::Ros2 => ("/tf".into(), ros::encode_transform(pose, frames, stamp)),
         }
     }
@@ -97,12 +117,19 @@ impl Dialect {
         }
         // As their calibrations have it.
         let frame_id = Camera::Left.frame_id();
-        let topic = format!("/stereo/{}/{}", camera.side(), if rectified { "image_rect" } else { "image_raw" });
+        let topic = format!(
+            "/stereo/{}/{}",
+            camera.side(),
+            if rectified { "image_rect" } else { "image_raw" }
+        );
         Ok(match format {
             ImageFormat::Raw => (topic.into(), ros::encode_mono8(image, stamp, frame_id)),
             ImageFormat::Png => {
                 let png = gray_image::png(image)?;
-                (format!("{topic}/compressed").into(), ros::encode_png(&png, stamp, frame_id))
+                (
+                    format!("{topic}/compressed").into(),
+                    ros::encode_png(&png, stamp, frame_id),
+                )
             }
         })
     }

@@ -20,7 +20,12 @@ pub(super) struct Projection {
     shift: f64,
 }
 
-pub(super) fn encode_calibration(rig: &Rig, (width, height): (usize, usize), camera: Camera, stamp: Stamp) -> Encoded {
+pub(super) fn encode_calibration(
+    rig: &Rig,
+    (width, height): (usize, usize),
+    camera: Camera,
+    stamp: Stamp,
+) -> Encoded {
     let right = camera == Camera::Right;
     let message = CameraCalibration {
         timestamp: stamp.foxglove(),
@@ -41,9 +46,17 @@ pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Projection
     check_schema(schema, CALIBRATION)?;
     let CameraCalibration { p, .. } = decode_protobuf(data)?;
     let [focal_px, _, cx_px, shift, _, _, cy_px, ..] = p[..] else {
-        return Err(format!("its P has {} numbers, 12 make a projection matrix", p.len()));
+        return Err(format!(
+            "its P has {} numbers, 12 make a projection matrix",
+            p.len()
+        ));
     };
-    Ok(Projection { focal_px, cx_px, cy_px, shift })
+    Ok(Projection {
+        focal_px,
+        cx_px,
+        cy_px,
+        shift,
+    })
 }
 
 /// The rig whose projection matrices are these, bit by bit.
@@ -55,15 +68,22 @@ pub(super) fn rig(left: &Projection, right: &Projection) -> Result<Rig, String> 
         ));
     }
     let (focal, center) = (left.focal_px, left.cx_px);
-    let baseline_m = plainest(-right.shift / focal, |baseline_m| -focal * baseline_m == right.shift);
-    let doffs_px = plainest(right.cx_px - center, |doffs_px| center + doffs_px == right.cx_px);
+    let baseline_m = plainest(-right.shift / focal, |baseline_m| {
+        -focal * baseline_m == right.shift
+    });
+    let doffs_px = plainest(right.cx_px - center, |doffs_px| {
+        center + doffs_px == right.cx_px
+    });
     Rig::new(focal, (center, left.cy_px), baseline_m, doffs_px).map_err(|e| e.to_string())
 }
 
-/// The decimal number with the fewest digits near `value` that `fits`: several doubles give the same product, and the
-/// one that a person or a calibration file wrote down is the shortest.
+/// The decimal number with the fewest digits near `value` that `fits`: several doubles give the
+/// same product, and the one that a person or a calibration file wrote down is the shortest.
 fn plainest(value: f64, fits: impl Fn(f64) -> bool) -> f64 {
-    (0..17).filter_map(|digits| format!("{value:.digits$e}").parse().ok()).find(|&v| fits(v)).unwrap_or(value)
+    (0..17)
+        .filter_map(|digits| format!("{value:.digits$e}").parse().ok())
+        .find(|&v| fits(v))
+        .unwrap_or(value)
 }
 
 /// The pose of the second frame in the first.
@@ -73,28 +93,51 @@ pub(super) fn encode_transform(pose: &Pose, [parent, child]: [&str; 2], stamp: S
         timestamp: stamp.foxglove(),
         parent_frame_id: parent.to_owned(),
         child_frame_id: child.to_owned(),
-        translation: Some(Vector3 { x: t.x, y: t.y, z: t.z }),
-        rotation: Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),
+        translation: Some(Vector3 {
+            x: t.x,
+            y: t.y,
+            z: t.z,
+        }),
+        rotation: Some(Quaternion {
+            x: q.x,
+            y: q.y,
+            z: q.z,
+            w: q.w,
+        }),
     };
     Encoded::protobuf(TRANSFORM, &message)
 }
 
 pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
     check_schema(schema, TRANSFORM)?;
-    let FrameTransform { translation: Some(t), rotation: Some(q), .. } = decode_protobuf(data)? else {
+    let FrameTransform {
+        translation: Some(t),
+        rotation: Some(q),
+        ..
+    } = decode_protobuf(data)?
+    else {
         return Err("it lacks translation or rotation".to_owned());
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     if (rotation.norm() - 1.0).abs() < 1e-6 && [t.x, t.y, t.z].iter().all(|v| v.is_finite()) {
         // Not normalised again: it is a unit already, and stays as it was written.
-        Ok(Pose::from_parts(Translation3::new(t.x, t.y, t.z), UnitQuaternion::new_unchecked(rotation)))
+        Ok(Pose::from_parts(
+            Translation3::new(t.x, t.y, t.z),
+            UnitQuaternion::new_unchecked(rotation),
+        ))
     } else {
-        Err(format!("translation {t:?} and rotation {q:?} are not a pose"))
+        Err(format!(
+            "translation {t:?} and rotation {q:?} are not a pose"
+        ))
     }
 }
 
 fn check_schema(schema: &str, expected: &str) -> Result<(), String> {
-    if schema == expected { Ok(()) } else { Err(format!("it is a {schema}, svl reads {expected}")) }
+    if schema == expected {
+        Ok(())
+    } else {
+        Err(format!("it is a {schema}, svl reads {expected}"))
+    }
 }
 
 #[cfg(test)]
@@ -132,8 +175,23 @@ mod tests {
 
     #[test]
     fn cameras_that_are_not_a_pair_are_refused() {
-        let left = Projection { focal_px: 300.0, cx_px: 160.0, cy_px: 120.0, shift: 0.0 };
-        assert!(rig(&left, &Projection { focal_px: 301.0, shift: -30.0, ..left }).is_err());
+        let left = Projection {
+            focal_px: 300.0,
+            cx_px: 160.0,
+            cy_px: 120.0,
+            shift: 0.0,
+        };
+        assert!(
+            rig(
+                &left,
+                &Projection {
+                    focal_px: 301.0,
+                    shift: -30.0,
+                    ..left
+                }
+            )
+            .is_err()
+        );
         assert!(rig(&left, &left).is_err(), "no baseline");
     }
 }

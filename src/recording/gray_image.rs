@@ -22,7 +22,12 @@ pub enum ImageFormat {
     Png,
 }
 
-pub(super) fn encode(image: &Gray, format: ImageFormat, stamp: Stamp, frame_id: &str) -> Result<Encoded, Error> {
+pub(super) fn encode(
+    image: &Gray,
+    format: ImageFormat,
+    stamp: Stamp,
+    frame_id: &str,
+) -> Result<Encoded, Error> {
     let (width, height) = image.size();
     // Sides of a plane are at most MAX_SIDE, so they fit.
     let (width, height) = (width as u32, height as u32);
@@ -32,12 +37,31 @@ pub(super) fn encode(image: &Gray, format: ImageFormat, stamp: Stamp, frame_id: 
         ImageFormat::Raw => {
             let encoding = "mono8".to_owned();
             let data = pixels(image).into_owned().into();
-            Ok(Encoded::protobuf(RAW, &RawImage { timestamp, frame_id, width, height, encoding, step: width, data }))
+            Ok(Encoded::protobuf(
+                RAW,
+                &RawImage {
+                    timestamp,
+                    frame_id,
+                    width,
+                    height,
+                    encoding,
+                    step: width,
+                    data,
+                },
+            ))
         }
         ImageFormat::Png => {
             let data = png(image)?.into();
             let format = "png".to_owned();
-            Ok(Encoded::protobuf(COMPRESSED, &CompressedImage { timestamp, frame_id, data, format }))
+            Ok(Encoded::protobuf(
+                COMPRESSED,
+                &CompressedImage {
+                    timestamp,
+                    frame_id,
+                    data,
+                    format,
+                },
+            ))
         }
     }
 }
@@ -47,25 +71,40 @@ pub(super) fn png(image: &Gray) -> Result<Vec<u8>, Error> {
     let (width, height) = image.size();
     let mut png = Vec::new();
     PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
-        .write_image(&pixels(image), width as u32, height as u32, ExtendedColorType::L8)
+        .write_image(
+            &pixels(image),
+            width as u32,
+            height as u32,
+            ExtendedColorType::L8,
+        )
         .map_err(|e| Error::Invalid(format!("cannot compress a {width}x{height} image: {e}")))?;
     Ok(png)
 }
 
 /// The pixels row by row, without what may lie between the rows.
 pub(super) fn pixels(image: &Gray) -> Cow<'_, [u8]> {
-    image.as_slice().map_or_else(|| image.pixels().collect(), Cow::Borrowed)
+    image
+        .as_slice()
+        .map_or_else(|| image.pixels().collect(), Cow::Borrowed)
 }
 
 /// The image in a message of `schema`, or why there is none.
 pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Gray, String> {
     match schema {
         RAW => {
-            let RawImage { width, height, encoding, step, data, .. } = decode_protobuf(data)?;
+            let RawImage {
+                width,
+                height,
+                encoding,
+                step,
+                data,
+                ..
+            } = decode_protobuf(data)?;
             if encoding != "mono8" && encoding != "8UC1" {
                 return Err(format!("its pixels are '{encoding}', svl reads mono8"));
             }
-            Gray::from_strided(width as usize, height as usize, step as usize, data.into()).map_err(|e| e.to_string())
+            Gray::from_strided(width as usize, height as usize, step as usize, data.into())
+                .map_err(|e| e.to_string())
         }
         COMPRESSED => {
             let CompressedImage { data, format, .. } = decode_protobuf(data)?;

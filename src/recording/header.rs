@@ -22,9 +22,11 @@ pub struct Header {
     /// Name of the scenario.
     pub scenario: Option<String>,
     pub seed: Option<u64>,
-    /// What the pairs were rectified by, where svl did it: the name of a file, which is attached, or in words.
+    /// What the pairs were rectified by, where svl did it: the name of a file, which is attached,
+    /// or in words.
     pub calibration: Option<String>,
-    /// Hash of what determines the frames: recordings of equal hashes are of one run, whole or a part of it.
+    /// Hash of what determines the frames: recordings of equal hashes are of one run, whole or a
+    /// part of it.
     pub hash: Option<String>,
 }
 
@@ -52,8 +54,14 @@ impl Header {
             ("calibration", self.calibration.clone()),
             ("hash", self.hash.clone()),
         ];
-        let metadata = fields.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect();
-        Metadata { name: RECORD.to_owned(), metadata }
+        let metadata = fields
+            .into_iter()
+            .filter_map(|(key, value)| Some((key.to_owned(), value?)))
+            .collect();
+        Metadata {
+            name: RECORD.to_owned(),
+            metadata,
+        }
     }
 
     /// The header in a metadata record, if it is svl's.
@@ -84,10 +92,14 @@ pub fn header(path: &Path) -> Result<Header> {
             return Ok(header);
         }
     }
-    Err(Error::format(path, format!("is not a recording of svl: it has no metadata record '{RECORD}'")))
+    Err(Error::format(
+        path,
+        format!("is not a recording of svl: it has no metadata record '{RECORD}'"),
+    ))
 }
 
-/// The files of the calibration by which the pairs of the recording at `path` were rectified, or can be: names and contents.
+/// The files of the calibration by which the pairs of the recording at `path` were rectified, or
+/// can be: names and contents.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].

@@ -13,8 +13,8 @@ enum Field {
 
 use Field::{Bytes, LongSized, Sized};
 
-/// The fields of a record of this kind, by <https://mcap.dev/spec>; nothing where they do not say how long it is: messages
-/// go on to the end of their record, and what others added is unknown.
+/// The fields of a record of this kind, by <https://mcap.dev/spec>; nothing where they do not say
+/// how long it is: messages go on to the end of their record, and what others added is unknown.
 fn fields(opcode: u8) -> Option<&'static [Field]> {
     Some(match opcode {
         op::HEADER | op::METADATA => &[Sized, Sized],
@@ -34,8 +34,9 @@ fn fields(opcode: u8) -> Option<&'static [Field]> {
     })
 }
 
-/// How long the body of a record should be by the lengths in it; `body` may be its beginning alone, up to the last of
-/// them. Nothing where the kind of record does not say, or `body` is too short to.
+/// How long the body of a record should be by the lengths in it; `body` may be its beginning alone,
+/// up to the last of them. Nothing where the kind of record does not say, or `body` is too short
+/// to.
 pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
     fields(opcode)?.iter().try_fold(0_u64, |size, field| {
         let at = usize::try_from(size);
@@ -58,9 +59,15 @@ pub(super) fn is_record(opcode: u8) -> bool {
 }
 
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
-    bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
+    bytes
+        .get(at..)?
+        .first_chunk()
+        .map(|b| u32::from_le_bytes(*b))
 }
 
 pub(super) fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
-    bytes.get(at..)?.first_chunk().map(|b| u64::from_le_bytes(*b))
+    bytes
+        .get(at..)?
+        .first_chunk()
+        .map(|b| u64::from_le_bytes(*b))
 }

@@ -11,6 +11,10 @@ pub struct Loss {
 
 impl std::fmt::Display for Loss {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the recording is incomplete or damaged at byte {}: {}", self.at_byte, self.reason)
+        write!(
+            f,
+            "the recording is incomplete or damaged at byte {}: {}",
+            self.at_byte, self.reason
+        )
     }
 }

@@ -19,9 +19,16 @@ pub(super) struct Channel {
 
 /// What a file holds, piece by piece.
 pub(super) enum Event<'a> {
-    Message { channel: &'a Channel, log_time: u64, data: Cow<'a, [u8]> },
+    Message {
+        channel: &'a Channel,
+        log_time: u64,
+        data: Cow<'a, [u8]>,
+    },
     Metadata(Metadata),
-    Attachment { name: String, data: Cow<'a, [u8]> },
+    Attachment {
+        name: String,
+        data: Cow<'a, [u8]>,
+    },
     Library(Header),
 }
 
@@ -52,7 +59,8 @@ pub(super) struct Messages {
     found: Counts,
     /// By the files before it.
     past: Vec<Declared>,
-    /// By each, where it is known before it is read: what a damaged chunk declared, the summary declares again.
+    /// By each, where it is known before it is read: what a damaged chunk declared, the summary
+    /// declares again.
     beforehand: Vec<Declared>,
     missing: BTreeMap<String, u64>,
 }
@@ -105,7 +113,9 @@ impl Messages {
     }
 
     fn summary(path: &Path) -> Result<SummaryOf> {
-        let Ok(records) = Records::open(path) else { return Ok(SummaryOf::Unknown) };
+        let Ok(records) = Records::open(path) else {
+            return Ok(SummaryOf::Unknown);
+        };
         let mut messages = Self::of(records, Vec::new());
         if !messages.records.seek_summary()? {
             return Ok(SummaryOf::Nothing);
@@ -120,9 +130,13 @@ impl Messages {
         }
     }
 
-    /// What was passed over, and messages that the files' own summaries count and that were not found, by topic.
+    /// What was passed over, and messages that the files' own summaries count and that were not
+    /// found, by topic.
     pub(super) fn take_losses(&mut self) -> (Vec<Loss>, BTreeMap<String, u64>) {
-        (self.records.take_losses(), std::mem::take(&mut self.missing))
+        (
+            self.records.take_losses(),
+            std::mem::take(&mut self.missing),
+        )
     }
 
     /// Whether a CRC vouches for all messages read so far.
@@ -132,23 +146,37 @@ impl Messages {
 
     /// How many messages `topic` has by the file's summary, where it has one.
     pub(super) fn count(path: &Path, topic: &str) -> Result<Option<u64>> {
-        let SummaryOf::All(declared) = Self::summary(path)? else { return Ok(None) };
-        let Some(promised) = declared.promised else { return Ok(None) };
-        let of_topic = |id: &u16| declared.channels.get(id).is_some_and(|(channel, _)| channel.topic == topic);
+        let SummaryOf::All(declared) = Self::summary(path)? else {
+            return Ok(None);
+        };
+        let Some(promised) = declared.promised else {
+            return Ok(None);
+        };
+        let of_topic = |id: &u16| {
+            declared
+                .channels
+                .get(id)
+                .is_some_and(|(channel, _)| channel.topic == topic)
+        };
         let counts = promised.messages.iter().filter(|(id, _)| of_topic(id));
         Ok(Some(counts.fold(0, |sum, (_, n)| sum.saturating_add(*n))))
     }
 
-    /// Channels of the file, of the first where several stand one behind the other, in the order of their topics. Before
-    /// its end, those met so far.
+    /// Channels of the file, of the first where several stand one behind the other, in the order of
+    /// their topics. Before its end, those met so far.
     pub(super) fn channels(&self) -> Vec<&Channel> {
         let declared = self.past.first().unwrap_or(&self.declared);
-        let mut channels: Vec<_> = declared.channels.values().map(|(channel, _)| channel).collect();
+        let mut channels: Vec<_> = declared
+            .channels
+            .values()
+            .map(|(channel, _)| channel)
+            .collect();
         channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
         channels
     }
 
-    /// All channels of the file at `path`: those its summary names, or else those met on reading it, as far as it goes.
+    /// All channels of the file at `path`: those its summary names, or else those met on reading
+    /// it, as far as it goes.
     pub(super) fn all_channels(path: &Path) -> Result<Vec<Channel>> {
         let mut messages = Self::open(path)?;
         if let SummaryOf::All(declared) = Self::summary(path)? {
@@ -161,19 +189,41 @@ impl Messages {
     }
 
     /// Everything declared, as it was written: channels and their schemas, file by file.
-    pub(super) fn declarations(&self) -> impl Iterator<Item = (&records::Channel, Option<&Schema>)> {
-        self.past.iter().chain([&self.declared]).flat_map(|declared| {
-            let mut channels: Vec<_> = declared.channels.values().map(|(_, channel)| channel).collect();
-            channels.sort_unstable_by_key(|channel| channel.id);
-            channels.into_iter().map(|channel| (channel, declared.schemas.get(&channel.schema_id)))
-        })
+    pub(super) fn declarations(
+        &self,
+    ) -> impl Iterator<Item = (&records::Channel, Option<&Schema>)> {
+        self.past
+            .iter()
+            .chain([&self.declared])
+            .flat_map(|declared| {
+                let mut channels: Vec<_> = declared
+                    .channels
+                    .values()
+                    .map(|(_, channel)| channel)
+                    .collect();
+                channels.sort_unstable_by_key(|channel| channel.id);
+                channels
+                    .into_iter()
+                    .map(|channel| (channel, declared.schemas.get(&channel.schema_id)))
+            })
     }
 
     /// A channel of the current file, as it was written, and its schema.
     pub(super) fn declaration(&self, id: u16) -> Option<(&records::Channel, Option<&Schema>)> {
         let (_, channel) = self.channel(id)?;
-        let before = || self.beforehand.get(self.past.len())?.schemas.get(&channel.schema_id);
-        Some((channel, self.declared.schemas.get(&channel.schema_id).or_else(before)))
+        let before = || {
+            self.beforehand
+                .get(self.past.len())?
+                .schemas
+                .get(&channel.schema_id)
+        };
+        Some((
+            channel,
+            self.declared
+                .schemas
+                .get(&channel.schema_id)
+                .or_else(before),
+        ))
     }
 
     fn channel(&self, id: u16) -> Option<&(Channel, records::Channel)> {
@@ -187,7 +237,10 @@ impl Messages {
     /// [`crate::Error::Damaged`] where the file ends early or is not what its CRCs say.
     pub(super) fn next(&mut self) -> Result<Option<Event<'_>>> {
         while let Some(opcode) = self.advance()? {
-            if matches!(opcode, op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER) {
+            if matches!(
+                opcode,
+                op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER
+            ) {
                 return self.event(opcode);
             }
         }
@@ -207,7 +260,9 @@ impl Messages {
             if opcode.is_none_or(|opcode| opcode == ANOTHER) {
                 self.close()?;
             }
-            let Some(opcode) = opcode else { return Ok(None) };
+            let Some(opcode) = opcode else {
+                return Ok(None);
+            };
             if opcode == ANOTHER {
                 self.records.begin_another()?;
                 continue;
@@ -221,7 +276,9 @@ impl Messages {
 
     /// The record that [`Messages::advance`] went to.
     pub(super) fn record(&self, opcode: u8) -> Result<Record<'_>> {
-        self.records.parse(opcode).map_err(|reason| self.records.damaged(&reason))
+        self.records
+            .parse(opcode)
+            .map_err(|reason| self.records.damaged(&reason))
     }
 
     /// How many files stand before the current one in the same.
@@ -232,33 +289,62 @@ impl Messages {
     /// Takes in what the current record declares, and makes sure that it can be read.
     fn check(&mut self, opcode: u8) -> std::result::Result<(), String> {
         match opcode {
-            op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER | op::STATISTICS | op::SCHEMA | op::CHANNEL => {}
+            op::MESSAGE
+            | op::METADATA
+            | op::ATTACHMENT
+            | op::HEADER
+            | op::STATISTICS
+            | op::SCHEMA
+            | op::CHANNEL => {}
             _ => return Ok(()),
         }
         let before = self.beforehand.get(self.past.len());
-        let Declared { schemas, channels, promised } = &mut self.declared;
+        let Declared {
+            schemas,
+            channels,
+            promised,
+        } = &mut self.declared;
         match self.records.parse(opcode)? {
             Record::Schema { header, data } => {
-                let same = |(known, _): &Schema| (&known.name, &known.encoding) == (&header.name, &header.encoding);
+                let same = |(known, _): &Schema| {
+                    (&known.name, &known.encoding) == (&header.name, &header.encoding)
+                };
                 if !schemas.get(&header.id).is_none_or(same) {
-                    return Err(format!("schema {} is declared twice, not as the same", header.id));
+                    return Err(format!(
+                        "schema {} is declared twice, not as the same",
+                        header.id
+                    ));
                 }
                 schemas.insert(header.id, (header, data.into_owned()));
             }
             Record::Channel(channel) => {
                 let id = channel.schema_id;
                 let schema = schemas.get(&id).or_else(|| before?.schemas.get(&id));
-                let schema = schema.map(|(schema, _)| schema.name.clone()).unwrap_or_default();
+                let schema = schema
+                    .map(|(schema, _)| schema.name.clone())
+                    .unwrap_or_default();
                 let (topic, encoding) = (channel.topic.clone(), channel.message_encoding.clone());
-                let new = Channel { topic, schema, encoding };
-                if !channels.get(&channel.id).is_none_or(|(known, _)| *known == new) {
-                    return Err(format!("channel {} is declared twice, not as the same", channel.id));
+                let new = Channel {
+                    topic,
+                    schema,
+                    encoding,
+                };
+                if !channels
+                    .get(&channel.id)
+                    .is_none_or(|(known, _)| *known == new)
+                {
+                    return Err(format!(
+                        "channel {} is declared twice, not as the same",
+                        channel.id
+                    ));
                 }
                 channels.insert(channel.id, (new, channel));
             }
             Record::Message { header, .. } => {
                 let id = &header.channel_id;
-                if !channels.contains_key(id) && !before.is_some_and(|before| before.channels.contains_key(id)) {
+                if !channels.contains_key(id)
+                    && !before.is_some_and(|before| before.channels.contains_key(id))
+                {
                     return Err("a message is of a channel that is declared nowhere".to_owned());
                 }
                 *self.found.messages.entry(header.channel_id).or_default() += 1;
@@ -279,7 +365,10 @@ impl Messages {
 
     /// Ends the current file: whether it held what its summary promises.
     fn close(&mut self) -> Result<()> {
-        let (mut declared, found) = (std::mem::take(&mut self.declared), std::mem::take(&mut self.found));
+        let (mut declared, found) = (
+            std::mem::take(&mut self.declared),
+            std::mem::take(&mut self.found),
+        );
         if let Some(before) = self.beforehand.get_mut(self.past.len()).map(std::mem::take) {
             for (id, schema) in before.schemas {
                 declared.schemas.entry(id).or_insert(schema);
@@ -290,7 +379,14 @@ impl Messages {
             declared.promised = declared.promised.or(before.promised);
         }
         self.past.push(declared);
-        let Some(Declared { channels, promised: Some(promised), .. }) = self.past.last() else { return Ok(()) };
+        let Some(Declared {
+            channels,
+            promised: Some(promised),
+            ..
+        }) = self.past.last()
+        else {
+            return Ok(());
+        };
         if !self.records.reads_all() {
             return Ok(());
         }
@@ -309,24 +405,44 @@ impl Messages {
         }
         let lacking = [
             (messages, "message"),
-            (promised.attachments.saturating_sub(found.attachments), "attachment"),
-            (promised.metadata.saturating_sub(found.metadata), "metadata record"),
+            (
+                promised.attachments.saturating_sub(found.attachments),
+                "attachment",
+            ),
+            (
+                promised.metadata.saturating_sub(found.metadata),
+                "metadata record",
+            ),
         ];
-        let lacking: Vec<_> = lacking.iter().filter(|(n, _)| *n > 0).map(|(n, noun)| counted(*n, noun)).collect();
+        let lacking: Vec<_> = lacking
+            .iter()
+            .filter(|(n, _)| *n > 0)
+            .map(|(n, noun)| counted(*n, noun))
+            .collect();
         if lacking.is_empty() {
             return Ok(());
         }
-        self.records.missing(&format!("its summary counts {} more than it holds", lacking.join(" and ")))
+        self.records.missing(&format!(
+            "its summary counts {} more than it holds",
+            lacking.join(" and ")
+        ))
     }
 
     fn event(&self, opcode: u8) -> Result<Option<Event<'_>>> {
         Ok(match self.record(opcode)? {
             Record::Message { header, data } => {
                 let channel = self.channel(header.channel_id);
-                channel.map(|(channel, _)| Event::Message { channel, log_time: header.log_time, data })
+                channel.map(|(channel, _)| Event::Message {
+                    channel,
+                    log_time: header.log_time,
+                    data,
+                })
             }
             Record::Metadata(metadata) => Some(Event::Metadata(metadata)),
-            Record::Attachment { header, data, .. } => Some(Event::Attachment { name: header.name, data }),
+            Record::Attachment { header, data, .. } => Some(Event::Attachment {
+                name: header.name,
+                data,
+            }),
             Record::Header(header) => Some(Event::Library(header)),
             _ => None,
         })

@@ -1,4 +1,5 @@
-//! Recordings: stereo pairs in MCAP files that Rerun, Foxglove and every MCAP library open without svl.
+//! Recordings: stereo pairs in MCAP files that Rerun, Foxglove and every MCAP library open without
+//! svl.
 //!
 //! | topic | message | written when |
 //! |---|---|---|
@@ -13,16 +14,18 @@
 //! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
 //! | `/algo/<name>/result` | JSON with schema (result.schema.json): its hash | a result of a replay |
 //!
-//! log_time and publish_time are the exposure stamp; the right camera's messages carry the right stamp. Calibration
-//! and baseline stand with every pair (200 bytes after compression), so that a recording cut anywhere still has them.
-//! Where there is no depth or disparity, float images are NaN (REP 118), and a point at infinity has depth +∞.
-//! The metadata record `svl` is the [`Header`], `grabber` counts what came from cameras and why some is not here; the manifest of the run that wrote it, scenario and calibration files are
-//! attachments.
+//! log_time and publish_time are the exposure stamp; the right camera's messages carry the right
+//! stamp. Calibration and baseline stand with every pair (200 bytes after compression), so that a
+//! recording cut anywhere still has them. Where there is no depth or disparity, float images are
+//! NaN (REP 118), and a point at infinity has depth +∞. The metadata record `svl` is the
+//! [`Header`], `grabber` counts what came from cameras and why some is not here; the manifest of
+//! the run that wrote it, scenario and calibration files are attachments.
 //!
 //! [`Dialect::Ros2`] is the same in ROS 2's messages alone.
 //!
-//! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are found by their types, and
-//! two images are a pair when their stamps are near enough; see [`Selection`]. A bag may be the folder of its files.
+//! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are
+//! found by their types, and two images are a pair when their stamps are near enough; see
+//! [`Selection`]. A bag may be the folder of its files.
 
 mod append;
 mod bag;
@@ -70,8 +73,8 @@ use std::borrow::Cow;
 /// Name of the attachment that is the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
 
-/// What the names of attachments begin with that are files of the calibration by which the pairs were rectified, or, of raw
-/// ones, can be.
+/// What the names of attachments begin with that are files of the calibration by which the pairs
+/// were rectified, or, of raw ones, can be.
 pub const CALIBRATION: &str = "calibration/";
 
 /// Name of the attachment that is the manifest of the run which wrote the recording.
@@ -174,7 +177,13 @@ impl Encoded {
         // A message fails to encode only for want of room, and a vector grows.
         let _ = message.encode(&mut data);
         let definition = T::get_schema().map(|s| s.data).unwrap_or_default();
-        Self { schema, schema_encoding: "protobuf", definition, encoding: "protobuf", data }
+        Self {
+            schema,
+            schema_encoding: "protobuf",
+            definition,
+            encoding: "protobuf",
+            data,
+        }
     }
 }
 
@@ -207,7 +216,10 @@ impl Stamp {
 
     /// Whole seconds, and the nanoseconds above them; both fit by construction.
     fn parts(self) -> (u32, u32) {
-        ((self.0 / Self::SECOND_NS) as u32, (self.0 % Self::SECOND_NS) as u32)
+        (
+            (self.0 / Self::SECOND_NS) as u32,
+            (self.0 % Self::SECOND_NS) as u32,
+        )
     }
 
     fn foxglove(self) -> Option<foxglove::messages::Timestamp> {

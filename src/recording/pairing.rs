@@ -65,12 +65,18 @@ impl Pairing {
         match kind {
             Kind::Image(Camera::Left) => {
                 self.left_images += 1;
-                let replaced = self.left(stamp).image.replace(gray_image::decode(schema, data)?);
+                let replaced = self
+                    .left(stamp)
+                    .image
+                    .replace(gray_image::decode(schema, data)?);
                 self.unpaired += u64::from(replaced.is_some());
             }
             Kind::Image(Camera::Right) => {
                 self.right_images += 1;
-                let replaced = self.right(stamp).image.replace(gray_image::decode(schema, data)?);
+                let replaced = self
+                    .right(stamp)
+                    .image
+                    .replace(gray_image::decode(schema, data)?);
                 self.unpaired += u64::from(replaced.is_some());
             }
             Kind::Calibration(Camera::Left) => {
@@ -83,8 +89,12 @@ impl Pairing {
             Kind::Baseline => {}
             Kind::Pose => self.left(stamp).pose = Some(geometry::decode_pose(schema, data)?),
             Kind::Depth => self.left(stamp).depth = Some(float_image::decode(schema, data)?),
-            Kind::Disparity => self.left(stamp).disparity = Some(float_image::decode(schema, data)?),
-            Kind::Visibility => self.left(stamp).visibility = Some(gray_image::decode(schema, data)?),
+            Kind::Disparity => {
+                self.left(stamp).disparity = Some(float_image::decode(schema, data)?)
+            }
+            Kind::Visibility => {
+                self.left(stamp).visibility = Some(gray_image::decode(schema, data)?)
+            }
             Kind::Sync => {
                 let sync = StereoSync::decode(schema, data)?;
                 if sync.left_stamp_ns != stamp {
@@ -98,16 +108,28 @@ impl Pairing {
 
     /// Gives up what still waits.
     pub(super) fn end(&mut self) {
-        self.unpaired += std::mem::take(&mut self.left).values().filter(|left| left.image.is_some()).count() as u64;
-        self.unpaired += std::mem::take(&mut self.right).values().filter(|right| right.image.is_some()).count() as u64;
+        self.unpaired += std::mem::take(&mut self.left)
+            .values()
+            .filter(|left| left.image.is_some())
+            .count() as u64;
+        self.unpaired += std::mem::take(&mut self.right)
+            .values()
+            .filter(|right| right.image.is_some())
+            .count() as u64;
     }
 
     /// Why there was no pair.
     pub(super) fn why_none(&self) -> String {
         match (self.left_images, self.right_images) {
             (0, 0) => "has no pairs: its recording ended before the first".to_owned(),
-            (n, 0) => format!("has no stereo pairs: {} of the left camera, none of the right", counted(n, "image")),
-            (0, n) => format!("has no stereo pairs: {} of the right camera, none of the left", counted(n, "image")),
+            (n, 0) => format!(
+                "has no stereo pairs: {} of the left camera, none of the right",
+                counted(n, "image")
+            ),
+            (0, n) => format!(
+                "has no stereo pairs: {} of the right camera, none of the left",
+                counted(n, "image")
+            ),
             (n, m) => {
                 let sync = Kind::Sync.topic();
                 format!(
@@ -135,17 +157,39 @@ impl Pairing {
 
     /// The pair that the message `kind` at `stamp` completed.
     fn completed(&mut self, kind: Kind, stamp: u64) -> Result<Option<Frame>, String> {
-        let names = |left: &Left| left.sync.as_ref().is_some_and(|sync| sync.right_stamp_ns == stamp);
+        let names = |left: &Left| {
+            left.sync
+                .as_ref()
+                .is_some_and(|sync| sync.right_stamp_ns == stamp)
+        };
         let left_stamp = match kind {
             Kind::Image(Camera::Left) | Kind::Sync => Some(stamp),
-            Kind::Image(Camera::Right) => self.left.iter().find(|(_, left)| names(left)).map(|(&stamp, _)| stamp),
+            Kind::Image(Camera::Right) => self
+                .left
+                .iter()
+                .find(|(_, left)| names(left))
+                .map(|(&stamp, _)| stamp),
             _ => None,
         };
-        let Some(left_stamp) = left_stamp else { return Ok(None) };
-        let Some(Left { image: Some(_), sync: Some(sync), .. }) = self.left.get(&left_stamp) else { return Ok(None) };
+        let Some(left_stamp) = left_stamp else {
+            return Ok(None);
+        };
+        let Some(Left {
+            image: Some(_),
+            sync: Some(sync),
+            ..
+        }) = self.left.get(&left_stamp)
+        else {
+            return Ok(None);
+        };
         let right_stamp = sync.right_stamp_ns;
-        let Some(Right { image: Some(_), .. }) = self.right.get(&right_stamp) else { return Ok(None) };
-        let (left, right) = (self.left.remove(&left_stamp), self.right.remove(&right_stamp));
+        let Some(Right { image: Some(_), .. }) = self.right.get(&right_stamp) else {
+            return Ok(None);
+        };
+        let (left, right) = (
+            self.left.remove(&left_stamp),
+            self.right.remove(&right_stamp),
+        );
         let frame = frame(left.unwrap_or_default(), right.unwrap_or_default());
         self.pairs += u64::from(frame.is_ok());
         frame.map(Some)
@@ -154,7 +198,8 @@ impl Pairing {
 
 /// One frame of all its messages.
 fn frame(left: Left, right: Right) -> Result<Frame, String> {
-    let (Some(left_image), Some(right_image), Some(sync)) = (left.image, right.image, left.sync) else {
+    let (Some(left_image), Some(right_image), Some(sync)) = (left.image, right.image, left.sync)
+    else {
         return Err("an image or its /stereo/sync is missing".to_owned());
     };
     let pair = StereoPair::new(left_image, right_image).map_err(|e| e.to_string())?;
@@ -163,18 +208,45 @@ fn frame(left: Left, right: Right) -> Result<Frame, String> {
         _ => None,
     };
     let disparity = true_disparity(left.disparity, left.depth, rig.as_ref())?;
-    let truth = disparity
-        .map(|disparity| Truth { disparity, visibility: left.visibility.map(|v| v.map(Visibility::from_code)) });
-    if let Some(Truth { disparity, visibility }) = &truth {
-        for size in [Some(disparity.size()), visibility.as_ref().map(Plane::size)].into_iter().flatten() {
+    let truth = disparity.map(|disparity| Truth {
+        disparity,
+        visibility: left.visibility.map(|v| v.map(Visibility::from_code)),
+    });
+    if let Some(Truth {
+        disparity,
+        visibility,
+    }) = &truth
+    {
+        for size in [Some(disparity.size()), visibility.as_ref().map(Plane::size)]
+            .into_iter()
+            .flatten()
+        {
             if size != pair.size() {
                 let (width, height) = pair.size();
-                return Err(format!("truth is {}x{}, the images are {width}x{height}", size.0, size.1));
+                return Err(format!(
+                    "truth is {}x{}, the images are {width}x{height}",
+                    size.0, size.1
+                ));
             }
         }
     }
-    let StereoSync { sequence, name, left_stamp_ns: stamp_ns, exposure, .. } = sync;
-    Ok(Frame { sequence, stamp_ns, name, pair, rig, pose: left.pose, truth, exposure })
+    let StereoSync {
+        sequence,
+        name,
+        left_stamp_ns: stamp_ns,
+        exposure,
+        ..
+    } = sync;
+    Ok(Frame {
+        sequence,
+        stamp_ns,
+        name,
+        pair,
+        rig,
+        pose: left.pose,
+        truth,
+        exposure,
+    })
 }
 
 fn true_disparity(
@@ -185,7 +257,9 @@ fn true_disparity(
     match (disparity, depth, rig) {
         (Some(disparity), _, _) => Ok(Some(truth::from_file(&disparity))),
         (None, Some(depth), Some(rig)) => Ok(Some(truth::disparities(&depth, rig))),
-        (None, Some(_), None) => Err("its true depth lacks the calibration that makes disparities of it".to_owned()),
+        (None, Some(_), None) => {
+            Err("its true depth lacks the calibration that makes disparities of it".to_owned())
+        }
         (None, None, _) => Ok(None),
     }
 }

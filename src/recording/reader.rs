@@ -11,10 +11,11 @@ use crate::stereo::{Frame, StereoCalibration};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-/// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in the order of the file, holding a few in memory
-/// at a time.
+/// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in the order of the file,
+/// holding a few in memory at a time.
 ///
-/// In svl's own recordings left and right belong together as `/stereo/sync` says, in others as their stamps do.
+/// In svl's own recordings left and right belong together as `/stereo/sync` says, in others as
+/// their stamps do.
 pub struct Reader {
     path: PathBuf,
     messages: Messages,
@@ -55,13 +56,20 @@ impl Reader {
     pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
         let path = path.into();
         let files = files(&path)?;
-        let Some((file, rest)) = files.split_first() else { return Err(Error::format(&path, "has no files")) };
+        let Some((file, rest)) = files.split_first() else {
+            return Err(Error::format(&path, "has no files"));
+        };
         let is_own = !selection.names_topics() && rest.is_empty() && is_own(file)?;
         let mut reader = Self {
             messages: Messages::open(file)?,
             rest: rest.iter().cloned().collect(),
-            // Without a good summary the length is unknown; what is wrong with it, reading on will tell.
-            pairs: if is_own { Messages::count(file, Kind::Sync.topic()).unwrap_or(None) } else { None },
+            // Without a good summary the length is unknown; what is wrong with it, reading on will
+            // tell.
+            pairs: if is_own {
+                Messages::count(file, Kind::Sync.topic()).unwrap_or(None)
+            } else {
+                None
+            },
             pairs_of: match is_own {
                 true => PairsOf::Svl(Pairing::default()),
                 false => PairsOf::Others(Box::new(Foreign::open(&path, &files, selection)?)),
@@ -108,7 +116,8 @@ impl Reader {
         self.header.as_ref()
     }
 
-    /// Number of pairs by the file's summary; nothing when it has none, as when it was never finished, or does not say.
+    /// Number of pairs by the file's summary; nothing when it has none, as when it was never
+    /// finished, or does not say.
     pub fn pairs(&self) -> Option<u64> {
         self.pairs
     }
@@ -121,8 +130,8 @@ impl Reader {
         }
     }
 
-    /// Images read so far that came when those of their time had been given up for want of room, as the file is not in the
-    /// order of their times.
+    /// Images read so far that came when those of their time had been given up for want of room, as
+    /// the file is not in the order of their times.
     pub fn late(&self) -> u64 {
         match &self.pairs_of {
             PairsOf::Svl(_) => 0,
@@ -130,7 +139,8 @@ impl Reader {
         }
     }
 
-    /// What a person should know before trusting the pairs of a recording that svl did not write, a line each.
+    /// What a person should know before trusting the pairs of a recording that svl did not write, a
+    /// line each.
     pub fn remarks(&self) -> Vec<String> {
         match &self.pairs_of {
             PairsOf::Svl(_) => Vec::new(),
@@ -138,8 +148,8 @@ impl Reader {
         }
     }
 
-    /// What rectifies the pairs of a recording that svl did not write, where that says that they are raw, and enough of its
-    /// cameras. Where it says too little, a remark says why.
+    /// What rectifies the pairs of a recording that svl did not write, where that says that they
+    /// are raw, and enough of its cameras. Where it says too little, a remark says why.
     pub fn calibration(&self) -> Option<StereoCalibration> {
         match &self.pairs_of {
             PairsOf::Svl(_) => None,
@@ -150,8 +160,9 @@ impl Reader {
     /// The next pair, or nothing at the end.
     ///
     /// # Errors
-    /// [`Error::Format`] for a pair that is none, after which the next may be asked for. [`Error::Damaged`], once, where
-    /// a file ends early or is not what its CRCs say: all pairs before it are good, and there are no more.
+    /// [`Error::Format`] for a pair that is none, after which the next may be asked for.
+    /// [`Error::Damaged`], once, where a file ends early or is not what its CRCs say: all pairs
+    /// before it are good, and there are no more.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         match self.ahead.pop_front() {
             Some(next) => next.map(Some),
@@ -163,22 +174,38 @@ impl Reader {
         let mut ended = false;
         loop {
             if let Some(frame) = self.pairs_of.pop() {
-                return frame.map(Some).map_err(|reason| Error::format(&self.path, reason));
+                return frame
+                    .map(Some)
+                    .map_err(|reason| Error::format(&self.path, reason));
             }
             if ended {
-                return self.damage.take().map_or(Ok(None), |damage| Err(self.counted(damage)));
+                return self
+                    .damage
+                    .take()
+                    .map_or(Ok(None), |damage| Err(self.counted(damage)));
             }
             match self.messages.next() {
-                Ok(Some(Event::Message { channel, log_time, data })) => {
+                Ok(Some(Event::Message {
+                    channel,
+                    log_time,
+                    data,
+                })) => {
                     let told = self.pairs_of.take_in(channel, log_time, &data);
-                    let bad =
-                        |reason| Error::format(&self.path, format!("{} at {log_time} ns: {reason}", channel.topic));
+                    let bad = |reason| {
+                        Error::format(
+                            &self.path,
+                            format!("{} at {log_time} ns: {reason}", channel.topic),
+                        )
+                    };
                     if let Some(frame) = told.map_err(bad)? {
                         return Ok(Some(frame));
                     }
                 }
                 Ok(Some(Event::Metadata(metadata))) => {
-                    self.header = self.header.take().or_else(|| Header::from_record(&metadata));
+                    self.header = self
+                        .header
+                        .take()
+                        .or_else(|| Header::from_record(&metadata));
                 }
                 Ok(Some(_)) => {}
                 Ok(None) => match self.rest.pop_front() {
@@ -196,12 +223,20 @@ impl Reader {
 
     /// The error with the number of pairs that were read.
     fn counted(&self, error: Error) -> Error {
-        let Error::Damaged { path, reason } = error else { return error };
+        let Error::Damaged { path, reason } = error else {
+            return error;
+        };
         let pairs = match &self.pairs_of {
             PairsOf::Svl(pairing) => pairing.pairs(),
             PairsOf::Others(foreign) => foreign.pairs(),
         };
-        Error::damaged(path, format!("{reason}; read all the same: {}", counted(pairs, "whole pair")))
+        Error::damaged(
+            path,
+            format!(
+                "{reason}; read all the same: {}",
+                counted(pairs, "whole pair")
+            ),
+        )
     }
 }
 
@@ -214,16 +249,24 @@ fn is_own(path: &Path) -> Result<bool> {
     if first.as_ref().is_ok_and(|profile| profile == PROFILE) {
         return Ok(true);
     }
-    // Other programs copy svl's messages into files of another profile, and the header may be damaged. A ROS 2 bag of
-    // svl's has no such message.
+    // Other programs copy svl's messages into files of another profile, and the header may be
+    // damaged. A ROS 2 bag of svl's has no such message.
     let channels = Messages::all_channels(path)?;
     // Where nothing at all is to be read, that is what should be told.
-    Ok(channels.iter().any(|channel| channel.schema == sync::SCHEMA) || channels.is_empty() && first.is_err())
+    Ok(channels
+        .iter()
+        .any(|channel| channel.schema == sync::SCHEMA)
+        || channels.is_empty() && first.is_err())
 }
 
 impl PairsOf {
     /// Takes in one message, and gives back the pair that it completes.
-    fn take_in(&mut self, channel: &Channel, log_time: u64, data: &[u8]) -> std::result::Result<Option<Frame>, String> {
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<Option<Frame>, String> {
         match self {
             Self::Svl(pairing) => match Kind::of(&channel.topic) {
                 Some(kind) => pairing.take_in(kind, &channel.schema, log_time, data),

@@ -1,9 +1,10 @@
 //! The records of an MCAP file, read from start to end in bounded memory.
 //!
-//! mcap's own readers take lengths out of a chunk before its CRC is known to be good, and reserve memory for them; here
-//! every length is checked against what the file can hold, a chunk is used only when its CRC fits, and the CRCs of data
-//! and summary section are checked on the way. So any changed byte is noticed, at the latest at the end, in files that have
-//! CRCs; those of many ROS 2 recorders have none, see [`Records::is_checked`].
+//! mcap's own readers take lengths out of a chunk before its CRC is known to be good, and reserve
+//! memory for them; here every length is checked against what the file can hold, a chunk is used
+//! only when its CRC fits, and the CRCs of data and summary section are checked on the way. So any
+//! changed byte is noticed, at the latest at the end, in files that have CRCs; those of many ROS 2
+//! recorders have none, see [`Records::is_checked`].
 
 use super::bag::not_mcap;
 use super::chunk::Chunk;
@@ -28,7 +29,8 @@ const TAIL: u64 = HEAD + 20 + 8;
 
 /// Raw records, those inside chunks included.
 ///
-/// Reading ends at the first damage, unless they are salvaged: then what is damaged is passed over, and noted.
+/// Reading ends at the first damage, unless they are salvaged: then what is damaged is passed over,
+/// and noted.
 pub(super) struct Records {
     path: PathBuf,
     file: BufReader<File>,
@@ -76,7 +78,11 @@ enum Top {
 impl Records {
     pub(super) fn open(path: &Path) -> Result<Self> {
         let mut records = Self::unread(path)?;
-        if records.begin()? { Ok(records) } else { Err(no_mcap(path)) }
+        if records.begin()? {
+            Ok(records)
+        } else {
+            Err(no_mcap(path))
+        }
     }
 
     /// As [`Records::open`], passing over what is damaged.
@@ -88,7 +94,10 @@ impl Records {
         if records.begin()? {
             salvage.trust(records.at);
         } else {
-            let at = salvage.begin(records.len).map_err(io)?.ok_or_else(|| no_mcap(path))?;
+            let at = salvage
+                .begin(records.len)
+                .map_err(io)?
+                .ok_or_else(|| no_mcap(path))?;
             records.seek(at)?;
         }
         records.salvage = Some(salvage);
@@ -103,7 +112,10 @@ impl Records {
             return Err(Error::format(path, "is a folder, not a recording"));
         }
         if metadata.len() == 0 {
-            return Err(Error::format(path, "is empty: nothing was recorded, or not yet"));
+            return Err(Error::format(
+                path,
+                "is empty: nothing was recorded, or not yet",
+            ));
         }
         Ok(Self {
             path: path.to_owned(),
@@ -131,7 +143,8 @@ impl Records {
         Ok(self.len - self.at >= 8 && self.read(&mut magic).map(|()| magic == *mcap::MAGIC)?)
     }
 
-    /// From here on reads only what stands outside of chunks: neither messages nor the damage among them.
+    /// From here on reads only what stands outside of chunks: neither messages nor the damage among
+    /// them.
     pub(super) fn skip_chunks(&mut self) {
         self.extent = Extent::Beside;
     }
@@ -146,14 +159,18 @@ impl Records {
         self.ended.get()
     }
 
-    /// Whether a CRC vouches for all messages read so far. Without one, changed bytes may go unnoticed.
+    /// Whether a CRC vouches for all messages read so far. Without one, changed bytes may go
+    /// unnoticed.
     pub(super) fn is_checked(&self) -> bool {
         self.unchecked == [false; 2]
     }
 
     /// What was passed over, in the order of the file.
     pub(super) fn take_losses(&mut self) -> Vec<Loss> {
-        self.salvage.take().map(Salvage::into_losses).unwrap_or_default()
+        self.salvage
+            .take()
+            .map(Salvage::into_losses)
+            .unwrap_or_default()
     }
 
     /// Whether anything of the current file was passed over.
@@ -164,7 +181,9 @@ impl Records {
     /// Goes to the summary section; false where the file has none.
     pub(super) fn seek_summary(&mut self) -> Result<bool> {
         let mut tail = [0; TAIL as usize];
-        let Some(footer) = self.len.checked_sub(TAIL) else { return Ok(false) };
+        let Some(footer) = self.len.checked_sub(TAIL) else {
+            return Ok(false);
+        };
         self.seek(footer)?;
         self.read(&mut tail)?;
         let start = u64_at(&tail, 9).unwrap_or(0);
@@ -178,20 +197,30 @@ impl Records {
     }
 
     fn seek(&mut self, to: u64) -> Result<()> {
-        self.at = self.file.seek(SeekFrom::Start(to)).map_err(|e| Error::io(&self.path, e))?;
+        self.at = self
+            .file
+            .seek(SeekFrom::Start(to))
+            .map_err(|e| Error::io(&self.path, e))?;
         Ok(())
     }
 
     fn read(&mut self, bytes: &mut [u8]) -> Result<()> {
-        self.file.read_exact(bytes).map_err(|e| Error::io(&self.path, e))?;
+        self.file
+            .read_exact(bytes)
+            .map_err(|e| Error::io(&self.path, e))?;
         self.at += bytes.len() as u64;
         self.crc.update(bytes);
         Ok(())
     }
 
-    /// Goes to the next record and says what it is; nothing at the end of the file, and after an error.
+    /// Goes to the next record and says what it is; nothing at the end of the file, and after an
+    /// error.
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
-        let opcode = if self.ended.get() { Ok(None) } else { self.step() };
+        let opcode = if self.ended.get() {
+            Ok(None)
+        } else {
+            self.step()
+        };
         if !matches!(opcode, Ok(Some(_))) {
             self.ended.set(true);
         }
@@ -200,7 +229,11 @@ impl Records {
 
     /// The record that [`Records::advance`] went to.
     pub(super) fn body(&self) -> &[u8] {
-        if self.in_chunk { self.chunk.body() } else { &self.body }
+        if self.in_chunk {
+            self.chunk.body()
+        } else {
+            &self.body
+        }
     }
 
     /// The current record, taken apart, or why it cannot be read.
@@ -235,11 +268,15 @@ impl Records {
                         self.unchecked[0] |= !self.chunk.has_crc();
                         match &mut self.salvage {
                             Some(salvage) if self.chunk.has_crc() => salvage.trust(self.at),
-                            Some(salvage) if self.chunk.has_only_whole_records() => salvage.trust_if_followed(self.at),
+                            Some(salvage) if self.chunk.has_only_whole_records() => {
+                                salvage.trust_if_followed(self.at)
+                            }
                             _ => {}
                         }
                     }
-                    Err(reason) => self.pass_over(self.at, &format!("a chunk is damaged: {reason}"))?,
+                    Err(reason) => {
+                        self.pass_over(self.at, &format!("a chunk is damaged: {reason}"))?
+                    }
                 },
                 Top::Record(opcode) => {
                     self.unchecked[0] |= opcode == op::MESSAGE;
@@ -276,23 +313,30 @@ impl Records {
         }
         let left = self.len - self.at;
         if length > left {
-            let reason = format!("it ends inside a record of {length} bytes, of which it has {left}");
+            let reason =
+                format!("it ends inside a record of {length} bytes, of which it has {left}");
             return self.cut(&reason);
         }
         if length > MAX_RECORD {
-            return self.cut(&format!("a record of {length} bytes is longer than {MAX_RECORD}"));
+            return self.cut(&format!(
+                "a record of {length} bytes is longer than {MAX_RECORD}"
+            ));
         }
         if let Some(salvage) = &mut self.salvage {
             salvage.follows(self.start, opcode);
         }
         if opcode == op::CHUNK && self.extent == Extent::Beside {
             // No more than the file has.
-            self.file.seek_relative(length as i64).map_err(|e| Error::io(&self.path, e))?;
+            self.file
+                .seek_relative(length as i64)
+                .map_err(|e| Error::io(&self.path, e))?;
             self.at += length;
             return Ok(Top::Record(opcode));
         }
         self.body.resize(length as usize, 0);
-        self.file.read_exact(&mut self.body).map_err(|e| Error::io(&self.path, e))?;
+        self.file
+            .read_exact(&mut self.body)
+            .map_err(|e| Error::io(&self.path, e))?;
         self.at += length;
         self.crc.update(&self.body);
         if self.salvage.is_some()
@@ -304,7 +348,9 @@ impl Records {
         if let Some(salvage) = &mut self.salvage
             && matches!(opcode, op::ATTACHMENT | op::METADATA | op::DATA_END)
         {
-            salvage.try_trust(self.start..self.at).map_err(|e| Error::io(&self.path, e))?;
+            salvage
+                .try_trust(self.start..self.at)
+                .map_err(|e| Error::io(&self.path, e))?;
             self.seek(self.at)?;
         }
         if self.extent == Extent::Summary && is_data(opcode) {
@@ -330,7 +376,8 @@ impl Records {
         Ok(Top::Record(opcode))
     }
 
-    /// Why the record just read cannot be what was written here. Only salvaging needs to know at once.
+    /// Why the record just read cannot be what was written here. Only salvaging needs to know at
+    /// once.
     fn examine(&self, opcode: u8) -> std::result::Result<(), String> {
         // Nobody mixes them, and a record of another kind may have become a message by one bit.
         if opcode == op::MESSAGE && self.has_chunks {
@@ -351,14 +398,23 @@ impl Records {
         if let Some(salvage) = &mut self.salvage {
             salvage.trust(self.at);
         }
-        Ok(if self.at == self.len { Top::End } else { Top::Passed })
+        Ok(if self.at == self.len {
+            Top::End
+        } else {
+            Top::Passed
+        })
     }
 
     /// Goes on in the file that begins here, see [`ANOTHER`].
     pub(super) fn begin_another(&mut self) -> Result<()> {
-        let what =
-            if self.finished { "another MCAP file follows" } else { "it breaks off, and another MCAP file follows" };
-        let Some(salvage) = &mut self.salvage else { return Err(self.damaged(what)) };
+        let what = if self.finished {
+            "another MCAP file follows"
+        } else {
+            "it breaks off, and another MCAP file follows"
+        };
+        let Some(salvage) = &mut self.salvage else {
+            return Err(self.damaged(what));
+        };
         salvage.note(self.start..self.start, what);
         salvage.begin_another(self.start + 8);
         self.seek(self.start + 8)?;
@@ -380,7 +436,9 @@ impl Records {
 
     /// Notes that something is not there; an error unless records are salvaged.
     pub(super) fn missing(&mut self, reason: &str) -> Result<()> {
-        let Some(salvage) = &mut self.salvage else { return Err(self.damaged(reason)) };
+        let Some(salvage) = &mut self.salvage else {
+            return Err(self.damaged(reason));
+        };
         salvage.note(self.at..self.at, reason);
         Ok(())
     }
@@ -390,24 +448,38 @@ impl Records {
         self.pass_over(self.len, reason).map(|()| Top::Passed)
     }
 
-    /// Passes over the current record of the file itself up to `end`, or to what before that vouches for itself.
+    /// Passes over the current record of the file itself up to `end`, or to what before that
+    /// vouches for itself.
     fn pass_over(&mut self, end: u64, reason: &str) -> Result<()> {
-        let Some(salvage) = &mut self.salvage else { return Err(self.damaged(reason)) };
-        let found = salvage.pass_over(self.start..self.at, end, reason).map_err(|e| Error::io(&self.path, e))?;
+        let Some(salvage) = &mut self.salvage else {
+            return Err(self.damaged(reason));
+        };
+        let found = salvage
+            .pass_over(self.start..self.at, end, reason)
+            .map_err(|e| Error::io(&self.path, e))?;
         self.finished = found == self.len;
         self.seek(found)
     }
 
     /// Whether a section has a CRC that fits.
-    fn check_crc(&mut self, section: &str, crc: crc32fast::Hasher, saved: Option<u32>) -> Result<bool> {
+    fn check_crc(
+        &mut self,
+        section: &str,
+        crc: crc32fast::Hasher,
+        saved: Option<u32>,
+    ) -> Result<bool> {
         let calculated = crc.finalize();
         let Some(saved) = saved else {
-            return self.missing(&format!("the end of its {section} is cut short")).map(|()| false);
+            return self
+                .missing(&format!("the end of its {section} is cut short"))
+                .map(|()| false);
         };
         let unread = self.extent == Extent::Beside;
         // What does not fit may be explained by what was found damaged already.
         if saved != 0 && saved != calculated && !unread && !self.has_losses() {
-            self.missing(&format!("the CRC of its {section} is {calculated:08x}, {saved:08x} expected"))?;
+            self.missing(&format!(
+                "the CRC of its {section} is {calculated:08x}, {saved:08x} expected"
+            ))?;
         }
         Ok(saved == calculated && saved != 0)
     }
@@ -415,7 +487,11 @@ impl Records {
     /// The error for damage met at this place, after which there are no more records.
     pub(super) fn damaged(&self, reason: &str) -> Error {
         self.ended.set(true);
-        let loss = Loss { at_byte: self.at, bytes: 0, reason: reason.to_owned() };
+        let loss = Loss {
+            at_byte: self.at,
+            bytes: 0,
+            reason: reason.to_owned(),
+        };
         Error::damaged(&self.path, loss.to_string())
     }
 }
@@ -432,6 +508,12 @@ fn no_mcap(path: &Path) -> Error {
 fn is_data(opcode: u8) -> bool {
     matches!(
         opcode,
-        op::HEADER | op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END
+        op::HEADER
+            | op::MESSAGE
+            | op::CHUNK
+            | op::MESSAGE_INDEX
+            | op::ATTACHMENT
+            | op::METADATA
+            | op::DATA_END
     )
 }

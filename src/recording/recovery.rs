@@ -23,19 +23,21 @@ pub struct Recovery {
     pub metadata: u64,
     /// What is damaged, in the order of the file.
     pub losses: Vec<Loss>,
-    /// Messages that the file's own summary counts and that were not found, by topic. Empty where it has no summary.
+    /// Messages that the file's own summary counts and that were not found, by topic. Empty where
+    /// it has no summary.
     pub missing: BTreeMap<String, u64>,
     /// Whether checksums vouch for all messages saved. Without, they may hold changed bytes.
     pub checksums: bool,
 }
 
-/// Copies everything whole in the MCAP file `from`, whoever wrote it, into the new file `to`: chunk by chunk, schemas,
-/// topics, messages, attachments and metadata. What does not fit its CRC is passed over and noted. Where the length of a
-/// record is damaged, it goes on at the next one that vouches for itself; files that were appended to `from` are in it.
+/// Copies everything whole in the MCAP file `from`, whoever wrote it, into the new file `to`: chunk
+/// by chunk, schemas, topics, messages, attachments and metadata. What does not fit its CRC is
+/// passed over and noted. Where the length of a record is damaged, it goes on at the next one that
+/// vouches for itself; files that were appended to `from` are in it.
 ///
 /// # Errors
-/// [`Error::Io`], also when `to` exists; [`Error::Format`] for what is not an MCAP file or holds nothing to save, of which
-/// no file is left.
+/// [`Error::Io`], also when `to` exists; [`Error::Format`] for what is not an MCAP file or holds
+/// nothing to save, of which no file is left.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovery> {
     let mut messages = Messages::salvage(from)?;
     let first = messages.advance()?;
@@ -43,8 +45,16 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovery> {
         Some(Record::Header(header)) => (header.profile, header.library),
         _ => Default::default(),
     };
-    let file = Append::create(to.to_owned(), &profile, &format!("{LIBRARY}, recovered from {library}"))?;
-    let mut copy = Copy { file, channels: HashMap::new(), recovery: Recovery::default() };
+    let file = Append::create(
+        to.to_owned(),
+        &profile,
+        &format!("{LIBRARY}, recovered from {library}"),
+    )?;
+    let mut copy = Copy {
+        file,
+        channels: HashMap::new(),
+        recovery: Recovery::default(),
+    };
     let saved = copy.all(&mut messages, first);
     if matches!(saved, Ok(true)) {
         copy.file.finish()?;
@@ -81,7 +91,11 @@ impl Copy {
         let recovery = &mut self.recovery;
         (recovery.losses, recovery.missing) = messages.take_losses();
         recovery.checksums = messages.is_checked();
-        recovery.pairs = recovery.messages.get(Kind::Sync.topic()).copied().unwrap_or(0);
+        recovery.pairs = recovery
+            .messages
+            .get(Kind::Sync.topic())
+            .copied()
+            .unwrap_or(0);
         Ok(!recovery.messages.is_empty() || recovery.attachments + recovery.metadata > 0)
     }
 
@@ -93,18 +107,43 @@ impl Copy {
         }
         match messages.record(opcode)? {
             Record::Message { header, data } => {
-                let Some((channel, schema)) = messages.declaration(header.channel_id) else { return Ok(()) };
+                let Some((channel, schema)) = messages.declaration(header.channel_id) else {
+                    return Ok(());
+                };
                 let channel_id = match self.channels.entry((messages.part(), header.channel_id)) {
                     Entry::Occupied(number) => *number.get(),
-                    Entry::Vacant(number) => *number.insert(declare(&mut self.file, channel, schema)?),
+                    Entry::Vacant(number) => {
+                        *number.insert(declare(&mut self.file, channel, schema)?)
+                    }
                 };
-                self.file.message(&MessageHeader { channel_id, ..header }, &data)?;
-                *self.recovery.messages.entry(channel.topic.clone()).or_default() += 1;
+                self.file.message(
+                    &MessageHeader {
+                        channel_id,
+                        ..header
+                    },
+                    &data,
+                )?;
+                *self
+                    .recovery
+                    .messages
+                    .entry(channel.topic.clone())
+                    .or_default() += 1;
             }
             Record::Attachment { header, data, .. } => {
-                let AttachmentHeader { log_time, create_time, name, media_type } = header;
+                let AttachmentHeader {
+                    log_time,
+                    create_time,
+                    name,
+                    media_type,
+                } = header;
                 let data = Cow::Borrowed(&*data);
-                self.file.attach(&Attachment { log_time, create_time, name, media_type, data })?;
+                self.file.attach(&Attachment {
+                    log_time,
+                    create_time,
+                    name,
+                    media_type,
+                    data,
+                })?;
                 self.recovery.attachments += 1;
             }
             Record::Metadata(metadata) => {
@@ -119,6 +158,17 @@ impl Copy {
 
 /// Declares a channel in the new file, as it was in the old one.
 fn declare(file: &mut Append, channel: &Channel, schema: Option<&Schema>) -> Result<u16> {
-    let schema = schema.map(|(header, data)| (header.name.as_str(), header.encoding.as_str(), data.as_slice()));
-    file.channel(&channel.topic, schema, &channel.message_encoding, &channel.metadata)
+    let schema = schema.map(|(header, data)| {
+        (
+            header.name.as_str(),
+            header.encoding.as_str(),
+            data.as_slice(),
+        )
+    });
+    file.channel(
+        &channel.topic,
+        schema,
+        &channel.message_encoding,
+        &channel.metadata,
+    )
 }

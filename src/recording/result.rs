@@ -10,7 +10,8 @@ use std::path::Path;
 const SCHEMA: &str = "svl.Result";
 const DEFINITION: &str = include_str!("result.schema.json");
 
-/// The message of `/algo/<name>/result`: the result as a hash, so that a replay can prove that it had the same.
+/// The message of `/algo/<name>/result`: the result as a hash, so that a replay can prove that it
+/// had the same.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct AlgorithmResult {
     /// Number of the pair in its source, from 0.
@@ -40,19 +41,31 @@ impl AlgorithmResult {
         let definition = Cow::Borrowed(DEFINITION.as_bytes());
         // Finite numbers and strings under fixed keys always serialise.
         let data = serde_json::to_vec(self).expect("plain data");
-        Encoded { schema: SCHEMA, schema_encoding: "jsonschema", definition, encoding: "json", data }
+        Encoded {
+            schema: SCHEMA,
+            schema_encoding: "jsonschema",
+            definition,
+            encoding: "json",
+            data,
+        }
     }
 }
 
-/// The results that the recording at `path` holds, in its order; none in a recording that no replay wrote.
+/// The results that the recording at `path` holds, in its order; none in a recording that no replay
+/// wrote.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what is no MCAP file, or a result that is none; [`Error::Damaged`].
+/// [`Error::Io`]; [`Error::Format`] for what is no MCAP file, or a result that is none;
+/// [`Error::Damaged`].
 pub fn results(path: &Path) -> Result<Vec<AlgorithmResult>> {
     let mut messages = Messages::open(path)?;
     let mut results = Vec::new();
     while let Some(event) = messages.next()? {
-        if let Event::Message { channel, log_time, data } = event
+        if let Event::Message {
+            channel,
+            log_time,
+            data,
+        } = event
             && channel.schema == SCHEMA
         {
             let bad = |e| Error::format(path, format!("{} at {log_time} ns: {e}", channel.topic));

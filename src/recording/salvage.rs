@@ -13,7 +13,8 @@ pub(super) struct Salvage {
     losses: Vec<Loss>,
     /// Losses of the files that stand before the current one in the same.
     before: usize,
-    /// Up to here nothing is hidden: the last record that vouched for itself ends here, or the last search did.
+    /// Up to here nothing is hidden: the last record that vouched for itself ends here, or the last
+    /// search did.
     sure: u64,
     /// What vouches for itself if another record follows ends here.
     hoped: u64,
@@ -21,13 +22,22 @@ pub(super) struct Salvage {
 
 impl Salvage {
     pub(super) fn new(file: File, len: u64) -> io::Result<Self> {
-        Ok(Self { search: Search::new(file, len)?, losses: Vec::new(), before: 0, sure: 0, hoped: 0 })
+        Ok(Self {
+            search: Search::new(file, len)?,
+            losses: Vec::new(),
+            before: 0,
+            sure: 0,
+            hoped: 0,
+        })
     }
 
-    /// Where the records begin in a file of `len` bytes that does not begin as an MCAP file does; nothing in what is none.
+    /// Where the records begin in a file of `len` bytes that does not begin as an MCAP file does;
+    /// nothing in what is none.
     pub(super) fn begin(&mut self, len: u64) -> io::Result<Option<u64>> {
         // What has no record that vouches for itself is something else.
-        let Some(found) = self.search.next(0..len)? else { return Ok(None) };
+        let Some(found) = self.search.next(0..len)? else {
+            return Ok(None);
+        };
         let at = if self.search.is_header(8)? { 8 } else { found };
         self.note(0..at, "it does not begin as an MCAP file does");
         self.sure = at;
@@ -68,7 +78,11 @@ impl Salvage {
     }
 
     pub(super) fn note(&mut self, part: Range<u64>, reason: &str) {
-        let loss = Loss { at_byte: part.start, bytes: part.end - part.start, reason: reason.to_owned() };
+        let loss = Loss {
+            at_byte: part.start,
+            bytes: part.end - part.start,
+            reason: reason.to_owned(),
+        };
         match self.losses[self.before..].last_mut() {
             Some(last) if *last == loss => {}
             // One goes on where the other ends, or both are of the same chunk.
@@ -82,15 +96,24 @@ impl Salvage {
         }
     }
 
-    /// Passes over the record of which `read` was read, and says where records go on: at `end`, or at what vouches for
-    /// itself before that.
-    pub(super) fn pass_over(&mut self, read: Range<u64>, end: u64, reason: &str) -> io::Result<u64> {
+    /// Passes over the record of which `read` was read, and says where records go on: at `end`, or
+    /// at what vouches for itself before that.
+    pub(super) fn pass_over(
+        &mut self,
+        read: Range<u64>,
+        end: u64,
+        reason: &str,
+    ) -> io::Result<u64> {
         let from = self.sure + 1;
         let found = self.search.next(from..end)?.unwrap_or(end);
         self.search.spend(read.end.saturating_sub(found));
         self.sure = found;
         // What led here may itself have led too far.
-        let start = if found < read.start { from - 1 } else { read.start };
+        let start = if found < read.start {
+            from - 1
+        } else {
+            read.start
+        };
         self.note(start..found, reason);
         Ok(found)
     }

@@ -1,14 +1,15 @@
-//! Where the records of a damaged file go on: the lengths that lead from one to the next may be what is damaged.
+//! Where the records of a damaged file go on: the lengths that lead from one to the next may be
+//! what is damaged.
 //!
 //! A place is taken for the beginning of a record when what stands there vouches for itself:
-//! - a chunk whose lengths agree, that decompresses, falls into records without a rest, and fits its CRC or, where it has
-//!   none, stands before another record;
+//! - a chunk whose lengths agree, that decompresses, falls into records without a rest, and fits
+//!   its CRC or, where it has none, stands before another record;
 //! - an attachment that fits its CRC;
 //! - metadata whose lengths agree, or the end of the data section, before another record;
 //! - the magic of another file that was appended.
 //!
-//! Every place is looked at once, and a budget bounds what places that only look like records may cost. So the time is
-//! linear in the file's length, whatever it holds.
+//! Every place is looked at once, and a budget bounds what places that only look like records may
+//! cost. So the time is linear in the file's length, whatever it holds.
 
 use super::chunk::{Chunk, chunk_size};
 use super::layout::{body_size, is_record, u64_at};
@@ -38,7 +39,13 @@ pub(super) struct Search {
 impl Search {
     pub(super) fn new(file: File, len: u64) -> io::Result<Self> {
         let budget = len.saturating_mul(16).saturating_add(16 << 20);
-        Ok(Self { file, len, budget, body: Vec::new(), chunk: Chunk::new()? })
+        Ok(Self {
+            file,
+            len,
+            budget,
+            body: Vec::new(),
+            chunk: Chunk::new()?,
+        })
     }
 
     /// The first place in `range` where a record begins that vouches for itself.
@@ -79,17 +86,25 @@ impl Search {
         if head.starts_with(mcap::MAGIC) {
             return self.is_header(at + 8);
         }
-        let may_be = matches!(head[0], op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END);
-        let Some(length) = u64_at(head, 1).filter(|_| may_be) else { return Ok(false) };
+        let may_be = matches!(
+            head[0],
+            op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END
+        );
+        let Some(length) = u64_at(head, 1).filter(|_| may_be) else {
+            return Ok(false);
+        };
         let body = at + HEAD;
         if length > MAX_RECORD.min(self.len - body) || self.budget == 0 {
             return Ok(false);
         }
         match head[0] {
             op::CHUNK => {
-                let Some(size) = chunk_size(&head[HEAD as usize..], length) else { return Ok(false) };
+                let Some(size) = chunk_size(&head[HEAD as usize..], length) else {
+                    return Ok(false);
+                };
                 self.read(body, length)?;
-                let opened = self.chunk.open(&self.body).is_ok() && self.chunk.has_only_whole_records();
+                let opened =
+                    self.chunk.open(&self.body).is_ok() && self.chunk.has_only_whole_records();
                 self.chunk.clear();
                 // A length that is too long may still fall into records, over what follows.
                 let fits = opened && (self.chunk.has_crc() || self.goes_on(body + length)?);
@@ -121,11 +136,15 @@ impl Search {
 
     /// Whether a file's header stands there.
     pub(super) fn is_header(&mut self, at: u64) -> io::Result<bool> {
-        let Some(left) = self.len.checked_sub(at + HEAD) else { return Ok(false) };
+        let Some(left) = self.len.checked_sub(at + HEAD) else {
+            return Ok(false);
+        };
         self.read(at, HEAD)?;
-        let length =
-            u64_at(&self.body, 1).filter(|&length| self.body[0] == op::HEADER && length <= left.min(MAX_BESIDE));
-        let Some(length) = length else { return Ok(false) };
+        let length = u64_at(&self.body, 1)
+            .filter(|&length| self.body[0] == op::HEADER && length <= left.min(MAX_BESIDE));
+        let Some(length) = length else {
+            return Ok(false);
+        };
         self.read(at + HEAD, length)?;
         let fits = body_size(op::HEADER, &self.body) == Some(length);
         Ok(self.paid(fits, length))
@@ -146,9 +165,12 @@ impl Search {
 
     /// Whether what stands `at` looks like a record.
     fn goes_on(&mut self, at: u64) -> io::Result<bool> {
-        let Some(left) = self.len.checked_sub(at + HEAD) else { return Ok(false) };
+        let Some(left) = self.len.checked_sub(at + HEAD) else {
+            return Ok(false);
+        };
         self.read(at, HEAD)?;
-        Ok(is_record(self.body[0]) && u64_at(&self.body, 1).is_some_and(|length| length <= left.min(MAX_RECORD)))
+        Ok(is_record(self.body[0])
+            && u64_at(&self.body, 1).is_some_and(|length| length <= left.min(MAX_RECORD)))
     }
 
     /// Reads `length` bytes, which the file has.

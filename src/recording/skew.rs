@@ -24,7 +24,9 @@ impl Skew {
     /// Of the skews of all pairs, whose order is lost; nothing without pairs.
     pub(super) fn of(skews_ns: &mut [i64]) -> Option<Self> {
         skews_ns.sort_unstable();
-        let (&[min_ns, ..], &[.., max_ns]) = (&*skews_ns, &*skews_ns) else { return None };
+        let (&[min_ns, ..], &[.., max_ns]) = (&*skews_ns, &*skews_ns) else {
+            return None;
+        };
         let median_ns = skews_ns[skews_ns.len() / 2];
         let width = bin_width(i128::from(min_ns), i128::from(max_ns));
         // Hostile stamps may be as far apart as numbers go.
@@ -35,8 +37,16 @@ impl Skew {
             to_ns: edge((number(bin[0]) + 1) * width),
             pairs: bin.len() as u64,
         };
-        let histogram = skews_ns.chunk_by(|&a, &b| number(a) == number(b)).map(bin).collect();
-        Some(Self { min_ns, median_ns, max_ns, histogram })
+        let histogram = skews_ns
+            .chunk_by(|&a, &b| number(a) == number(b))
+            .map(bin)
+            .collect();
+        Some(Self {
+            min_ns,
+            median_ns,
+            max_ns,
+            histogram,
+        })
     }
 }
 
@@ -59,14 +69,23 @@ mod tests {
 
     fn bins(skews_ns: &mut [i64]) -> Vec<(i64, i64, u64)> {
         let skew = Skew::of(skews_ns).unwrap();
-        skew.histogram.iter().map(|bin| (bin.from_ns, bin.to_ns, bin.pairs)).collect()
+        skew.histogram
+            .iter()
+            .map(|bin| (bin.from_ns, bin.to_ns, bin.pairs))
+            .collect()
     }
 
     #[test]
     fn every_pair_is_in_one_bin() {
         assert_eq!(bins(&mut [0, 0, 0]), [(0, 1, 3)]);
-        assert_eq!(bins(&mut [-3, 11, 0, 1]), [(-4, -2, 1), (0, 2, 2), (10, 12, 1)]);
-        assert_eq!(bins(&mut [250_000_000, 0, 283_000_000]), [(0, 50_000_000, 1), (250_000_000, 300_000_000, 2)]);
+        assert_eq!(
+            bins(&mut [-3, 11, 0, 1]),
+            [(-4, -2, 1), (0, 2, 2), (10, 12, 1)]
+        );
+        assert_eq!(
+            bins(&mut [250_000_000, 0, 283_000_000]),
+            [(0, 50_000_000, 1), (250_000_000, 300_000_000, 2)]
+        );
     }
 
     #[test]
@@ -78,6 +97,12 @@ mod tests {
 
     #[test]
     fn the_farthest_stamps_fit() {
-        assert_eq!(bins(&mut [i64::MIN, i64::MAX]).iter().map(|bin| bin.2).sum::<u64>(), 2);
+        assert_eq!(
+            bins(&mut [i64::MIN, i64::MAX])
+                .iter()
+                .map(|bin| bin.2)
+                .sum::<u64>(),
+            2
+        );
     }
 }

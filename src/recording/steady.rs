@@ -29,7 +29,10 @@ impl Steady {
     /// # Errors
     /// When the machine has no room for a thread.
     pub(super) fn new(file: Append) -> io::Result<Self> {
-        let shared = Arc::new(Mutex::new(Shared { file, synced: Ok(()) }));
+        let shared = Arc::new(Mutex::new(Shared {
+            file,
+            synced: Ok(()),
+        }));
         let (life, ended) = mpsc::channel();
         let threads = Arc::clone(&shared);
         let keep = move || {
@@ -41,7 +44,11 @@ impl Steady {
             }
         };
         let thread = thread::Builder::new().spawn(keep)?;
-        Ok(Self { shared, life: Some(life), thread: Some(thread) })
+        Ok(Self {
+            shared,
+            life: Some(life),
+            thread: Some(thread),
+        })
     }
 
     /// Does something with the file.

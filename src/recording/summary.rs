@@ -21,15 +21,18 @@ pub struct Summary {
     pub bytes: u64,
     /// Why the file is not whole, where it is not.
     pub damage: Option<String>,
-    /// Whether checksums vouch for all messages. Without, changed bytes go unnoticed where they leave the records in order.
+    /// Whether checksums vouch for all messages. Without, changed bytes go unnoticed where they
+    /// leave the records in order.
     pub checksums: bool,
     /// What cannot be read of it, in the order of the file.
     pub losses: Vec<Loss>,
     /// Messages that the file's own summary counts and that are not there, by topic.
     pub missing: BTreeMap<String, u64>,
-    /// Numbers between those of the pairs that none has: pairs lost in the middle, or dropped by the recorder.
+    /// Numbers between those of the pairs that none has: pairs lost in the middle, or dropped by
+    /// the recorder.
     pub missing_pairs: u64,
-    /// Topics of the images that `svl replay` would take for left and right, of a recording that svl did not write.
+    /// Topics of the images that `svl replay` would take for left and right, of a recording that
+    /// svl did not write.
     pub stereo: Option<[String; 2]>,
     /// Program that wrote it, and the profile of MCAP it claims.
     pub library: String,
@@ -84,7 +87,8 @@ pub struct Gap {
 
 impl Summary {
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is not an MCAP file. Damage is no error here but part of the answer.
+    /// [`Error::Io`]; [`Error::Format`] for what is not an MCAP file. Damage is no error here but
+    /// part of the answer.
     pub fn of(path: &Path) -> Result<Self> {
         let mut messages = Messages::salvage(path)?;
         let mut seen = Seen::default();
@@ -141,20 +145,35 @@ impl Seen {
                 (self.library, self.profile) = (header.library, header.profile);
             }
             Event::Library(_) => {}
-            Event::Metadata(metadata) if metadata.name == GRABBER => self.grabber = metadata.metadata,
-            Event::Metadata(metadata) => self.header = self.header.take().or_else(|| Header::from_record(&metadata)),
+            Event::Metadata(metadata) if metadata.name == GRABBER => {
+                self.grabber = metadata.metadata
+            }
+            Event::Metadata(metadata) => {
+                self.header = self
+                    .header
+                    .take()
+                    .or_else(|| Header::from_record(&metadata))
+            }
             Event::Attachment { name, data } => {
                 if name == MANIFEST && self.manifest.is_none() {
                     self.manifest = serde_json::from_slice(&data).ok();
                 }
                 self.attachments.push((name, data.len() as u64));
             }
-            Event::Message { channel, log_time, data } => self.count(channel, log_time, &data),
+            Event::Message {
+                channel,
+                log_time,
+                data,
+            } => self.count(channel, log_time, &data),
         }
     }
 
     fn count(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
-        let Channel { topic, schema, encoding } = channel;
+        let Channel {
+            topic,
+            schema,
+            encoding,
+        } = channel;
         let topic = self.topics.entry(topic.clone()).or_insert_with(|| Topic {
             name: topic.clone(),
             schema: schema.clone(),
@@ -187,15 +206,22 @@ impl Seen {
     }
 
     fn summary(mut self, path: &Path, bytes: u64) -> Summary {
-        let left = self.stereo.as_ref().map_or(Kind::Image(Camera::Left).topic(), |[left, _]| left);
+        let left = self
+            .stereo
+            .as_ref()
+            .map_or(Kind::Image(Camera::Left).topic(), |[left, _]| left);
         let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
         left_stamps.sort_unstable();
         left_stamps.dedup();
-        let steps: Vec<_> = left_stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect();
+        let steps: Vec<_> = left_stamps
+            .windows(2)
+            .map(|pair| (pair[0], pair[1] - pair[0]))
+            .collect();
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
         let period_ns = middle(&periods);
-        let is_gap = |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
+        let is_gap =
+            |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
         let skew = Skew::of(&mut self.skews);
         let numbers = match (self.sequences.first(), self.sequences.last()) {
@@ -217,12 +243,27 @@ impl Seen {
             grabber: self.grabber,
             manifest: self.manifest,
             attachments: self.attachments,
-            start_ns: self.topics.values().map(|topic| topic.start_ns).min().unwrap_or(0),
-            end_ns: self.topics.values().map(|topic| topic.end_ns).max().unwrap_or(0),
+            start_ns: self
+                .topics
+                .values()
+                .map(|topic| topic.start_ns)
+                .min()
+                .unwrap_or(0),
+            end_ns: self
+                .topics
+                .values()
+                .map(|topic| topic.end_ns)
+                .max()
+                .unwrap_or(0),
             topics: self.topics.into_values().collect(),
             pairs: self.skews.len() as u64,
             period_ns,
-            gaps: gaps.map(|(after_ns, length_ns)| Gap { after_ns, length_ns }).collect(),
+            gaps: gaps
+                .map(|(after_ns, length_ns)| Gap {
+                    after_ns,
+                    length_ns,
+                })
+                .collect(),
             skew,
             drops: self.drops,
         }

@@ -7,7 +7,8 @@ use std::borrow::Cow;
 pub(super) const SCHEMA: &str = "svl.StereoSync";
 const DEFINITION: &str = include_str!("sync.schema.json");
 
-/// The message of `/stereo/sync`. It names the stamps of both images, and so says which two are a pair.
+/// The message of `/stereo/sync`. It names the stamps of both images, and so says which two are a
+/// pair.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(super) struct StereoSync {
     /// Number of the pair in its source, from 0.
@@ -25,15 +26,33 @@ pub(super) struct StereoSync {
 
 impl StereoSync {
     pub(super) fn new(frame: &Frame, right_stamp_ns: u64) -> Self {
-        let Frame { sequence, stamp_ns, name, exposure, .. } = frame;
-        Self { sequence: *sequence, name: name.clone(), left_stamp_ns: *stamp_ns, right_stamp_ns, exposure: *exposure }
+        let Frame {
+            sequence,
+            stamp_ns,
+            name,
+            exposure,
+            ..
+        } = frame;
+        Self {
+            sequence: *sequence,
+            name: name.clone(),
+            left_stamp_ns: *stamp_ns,
+            right_stamp_ns,
+            exposure: *exposure,
+        }
     }
 
     pub(super) fn encode(&self) -> Encoded {
         let definition = Cow::Borrowed(DEFINITION.as_bytes());
         // Numbers and a string under fixed keys always serialise.
         let data = serde_json::to_vec(self).expect("plain data");
-        Encoded { schema: SCHEMA, schema_encoding: "jsonschema", definition, encoding: "json", data }
+        Encoded {
+            schema: SCHEMA,
+            schema_encoding: "jsonschema",
+            definition,
+            encoding: "json",
+            data,
+        }
     }
 
     pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Self, String> {

@@ -2,8 +2,8 @@
 
 use crate::stereo::{Plane, Rig};
 
-/// Depths in metres of the disparities: NaN where there is none, `+∞` at infinity. Nothing where some disparity lies
-/// beyond infinity (`d + doffs < 0`), which no depth says.
+/// Depths in metres of the disparities: NaN where there is none, `+∞` at infinity. Nothing where
+/// some disparity lies beyond infinity (`d + doffs < 0`), which no depth says.
 ///
 /// A 32-bit depth gives back its disparity to 2⁻²³ of `d + doffs`: 0.0001 px at 1000 px.
 pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
@@ -19,7 +19,13 @@ pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
 
 /// Disparities in pixels of the depths, `+∞` where there is none.
 pub(super) fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
-    depth.map(|z| if z > 0.0 { rig.disparity_px(z.into()) as f32 } else { f32::INFINITY })
+    depth.map(|z| {
+        if z > 0.0 {
+            rig.disparity_px(z.into()) as f32
+        } else {
+            f32::INFINITY
+        }
+    })
 }
 
 /// Disparities for a file: NaN where there is none, as ROS has it.
@@ -39,7 +45,14 @@ mod tests {
     #[test]
     fn disparities_survive_as_depths() {
         let rig = Rig::new(3979.911, (1244.772, 1019.507), 0.193001, 124.343).unwrap();
-        let truth = Plane::from_fn(512, 2, |x, y| if y == 0 { x as f32 * 1.37 } else { f32::INFINITY }).unwrap();
+        let truth = Plane::from_fn(512, 2, |x, y| {
+            if y == 0 {
+                x as f32 * 1.37
+            } else {
+                f32::INFINITY
+            }
+        })
+        .unwrap();
         let back = disparities(&depths(&truth, &rig).unwrap(), &rig);
         for (d, b) in truth.pixels().zip(back.pixels()) {
             assert!(d == b || (d - b).abs() < 1e-4, "{d} came back as {b}");
@@ -51,7 +64,10 @@ mod tests {
         let rig = Rig::new(300.0, (0.0, 0.0), 0.1, -5.0).unwrap();
         let at = |d: f32| depths(&Plane::filled(1, 1, d).unwrap(), &rig);
         let infinite = at(5.0).unwrap();
-        assert_eq!((infinite.get(0, 0), disparities(&infinite, &rig).get(0, 0)), (f32::INFINITY, 5.0));
+        assert_eq!(
+            (infinite.get(0, 0), disparities(&infinite, &rig).get(0, 0)),
+            (f32::INFINITY, 5.0)
+        );
         assert_eq!(at(4.9), None);
         assert!(at(f32::NAN).unwrap().get(0, 0).is_nan());
     }

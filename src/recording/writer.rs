@@ -3,7 +3,9 @@
 use super::append::Append;
 use super::steady::Steady;
 use super::sync::StereoSync;
-use super::{AlgorithmResult, Camera, Encoded, Format, Header, Kind, LIBRARY, MANIFEST, Stamp, ros, truth};
+use super::{
+    AlgorithmResult, Camera, Encoded, Format, Header, Kind, LIBRARY, MANIFEST, Stamp, ros, truth,
+};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::stereo::{Estimate, Frame, Gray, Truth};
@@ -15,9 +17,9 @@ use std::path::PathBuf;
 
 /// Writes one recording.
 ///
-/// Only whole chunks reach the file, in order and without seeking back, so that at every moment it is the beginning of
-/// a recording; about once a second they are synced to the disk. Dropping the writer finishes the file and discards
-/// errors; call [`Writer::finish`] to see them.
+/// Only whole chunks reach the file, in order and without seeking back, so that at every moment it
+/// is the beginning of a recording; about once a second they are synced to the disk. Dropping the
+/// writer finishes the file and discards errors; call [`Writer::finish`] to see them.
 pub struct Writer {
     file: Steady,
     format: Format,
@@ -29,13 +31,21 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Io`] when the file exists already or cannot be made.
-    pub fn create(path: impl Into<PathBuf>, header: &Header, format: impl Into<Format>) -> Result<Self> {
+    pub fn create(
+        path: impl Into<PathBuf>,
+        header: &Header,
+        format: impl Into<Format>,
+    ) -> Result<Self> {
         let format = format.into();
         let path = path.into();
         let mut file = Append::create(path.clone(), format.dialect.profile(), LIBRARY)?;
         file.metadata(&header.to_record())?;
         let file = Steady::new(file).map_err(|e| Error::io(&path, e))?;
-        Ok(Self { file, format, channels: HashMap::new() })
+        Ok(Self {
+            file,
+            format,
+            channels: HashMap::new(),
+        })
     }
 
     /// Keeps a file beside the pairs: the scenario, the calibration.
@@ -44,7 +54,13 @@ impl Writer {
     /// [`Error::Io`].
     pub fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<()> {
         let (name, media_type) = (name.to_owned(), media_type.to_owned());
-        let attachment = Attachment { log_time: 0, create_time: 0, name, media_type, data: Cow::Borrowed(data) };
+        let attachment = Attachment {
+            log_time: 0,
+            create_time: 0,
+            name,
+            media_type,
+            data: Cow::Borrowed(data),
+        };
         self.file.with(|file| file.attach(&attachment))
     }
 
@@ -63,7 +79,12 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`].
     pub fn remember(&mut self, name: &str, facts: BTreeMap<String, String>) -> Result<()> {
-        self.file.with(|file| file.metadata(&Metadata { name: name.to_owned(), metadata: facts }))
+        self.file.with(|file| {
+            file.metadata(&Metadata {
+                name: name.to_owned(),
+                metadata: facts,
+            })
+        })
     }
 
     /// Writes a pair and all that is known about it.
@@ -75,7 +96,10 @@ impl Writer {
         let left = Stamp::new(frame.stamp_ns)?;
         let skew_ns = frame.exposure.skew_ns;
         let right_ns = left.ns().checked_add_signed(skew_ns).ok_or_else(|| {
-            Error::Invalid(format!("a skew of {skew_ns} ns puts the right stamp of {} ns before 1970", left.ns()))
+            Error::Invalid(format!(
+                "a skew of {skew_ns} ns puts the right stamp of {} ns before 1970",
+                left.ns()
+            ))
         })?;
         let right = Stamp::new(right_ns)?;
         let sequence = frame.sequence as u32;
@@ -83,18 +107,29 @@ impl Writer {
         let Format { dialect, images } = self.format;
         if let Some(rig) = &frame.rig {
             for (camera, stamp) in [(Camera::Left, left), (Camera::Right, right)] {
-                self.put(dialect.calibration(rig, size, camera, stamp), stamp, sequence)?;
+                self.put(
+                    dialect.calibration(rig, size, camera, stamp),
+                    stamp,
+                    sequence,
+                )?;
             }
-            dialect.baseline(rig, left).map_or(Ok(()), |said| self.put(said, left, sequence))?;
+            dialect
+                .baseline(rig, left)
+                .map_or(Ok(()), |said| self.put(said, left, sequence))?;
         }
         if let Some(pose) = &frame.pose {
             self.put(dialect.pose(pose, left), left, sequence)?;
         }
-        for (camera, image, stamp) in
-            [(Camera::Left, frame.pair.left(), left), (Camera::Right, frame.pair.right(), right)]
-        {
+        for (camera, image, stamp) in [
+            (Camera::Left, frame.pair.left(), left),
+            (Camera::Right, frame.pair.right(), right),
+        ] {
             let rectified = frame.rig.is_some();
-            self.put(dialect.image(image, camera, rectified, images, stamp)?, stamp, sequence)?;
+            self.put(
+                dialect.image(image, camera, rectified, images, stamp)?,
+                stamp,
+                sequence,
+            )?;
         }
         if let Some(truth) = &frame.truth {
             self.write_truth(frame, truth, left)?;
@@ -105,15 +140,29 @@ impl Writer {
 
     fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: Stamp) -> Result<()> {
         let sequence = frame.sequence as u32;
-        let said = match frame.rig.as_ref().and_then(|rig| truth::depths(&truth.disparity, rig)) {
-            Some(depth) => (Kind::Depth.topic(), ros::encode_32fc1(&depth, stamp, Camera::Left.frame_id())),
+        let said = match frame
+            .rig
+            .as_ref()
+            .and_then(|rig| truth::depths(&truth.disparity, rig))
+        {
+            Some(depth) => (
+                Kind::Depth.topic(),
+                ros::encode_32fc1(&depth, stamp, Camera::Left.frame_id()),
+            ),
             // It has no frame, lest a viewer take it for metres.
-            None => (Kind::Disparity.topic(), ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, "")),
+            None => (
+                Kind::Disparity.topic(),
+                ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, ""),
+            ),
         };
         self.put(said, stamp, sequence)?;
         if let Some(visibility) = &truth.visibility {
             let codes: Gray = visibility.map(|v| v as u8);
-            self.put(self.format.dialect.visibility(&codes, stamp)?, stamp, sequence)?;
+            self.put(
+                self.format.dialect.visibility(&codes, stamp)?,
+                stamp,
+                sequence,
+            )?;
         }
         Ok(())
     }
@@ -127,8 +176,15 @@ impl Writer {
         let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
         let disparity = truth::to_file(estimate.disparity.disparity());
         let sequence = frame.sequence as u32;
-        self.put((topic("disparity"), ros::encode_32fc1(&disparity, stamp, "")), stamp, sequence)?;
-        let result = self.format.dialect.json(AlgorithmResult::of(frame, estimate).encode());
+        self.put(
+            (topic("disparity"), ros::encode_32fc1(&disparity, stamp, "")),
+            stamp,
+            sequence,
+        )?;
+        let result = self
+            .format
+            .dialect
+            .json(AlgorithmResult::of(frame, estimate).encode());
         self.put((topic("result"), result), stamp, sequence)
     }
 
@@ -148,19 +204,37 @@ impl Writer {
         self.file.with(Append::finish)
     }
 
-    fn put(&mut self, (topic, message): (impl AsRef<str>, Encoded), stamp: Stamp, sequence: u32) -> Result<()> {
+    fn put(
+        &mut self,
+        (topic, message): (impl AsRef<str>, Encoded),
+        stamp: Stamp,
+        sequence: u32,
+    ) -> Result<()> {
         let topic = topic.as_ref();
         let channel_id = match self.channels.get(topic) {
             Some(&id) => id,
             None => {
-                let Encoded { schema, schema_encoding, definition, encoding, .. } = &message;
+                let Encoded {
+                    schema,
+                    schema_encoding,
+                    definition,
+                    encoding,
+                    ..
+                } = &message;
                 let schema = Some((*schema, *schema_encoding, &**definition));
-                let id = self.file.with(|file| file.channel(topic, schema, encoding, &BTreeMap::new()))?;
+                let id = self
+                    .file
+                    .with(|file| file.channel(topic, schema, encoding, &BTreeMap::new()))?;
                 self.channels.insert(topic.to_owned(), id);
                 id
             }
         };
-        let header = MessageHeader { channel_id, sequence, log_time: stamp.ns(), publish_time: stamp.ns() };
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: stamp.ns(),
+            publish_time: stamp.ns(),
+        };
         self.file.with(|file| file.message(&header, &message.data))
     }
 }

@@ -28,7 +28,8 @@ pub struct Alignment {
     pub median_px: f64,
     /// What the offsets look like.
     pub misfit: Misfit,
-    /// Median of Δy in a grid of 3 x 3 parts of the left image, in raster order; nothing where too few points were found.
+    /// Median of Δy in a grid of 3 x 3 parts of the left image, in raster order; nothing where too
+    /// few points were found.
     pub parts_px: [[Option<f64>; 3]; 3],
 }
 
@@ -38,8 +39,8 @@ pub struct Alignment {
 pub enum Misfit {
     /// One image lies higher than the other.
     Shift,
-    /// One is turned against the other, positive clockwise in the right image, or has another scale, the right one's to the
-    /// left one's.
+    /// One is turned against the other, positive clockwise in the right image, or has another
+    /// scale, the right one's to the left one's.
     Turn { degrees: f64, scale: f64 },
     /// More than that: lenses, or cameras turned towards each other.
     Bent,
@@ -55,7 +56,8 @@ impl Alignment {
     }
 }
 
-/// How far a match may be from the geometry that most agree with: lenses bend it by more than noise does.
+/// How far a match may be from the geometry that most agree with: lenses bend it by more than noise
+/// does.
 const TOLERANCE_PX: f64 = 2.0;
 /// Fewest matches that say anything of an image, and of a part of it.
 const LEAST: usize = 40;
@@ -77,7 +79,11 @@ impl AlignmentMeter {
         }
         self.pairs += 1;
         // Of one pair at a time: those of several scenes need not share one geometry.
-        self.matches.extend(Epipolar::of(&matches(pair), TOLERANCE_PX).into_iter().flat_map(|found| found.inliers));
+        self.matches.extend(
+            Epipolar::of(&matches(pair), TOLERANCE_PX)
+                .into_iter()
+                .flat_map(|found| found.inliers),
+        );
     }
 
     /// The points found so far.
@@ -93,10 +99,14 @@ impl AlignmentMeter {
         let offset = |m: &Match| m.right.y - m.left.y;
         let offsets: Vec<_> = self.matches.iter().map(offset).collect();
         let sizes: Vec<_> = offsets.iter().map(|offset| offset.abs()).collect();
-        let shape = GridShape { columns: 3, rows: 3 };
+        let shape = GridShape {
+            columns: 3,
+            rows: 3,
+        };
         let part = |column, row| {
             let (x, y) = shape.pixels((column, row), self.size);
-            let inside = |m: &&Match| x.contains(&(m.left.x as usize)) && y.contains(&(m.left.y as usize));
+            let inside =
+                |m: &&Match| x.contains(&(m.left.x as usize)) && y.contains(&(m.left.y as usize));
             let offsets: Vec<_> = self.matches.iter().filter(inside).map(offset).collect();
             (offsets.len() >= LEAST_OF_PART).then(|| quantile(offsets, 0.5))
         };
@@ -115,15 +125,24 @@ impl AlignmentMeter {
 impl AlignmentMeter {
     fn misfit(&self) -> Misfit {
         let offset = |m: &Match| m.right.y - m.left.y;
-        let typical = |offsets: Vec<f64>| quantile(offsets.into_iter().map(f64::abs).collect(), 0.5);
+        let typical =
+            |offsets: Vec<f64>| quantile(offsets.into_iter().map(f64::abs).collect(), 0.5);
         let all: Vec<_> = self.matches.iter().map(offset).collect();
-        let (shift, explained) =
-            (quantile(all.clone(), 0.5), (typical(all.clone()) / 4.0).max(Alignment::TOLERABLE_PX / 2.0));
+        let (shift, explained) = (
+            quantile(all.clone(), 0.5),
+            (typical(all.clone()) / 4.0).max(Alignment::TOLERABLE_PX / 2.0),
+        );
         if typical(all.iter().map(|offset| offset - shift).collect()) <= explained {
             return Misfit::Shift;
         }
         let (width, height) = self.size;
-        let terms = |m: &Match| Vector3::new(1.0, m.left.x / width as f64 - 0.5, m.left.y / height as f64 - 0.5);
+        let terms = |m: &Match| {
+            Vector3::new(
+                1.0,
+                m.left.x / width as f64 - 0.5,
+                m.left.y / height as f64 - 0.5,
+            )
+        };
         let mut plane = Vector3::new(shift, 0.0, 0.0);
         for _ in 0..STEPS {
             let mut normal = Matrix3::zeros();
@@ -134,13 +153,24 @@ impl AlignmentMeter {
                 normal += terms(m) * terms(m).transpose() * weight;
                 sums += terms(m) * offset(m) * weight;
             }
-            let Some(cholesky) = normal.cholesky() else { return Misfit::Bent };
+            let Some(cholesky) = normal.cholesky() else {
+                return Misfit::Bent;
+            };
             plane = cholesky.solve(&sums);
         }
-        if typical(self.matches.iter().map(|m| offset(m) - plane.dot(&terms(m))).collect()) > explained {
+        if typical(
+            self.matches
+                .iter()
+                .map(|m| offset(m) - plane.dot(&terms(m)))
+                .collect(),
+        ) > explained
+        {
             return Misfit::Bent;
         }
-        Misfit::Turn { degrees: (plane.y / width as f64).atan().to_degrees(), scale: 1.0 + plane.z / height as f64 }
+        Misfit::Turn {
+            degrees: (plane.y / width as f64).atan().to_degrees(),
+            scale: 1.0 + plane.z / height as f64,
+        }
     }
 }
 
@@ -164,7 +194,12 @@ mod tests {
                 + 50.0 * wave(0.171, -0.133, 3.0) * wave(0.023, 0.037, 0.5)
         };
         let left = Gray::from_fn(320, 240, |x, y| blob(x as f64, y as f64) as u8).unwrap();
-        let right = |x: usize, y: usize| blob(x as f64 + 8.0, y as f64 - lower - turned * (x as f64 - 160.0)) as u8;
+        let right = |x: usize, y: usize| {
+            blob(
+                x as f64 + 8.0,
+                y as f64 - lower - turned * (x as f64 - 160.0),
+            ) as u8
+        };
         StereoPair::new(left, Gray::from_fn(320, 240, right).unwrap()).unwrap()
     }
 
@@ -179,7 +214,10 @@ mod tests {
         for lower in [0.0, 0.3, -0.7, 12.9] {
             let found = alignment(&pair(lower, 0.0)).unwrap();
             assert!((found.median_px - lower).abs() < 0.1, "{lower}: {found:?}");
-            assert!((found.median_abs_px - lower.abs()).abs() < 0.1, "{lower}: {found:?}");
+            assert!(
+                (found.median_abs_px - lower.abs()).abs() < 0.1,
+                "{lower}: {found:?}"
+            );
             assert_eq!(found.is_off(), lower.abs() > 0.5, "{lower}");
             assert_eq!(found.misfit, Misfit::Shift);
         }
@@ -188,18 +226,29 @@ mod tests {
     #[test]
     fn a_turn_shows_in_the_parts() {
         let found = alignment(&pair(0.0, 0.01)).unwrap();
-        let Misfit::Turn { degrees, scale } = found.misfit else { panic!("{found:?}") };
-        assert!((degrees - 0.573).abs() < 0.1 && (scale - 1.0).abs() < 1e-3, "{degrees} {scale}");
+        let Misfit::Turn { degrees, scale } = found.misfit else {
+            panic!("{found:?}")
+        };
+        assert!(
+            (degrees - 0.573).abs() < 0.1 && (scale - 1.0).abs() < 1e-3,
+            "{degrees} {scale}"
+        );
         for row in found.parts_px {
             let [left, middle, right] = row.map(|part| part.unwrap());
             // A part's middle is 107 columns from the next one's.
-            assert!((right - left - 2.1).abs() < 0.4 && middle.abs() < 0.3, "{found:?}");
+            assert!(
+                (right - left - 2.1).abs() < 0.4 && middle.abs() < 0.3,
+                "{found:?}"
+            );
         }
     }
 
     #[test]
     fn without_texture_nothing_is_said() {
         let flat = Gray::filled(320, 240, 90).unwrap();
-        assert_eq!(alignment(&StereoPair::new(flat.clone(), flat).unwrap()), None);
+        assert_eq!(
+            alignment(&StereoPair::new(flat.clone(), flat).unwrap()),
+            None
+        );
     }
 }

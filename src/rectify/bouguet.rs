@@ -1,5 +1,5 @@
-//! Rectification of calibrated cameras by Bouguet's method, as his Camera Calibration Toolbox has it and OpenCV's
-//! `stereoRectify` after it (Bradski & Kaehler, Learning OpenCV, chapter 12).
+//! Rectification of calibrated cameras by Bouguet's method, as his Camera Calibration Toolbox has
+//! it and OpenCV's `stereoRectify` after it (Bradski & Kaehler, Learning OpenCV, chapter 12).
 
 use super::framing::{Framing, Pinhole};
 use super::view::View;
@@ -7,22 +7,25 @@ use crate::error::{Error, Result};
 use crate::stereo::{Rectification, Rig, StereoCalibration};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-/// How `calibration`'s cameras become a rectified pair: each is turned by half of the rotation between them, both then
-/// alike so that their rows run along the baseline. Points at infinity have disparity 0.
+/// How `calibration`'s cameras become a rectified pair: each is turned by half of the rotation
+/// between them, both then alike so that their rows run along the baseline. Points at infinity have
+/// disparity 0.
 ///
-/// The rotations are OpenCV's. Focal length and centre are not: OpenCV puts the centre where the corners of both images
-/// lie around it and zooms until the crop is met on its tightest side; here it is the middle of what is met on all sides,
-/// so that at `alpha` 0 more of the pictures is kept.
+/// The rotations are OpenCV's. Focal length and centre are not: OpenCV puts the centre where the
+/// corners of both images lie around it and zooms until the crop is met on its tightest side; here
+/// it is the middle of what is met on all sides, so that at `alpha` 0 more of the pictures is kept.
 ///
 /// # Errors
-/// [`Error::Rig`] for images of two sizes, cameras that do not stand side by side, or that see nothing in common;
-/// [`Error::Invalid`] and [`Error::Dimensions`] for a framing that is none.
+/// [`Error::Rig`] for images of two sizes, cameras that do not stand side by side, or that see
+/// nothing in common; [`Error::Invalid`] and [`Error::Dimensions`] for a framing that is none.
 pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rectification> {
     let (left, right) = (calibration.left(), calibration.right());
     if left.size() != right.size() {
         let ((a, b), (c, d)) = (left.size(), right.size());
         let why = format!("the left camera's images are {a}x{b}, the right one's {c}x{d}");
-        return Err(Error::Rig(format!("{why}; set both cameras to one size and calibrate them again")));
+        return Err(Error::Rig(format!(
+            "{why}; set both cameras to one size and calibrate them again"
+        )));
     }
     let motion = calibration.right_from_left();
     let half = motion.rotation.powf(-0.5);
@@ -35,16 +38,34 @@ pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rec
         )));
     }
     // They are neither opposite nor 0, so there is one rotation that is the least.
-    let along = UnitQuaternion::rotation_between(&apart, &(Vector3::x() * apart.x.signum())).unwrap_or_default();
-    let [left_turn, right_turn] = [along * half.inverse(), along * half].map(|q| q.to_rotation_matrix());
-    let Pinhole { size, focal_px, center_px } = framing.pinhole(&views(calibration, left_turn, right_turn))?;
+    let along = UnitQuaternion::rotation_between(&apart, &(Vector3::x() * apart.x.signum()))
+        .unwrap_or_default();
+    let [left_turn, right_turn] =
+        [along * half.inverse(), along * half].map(|q| q.to_rotation_matrix());
+    let Pinhole {
+        size,
+        focal_px,
+        center_px,
+    } = framing.pinhole(&views(calibration, left_turn, right_turn))?;
     let rig = Rig::new(focal_px, center_px, calibration.baseline(), 0.0)?;
-    Ok(Rectification { size, left: left_turn, right: right_turn, rig })
+    Ok(Rectification {
+        size,
+        left: left_turn,
+        right: right_turn,
+        rig,
+    })
 }
 
 /// Both cameras turned.
-pub(super) fn views(calibration: &StereoCalibration, left: Rotation3<f64>, right: Rotation3<f64>) -> [View; 2] {
-    [View::new(*calibration.left(), left), View::new(*calibration.right(), right)]
+pub(super) fn views(
+    calibration: &StereoCalibration,
+    left: Rotation3<f64>,
+    right: Rotation3<f64>,
+) -> [View; 2] {
+    [
+        View::new(*calibration.left(), left),
+        View::new(*calibration.right(), right),
+    ]
 }
 
 #[cfg(test)]
@@ -92,32 +113,70 @@ mod tests {
         let one = camera((500.0, 500.0), (319.5, 239.5), [0.0; 5]);
         let at = |x: f64, y: f64, z: f64, right: Intrinsics| {
             let apart = Isometry3::translation(-x, -y, -z);
-            let calibration = StereoCalibration::new(one, right, apart, LengthUnit::Metres).unwrap();
+            let calibration =
+                StereoCalibration::new(one, right, apart, LengthUnit::Metres).unwrap();
             bouguet(&calibration, &Framing::default())
         };
         assert!(at(0.1, 0.0, 0.0, one).is_ok());
-        assert!(at(0.01, 0.1, 0.0, one).unwrap_err().to_string().contains("by 90 degrees"));
+        assert!(
+            at(0.01, 0.1, 0.0, one)
+                .unwrap_err()
+                .to_string()
+                .contains("by 90 degrees")
+        );
         let small = Intrinsics::new((320, 240), (250.0, 250.0), (160.0, 120.0), [0.0; 5]).unwrap();
         let error = at(0.1, 0.0, 0.0, small).unwrap_err().to_string();
-        assert!(error.contains("640x480") && error.contains("320x240"), "{error}");
-        let vast = Intrinsics::new((1 << 40, 480), (500.0, 500.0), (320.0, 240.0), [0.0; 5]).unwrap();
+        assert!(
+            error.contains("640x480") && error.contains("320x240"),
+            "{error}"
+        );
+        let vast =
+            Intrinsics::new((1 << 40, 480), (500.0, 500.0), (320.0, 240.0), [0.0; 5]).unwrap();
         let apart = Isometry3::translation(-0.1, 0.0, 0.0);
         let vast = StereoCalibration::new(vast, vast, apart, LengthUnit::Metres).unwrap();
-        assert!(bouguet(&vast, &Framing { size: Some((640, 480)), alpha: 0.0 }).is_err());
+        assert!(
+            bouguet(
+                &vast,
+                &Framing {
+                    size: Some((640, 480)),
+                    alpha: 0.0
+                }
+            )
+            .is_err()
+        );
 
         let narrow = camera((2000.0, 2000.0), (319.5, 239.5), [0.0; 5]);
         let away = UnitQuaternion::from_euler_angles(0.0, 0.5, 0.0);
-        let motion = Isometry3::from_parts(Translation3::from(away * Vector3::new(-0.1, 0.0, 0.0)), away);
-        let calibration = StereoCalibration::new(narrow, narrow, motion, LengthUnit::Metres).unwrap();
-        let error = bouguet(&calibration, &Framing::default()).unwrap_err().to_string();
+        let motion = Isometry3::from_parts(
+            Translation3::from(away * Vector3::new(-0.1, 0.0, 0.0)),
+            away,
+        );
+        let calibration =
+            StereoCalibration::new(narrow, narrow, motion, LengthUnit::Metres).unwrap();
+        let error = bouguet(&calibration, &Framing::default())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("seen by both"), "{error}");
         for framing in [
-            Framing { alpha: 1.1, size: None },
-            Framing { alpha: f64::NAN, size: None },
-            Framing { size: Some((0, 9)), alpha: 0.0 },
+            Framing {
+                alpha: 1.1,
+                size: None,
+            },
+            Framing {
+                alpha: f64::NAN,
+                size: None,
+            },
+            Framing {
+                size: Some((0, 9)),
+                alpha: 0.0,
+            },
         ] {
-            let calibration =
-                StereoCalibration::new(one, one, Isometry3::translation(-0.1, 0.0, 0.0), LengthUnit::Metres);
+            let calibration = StereoCalibration::new(
+                one,
+                one,
+                Isometry3::translation(-0.1, 0.0, 0.0),
+                LengthUnit::Metres,
+            );
             assert!(bouguet(&calibration.unwrap(), &framing).is_err());
         }
     }

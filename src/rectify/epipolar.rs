@@ -1,7 +1,7 @@
 //! The geometry of two images from their matches alone: the fundamental matrix.
 //!
-//! Eight points, normalised (Hartley, In defense of the eight-point algorithm, 1997), of samples drawn as RANSAC does
-//! (Fischler & Bolles 1981), always the same ones.
+//! Eight points, normalised (Hartley, In defense of the eight-point algorithm, 1997), of samples
+//! drawn as RANSAC does (Fischler & Bolles 1981), always the same ones.
 
 use super::features::Match;
 use nalgebra::{Matrix3, SMatrix, SVD, SymmetricEigen, Vector3};
@@ -23,15 +23,19 @@ const LEAST: usize = 16;
 const CERTAINTY: f64 = 0.999;
 
 impl Epipolar {
-    /// The largest set of matches that agree with one geometry up to `tolerance_px`; nothing when there is none of at least
-    /// 16, or less than half of all agree.
+    /// The largest set of matches that agree with one geometry up to `tolerance_px`; nothing when
+    /// there is none of at least 16, or less than half of all agree.
     pub fn of(matches: &[Match], tolerance_px: f64) -> Option<Self> {
         if matches.len() < LEAST {
             return None;
         }
         let mut random = Random(0x5EED);
         let agreeing = |f: &Matrix3<f64>| -> Vec<Match> {
-            matches.iter().filter(|m| sampson_px(f, m) < tolerance_px).copied().collect()
+            matches
+                .iter()
+                .filter(|m| sampson_px(f, m) < tolerance_px)
+                .copied()
+                .collect()
         };
         let mut best: Vec<Match> = Vec::new();
         let mut samples = SAMPLES;
@@ -39,12 +43,18 @@ impl Epipolar {
         while tried < samples {
             tried += 1;
             let sample: [Match; 8] = std::array::from_fn(|_| matches[random.below(matches.len())]);
-            let Some(f) = fundamental(&sample) else { continue };
-            let count = matches.iter().filter(|m| sampson_px(&f, m) < tolerance_px).count();
+            let Some(f) = fundamental(&sample) else {
+                continue;
+            };
+            let count = matches
+                .iter()
+                .filter(|m| sampson_px(&f, m) < tolerance_px)
+                .count();
             if count > best.len() {
                 best = agreeing(&f);
                 let share = count as f64 / matches.len() as f64;
-                let needed = (1.0 - CERTAINTY).ln() / (1.0 - share.powi(8)).max(f64::MIN_POSITIVE).ln();
+                let needed =
+                    (1.0 - CERTAINTY).ln() / (1.0 - share.powi(8)).max(f64::MIN_POSITIVE).ln();
                 samples = SAMPLES.min(needed.ceil().max(1.0) as usize);
             }
         }
@@ -55,11 +65,15 @@ impl Epipolar {
             found = Some(f);
         }
         let enough = best.len() >= LEAST && 2 * best.len() >= matches.len();
-        found.filter(|_| enough).map(|fundamental| Self { fundamental, inliers: best })
+        found.filter(|_| enough).map(|fundamental| Self {
+            fundamental,
+            inliers: best,
+        })
     }
 }
 
-/// Distance of a match from the nearest one that agrees with `f` exactly, to first order (Hartley & Zisserman, 11.4.3).
+/// Distance of a match from the nearest one that agrees with `f` exactly, to first order (Hartley &
+/// Zisserman, 11.4.3).
 fn sampson_px(f: &Matrix3<f64>, Match { left, right }: &Match) -> f64 {
     let (left, right) = (left.to_homogeneous(), right.to_homogeneous());
     let (there, back) = (f * left, f.transpose() * right);
@@ -72,7 +86,10 @@ fn fundamental(matches: &[Match]) -> Option<Matrix3<f64>> {
     let right = normalisation(matches.iter().map(|m| m.right.to_homogeneous()))?;
     let mut sums = SMatrix::<f64, 9, 9>::zeros();
     for m in matches {
-        let (l, r) = (left * m.left.to_homogeneous(), right * m.right.to_homogeneous());
+        let (l, r) = (
+            left * m.left.to_homogeneous(),
+            right * m.right.to_homogeneous(),
+        );
         let row = (r * l.transpose()).transpose();
         let row = SMatrix::<f64, 9, 1>::from_column_slice(row.as_slice());
         sums += row * row.transpose();
@@ -95,7 +112,17 @@ fn normalisation(points: impl Iterator<Item = Vector3<f64>> + Clone) -> Option<M
     let mean = points.clone().sum::<Vector3<f64>>() / count;
     let distance = points.map(|p| (p - mean).norm()).sum::<f64>() / count;
     let scale = std::f64::consts::SQRT_2 / distance;
-    let shift = Matrix3::new(scale, 0.0, -scale * mean.x, 0.0, scale, -scale * mean.y, 0.0, 0.0, 1.0);
+    let shift = Matrix3::new(
+        scale,
+        0.0,
+        -scale * mean.x,
+        0.0,
+        scale,
+        -scale * mean.y,
+        0.0,
+        0.0,
+        1.0,
+    );
     (distance > 0.0 && scale.is_finite()).then_some(shift)
 }
 
@@ -120,9 +147,13 @@ mod tests {
     /// Points before two cameras, seen with so much noise, and as many that agree with nothing.
     fn seen(count: usize, noise_px: f64, outliers: usize) -> (Vec<Match>, Vec<Match>) {
         let mut random = Random(7);
-        let mut even = |from: f64, to: f64| from + (to - from) * random.below(1 << 30) as f64 / (1 << 30) as f64;
-        let motion =
-            Isometry3::from_parts([-0.2, 0.01, 0.02].into(), UnitQuaternion::from_euler_angles(0.02, -0.05, 0.03));
+        let mut even = |from: f64, to: f64| {
+            from + (to - from) * random.below(1 << 30) as f64 / (1 << 30) as f64
+        };
+        let motion = Isometry3::from_parts(
+            [-0.2, 0.01, 0.02].into(),
+            UnitQuaternion::from_euler_angles(0.02, -0.05, 0.03),
+        );
         let mut matches = Vec::new();
         for _ in 0..count {
             let z = even(1.0, 8.0);
@@ -133,10 +164,21 @@ mod tests {
                     500.0 * p.y / p.z + 240.0 + even(-noise_px, noise_px),
                 )
             };
-            matches.push(Match { left: pixel(point), right: pixel(motion * point) });
+            matches.push(Match {
+                left: pixel(point),
+                right: pixel(motion * point),
+            });
         }
         let mut pixel = || Point2::new(even(0.0, 639.0), even(0.0, 479.0));
-        (matches, (0..outliers).map(|_| Match { left: pixel(), right: pixel() }).collect())
+        (
+            matches,
+            (0..outliers)
+                .map(|_| Match {
+                    left: pixel(),
+                    right: pixel(),
+                })
+                .collect(),
+        )
     }
 
     #[test]
@@ -144,8 +186,15 @@ mod tests {
         let (good, bad) = seen(200, 0.2, 100);
         let found = Epipolar::of(&[good.clone(), bad].concat(), 1.0).unwrap();
         let kept = good.iter().filter(|m| found.inliers.contains(m)).count();
-        assert!(found.fundamental.determinant().abs() < 1e-15, "not of rank two");
-        assert!(kept > 195 && found.inliers.len() - kept < 10, "{kept} of {}", found.inliers.len());
+        assert!(
+            found.fundamental.determinant().abs() < 1e-15,
+            "not of rank two"
+        );
+        assert!(
+            kept > 195 && found.inliers.len() - kept < 10,
+            "{kept} of {}",
+            found.inliers.len()
+        );
     }
 
     #[test]
@@ -153,6 +202,9 @@ mod tests {
         let (good, bad) = seen(20, 0.0, 300);
         assert!(Epipolar::of(&bad, 1.0).is_none());
         assert!(Epipolar::of(&good[..10], 1.0).is_none());
-        assert!(Epipolar::of(&[good[0]; 40], 1.0).is_none(), "one point is no geometry");
+        assert!(
+            Epipolar::of(&[good[0]; 40], 1.0).is_none(),
+            "one point is no geometry"
+        );
     }
 }

@@ -10,8 +10,8 @@ use nalgebra::{Point2, Vector2};
 pub struct Framing {
     /// Width and height; the cameras' own where it is not given.
     pub size: Option<(usize, usize)>,
-    /// As OpenCV's `alpha`. 0: every pixel of both images was seen by its camera. 1: all that the cameras saw is in them,
-    /// with black where nothing was seen. Numbers between are between.
+    /// As OpenCV's `alpha`. 0: every pixel of both images was seen by its camera. 1: all that the
+    /// cameras saw is in them, with black where nothing was seen. Numbers between are between.
     pub alpha: f64,
 }
 
@@ -25,16 +25,26 @@ pub(super) struct Pinhole {
 
 impl Framing {
     /// # Errors
-    /// [`Error::Invalid`] for an `alpha` outside 0 ..= 1; [`Error::Dimensions`]; [`Error::Rig`] where no rectangle is seen
-    /// by both cameras.
+    /// [`Error::Invalid`] for an `alpha` outside 0 ..= 1; [`Error::Dimensions`]; [`Error::Rig`]
+    /// where no rectangle is seen by both cameras.
     pub(super) fn pinhole(&self, views: &[View; 2]) -> Result<Pinhole> {
         if !(0.0..=1.0).contains(&self.alpha) {
-            return Err(Error::Invalid(format!("alpha {}: 0 crops to what was seen, 1 shows all", self.alpha)));
+            return Err(Error::Invalid(format!(
+                "alpha {}: 0 crops to what was seen, 1 shows all",
+                self.alpha
+            )));
         }
         let size = self.size.unwrap_or(views[0].size());
         for (width, height) in [size, views[0].size(), views[1].size()] {
-            if ![width, height].iter().all(|side| (2..=MAX_SIDE).contains(side)) {
-                return Err(Error::Dimensions { width, height, max: MAX_SIDE });
+            if ![width, height]
+                .iter()
+                .all(|side| (2..=MAX_SIDE).contains(side))
+            {
+                return Err(Error::Dimensions {
+                    width,
+                    height,
+                    max: MAX_SIDE,
+                });
             }
         }
         let (width, height) = size;
@@ -46,8 +56,11 @@ impl Framing {
         let empty = !(within.size().x > 0.0 && within.size().y > 0.0);
         // What is wholly seen exists only where both see it; showing all needs no such place.
         if empty && self.alpha < 1.0 {
-            let cure = "are the cameras turned away from each other? alpha = 1 shows all that they see";
-            return Err(Error::Rig(format!("no rectangle of the rectified plane is seen by both cameras: {cure}")));
+            let cure =
+                "are the cameras turned away from each other? alpha = 1 shows all that they see";
+            return Err(Error::Rig(format!(
+                "no rectangle of the rectified plane is seen by both cameras: {cure}"
+            )));
         }
         let within = if empty { around } else { within };
         let closest = extent.component_div(&within.size()).max();
@@ -56,7 +69,11 @@ impl Framing {
         let focal_px = blend(closest, widest);
         let middle = within.middle().lerp(&around.middle(), self.alpha);
         let center = extent / 2.0 - middle * focal_px;
-        Ok(Pinhole { size, focal_px, center_px: (center.x, center.y) })
+        Ok(Pinhole {
+            size,
+            focal_px,
+            center_px: (center.x, center.y),
+        })
     }
 }
 
@@ -77,11 +94,17 @@ impl Rectangle {
     }
 
     fn intersection(&self, other: &Self) -> Self {
-        Self { least: self.least.sup(&other.least), most: self.most.inf(&other.most) }
+        Self {
+            least: self.least.sup(&other.least),
+            most: self.most.inf(&other.most),
+        }
     }
 
     fn union(&self, other: &Self) -> Self {
-        Self { least: self.least.inf(&other.least), most: self.most.sup(&other.most) }
+        Self {
+            least: self.least.inf(&other.least),
+            most: self.most.sup(&other.most),
+        }
     }
 }
 
@@ -99,14 +122,26 @@ fn seen(view: &View) -> Result<Seen> {
     let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
     let column = |x: f64| (0..height).filter_map(move |y| view.direction(Point2::new(x, y as f64)));
     let row = |y: f64| (0..width).filter_map(move |x| view.direction(Point2::new(x as f64, y)));
-    let sides = [column(0.0).collect(), row(0.0).collect(), column(right).collect(), row(bottom).collect()];
+    let sides = [
+        column(0.0).collect(),
+        row(0.0).collect(),
+        column(right).collect(),
+        row(bottom).collect(),
+    ];
     if sides.iter().any(|side: &Vec<_>| side.is_empty()) {
-        let why = "its lens model says nothing there, or the cameras are turned too far from each other";
-        return Err(Error::Rig(format!("a whole side of a camera's image cannot be rectified: {why}")));
+        let why =
+            "its lens model says nothing there, or the cameras are turned too far from each other";
+        return Err(Error::Rig(format!(
+            "a whole side of a camera's image cannot be rectified: {why}"
+        )));
     }
     let [left, top, right, bottom] = &sides;
-    let x = |side: &[Vector2<f64>], of: fn(f64, f64) -> f64| side.iter().map(|d| d.x).reduce(of).unwrap_or(f64::NAN);
-    let y = |side: &[Vector2<f64>], of: fn(f64, f64) -> f64| side.iter().map(|d| d.y).reduce(of).unwrap_or(f64::NAN);
+    let x = |side: &[Vector2<f64>], of: fn(f64, f64) -> f64| {
+        side.iter().map(|d| d.x).reduce(of).unwrap_or(f64::NAN)
+    };
+    let y = |side: &[Vector2<f64>], of: fn(f64, f64) -> f64| {
+        side.iter().map(|d| d.y).reduce(of).unwrap_or(f64::NAN)
+    };
     let all = sides.concat();
     Ok(Seen {
         within: Rectangle {

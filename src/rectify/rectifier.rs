@@ -23,10 +23,12 @@ pub struct Rectifier {
 }
 
 impl Rectifier {
-    /// By a calibration's own rectification; by that of [`bouguet`] in its default framing where it has none.
+    /// By a calibration's own rectification; by that of [`bouguet`] in its default framing where it
+    /// has none.
     ///
     /// # Errors
-    /// Those of [`bouguet`], and [`Error::Invalid`] when `SVL_ISA` names an instruction set that this CPU lacks.
+    /// Those of [`bouguet`], and [`Error::Invalid`] when `SVL_ISA` names an instruction set that
+    /// this CPU lacks.
     pub fn new(calibration: &StereoCalibration) -> Result<Self> {
         let rectification = match calibration.rectification() {
             Some(own) => own.clone(),
@@ -36,13 +38,22 @@ impl Rectifier {
         let rig = rectification.rig;
         let remap = |view: &View, is_right| {
             let (focal, k) = (rig.focal_px(), rig.intrinsics(is_right));
-            let direction = |p: Point2<f64>| Vector2::new((p.x - k[(0, 2)]) / focal, (p.y - k[(1, 2)]) / focal);
-            Remap::new(view.size(), rectification.size, |pixel| view.pixel(direction(pixel)))
+            let direction =
+                |p: Point2<f64>| Vector2::new((p.x - k[(0, 2)]) / focal, (p.y - k[(1, 2)]) / focal);
+            Remap::new(view.size(), rectification.size, |pixel| {
+                view.pixel(direction(pixel))
+            })
         };
         let (left, right) = (remap(&views[0], false)?, remap(&views[1], true)?);
         let turn = Some(UnitQuaternion::from_rotation_matrix(&rectification.left));
         let rig = calibration.clone().with_rectification(rectification).rig();
-        Ok(Self { isa: isa()?, left, right, rig, turn })
+        Ok(Self {
+            isa: isa()?,
+            left,
+            right,
+            rig,
+            turn,
+        })
     }
 
     /// By homographies, for raw images of `size`. The rig stays unknown.
@@ -51,7 +62,11 @@ impl Rectifier {
     /// [`Error::Invalid`] for homographies that cannot be undone, and as [`Rectifier::new`].
     pub fn uncalibrated(homographies: &Homographies, size: (usize, usize)) -> Result<Self> {
         let remap = |homography: &Matrix3<f64>| {
-            let flat = || Error::Invalid(format!("a homography that makes a line of the image: {homography}"));
+            let flat = || {
+                Error::Invalid(format!(
+                    "a homography that makes a line of the image: {homography}"
+                ))
+            };
             let back = homography.try_inverse().ok_or_else(flat)?;
             let from = |pixel: Point2<f64>| {
                 let seen = back * pixel.to_homogeneous();
@@ -61,7 +76,13 @@ impl Rectifier {
             Remap::new(size, homographies.size, from)
         };
         let (left, right) = (remap(&homographies.left)?, remap(&homographies.right)?);
-        Ok(Self { isa: isa()?, left, right, rig: None, turn: None })
+        Ok(Self {
+            isa: isa()?,
+            left,
+            right,
+            rig: None,
+            turn: None,
+        })
     }
 
     /// The same on another instruction set; the pairs are the same on all of them.
@@ -90,8 +111,9 @@ impl Rectifier {
         (self.left.outside() + self.right.outside()) as f64 / (2 * width * height) as f64
     }
 
-    /// Rectifies `pair` into `left` and `right`, which are made of its size where they are not; allocates nothing where
-    /// they are and the pair has no gaps between its rows. On the threads of rayon's current pool.
+    /// Rectifies `pair` into `left` and `right`, which are made of its size where they are not;
+    /// allocates nothing where they are and the pair has no gaps between its rows. On the threads
+    /// of rayon's current pool.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a pair of another size than the calibration's.
@@ -108,14 +130,23 @@ impl Rectifier {
         // Made above, so their rows have no gaps.
         let outs = [left, right].map(|out| out.as_mut_slice().expect("gapless"));
         let threads = rayon::current_num_threads();
-        let rows = if threads == 1 { height } else { height.div_ceil(BANDS * threads) };
+        let rows = if threads == 1 {
+            height
+        } else {
+            height.div_ceil(BANDS * threads)
+        };
         let [left, right] = outs.map(|out| out.par_chunks_mut(rows * width).enumerate());
         let sides = [(&self.left, &sources[0]), (&self.right, &sources[1])];
-        left.map(|band| (sides[0], band)).chain(right.map(|band| (sides[1], band))).for_each(
-            |((remap, source), (band, out))| {
-                remap.rows(self.isa, source, band * rows..(band * rows + out.len() / width), out);
-            },
-        );
+        left.map(|band| (sides[0], band))
+            .chain(right.map(|band| (sides[1], band)))
+            .for_each(|((remap, source), (band, out))| {
+                remap.rows(
+                    self.isa,
+                    source,
+                    band * rows..(band * rows + out.len() / width),
+                    out,
+                );
+            });
         Ok(())
     }
 }
@@ -124,7 +155,9 @@ impl Rectifier {
 const BANDS: usize = 2;
 
 fn gapless(image: &Gray) -> Cow<'_, [u8]> {
-    image.as_slice().map_or_else(|| Cow::Owned(image.pixels().collect()), Cow::Borrowed)
+    image
+        .as_slice()
+        .map_or_else(|| Cow::Owned(image.pixels().collect()), Cow::Borrowed)
 }
 
 #[cfg(test)]
@@ -134,15 +167,31 @@ mod tests {
     use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
     fn calibration() -> StereoCalibration {
-        let camera = |f, cx| Intrinsics::new((160, 120), (f, f), (cx, 60.0), [-0.2, 0.05, 1e-3, -1e-3, 0.0]).unwrap();
+        let camera = |f, cx| {
+            Intrinsics::new(
+                (160, 120),
+                (f, f),
+                (cx, 60.0),
+                [-0.2, 0.05, 1e-3, -1e-3, 0.0],
+            )
+            .unwrap()
+        };
         let turn = UnitQuaternion::from_euler_angles(0.02, -0.03, 0.04);
         let motion = Isometry3::from_parts(Translation3::new(-0.1, 0.004, 0.002), turn);
-        StereoCalibration::new(camera(140.0, 80.0), camera(143.0, 78.0), motion, LengthUnit::Metres).unwrap()
+        StereoCalibration::new(
+            camera(140.0, 80.0),
+            camera(143.0, 78.0),
+            motion,
+            LengthUnit::Metres,
+        )
+        .unwrap()
     }
 
-    /// Smooth pictures of points far away in which every place has its own grey: what a camera sees is known exactly.
+    /// Smooth pictures of points far away in which every place has its own grey: what a camera sees
+    /// is known exactly.
     fn pair(calibration: &StereoCalibration) -> StereoPair {
-        let grey = |d: Vector2<f64>| (128.0 + 60.0 * (9.0 * d.x).sin() + 60.0 * (8.0 * d.y).cos()) as u8;
+        let grey =
+            |d: Vector2<f64>| (128.0 + 60.0 * (9.0 * d.x).sin() + 60.0 * (8.0 * d.y).cos()) as u8;
         let image = |camera: &Intrinsics, turn: UnitQuaternion<f64>| {
             let looks = |x: usize, y: usize| {
                 let seen = camera.direction(Point2::new(x as f64, y as f64)).unwrap();
@@ -152,7 +201,14 @@ mod tests {
             Gray::from_fn(160, 120, looks).unwrap()
         };
         let left = image(calibration.left(), UnitQuaternion::identity());
-        StereoPair::new(left, image(calibration.right(), calibration.right_from_left().rotation.inverse())).unwrap()
+        StereoPair::new(
+            left,
+            image(
+                calibration.right(),
+                calibration.right_from_left().rotation.inverse(),
+            ),
+        )
+        .unwrap()
     }
 
     #[test]
@@ -161,33 +217,71 @@ mod tests {
         let pair = pair(&calibration);
         let rectifier = Rectifier::new(&calibration).unwrap();
         assert_eq!(rectifier.outside(), 0.0);
-        let (mut left, mut right) = (Gray::filled(1, 1, 0).unwrap(), Gray::filled(1, 1, 0).unwrap());
+        let (mut left, mut right) = (
+            Gray::filled(1, 1, 0).unwrap(),
+            Gray::filled(1, 1, 0).unwrap(),
+        );
         rectifier.apply(&pair, &mut left, &mut right).unwrap();
-        let off = left.pixels().zip(right.pixels()).map(|(l, r)| l.abs_diff(r)).max().unwrap();
+        let off = left
+            .pixels()
+            .zip(right.pixels())
+            .map(|(l, r)| l.abs_diff(r))
+            .max()
+            .unwrap();
         assert!(off <= 3, "{off} grey levels");
-        let raw = pair.left().pixels().zip(pair.right().pixels()).map(|(l, r)| l.abs_diff(r)).max().unwrap();
+        let raw = pair
+            .left()
+            .pixels()
+            .zip(pair.right().pixels())
+            .map(|(l, r)| l.abs_diff(r))
+            .max()
+            .unwrap();
         assert!(raw > 20, "the raw ones differ by {raw}");
     }
 
     #[test]
     fn threads_and_instruction_sets_make_the_same_bytes() {
         let calibration = calibration();
-        let wide = bouguet(&calibration, &Framing { alpha: 1.0, size: Some((201, 99)) }).unwrap();
+        let wide = bouguet(
+            &calibration,
+            &Framing {
+                alpha: 1.0,
+                size: Some((201, 99)),
+            },
+        )
+        .unwrap();
         let rectifier = Rectifier::new(&calibration.clone().with_rectification(wide)).unwrap();
         assert!(rectifier.outside() > 0.05);
         let pair = pair(&calibration);
         let rectified = |isa, threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (mut left, mut right) = (Gray::filled(1, 1, 0).unwrap(), Gray::filled(1, 1, 0).unwrap());
-            pool.install(|| rectifier.clone().on(isa).apply(&pair, &mut left, &mut right)).unwrap();
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            let (mut left, mut right) = (
+                Gray::filled(1, 1, 0).unwrap(),
+                Gray::filled(1, 1, 0).unwrap(),
+            );
+            pool.install(|| {
+                rectifier
+                    .clone()
+                    .on(isa)
+                    .apply(&pair, &mut left, &mut right)
+            })
+            .unwrap();
             [left, right]
         };
-        let expected =
-            [rectifier.left.apply(Isa::PORTABLE, pair.left()), rectifier.right.apply(Isa::PORTABLE, pair.right())];
+        let expected = [
+            rectifier.left.apply(Isa::PORTABLE, pair.left()),
+            rectifier.right.apply(Isa::PORTABLE, pair.right()),
+        ];
         let expected = expected.map(|image| image.unwrap());
         for isa in Isa::available() {
             for threads in 1..=4 {
-                assert!(rectified(isa, threads) == expected, "{isa}, {threads} threads");
+                assert!(
+                    rectified(isa, threads) == expected,
+                    "{isa}, {threads} threads"
+                );
             }
         }
     }
@@ -197,14 +291,19 @@ mod tests {
         let calibration = calibration();
         let plain = bouguet(&calibration, &Framing::default()).unwrap();
         let rig = Rig::new(plain.rig.focal_px(), plain.rig.center_px(), 0.1, 4.0).unwrap();
-        let apart = Rectification { rig, ..plain.clone() };
+        let apart = Rectification {
+            rig,
+            ..plain.clone()
+        };
         let of = |own| Rectifier::new(&calibration.clone().with_rectification(own)).unwrap();
         let (plain, apart) = (of(plain), of(apart));
         assert_eq!(apart.rig().unwrap().doffs_px(), 4.0);
         // The right image lies 4 pixels further right, the left one where it was.
         let pair = pair(&calibration);
-        let [left, other_left] = [&plain, &apart].map(|r| r.left.apply(Isa::PORTABLE, pair.left()).unwrap());
-        let [right, other_right] = [&plain, &apart].map(|r| r.right.apply(Isa::PORTABLE, pair.right()).unwrap());
+        let [left, other_left] =
+            [&plain, &apart].map(|r| r.left.apply(Isa::PORTABLE, pair.left()).unwrap());
+        let [right, other_right] =
+            [&plain, &apart].map(|r| r.right.apply(Isa::PORTABLE, pair.right()).unwrap());
         assert!(left == other_left);
         assert!((0..120).all(|y| right.row(y)[..156] == other_right.row(y)[4..]));
     }
@@ -213,9 +312,18 @@ mod tests {
     fn pairs_of_another_size_are_refused() {
         let image = Gray::filled(320, 240, 0).unwrap();
         let pair = StereoPair::new(image.clone(), image).unwrap();
-        let (mut left, mut right) = (Gray::filled(1, 1, 0).unwrap(), Gray::filled(1, 1, 0).unwrap());
-        let error =
-            Rectifier::new(&calibration()).unwrap().apply(&pair, &mut left, &mut right).unwrap_err().to_string();
-        assert!(error.contains("320x240") && error.contains("160x120"), "{error}");
+        let (mut left, mut right) = (
+            Gray::filled(1, 1, 0).unwrap(),
+            Gray::filled(1, 1, 0).unwrap(),
+        );
+        let error = Rectifier::new(&calibration())
+            .unwrap()
+            .apply(&pair, &mut left, &mut right)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("320x240") && error.contains("160x120"),
+            "{error}"
+        );
     }
 }

@@ -6,12 +6,12 @@ use crate::stereo::{Gray, MAX_SIDE};
 use nalgebra::Point2;
 use std::ops::Range;
 
-/// Where each pixel of an image comes from in another, to 1/256 of a pixel, bilinear, in integers: the same bytes on every
-/// instruction set and any number of threads.
+/// Where each pixel of an image comes from in another, to 1/256 of a pixel, bilinear, in integers:
+/// the same bytes on every instruction set and any number of threads.
 ///
-/// What comes from outside the source (half a pixel beyond the centres of its outermost pixels) is 0. Black has no
-/// texture, so matchers that look for it find nothing there; pixels of the edge drawn out to the outside would have some
-/// above and below, and be matched.
+/// What comes from outside the source (half a pixel beyond the centres of its outermost pixels) is
+/// 0. Black has no texture, so matchers that look for it find nothing there; pixels of the edge
+/// drawn out to the outside would have some above and below, and be matched.
 #[derive(Clone, Debug)]
 pub struct Remap {
     source: (usize, usize),
@@ -26,10 +26,12 @@ pub struct Remap {
 }
 
 impl Remap {
-    /// The table of an image of `size`, whose pixel `(x, y)` lies at `from(x, y)` in one of size `source`, or nowhere.
+    /// The table of an image of `size`, whose pixel `(x, y)` lies at `from(x, y)` in one of size
+    /// `source`, or nowhere.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a source of less than 2x2 pixels; [`Error::Dimensions`] for what is larger than an image may be.
+    /// [`Error::Invalid`] for a source of less than 2x2 pixels; [`Error::Dimensions`] for what is
+    /// larger than an image may be.
     pub fn new(
         source: (usize, usize),
         size: (usize, usize),
@@ -37,11 +39,17 @@ impl Remap {
     ) -> Result<Self> {
         let (width, height) = source;
         if width < 2 || height < 2 {
-            return Err(Error::Invalid(format!("an image of {width}x{height} pixels has nothing between its pixels")));
+            return Err(Error::Invalid(format!(
+                "an image of {width}x{height} pixels has nothing between its pixels"
+            )));
         }
         for (width, height) in [source, size] {
             if width.max(height) > MAX_SIDE {
-                return Err(Error::Dimensions { width, height, max: MAX_SIDE });
+                return Err(Error::Dimensions {
+                    width,
+                    height,
+                    max: MAX_SIDE,
+                });
             }
         }
         let pixels = size.0 * size.1;
@@ -56,7 +64,8 @@ impl Remap {
         for y in 0..size.1 {
             for x in 0..size.0 {
                 let at = from(Point2::new(x as f64, y as f64));
-                let inside = at.and_then(|at| Some((between(at.x, width)?, between(at.y, height)?)));
+                let inside =
+                    at.and_then(|at| Some((between(at.x, width)?, between(at.y, height)?)));
                 let ((column, right), (row, below)) = inside.unwrap_or_default();
                 remap.places.push((row * width + column) as u32);
                 remap.right.push(right);
@@ -87,14 +96,18 @@ impl Remap {
         self.outside.iter().map(|(_, run)| run.len()).sum()
     }
 
-    /// Writes the rows `rows` of the image seen anew into `out`, one after the other. `image` has its size, without gaps.
+    /// Writes the rows `rows` of the image seen anew into `out`, one after the other. `image` has
+    /// its size, without gaps.
     pub(super) fn rows(&self, isa: Isa, image: &[u8], rows: Range<usize>, out: &mut [u8]) {
         let width = self.size.0;
         let pixels = rows.start * width..rows.end * width;
         let parts = [&self.right[pixels.clone()], &self.below[pixels.clone()]];
         remap_row(isa, image, self.source.0, &self.places[pixels], parts, out);
         let first = self.outside.partition_point(|(row, _)| *row < rows.start);
-        for (row, run) in self.outside[first..].iter().take_while(|(row, _)| *row < rows.end) {
+        for (row, run) in self.outside[first..]
+            .iter()
+            .take_while(|(row, _)| *row < rows.end)
+        {
             out[(row - rows.start) * width..][run.clone()].fill(0);
         }
     }
@@ -108,7 +121,12 @@ impl Remap {
         let mut out = Gray::filled(self.size.0, self.size.1, 0)?;
         let gapless = |image: &Gray| image.pixels().collect::<Vec<_>>();
         // Made by `Plane::filled`, so its rows have no gaps.
-        self.rows(isa, &gapless(image), 0..self.size.1, out.as_mut_slice().expect("gapless"));
+        self.rows(
+            isa,
+            &gapless(image),
+            0..self.size.1,
+            out.as_mut_slice().expect("gapless"),
+        );
         Ok(out)
     }
 
@@ -123,7 +141,8 @@ impl Remap {
     }
 }
 
-/// The pixel before a place in a row or column of `count`, and 256ths of a pixel beyond it; nothing outside.
+/// The pixel before a place in a row or column of `count`, and 256ths of a pixel beyond it; nothing
+/// outside.
 fn between(at: f64, count: usize) -> Option<(usize, u8)> {
     if !(-0.5..count as f64 - 0.5).contains(&at) {
         return None;
@@ -141,14 +160,22 @@ mod tests {
     /// What a pixel is, said once more and as plainly as can be.
     fn oracle(image: &Gray, at: Point2<f64>) -> u8 {
         let (width, height) = image.size();
-        if !(-0.5..width as f64 - 0.5).contains(&at.x) || !(-0.5..height as f64 - 0.5).contains(&at.y) {
+        if !(-0.5..width as f64 - 0.5).contains(&at.x)
+            || !(-0.5..height as f64 - 0.5).contains(&at.y)
+        {
             return 0;
         }
         let x = ((at.x * 256.0).round() as i64).clamp(0, (width as i64 - 1) * 256 - 1);
         let y = ((at.y * 256.0).round() as i64).clamp(0, (height as i64 - 1) * 256 - 1);
         let mut sum = 1 << 15;
         for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let weight = |part: i64, far: i64| if far == 1 { part % 256 } else { 256 - part % 256 };
+            let weight = |part: i64, far: i64| {
+                if far == 1 {
+                    part % 256
+                } else {
+                    256 - part % 256
+                }
+            };
             let pixel = image.get((x / 256 + dx) as usize, (y / 256 + dy) as usize);
             sum += weight(x, dx) * weight(y, dy) * i64::from(pixel);
         }
@@ -179,7 +206,10 @@ mod tests {
     #[test]
     fn an_image_stays_as_it_is_where_it_is_seen_as_it_is() {
         let image = Gray::from_fn(100, 40, |x, y| (x * 7 + y * 13) as u8).unwrap();
-        let shifted = Remap::new((100, 40), (98, 38), |p| Some(p + nalgebra::Vector2::new(1.0, 1.0))).unwrap();
+        let shifted = Remap::new((100, 40), (98, 38), |p| {
+            Some(p + nalgebra::Vector2::new(1.0, 1.0))
+        })
+        .unwrap();
         let seen = shifted.apply(Isa::PORTABLE, &image).unwrap();
         assert!((0..38).all(|y| seen.row(y)[..97] == image.row(y + 1)[1..98]));
         assert_eq!(shifted.outside(), 0);
@@ -189,16 +219,30 @@ mod tests {
     fn what_is_not_there_is_refused_or_black() {
         assert!(Remap::new((1, 40), (10, 10), Some).is_err());
         assert!(
-            Remap::new((20, 10), (1 << 40, 10), Some).is_err() && Remap::new((1 << 40, 2), (10, 10), Some).is_err()
+            Remap::new((20, 10), (1 << 40, 10), Some).is_err()
+                && Remap::new((1 << 40, 2), (10, 10), Some).is_err()
         );
         let nowhere = Remap::new((20, 10), (5, 4), |p| (p.x != 2.0).then_some(p)).unwrap();
         assert_eq!(nowhere.outside(), 4);
-        let seen = nowhere.apply(Isa::PORTABLE, &Gray::filled(20, 10, 9).unwrap()).unwrap();
+        let seen = nowhere
+            .apply(Isa::PORTABLE, &Gray::filled(20, 10, 9).unwrap())
+            .unwrap();
         assert_eq!(seen.row(3), [9, 9, 0, 9, 9]);
-        let error = nowhere.apply(Isa::PORTABLE, &Gray::filled(10, 20, 9).unwrap()).unwrap_err().to_string();
-        assert!(error.contains("10x20") && error.contains("20x10"), "{error}");
+        let error = nowhere
+            .apply(Isa::PORTABLE, &Gray::filled(10, 20, 9).unwrap())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("10x20") && error.contains("20x10"),
+            "{error}"
+        );
         for at in [f64::NAN, f64::INFINITY, -1e300] {
-            assert_eq!(Remap::new((20, 10), (1, 1), |_| Some(Point2::new(at, 0.0))).unwrap().outside(), 1);
+            assert_eq!(
+                Remap::new((20, 10), (1, 1), |_| Some(Point2::new(at, 0.0)))
+                    .unwrap()
+                    .outside(),
+                1
+            );
         }
     }
 }

@@ -1,10 +1,11 @@
-//! Rectification without a calibration, from matches alone (Fusiello & Irsara, Quasi-Euclidean epipolar rectification of
-//! uncalibrated images, 2011).
+//! Rectification without a calibration, from matches alone (Fusiello & Irsara, Quasi-Euclidean
+//! epipolar rectification of uncalibrated images, 2011).
 //!
-//! Both cameras are taken for pinholes of one focal length and turned so that the rows of all matches agree: the
-//! homographies are those of turned cameras, which shear little, where those that send the epipole to infinity in one step
-//! (Hartley 1999) shear much. Departures: what is made small is the distance of the rows, and where the matches say
-//! nothing, small turns and a usual focal length are preferred.
+//! Both cameras are taken for pinholes of one focal length and turned so that the rows of all
+//! matches agree: the homographies are those of turned cameras, which shear little, where those
+//! that send the epipole to infinity in one step (Hartley 1999) shear much. Departures: what is
+//! made small is the distance of the rows, and where the matches say nothing, small turns and a
+//! usual focal length are preferred.
 
 use super::features::Match;
 use super::framing::{Framing, Pinhole};
@@ -22,21 +23,28 @@ pub struct Homographies {
     pub right: Matrix3<f64>,
 }
 
-/// Left turned about y, z; right about x, y, z; logarithm of the focal length, 0 for that of [`usual_focal_px`].
+/// Left turned about y, z; right about x, y, z; logarithm of the focal length, 0 for that of
+/// [`usual_focal_px`].
 type Guess = SVector<f64, 6>;
 
-/// What is not known better: turns within some degrees, focal lengths within a factor of e^0.4, rows within half a pixel.
+/// What is not known better: turns within some degrees, focal lengths within a factor of e^0.4,
+/// rows within half a pixel.
 const USUAL: [f64; 6] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.4];
 const NOISE_PX: f64 = 0.5;
 const STEPS: usize = 50;
 /// Fewest matches that say more than chance does.
 const LEAST: usize = 16;
 
-/// The homographies of images of `size` in which `matches` were found, most of them right: see [`super::Epipolar`].
+/// The homographies of images of `size` in which `matches` were found, most of them right: see
+/// [`super::Epipolar`].
 ///
 /// # Errors
 /// [`Error::Invalid`] for too few matches and a framing that is none.
-pub fn uncalibrated(matches: &[Match], size: (usize, usize), framing: &Framing) -> Result<Homographies> {
+pub fn uncalibrated(
+    matches: &[Match],
+    size: (usize, usize),
+    framing: &Framing,
+) -> Result<Homographies> {
     if matches.len() < LEAST {
         return Err(Error::Invalid(format!(
             "{} points found in both images, at least {LEAST} are needed: show something textured, or calibrate",
@@ -51,16 +59,26 @@ pub fn uncalibrated(matches: &[Match], size: (usize, usize), framing: &Framing) 
         let mut normal = SMatrix::<f64, 6, 6>::zeros();
         let mut off = Guess::zeros();
         for (i, (slope, residual)) in slopes.iter().zip(&residuals).enumerate() {
-            let weight = if i < matches.len() { 1.0 / (1.0 + residual * residual) } else { 1.0 };
+            let weight = if i < matches.len() {
+                1.0 / (1.0 + residual * residual)
+            } else {
+                1.0
+            };
             normal += slope * slope.transpose() * weight;
             off += slope * (*residual * weight);
         }
         let damped = normal + SMatrix::from_diagonal(&(normal.diagonal() * damping));
-        let Some(step) = damped.cholesky().map(|cholesky| cholesky.solve(&off)) else { break };
+        let Some(step) = damped.cholesky().map(|cholesky| cholesky.solve(&off)) else {
+            break;
+        };
         let next = guess - step;
         let then = self::residuals(&next, matches, size);
         let better = cost(&then, matches.len()) < cost(&residuals, matches.len());
-        damping = if better { damping / 10.0 } else { damping * 10.0 };
+        damping = if better {
+            damping / 10.0
+        } else {
+            damping * 10.0
+        };
         if better {
             (guess, residuals) = (next, then);
         }
@@ -69,10 +87,18 @@ pub fn uncalibrated(matches: &[Match], size: (usize, usize), framing: &Framing) 
         }
     }
     let views = views(&guess, size)?;
-    let Pinhole { size: framed, focal_px, center_px: (cx, cy) } = framing.pinhole(&views)?;
+    let Pinhole {
+        size: framed,
+        focal_px,
+        center_px: (cx, cy),
+    } = framing.pinhole(&views)?;
     let rectified = Matrix3::new(focal_px, 0.0, cx, 0.0, focal_px, cy, 0.0, 0.0, 1.0);
     let [left, right] = turns(&guess).map(|turn| turn.matrix() * inverse_intrinsics(&guess, size));
-    Ok(Homographies { size: framed, left: rectified * left, right: rectified * right })
+    Ok(Homographies {
+        size: framed,
+        left: rectified * left,
+        right: rectified * right,
+    })
 }
 
 fn usual_focal_px((width, height): (usize, usize)) -> f64 {
@@ -85,7 +111,10 @@ fn focal_px(guess: &Guess, size: (usize, usize)) -> f64 {
 }
 
 fn turns(guess: &Guess) -> [Rotation3<f64>; 2] {
-    [Rotation3::from_euler_angles(0.0, guess[0], guess[1]), Rotation3::from_euler_angles(guess[2], guess[3], guess[4])]
+    [
+        Rotation3::from_euler_angles(0.0, guess[0], guess[1]),
+        Rotation3::from_euler_angles(guess[2], guess[3], guess[4]),
+    ]
 }
 
 fn center((width, height): (usize, usize)) -> (f64, f64) {
@@ -103,7 +132,8 @@ fn views(guess: &Guess, size: (usize, usize)) -> Result<[View; 2]> {
     Ok(turns(guess).map(|turn| View::new(camera, turn)))
 }
 
-/// How far the rows are apart, in units of what is to be expected; then how far the guess is from the usual.
+/// How far the rows are apart, in units of what is to be expected; then how far the guess is from
+/// the usual.
 fn residuals(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<f64> {
     let inverse = inverse_intrinsics(guess, size);
     let [left, right] = turns(guess).map(|turn| turn.matrix() * inverse);
@@ -112,8 +142,12 @@ fn residuals(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<f64>
         seen.y / seen.z
     };
     let scale = focal_px(guess, size) / NOISE_PX;
-    let apart = matches.iter().map(|m| scale * (row(&right, &m.right) - row(&left, &m.left)));
-    apart.chain(guess.iter().zip(USUAL).map(|(value, usual)| value / usual)).collect()
+    let apart = matches
+        .iter()
+        .map(|m| scale * (row(&right, &m.right) - row(&left, &m.left)));
+    apart
+        .chain(guess.iter().zip(USUAL).map(|(value, usual)| value / usual))
+        .collect()
 }
 
 fn slopes(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<Guess> {
@@ -137,7 +171,8 @@ fn slopes(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<Guess> 
 /// Rows far apart, which lenses and wrong matches make, count little (Cauchy); the guess in full.
 fn cost(residuals: &[f64], matches: usize) -> f64 {
     let (apart, unusual) = residuals.split_at(matches);
-    apart.iter().map(|r| (1.0 + r * r).ln()).sum::<f64>() + unusual.iter().map(|r| r * r).sum::<f64>()
+    apart.iter().map(|r| (1.0 + r * r).ln()).sum::<f64>()
+        + unusual.iter().map(|r| r * r).sum::<f64>()
 }
 
 #[cfg(test)]
@@ -150,17 +185,36 @@ mod tests {
         let size = (640, 480);
         let turn = UnitQuaternion::from_euler_angles(0.03, -0.02, 0.04);
         let motion = Isometry3::from_parts([-0.12, 0.006, 0.004].into(), turn);
-        let pixel = |p: Point3<f64>| Point2::new(600.0 * p.x / p.z + 319.5, 600.0 * p.y / p.z + 239.5);
+        let pixel =
+            |p: Point3<f64>| Point2::new(600.0 * p.x / p.z + 319.5, 600.0 * p.y / p.z + 239.5);
         let points = (0..400).map(|i| {
             let z = 1.0 + (i % 7) as f64;
-            Point3::new(((i * 37 % 101) as f64 / 101.0 - 0.5) * z, ((i * 53 % 97) as f64 / 97.0 - 0.5) * 0.75 * z, z)
+            Point3::new(
+                ((i * 37 % 101) as f64 / 101.0 - 0.5) * z,
+                ((i * 53 % 97) as f64 / 97.0 - 0.5) * 0.75 * z,
+                z,
+            )
         });
-        let matches: Vec<_> = points.map(|p| Match { left: pixel(p), right: pixel(motion * p) }).collect();
-        let raw = matches.iter().map(|m| (m.left.y - m.right.y).abs()).fold(0.0, f64::max);
+        let matches: Vec<_> = points
+            .map(|p| Match {
+                left: pixel(p),
+                right: pixel(motion * p),
+            })
+            .collect();
+        let raw = matches
+            .iter()
+            .map(|m| (m.left.y - m.right.y).abs())
+            .fold(0.0, f64::max);
         assert!(raw > 15.0);
-        let Homographies { size: made, left, right } = uncalibrated(&matches, size, &Framing::default()).unwrap();
+        let Homographies {
+            size: made,
+            left,
+            right,
+        } = uncalibrated(&matches, size, &Framing::default()).unwrap();
         assert_eq!(made, size);
-        let onto = |h: &Matrix3<f64>, p: Point2<f64>| Point2::from_homogeneous(h * p.to_homogeneous()).unwrap();
+        let onto = |h: &Matrix3<f64>, p: Point2<f64>| {
+            Point2::from_homogeneous(h * p.to_homogeneous()).unwrap()
+        };
         for m in &matches {
             let (l, r) = (onto(&left, m.left), onto(&right, m.right));
             assert!((l.y - r.y).abs() < 0.05, "{l} {r}");
@@ -168,15 +222,29 @@ mod tests {
         for h in [left, right] {
             // The sides of a square around the middle stay at right angles and equal.
             let at = |x, y| onto(&h, Point2::new(319.5 + x, 239.5 + y));
-            let (across, down) = (at(50.0, 0.0) - at(-50.0, 0.0), at(0.0, 50.0) - at(0.0, -50.0));
-            assert!(across.dot(&down).abs() / (across.norm() * down.norm()) < 0.02, "sheared: {h}");
-            assert!((across.norm() / down.norm() - 1.0).abs() < 0.02, "stretched: {h}");
+            let (across, down) = (
+                at(50.0, 0.0) - at(-50.0, 0.0),
+                at(0.0, 50.0) - at(0.0, -50.0),
+            );
+            assert!(
+                across.dot(&down).abs() / (across.norm() * down.norm()) < 0.02,
+                "sheared: {h}"
+            );
+            assert!(
+                (across.norm() / down.norm() - 1.0).abs() < 0.02,
+                "stretched: {h}"
+            );
         }
     }
 
     #[test]
     fn too_few_matches_are_told() {
-        let error = uncalibrated(&[], (640, 480), &Framing::default()).unwrap_err().to_string();
-        assert!(error.contains("0 points") && error.contains("calibrate"), "{error}");
+        let error = uncalibrated(&[], (640, 480), &Framing::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("0 points") && error.contains("calibrate"),
+            "{error}"
+        );
     }
 }

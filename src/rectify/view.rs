@@ -15,12 +15,20 @@ pub(super) struct View {
 
 impl View {
     pub(super) fn new(camera: Intrinsics, turn: Rotation3<f64>) -> Self {
-        Self { camera, turn, fold_r2: fold_r2(&camera) }
+        Self {
+            camera,
+            turn,
+            fold_r2: fold_r2(&camera),
+        }
     }
 
-    /// Where a pixel looks; nothing for what is beside or behind the rectified camera, or that no direction leads to.
+    /// Where a pixel looks; nothing for what is beside or behind the rectified camera, or that no
+    /// direction leads to.
     pub(super) fn direction(&self, pixel: Point2<f64>) -> Option<Vector2<f64>> {
-        let seen = self.camera.direction(pixel).filter(|seen| seen.norm_squared() < self.fold_r2)?;
+        let seen = self
+            .camera
+            .direction(pixel)
+            .filter(|seen| seen.norm_squared() < self.fold_r2)?;
         onto_plane(self.turn * seen.push(1.0))
     }
 
@@ -44,7 +52,8 @@ fn onto_plane(v: Vector3<f64>) -> Option<Vector2<f64>> {
     (v.z > 0.0 && on_plane.norm_squared() < MOST * MOST).then_some(on_plane)
 }
 
-/// Beyond the radius where `r (1 + k1 r² + k2 r⁴ + k3 r⁶)` stops to grow, a lens model shows again what it showed nearer.
+/// Beyond the radius where `r (1 + k1 r² + k2 r⁴ + k3 r⁶)` stops to grow, a lens model shows again
+/// what it showed nearer.
 fn fold_r2(camera: &Intrinsics) -> f64 {
     let [k1, k2, _, _, k3] = camera.distortion();
     let growth = |r: f64| {
@@ -52,7 +61,10 @@ fn fold_r2(camera: &Intrinsics) -> f64 {
         1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3))
     };
     let steps = (0..=10_000).map(|step| f64::from(step) * MOST / 10_000.0);
-    steps.into_iter().find(|&r| growth(r) <= 0.0).map_or(MOST * MOST, |r| r * r)
+    steps
+        .into_iter()
+        .find(|&r| growth(r) <= 0.0)
+        .map_or(MOST * MOST, |r| r * r)
 }
 
 #[cfg(test)]
@@ -61,17 +73,33 @@ mod tests {
 
     #[test]
     fn beyond_the_fold_there_is_nothing() {
-        let camera = Intrinsics::new((640, 480), (500.0, 500.0), (319.5, 239.5), [-0.3, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        let camera = Intrinsics::new(
+            (640, 480),
+            (500.0, 500.0),
+            (319.5, 239.5),
+            [-0.3, 0.0, 0.0, 0.0, 0.0],
+        )
+        .unwrap();
         let view = View::new(camera, Rotation3::identity());
         // 1 − 0.9 r² is 0 at r = 1.054.
         assert!(view.pixel(Vector2::new(1.05, 0.0)).is_some());
         assert_eq!(view.pixel(Vector2::new(1.06, 0.0)), None);
-        assert_eq!(view.pixel(Vector2::new(1.8, 0.0)), None, "the model would put it into the picture");
+        assert_eq!(
+            view.pixel(Vector2::new(1.8, 0.0)),
+            None,
+            "the model would put it into the picture"
+        );
     }
 
     #[test]
     fn directions_are_those_of_the_turned_camera() {
-        let camera = Intrinsics::new((640, 480), (500.0, 510.0), (319.5, 239.5), [-0.3, 0.1, 1e-3, 2e-4, 0.0]).unwrap();
+        let camera = Intrinsics::new(
+            (640, 480),
+            (500.0, 510.0),
+            (319.5, 239.5),
+            [-0.3, 0.1, 1e-3, 2e-4, 0.0],
+        )
+        .unwrap();
         let view = View::new(camera, Rotation3::from_euler_angles(0.02, -0.03, 0.01));
         for pixel in [Point2::new(0.0, 0.0), Point2::new(600.0, 100.0)] {
             let back = view.pixel(view.direction(pixel).unwrap()).unwrap();

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// A limit, as a scenario's `[[gate]]` says it.
 ///
-/// Quality is limited absolutely. Time is limited as a ratio to another algorithm of the same run (`relative_to`), as
-/// nobody knows the machine.
+/// Quality is limited absolutely. Time is limited as a ratio to another algorithm of the same run
+/// (`relative_to`), as nobody knows the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limit {
@@ -45,29 +45,54 @@ impl Limit {
     /// # Errors
     /// [`Error::Invalid`] with what contradicts itself.
     pub fn validate(&self) -> Result<()> {
-        let wrong = |what: &str| Err(Error::Invalid(format!("gate in line {}: {what}", self.line)));
+        let wrong = |what: &str| {
+            Err(Error::Invalid(format!(
+                "gate in line {}: {what}",
+                self.line
+            )))
+        };
         let bounds = [self.min, self.max];
         match self {
             _ if bounds == [None, None] => wrong("needs min or max"),
-            _ if bounds.iter().flatten().any(|bound| !bound.is_finite() || *bound < 0.0) => {
+            _ if bounds
+                .iter()
+                .flatten()
+                .any(|bound| !bound.is_finite() || *bound < 0.0) =>
+            {
                 wrong("min and max are numbers, 0 or more")
             }
             _ if self.metric.is_share() && bounds.iter().flatten().any(|bound| *bound > 1.0) => {
                 wrong("a share is 0..=1, so 5 % is 0.05")
             }
-            Self { min: Some(min), max: Some(max), .. } if min > max => wrong("min is above max"),
-            Self { metric: Metric::Time, relative_to: None, .. } => {
-                wrong("time is judged as a ratio: name another algorithm with relative_to")
-            }
-            Self { algorithm, relative_to: Some(other), .. } if algorithm == other => {
+            Self {
+                min: Some(min),
+                max: Some(max),
+                ..
+            } if min > max => wrong("min is above max"),
+            Self {
+                metric: Metric::Time,
+                relative_to: None,
+                ..
+            } => wrong("time is judged as a ratio: name another algorithm with relative_to"),
+            Self {
+                algorithm,
+                relative_to: Some(other),
+                ..
+            } if algorithm == other => {
                 wrong("relative_to names the algorithm itself: name another")
             }
-            Self { metric, relative_to: Some(_), .. } if *metric != Metric::Time => {
+            Self {
+                metric,
+                relative_to: Some(_),
+                ..
+            } if *metric != Metric::Time => {
                 wrong("relative_to belongs to metric = \"time\"; quality has absolute limits")
             }
-            Self { metric, checkpoint: Some(_), .. } if *metric != Metric::Passed => {
-                wrong("checkpoint belongs to metric = \"passed\"")
-            }
+            Self {
+                metric,
+                checkpoint: Some(_),
+                ..
+            } if *metric != Metric::Passed => wrong("checkpoint belongs to metric = \"passed\""),
             _ => Ok(()),
         }
     }
@@ -75,31 +100,69 @@ impl Limit {
     /// Judges a run; one ruling for every algorithm that the limit is for.
     pub fn judge(&self, summary: &Summary, manifest: &Manifest) -> Vec<Ruling> {
         let is = |a: &&Contestant, name: &str| a.label == name || a.name == name;
-        let unit = self.relative_to.as_deref().map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
+        let unit = self
+            .relative_to
+            .as_deref()
+            .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
         let ruling = |contestant: &Contestant| {
-            let found = |contestant: &Contestant| summary.algorithms.iter().find(|a| a.algorithm == contestant.label);
+            let found = |contestant: &Contestant| {
+                summary
+                    .algorithms
+                    .iter()
+                    .find(|a| a.algorithm == contestant.label)
+            };
             let value = match unit {
                 None => found(contestant).and_then(|of| self.value(of, summary)),
                 Some(None) => None,
-                Some(Some(unit)) => found(contestant).zip(found(unit)).map(|(of, unit)| of.p50_ms / unit.p50_ms),
+                Some(Some(unit)) => found(contestant)
+                    .zip(found(unit))
+                    .map(|(of, unit)| of.p50_ms / unit.p50_ms),
             };
-            let keeps = |v: f64| self.min.is_none_or(|min| v >= min) && self.max.is_none_or(|max| v <= max);
+            let keeps =
+                |v: f64| self.min.is_none_or(|min| v >= min) && self.max.is_none_or(|max| v <= max);
             let absent = matches!(unit, Some(None));
             let kept = (!absent).then(|| value.is_some_and(keeps));
-            Ruling { limit: self.clone(), algorithm: Some(contestant.label.clone()), value, kept }
+            Ruling {
+                limit: self.clone(),
+                algorithm: Some(contestant.label.clone()),
+                value,
+                kept,
+            }
         };
-        let rulings: Vec<_> = manifest.algorithms.iter().filter(|a| is(a, &self.algorithm)).map(ruling).collect();
-        let nobody = || vec![Ruling { limit: self.clone(), algorithm: None, value: None, kept: None }];
-        if rulings.is_empty() { nobody() } else { rulings }
+        let rulings: Vec<_> = manifest
+            .algorithms
+            .iter()
+            .filter(|a| is(a, &self.algorithm))
+            .map(ruling)
+            .collect();
+        let nobody = || {
+            vec![Ruling {
+                limit: self.clone(),
+                algorithm: None,
+                value: None,
+                kept: None,
+            }]
+        };
+        if rulings.is_empty() {
+            nobody()
+        } else {
+            rulings
+        }
     }
 
     fn value(&self, of: &AlgorithmSummary, summary: &Summary) -> Option<f64> {
         if self.metric != Metric::Passed {
             return self.metric.of(of);
         }
-        let visited = summary.checkpoints.iter().filter(|c| c.algorithm == of.algorithm);
-        let visited = visited.filter(|c| self.checkpoint.is_none_or(|number| c.checkpoint == number));
-        let (frames, passed) = visited.fold((0, 0), |(frames, passed), c| (frames + c.frames, passed + c.passed));
+        let visited = summary
+            .checkpoints
+            .iter()
+            .filter(|c| c.algorithm == of.algorithm);
+        let visited =
+            visited.filter(|c| self.checkpoint.is_none_or(|number| c.checkpoint == number));
+        let (frames, passed) = visited.fold((0, 0), |(frames, passed), c| {
+            (frames + c.frames, passed + c.passed)
+        });
         (frames > 0).then(|| passed as f64 / frames as f64)
     }
 }
@@ -107,8 +170,21 @@ impl Limit {
 impl std::fmt::Display for Ruling {
     /// One line: who, what, how much, and what is allowed.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Limit { algorithm, metric, checkpoint, relative_to, min, max, line } = &self.limit;
-        write!(f, "{}: {}", self.algorithm.as_ref().unwrap_or(algorithm), metric.words())?;
+        let Limit {
+            algorithm,
+            metric,
+            checkpoint,
+            relative_to,
+            min,
+            max,
+            line,
+        } = &self.limit;
+        write!(
+            f,
+            "{}: {}",
+            self.algorithm.as_ref().unwrap_or(algorithm),
+            metric.words()
+        )?;
         if let Some(number) = checkpoint {
             write!(f, " at checkpoint {number}")?;
         }
@@ -120,15 +196,18 @@ impl std::fmt::Display for Ruling {
             (_, None) => f.write_str(" is not measured in this run")?,
             (_, Some(value)) => {
                 // Rounded to the bound itself it would not be seen to break it.
-                let hidden =
-                    [min, max].into_iter().flatten().any(|b| *b != value && metric.show(*b) == metric.show(value));
+                let hidden = [min, max]
+                    .into_iter()
+                    .flatten()
+                    .any(|b| *b != value && metric.show(*b) == metric.show(value));
                 match (hidden, metric.is_share()) {
                     (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
                     _ => write!(f, " {}", metric.show(value))?,
                 }
             }
         }
-        let bounds = [("at least", min), ("at most", max)].map(|(words, bound)| bound.map(|b| (words, metric.show(b))));
+        let bounds = [("at least", min), ("at most", max)]
+            .map(|(words, bound)| bound.map(|b| (words, metric.show(b))));
         for (i, (words, bound)) in bounds.into_iter().flatten().enumerate() {
             write!(f, "{} {words} {bound}", if i == 0 { "," } else { " and" })?;
         }

@@ -20,9 +20,12 @@ impl Summary {
         page
     }
 
-    /// The checkpoints' verdicts alone, under `title`; the whole summary where there are no checkpoints.
+    /// The checkpoints' verdicts alone, under `title`; the whole summary where there are no
+    /// checkpoints.
     pub fn verdicts_markdown(&self, title: &str) -> String {
-        let Some(checkpoints) = Checkpoints::of(self) else { return self.markdown(title) };
+        let Some(checkpoints) = Checkpoints::of(self) else {
+            return self.markdown(title);
+        };
         let mut page = format!("# {}\n", escape(title));
         checkpoints_markdown(&mut page, &checkpoints);
         page
@@ -38,7 +41,13 @@ impl Summary {
             let cells = columns.iter().map(|column| (column.cell)(a));
             std::iter::once(escape(&a.algorithm)).chain(cells).collect()
         });
-        table(page, std::iter::once("algorithm".to_owned()).chain(heads).collect(), lines);
+        table(
+            page,
+            std::iter::once("algorithm".to_owned())
+                .chain(heads)
+                .collect(),
+            lines,
+        );
         page.push('\n');
         for (term, meaning) in notes(&columns) {
             page.push_str(&format!("- {}: {}\n", escape(term), escape(meaning)));
@@ -47,13 +56,20 @@ impl Summary {
 }
 
 fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
-    let heads = std::iter::once("algorithm".to_owned()).chain(checkpoints.heads.iter().map(|head| escape(head)));
+    let heads = std::iter::once("algorithm".to_owned())
+        .chain(checkpoints.heads.iter().map(|head| escape(head)));
     // Blanks align on the terminal alone.
-    let told = |cell: &Cell| cell.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-    let lines = checkpoints
-        .lines
-        .iter()
-        .map(|(algorithm, cells)| std::iter::once(escape(algorithm)).chain(cells.iter().map(told)).collect());
+    let told = |cell: &Cell| {
+        cell.to_string()
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ")
+    };
+    let lines = checkpoints.lines.iter().map(|(algorithm, cells)| {
+        std::iter::once(escape(algorithm))
+            .chain(cells.iter().map(told))
+            .collect()
+    });
     table(page, heads.collect(), lines);
     page.push_str(&format!("\n{VERDICTS}.\n"));
 }

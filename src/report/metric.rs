@@ -81,7 +81,9 @@ impl Metric {
         match self {
             Self::Right | Self::Passed => Better::More,
             Self::Unknown | Self::Coverage | Self::Invalid => Better::Neither,
-            Self::Wrong | Self::Missed | Self::False | Self::Bad1 | Self::Bad2 | Self::Time => Better::Less,
+            Self::Wrong | Self::Missed | Self::False | Self::Bad1 | Self::Bad2 | Self::Time => {
+                Better::Less
+            }
         }
     }
 
@@ -94,7 +96,8 @@ impl Metric {
         }
     }
 
-    /// Its value in a summary, for a time in milliseconds; nothing where the run does not measure it.
+    /// Its value in a summary, for a time in milliseconds; nothing where the run does not measure
+    /// it.
     pub(super) fn of(self, summary: &AlgorithmSummary) -> Option<f64> {
         let of_cells = |count: Option<u64>| match (count?, summary.cells()?) {
             (_, 0) => None,

@@ -5,7 +5,8 @@ use super::tables::csv_error;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Largest table that is read, bytes: a hundred times a run of 1000 pairs and seven algorithms with all cells.
+/// Largest table that is read, bytes: a hundred times a run of 1000 pairs and seven algorithms with
+/// all cells.
 const MAX_BYTES: u64 = 1 << 31;
 
 /// The rows of a CSV file that [`super::Tables`] or [`super::Table`] wrote.
@@ -16,7 +17,13 @@ pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
     let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
     if !metadata.is_file() || metadata.len() > MAX_BYTES {
-        return Err(Error::format(path, format!("is not a table: expected a CSV file of at most {MAX_BYTES} bytes")));
+        return Err(Error::format(
+            path,
+            format!("is not a table: expected a CSV file of at most {MAX_BYTES} bytes"),
+        ));
     }
-    csv::Reader::from_reader(file).into_deserialize().map(|row| row.map_err(|e| csv_error(path, e))).collect()
+    csv::Reader::from_reader(file)
+        .into_deserialize()
+        .map(|row| row.map_err(|e| csv_error(path, e)))
+        .collect()
 }

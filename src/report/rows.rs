@@ -1,7 +1,7 @@
 //! The rows of the tables: plain structs, filled by whoever scores a run.
 //!
-//! Shares are 0..=1, cells and sequences count from 0, distances are along the optical axis. A number that needs truth
-//! is absent where there is none.
+//! Shares are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
+//! number that needs truth is absent where there is none.
 
 use crate::score::Verdict;
 use polars::prelude::{DataFrame, PolarsResult};
@@ -152,7 +152,17 @@ macro_rules! stored_as_itself {
     };
 }
 
-stored_as_itself!(String, u32, u64, f64, bool, Option<u32>, Option<u64>, Option<f64>, Option<bool>);
+stored_as_itself!(
+    String,
+    u32,
+    u64,
+    f64,
+    bool,
+    Option<u32>,
+    Option<u64>,
+    Option<f64>,
+    Option<bool>
+);
 
 impl Stored for Verdict {
     type As = &'static str;

@@ -10,7 +10,8 @@ pub(super) struct Speed {
     per_pixel: Vec<f64>,
     /// µs per pixel and disparity, ascending, of the pairs whose disparities are known.
     per_disparity: Vec<f64>,
-    /// Mean smoothing, texture, matching, checks and what belongs to no stage, of the middle half of the pairs by time.
+    /// Mean smoothing, texture, matching, checks and what belongs to no stage, of the middle half
+    /// of the pairs by time.
     pub(super) stages_ms: [f64; 5],
 }
 
@@ -18,12 +19,20 @@ impl Speed {
     /// Of the rows of one algorithm, at least one.
     pub(super) fn of(rows: &DataFrame) -> PolarsResult<Self> {
         let us = |column| -> PolarsResult<Vec<u64>> {
-            Ok(rows.column(column)?.u64()?.iter().map(Option::unwrap_or_default).collect())
+            Ok(rows
+                .column(column)?
+                .u64()?
+                .iter()
+                .map(Option::unwrap_or_default)
+                .collect())
         };
-        let side = |column| -> PolarsResult<Vec<Option<u32>>> { Ok(rows.column(column)?.u32()?.iter().collect()) };
+        let side = |column| -> PolarsResult<Vec<Option<u32>>> {
+            Ok(rows.column(column)?.u32()?.iter().collect())
+        };
         let total = us("total_us")?;
         let (width, height, disparities) = (side("width")?, side("height")?, side("disparities")?);
-        let per_pixel = |i: usize| Some(total[i] as f64 / (f64::from(width[i]?) * f64::from(height[i]?)));
+        let per_pixel =
+            |i: usize| Some(total[i] as f64 / (f64::from(width[i]?) * f64::from(height[i]?)));
         let per_disparity = |i: usize| Some(per_pixel(i)? / f64::from(disparities[i]?));
         let ascending = |of: &dyn Fn(usize) -> Option<f64>| {
             let mut values: Vec<_> = (0..total.len()).filter_map(of).collect();
@@ -33,10 +42,15 @@ impl Speed {
         let mut order: Vec<_> = (0..total.len()).collect();
         order.sort_by_key(|&i| total[i]);
         let middle = &order[order.len() / 4..(3 * order.len()).div_ceil(4)];
-        let mean_ms =
-            |us: &[u64]| middle.iter().map(|&i| us[i] as f64).sum::<f64>() / (1e3 * middle.len().max(1) as f64);
+        let mean_ms = |us: &[u64]| {
+            middle.iter().map(|&i| us[i] as f64).sum::<f64>() / (1e3 * middle.len().max(1) as f64)
+        };
         let mut stages_ms = [0.0; 5];
-        for (of, column) in stages_ms.iter_mut().zip(["smoothing_us", "texture_us", "matching_us", "checks_us"]) {
+        for (of, column) in
+            stages_ms
+                .iter_mut()
+                .zip(["smoothing_us", "texture_us", "matching_us", "checks_us"])
+        {
             *of = mean_ms(&us(column)?);
         }
         stages_ms[4] = (mean_ms(&total) - stages_ms[..4].iter().sum::<f64>()).max(0.0);
@@ -64,8 +78,8 @@ impl Speed {
     }
 }
 
-/// The nearest rank: the smallest of the `sorted` values that at least `share` of them do not exceed; nothing without
-/// values.
+/// The nearest rank: the smallest of the `sorted` values that at least `share` of them do not
+/// exceed; nothing without values.
 pub(super) fn nearest_rank<T: Copy>(sorted: &[T], share: f64) -> Option<T> {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.max(1) - 1).or(sorted.last()).copied()
@@ -112,9 +126,13 @@ mod tests {
     #[test]
     fn hand_computed() {
         // Half a megapixel in 10 ms with 20 disparities: 0.02 s/MP, 1 s/GD.
-        let rows = [10_000, 1_000_000, 10_000, 10_000, 2_000].map(|us| row(us, (1000, 500), Some(20)));
+        let rows =
+            [10_000, 1_000_000, 10_000, 10_000, 2_000].map(|us| row(us, (1000, 500), Some(20)));
         let speed = Speed::of(&Row::frame(&rows).unwrap()).unwrap();
-        assert_eq!([0.5, 0.95, 1.0].map(|share| speed.rank_ms(share)), [10.0, 1000.0, 1000.0]);
+        assert_eq!(
+            [0.5, 0.95, 1.0].map(|share| speed.rank_ms(share)),
+            [10.0, 1000.0, 1000.0]
+        );
         assert!((speed.time_per_mp_s() - 0.02).abs() < 1e-12);
         assert!((speed.time_per_gd_s().unwrap() - 1.0).abs() < 1e-12);
         // The middle three: neither the slowest nor the fastest.
@@ -125,6 +143,9 @@ mod tests {
     fn nothing_is_said_of_unknown_disparities() {
         let speed = Speed::of(&Row::frame(&[row(500, (10, 10), None)]).unwrap()).unwrap();
         assert_eq!((speed.time_per_gd_s(), speed.time_per_mp_s()), (None, 5.0));
-        assert_eq!(speed.stages_ms.map(|ms| (1e3 * ms).round()), [100.0, 0.0, 250.0, 0.0, 150.0]);
+        assert_eq!(
+            speed.stages_ms.map(|ms| (1e3 * ms).round()),
+            [100.0, 0.0, 250.0, 0.0, 150.0]
+        );
     }
 }

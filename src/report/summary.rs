@@ -10,7 +10,8 @@ use serde::Serialize;
 /// What a run comes to. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
-    /// Why the run is not whole: it ended before its end, pairs could not be read, or algorithms failed.
+    /// Why the run is not whole: it ended before its end, pairs could not be read, or algorithms
+    /// failed.
     pub incomplete: Option<String>,
     /// Digest of the pairs' hashes in their order; absent when there are none.
     pub pairs_hash: Option<String>,
@@ -37,7 +38,8 @@ record! {
         bad2: Option<f64>,
         /// Median time a pair by nearest rank.
         p50_ms: f64,
-        /// Percentiles by nearest rank: the 99th is the slowest pair when there are fewer than a hundred.
+        /// Percentiles by nearest rank: the 99th is the slowest pair when there are fewer than a
+        /// hundred.
         p95_ms: f64,
         p99_ms: f64,
         max_ms: f64,
@@ -47,8 +49,8 @@ record! {
         time_per_gd_s: Option<f64>,
         /// Million pixels times disparities a second, of the median pair.
         mde_per_s: Option<f64>,
-        /// Mean over the half of the pairs whose total is nearest to the median, so that the stages add up and an outlier
-        /// does not count; as are the next four.
+        /// Mean over the half of the pairs whose total is nearest to the median, so that the stages
+        /// add up and an outlier does not count; as are the next four.
         smoothing_ms: f64,
         texture_ms: f64,
         matching_ms: f64,
@@ -104,25 +106,42 @@ impl Summary {
     pub fn complete(&self, manifest: &mut Manifest) {
         manifest.pairs_hash.clone_from(&self.pairs_hash);
         for contestant in &mut manifest.algorithms {
-            let summary = self.algorithms.iter().find(|a| a.algorithm == contestant.label);
+            let summary = self
+                .algorithms
+                .iter()
+                .find(|a| a.algorithm == contestant.label);
             contestant.results_hash = summary.map(|a| a.results_hash.clone());
         }
     }
 
     /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
     pub(super) fn of(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
-        let algorithms: Vec<_> = groups(rows, &["algorithm"])?.iter().map(algorithm).collect::<PolarsResult<_>>()?;
-        let mut checkpoints: Vec<_> =
-            groups(checkpoints, &["checkpoint", "algorithm"])?.iter().map(checkpoint).collect::<PolarsResult<_>>()?;
+        let algorithms: Vec<_> = groups(rows, &["algorithm"])?
+            .iter()
+            .map(algorithm)
+            .collect::<PolarsResult<_>>()?;
+        let mut checkpoints: Vec<_> = groups(checkpoints, &["checkpoint", "algorithm"])?
+            .iter()
+            .map(checkpoint)
+            .collect::<PolarsResult<_>>()?;
         let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
-        Ok(Self { incomplete: None, pairs_hash: pairs_hash(rows)?, algorithms, checkpoints })
+        Ok(Self {
+            incomplete: None,
+            pairs_hash: pairs_hash(rows)?,
+            algorithms,
+            checkpoints,
+        })
     }
 }
 
 /// The groups in order of appearance, none empty.
 fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
-    if frame.height() == 0 { Ok(Vec::new()) } else { frame.partition_by_stable(by.iter().copied(), true) }
+    if frame.height() == 0 {
+        Ok(Vec::new())
+    } else {
+        frame.partition_by_stable(by.iter().copied(), true)
+    }
 }
 
 fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
@@ -161,7 +180,11 @@ fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
     let best = flags(runs, "best_passed")?;
     let worst = flags(runs, "worst_passed")?;
     Ok(CheckpointSummary {
-        checkpoint: runs.column("checkpoint")?.u32()?.first().unwrap_or_default(),
+        checkpoint: runs
+            .column("checkpoint")?
+            .u32()?
+            .first()
+            .unwrap_or_default(),
         name: first(runs, "name")?,
         algorithm: first(runs, "algorithm")?,
         frames: sum(runs, "frames")?.unwrap_or_default(),
@@ -177,7 +200,11 @@ fn pairs_hash(rows: &DataFrame) -> PolarsResult<Option<String>> {
         return Ok(None);
     }
     let (seeds, sequences) = (rows.column("seed")?.u64()?, rows.column("sequence")?.u64()?);
-    let mut pairs: Vec<_> = seeds.iter().zip(sequences.iter()).zip(rows.column("pair_hash")?.str()?.iter()).collect();
+    let mut pairs: Vec<_> = seeds
+        .iter()
+        .zip(sequences.iter())
+        .zip(rows.column("pair_hash")?.str()?.iter())
+        .collect();
     pairs.dedup();
     Ok(Some(digest(pairs.into_iter().filter_map(|(_, hash)| hash))))
 }
@@ -187,7 +214,12 @@ fn digest<'a>(hashes: impl Iterator<Item = &'a str>) -> String {
 }
 
 fn first(group: &DataFrame, column: &str) -> PolarsResult<String> {
-    Ok(group.column(column)?.str()?.first().unwrap_or_default().to_owned())
+    Ok(group
+        .column(column)?
+        .str()?
+        .first()
+        .unwrap_or_default()
+        .to_owned())
 }
 
 fn sum(group: &DataFrame, column: &str) -> PolarsResult<Option<u64>> {

@@ -19,8 +19,8 @@ struct Csv {
     writer: csv::Writer<File>,
 }
 
-/// The file stays empty and the rows in memory until the table is complete: a Parquet file without its footer is none.
-/// A pair with 15 cells takes 5 kB.
+/// The file stays empty and the rows in memory until the table is complete: a Parquet file without
+/// its footer is none. A pair with 15 cells takes 5 kB.
 struct Parquet<R> {
     path: PathBuf,
     file: File,
@@ -34,9 +34,18 @@ impl<R: Record> Table<R> {
     /// [`Error::Invalid`] for another extension, [`Error::Io`] when the file cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
         match path.extension().and_then(|e| e.to_str()) {
-            Some("csv") => Ok(Self { csv: Some(Csv::create::<R>(path)?), parquet: None }),
-            Some("parquet") => Ok(Self { csv: None, parquet: Some(Parquet::create(path)?) }),
-            _ => Err(Error::Invalid(format!("{}: a table is a .csv or a .parquet file", path.display()))),
+            Some("csv") => Ok(Self {
+                csv: Some(Csv::create::<R>(path)?),
+                parquet: None,
+            }),
+            Some("parquet") => Ok(Self {
+                csv: None,
+                parquet: Some(Parquet::create(path)?),
+            }),
+            _ => Err(Error::Invalid(format!(
+                "{}: a table is a .csv or a .parquet file",
+                path.display()
+            ))),
         }
     }
 
@@ -47,7 +56,9 @@ impl<R: Record> Table<R> {
     pub fn push(&mut self, rows: impl IntoIterator<Item = R>) -> Result<()> {
         for row in rows {
             if let Some(csv) = &mut self.csv {
-                csv.writer.serialize(&row).map_err(|e| csv_error(&csv.path, e))?;
+                csv.writer
+                    .serialize(&row)
+                    .map_err(|e| csv_error(&csv.path, e))?;
             }
             if let Some(parquet) = &mut self.parquet {
                 parquet.rows.push(row);
@@ -69,32 +80,48 @@ impl<R: Record> Table<R> {
 
     /// The complete table, empty where it is CSV alone.
     fn into_frame(self) -> Result<DataFrame> {
-        self.parquet.map_or_else(|| Ok(DataFrame::default()), Parquet::finish)
+        self.parquet
+            .map_or_else(|| Ok(DataFrame::default()), Parquet::finish)
     }
 }
 
 impl Csv {
     fn create<R: Record>(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
-        let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
-        writer.write_record(R::COLUMNS).map_err(|e| csv_error(path, e))?;
+        let mut writer = csv::WriterBuilder::new()
+            .has_headers(false)
+            .from_writer(file);
+        writer
+            .write_record(R::COLUMNS)
+            .map_err(|e| csv_error(path, e))?;
         writer.flush().map_err(|e| Error::io(path, e))?;
-        Ok(Self { path: path.to_owned(), writer })
+        Ok(Self {
+            path: path.to_owned(),
+            writer,
+        })
     }
 }
 
 impl<R: Record> Parquet<R> {
     fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
-        Ok(Self { path: path.to_owned(), file, rows: Vec::new() })
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            rows: Vec::new(),
+        })
     }
 
     fn finish(mut self) -> Result<DataFrame> {
         let mut frame = R::frame(&self.rows).map_err(|e| polars_error(&self.path, e))?;
         // Encoded in memory: polars tells a full disk as a fault of the format.
         let mut bytes = Vec::new();
-        ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(|e| polars_error(&self.path, e))?;
-        self.file.write_all(&bytes).map_err(|e| Error::io(&self.path, e))?;
+        ParquetWriter::new(&mut bytes)
+            .finish(&mut frame)
+            .map_err(|e| polars_error(&self.path, e))?;
+        self.file
+            .write_all(&bytes)
+            .map_err(|e| Error::io(&self.path, e))?;
         Ok(frame)
     }
 }
@@ -108,8 +135,8 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Makes the folder where there is none and begins `rows`, `cells` and `checkpoints`, each as `.csv` and
-    /// `.parquet`.
+    /// Makes the folder where there is none and begins `rows`, `cells` and `checkpoints`, each as
+    /// `.csv` and `.parquet`.
     ///
     /// # Errors
     /// [`Error::Io`] with the folder or file that cannot be written.
@@ -123,7 +150,8 @@ impl Tables {
         })
     }
 
-    /// Takes one pair through one algorithm. The CSV files hold it when this returns, the cells before their row.
+    /// Takes one pair through one algorithm. The CSV files hold it when this returns, the cells
+    /// before their row.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
@@ -153,8 +181,8 @@ impl Tables {
 }
 
 impl Summary {
-    /// Writes `summary`, a row per algorithm, and `verdicts`, a row per checkpoint and algorithm, each as `.csv` and
-    /// `.parquet`, into a folder that exists.
+    /// Writes `summary`, a row per algorithm, and `verdicts`, a row per checkpoint and algorithm,
+    /// each as `.csv` and `.parquet`, into a folder that exists.
     ///
     /// # Errors
     /// As [`Tables::push`].
@@ -171,7 +199,10 @@ impl Summary {
 fn both<R: Record>(folder: &Path, name: &str) -> Result<Table<R>> {
     let csv = Csv::create::<R>(&folder.join(name).with_extension("csv"))?;
     let parquet = Parquet::create(&folder.join(name).with_extension("parquet"))?;
-    Ok(Table { csv: Some(csv), parquet: Some(parquet) })
+    Ok(Table {
+        csv: Some(csv),
+        parquet: Some(parquet),
+    })
 }
 
 pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {

@@ -3,11 +3,13 @@
 use serde::Serialize;
 
 /// What pages share: the style, and how the marks of a grid are drawn.
-const PARTS: [(&str, &str); 2] =
-    [("style.css", include_str!("html/style.css")), ("marks.html", include_str!("html/marks.html"))];
+const PARTS: [(&str, &str); 2] = [
+    ("style.css", include_str!("html/style.css")),
+    ("marks.html", include_str!("html/marks.html")),
+];
 
-/// The page `text` filled with `view`; `own` are files that it includes besides, by name. All texts are escaped, and a
-/// name that `view` lacks is an error.
+/// The page `text` filled with `view`; `own` are files that it includes besides, by name. All texts
+/// are escaped, and a name that `view` lacks is an error.
 ///
 /// # Errors
 /// What the template engine says.

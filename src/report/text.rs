@@ -19,38 +19,75 @@ impl Display for Summary {
         }
         let columns = shown(COLUMNS, self);
         // Two blanks between groups, one within.
-        let gap = |i: usize| if i == 0 || columns[i - 1].group != columns[i].group { 2 } else { 1 };
-        let numbers: usize = columns.iter().enumerate().map(|(i, column)| gap(i) + column.width).sum();
-        let name = name_width(self.algorithms.iter().map(|a| a.algorithm.as_str()), WIDTH - numbers);
+        let gap = |i: usize| {
+            if i == 0 || columns[i - 1].group != columns[i].group {
+                2
+            } else {
+                1
+            }
+        };
+        let numbers: usize = columns
+            .iter()
+            .enumerate()
+            .map(|(i, column)| gap(i) + column.width)
+            .sum();
+        let name = name_width(
+            self.algorithms.iter().map(|a| a.algorithm.as_str()),
+            WIDTH - numbers,
+        );
 
         writeln!(f, "{}", head_of_groups(name, &columns).trim_end())?;
         write!(f, "{:name$}", "algorithm")?;
         for (i, column) in columns.iter().enumerate() {
-            write!(f, "{:gap$}{:>width$}", "", column.head, gap = gap(i), width = column.width)?;
+            write!(
+                f,
+                "{:gap$}{:>width$}",
+                "",
+                column.head,
+                gap = gap(i),
+                width = column.width
+            )?;
         }
         writeln!(f)?;
         for algorithm in &self.algorithms {
             label(f, &algorithm.algorithm, name)?;
             for (i, column) in columns.iter().enumerate() {
-                write!(f, "{:gap$}{:>width$}", "", (column.cell)(algorithm), gap = gap(i), width = column.width)?;
+                write!(
+                    f,
+                    "{:gap$}{:>width$}",
+                    "",
+                    (column.cell)(algorithm),
+                    gap = gap(i),
+                    width = column.width
+                )?;
             }
             writeln!(f)?;
         }
         writeln!(f)?;
-        notes(&columns).iter().try_for_each(|(term, meaning)| writeln!(f, "{term}: {meaning}"))?;
+        notes(&columns)
+            .iter()
+            .try_for_each(|(term, meaning)| writeln!(f, "{term}: {meaning}"))?;
         Checkpoints::of(self).map_or(Ok(()), |table| checkpoints(&table, f))
     }
 }
 
 /// Width of the column of names: the longest, where there is room.
 fn name_width<'a>(names: impl Iterator<Item = &'a str>, room: usize) -> usize {
-    let longest = names.map(|name| name.chars().count()).max().unwrap_or_default();
+    let longest = names
+        .map(|name| name.chars().count())
+        .max()
+        .unwrap_or_default();
     longest.max("algorithm".len()).min(room)
 }
 
-/// A name too long for its column stands on a line of its own: cut short it could be mistaken for another.
+/// A name too long for its column stands on a line of its own: cut short it could be mistaken for
+/// another.
 fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
-    if name.chars().count() > width { write!(f, "{name}\n{:width$}", "") } else { write!(f, "{name:width$}") }
+    if name.chars().count() > width {
+        write!(f, "{name}\n{:width$}", "")
+    } else {
+        write!(f, "{name:width$}")
+    }
 }
 
 /// The line above the heads, a group's word centred over its columns.
@@ -66,13 +103,27 @@ fn head_of_groups(name: usize, columns: &[&Column]) -> String {
 /// The table of checkpoints, as many abreast as fit.
 fn checkpoints(table: &Checkpoints<'_>, f: &mut Formatter<'_>) -> Result {
     let name = name_width(table.lines.iter().map(|(algorithm, _)| *algorithm), NAME);
-    let lines: Vec<Vec<String>> =
-        table.lines.iter().map(|(_, cells)| cells.iter().map(ToString::to_string).collect()).collect();
-    let longest =
-        |i: usize| lines.iter().map(|line| &line[i]).chain([&table.heads[i]]).map(|t| t.chars().count()).max();
-    let widths: Vec<_> = (0..table.heads.len()).map(|i| longest(i).unwrap_or_default()).collect();
+    let lines: Vec<Vec<String>> = table
+        .lines
+        .iter()
+        .map(|(_, cells)| cells.iter().map(ToString::to_string).collect())
+        .collect();
+    let longest = |i: usize| {
+        lines
+            .iter()
+            .map(|line| &line[i])
+            .chain([&table.heads[i]])
+            .map(|t| t.chars().count())
+            .max()
+    };
+    let widths: Vec<_> = (0..table.heads.len())
+        .map(|i| longest(i).unwrap_or_default())
+        .collect();
     let aligned = |texts: &[String], from: usize| {
-        let texts = texts.iter().zip(&widths[from..]).map(|(text, width)| format!("  {text:<width$}"));
+        let texts = texts
+            .iter()
+            .zip(&widths[from..])
+            .map(|(text, width)| format!("  {text:<width$}"));
         texts.collect::<String>().trim_end().to_owned()
     };
     let mut from = 0;
@@ -83,7 +134,12 @@ fn checkpoints(table: &Checkpoints<'_>, f: &mut Formatter<'_>) -> Result {
             end <= WIDTH
         });
         let to = from + fits.count().max(1);
-        writeln!(f, "\n{:name$}{}", "algorithm", aligned(&table.heads[from..to], from))?;
+        writeln!(
+            f,
+            "\n{:name$}{}",
+            "algorithm",
+            aligned(&table.heads[from..to], from)
+        )?;
         for ((algorithm, _), cells) in table.lines.iter().zip(&lines) {
             label(f, algorithm, name)?;
             writeln!(f, "{}", aligned(&cells[from..to], from))?;

@@ -27,22 +27,39 @@ impl Correlated {
         let isa = isa()?;
         let range = DisparityRange::new(Self::DISPARITIES.0, Self::DISPARITIES.1)?;
         let smoothing = VerticalSmoothing::new(1.0);
-        let (mut left, mut right) = (Gray::filled(width, height, 0)?, Gray::filled(width, height, 0)?);
+        let (mut left, mut right) = (
+            Gray::filled(width, height, 0)?,
+            Gray::filled(width, height, 0)?,
+        );
         smoothing.apply(isa, pair.left(), &mut left);
         smoothing.apply(isa, pair.right(), &mut right);
         let texture = DogTexture::new(0.4, 3.35);
-        let (mut textured, mut right_textured) =
-            (Plane::filled(width, height, false)?, Plane::filled(width, height, false)?);
+        let (mut textured, mut right_textured) = (
+            Plane::filled(width, height, false)?,
+            Plane::filled(width, height, false)?,
+        );
         texture.apply(isa, &left, &mut textured);
         texture.apply(isa, &right, &mut right_textured);
 
-        let mut this = Self { isa, range, left, right, right_textured, matches: DisparityMap::new(width, height)? };
+        let mut this = Self {
+            isa,
+            range,
+            left,
+            right,
+            right_textured,
+            matches: DisparityMap::new(width, height)?,
+        };
         let (left_blocks, right_blocks) = this.blocks();
         let mut search = BlockSearch::new(width, range);
         for (y, mut row) in this.matches.rows_mut().enumerate() {
             let lane = y % Blocks::ROWS;
             if lane == 0 {
-                search.search(isa, left_blocks.around(y), right_blocks.around(y), Blocks::ROWS.min(height - y));
+                search.search(
+                    isa,
+                    left_blocks.around(y),
+                    right_blocks.around(y),
+                    Blocks::ROWS.min(height - y),
+                );
             }
             search.write_row(isa, lane, textured.row(y), &mut row);
         }
@@ -73,20 +90,29 @@ impl Correlated {
         for (y, mut row) in map.rows_mut().enumerate() {
             let lane = y % Blocks::ROWS;
             if lane == 0 {
-                check.search(self.isa, left.around(y), right.around(y), Blocks::ROWS.min(height - y));
+                check.search(
+                    self.isa,
+                    left.around(y),
+                    right.around(y),
+                    Blocks::ROWS.min(height - y),
+                );
             }
             check.check_row(lane, &mut row);
         }
         map
     }
 
-    /// As [`Self::symmetric`], and the right pixel must be textured too: untextured ones are not matched back.
+    /// As [`Self::symmetric`], and the right pixel must be textured too: untextured ones are not
+    /// matched back.
     pub(super) fn symmetric_on_texture(&self, tolerance_px: i32) -> DisparityMap {
         let mut map = self.symmetric(tolerance_px);
         for (y, mut row) in map.rows_mut().enumerate() {
             for x in 0..row.width() {
                 // The window of a match lies inside the right image.
-                if row.at(x).is_ok_and(|d| !self.right_textured.get(x - d as usize, y)) {
+                if row
+                    .at(x)
+                    .is_ok_and(|d| !self.right_textured.get(x - d as usize, y))
+                {
                     row.reject(x, Reason::Inconsistent, row.ssdpi(x));
                 }
             }
@@ -113,10 +139,18 @@ mod tests {
 
     #[test]
     fn with_the_self_check_it_is_v3() {
-        let pair = Arena::new(&ArenaConfig::default(), 1).unwrap().frame(40).unwrap().pair;
+        let pair = Arena::new(&ArenaConfig::default(), 1)
+            .unwrap()
+            .frame(40)
+            .unwrap()
+            .pair;
         let mut v3 = DisparityMap::new(1, 1).unwrap();
         let algorithm: Algorithm = "v3".parse().unwrap();
-        algorithm.build().unwrap().compute(&pair, &mut v3, &mut Clock::start()).unwrap();
+        algorithm
+            .build()
+            .unwrap()
+            .compute(&pair, &mut v3, &mut Clock::start())
+            .unwrap();
         let correlated = Correlated::of(&pair).unwrap();
         assert_eq!(correlated.self_checked().hash(), v3.hash());
         assert!(correlated.symmetric(0).valid() < correlated.symmetric(1).valid());

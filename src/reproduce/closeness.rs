@@ -34,17 +34,37 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let frame = context.still(&config)?;
         let matches = Correlated::of(&frame.pair)?.matches;
         // The rig is the arena's: it is always there.
-        let farthest_px = frame.rig.map_or(0.0, |rig| rig.disparity_px(ahead_m + DEPTH_M)) as f32;
-        let on_subject =
-            |v: &Valid| frame.truth.as_ref().is_some_and(|truth| truth.disparity.get(v.at.0, v.at.1) > farthest_px);
-        let values: Vec<f64> = valid(&matches).filter(on_subject).map(|v| v.ln_ssdpi).collect();
-        finding.exhibits.push(gray_picture(format!("{name}, {ahead_m} m"), frame.pair.left())?);
-        finding.exhibits.push(ssdpi_picture(format!("ln SSDPI, {name}"), &matches)?);
+        let farthest_px = frame
+            .rig
+            .map_or(0.0, |rig| rig.disparity_px(ahead_m + DEPTH_M))
+            as f32;
+        let on_subject = |v: &Valid| {
+            frame
+                .truth
+                .as_ref()
+                .is_some_and(|truth| truth.disparity.get(v.at.0, v.at.1) > farthest_px)
+        };
+        let values: Vec<f64> = valid(&matches)
+            .filter(on_subject)
+            .map(|v| v.ln_ssdpi)
+            .collect();
+        finding.exhibits.push(gray_picture(
+            format!("{name}, {ahead_m} m"),
+            frame.pair.left(),
+        )?);
+        finding
+            .exhibits
+            .push(ssdpi_picture(format!("ln SSDPI, {name}"), &matches)?);
         Ok::<_, crate::Error>(values)
     };
     let (close, far) = (subject(CLOSE_M, "close")?, subject(FAR_M, "far")?);
     let histograms = vec![("close", histogram(&close)), ("far", histogram(&far))];
-    let spread = |values: Vec<f64>| Spread::of(values).unwrap_or(Spread { mean: f64::NAN, median: f64::NAN });
+    let spread = |values: Vec<f64>| {
+        Spread::of(values).unwrap_or(Spread {
+            mean: f64::NAN,
+            median: f64::NAN,
+        })
+    };
     let (close, far) = (spread(close), spread(far));
     finding.condition(
         close.median > far.median,
@@ -53,21 +73,34 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             close.median, far.median
         ),
     );
-    finding.condition(close.mean > far.mean, format!("So is the mean: {:.2} and {:.2}.", close.mean, far.mean));
-    let values = |near: Spread, far: Spread| [near.median, far.median, near.mean, far.mean].map(Value::from);
+    finding.condition(
+        close.mean > far.mean,
+        format!("So is the mean: {:.2} and {:.2}.", close.mean, far.mean),
+    );
+    let values =
+        |near: Spread, far: Spread| [near.median, far.median, near.mean, far.mean].map(Value::from);
     let mut rows = vec![("arena".to_owned(), values(close, far))];
     let (mut scenes, mut higher) = (0, 0);
     for frame in context.real() {
         let frame = frame?;
         context.step()?;
-        let Some([near, far]) = halves(&frame)? else { continue };
+        let Some([near, far]) = halves(&frame)? else {
+            continue;
+        };
         scenes += 1;
         higher += usize::from(near.median > far.median);
         let name = frame.name.clone().unwrap_or_default();
         rows.push((name, values(near, far)));
     }
-    let table = finding.table(["ln SSDPI", "close, median", "far, median", "close, mean", "far, mean"]);
-    rows.into_iter().for_each(|(name, values)| table.row(name, values));
+    let table = finding.table([
+        "ln SSDPI",
+        "close, median",
+        "far, median",
+        "close, mean",
+        "far, mean",
+    ]);
+    rows.into_iter()
+        .for_each(|(name, values)| table.row(name, values));
     let real = if scenes == 0 {
         String::new()
     } else {
@@ -85,10 +118,17 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         "Close, the subject's ln SSDPI is {:.2} in the median and {:.2} in the mean, far {:.2} and {:.2}{real}.",
         close.median, close.mean, far.median, far.mean
     );
-    let series = |(name, points): (&str, Vec<(f64, f64)>)| Series { name: name.into(), form: Form::Line, points };
+    let series = |(name, points): (&str, Vec<(f64, f64)>)| Series {
+        name: name.into(),
+        form: Form::Line,
+        points,
+    };
     finding.plot(&Chart {
         title: "SSDPI of one subject".into(),
-        x: Axis { range: Some((0.0, SSDPI_TOP)), ..Axis::new("ln SSDPI") },
+        x: Axis {
+            range: Some((0.0, SSDPI_TOP)),
+            ..Axis::new("ln SSDPI")
+        },
         y: Axis::new("share of the matches, %"),
         series: histograms.into_iter().map(series).collect(),
     })?;
@@ -99,15 +139,24 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
 fn histogram(values: &[f64]) -> Vec<(f64, f64)> {
     let mut bins = vec![0.0; (4.0 * SSDPI_TOP) as usize];
     let last = bins.len() - 1;
-    values.iter().for_each(|v| bins[((4.0 * v) as usize).min(last)] += 100.0 / values.len() as f64);
-    bins.into_iter().enumerate().map(|(i, share)| (0.25 * i as f64 + 0.125, share)).collect()
+    values
+        .iter()
+        .for_each(|v| bins[((4.0 * v) as usize).min(last)] += 100.0 / values.len() as f64);
+    bins.into_iter()
+        .enumerate()
+        .map(|(i, share)| (0.25 * i as f64 + 0.125, share))
+        .collect()
 }
 
 /// Of the matches with a truth, the nearer and the farther half; nothing without truth.
 fn halves(frame: &Frame) -> Result<Option<[Spread; 2]>> {
-    let Some(truth) = &frame.truth else { return Ok(None) };
+    let Some(truth) = &frame.truth else {
+        return Ok(None);
+    };
     let matches = Correlated::of(&frame.pair)?.matches;
-    let known = |v: Valid| Some((truth.disparity.get(v.at.0, v.at.1), v.ln_ssdpi)).filter(|(d, _)| d.is_finite());
+    let known = |v: Valid| {
+        Some((truth.disparity.get(v.at.0, v.at.1), v.ln_ssdpi)).filter(|(d, _)| d.is_finite())
+    };
     let mut known: Vec<(f32, f64)> = valid(&matches).filter_map(known).collect();
     known.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (near, far) = known.split_at(known.len() / 2);

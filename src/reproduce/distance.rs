@@ -40,7 +40,11 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let frame = context.still(&config)?;
         let map = context.matched(ALGORITHM, &frame.pair)?;
         let true_px = product / cm;
-        match target_px(&frame, &depth::grid(map.disparity(), SHAPE, MIN_VALID, frame.rig.as_ref()), true_px) {
+        match target_px(
+            &frame,
+            &depth::grid(map.disparity(), SHAPE, MIN_VALID, frame.rig.as_ref()),
+            true_px,
+        ) {
             Some(px) => {
                 off_px = off_px.max((px - true_px).abs());
                 measured.push((cm, px));
@@ -54,7 +58,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let ours = DistanceCurve::fit(&measured)?;
     let at_points = worst(table.into_iter(), &thesis);
     let rise_cm = largest_rise_cm(thesis.points().into_iter().map(|(_, cm)| cm));
-    let between = worst(ours.points().into_iter().map(|(px, _)| (product / px, px)), &ours);
+    let between = worst(
+        ours.points().into_iter().map(|(px, _)| (product / px, px)),
+        &ours,
+    );
 
     finding.condition(
         at_points.0 <= TOLERANCE,
@@ -81,9 +88,22 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             between.1
         ),
     );
-    let pinhole = table.iter().map(|(cm, px)| (product / px - cm).abs() / cm).fold(0.0, f64::max);
-    finding.quantity("target at 16 cm", "px", "81", measured.last().map(|(_, px)| *px));
-    finding.quantity("target at 130 cm", "px", "11", measured.first().map(|(_, px)| *px));
+    let pinhole = table
+        .iter()
+        .map(|(cm, px)| (product / px - cm).abs() / cm)
+        .fold(0.0, f64::max);
+    finding.quantity(
+        "target at 16 cm",
+        "px",
+        "81",
+        measured.last().map(|(_, px)| *px),
+    );
+    finding.quantity(
+        "target at 130 cm",
+        "px",
+        "11",
+        measured.first().map(|(_, px)| *px),
+    );
     let rows = finding.table([
         "distance, cm",
         "thesis: disparity, px",
@@ -97,7 +117,16 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let curve = found.and_then(|px| ours.distance_cm(px));
         let here = [Some(product / cm), found, curve].map(Value::from);
         let [true_px, found, curve] = here;
-        rows.row(format!("{cm:.0}"), [px.into(), thesis.distance_cm(px).into(), true_px, found, curve]);
+        rows.row(
+            format!("{cm:.0}"),
+            [
+                px.into(),
+                thesis.distance_cm(px).into(),
+                true_px,
+                found,
+                curve,
+            ],
+        );
     }
     finding.why = format!(
         "A target's disparity fixes its distance to within {off_px:.1} px, but degree 5 swings between the near \
@@ -108,23 +137,33 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         between.1,
         100.0 * pinhole
     );
-    let f_b = (18..=180).map(|i| (0.5 * f64::from(i), product / (0.5 * f64::from(i)))).collect();
+    let f_b = (18..=180)
+        .map(|i| (0.5 * f64::from(i), product / (0.5 * f64::from(i))))
+        .collect();
     finding.plot(&distance_chart(
         vec![
             ("thesis, degree 5".into(), thesis.points()),
             ("svl, degree 5".into(), ours.points()),
             ("f·B/d".into(), f_b),
         ],
-        vec![("thesis, measured".into(), table.to_vec()), ("svl, simulated".into(), measured)],
+        vec![
+            ("thesis, measured".into(), table.to_vec()),
+            ("svl, simulated".into(), measured),
+        ],
     ))?;
     Ok(finding)
 }
 
-const SHAPE: GridShape = GridShape { columns: 6, rows: 3 };
+const SHAPE: GridShape = GridShape {
+    columns: 6,
+    rows: 3,
+};
 
 /// The f·B, in cm·px, that fits disparities best at those distances.
 fn pinhole_cm_px(pairs: &[(f64, f64)]) -> f64 {
-    let (above, below) = pairs.iter().fold((0.0, 0.0), |(a, b), (cm, px)| (a + px / cm, b + 1.0 / (cm * cm)));
+    let (above, below) = pairs.iter().fold((0.0, 0.0), |(a, b), (cm, px)| {
+        (a + px / cm, b + 1.0 / (cm * cm))
+    });
     above / below
 }
 
@@ -137,15 +176,26 @@ fn target_px(frame: &Frame, grid: &DepthGrid, true_px: f64) -> Option<f64> {
     let truth = true_grid(frame, grid.shape())?;
     let near = |px: f32| (f64::from(px) - true_px).abs() < 0.5;
     let shows = |cell: &Cell| cell.depth.is_some_and(|d| near(d.p20_px) && near(d.p80_px));
-    let cells = grid.iter().zip(truth.iter()).filter(|(_, (_, truth))| shows(truth));
-    let medians: Vec<f64> = cells.filter_map(|((_, cell), _)| Some(f64::from(cell.depth?.median_px))).collect();
-    (medians.len() >= 3).then(|| Spread::of(medians))?.map(|s| s.median)
+    let cells = grid
+        .iter()
+        .zip(truth.iter())
+        .filter(|(_, (_, truth))| shows(truth));
+    let medians: Vec<f64> = cells
+        .filter_map(|((_, cell), _)| Some(f64::from(cell.depth?.median_px)))
+        .collect();
+    (medians.len() >= 3)
+        .then(|| Spread::of(medians))?
+        .map(|s| s.median)
 }
 
-/// The largest relative error of the curve over pairs of true distance and disparity, and the disparity it is at.
+/// The largest relative error of the curve over pairs of true distance and disparity, and the
+/// disparity it is at.
 fn worst(pairs: impl Iterator<Item = (f64, f64)>, curve: &DistanceCurve) -> (f64, f64) {
     let error = |(cm, px): (f64, f64)| Some(((curve.distance_cm(px)? - cm).abs() / cm, px));
-    pairs.filter_map(error).fold((0.0, 0.0), |worst, next| if next.0 > worst.0 { next } else { worst })
+    pairs.filter_map(error).fold(
+        (0.0, 0.0),
+        |worst, next| if next.0 > worst.0 { next } else { worst },
+    )
 }
 
 /// By how much distances grow at most while disparities do.
@@ -164,13 +214,19 @@ mod tests {
 
     #[test]
     fn a_pinhole_s_product_is_found() {
-        let pairs: Vec<(f64, f64)> = [20.0, 50.0, 130.0].iter().map(|cm| (*cm, 1300.0 / cm)).collect();
+        let pairs: Vec<(f64, f64)> = [20.0, 50.0, 130.0]
+            .iter()
+            .map(|cm| (*cm, 1300.0 / cm))
+            .collect();
         assert!((pinhole_cm_px(&pairs) - 1300.0).abs() < 1e-9);
     }
 
     #[test]
     fn rises_are_seen_wherever_they_begin() {
         assert_eq!(largest_rise_cm([130.0, 60.0, 30.0].into_iter()), 0.0);
-        assert_eq!(largest_rise_cm([130.0, 15.0, 20.0, 18.0, 38.0, 16.0].into_iter()), 23.0);
+        assert_eq!(
+            largest_rise_cm([130.0, 15.0, 20.0, 18.0, 38.0, 16.0].into_iter()),
+            23.0
+        );
     }
 }

@@ -75,7 +75,12 @@ pub enum Exhibit {
     /// A plot as SVG.
     Plot(String),
     /// A picture, with a depth grid drawn on it.
-    Picture { caption: String, png: Vec<u8>, size: (usize, usize), marks: Vec<Drawn> },
+    Picture {
+        caption: String,
+        png: Vec<u8>,
+        size: (usize, usize),
+        marks: Vec<Drawn>,
+    },
 }
 
 /// What is drawn in one cell of a picture.
@@ -100,7 +105,10 @@ impl Finding {
     }
 
     pub(super) fn condition(&mut self, met: bool, says: impl Into<String>) {
-        self.conditions.push(Condition { says: says.into(), met });
+        self.conditions.push(Condition {
+            says: says.into(),
+            met,
+        });
     }
 
     /// `thesis` is empty where the thesis says nothing.
@@ -113,11 +121,19 @@ impl Finding {
     ) {
         let thesis = (!thesis.is_empty()).then(|| thesis.to_owned());
         let ours = ours.into().filter(|v| v.is_finite());
-        self.quantities.push(Quantity { name: name.into(), unit, thesis, ours });
+        self.quantities.push(Quantity {
+            name: name.into(),
+            unit,
+            thesis,
+            ours,
+        });
     }
 
     pub(super) fn table<const N: usize>(&mut self, heads: [&str; N]) -> &mut Table {
-        self.tables.push(Table { heads: heads.map(str::to_owned).to_vec(), rows: Vec::new() });
+        self.tables.push(Table {
+            heads: heads.map(str::to_owned).to_vec(),
+            rows: Vec::new(),
+        });
         let last = self.tables.len() - 1;
         &mut self.tables[last]
     }
@@ -137,13 +153,21 @@ impl Table {
 
 impl<V: Into<Option<f64>>> From<V> for Value {
     fn from(value: V) -> Self {
-        value.into().filter(|v| v.is_finite()).map_or(Self::Nothing, Self::Number)
+        value
+            .into()
+            .filter(|v| v.is_finite())
+            .map_or(Self::Nothing, Self::Number)
     }
 }
 
 impl Verdict {
     /// All verdicts, the best first.
-    pub const ALL: [Self; 4] = [Self::Holds, Self::HoldsInPart, Self::DoesNotHold, Self::CannotBeTold];
+    pub const ALL: [Self; 4] = [
+        Self::Holds,
+        Self::HoldsInPart,
+        Self::DoesNotHold,
+        Self::CannotBeTold,
+    ];
 
     /// The words for it, of several claims.
     pub fn plural(self) -> &'static str {

@@ -35,7 +35,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let frame = context.still(&config)?;
     let wall = occupancy(&frame.pair)?;
     let mut finding = Finding::default();
-    finding.exhibits.push(gray_picture("the forest wall", frame.pair.left())?);
+    finding
+        .exhibits
+        .push(gray_picture("the forest wall", frame.pair.left())?);
     let (mean, met, compared) = (wall.mean(), wall.met, wall.compared);
     let times = compared / DISPARITIES as f64;
     finding.condition(
@@ -44,7 +46,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     finding.condition(
         (900.0..=3600.0).contains(&met),
-        format!("A look-up within ±150 meets about 1800 windows, within a factor of two: {met:.0}."),
+        format!(
+            "A look-up within ±150 meets about 1800 windows, within a factor of two: {met:.0}."
+        ),
     );
     finding.condition(
         (2.0..=8.0).contains(&times),
@@ -60,7 +64,11 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     finding.quantity("of them close by", "%", "20", 100.0 * compared / met);
     finding.quantity("windows compared", "", "360", compared);
     finding.quantity("times those of a scan", "", "4", times);
-    let mut series = vec![Series { name: "forest wall".into(), form: Form::Line, points: wall.points() }];
+    let mut series = vec![Series {
+        name: "forest wall".into(),
+        form: Form::Line,
+        points: wall.points(),
+    }];
     let mut rows = vec![("arena, forest wall".to_owned(), wall.values())];
     let real = context.real().collect::<Result<Vec<_>>>()?;
     for (i, frame) in real.iter().enumerate() {
@@ -69,7 +77,11 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let name = frame.name.clone().unwrap_or_default();
         rows.push((name.clone(), scene.values()));
         if i == 0 {
-            series.push(Series { name, form: Form::Line, points: scene.points() });
+            series.push(Series {
+                name,
+                form: Form::Line,
+                points: scene.points(),
+            });
         }
     }
     let table = finding.table([
@@ -80,7 +92,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         "compared",
         "times those of a scan",
     ]);
-    rows.into_iter().for_each(|(name, values)| table.row(name, values));
+    rows.into_iter()
+        .for_each(|(name, values)| table.row(name, values));
     finding.why = format!(
         "A value holds {mean:.1} windows in the mean (thesis: 6, as if {:.0} % of them were textured; here {:.0} % are) and a \
          look-up meets {met:.0} (1800), but close by are {:.2} % of them and not 20 %: v4 compares {compared:.1} windows, \
@@ -91,7 +104,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     finding.plot(&Chart {
         title: "Windows per hash value".into(),
-        x: Axis { range: Some((0.0, SUMS as f64)), ..Axis::new("hash value: sum of nine pixels") },
+        x: Axis {
+            range: Some((0.0, SUMS as f64)),
+            ..Axis::new("hash value: sum of nine pixels")
+        },
         y: Axis::new("textured windows"),
         series,
     })?;
@@ -116,7 +132,14 @@ impl Occupancy {
 
     fn values(&self) -> [Value; 5] {
         let times = self.compared / DISPARITIES as f64;
-        [self.textured_percent, self.mean(), self.met, self.compared, times].map(Value::from)
+        [
+            self.textured_percent,
+            self.mean(),
+            self.met,
+            self.compared,
+            times,
+        ]
+        .map(Value::from)
     }
 
     fn most(&self) -> f64 {
@@ -128,7 +151,11 @@ impl Occupancy {
     }
 
     fn points(&self) -> Vec<(f64, f64)> {
-        self.buckets.iter().enumerate().map(|(sum, &n)| (sum as f64, n as f64)).collect()
+        self.buckets
+            .iter()
+            .enumerate()
+            .map(|(sum, &n)| (sum as f64, n as f64))
+            .collect()
     }
 }
 
@@ -157,7 +184,9 @@ fn sums(image: &Gray, marked: &Plane<bool>) -> Result<Plane<u16>> {
 /// Counts what each window of the right image meets and compares among those of the left one.
 fn count(left: &Plane<u16>, right: &Plane<u16>) -> Occupancy {
     let mut buckets = vec![0; SUMS];
-    left.pixels().filter(|&sum| sum != NO_SUM).for_each(|sum| buckets[usize::from(sum)] += 1);
+    left.pixels()
+        .filter(|&sum| sum != NO_SUM)
+        .for_each(|sum| buckets[usize::from(sum)] += 1);
     let mut below = vec![0usize; SUMS + 1];
     for (sum, n) in buckets.iter().enumerate() {
         below[sum + 1] = below[sum] + n;
@@ -165,21 +194,40 @@ fn count(left: &Plane<u16>, right: &Plane<u16>) -> Occupancy {
     let (mut lookups, mut met, mut compared) = (0usize, 0usize, 0usize);
     for y in 0..right.height() {
         let rows = y.saturating_sub(ROW_TOLERANCE)..left.height().min(y + ROW_TOLERANCE + 1);
-        for (x, &sum) in right.row(y).iter().enumerate().filter(|(_, sum)| **sum != NO_SUM) {
+        for (x, &sum) in right
+            .row(y)
+            .iter()
+            .enumerate()
+            .filter(|(_, sum)| **sum != NO_SUM)
+        {
             let from = usize::from(sum).saturating_sub(SUM_TOLERANCE);
             let to = (usize::from(sum) + SUM_TOLERANCE + 1).min(SUMS);
             lookups += 1;
             met += below[to] - below[from];
             let columns = x..left.width().min(x + DISPARITIES);
-            let near =
-                |row: usize| left.row(row)[columns.clone()].iter().filter(|s| (from..to).contains(&usize::from(**s)));
+            let near = |row: usize| {
+                left.row(row)[columns.clone()]
+                    .iter()
+                    .filter(|s| (from..to).contains(&usize::from(**s)))
+            };
             compared += rows.clone().map(|row| near(row).count()).sum::<usize>();
         }
     }
-    let mean = |n: usize| if lookups == 0 { 0.0 } else { n as f64 / lookups as f64 };
+    let mean = |n: usize| {
+        if lookups == 0 {
+            0.0
+        } else {
+            n as f64 / lookups as f64
+        }
+    };
     let windows = left.width().saturating_sub(8) * left.height();
     let textured_percent = percent(buckets.iter().sum(), windows).unwrap_or(f64::NAN);
-    Occupancy { textured_percent, buckets, met: mean(met), compared: mean(compared) }
+    Occupancy {
+        textured_percent,
+        buckets,
+        met: mean(met),
+        compared: mean(compared),
+    }
 }
 
 #[cfg(test)]
@@ -191,12 +239,19 @@ mod tests {
         let plane = |sums: [[u16; 3]; 4]| Plane::from_vec(3, 4, sums.concat()).unwrap();
         const N: u16 = NO_SUM;
         let left = plane([[100, 250, N], [N, N, 251], [N, N, N], [100, N, N]]);
-        // One window: of the four on the left, three are within 150 of 100, two of them at most 2 rows away.
+        // One window: of the four on the left, three are within 150 of 100, two of them at most 2
+        // rows away.
         let right = plane([[100, N, N], [N, N, N], [N, N, N], [N, N, N]]);
         let counted = count(&left, &right);
-        assert_eq!((counted.met, counted.compared, counted.buckets[100]), (3.0, 2.0, 2));
+        assert_eq!(
+            (counted.met, counted.compared, counted.buckets[100]),
+            (3.0, 2.0, 2)
+        );
         // Further right than its match: a negative disparity is not compared.
         let right = plane([[N, N, 100], [N, N, N], [N, N, N], [N, N, N]]);
-        assert_eq!((count(&left, &right).met, count(&left, &right).compared), (3.0, 0.0));
+        assert_eq!(
+            (count(&left, &right).met, count(&left, &right).compared),
+            (3.0, 0.0)
+        );
     }
 }

@@ -42,7 +42,11 @@ pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
     let places = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
     places.filter_map(|(x, y)| {
         let disparity_px = map.at(x, y).ok()?;
-        Some(Valid { at: (x, y), disparity_px, ln_ssdpi: f64::from(map.ssdpi().get(x, y)).ln_1p() })
+        Some(Valid {
+            at: (x, y),
+            disparity_px,
+            ln_ssdpi: f64::from(map.ssdpi().get(x, y)).ln_1p(),
+        })
     })
 }
 
@@ -54,7 +58,9 @@ pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> Opt
 /// Whether a disparity is within 2 px of the truth; nothing where there is no truth.
 pub(super) fn right(truth: &Truth, valid: &Valid) -> Option<bool> {
     let true_px = truth.disparity.get(valid.at.0, valid.at.1);
-    true_px.is_finite().then(|| (valid.disparity_px - true_px).abs() <= 2.0)
+    true_px
+        .is_finite()
+        .then(|| (valid.disparity_px - true_px).abs() <= 2.0)
 }
 
 /// A share as a percentage; nothing of nothing.
@@ -62,11 +68,17 @@ pub(super) fn percent(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
 }
 
-/// The ln SSDPIs of the valid pixels as colours, from dark blue at 0 to yellow at 12; black where there is none.
+/// The ln SSDPIs of the valid pixels as colours, from dark blue at 0 to yellow at 12; black where
+/// there is none.
 pub(super) fn ssdpi_picture(caption: impl Into<String>, map: &DisparityMap) -> Result<Exhibit> {
     let (width, height) = map.size();
     let mut rgb = vec![0; 3 * width * height];
-    for Valid { at: (x, y), ln_ssdpi, .. } in valid(map) {
+    for Valid {
+        at: (x, y),
+        ln_ssdpi,
+        ..
+    } in valid(map)
+    {
         rgb[3 * (y * width + x)..][..3].copy_from_slice(&viridis((ln_ssdpi / SSDPI_TOP) as f32));
     }
     picture(caption, (width, height), &rgb)
@@ -79,7 +91,12 @@ pub(super) fn gray_picture(caption: impl Into<String>, image: &Gray) -> Result<E
 
 fn picture(caption: impl Into<String>, size: (usize, usize), pixels: &[u8]) -> Result<Exhibit> {
     let png = encode_png(size.0, size.1, pixels)?;
-    Ok(Exhibit::Picture { caption: caption.into(), png, size, marks: Vec::new() })
+    Ok(Exhibit::Picture {
+        caption: caption.into(),
+        png,
+        size,
+        marks: Vec::new(),
+    })
 }
 
 #[cfg(test)]
@@ -90,8 +107,20 @@ mod tests {
     #[test]
     fn medians_are_nearest_ranks() {
         assert_eq!(Spread::of([]), None);
-        assert_eq!(Spread::of([4.0, 1.0, 1.0, 2.0]), Some(Spread { mean: 2.0, median: 1.0 }));
-        assert_eq!(Spread::of([4.0, 0.0, 2.0]), Some(Spread { mean: 2.0, median: 2.0 }));
+        assert_eq!(
+            Spread::of([4.0, 1.0, 1.0, 2.0]),
+            Some(Spread {
+                mean: 2.0,
+                median: 1.0
+            })
+        );
+        assert_eq!(
+            Spread::of([4.0, 0.0, 2.0]),
+            Some(Spread {
+                mean: 2.0,
+                median: 2.0
+            })
+        );
     }
 
     #[test]
@@ -102,11 +131,23 @@ mod tests {
         row.accept(1, 9.0, 99);
         row.reject(2, Reason::SelfCheck, 5000);
         let spread = ssdpi([&map]).unwrap();
-        assert_eq!(spread, Spread { mean: 0.5 * 100f64.ln(), median: 0.0 });
+        assert_eq!(
+            spread,
+            Spread {
+                mean: 0.5 * 100f64.ln(),
+                median: 0.0
+            }
+        );
         let mut disparity = Plane::filled(4, 1, 7.0).unwrap();
         disparity.set(1, 0, f32::INFINITY);
-        let truth = Truth { disparity, visibility: None };
-        assert_eq!(valid(&map).map(|v| right(&truth, &v)).collect::<Vec<_>>(), [Some(true), None]);
+        let truth = Truth {
+            disparity,
+            visibility: None,
+        };
+        assert_eq!(
+            valid(&map).map(|v| right(&truth, &v)).collect::<Vec<_>>(),
+            [Some(true), None]
+        );
         assert_eq!(percent(1, 0), None);
     }
 }

@@ -1,11 +1,13 @@
-//! The thesis's experiments, run anew: each with its figure, its numbers beside the thesis's, and whether its claim holds.
+//! The thesis's experiments, run anew: each with its figure, its numbers beside the thesis's, and
+//! whether its claim holds.
 //!
 //! ```text
 //! EXPERIMENTS ──run(Context)──▶ Finding (conditions, quantities, exhibits) ──▶ Page: HTML, Markdown, JSON
 //! ```
 //!
 //! What an experiment looks at is built from the arena's parts, with exact truth, and real scenes
-//! besides where there are some. Its verdict follows from its [`Condition`]s, which it tests on what it measured.
+//! besides where there are some. Its verdict follows from its [`Condition`]s, which it tests on
+//! what it measured.
 
 mod checks;
 mod closeness;
@@ -66,11 +68,18 @@ pub const EXPERIMENTS: &[Experiment] = &[
 /// # Errors
 /// [`Error::Invalid`] with the nearest figure.
 pub fn find(figure: &str) -> Result<&'static Experiment> {
-    EXPERIMENTS.iter().find(|e| e.figures.contains(&figure)).ok_or_else(|| {
-        let nearest = nearest(figure, EXPERIMENTS.iter().flat_map(|e| e.figures).copied());
-        let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
-        Error::Invalid(format!("unknown figure '{figure}'{}; known are {}", did_you_mean(&nearest), known.join(", ")))
-    })
+    EXPERIMENTS
+        .iter()
+        .find(|e| e.figures.contains(&figure))
+        .ok_or_else(|| {
+            let nearest = nearest(figure, EXPERIMENTS.iter().flat_map(|e| e.figures).copied());
+            let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
+            Error::Invalid(format!(
+                "unknown figure '{figure}'{}; known are {}",
+                did_you_mean(&nearest),
+                known.join(", ")
+            ))
+        })
 }
 
 impl Experiment {
@@ -92,8 +101,8 @@ pub struct Context<'a> {
     done: u64,
 }
 
-/// The folders of the real scenes that experiments look at, below the folder of data sets: Middlebury 2001, 2003, 2006 and
-/// 2014 in quarter size.
+/// The folders of the real scenes that experiments look at, below the folder of data sets:
+/// Middlebury 2001, 2003, 2006 and 2014 in quarter size.
 const SCENES: &[&str] = &[
     "tsukuba",
     "venus",
@@ -112,10 +121,16 @@ const SCENES: &[&str] = &[
 /// # Errors
 /// [`Error::Invalid`] when there is none.
 pub fn scenes(data: &std::path::Path) -> Result<Vec<Scene>> {
-    let scenes: Vec<_> = SCENES.iter().filter_map(|name| Scene::find(&data.join(name), name)).collect();
+    let scenes: Vec<_> = SCENES
+        .iter()
+        .filter_map(|name| Scene::find(&data.join(name), name))
+        .collect();
     if scenes.is_empty() {
         let wanted = SCENES.join(", ");
-        return Err(Error::Invalid(format!("{}: holds none of the scenes {wanted}", data.display())));
+        return Err(Error::Invalid(format!(
+            "{}: holds none of the scenes {wanted}",
+            data.display()
+        )));
     }
     Ok(scenes)
 }
@@ -128,7 +143,13 @@ impl<'a> Context<'a> {
         recording: Option<(Scenario, Box<dyn Source>)>,
         monitor: &'a mut dyn Monitor,
     ) -> Self {
-        Self { machine, scenes, recording, monitor, done: 0 }
+        Self {
+            machine,
+            scenes,
+            recording,
+            monitor,
+            done: 0,
+        }
     }
 
     /// Counts a pair.
@@ -137,21 +158,31 @@ impl<'a> Context<'a> {
     /// [`Error::Invalid`] when the monitor ends the work.
     fn step(&mut self) -> Result<()> {
         self.done += 1;
-        if self.monitor.go_on(self.done) { Ok(()) } else { Err(Error::Invalid("stopped".into())) }
+        if self.monitor.go_on(self.done) {
+            Ok(())
+        } else {
+            Err(Error::Invalid("stopped".into()))
+        }
     }
 
     /// What an algorithm, `NAME[:key=value,...]`, makes of a pair.
     fn matched(&mut self, algorithm: &str, pair: &StereoPair) -> Result<DisparityMap> {
         let (width, height) = pair.size();
         let mut map = DisparityMap::new(width, height)?;
-        algorithm.parse::<Algorithm>()?.build()?.compute(pair, &mut map, &mut Clock::start())?;
+        algorithm
+            .parse::<Algorithm>()?
+            .build()?
+            .compute(pair, &mut map, &mut Clock::start())?;
         self.step()?;
         Ok(map)
     }
 
     /// The real scenes as frames.
     fn real(&self) -> impl Iterator<Item = Result<Frame>> + use<'a> {
-        self.scenes.iter().enumerate().map(|(i, scene)| scene.read(i as u64))
+        self.scenes
+            .iter()
+            .enumerate()
+            .map(|(i, scene)| scene.read(i as u64))
     }
 }
 
@@ -167,6 +198,9 @@ mod tests {
         figures.dedup();
         assert_eq!(figures.len(), all);
         let error = find("5.12").err().unwrap().to_string();
-        assert!(error.starts_with("unknown figure '5.12' (did you mean '5.1"), "{error}");
+        assert!(
+            error.starts_with("unknown figure '5.12' (did you mean '5.1"),
+            "{error}"
+        );
     }
 }

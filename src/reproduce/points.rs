@@ -9,7 +9,9 @@ use crate::overlay::{Nearness, marks};
 use crate::report::plot::Bars;
 use crate::run::{Lineup, Pace, run as run_loop};
 use crate::scenario::Scenario;
-use crate::score::{CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Verdict, judge_cells, true_grid};
+use crate::score::{
+    CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Verdict, judge_cells, true_grid,
+};
 use crate::sink::Sink;
 use crate::stereo::{DepthGrid, Estimate, Frame};
 
@@ -38,11 +40,21 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let Some((scenario, mut source)) = context.recording.take() else {
         return Err(Error::Invalid("figure 7.3 needs a run of the arena".into()));
     };
-    let algorithms = ALGORITHMS.map(str::parse::<Algorithm>).into_iter().collect::<Result<Vec<_>>>()?;
+    let algorithms = ALGORITHMS
+        .map(str::parse::<Algorithm>)
+        .into_iter()
+        .collect::<Result<Vec<_>>>()?;
     let mut lineup = Lineup::new(&algorithms)?;
     let mut points = Points::new(&scenario);
     let (grid, monitor) = (scenario.grid, &mut *context.monitor);
-    let outcome = run_loop(&mut *source, &mut lineup, grid, Pace::Asap, &mut [&mut points], monitor)?;
+    let outcome = run_loop(
+        &mut *source,
+        &mut lineup,
+        grid,
+        Pace::Asap,
+        &mut [&mut points],
+        monitor,
+    )?;
     if outcome.interrupted {
         return Err(Error::Invalid("stopped".into()));
     }
@@ -81,7 +93,9 @@ impl Cells {
         self.all += judgements.len();
         self.right += count(Verdict::Right);
         self.wrong += count(Verdict::Wrong);
-        self.first_column += (0..grid.shape().rows).filter(|&row| grid.cell(0, row).depth.is_some()).count();
+        self.first_column += (0..grid.shape().rows)
+            .filter(|&row| grid.cell(0, row).depth.is_some())
+            .count();
     }
 
     fn right_percent(&self) -> f64 {
@@ -90,7 +104,8 @@ impl Cells {
 }
 
 impl Point {
-    /// Best and worst frame, the share that passes and that with a wrong cell, and the share of right cells.
+    /// Best and worst frame, the share that passes and that with a wrong cell, and the share of
+    /// right cells.
     fn values(&self) -> [Value; 5] {
         let leading = |lead: &Option<(Exhibit, CheckpointFrame)>| match lead {
             Some((_, frame)) => Value::Text(if frame.passed { "pass" } else { "fail" }.to_owned()),
@@ -109,12 +124,24 @@ impl Point {
 
 impl Points {
     fn new(scenario: &Scenario) -> Self {
-        let points = scenario.checkpoints.iter().map(|_| <[Point; 2]>::default()).collect();
-        Self { scenario: scenario.clone(), points, cells: Default::default() }
+        let points = scenario
+            .checkpoints
+            .iter()
+            .map(|_| <[Point; 2]>::default())
+            .collect();
+        Self {
+            scenario: scenario.clone(),
+            points,
+            cells: Default::default(),
+        }
     }
 
     fn finding(self) -> Result<Finding> {
-        let Self { scenario, points, cells } = self;
+        let Self {
+            scenario,
+            points,
+            cells,
+        } = self;
         let mut finding = Finding::default();
         let share = |p: &Point| percent(p.tally.passed, p.tally.frames).unwrap_or(f64::NAN);
         conclude(&scenario.checkpoints, &points, cells, &mut finding);
@@ -141,18 +168,38 @@ impl Points {
             };
             let ([a, b, c, d, e], [f, g, h, i, j]) = (v3.values(), svs.values());
             let name = format!("{}. {}", checkpoint.number, checkpoint.name);
-            rows.row(name, [Value::Text(thesis.to_owned()), a, b, c, d, e, f, g, h, i, j]);
+            rows.row(
+                name,
+                [Value::Text(thesis.to_owned()), a, b, c, d, e, f, g, h, i, j],
+            );
         }
         for (name, cells) in NAMES.iter().zip(cells) {
-            finding.quantity(format!("all frames, {name}: cells right"), "%", "", percent(cells.right, cells.all));
-            finding.quantity(format!("all frames, {name}: cells wrong"), "%", "", percent(cells.wrong, cells.all));
+            finding.quantity(
+                format!("all frames, {name}: cells right"),
+                "%",
+                "",
+                percent(cells.right, cells.all),
+            );
+            finding.quantity(
+                format!("all frames, {name}: cells wrong"),
+                "%",
+                "",
+                percent(cells.wrong, cells.all),
+            );
         }
-        let bars = scenario.checkpoints.iter().zip(&points).flat_map(|(checkpoint, point)| {
-            let bar = move |(name, point)| {
-                (format!("{}. {}, {name}", checkpoint.number, checkpoint.name), vec![share(point)])
-            };
-            NAMES.iter().zip(point).map(bar)
-        });
+        let bars = scenario
+            .checkpoints
+            .iter()
+            .zip(&points)
+            .flat_map(|(checkpoint, point)| {
+                let bar = move |(name, point)| {
+                    (
+                        format!("{}. {}, {name}", checkpoint.number, checkpoint.name),
+                        vec![share(point)],
+                    )
+                };
+                NAMES.iter().zip(point).map(bar)
+            });
         let chart = Bars {
             title: "Frames that pass".into(),
             label: "share of the frames that show the point, %".into(),
@@ -162,13 +209,24 @@ impl Points {
         finding.exhibits.push(Exhibit::Plot(chart.svg()?));
         for point in points {
             let [worst, best] = [true, false].map(|worst| {
-                point
-                    .each_ref()
-                    .map(|p| if worst { &p.tally.worst } else { &p.tally.best }.as_ref().map(|(e, _)| e.clone()))
+                point.each_ref().map(|p| {
+                    if worst { &p.tally.worst } else { &p.tally.best }
+                        .as_ref()
+                        .map(|(e, _)| e.clone())
+                })
             });
-            for (exhibit, rank) in worst.into_iter().map(|e| (e, "worst")).chain(best.into_iter().map(|e| (e, "best")))
+            for (exhibit, rank) in worst
+                .into_iter()
+                .map(|e| (e, "worst"))
+                .chain(best.into_iter().map(|e| (e, "best")))
             {
-                if let Some(Exhibit::Picture { caption, png, size, marks }) = exhibit {
+                if let Some(Exhibit::Picture {
+                    caption,
+                    png,
+                    size,
+                    marks,
+                }) = exhibit
+                {
                     finding.exhibits.push(Exhibit::Picture {
                         caption: caption.replace("RANK", rank),
                         png,
@@ -183,7 +241,12 @@ impl Points {
 }
 
 /// The conditions, and what they come to.
-fn conclude(checkpoints: &[Checkpoint], points: &[[Point; 2]], cells: [Cells; 2], finding: &mut Finding) {
+fn conclude(
+    checkpoints: &[Checkpoint],
+    points: &[[Point; 2]],
+    cells: [Cells; 2],
+    finding: &mut Finding,
+) {
     let right = cells.map(|c| c.right_percent());
     finding.condition(
         (right[0] - right[1]).abs() <= NEAR,
@@ -193,27 +256,48 @@ fn conclude(checkpoints: &[Checkpoint], points: &[[Point; 2]], cells: [Cells; 2]
             right[0], right[1]
         ),
     );
-    let elsewhere: Vec<_> = checkpoints.iter().zip(points).filter(|(c, p)| c.number != 2 && p[0].wrong > 0).collect();
+    let elsewhere: Vec<_> = checkpoints
+        .iter()
+        .zip(points)
+        .filter(|(c, p)| c.number != 2 && p[0].wrong > 0)
+        .collect();
     let places: Vec<_> = elsewhere
         .iter()
-        .map(|(c, p)| format!("{} (in {} of {} frames)", c.number, p[0].wrong, p[0].tally.frames))
+        .map(|(c, p)| {
+            format!(
+                "{} (in {} of {} frames)",
+                c.number, p[0].wrong, p[0].tally.frames
+            )
+        })
         .collect();
     finding.condition(
         elsewhere.is_empty(),
         match &places[..] {
             [] => "v3 has wrong cells at no point but 2.".to_owned(),
-            places => format!("v3 has wrong cells at no point but 2: it has some at {}.", places.join(", ")),
+            places => format!(
+                "v3 has wrong cells at no point but 2: it has some at {}.",
+                places.join(", ")
+            ),
         },
     );
-    let sum = |of: fn(&Point) -> usize, algorithm: usize| points.iter().map(|p| of(&p[algorithm])).sum::<usize>();
+    let sum = |of: fn(&Point) -> usize, algorithm: usize| {
+        points.iter().map(|p| of(&p[algorithm])).sum::<usize>()
+    };
     let frames = sum(|p| p.tally.frames, 0);
     let wrong = [0, 1].map(|a| sum(|p| p.wrong, a));
     finding.condition(
         wrong[0] < wrong[1],
-        format!("The SVS is wrong in more frames than v3: {} and {} of {frames}.", wrong[1], wrong[0]),
+        format!(
+            "The SVS is wrong in more frames than v3: {} and {} of {frames}.",
+            wrong[1], wrong[0]
+        ),
     );
     for number in [2, 6] {
-        for (checkpoint, point) in checkpoints.iter().zip(points).filter(|(c, _)| c.number == number) {
+        for (checkpoint, point) in checkpoints
+            .iter()
+            .zip(points)
+            .filter(|(c, _)| c.number == number)
+        {
             let right = point.each_ref().map(|p| p.cells.right_percent());
             finding.condition(
                 right[1] > right[0],
@@ -226,7 +310,10 @@ fn conclude(checkpoints: &[Checkpoint], points: &[[Point; 2]], cells: [Cells; 2]
     }
     finding.condition(
         cells[1].first_column == 0,
-        format!("The SVS's first column is unknown in every frame: {} of its cells are known.", cells[1].first_column),
+        format!(
+            "The SVS's first column is unknown in every frame: {} of its cells are known.",
+            cells[1].first_column
+        ),
     );
     let passed = [0, 1].map(|a| sum(|p| p.tally.passed, a));
     finding.why = format!(
@@ -238,14 +325,17 @@ fn conclude(checkpoints: &[Checkpoint], points: &[[Point; 2]], cells: [Cells; 2]
 impl Sink for Points {
     fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
         let shape = self.scenario.grid.shape();
-        let (Some(truth), Some(pose)) = (true_grid(frame, shape), &frame.pose) else { return Ok(()) };
+        let (Some(truth), Some(pose)) = (true_grid(frame, shape), &frame.pose) else {
+            return Ok(());
+        };
         for (a, estimate) in estimates.iter().enumerate() {
             let judgements = judge_cells(&truth, &estimate.grid, self.scenario.cells);
             self.cells[a].add(&estimate.grid, &judgements);
             for (checkpoint, point) in self.scenario.checkpoints.iter().zip(&mut self.points) {
                 if checkpoint.covers(pose) {
                     let verdict = checkpoint.judge(&estimate.grid, &judgements);
-                    let exhibit = exhibit(frame, estimate, &judgements, checkpoint, NAMES[a], &verdict)?;
+                    let exhibit =
+                        exhibit(frame, estimate, &judgements, checkpoint, NAMES[a], &verdict)?;
                     point[a].tally.add(verdict, || exhibit.clone());
                     point[a].wrong += usize::from(verdict.wrong > 0);
                     point[a].cells.add(&estimate.grid, &judgements);
@@ -269,13 +359,27 @@ fn exhibit(
     verdict: &CheckpointFrame,
 ) -> Result<Exhibit> {
     let size = frame.pair.size();
-    let drawn = marks(&estimate.grid, size, Nearness::of_frame(frame)).into_iter().zip(judgements);
-    let outcome = verdict.reasons().map_or_else(|| "passes".to_owned(), |reasons| format!("fails, {reasons}"));
+    let drawn = marks(&estimate.grid, size, Nearness::of_frame(frame))
+        .into_iter()
+        .zip(judgements);
+    let outcome = verdict.reasons().map_or_else(
+        || "passes".to_owned(),
+        |reasons| format!("fails, {reasons}"),
+    );
     Ok(Exhibit::Picture {
         caption: format!("Point {}: {name} RANK: {outcome}", checkpoint.number),
-        png: encode_png(size.0, size.1, &frame.pair.left().pixels().collect::<Vec<_>>())?,
+        png: encode_png(
+            size.0,
+            size.1,
+            &frame.pair.left().pixels().collect::<Vec<_>>(),
+        )?,
         size,
-        marks: drawn.map(|(mark, j)| Drawn { mark, wrong: j.verdict == Verdict::Wrong }).collect(),
+        marks: drawn
+            .map(|(mark, j)| Drawn {
+                mark,
+                wrong: j.verdict == Verdict::Wrong,
+            })
+            .collect(),
     })
 }
 
@@ -286,17 +390,33 @@ mod tests {
     /// Points with so many frames that pass and so many with a wrong cell, of ten.
     fn points(v3: [(usize, usize); 6], svs: [(usize, usize); 6]) -> Vec<[Point; 2]> {
         let point = |(passed, wrong)| Point {
-            tally: CheckpointTally { frames: 10, passed, ..CheckpointTally::default() },
+            tally: CheckpointTally {
+                frames: 10,
+                passed,
+                ..CheckpointTally::default()
+            },
             wrong,
-            cells: Cells { all: 150, right: 10 * passed, ..Cells::default() },
+            cells: Cells {
+                all: 150,
+                right: 10 * passed,
+                ..Cells::default()
+            },
         };
-        v3.into_iter().zip(svs).map(|(v3, svs)| [point(v3), point(svs)]).collect()
+        v3.into_iter()
+            .zip(svs)
+            .map(|(v3, svs)| [point(v3), point(svs)])
+            .collect()
     }
 
     #[test]
     fn what_the_thesis_saw_holds() {
         let checkpoints = Scenario::arena().unwrap().checkpoints;
-        let cells = Cells { all: 100, right: 40, wrong: 3, first_column: 0 };
+        let cells = Cells {
+            all: 100,
+            right: 40,
+            wrong: 3,
+            first_column: 0,
+        };
         let met = |v3, svs, cells| {
             let mut finding = Finding::default();
             conclude(&checkpoints, &points(v3, svs), cells, &mut finding);
@@ -305,7 +425,11 @@ mod tests {
         let v3 = [(10, 0), (4, 3), (10, 0), (10, 0), (10, 0), (8, 0)];
         let svs = [(9, 1), (6, 4), (9, 1), (9, 1), (9, 1), (10, 0)];
         assert_eq!(met(v3, svs, [cells; 2]), [true; 6]);
-        let seen = Cells { right: 46, first_column: 1, ..cells };
+        let seen = Cells {
+            right: 46,
+            first_column: 1,
+            ..cells
+        };
         assert_eq!(met(svs, v3, [cells, seen]), [false; 6]);
     }
 }

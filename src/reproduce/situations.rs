@@ -23,7 +23,10 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const SHAPE: GridShape = GridShape { columns: 6, rows: 3 };
+const SHAPE: GridShape = GridShape {
+    columns: 6,
+    rows: 3,
+};
 const ALGORITHMS: [&str; 2] = ["dp", "v3"];
 
 /// A view of table 5.1 or annex A.
@@ -35,14 +38,46 @@ struct Situation {
 }
 
 const SITUATIONS: [Situation; 8] = [
-    Situation { name: "normal", thesis: "as expected", view: normal },
-    Situation { name: "small escape", thesis: "totally missed", view: small_escape },
-    Situation { name: "low light", thesis: "completely wrong", view: low_light },
-    Situation { name: "single object", thesis: "", view: single_object },
-    Situation { name: "infinite distance", thesis: "", view: infinite_distance },
-    Situation { name: "tilt", thesis: "", view: tilt },
-    Situation { name: "dark", thesis: "", view: dark },
-    Situation { name: "too far", thesis: "", view: too_far },
+    Situation {
+        name: "normal",
+        thesis: "as expected",
+        view: normal,
+    },
+    Situation {
+        name: "small escape",
+        thesis: "totally missed",
+        view: small_escape,
+    },
+    Situation {
+        name: "low light",
+        thesis: "completely wrong",
+        view: low_light,
+    },
+    Situation {
+        name: "single object",
+        thesis: "",
+        view: single_object,
+    },
+    Situation {
+        name: "infinite distance",
+        thesis: "",
+        view: infinite_distance,
+    },
+    Situation {
+        name: "tilt",
+        thesis: "",
+        view: tilt,
+    },
+    Situation {
+        name: "dark",
+        thesis: "",
+        view: dark,
+    },
+    Situation {
+        name: "too far",
+        thesis: "",
+        view: too_far,
+    },
 ];
 
 /// A wall to the left and one to the right, high enough to leave the view above, and one behind.
@@ -61,7 +96,8 @@ const DOOR: usize = 4;
 
 fn small_escape() -> ArenaConfig {
     let mut config = stage::empty();
-    // Seen from the left camera, 22 mm left of the middle, 0.5 m away: columns 4 to 5 of 6 are 81 mm to 163 mm right.
+    // Seen from the left camera, 22 mm left of the middle, 0.5 m away: columns 4 to 5 of 6 are 81
+    // mm to 163 mm right.
     let (from, to) = (0.050, 0.150);
     config.world.blocks = vec![
         stage::block(0.5, from - 0.5, [1.0, 0.05, 0.6], 0.0),
@@ -134,19 +170,46 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         "v3: unknown",
     ]);
     for (situation, outcome) in SITUATIONS.iter().zip(&outcomes) {
-        let thesis = if situation.thesis.is_empty() { "–" } else { situation.thesis };
+        let thesis = if situation.thesis.is_empty() {
+            "–"
+        } else {
+            situation.thesis
+        };
         let [dp, v3] = outcome.each_ref().map(Judged::tally);
-        let [a, b, c, d, e] = [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown].map(|n| Value::from(n as f64));
-        rows.row(situation.name, [Value::Text(thesis.to_owned()), a, b, c, d, e]);
+        let [a, b, c, d, e] =
+            [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown].map(|n| Value::from(n as f64));
+        rows.row(
+            situation.name,
+            [Value::Text(thesis.to_owned()), a, b, c, d, e],
+        );
     }
-    finding.exhibits.extend(outcomes.iter_mut().flatten().filter_map(|judged| judged.exhibit.take()));
+    finding.exhibits.extend(
+        outcomes
+            .iter_mut()
+            .flatten()
+            .filter_map(|judged| judged.exhibit.take()),
+    );
     conclude(&outcomes, &mut finding);
-    let bars = SITUATIONS.iter().zip(&outcomes).flat_map(|(situation, outcome)| {
-        ALGORITHMS.iter().zip(outcome).map(move |(algorithm, judged)| {
-            let CellTally { right, wrong, unknown, .. } = judged.tally();
-            (format!("{}, {algorithm}", situation.name), [right, wrong, unknown].map(|n| n as f64).to_vec())
-        })
-    });
+    let bars = SITUATIONS
+        .iter()
+        .zip(&outcomes)
+        .flat_map(|(situation, outcome)| {
+            ALGORITHMS
+                .iter()
+                .zip(outcome)
+                .map(move |(algorithm, judged)| {
+                    let CellTally {
+                        right,
+                        wrong,
+                        unknown,
+                        ..
+                    } = judged.tally();
+                    (
+                        format!("{}, {algorithm}", situation.name),
+                        [right, wrong, unknown].map(|n| n as f64).to_vec(),
+                    )
+                })
+        });
     let chart = Bars {
         title: "Cells of eight situations".into(),
         label: "cells of 18".into(),
@@ -162,7 +225,8 @@ fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
     let wrong = |situation: usize, algorithm: usize| outcomes[situation][algorithm].tally().wrong;
     let cells = SHAPE.cells();
     let [normal, escape, low] = [0, 1, 2];
-    let lowest = (0..SHAPE.columns).filter(|&column| outcomes[normal][0].at(column, SHAPE.rows - 1) == Verdict::Wrong);
+    let lowest = (0..SHAPE.columns)
+        .filter(|&column| outcomes[normal][0].at(column, SHAPE.rows - 1) == Verdict::Wrong);
     finding.condition(
         4 * wrong(normal, 0) <= cells,
         format!(
@@ -183,14 +247,26 @@ fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
     );
     finding.condition(
         2 * wrong(low, 0) > cells,
-        format!("In low light more than half of dp's cells are wrong: {}.", wrong(low, 0)),
+        format!(
+            "In low light more than half of dp's cells are wrong: {}.",
+            wrong(low, 0)
+        ),
     );
-    let better = (0..outcomes.len()).filter(|&s| wrong(s, 1) < wrong(s, 0)).count();
+    let better = (0..outcomes.len())
+        .filter(|&s| wrong(s, 1) < wrong(s, 0))
+        .count();
     finding.condition(
         better == outcomes.len(),
-        format!("v3 has fewer wrong cells in every situation: in {better} of {}.", outcomes.len()),
+        format!(
+            "v3 has fewer wrong cells in every situation: in {better} of {}.",
+            outcomes.len()
+        ),
     );
-    let all = |algorithm: usize| (0..outcomes.len()).map(|s| wrong(s, algorithm)).sum::<usize>();
+    let all = |algorithm: usize| {
+        (0..outcomes.len())
+            .map(|s| wrong(s, algorithm))
+            .sum::<usize>()
+    };
     finding.why = format!(
         "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in low light, {} in all eight \
          situations; v3 has {}, and of {} of the {} it says that it does not know.",
@@ -199,7 +275,10 @@ fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
         wrong(low, 0),
         all(0),
         all(1),
-        outcomes.iter().map(|[_, v3]| v3.tally().unknown).sum::<usize>(),
+        outcomes
+            .iter()
+            .map(|[_, v3]| v3.tally().unknown)
+            .sum::<usize>(),
         cells * outcomes.len()
     );
 }
@@ -211,7 +290,9 @@ fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame>
     }
     let arena = Arena::new(config, stage::SEED)?;
     let roll = |i: &u64| (arena.pose(*i).rotation * nalgebra::Vector3::x()).z.abs();
-    let frame = (0..arena.frames()).max_by(|a, b| roll(a).total_cmp(&roll(b))).unwrap_or(0);
+    let frame = (0..arena.frames())
+        .max_by(|a, b| roll(a).total_cmp(&roll(b)))
+        .unwrap_or(0);
     context.step()?;
     arena.frame(frame)
 }
@@ -232,21 +313,50 @@ impl Judged {
     }
 }
 
-fn judged(context: &mut Context<'_>, algorithm: &str, situation: &Situation, frame: &Frame) -> Result<Judged> {
+fn judged(
+    context: &mut Context<'_>,
+    algorithm: &str,
+    situation: &Situation,
+    frame: &Frame,
+) -> Result<Judged> {
     let map = context.matched(algorithm, &frame.pair)?;
     let grid = depth::grid(map.disparity(), SHAPE, MIN_VALID, frame.rig.as_ref());
     let truth = true_grid(frame, SHAPE);
-    let judgements = truth.map_or_else(Vec::new, |truth| judge_cells(&truth, &grid, CellRule::Distance));
+    let judgements = truth.map_or_else(Vec::new, |truth| {
+        judge_cells(&truth, &grid, CellRule::Distance)
+    });
     let size = frame.pair.size();
-    let drawn = marks(&grid, size, Nearness::of_frame(frame)).into_iter().zip(&judgements);
-    let CellTally { right, wrong, unknown, .. } = CellTally::of(&judgements);
+    let drawn = marks(&grid, size, Nearness::of_frame(frame))
+        .into_iter()
+        .zip(&judgements);
+    let CellTally {
+        right,
+        wrong,
+        unknown,
+        ..
+    } = CellTally::of(&judgements);
     let exhibit = Exhibit::Picture {
-        caption: format!("{}, {algorithm}: {right} right, {wrong} wrong, {unknown} unknown", situation.name),
-        png: encode_png(size.0, size.1, &frame.pair.left().pixels().collect::<Vec<_>>())?,
+        caption: format!(
+            "{}, {algorithm}: {right} right, {wrong} wrong, {unknown} unknown",
+            situation.name
+        ),
+        png: encode_png(
+            size.0,
+            size.1,
+            &frame.pair.left().pixels().collect::<Vec<_>>(),
+        )?,
         size,
-        marks: drawn.map(|(mark, j)| Drawn { mark, wrong: j.verdict == Verdict::Wrong }).collect(),
+        marks: drawn
+            .map(|(mark, j)| Drawn {
+                mark,
+                wrong: j.verdict == Verdict::Wrong,
+            })
+            .collect(),
     };
-    Ok(Judged { judgements, exhibit: Some(exhibit) })
+    Ok(Judged {
+        judgements,
+        exhibit: Some(exhibit),
+    })
 }
 
 #[cfg(test)]
@@ -256,17 +366,27 @@ mod tests {
     /// An answer with so many wrong cells from the first on; the others are right.
     fn answer(wrong: usize) -> Judged {
         let cell = |i| CellJudgement {
-            verdict: if i < wrong { Verdict::Wrong } else { Verdict::Right },
+            verdict: if i < wrong {
+                Verdict::Wrong
+            } else {
+                Verdict::Right
+            },
             ..CellJudgement::NO_TRUTH
         };
-        Judged { judgements: (0..SHAPE.cells()).map(cell).collect(), exhibit: None }
+        Judged {
+            judgements: (0..SHAPE.cells()).map(cell).collect(),
+            exhibit: None,
+        }
     }
 
     #[test]
     fn what_the_thesis_saw_holds() {
         let met = |dp: [usize; 8], v3: usize| {
             let mut finding = Finding::default();
-            let outcomes: Vec<_> = dp.into_iter().map(|wrong| [answer(wrong), answer(v3)]).collect();
+            let outcomes: Vec<_> = dp
+                .into_iter()
+                .map(|wrong| [answer(wrong), answer(v3)])
+                .collect();
             conclude(&outcomes, &mut finding);
             finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>()
         };

@@ -36,19 +36,35 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         config.rig.right_row_offset_px = offset_px;
         config.rig.right_roll_deg = 0.0;
         let arena = Arena::new(&config, 1)?;
-        let frames = VIEWS.iter().map(|&view| arena.frame(view)).collect::<Result<Vec<_>>>()?;
+        let frames = VIEWS
+            .iter()
+            .map(|&view| arena.frame(view))
+            .collect::<Result<Vec<_>>>()?;
         let [sharp, smooth] = both(context, &frames)?;
-        outcomes.push((offset_px, Outcome::of(&frames, &sharp), Outcome::of(&frames, &smooth)));
+        outcomes.push((
+            offset_px,
+            Outcome::of(&frames, &sharp),
+            Outcome::of(&frames, &smooth),
+        ));
         if offset_px == OFFSETS_PX[ONE_PX] {
-            finding.exhibits.push(ssdpi_picture("ln SSDPI, 1 px too low, without smoothing", &sharp[0])?);
-            finding.exhibits.push(ssdpi_picture("ln SSDPI, 1 px too low, with smoothing", &smooth[0])?);
+            finding.exhibits.push(ssdpi_picture(
+                "ln SSDPI, 1 px too low, without smoothing",
+                &sharp[0],
+            )?);
+            finding.exhibits.push(ssdpi_picture(
+                "ln SSDPI, 1 px too low, with smoothing",
+                &smooth[0],
+            )?);
         }
     }
     let (_, sharp, smooth) = outcomes[ONE_PX];
     let lower = [sharp, smooth].map(|o| o.ssdpi.median);
     finding.condition(
         lower[1] < lower[0],
-        format!("1 px too low, smoothing lowers the median ln SSDPI: from {:.2} to {:.2}.", lower[0], lower[1]),
+        format!(
+            "1 px too low, smoothing lowers the median ln SSDPI: from {:.2} to {:.2}.",
+            lower[0], lower[1]
+        ),
     );
     finding.condition(
         smooth.right_percent > sharp.right_percent,
@@ -92,20 +108,37 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             x: Axis::new("right image too low by, px"),
             y: Axis::new(label),
             series: vec![
-                series("without smoothing", outcomes.iter().map(|(_, sharp, _)| of(sharp)).collect()),
-                series("with smoothing", outcomes.iter().map(|(.., smooth)| of(smooth)).collect()),
+                series(
+                    "without smoothing",
+                    outcomes.iter().map(|(_, sharp, _)| of(sharp)).collect(),
+                ),
+                series(
+                    "with smoothing",
+                    outcomes.iter().map(|(.., smooth)| of(smooth)).collect(),
+                ),
             ],
         }
     };
-    finding.plot(&chart("SSDPI of a misaligned pair", "median ln SSDPI", |o| o.ssdpi.median))?;
-    finding.plot(&chart("Wrong matches of a misaligned pair", "wrong matches, %", |o| o.wrong_percent))?;
+    finding.plot(&chart(
+        "SSDPI of a misaligned pair",
+        "median ln SSDPI",
+        |o| o.ssdpi.median,
+    ))?;
+    finding.plot(&chart(
+        "Wrong matches of a misaligned pair",
+        "wrong matches, %",
+        |o| o.wrong_percent,
+    ))?;
     real(context, &mut finding)?;
     Ok(finding)
 }
 
 /// Real scenes with a row of misalignment.
 fn real(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
-    let frames = context.real().map(|frame| lowered(frame?)).collect::<Result<Vec<_>>>()?;
+    let frames = context
+        .real()
+        .map(|frame| lowered(frame?))
+        .collect::<Result<Vec<_>>>()?;
     if frames.is_empty() {
         return Ok(());
     }
@@ -140,15 +173,25 @@ const HEADS: [&str; 6] = [
 
 /// Maps of the frames without and with smoothing.
 fn both(context: &mut Context<'_>, frames: &[Frame]) -> Result<[Vec<DisparityMap>; 2]> {
-    let mut maps = |algorithm| frames.iter().map(|f| context.matched(algorithm, &f.pair)).collect::<Result<_>>();
+    let mut maps = |algorithm| {
+        frames
+            .iter()
+            .map(|f| context.matched(algorithm, &f.pair))
+            .collect::<Result<_>>()
+    };
     Ok([maps(SHARP)?, maps(SMOOTH)?])
 }
 
 /// The frame with the right image one row lower.
 fn lowered(frame: Frame) -> Result<Frame> {
     let right = frame.pair.right();
-    let lower = Gray::from_fn(right.width(), right.height(), |x, y| right.get(x, y.saturating_sub(1)))?;
-    Ok(Frame { pair: StereoPair::new(frame.pair.left().clone(), lower)?, ..frame })
+    let lower = Gray::from_fn(right.width(), right.height(), |x, y| {
+        right.get(x, y.saturating_sub(1))
+    })?;
+    Ok(Frame {
+        pair: StereoPair::new(frame.pair.left().clone(), lower)?,
+        ..frame
+    })
 }
 
 /// What maps come to, all pixels together.
@@ -164,8 +207,20 @@ struct Outcome {
 
 impl Outcome {
     fn values(&self) -> [Value; 5] {
-        let Self { ssdpi, valid_percent, right_percent, wrong_percent } = *self;
-        [ssdpi.median, ssdpi.mean, valid_percent, right_percent, wrong_percent].map(Value::from)
+        let Self {
+            ssdpi,
+            valid_percent,
+            right_percent,
+            wrong_percent,
+        } = *self;
+        [
+            ssdpi.median,
+            ssdpi.mean,
+            valid_percent,
+            right_percent,
+            wrong_percent,
+        ]
+        .map(Value::from)
     }
 
     fn of(frames: &[Frame], maps: &[DisparityMap]) -> Self {
@@ -173,14 +228,20 @@ impl Outcome {
         for (frame, map) in frames.iter().zip(maps) {
             pixels += map.size().0 * map.size().1;
             matches += map.valid();
-            let judged = frame.truth.iter().flat_map(|truth| valid(map).filter_map(|v| right(truth, &v)));
+            let judged = frame
+                .truth
+                .iter()
+                .flat_map(|truth| valid(map).filter_map(|v| right(truth, &v)));
             for right in judged {
                 known += 1;
                 good += usize::from(right);
             }
         }
         Self {
-            ssdpi: ssdpi(maps).unwrap_or(Spread { mean: f64::NAN, median: f64::NAN }),
+            ssdpi: ssdpi(maps).unwrap_or(Spread {
+                mean: f64::NAN,
+                median: f64::NAN,
+            }),
             valid_percent: percent(matches, pixels).unwrap_or(f64::NAN),
             right_percent: percent(good, pixels).unwrap_or(f64::NAN),
             wrong_percent: percent(known - good, known).unwrap_or(f64::NAN),
@@ -203,7 +264,10 @@ mod tests {
             pair: StereoPair::new(image.clone(), image).unwrap(),
             rig: None,
             pose: None,
-            truth: Some(Truth { disparity: Plane::filled(4, 1, 3.0).unwrap(), visibility: None }),
+            truth: Some(Truth {
+                disparity: Plane::filled(4, 1, 3.0).unwrap(),
+                visibility: None,
+            }),
             exposure: Exposure::default(),
         };
         let mut map = DisparityMap::new(4, 1).unwrap();
@@ -211,6 +275,13 @@ mod tests {
         row.accept(0, 3.0, 0);
         row.accept(1, 5.5, 6);
         let outcome = Outcome::of(&[frame], &[map]);
-        assert_eq!((outcome.valid_percent, outcome.right_percent, outcome.wrong_percent), (50.0, 25.0, 50.0));
+        assert_eq!(
+            (
+                outcome.valid_percent,
+                outcome.right_percent,
+                outcome.wrong_percent
+            ),
+            (50.0, 25.0, 50.0)
+        );
     }
 }

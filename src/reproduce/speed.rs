@@ -34,19 +34,36 @@ const NEEDED: f64 = 7.0;
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let pair = Arena::new(&ArenaConfig::default(), 1)?.frame(140)?.pair;
     let picked = isa()?;
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::Invalid(e.to_string()))?;
+    let one = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .map_err(|e| Error::Invalid(e.to_string()))?;
     let mut rates = Vec::new();
     for isa in [Isa::PORTABLE, picked] {
         context.step()?;
         rates.push(one.install(|| frames_per_second(isa, &pair))?);
     }
     let mut finding = Finding::default();
-    for ((isa, rates), thesis) in ["portable", picked.name()].iter().zip(&rates).zip([true, false]) {
+    for ((isa, rates), thesis) in ["portable", picked.name()]
+        .iter()
+        .zip(&rates)
+        .zip([true, false])
+    {
         for ((name, _, said), rate) in CONTESTANTS.iter().zip(rates) {
-            finding.quantity(format!("{name}, {isa}"), "fps", if thesis { said } else { "" }, *rate);
+            finding.quantity(
+                format!("{name}, {isa}"),
+                "fps",
+                if thesis { said } else { "" },
+                *rate,
+            );
         }
     }
-    finding.quantity("SVS over v3, portable", "", "1.2", rates[0][1] / rates[0][0]);
+    finding.quantity(
+        "SVS over v3, portable",
+        "",
+        "1.2",
+        rates[0][1] / rates[0][0],
+    );
     conclude(rates[0], &mut finding);
     finding.why = format!(
         "On {}, one thread, v3 matches {:.0} and the SVS's relative {:.0} pairs a second in portable code, {:.0} and {:.0} with \
@@ -58,10 +75,19 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         rates[1][1],
         picked.name()
     );
-    let bars = ["portable", picked.name()].into_iter().zip(&rates).flat_map(|(isa, rates)| {
-        CONTESTANTS.iter().zip(rates).map(move |((name, ..), rate)| (format!("{name}, {isa}"), vec![*rate]))
-    });
-    let thesis = [("v3, thesis".to_owned(), vec![7.0]), ("SVS, thesis".to_owned(), vec![8.5])];
+    let bars = ["portable", picked.name()]
+        .into_iter()
+        .zip(&rates)
+        .flat_map(|(isa, rates)| {
+            CONTESTANTS
+                .iter()
+                .zip(rates)
+                .map(move |((name, ..), rate)| (format!("{name}, {isa}"), vec![*rate]))
+        });
+    let thesis = [
+        ("v3, thesis".to_owned(), vec![7.0]),
+        ("SVS, thesis".to_owned(), vec![8.5]),
+    ];
     let chart = Bars {
         title: "Frames a second, 320 x 240".into(),
         label: "frames a second, one thread".into(),
@@ -73,13 +99,20 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
 }
 
 fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
-    finding
-        .condition(v3 >= NEEDED, format!("v3 gives a robot the {NEEDED} frames a second it needs: {v3:.0}, portable."));
-    finding
-        .condition(svs > v3, format!("The SVS is faster than v3: {svs:.0} against {v3:.0} frames a second, portable."));
+    finding.condition(
+        v3 >= NEEDED,
+        format!("v3 gives a robot the {NEEDED} frames a second it needs: {v3:.0}, portable."),
+    );
+    finding.condition(
+        svs > v3,
+        format!("The SVS is faster than v3: {svs:.0} against {v3:.0} frames a second, portable."),
+    );
     finding.condition(
         svs.max(v3) < SLIGHTLY * svs.min(v3),
-        format!("They differ by less than a factor of {SLIGHTLY}: by {:.2}.", svs.max(v3) / svs.min(v3)),
+        format!(
+            "They differ by less than a factor of {SLIGHTLY}: by {:.2}.",
+            svs.max(v3) / svs.min(v3)
+        ),
     );
 }
 
@@ -98,7 +131,10 @@ fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
         (0..3).try_for_each(|_| time(&mut *matcher).map(drop))?;
         matchers.push((matcher, Vec::new()));
     }
-    while matchers.iter().any(|(_, times): &(_, Vec<Duration>)| times.iter().sum::<Duration>() < BUDGET) {
+    while matchers
+        .iter()
+        .any(|(_, times): &(_, Vec<Duration>)| times.iter().sum::<Duration>() < BUDGET)
+    {
         for (matcher, times) in &mut matchers {
             times.push(time(&mut **matcher)?);
         }

@@ -75,8 +75,14 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     if let [_, real @ ..] = &all[..]
         && !real.is_empty()
     {
-        let flatter = real.iter().filter(|(_, f)| f.dropped_contrast <= 0.5 * f.kept_contrast).count();
-        let steadier = real.iter().filter(|(_, f)| f.dog_changes < f.deviation_changes).count();
+        let flatter = real
+            .iter()
+            .filter(|(_, f)| f.dropped_contrast <= 0.5 * f.kept_contrast)
+            .count();
+        let steadier = real
+            .iter()
+            .filter(|(_, f)| f.dog_changes < f.deviation_changes)
+            .count();
         finding.condition(
             2 * flatter > real.len() && 2 * steadier > real.len(),
             format!(
@@ -97,10 +103,19 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         arena.deviation_changes
     );
     plots(&mut finding, left.row(ROW), arena.kept.row(ROW))?;
-    finding.exhibits.push(gray_picture("the view, vertically smoothed", &left)?);
-    let masked =
-        Plane::from_fn(left.width(), left.height(), |x, y| if arena.kept.get(x, y) { left.get(x, y) } else { 0 })?;
-    finding.exhibits.push(gray_picture("what the filter keeps", &masked)?);
+    finding
+        .exhibits
+        .push(gray_picture("the view, vertically smoothed", &left)?);
+    let masked = Plane::from_fn(left.width(), left.height(), |x, y| {
+        if arena.kept.get(x, y) {
+            left.get(x, y)
+        } else {
+            0
+        }
+    })?;
+    finding
+        .exhibits
+        .push(gray_picture("what the filter keeps", &masked)?);
     Ok(finding)
 }
 
@@ -108,13 +123,23 @@ fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) -> Result<()> {
     let series = |name: &str, values: Vec<f64>| Series {
         name: name.into(),
         form: Form::Line,
-        points: values.into_iter().enumerate().map(|(x, value)| (x as f64, value)).collect(),
+        points: values
+            .into_iter()
+            .enumerate()
+            .map(|(x, value)| (x as f64, value))
+            .collect(),
     };
-    let x = || Axis { range: Some((0.0, row.len() as f64)), ..Axis::new("x, px") };
+    let x = || Axis {
+        range: Some((0.0, row.len() as f64)),
+        ..Axis::new("x, px")
+    };
     finding.plot(&Chart {
         title: "A row of the image".into(),
         x: x(),
-        y: Axis { range: Some((0.0, 255.0)), ..Axis::new("grey level") },
+        y: Axis {
+            range: Some((0.0, 255.0)),
+            ..Axis::new("grey level")
+        },
         series: vec![series("", row.iter().map(|&v| f64::from(v)).collect())],
     })?;
     let [fine, coarse] = responses(row);
@@ -127,8 +152,16 @@ fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) -> Result<()> {
     finding.plot(&Chart {
         title: "Scale of the stronger response: 2 is dropped".into(),
         x: x(),
-        y: Axis { range: Some((0.0, 3.0)), ..Axis::new("scale") },
-        series: vec![series("", kept.iter().map(|&kept| if kept { 1.0 } else { 2.0 }).collect())],
+        y: Axis {
+            range: Some((0.0, 3.0)),
+            ..Axis::new("scale")
+        },
+        series: vec![series(
+            "",
+            kept.iter()
+                .map(|&kept| if kept { 1.0 } else { 2.0 })
+                .collect(),
+        )],
     })
 }
 
@@ -153,7 +186,11 @@ struct Filtered {
 impl Filtered {
     fn of(image: &Gray) -> Result<Self> {
         let (width, height) = image.size();
-        let (isa, dog, deviation) = (isa()?, DogTexture::new(SIGMA, DELTA), DeviationTexture::new(DEVIATION));
+        let (isa, dog, deviation) = (
+            isa()?,
+            DogTexture::new(SIGMA, DELTA),
+            DeviationTexture::new(DEVIATION),
+        );
         let mask = |image: &Gray, deviating: bool| {
             let mut mask = Plane::filled(width, height, false)?;
             if deviating {
@@ -166,9 +203,11 @@ impl Filtered {
         let dark = image.map(|v| v / 2);
         let kept = mask(image, false)?;
         let contrast = |which: bool| {
-            let windows = (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
+            let windows =
+                (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
             let windows = windows.filter(|&(x, y)| kept.get(x, y) == which);
-            Spread::of(windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4]))).map_or(f64::NAN, |s| s.median)
+            Spread::of(windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4])))
+                .map_or(f64::NAN, |s| s.median)
         };
         let changes = |a: &Plane<bool>, b: &Plane<bool>| {
             let changed = a.pixels().zip(b.pixels()).filter(|(a, b)| a != b).count();
@@ -186,8 +225,22 @@ impl Filtered {
     }
 
     fn values(&self) -> [Value; 5] {
-        let Self { dropped_percent, kept_contrast, dropped_contrast, dog_changes, deviation_changes, .. } = *self;
-        [dropped_percent, kept_contrast, dropped_contrast, dog_changes, deviation_changes].map(Value::from)
+        let Self {
+            dropped_percent,
+            kept_contrast,
+            dropped_contrast,
+            dog_changes,
+            deviation_changes,
+            ..
+        } = *self;
+        [
+            dropped_percent,
+            kept_contrast,
+            dropped_contrast,
+            dog_changes,
+            deviation_changes,
+        ]
+        .map(Value::from)
     }
 }
 
@@ -200,15 +253,19 @@ fn deviation_of(window: &[u8]) -> f64 {
 
 /// The fine and the coarse response along a row (annex C), ends replicated.
 fn responses(row: &[u8]) -> [Vec<f64>; 2] {
-    let gaussian =
-        |sigma: f64, t: f64| (-t * t / (2.0 * sigma * sigma)).exp() / (sigma * (2.0 * std::f64::consts::PI).sqrt());
+    let gaussian = |sigma: f64, t: f64| {
+        (-t * t / (2.0 * sigma * sigma)).exp() / (sigma * (2.0 * std::f64::consts::PI).sqrt())
+    };
     let last = row.len() as i64 - 1;
     [0.0, 1.0].map(|scale| {
         let (a, b) = (SIGMA + scale * DELTA, SIGMA + (scale + 1.0) * DELTA);
         let tap = |x: i64, t: i64| {
-            (gaussian(a, t as f64) - gaussian(b, t as f64)) * f64::from(row[(x + t).clamp(0, last) as usize])
+            (gaussian(a, t as f64) - gaussian(b, t as f64))
+                * f64::from(row[(x + t).clamp(0, last) as usize])
         };
-        (0..=last).map(|x| (-12..=11).map(|t| tap(x, t)).sum::<f64>().abs()).collect()
+        (0..=last)
+            .map(|x| (-12..=11).map(|t| tap(x, t)).sum::<f64>().abs())
+            .collect()
     })
 }
 
@@ -218,14 +275,19 @@ mod tests {
 
     #[test]
     fn the_plotted_responses_are_those_that_decide() {
-        let image =
-            Gray::from_fn(120, 4, |x, y| (128.0 + 90.0 * ((x * x + 31 * y) as f64 * 0.01).sin()) as u8).unwrap();
+        let image = Gray::from_fn(120, 4, |x, y| {
+            (128.0 + 90.0 * ((x * x + 31 * y) as f64 * 0.01).sin()) as u8
+        })
+        .unwrap();
         let filtered = Filtered::of(&image).unwrap();
         for y in 0..4 {
             let [fine, coarse] = responses(image.row(y));
             for x in 0..120 {
                 let clear = (fine[x] - coarse[x]).abs() > 0.05;
-                assert!(!clear || filtered.kept.get(x, y) == (fine[x] >= coarse[x]), "{x} {y}");
+                assert!(
+                    !clear || filtered.kept.get(x, y) == (fine[x] >= coarse[x]),
+                    "{x} {y}"
+                );
             }
         }
     }

@@ -27,10 +27,13 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 const CLOSE_M: f64 = 0.2;
 /// Distances from which it is approached, the farthest first.
 const APPROACH_M: [f64; 7] = [1.0, 0.7, 0.5, 0.4, 0.3, 0.25, 0.2];
-/// Other readings of the symmetric check: equal disparities; right pixels matched back only where they are textured; both,
-/// which is the thesis to the letter.
-const VARIANTS: [&str; 3] =
-    ["symmetric check, 0 px", "symmetric check, texture on both sides", "symmetric check to the letter"];
+/// Other readings of the symmetric check: equal disparities; right pixels matched back only where
+/// they are textured; both, which is the thesis to the letter.
+const VARIANTS: [&str; 3] = [
+    "symmetric check, 0 px",
+    "symmetric check, texture on both sides",
+    "symmetric check to the letter",
+];
 const LETTER: usize = 2;
 /// Difference of ln SSDPIs that is comparable.
 const COMPARABLE: f64 = 0.5;
@@ -41,8 +44,18 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let close = Checked::of(&frame)?;
     let dropped = close.contest.dropped();
     finding.quantity("matches that the self check drops", "%", "35", dropped[0]);
-    finding.quantity("matches that the symmetric check drops, as v1 has it", "%", "55", dropped[1]);
-    finding.quantity("matches that it drops, to the letter", "%", "55", dropped[2]);
+    finding.quantity(
+        "matches that the symmetric check drops, as v1 has it",
+        "%",
+        "55",
+        dropped[1],
+    );
+    finding.quantity(
+        "matches that it drops, to the letter",
+        "%",
+        "55",
+        dropped[2],
+    );
     conditions("Before the close object", &close.contest, &mut finding);
     let mut why = format!("Before the close object {}", close.contest.words());
     let mut rows = close.contest.rows("close object");
@@ -71,21 +84,34 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         "right matches dropped, %",
         "wrong among the rest, %",
     ]);
-    rows.into_iter().for_each(|(name, values)| table.row(name, values));
+    rows.into_iter()
+        .for_each(|(name, values)| table.row(name, values));
     finding.plot(&approach)?;
     finding.plot(&both_checks(shares, dropped))?;
-    finding.exhibits.push(gray_picture("the left image", frame.pair.left())?);
-    finding.exhibits.push(ssdpi_picture("ln SSDPI of all matches", &close.matches)?);
-    finding.exhibits.push(ssdpi_picture("ln SSDPI of what the self check keeps", &close.own)?);
-    finding.exhibits.push(ssdpi_picture("ln SSDPI of what the symmetric check keeps", &close.symmetric)?);
+    finding
+        .exhibits
+        .push(gray_picture("the left image", frame.pair.left())?);
+    finding
+        .exhibits
+        .push(ssdpi_picture("ln SSDPI of all matches", &close.matches)?);
+    finding.exhibits.push(ssdpi_picture(
+        "ln SSDPI of what the self check keeps",
+        &close.own,
+    )?);
+    finding.exhibits.push(ssdpi_picture(
+        "ln SSDPI of what the symmetric check keeps",
+        &close.symmetric,
+    )?);
     Ok(finding)
 }
 
 /// A block turned by 35°, a ball beside it and a wall behind.
 fn close_object(ahead_m: f64) -> ArenaConfig {
     let mut config = stage::empty();
-    config.world.blocks =
-        vec![stage::block(ahead_m, 0.03, [0.12, 0.08, 0.14], 35.0), stage::block(1.5, 0.0, [3.0, 0.1, 0.8], 0.0)];
+    config.world.blocks = vec![
+        stage::block(ahead_m, 0.03, [0.12, 0.08, 0.14], 35.0),
+        stage::block(1.5, 0.0, [3.0, 0.1, 0.8], 0.0),
+    ];
     config.world.balls = vec![stage::ball(ahead_m + 0.02, -0.06, 0.035)];
     config
 }
@@ -110,12 +136,18 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
     let series = |name: &str, check: usize| Series {
         name: name.into(),
         form: Form::Both,
-        points: dropped.iter().map(|(ahead_m, dropped)| (*ahead_m, dropped[check])).collect(),
+        points: dropped
+            .iter()
+            .map(|(ahead_m, dropped)| (*ahead_m, dropped[check]))
+            .collect(),
     };
     Ok(Chart {
         title: "The same object from far to near".into(),
         x: Axis::new("distance of the object, m"),
-        y: Axis { range: Some((0.0, 80.0)), ..Axis::new("matches dropped, %") },
+        y: Axis {
+            range: Some((0.0, 80.0)),
+            ..Axis::new("matches dropped, %")
+        },
         series: vec![
             series("self check", 0),
             series("symmetric check, as v1 has it", 1),
@@ -126,9 +158,20 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
 
 /// Each view by what the two checks drop of it.
 fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
-    let series = |name: &str, form, points| Series { name: name.into(), form, points };
-    let axis = |label: &str| Axis { range: Some((0.0, 80.0)), ..Axis::new(label) };
-    let real = |check: usize| real.iter().map(|dropped| (dropped[check], dropped[0])).collect();
+    let series = |name: &str, form, points| Series {
+        name: name.into(),
+        form,
+        points,
+    };
+    let axis = |label: &str| Axis {
+        range: Some((0.0, 80.0)),
+        ..Axis::new(label)
+    };
+    let real = |check: usize| {
+        real.iter()
+            .map(|dropped| (dropped[check], dropped[0]))
+            .collect()
+    };
     Chart {
         title: "What both checks drop".into(),
         x: axis("dropped by the symmetric check, %"),
@@ -136,8 +179,16 @@ fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
         series: vec![
             series("real scenes, as v1 has it", Form::Points, real(1)),
             series("real scenes, to the letter", Form::Points, real(2)),
-            series("close object, as v1 has it", Form::Points, vec![(close[1], close[0])]),
-            series("close object, to the letter", Form::Points, vec![(close[2], close[0])]),
+            series(
+                "close object, as v1 has it",
+                Form::Points,
+                vec![(close[1], close[0])],
+            ),
+            series(
+                "close object, to the letter",
+                Form::Points,
+                vec![(close[2], close[0])],
+            ),
             series("close object, thesis", Form::Points, vec![(55.0, 35.0)]),
             series("as much", Form::Line, vec![(0.0, 0.0), (80.0, 80.0)]),
         ],
@@ -156,8 +207,11 @@ impl Checked {
         let correlated = Correlated::of(&frame.pair)?;
         let (own, symmetric) = (correlated.self_checked(), correlated.symmetric(1));
         let kept = |map: &DisparityMap| {
-            let judged: Vec<bool> =
-                frame.truth.iter().flat_map(|truth| valid(map).filter_map(|v| right(truth, &v))).collect();
+            let judged: Vec<bool> = frame
+                .truth
+                .iter()
+                .flat_map(|truth| valid(map).filter_map(|v| right(truth, &v)))
+                .collect();
             Kept {
                 matches: map.valid(),
                 known: judged.len(),
@@ -176,7 +230,12 @@ impl Checked {
                 kept(&correlated.symmetric_on_texture(0)),
             ],
         };
-        Ok(Self { matches: correlated.matches, own, symmetric, contest })
+        Ok(Self {
+            matches: correlated.matches,
+            own,
+            symmetric,
+            contest,
+        })
     }
 }
 
@@ -224,13 +283,16 @@ impl Contest {
     fn add(&mut self, other: Self) {
         self.matches += other.matches;
         self.good += other.good;
-        self.variants.iter_mut().zip(other.variants).for_each(|(sum, other)| sum.add(other));
+        self.variants
+            .iter_mut()
+            .zip(other.variants)
+            .for_each(|(sum, other)| sum.add(other));
         self.own.add(other.own);
         self.symmetric.add(other.symmetric);
     }
 
-    /// Shares of the matches that are dropped by the self check, by the symmetric check as v1 has it and to the letter,
-    /// percent.
+    /// Shares of the matches that are dropped by the self check, by the symmetric check as v1 has
+    /// it and to the letter, percent.
     fn dropped(&self) -> [f64; 3] {
         [&self.own, &self.symmetric, &self.variants[LETTER]]
             .map(|kept| percent(self.matches - kept.matches, self.matches).unwrap_or(f64::NAN))
@@ -252,7 +314,8 @@ impl Contest {
         )
     }
 
-    /// A line per check: matches dropped, mean and median of the rest, right ones dropped, wrong ones left.
+    /// A line per check: matches dropped, mean and median of the rest, right ones dropped, wrong
+    /// ones left.
     fn rows(&self, place: &str) -> Vec<(String, [Value; 5])> {
         let line = |(name, kept): (&str, &Kept)| {
             let spread = kept.spread();
@@ -265,8 +328,15 @@ impl Contest {
             ];
             (format!("{place}, {name}"), values.map(Value::from))
         };
-        let checks = [("self check", &self.own), ("symmetric check", &self.symmetric)];
-        checks.into_iter().chain(VARIANTS.into_iter().zip(&self.variants)).map(line).collect()
+        let checks = [
+            ("self check", &self.own),
+            ("symmetric check", &self.symmetric),
+        ];
+        checks
+            .into_iter()
+            .chain(VARIANTS.into_iter().zip(&self.variants))
+            .map(line)
+            .collect()
     }
 }
 
@@ -295,8 +365,12 @@ mod tests {
     use crate::reproduce::Verdict;
 
     fn contest(own: usize, symmetric: usize, letter: usize, ssdpi: [f64; 2]) -> Contest {
-        let kept =
-            |matches: usize, ln_ssdpi: f64| Kept { matches, known: matches, good: matches, ln_ssdpi: vec![ln_ssdpi] };
+        let kept = |matches: usize, ln_ssdpi: f64| Kept {
+            matches,
+            known: matches,
+            good: matches,
+            ln_ssdpi: vec![ln_ssdpi],
+        };
         Contest {
             matches: 100,
             good: 80,

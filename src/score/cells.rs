@@ -20,8 +20,12 @@ impl CellRule {
     /// [`Error::Invalid`] for a tolerance that is not a positive number.
     pub fn validate(&self) -> Result<()> {
         match *self {
-            Self::Disparity { tolerance_px } if !(tolerance_px > 0.0 && tolerance_px.is_finite()) => {
-                Err(Error::Invalid(format!("cells.tolerance_px = {tolerance_px} is not a positive number")))
+            Self::Disparity { tolerance_px }
+                if !(tolerance_px > 0.0 && tolerance_px.is_finite()) =>
+            {
+                Err(Error::Invalid(format!(
+                    "cells.tolerance_px = {tolerance_px} is not a positive number"
+                )))
             }
             _ => Ok(()),
         }
@@ -72,8 +76,13 @@ pub struct CellJudgement {
 
 impl CellJudgement {
     /// Of a frame without truth.
-    pub const NO_TRUTH: Self =
-        Self { verdict: Verdict::NoTruth, true_px: None, true_m: None, missed_obstacle: false, false_obstacle: false };
+    pub const NO_TRUTH: Self = Self {
+        verdict: Verdict::NoTruth,
+        true_px: None,
+        true_m: None,
+        missed_obstacle: false,
+        false_obstacle: false,
+    };
 }
 
 /// Counts over the cells of a frame.
@@ -102,28 +111,43 @@ impl CellTally {
 /// Least share of a cell's pixels whose truth must be known for the cell to have a truth.
 const MIN_KNOWN: f64 = 0.5;
 
-/// The true grid of a frame: per cell the median true disparity of its pixels, and its distance. A cell has a truth when
-/// at least half of its pixels do. Nothing for a frame without truth.
+/// The true grid of a frame: per cell the median true disparity of its pixels, and its distance. A
+/// cell has a truth when at least half of its pixels do. Nothing for a frame without truth.
 pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
     let truth = frame.truth.as_ref()?;
-    Some(depth::grid(&truth.disparity, shape, MIN_KNOWN, frame.rig.as_ref()))
+    Some(depth::grid(
+        &truth.disparity,
+        shape,
+        MIN_KNOWN,
+        frame.rig.as_ref(),
+    ))
 }
 
 /// Judges every cell of `reported` by the true grid, which has the same shape, in raster order.
 pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
     debug_assert_eq!(truth.shape(), reported.shape());
     let pairs = truth.iter().zip(reported.iter());
-    pairs.map(|((_, truth), (_, reported))| judge_cell(truth.depth.as_ref(), reported.depth.as_ref(), rule)).collect()
+    pairs
+        .map(|((_, truth), (_, reported))| {
+            judge_cell(truth.depth.as_ref(), reported.depth.as_ref(), rule)
+        })
+        .collect()
 }
 
-fn judge_cell(truth: Option<&CellDepth>, reported: Option<&CellDepth>, rule: CellRule) -> CellJudgement {
+fn judge_cell(
+    truth: Option<&CellDepth>,
+    reported: Option<&CellDepth>,
+    rule: CellRule,
+) -> CellJudgement {
     let true_m = truth.and_then(|t| t.distance_m);
     let distances = true_m.zip(reported.and_then(|r| r.distance_m));
     let within = match rule {
-        CellRule::Distance => distances.map(|(z_true, z)| (z - z_true).abs() <= (0.2 * z_true).max(0.10)),
-        CellRule::Disparity { tolerance_px } => {
-            truth.zip(reported).map(|(t, r)| (f64::from(r.median_px) - f64::from(t.median_px)).abs() <= tolerance_px)
+        CellRule::Distance => {
+            distances.map(|(z_true, z)| (z - z_true).abs() <= (0.2 * z_true).max(0.10))
         }
+        CellRule::Disparity { tolerance_px } => truth
+            .zip(reported)
+            .map(|(t, r)| (f64::from(r.median_px) - f64::from(t.median_px)).abs() <= tolerance_px),
     };
     let has_truth = match rule {
         CellRule::Distance => true_m.is_some(),
@@ -151,11 +175,20 @@ mod tests {
     use super::*;
 
     fn reported(distance_m: f64) -> CellDepth {
-        CellDepth { median_px: 10.0, p20_px: 10.0, p80_px: 10.0, distance_m: Some(distance_m) }
+        CellDepth {
+            median_px: 10.0,
+            p20_px: 10.0,
+            p80_px: 10.0,
+            distance_m: Some(distance_m),
+        }
     }
 
     fn judged(true_m: f64, reported_m: f64) -> CellJudgement {
-        judge_cell(Some(&reported(true_m)), Some(&reported(reported_m)), CellRule::Distance)
+        judge_cell(
+            Some(&reported(true_m)),
+            Some(&reported(reported_m)),
+            CellRule::Distance,
+        )
     }
 
     #[test]
@@ -176,19 +209,44 @@ mod tests {
     #[test]
     fn unknown_is_not_wrong_and_infinity_is() {
         let truth = reported(0.48);
-        assert_eq!(judge_cell(Some(&truth), None, CellRule::Distance).verdict, Verdict::Unknown);
-        let infinity = CellDepth { distance_m: None, ..reported(1.0) };
+        assert_eq!(
+            judge_cell(Some(&truth), None, CellRule::Distance).verdict,
+            Verdict::Unknown
+        );
+        let infinity = CellDepth {
+            distance_m: None,
+            ..reported(1.0)
+        };
         let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::Distance);
-        assert_eq!((judgement.verdict, judgement.missed_obstacle), (Verdict::Wrong, true));
-        assert_eq!(judge_cell(None, Some(&reported(1.0)), CellRule::Distance).verdict, Verdict::NoTruth);
+        assert_eq!(
+            (judgement.verdict, judgement.missed_obstacle),
+            (Verdict::Wrong, true)
+        );
+        assert_eq!(
+            judge_cell(None, Some(&reported(1.0)), CellRule::Distance).verdict,
+            Verdict::NoTruth
+        );
     }
 
     #[test]
     fn disparity_rule() {
-        let of = |median_px| CellDepth { median_px, distance_m: None, ..reported(1.0) };
+        let of = |median_px| CellDepth {
+            median_px,
+            distance_m: None,
+            ..reported(1.0)
+        };
         let rule = CellRule::Disparity { tolerance_px: 2.0 };
-        assert_eq!(judge_cell(Some(&of(12.0)), Some(&of(10.0)), rule).verdict, Verdict::Right);
-        assert_eq!(judge_cell(Some(&of(12.5)), Some(&of(10.0)), rule).verdict, Verdict::Wrong);
-        assert_eq!(judge_cell(Some(&of(12.5)), Some(&of(10.0)), CellRule::Distance).verdict, Verdict::NoTruth);
+        assert_eq!(
+            judge_cell(Some(&of(12.0)), Some(&of(10.0)), rule).verdict,
+            Verdict::Right
+        );
+        assert_eq!(
+            judge_cell(Some(&of(12.5)), Some(&of(10.0)), rule).verdict,
+            Verdict::Wrong
+        );
+        assert_eq!(
+            judge_cell(Some(&of(12.5)), Some(&of(10.0)), CellRule::Distance).verdict,
+            Verdict::NoTruth
+        );
     }
 }

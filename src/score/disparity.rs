@@ -3,11 +3,12 @@
 use super::judged::judged;
 use crate::stereo::{DisparityMap, Truth};
 
-/// How far a disparity map is from the truth, over the pixels whose truth is known and that both cameras see
-/// (all known pixels where nobody knows which are hidden).
+/// How far a disparity map is from the truth, over the pixels whose truth is known and that both
+/// cameras see (all known pixels where nobody knows which are hidden).
 ///
-/// Shares are 0..=1. `bad` counts `|d - truth| > t`, strictly, among the *estimated* pixels; `invalid` is the share of
-/// truth pixels without an estimate, so that a method cannot hide behind silence nor be blamed twice for it.
+/// Shares are 0..=1. `bad` counts `|d - truth| > t`, strictly, among the *estimated* pixels;
+/// `invalid` is the share of truth pixels without an estimate, so that a method cannot hide behind
+/// silence nor be blamed twice for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DisparityScore {
     /// Pixels judged.
@@ -37,12 +38,14 @@ impl DisparityScore {
         score
     }
 
-    /// Share of the estimates that are off by more than one pixel; nothing where there is no estimate.
+    /// Share of the estimates that are off by more than one pixel; nothing where there is no
+    /// estimate.
     pub fn bad1(&self) -> Option<f64> {
         share(self.bad1, self.estimated)
     }
 
-    /// Share of the estimates that are off by more than two pixels; nothing where there is no estimate.
+    /// Share of the estimates that are off by more than two pixels; nothing where there is no
+    /// estimate.
     pub fn bad2(&self) -> Option<f64> {
         share(self.bad2, self.estimated)
     }
@@ -77,18 +80,36 @@ mod tests {
         truth.set(5, 0, f32::INFINITY);
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();
         visibility.set(4, 0, Visibility::Occluded);
-        let truth = Truth { disparity: truth, visibility: Some(visibility) };
+        let truth = Truth {
+            disparity: truth,
+            visibility: Some(visibility),
+        };
         let score = DisparityScore::of(&map, &truth);
         assert_eq!((score.pixels, score.estimated), (4, 3));
-        assert_eq!((score.bad1(), score.bad2(), score.invalid()), (Some(2.0 / 3.0), Some(1.0 / 3.0), Some(0.25)));
-        let all = DisparityScore::of(&map, &Truth { visibility: None, ..truth });
+        assert_eq!(
+            (score.bad1(), score.bad2(), score.invalid()),
+            (Some(2.0 / 3.0), Some(1.0 / 3.0), Some(0.25))
+        );
+        let all = DisparityScore::of(
+            &map,
+            &Truth {
+                visibility: None,
+                ..truth
+            },
+        );
         assert_eq!((all.pixels, all.bad2()), (5, Some(0.5)));
     }
 
     #[test]
     fn nothing_estimated_is_not_zero_error() {
-        let truth = Truth { disparity: Plane::filled(2, 1, 3.0).unwrap(), visibility: None };
+        let truth = Truth {
+            disparity: Plane::filled(2, 1, 3.0).unwrap(),
+            visibility: None,
+        };
         let score = DisparityScore::of(&DisparityMap::new(2, 1).unwrap(), &truth);
-        assert_eq!((score.bad1(), score.bad2(), score.invalid()), (None, None, Some(1.0)));
+        assert_eq!(
+            (score.bad1(), score.bad2(), score.invalid()),
+            (None, None, Some(1.0))
+        );
     }
 }

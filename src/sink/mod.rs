@@ -7,7 +7,9 @@ mod rows;
 
 pub use judge::{Findings, Judge};
 pub use recording::RecordingSink;
-pub use rerun::{BoardView, Edges, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
+pub use rerun::{
+    BoardView, Edges, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout,
+};
 pub use rows::{Identity, RowSink};
 
 use crate::error::Result;

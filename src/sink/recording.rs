@@ -31,7 +31,9 @@ impl Sink for RecordingSink {
     fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
         self.writer.write(frame)?;
         self.pairs += 1;
-        estimates.iter().try_for_each(|estimate| self.writer.write_estimate(frame, estimate))
+        estimates
+            .iter()
+            .try_for_each(|estimate| self.writer.write_estimate(frame, estimate))
     }
 
     fn finish(&mut self) -> Result<()> {

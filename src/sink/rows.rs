@@ -30,26 +30,55 @@ pub(super) struct Judged {
 
 impl Identity {
     pub fn new(manifest: &Manifest, rule: CellRule, shape: GridShape) -> Self {
-        let Manifest { run_id, scenario, algorithms, .. } = manifest.clone();
-        Self { run_id, scenario, seed: None, algorithms, rule, shape }
+        let Manifest {
+            run_id,
+            scenario,
+            algorithms,
+            ..
+        } = manifest.clone();
+        Self {
+            run_id,
+            scenario,
+            seed: None,
+            algorithms,
+            rule,
+            shape,
+        }
     }
 
     /// Judges every estimate of a frame.
     pub(super) fn judge(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<Judged> {
         let truth = true_grid(frame, self.shape);
         let pair_hash = format!("{:032x}", frame.pair.hash());
-        estimates.iter().map(|estimate| self.judge_one(frame, truth.as_ref(), estimate, &pair_hash)).collect()
+        estimates
+            .iter()
+            .map(|estimate| self.judge_one(frame, truth.as_ref(), estimate, &pair_hash))
+            .collect()
     }
 
-    fn judge_one(&self, frame: &Frame, truth: Option<&DepthGrid>, estimate: &Estimate, pair_hash: &str) -> Judged {
-        let contestant = self.algorithms.iter().find(|contestant| contestant.label == estimate.algorithm);
+    fn judge_one(
+        &self,
+        frame: &Frame,
+        truth: Option<&DepthGrid>,
+        estimate: &Estimate,
+        pair_hash: &str,
+    ) -> Judged {
+        let contestant = self
+            .algorithms
+            .iter()
+            .find(|contestant| contestant.label == estimate.algorithm);
         let (width, height) = frame.pair.size();
         let judgements = truth.map(|truth| judge_cells(truth, &estimate.grid, self.rule));
         let tally = judgements.as_deref().map(CellTally::of);
         let count = |f: fn(&CellTally) -> usize| tally.as_ref().map(|t| f(t) as u64);
-        // Obstacles are a matter of distance: elsewhere none missed would be said of none looked for.
-        let obstacles = |f| count(f).filter(|_| self.rule == CellRule::Distance && frame.rig.is_some());
-        let score = frame.truth.as_ref().map(|truth| DisparityScore::of(&estimate.disparity, truth));
+        // Obstacles are a matter of distance: elsewhere none missed would be said of none looked
+        // for.
+        let obstacles =
+            |f| count(f).filter(|_| self.rule == CellRule::Distance && frame.rig.is_some());
+        let score = frame
+            .truth
+            .as_ref()
+            .map(|truth| DisparityScore::of(&estimate.disparity, truth));
         let us = |time: Duration| time.as_micros() as u64;
         let stage = |stage| us(estimate.times.get(stage));
         let row = Row {
@@ -81,10 +110,19 @@ impl Identity {
             false_obstacles: obstacles(|t| t.false_obstacles),
             result_hash: format!("{:032x}", estimate.disparity.hash()),
         };
-        Judged { cells: self.cells(frame, estimate, judgements.as_deref()), row, judgements }
+        Judged {
+            cells: self.cells(frame, estimate, judgements.as_deref()),
+            row,
+            judgements,
+        }
     }
 
-    fn cells(&self, frame: &Frame, estimate: &Estimate, judgements: Option<&[CellJudgement]>) -> Vec<CellRow> {
+    fn cells(
+        &self,
+        frame: &Frame,
+        estimate: &Estimate,
+        judgements: Option<&[CellJudgement]>,
+    ) -> Vec<CellRow> {
         let row = |(i, ((column, row), cell)): (usize, ((usize, usize), &crate::stereo::Cell))| {
             let judgement = judgements.map_or(CellJudgement::NO_TRUTH, |j| j[i]);
             CellRow {
@@ -121,7 +159,12 @@ pub struct RowSink {
 
 impl RowSink {
     pub fn new(identity: Identity, table: Option<Table<Row>>) -> Self {
-        Self { identity, table, rows: Vec::new(), pairs: 0 }
+        Self {
+            identity,
+            table,
+            rows: Vec::new(),
+            pairs: 0,
+        }
     }
 
     /// Pairs taken so far.
@@ -137,7 +180,12 @@ impl RowSink {
 
 impl super::Sink for RowSink {
     fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
-        let rows: Vec<Row> = self.identity.judge(frame, estimates).into_iter().map(|judged| judged.row).collect();
+        let rows: Vec<Row> = self
+            .identity
+            .judge(frame, estimates)
+            .into_iter()
+            .map(|judged| judged.row)
+            .collect();
         if let Some(table) = &mut self.table {
             table.push(rows.iter().cloned())?;
         }

@@ -20,7 +20,12 @@ const BATCH: u64 = 8;
 
 impl ArenaSource {
     pub fn new(arena: Arena, seed: u64) -> Self {
-        Self { arena, seed, next: 0, ready: VecDeque::new() }
+        Self {
+            arena,
+            seed,
+            next: 0,
+            ready: VecDeque::new(),
+        }
     }
 }
 
@@ -33,7 +38,10 @@ impl Source for ArenaSource {
         if self.ready.is_empty() {
             let batch = self.next..self.arena.frames().min(self.next + BATCH);
             self.next = batch.end;
-            self.ready = batch.into_par_iter().map(|i| self.arena.frame(i)).collect::<Result<_>>()?;
+            self.ready = batch
+                .into_par_iter()
+                .map(|i| self.arena.frame(i))
+                .collect::<Result<_>>()?;
         }
         Ok(self.ready.pop_front())
     }

@@ -5,7 +5,8 @@ use crate::calibrate::simulated::{MovingBoard, RATE_HZ};
 use crate::error::Result;
 use crate::stereo::{Exposure, Frame};
 
-/// Renders a board that is moved before two cameras whose images are not rectified: the frames have no rig.
+/// Renders a board that is moved before two cameras whose images are not rectified: the frames have
+/// no rig.
 pub struct BoardSource {
     board: MovingBoard,
     seed: u64,
@@ -16,7 +17,11 @@ impl BoardSource {
     /// # Errors
     /// As [`MovingBoard::new`].
     pub fn new(seed: u64) -> Result<Self> {
-        Ok(Self { board: MovingBoard::new(seed)?, seed, next: 0 })
+        Ok(Self {
+            board: MovingBoard::new(seed)?,
+            seed,
+            next: 0,
+        })
     }
 }
 
@@ -39,7 +44,10 @@ impl Source for BoardSource {
             rig: None,
             pose: None,
             truth: None,
-            exposure: Exposure { trigger_id: sequence, ..Exposure::default() },
+            exposure: Exposure {
+                trigger_id: sequence,
+                ..Exposure::default()
+            },
         }))
     }
 

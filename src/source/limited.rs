@@ -15,7 +15,13 @@ pub struct Limited {
 
 impl Limited {
     pub fn new(source: Box<dyn Source>, frames: Option<u64>, duration_ns: Option<u64>) -> Self {
-        Self { source, frames, duration_ns, taken: 0, first_ns: None }
+        Self {
+            source,
+            frames,
+            duration_ns,
+            taken: 0,
+            first_ns: None,
+        }
     }
 }
 
@@ -28,9 +34,14 @@ impl Source for Limited {
         if self.frames.is_some_and(|frames| self.taken >= frames) {
             return Ok(None);
         }
-        let Some(frame) = self.source.next()? else { return Ok(None) };
+        let Some(frame) = self.source.next()? else {
+            return Ok(None);
+        };
         let first_ns = *self.first_ns.get_or_insert(frame.stamp_ns);
-        if self.duration_ns.is_some_and(|duration| frame.stamp_ns.saturating_sub(first_ns) >= duration) {
+        if self
+            .duration_ns
+            .is_some_and(|duration| frame.stamp_ns.saturating_sub(first_ns) >= duration)
+        {
             return Ok(None);
         }
         self.taken += 1;

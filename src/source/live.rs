@@ -40,7 +40,13 @@ impl LastTally {
 impl LiveSource {
     /// `stopped`: asked while no pair comes, whether to end.
     pub fn new(name: impl Into<String>, grabber: Grabber, stopped: fn() -> bool) -> Self {
-        Self { name: name.into(), grabber, stopped, pairs: 0, last: LastTally::default() }
+        Self {
+            name: name.into(),
+            grabber,
+            stopped,
+            pairs: 0,
+            last: LastTally::default(),
+        }
     }
 
     /// Where the tally will be when this is dropped.
@@ -60,7 +66,9 @@ impl Source for LiveSource {
         if self.pairs == 0 {
             let reason = match (self.stopped)() {
                 true => "stopped before the first pair",
-                false => "gave no pair; the counts say why, and another --trigger or --pairing may help",
+                false => {
+                    "gave no pair; the counts say why, and another --trigger or --pairing may help"
+                }
             };
             return Err(Error::camera(&self.name, reason));
         }

@@ -28,7 +28,8 @@ pub trait Source: Send {
     /// The next frame, or nothing at the end.
     ///
     /// # Errors
-    /// What keeps the next frame from being read. The source may be asked again unless the error says the file is damaged.
+    /// What keeps the next frame from being read. The source may be asked again unless the error
+    /// says the file is damaged.
     fn next(&mut self) -> Result<Option<Frame>>;
 
     /// How many frames there are in all, where that is known.
@@ -45,7 +46,8 @@ pub trait Source: Send {
 pub struct LeftOut {
     /// Images that found no partner.
     pub unpaired: u64,
-    /// Images that came when those of their time had been given up, as the file is not in the order of their times.
+    /// Images that came when those of their time had been given up, as the file is not in the order
+    /// of their times.
     pub late: u64,
     /// Pairs that cannot be read.
     pub unreadable: u64,

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 ///
 /// A pair that cannot be read is left out and counted, and the first of them told.
 ///
-/// A damaged recording ends with one [`crate::Error::Damaged`], after which there are no more frames: a run may show it
-/// and go on to score the frames that came before.
+/// A damaged recording ends with one [`crate::Error::Damaged`], after which there are no more
+/// frames: a run may show it and go on to score the frames that came before.
 pub struct RecordingSource {
     reader: Reader,
     unreadable: u64,
@@ -31,10 +31,14 @@ impl RecordingSource {
     /// # Errors
     /// As [`Reader::open_selection`].
     pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
-        Reader::open_selection(path, selection).map(|reader| Self { reader, unreadable: 0 })
+        Reader::open_selection(path, selection).map(|reader| Self {
+            reader,
+            unreadable: 0,
+        })
     }
 
-    /// The scenario file that the recording was made by, where it holds one. Damage is left to be told with the pairs.
+    /// The scenario file that the recording was made by, where it holds one. Damage is left to be
+    /// told with the pairs.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -76,6 +80,10 @@ impl Source for RecordingSource {
     }
 
     fn left_out(&self) -> LeftOut {
-        LeftOut { unpaired: self.reader.unpaired(), late: self.reader.late(), unreadable: self.unreadable }
+        LeftOut {
+            unpaired: self.reader.unpaired(),
+            late: self.reader.late(),
+            unreadable: self.unreadable,
+        }
     }
 }

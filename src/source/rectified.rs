@@ -30,7 +30,8 @@ impl RectifiedSource {
         Self::ahead(source, rectifier, VecDeque::new())
     }
 
-    /// The pairs of `source` by what is seen in its first ones, without a calibration: rows agree, distances stay unknown.
+    /// The pairs of `source` by what is seen in its first ones, without a calibration: rows agree,
+    /// distances stay unknown.
     ///
     /// # Errors
     /// [`Error::Invalid`] where too little is seen in both images; those of the source.
@@ -44,34 +45,61 @@ impl RectifiedSource {
         let size = ahead.front().map_or((0, 0), |frame| frame.pair.size());
         let alike = ahead.iter().filter(|frame| frame.pair.size() == size);
         let pooled: Vec<_> = alike.flat_map(|frame| matches(&frame.pair)).collect();
-        let agreeing = Epipolar::of(&pooled, TOLERANCE_PX).map(|found| found.inliers).unwrap_or_default();
-        let told = |e: Error| Error::Invalid(format!("{}: cannot be rectified by its pictures: {e}", source.name()));
+        let agreeing = Epipolar::of(&pooled, TOLERANCE_PX)
+            .map(|found| found.inliers)
+            .unwrap_or_default();
+        let told = |e: Error| {
+            Error::Invalid(format!(
+                "{}: cannot be rectified by its pictures: {e}",
+                source.name()
+            ))
+        };
         let homographies = uncalibrated(&agreeing, size, framing).map_err(told)?;
         let rectifier = Rectifier::uncalibrated(&homographies, size)?;
         Self::ahead(source, rectifier, ahead)
     }
 
-    fn ahead(source: Box<dyn Source>, rectifier: Rectifier, ahead: VecDeque<Frame>) -> Result<Self> {
+    fn ahead(
+        source: Box<dyn Source>,
+        rectifier: Rectifier,
+        ahead: VecDeque<Frame>,
+    ) -> Result<Self> {
         let (width, height) = rectifier.size();
         let blank = || Gray::filled(width, height, 0);
-        Ok(Self { source, rectifier, ahead, spare: [blank()?, blank()?] })
+        Ok(Self {
+            source,
+            rectifier,
+            ahead,
+            spare: [blank()?, blank()?],
+        })
     }
 
     fn rectified(&mut self, frame: Frame) -> Result<Frame> {
         // Both would be wrong after it, and say that the pair is rectified.
         if frame.rig.is_some() || frame.truth.is_some() {
-            let why = "its pairs come with the rig or the truth of rectified images: leave --calib out";
+            let why =
+                "its pairs come with the rig or the truth of rectified images: leave --calib out";
             return Err(Error::Invalid(format!("{}: {why}", self.source.name())));
         }
         let [left, right] = &mut self.spare;
-        let told = |e: Error| Error::Invalid(format!("{}: pair {}: {e}", self.source.name(), frame.sequence));
-        self.rectifier.apply(&frame.pair, left, right).map_err(told)?;
+        let told = |e: Error| {
+            Error::Invalid(format!(
+                "{}: pair {}: {e}",
+                self.source.name(),
+                frame.sequence
+            ))
+        };
+        self.rectifier
+            .apply(&frame.pair, left, right)
+            .map_err(told)?;
         let [left, right] = std::mem::replace(&mut self.spare, frame.pair.into_images());
         Ok(Frame {
             pair: StereoPair::new(left, right)?,
             rig: self.rectifier.rig().copied(),
             // That of the left camera, which is turned.
-            pose: frame.pose.and_then(|pose| Some(pose * self.rectifier.turn()?.inverse())),
+            pose: frame
+                .pose
+                .and_then(|pose| Some(pose * self.rectifier.turn()?.inverse())),
             ..frame
         })
     }

@@ -13,13 +13,19 @@ pub struct Watched<'a> {
     looks: u64,
 }
 
-/// Every so many pairs one is looked at, so many in all: enough to see something, few enough to cost little.
+/// Every so many pairs one is looked at, so many in all: enough to see something, few enough to
+/// cost little.
 const EVERY: u64 = 8;
 const LOOKS: u64 = 5;
 
 impl<'a> Watched<'a> {
     pub fn new(source: &'a mut dyn Source) -> Self {
-        Self { source, meter: AlignmentMeter::new(), taken: 0, looks: 0 }
+        Self {
+            source,
+            meter: AlignmentMeter::new(),
+            taken: 0,
+            looks: 0,
+        }
     }
 
     fn look(&mut self, frame: Option<&Frame>) {

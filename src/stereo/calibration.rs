@@ -8,7 +8,8 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion,
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LengthUnit {
     Metres,
-    /// Squares of the calibration board, of a size that nobody measured: directions are right, distances unknown.
+    /// Squares of the calibration board, of a size that nobody measured: directions are right,
+    /// distances unknown.
     Squares,
 }
 
@@ -23,12 +24,18 @@ pub struct StereoCalibration {
 }
 
 impl StereoCalibration {
-    /// `right_from_left`: `X_right = R X_left + T`, both in the cameras' optical frames (x right, y down, z forward), `T`
-    /// in `unit`.
+    /// `right_from_left`: `X_right = R X_left + T`, both in the cameras' optical frames (x right, y
+    /// down, z forward), `T` in `unit`.
     ///
     /// # Errors
-    /// [`Error::Rig`] unless it is finite, the cameras are apart, and the right one is on the right.
-    pub fn new(left: Intrinsics, right: Intrinsics, right_from_left: Isometry3<f64>, unit: LengthUnit) -> Result<Self> {
+    /// [`Error::Rig`] unless it is finite, the cameras are apart, and the right one is on the
+    /// right.
+    pub fn new(
+        left: Intrinsics,
+        right: Intrinsics,
+        right_from_left: Isometry3<f64>,
+        unit: LengthUnit,
+    ) -> Result<Self> {
         let place = right_from_left.inverse().translation.vector;
         let numbers = place.iter().chain(right_from_left.rotation.coords.iter());
         if !numbers.copied().all(f64::is_finite) || place.norm() == 0.0 {
@@ -42,12 +49,21 @@ impl StereoCalibration {
                 place.x
             )));
         }
-        Ok(Self { left, right, right_from_left, unit, rectification: None })
+        Ok(Self {
+            left,
+            right,
+            right_from_left,
+            unit,
+            rectification: None,
+        })
     }
 
     /// The same cameras with the rectification that their file holds or that was computed for them.
     pub fn with_rectification(self, rectification: Rectification) -> Self {
-        Self { rectification: Some(rectification), ..self }
+        Self {
+            rectification: Some(rectification),
+            ..self
+        }
     }
 
     pub fn left(&self) -> &Intrinsics {
@@ -83,7 +99,8 @@ impl StereoCalibration {
     }
 }
 
-/// How the images of two cameras become a rectified pair: each camera is turned, and both get one pinhole.
+/// How the images of two cameras become a rectified pair: each camera is turned, and both get one
+/// pinhole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rectification {
     /// Width and height of the rectified images.
@@ -92,25 +109,36 @@ pub struct Rectification {
     pub left: Rotation3<f64>,
     /// R2: `X_rectified = R2 X_right`, up to the baseline along x.
     pub right: Rotation3<f64>,
-    /// The rectified cameras: their projection matrices are P1 and P2. Its baseline is in the calibration's unit.
+    /// The rectified cameras: their projection matrices are P1 and P2. Its baseline is in the
+    /// calibration's unit.
     pub rig: Rig,
 }
 
 impl Rectification {
-    /// The motion that it undoes, where nothing else says how the cameras stand: `R = R2ᵀ R1`, `T = R2ᵀ (−B, 0, 0)`.
+    /// The motion that it undoes, where nothing else says how the cameras stand: `R = R2ᵀ R1`,
+    /// `T = R2ᵀ (−B, 0, 0)`.
     pub fn motion(&self) -> Isometry3<f64> {
         let back = self.right.inverse();
         let apart = back * Vector3::new(-self.rig.baseline_m(), 0.0, 0.0);
-        Isometry3::from_parts(apart.into(), UnitQuaternion::from_rotation_matrix(&(back * self.left)))
+        Isometry3::from_parts(
+            apart.into(),
+            UnitQuaternion::from_rotation_matrix(&(back * self.left)),
+        )
     }
 }
 
-/// The rotation nearest to a matrix of a file, where the digits it was written with make it almost one.
+/// The rotation nearest to a matrix of a file, where the digits it was written with make it almost
+/// one.
 ///
 /// # Errors
 /// [`Error::Rig`] when it is not finite or farther from a rotation than 0.001 in any element.
 pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
-    let wrong = |why: &str| Error::Rig(format!("the matrix {:?} is no rotation: {why}", matrix.transpose().as_slice()));
+    let wrong = |why: &str| {
+        Error::Rig(format!(
+            "the matrix {:?} is no rotation: {why}",
+            matrix.transpose().as_slice()
+        ))
+    };
     if !matrix.iter().all(|v| v.is_finite()) {
         return Err(wrong("it is not finite"));
     }
@@ -120,7 +148,11 @@ pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
         return Err(crooked());
     }
     let svd = SVD::try_new(*matrix, true, true, f64::EPSILON, 100).ok_or_else(crooked)?;
-    let nearest = svd.u.zip(svd.v_t).map(|(u, v_t)| u * v_t).ok_or_else(crooked)?;
+    let nearest = svd
+        .u
+        .zip(svd.v_t)
+        .map(|(u, v_t)| u * v_t)
+        .ok_or_else(crooked)?;
     if (nearest - matrix).amax() > 1e-3 || nearest.determinant() < 0.0 {
         return Err(crooked());
     }
@@ -133,7 +165,10 @@ pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
 /// Those of [`rotation`].
 pub fn motion(matrix: &Matrix3<f64>, translation: Vector3<f64>) -> Result<Isometry3<f64>> {
     let rotation = UnitQuaternion::from_rotation_matrix(&rotation(matrix)?);
-    Ok(Isometry3::from_parts(Translation3::from(translation), rotation))
+    Ok(Isometry3::from_parts(
+        Translation3::from(translation),
+        rotation,
+    ))
 }
 
 #[cfg(test)]
@@ -146,8 +181,14 @@ mod tests {
 
     #[test]
     fn swapped_and_coincident_cameras_are_refused() {
-        let at =
-            |x| StereoCalibration::new(camera(), camera(), Isometry3::translation(x, 0.0, 0.0), LengthUnit::Metres);
+        let at = |x| {
+            StereoCalibration::new(
+                camera(),
+                camera(),
+                Isometry3::translation(x, 0.0, 0.0),
+                LengthUnit::Metres,
+            )
+        };
         assert!(at(-0.1).is_ok());
         assert!(at(0.1).unwrap_err().to_string().contains("swap"));
         assert!(at(0.0).is_err());
@@ -172,10 +213,20 @@ mod tests {
             let apart = Isometry3::translation(-3.0, 0.0, 0.0);
             let rig = Rig::new(500.0, (319.5, 239.5), 3.0, 0.0).unwrap();
             let turn = Rotation3::identity();
-            let rectification = Rectification { size: (640, 480), left: turn, right: turn, rig };
-            StereoCalibration::new(camera(), camera(), apart, unit).unwrap().with_rectification(rectification)
+            let rectification = Rectification {
+                size: (640, 480),
+                left: turn,
+                right: turn,
+                rig,
+            };
+            StereoCalibration::new(camera(), camera(), apart, unit)
+                .unwrap()
+                .with_rectification(rectification)
         };
         assert_eq!(calibration(LengthUnit::Squares).rig(), None);
-        assert_eq!(calibration(LengthUnit::Metres).rig().unwrap().baseline_m(), 3.0);
+        assert_eq!(
+            calibration(LengthUnit::Metres).rig().unwrap().baseline_m(),
+            3.0
+        );
     }
 }

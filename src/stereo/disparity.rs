@@ -6,7 +6,8 @@ use std::sync::{Mutex, PoisonError};
 
 /// Disparity, reason and SSDPI for every pixel of the left image.
 ///
-/// A pixel's disparity is finite exactly when its reason is [`Reason::Valid`]; elsewhere it is `+∞`.
+/// A pixel's disparity is finite exactly when its reason is [`Reason::Valid`]; elsewhere it is
+/// `+∞`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisparityMap {
     disparity: Plane<f32>,
@@ -32,7 +33,8 @@ impl DisparityMap {
         })
     }
 
-    /// Makes the map `width` x `height`, without row offsets, keeping its memory where the size is already that.
+    /// Makes the map `width` x `height`, without row offsets, keeping its memory where the size is
+    /// already that.
     ///
     /// # Errors
     /// [`crate::Error::Dimensions`].
@@ -57,14 +59,16 @@ impl DisparityMap {
         &self.why
     }
 
-    /// The winner's sum of squared differences of pixel intensities (thesis, section 5.3.3), kept also where a later
-    /// check rejected it; [`DisparityMap::NO_SSDPI`] where nothing was compared or the matcher has no such cost.
+    /// The winner's sum of squared differences of pixel intensities (thesis, section 5.3.3), kept
+    /// also where a later check rejected it; [`DisparityMap::NO_SSDPI`] where nothing was compared
+    /// or the matcher has no such cost.
     pub fn ssdpi(&self) -> &Plane<u32> {
         &self.ssdpi
     }
 
-    /// How many rows lower the match of each pixel lies: `(x, y)` matches `(x − d, y + offset)` in the right image.
-    /// Nothing from matchers that look along the row alone; without meaning where a pixel is not valid.
+    /// How many rows lower the match of each pixel lies: `(x, y)` matches `(x − d, y + offset)` in
+    /// the right image. Nothing from matchers that look along the row alone; without meaning where
+    /// a pixel is not valid.
     pub fn row_offset(&self) -> Option<&Plane<i8>> {
         self.row_offset.as_ref()
     }
@@ -83,12 +87,15 @@ impl DisparityMap {
         self.row_offset = Some(row_offset);
     }
 
-    /// By how many rows the right image lies too low: the median row offset of the valid pixels (of an even number the
-    /// lower of the two in the middle). 0 for a rectified pair; nothing without row offsets or valid pixels.
+    /// By how many rows the right image lies too low: the median row offset of the valid pixels (of
+    /// an even number the lower of the two in the middle). 0 for a rectified pair; nothing without
+    /// row offsets or valid pixels.
     pub fn misalignment(&self) -> Option<i8> {
         let mut counts = [0usize; 256];
         let offsets = self.row_offset.as_ref()?.pixels().zip(self.why.pixels());
-        offsets.filter(|&(_, why)| why == Reason::Valid).for_each(|(offset, _)| counts[usize::from(offset as u8)] += 1);
+        offsets
+            .filter(|&(_, why)| why == Reason::Valid)
+            .for_each(|(offset, _)| counts[usize::from(offset as u8)] += 1);
         let half = counts.iter().sum::<usize>().div_ceil(2);
         let mut below = 0;
         (i8::MIN..=i8::MAX).find(|&offset| {
@@ -110,8 +117,9 @@ impl DisparityMap {
         self.whole_mut().into_rows()
     }
 
-    /// Cuts the map into bands of `rows` rows and calls `work` with the number of each band's first row, its rows and
-    /// one element of `scratch`, on the threads of rayon's current pool. `scratch` has one element per band.
+    /// Cuts the map into bands of `rows` rows and calls `work` with the number of each band's first
+    /// row, its rows and one element of `scratch`, on the threads of rayon's current pool.
+    /// `scratch` has one element per band.
     pub fn each_band_mut<S: Send>(
         &mut self,
         rows: usize,
@@ -119,13 +127,34 @@ impl DisparityMap {
         work: impl Fn(usize, BandMut<'_>, &mut S) + Sync,
     ) {
         let (width, height) = self.size();
-        assert!(rows * scratch.len() >= height, "{} bands of {rows} rows do not cover {height}", scratch.len());
+        assert!(
+            rows * scratch.len() >= height,
+            "{} bands of {rows} rows do not cover {height}",
+            scratch.len()
+        );
         let pixels = width * rows;
-        let BandMut { disparity, why, ssdpi, .. } = self.whole_mut();
+        let BandMut {
+            disparity,
+            why,
+            ssdpi,
+            ..
+        } = self.whole_mut();
         let work = |(index, (((disparity, why), ssdpi), scratch)): (usize, PlanesAnd<'_, S>)| {
-            work(index * rows, BandMut { width, disparity, why, ssdpi }, scratch);
+            work(
+                index * rows,
+                BandMut {
+                    width,
+                    disparity,
+                    why,
+                    ssdpi,
+                },
+                scratch,
+            );
         };
-        let planes = disparity.chunks_mut(pixels).zip(why.chunks_mut(pixels)).zip(ssdpi.chunks_mut(pixels));
+        let planes = disparity
+            .chunks_mut(pixels)
+            .zip(why.chunks_mut(pixels))
+            .zip(ssdpi.chunks_mut(pixels));
         share(planes.zip(scratch).enumerate(), work);
     }
 
@@ -157,7 +186,8 @@ impl DisparityMap {
         tally
     }
 
-    /// Hash of size, disparities, reasons and row offsets: equal results have equal hashes on every machine.
+    /// Hash of size, disparities, reasons and row offsets: equal results have equal hashes on every
+    /// machine.
     pub fn hash(&self) -> u128 {
         let (width, height) = self.size();
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
@@ -166,7 +196,9 @@ impl DisparityMap {
         let mut bytes = Vec::with_capacity(width * 5);
         for (disparity, why) in self.disparity.rows().zip(self.why.rows()) {
             bytes.clear();
-            disparity.iter().for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
+            disparity
+                .iter()
+                .for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
             bytes.extend(why.iter().map(|&w| w as u8));
             hasher.update(&bytes);
         }
@@ -179,10 +211,12 @@ impl DisparityMap {
     }
 }
 
-/// Runs `work` on all items. The calling thread takes its share at once, while the others of rayon's current pool are
-/// still waking up: a whole pair takes a fraction of a millisecond.
+/// Runs `work` on all items. The calling thread takes its share at once, while the others of
+/// rayon's current pool are still waking up: a whole pair takes a fraction of a millisecond.
 fn share<T: Send>(items: impl ExactSizeIterator<Item = T> + Send, work: impl Fn(T) + Sync) {
-    let helpers = rayon::current_num_threads().min(items.len()).saturating_sub(1);
+    let helpers = rayon::current_num_threads()
+        .min(items.len())
+        .saturating_sub(1);
     if helpers == 0 {
         return items.for_each(work);
     }
@@ -196,7 +230,10 @@ fn share<T: Send>(items: impl ExactSizeIterator<Item = T> + Send, work: impl Fn(
 }
 
 /// A band's planes and its scratch.
-type PlanesAnd<'a, S> = (((&'a mut [f32], &'a mut [Reason]), &'a mut [u32]), &'a mut S);
+type PlanesAnd<'a, S> = (
+    ((&'a mut [f32], &'a mut [Reason]), &'a mut [u32]),
+    &'a mut S,
+);
 
 #[cfg(test)]
 mod tests {
@@ -208,8 +245,14 @@ mod tests {
         map.rows_mut().nth(1).unwrap().accept(2, 7.0, 40);
         assert_eq!(map.at(2, 1), Ok(7.0));
         assert_eq!(map.at(0, 0), Err(Reason::Border));
-        map.rows_mut().nth(1).unwrap().reject(2, Reason::SelfCheck, 40);
-        assert_eq!((map.at(2, 1), map.disparity().get(2, 1)), (Err(Reason::SelfCheck), f32::INFINITY));
+        map.rows_mut()
+            .nth(1)
+            .unwrap()
+            .reject(2, Reason::SelfCheck, 40);
+        assert_eq!(
+            (map.at(2, 1), map.disparity().get(2, 1)),
+            (Err(Reason::SelfCheck), f32::INFINITY)
+        );
         assert_eq!(map.valid(), 0);
     }
 
@@ -217,7 +260,10 @@ mod tests {
     fn hash_sees_reasons() {
         let a = DisparityMap::new(3, 2).unwrap();
         let mut b = a.clone();
-        b.rows_mut().next().unwrap().reject(0, Reason::Untextured, DisparityMap::NO_SSDPI);
+        b.rows_mut()
+            .next()
+            .unwrap()
+            .reject(0, Reason::Untextured, DisparityMap::NO_SSDPI);
         assert_ne!(a.hash(), b.hash());
     }
 }

@@ -3,7 +3,8 @@
 use super::{DepthGrid, DisparityMap, Plane, Rig, StereoPair};
 use crate::timing::StageTimes;
 
-/// Pose of the left camera's optical frame (x right, y down, z forward) in the world (z up), metres.
+/// Pose of the left camera's optical frame (x right, y down, z forward) in the world (z up),
+/// metres.
 pub type Pose = nalgebra::Isometry3<f64>;
 
 /// One synchronized pair and what is known about it.
@@ -46,7 +47,8 @@ pub struct Truth {
     pub visibility: Option<Plane<Visibility>>,
 }
 
-/// Whether a left pixel's point is seen by the right camera, with the codes of Middlebury's `mask0nocc.png`.
+/// Whether a left pixel's point is seen by the right camera, with the codes of Middlebury's
+/// `mask0nocc.png`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Visibility {

@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 
-/// Columns and rows of a grid. Row `j` covers image rows `j·H/rows .. (j+1)·H/rows`, columns likewise.
+/// Columns and rows of a grid. Row `j` covers image rows `j·H/rows .. (j+1)·H/rows`, columns
+/// likewise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GridShape {
@@ -13,7 +14,10 @@ pub struct GridShape {
 impl Default for GridShape {
     /// The thesis's 5 x 3.
     fn default() -> Self {
-        Self { columns: 5, rows: 3 }
+        Self {
+            columns: 5,
+            rows: 3,
+        }
     }
 }
 

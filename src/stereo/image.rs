@@ -24,7 +24,12 @@ impl<T: Copy> Plane<T> {
     /// [`Error::Dimensions`] when a side is 0 or above [`MAX_SIDE`].
     pub fn filled(width: usize, height: usize, value: T) -> Result<Self> {
         check_size(width, height)?;
-        Ok(Self { width, height, stride: width, data: vec![value; width * height] })
+        Ok(Self {
+            width,
+            height,
+            stride: width,
+            data: vec![value; width * height],
+        })
     }
 
     /// A plane over `data`, `width * height` pixels without gaps.
@@ -41,11 +46,24 @@ impl<T: Copy> Plane<T> {
     /// [`Error::Dimensions`], or [`Error::Size`] when `stride < width` or `data` is short.
     pub fn from_strided(width: usize, height: usize, stride: usize, data: Vec<T>) -> Result<Self> {
         check_size(width, height)?;
-        let expected = stride.max(width).saturating_mul(height - 1).saturating_add(width);
+        let expected = stride
+            .max(width)
+            .saturating_mul(height - 1)
+            .saturating_add(width);
         if stride < width || data.len() < expected {
-            return Err(Error::Size { width, height, expected, got: data.len() });
+            return Err(Error::Size {
+                width,
+                height,
+                expected,
+                got: data.len(),
+            });
         }
-        Ok(Self { width, height, stride, data })
+        Ok(Self {
+            width,
+            height,
+            stride,
+            data,
+        })
     }
 
     /// A plane whose pixel `(x, y)` is `f(x, y)`.
@@ -54,8 +72,16 @@ impl<T: Copy> Plane<T> {
     /// [`Error::Dimensions`].
     pub fn from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> T) -> Result<Self> {
         check_size(width, height)?;
-        let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| f(x, y)).collect();
-        Ok(Self { width, height, stride: width, data })
+        let data = (0..height)
+            .flat_map(|y| (0..width).map(move |x| (x, y)))
+            .map(|(x, y)| f(x, y))
+            .collect();
+        Ok(Self {
+            width,
+            height,
+            stride: width,
+            data,
+        })
     }
 
     pub fn width(&self) -> usize {
@@ -98,7 +124,8 @@ impl<T: Copy> Plane<T> {
         self.row_mut(y)[x] = value;
     }
 
-    /// The pixels as one slice when there are no gaps between rows, which is so unless [`Plane::from_strided`] made them.
+    /// The pixels as one slice when there are no gaps between rows, which is so unless
+    /// [`Plane::from_strided`] made them.
     pub fn as_slice(&self) -> Option<&[T]> {
         (self.stride == self.width).then(|| &self.data[..self.width * self.height])
     }
@@ -112,8 +139,14 @@ impl<T: Copy> Plane<T> {
     pub fn map<U: Copy>(&self, f: impl Fn(T) -> U) -> Plane<U> {
         let mut data = Vec::with_capacity(self.width * self.height);
         // Row by row, which is compiled to vector instructions where all pixels in a chain are not.
-        self.rows().for_each(|row| data.extend(row.iter().map(|&value| f(value))));
-        Plane { width: self.width, height: self.height, stride: self.width, data }
+        self.rows()
+            .for_each(|row| data.extend(row.iter().map(|&value| f(value))));
+        Plane {
+            width: self.width,
+            height: self.height,
+            stride: self.width,
+            data,
+        }
     }
 }
 
@@ -126,10 +159,17 @@ impl Gray {
         check_size(width, height)?;
         let expected = width * height * 3;
         if rgb.len() != expected {
-            return Err(Error::Size { width, height, expected, got: rgb.len() });
+            return Err(Error::Size {
+                width,
+                height,
+                expected,
+                got: rgb.len(),
+            });
         }
-        let luma =
-            |p: &[u8]| ((299 * u32::from(p[0]) + 587 * u32::from(p[1]) + 114 * u32::from(p[2]) + 500) / 1000) as u8;
+        let luma = |p: &[u8]| {
+            ((299 * u32::from(p[0]) + 587 * u32::from(p[1]) + 114 * u32::from(p[2]) + 500) / 1000)
+                as u8
+        };
         Self::from_vec(width, height, rgb.chunks_exact(3).map(luma).collect())
     }
 }
@@ -138,7 +178,11 @@ fn check_size(width: usize, height: usize) -> Result<()> {
     if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) {
         Ok(())
     } else {
-        Err(Error::Dimensions { width, height, max: MAX_SIDE })
+        Err(Error::Dimensions {
+            width,
+            height,
+            max: MAX_SIDE,
+        })
     }
 }
 
@@ -156,13 +200,31 @@ mod tests {
 
     #[test]
     fn sizes_are_checked() {
-        assert!(matches!(Gray::filled(0, 4, 0), Err(Error::Dimensions { .. })));
-        assert!(matches!(Gray::from_vec(2, 2, vec![0; 3]), Err(Error::Size { expected: 4, got: 3, .. })));
-        assert!(matches!(Gray::from_strided(4, 2, 3, vec![0; 99]), Err(Error::Size { .. })));
+        assert!(matches!(
+            Gray::filled(0, 4, 0),
+            Err(Error::Dimensions { .. })
+        ));
+        assert!(matches!(
+            Gray::from_vec(2, 2, vec![0; 3]),
+            Err(Error::Size {
+                expected: 4,
+                got: 3,
+                ..
+            })
+        ));
+        assert!(matches!(
+            Gray::from_strided(4, 2, 3, vec![0; 99]),
+            Err(Error::Size { .. })
+        ));
     }
 
     #[test]
     fn grey_is_rounded() {
-        assert_eq!(Gray::from_rgb(2, 1, &[255, 255, 255, 10, 20, 30]).unwrap().row(0), [255, 18]);
+        assert_eq!(
+            Gray::from_rgb(2, 1, &[255, 255, 255, 10, 20, 30])
+                .unwrap()
+                .row(0),
+            [255, 18]
+        );
     }
 }

@@ -3,11 +3,13 @@
 use crate::error::{Error, Result};
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SMatrix, Vector2};
 
-/// A pinhole camera with the lens of Brown (Close-range camera calibration, 1971), as in OpenCV's `plumb_bob`.
+/// A pinhole camera with the lens of Brown (Close-range camera calibration, 1971), as in OpenCV's
+/// `plumb_bob`.
 ///
 /// With `(x, y) = (X/Z, Y/Z)` and `r² = x² + y²`, the lens puts the point at
 /// `x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)`,
-/// `y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`, and the sensor at pixel `(fx x' + cx, fy y' + cy)`.
+/// `y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`, and the sensor at pixel
+/// `(fx x' + cx, fy y' + cy)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     size: (usize, usize),
@@ -17,21 +19,29 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// `size`: width and height in pixels. `focal_px`: fx and fy. `center_px`: the principal point, pixel centres at
-    /// integers. `distortion`: k1, k2, p1, p2, k3, all 0 without a lens.
+    /// `size`: width and height in pixels. `focal_px`: fx and fy. `center_px`: the principal point,
+    /// pixel centres at integers. `distortion`: k1, k2, p1, p2, k3, all 0 without a lens.
     ///
     /// # Errors
-    /// [`Error::Rig`] unless all are finite, the focal lengths positive and the image of at least one pixel.
+    /// [`Error::Rig`] unless all are finite, the focal lengths positive and the image of at least
+    /// one pixel.
     pub fn new(
         size: (usize, usize),
         focal_px: (f64, f64),
         center_px: (f64, f64),
         distortion: [f64; 5],
     ) -> Result<Self> {
-        let numbers = [focal_px.0, focal_px.1, center_px.0, center_px.1].into_iter().chain(distortion);
+        let numbers = [focal_px.0, focal_px.1, center_px.0, center_px.1]
+            .into_iter()
+            .chain(distortion);
         let finite = numbers.into_iter().all(f64::is_finite);
         if finite && focal_px.0 > 0.0 && focal_px.1 > 0.0 && size.0 > 0 && size.1 > 0 {
-            Ok(Self { size, focal_px, center_px, distortion })
+            Ok(Self {
+                size,
+                focal_px,
+                center_px,
+                distortion,
+            })
         } else {
             Err(Error::Rig(format!(
                 "image of {}x{} pixels, focal lengths {focal_px:?} px, principal point {center_px:?} px, distortion \
@@ -63,7 +73,8 @@ impl Intrinsics {
 
     /// fx, fy, cx, cy, k1, k2, p1, p2, k3.
     pub fn parameters(&self) -> [f64; 9] {
-        let ((fx, fy), (cx, cy), [k1, k2, p1, p2, k3]) = (self.focal_px, self.center_px, self.distortion);
+        let ((fx, fy), (cx, cy), [k1, k2, p1, p2, k3]) =
+            (self.focal_px, self.center_px, self.distortion);
         [fx, fy, cx, cy, k1, k2, p1, p2, k3]
     }
 
@@ -89,11 +100,18 @@ impl Intrinsics {
     /// Pixel that sees in the direction `(X/Z, Y/Z)`.
     pub fn pixel(&self, direction: Vector2<f64>) -> Point2<f64> {
         let bent = self.distort(direction);
-        Point2::new(self.focal_px.0 * bent.x + self.center_px.0, self.focal_px.1 * bent.y + self.center_px.1)
+        Point2::new(
+            self.focal_px.0 * bent.x + self.center_px.0,
+            self.focal_px.1 * bent.y + self.center_px.1,
+        )
     }
 
-    /// [`Intrinsics::pixel`] with its derivatives: by the direction, and by the [`Intrinsics::parameters`].
-    pub fn linearize(&self, direction: Vector2<f64>) -> (Point2<f64>, Matrix2<f64>, SMatrix<f64, 2, 9>) {
+    /// [`Intrinsics::pixel`] with its derivatives: by the direction, and by the
+    /// [`Intrinsics::parameters`].
+    pub fn linearize(
+        &self,
+        direction: Vector2<f64>,
+    ) -> (Point2<f64>, Matrix2<f64>, SMatrix<f64, 2, 9>) {
         let (fx, fy) = self.focal_px;
         let (x, y) = (direction.x, direction.y);
         let (r2, xy) = (x * x + y * y, 2.0 * x * y);
@@ -107,12 +125,15 @@ impl Intrinsics {
             bent.x, 0.0, 1.0, 0.0, fx * x * r2, fx * x * r4, fx * xy, fx * (r2 + 2.0 * x * x), fx * x * r6,
             0.0, bent.y, 0.0, 1.0, fy * y * r2, fy * y * r4, fy * (r2 + 2.0 * y * y), fy * xy, fy * y * r6,
         ]);
-        let pixel = Point2::new(fx * bent.x + self.center_px.0, fy * bent.y + self.center_px.1);
+        let pixel = Point2::new(
+            fx * bent.x + self.center_px.0,
+            fy * bent.y + self.center_px.1,
+        );
         (pixel, by_direction, by_parameters)
     }
 
-    /// Direction `(X/Z, Y/Z)` in which a pixel sees; nothing where the lens model, beyond what it was fitted to, folds
-    /// back and no direction leads there.
+    /// Direction `(X/Z, Y/Z)` in which a pixel sees; nothing where the lens model, beyond what it
+    /// was fitted to, folds back and no direction leads there.
     pub fn direction(&self, pixel: Point2<f64>) -> Option<Vector2<f64>> {
         let target = Vector2::new(
             (pixel.x - self.center_px.0) / self.focal_px.0,
@@ -186,7 +207,8 @@ mod tests {
     fn the_derivative_is_that_of_the_lens() {
         let (camera, at, step) = (wide(), Vector2::new(0.3, -0.2), 1e-6);
         for (axis, unit) in [Vector2::x(), Vector2::y()].into_iter().enumerate() {
-            let difference = (camera.distort(at + unit * step) - camera.distort(at - unit * step)) / (2.0 * step);
+            let difference = (camera.distort(at + unit * step) - camera.distort(at - unit * step))
+                / (2.0 * step);
             assert!((camera.bend(at).column(axis) - difference).norm() < 1e-8);
         }
     }
@@ -197,8 +219,12 @@ mod tests {
         let (pixel, by_direction, by_parameters) = camera.linearize(at);
         assert!((pixel - camera.pixel(at)).norm() < 1e-12);
         for (axis, unit) in [Vector2::x(), Vector2::y()].into_iter().enumerate() {
-            let difference = (camera.pixel(at + unit * step) - camera.pixel(at - unit * step)) / (2.0 * step);
-            assert!((by_direction.column(axis) - difference).norm() < 1e-5, "axis {axis}");
+            let difference =
+                (camera.pixel(at + unit * step) - camera.pixel(at - unit * step)) / (2.0 * step);
+            assert!(
+                (by_direction.column(axis) - difference).norm() < 1e-5,
+                "axis {axis}"
+            );
         }
         for i in 0..9 {
             let moved = |step: f64| {
@@ -207,7 +233,10 @@ mod tests {
                 camera.with_parameters(parameters).unwrap().pixel(at)
             };
             let difference = (moved(step) - moved(-step)) / (2.0 * step);
-            assert!((by_parameters.column(i) - difference).norm() < 1e-5, "parameter {i}");
+            assert!(
+                (by_parameters.column(i) - difference).norm() < 1e-5,
+                "parameter {i}"
+            );
         }
     }
 

@@ -2,9 +2,11 @@
 //!
 //! **Images.** `x` grows to the right, `y` downwards, pixel centres at integers, row-major.
 //!
-//! **Disparity.** In pixels; a left pixel `(x, y)` with disparity `d` matches `(x - d, y)` in the right image.
+//! **Disparity.** In pixels; a left pixel `(x, y)` with disparity `d` matches `(x - d, y)` in the
+//! right image.
 //!
-//! **Camera frame** (optical): x right, y down, z forward, metres. **World frame**: x, y on the floor, z up, metres.
+//! **Camera frame** (optical): x right, y down, z forward, metres. **World frame**: x, y on the
+//! floor, z up, metres.
 //!
 //! **Depth** `Z` is along the optical axis: `Z = f·B / (d + doffs)`.
 

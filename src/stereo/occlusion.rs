@@ -6,18 +6,22 @@ use crate::error::{Error, Result};
 /// Largest difference between the true disparities of one point in both images, pixels.
 const TOLERANCE_PX: f32 = 1.0;
 
-/// The mask of the pixels that the right camera sees too, from the true disparities of the left and of the right image
-/// (pixels, both positive, `+∞` where unknown).
+/// The mask of the pixels that the right camera sees too, from the true disparities of the left and
+/// of the right image (pixels, both positive, `+∞` where unknown).
 ///
-/// As the tools of the Middlebury evaluation v3 make `mask0nocc.png`: left pixel `x` with disparity `d` lies at
-/// `round(x - d)` in the right image, halves away from zero; it is seen there when the truth of that pixel is within
-/// 1.0 px of `d`, hidden when it is farther off, unknown, or outside the image.
+/// As the tools of the Middlebury evaluation v3 make `mask0nocc.png`: left pixel `x` with disparity
+/// `d` lies at `round(x - d)` in the right image, halves away from zero; it is seen there when the
+/// truth of that pixel is within 1.0 px of `d`, hidden when it is farther off, unknown, or outside
+/// the image.
 ///
 /// # Errors
 /// [`Error::PairSize`] when the two differ in size.
 pub fn cross_check(left: &Plane<f32>, right: &Plane<f32>) -> Result<Plane<Visibility>> {
     if left.size() != right.size() {
-        return Err(Error::PairSize { left: left.size(), right: right.size() });
+        return Err(Error::PairSize {
+            left: left.size(),
+            right: right.size(),
+        });
     }
     Plane::from_fn(left.width(), left.height(), |x, y| {
         let d = left.get(x, y);
@@ -42,14 +46,23 @@ mod tests {
         use Visibility::{Occluded, Unknown, Visible};
         const INF: f32 = f32::INFINITY;
         let left = Plane::from_vec(8, 1, vec![1.0, 0.5, 1.5, INF, 2.0, 2.0, 5.0, 1.0]).unwrap();
-        // 0 leaves the frame (-1); 1 falls on 0.5, which rounds to 1; 2 falls on 0.5 too; 4 on 2; 5 on 3; 6 on 1; 7 on 6.
+        // 0 leaves the frame (-1); 1 falls on 0.5, which rounds to 1; 2 falls on 0.5 too; 4 on 2; 5
+        // on 3; 6 on 1; 7 on 6.
         let right = Plane::from_vec(8, 1, vec![9.0, 1.5, 1.0, INF, 0.0, 0.0, 2.01, 0.0]).unwrap();
         let mask = cross_check(&left, &right).unwrap();
-        assert_eq!(mask.row(0), [Occluded, Visible, Visible, Unknown, Visible, Occluded, Occluded, Occluded]);
+        assert_eq!(
+            mask.row(0),
+            [
+                Occluded, Visible, Visible, Unknown, Visible, Occluded, Occluded, Occluded
+            ]
+        );
         // A disparity below zero that leaves on the right.
         let left = Plane::from_vec(2, 1, vec![-0.4, -0.5]).unwrap();
         let right = Plane::from_vec(2, 1, vec![-1.0, -0.5]).unwrap();
-        assert_eq!(cross_check(&left, &right).unwrap().row(0), [Visible, Occluded]);
+        assert_eq!(
+            cross_check(&left, &right).unwrap().row(0),
+            [Visible, Occluded]
+        );
     }
 
     #[test]

@@ -17,7 +17,10 @@ impl StereoPair {
         if left.size() == right.size() {
             Ok(Self { left, right })
         } else {
-            Err(Error::PairSize { left: left.size(), right: right.size() })
+            Err(Error::PairSize {
+                left: left.size(),
+                right: right.size(),
+            })
         }
     }
 
@@ -41,7 +44,10 @@ impl StereoPair {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&(width as u32).to_le_bytes());
         hasher.update(&(height as u32).to_le_bytes());
-        self.left.rows().chain(self.right.rows()).for_each(|row| hasher.update(row));
+        self.left
+            .rows()
+            .chain(self.right.rows())
+            .for_each(|row| hasher.update(row));
         hasher.digest128()
     }
 

@@ -6,7 +6,8 @@
 pub enum Reason {
     /// It has one.
     Valid = 0,
-    /// No window fits around it, or no disparity of the range keeps the window inside the right image.
+    /// No window fits around it, or no disparity of the range keeps the window inside the right
+    /// image.
     Border = 1,
     /// Too little texture to tell windows apart.
     Untextured = 2,

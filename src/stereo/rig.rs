@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use nalgebra::{Matrix3, Matrix3x4};
 
-/// A rectified stereo rig: two pinhole cameras with one focal length, displaced along x by the baseline.
+/// A rectified stereo rig: two pinhole cameras with one focal length, displaced along x by the
+/// baseline.
 ///
 /// Depth is `focal_px * baseline_m / (disparity + doffs_px)`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -17,15 +18,28 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// `cx_px`, `cy_px`: principal point of the left image. `doffs_px`: the right image's principal point minus the
-    /// left's, along x (Middlebury's `doffs`), 0 when both are the same.
+    /// `cx_px`, `cy_px`: principal point of the left image. `doffs_px`: the right image's principal
+    /// point minus the left's, along x (Middlebury's `doffs`), 0 when both are the same.
     ///
     /// # Errors
     /// [`Error::Rig`] unless all are finite and focal length and baseline positive.
-    pub fn new(focal_px: f64, (cx_px, cy_px): (f64, f64), baseline_m: f64, doffs_px: f64) -> Result<Self> {
-        let finite = [focal_px, cx_px, cy_px, baseline_m, doffs_px].iter().all(|v| v.is_finite());
+    pub fn new(
+        focal_px: f64,
+        (cx_px, cy_px): (f64, f64),
+        baseline_m: f64,
+        doffs_px: f64,
+    ) -> Result<Self> {
+        let finite = [focal_px, cx_px, cy_px, baseline_m, doffs_px]
+            .iter()
+            .all(|v| v.is_finite());
         if finite && focal_px > 0.0 && baseline_m > 0.0 {
-            Ok(Self { focal_px, cx_px, cy_px, baseline_m, doffs_px })
+            Ok(Self {
+                focal_px,
+                cx_px,
+                cy_px,
+                baseline_m,
+                doffs_px,
+            })
         } else {
             Err(Error::Rig(format!(
                 "focal length {focal_px} px, principal point ({cx_px}, {cy_px}) px, baseline {baseline_m} m, \
@@ -66,10 +80,21 @@ impl Rig {
     /// K of the left camera, and with `right` of the right one.
     pub fn intrinsics(&self, right: bool) -> Matrix3<f64> {
         let cx = self.cx_px + if right { self.doffs_px } else { 0.0 };
-        Matrix3::new(self.focal_px, 0.0, cx, 0.0, self.focal_px, self.cy_px, 0.0, 0.0, 1.0)
+        Matrix3::new(
+            self.focal_px,
+            0.0,
+            cx,
+            0.0,
+            self.focal_px,
+            self.cy_px,
+            0.0,
+            0.0,
+            1.0,
+        )
     }
 
-    /// Projection matrix P of the left camera, and with `right` of the right one (`P[0][3] = -f·B`).
+    /// Projection matrix P of the left camera, and with `right` of the right one
+    /// (`P[0][3] = -f·B`).
     pub fn projection(&self, right: bool) -> Matrix3x4<f64> {
         let mut p = self.intrinsics(right).fixed_resize::<3, 4>(0.0);
         if right {
@@ -100,8 +125,20 @@ impl TryFrom<RigNumbers> for Rig {
 
 impl From<Rig> for RigNumbers {
     fn from(rig: Rig) -> Self {
-        let Rig { focal_px, cx_px, cy_px, baseline_m, doffs_px } = rig;
-        Self { focal_px, cx_px, cy_px, baseline_m, doffs_px }
+        let Rig {
+            focal_px,
+            cx_px,
+            cy_px,
+            baseline_m,
+            doffs_px,
+        } = rig;
+        Self {
+            focal_px,
+            cx_px,
+            cy_px,
+            baseline_m,
+            doffs_px,
+        }
     }
 }
 

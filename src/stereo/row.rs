@@ -13,7 +13,13 @@ pub struct BandMut<'a> {
 impl<'a> BandMut<'a> {
     /// The rows as writers, top to bottom, to be filled again later.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
-        BandMut { width: self.width, disparity: self.disparity, why: self.why, ssdpi: self.ssdpi }.into_rows()
+        BandMut {
+            width: self.width,
+            disparity: self.disparity,
+            why: self.why,
+            ssdpi: self.ssdpi,
+        }
+        .into_rows()
     }
 
     /// Rows of the band.
@@ -24,9 +30,17 @@ impl<'a> BandMut<'a> {
     /// Cuts the band into bands of `rows` rows, top to bottom; the last may have fewer.
     pub fn into_bands(self, rows: usize) -> impl Iterator<Item = BandMut<'a>> {
         let (width, pixels) = (self.width, self.width * rows);
-        let planes = self.disparity.chunks_mut(pixels).zip(self.why.chunks_mut(pixels));
+        let planes = self
+            .disparity
+            .chunks_mut(pixels)
+            .zip(self.why.chunks_mut(pixels));
         let planes = planes.zip(self.ssdpi.chunks_mut(pixels));
-        planes.map(move |((disparity, why), ssdpi)| BandMut { width, disparity, why, ssdpi })
+        planes.map(move |((disparity, why), ssdpi)| BandMut {
+            width,
+            disparity,
+            why,
+            ssdpi,
+        })
     }
 
     /// The rows as writers, top to bottom.
@@ -34,7 +48,14 @@ impl<'a> BandMut<'a> {
         let disparity = self.disparity.chunks_exact_mut(self.width);
         let why = self.why.chunks_exact_mut(self.width);
         let ssdpi = self.ssdpi.chunks_exact_mut(self.width);
-        disparity.zip(why).zip(ssdpi).map(|((disparity, why), ssdpi)| RowMut { disparity, why, ssdpi })
+        disparity
+            .zip(why)
+            .zip(ssdpi)
+            .map(|((disparity, why), ssdpi)| RowMut {
+                disparity,
+                why,
+                ssdpi,
+            })
     }
 }
 

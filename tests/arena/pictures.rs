@@ -6,8 +6,8 @@ use svl::arena::{Arena, ArenaConfig};
 use svl::rectify::AlignmentMeter;
 use svl::stereo::{Frame, Gray, Visibility};
 
-/// Median absolute difference between left pixels and the right pixels that the truth plus `error_px` sends them to, in
-/// the rows that show walls and obstacles.
+/// Median absolute difference between left pixels and the right pixels that the truth plus
+/// `error_px` sends them to, in the rows that show walls and obstacles.
 fn warp_difference(frame: &Frame, error_px: f32, wanted: Visibility) -> f32 {
     let truth = frame.truth.as_ref().unwrap();
     let visibility = truth.visibility.as_ref().unwrap();
@@ -30,20 +30,33 @@ fn warp_difference(frame: &Frame, error_px: f32, wanted: Visibility) -> f32 {
 #[test]
 fn the_right_image_is_the_left_one_moved_by_the_truth() {
     let alike = clean();
-    let mut config = ArenaConfig { rig: alike.rig, sensor: alike.sensor, ..ArenaConfig::default() };
+    let mut config = ArenaConfig {
+        rig: alike.rig,
+        sensor: alike.sensor,
+        ..ArenaConfig::default()
+    };
     config.sensor.vignetting = 0.0;
     let arena = Arena::new(&config, 2).unwrap();
     for index in [9, 55, 89, 201, 240] {
         let frame = arena.frame(index).unwrap();
         let exact = warp_difference(&frame, 0.0, Visibility::Visible);
-        assert!(exact <= 2.0, "frame {index}: visible pixels differ by {exact}");
+        assert!(
+            exact <= 2.0,
+            "frame {index}: visible pixels differ by {exact}"
+        );
         for wrong in [-2.0, 2.0] {
             let off = warp_difference(&frame, wrong, Visibility::Visible);
-            assert!(off > 4.0 * exact, "frame {index}: {off} at {wrong} px beside the truth, {exact} at it");
+            assert!(
+                off > 4.0 * exact,
+                "frame {index}: {off} at {wrong} px beside the truth, {exact} at it"
+            );
         }
     }
     let hidden = warp_difference(&arena.frame(89).unwrap(), 0.0, Visibility::Occluded);
-    assert!(hidden > 10.0, "occluded pixels differ by {hidden}: they match what hides them");
+    assert!(
+        hidden > 10.0,
+        "occluded pixels differ by {hidden}: they match what hides them"
+    );
 }
 
 #[test]
@@ -55,7 +68,14 @@ fn misalignment_moves_the_right_image_and_leaves_the_truth() {
     assert_eq!(straight.truth, moved.truth);
     assert_eq!(straight.pair.left(), moved.pair.left());
     let difference = |rows: usize| -> u64 {
-        let pairs = (80..150).flat_map(|y| straight.pair.right().row(y).iter().zip(moved.pair.right().row(y + rows)));
+        let pairs = (80..150).flat_map(|y| {
+            straight
+                .pair
+                .right()
+                .row(y)
+                .iter()
+                .zip(moved.pair.right().row(y + rows))
+        });
         pairs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
     };
     // Vignetting stays with the sensor: a little difference is left.
@@ -70,7 +90,13 @@ fn noise_is_that_of_photons_and_amplifier() {
     let silent = Arena::new(&config, 1).unwrap().frame(2).unwrap();
     let grey_per_e = 255.0 / config.sensor.full_scale_e;
     let (mut sum, mut square, mut n) = (0.0, 0.0, 0.0);
-    for (a, b) in noisy.pair.left().pixels().zip(silent.pair.left().pixels()).filter(|(_, b)| (40..220).contains(b)) {
+    for (a, b) in noisy
+        .pair
+        .left()
+        .pixels()
+        .zip(silent.pair.left().pixels())
+        .filter(|(_, b)| (40..220).contains(b))
+    {
         let electrons = f64::from(b) / grey_per_e;
         let expected = (electrons + config.sensor.read_noise_e.powi(2)).sqrt() * grey_per_e;
         let deviation = (f64::from(a) - f64::from(b)) / expected;
@@ -88,9 +114,17 @@ fn a_frame_depends_on_configuration_seed_and_index_only() {
     let arena = Arena::new(&config, 7).unwrap();
     let again = Arena::new(&config, 7).unwrap();
     let indices = [130, 3, 279];
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let forwards: Vec<Frame> = alone.install(|| indices.iter().map(|&i| arena.frame(i).unwrap()).collect());
-    let backwards: Vec<Frame> = indices.par_iter().rev().map(|&i| again.frame(i).unwrap()).collect();
+    let alone = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap();
+    let forwards: Vec<Frame> =
+        alone.install(|| indices.iter().map(|&i| arena.frame(i).unwrap()).collect());
+    let backwards: Vec<Frame> = indices
+        .par_iter()
+        .rev()
+        .map(|&i| again.frame(i).unwrap())
+        .collect();
     assert!(forwards.iter().eq(backwards.iter().rev()));
     let other = Arena::new(&config, 8).unwrap().frame(130).unwrap();
     assert_ne!(other.pair, forwards[0].pair);
@@ -101,16 +135,28 @@ fn a_frame_depends_on_configuration_seed_and_index_only() {
 
 #[test]
 fn walls_are_textured_and_the_floor_is_weaker() {
-    let frame = Arena::new(&ArenaConfig::default(), 1).unwrap().frame(201).unwrap();
+    let frame = Arena::new(&ArenaConfig::default(), 1)
+        .unwrap()
+        .frame(201)
+        .unwrap();
     // The slanted wall fills the middle rows, floor the lowest.
-    let (forest, floor) = (spread(frame.pair.left(), 100..140), spread(frame.pair.left(), 200..240));
+    let (forest, floor) = (
+        spread(frame.pair.left(), 100..140),
+        spread(frame.pair.left(), 200..240),
+    );
     assert!((20.0..70.0).contains(&forest), "{forest}");
-    assert!((2.0..0.4 * forest).contains(&floor), "{floor}, forest {forest}");
+    assert!(
+        (2.0..0.4 * forest).contains(&floor),
+        "{floor}, forest {forest}"
+    );
 }
 
 /// Standard deviation of grey values in some rows.
 fn spread(image: &Gray, rows: std::ops::Range<usize>) -> f64 {
-    let values: Vec<f64> = rows.flat_map(|y| image.row(y)).map(|&v| f64::from(v)).collect();
+    let values: Vec<f64> = rows
+        .flat_map(|y| image.row(y))
+        .map(|&v| f64::from(v))
+        .collect();
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
 }
@@ -123,13 +169,25 @@ fn rows_are_as_far_apart_as_rectification_left_them() {
         (config.rig.right_row_offset_px, config.rig.right_roll_deg) = (lower_px, roll_deg);
         let arena = Arena::new(&config, 1).unwrap();
         let mut meter = AlignmentMeter::new();
-        (0..280).step_by(40).for_each(|index| meter.add(&arena.frame(index).unwrap().pair));
+        (0..280)
+            .step_by(40)
+            .for_each(|index| meter.add(&arena.frame(index).unwrap().pair));
         let found = meter.alignment().unwrap();
-        assert!((found.median_px - lower_px).abs() < 0.1, "{lower_px} px, {roll_deg} degrees: {found:?}");
+        assert!(
+            (found.median_px - lower_px).abs() < 0.1,
+            "{lower_px} px, {roll_deg} degrees: {found:?}"
+        );
         // Of parts whose middles are two thirds of the width apart.
         let [left, _, right] = found.parts_px[1].map(|part| part.unwrap());
         let turned = ((right - left) / (2.0 / 3.0 * 320.0)).atan().to_degrees();
-        assert!((turned - roll_deg).abs() < 0.06, "{turned} for {roll_deg} degrees: {found:?}");
-        assert_eq!(found.is_off(), lower_px < -0.5 || roll_deg > 0.5, "{found:?}");
+        assert!(
+            (turned - roll_deg).abs() < 0.06,
+            "{turned} for {roll_deg} degrees: {found:?}"
+        );
+        assert_eq!(
+            found.is_off(),
+            lower_px < -0.5 || roll_deg > 0.5,
+            "{found:?}"
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! `scenarios/arena.toml`: every run comes by every checkpoint, and the checkpoints tell good matchers from bad ones.
+//! `scenarios/arena.toml`: every run comes by every checkpoint, and the checkpoints tell good
+//! matchers from bad ones.
 
 use super::seen;
 use nalgebra::Vector3;
@@ -54,7 +55,8 @@ impl Checkpoint {
         let away = (pose.translation.x - self.at_m[0]).hypot(pose.translation.y - self.at_m[1]);
         let view = pose.rotation * Vector3::z();
         let turn = view.y.atan2(view.x).to_degrees() - self.heading_deg;
-        away <= self.radius_m && ((turn + 540.0).rem_euclid(360.0) - 180.0).abs() <= self.heading_tolerance_deg
+        away <= self.radius_m
+            && ((turn + 540.0).rem_euclid(360.0) - 180.0).abs() <= self.heading_tolerance_deg
     }
 
     /// Why an estimate fails here, by the rules of the obstacle grid; nothing when it passes.
@@ -66,7 +68,10 @@ impl Checkpoint {
                 return Some(format!("cell {place:?} is {z:?} instead of {z_true:.2}"));
             }
         }
-        let list = self.order.iter().find(|list| !estimate.ascends(list, 1.0))?;
+        let list = self
+            .order
+            .iter()
+            .find(|list| !estimate.ascends(list, 1.0))?;
         Some(format!("order {list:?}"))
     }
 }
@@ -75,17 +80,23 @@ impl Checkpoint {
 struct Cells(Vec<Option<f64>>);
 
 impl Cells {
-    /// Medians of the disparities that `select` gives; nothing below the scenario's share of pixels.
+    /// Medians of the disparities that `select` gives; nothing below the scenario's share of
+    /// pixels.
     fn new(frame: &Frame, select: impl Fn(usize, usize) -> Option<f32>) -> Self {
         let Grid { shape, min_valid } = &SCENARIO.grid;
-        let shape = GridShape { columns: shape.columns, rows: shape.rows };
+        let shape = GridShape {
+            columns: shape.columns,
+            rows: shape.rows,
+        };
         let cell = |place| {
             let (xs, ys) = shape.pixels(place, frame.pair.size());
             let least = min_valid * (xs.len() * ys.len()) as f64;
             let pixels = ys.flat_map(|y| xs.clone().map(move |x| (x, y)));
             let mut values: Vec<f32> = pixels.filter_map(|(x, y)| select(x, y)).collect();
             values.sort_by(f32::total_cmp);
-            let median = values.get(values.len() / 2).filter(|_| values.len() as f64 >= least)?;
+            let median = values
+                .get(values.len() / 2)
+                .filter(|_| values.len() as f64 >= least)?;
             frame.rig.unwrap().depth_m(f64::from(*median))
         };
         Self(shape.iter().map(cell).collect())
@@ -102,8 +113,9 @@ impl Cells {
     }
 }
 
-static SCENARIO: LazyLock<Scenario> =
-    LazyLock::new(|| toml::from_str(include_str!("../../scenarios/arena.toml")).unwrap_or_else(|e| panic!("{e}")));
+static SCENARIO: LazyLock<Scenario> = LazyLock::new(|| {
+    toml::from_str(include_str!("../../scenarios/arena.toml")).unwrap_or_else(|e| panic!("{e}"))
+});
 
 static RUNS: LazyLock<Vec<Arena>> = LazyLock::new(|| {
     let run = |&seed: &u64| Arena::new(&SCENARIO.arena, seed).unwrap_or_else(|e| panic!("{e}"));
@@ -112,7 +124,14 @@ static RUNS: LazyLock<Vec<Arena>> = LazyLock::new(|| {
 
 /// The frames that show a checkpoint, per run.
 fn visits(checkpoint: &Checkpoint) -> impl Iterator<Item = (&'static Arena, Vec<u64>)> {
-    RUNS.iter().map(|arena| (arena, (0..arena.frames()).filter(|&i| checkpoint.shows(&arena.pose(i))).collect()))
+    RUNS.iter().map(|arena| {
+        (
+            arena,
+            (0..arena.frames())
+                .filter(|&i| checkpoint.shows(&arena.pose(i)))
+                .collect(),
+        )
+    })
 }
 
 #[test]
@@ -123,48 +142,83 @@ fn it_writes_out_the_default_arena() {
 
 #[test]
 fn every_run_visits_every_checkpoint() {
-    assert_eq!(SCENARIO.checkpoint.iter().map(|c| c.number).collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6]);
+    assert_eq!(
+        SCENARIO
+            .checkpoint
+            .iter()
+            .map(|c| c.number)
+            .collect::<Vec<_>>(),
+        [1, 2, 3, 4, 5, 6]
+    );
     for checkpoint in &SCENARIO.checkpoint {
         let counts: Vec<usize> = visits(checkpoint).map(|(_, frames)| frames.len()).collect();
         println!("checkpoint {}: {counts:?} frames", checkpoint.number);
-        assert!(counts.iter().all(|&n| n >= 5), "checkpoint {}: {counts:?} frames", checkpoint.number);
+        assert!(
+            counts.iter().all(|&n| n >= 5),
+            "checkpoint {}: {counts:?} frames",
+            checkpoint.number
+        );
     }
 }
 
 #[test]
 fn an_excellent_matcher_passes_every_checkpoint_and_poor_ones_none() {
     let frames = SCENARIO.checkpoint.iter().flat_map(|checkpoint| {
-        visits(checkpoint).flat_map(move |(arena, frames)| frames.into_iter().map(move |i| (checkpoint, arena, i)))
+        visits(checkpoint).flat_map(move |(arena, frames)| {
+            frames.into_iter().map(move |i| (checkpoint, arena, i))
+        })
     });
     // Every fourth: one or two of each checkpoint in each run.
-    frames.step_by(4).collect::<Vec<_>>().par_iter().for_each(|&(checkpoint, arena, index)| {
-        let frame = arena.frame(index).unwrap();
-        let truth = frame.truth.as_ref().unwrap();
-        let visibility = truth.visibility.as_ref().unwrap();
-        let exact = |x, y| truth.disparity.get(x, y);
-        let expected = Cells::new(&frame, |x, y| Some(exact(x, y)));
-        let place = format!("checkpoint {}, frame {index}, {:.2?}", checkpoint.number, expected.0);
-        for list in &checkpoint.order {
-            assert!(expected.ascends(list, 1.08), "{place}: order {list:?} has no margin");
-        }
-        // Whole pixels, up to 80, where both cameras see the point.
-        let both = |x, y| visibility.get(x, y) == Visibility::Visible && exact(x, y) <= 80.0;
-        let good = |x, y| both(x, y).then(|| exact(x, y).round());
-        // The same without the floor and the laboratory, which have little texture.
-        let choosy = |x, y| {
-            let p = seen(&frame, x, y).1;
-            let arena = (-0.05..2.05).contains(&p.x) && (-0.05..3.05).contains(&p.y) && p.z > 0.001;
-            good(x, y).filter(|_| arena)
-        };
-        for (who, cells) in [("good", Cells::new(&frame, good)), ("choosy", Cells::new(&frame, choosy))] {
-            assert_eq!(checkpoint.failure(&cells, &expected), None, "{place}: the {who} matcher");
-        }
-        let poor = [6.0, 14.0, 24.0, 40.0].map(|d| Cells::new(&frame, |_, _| Some(d)));
-        let blind = Cells::new(&frame, |_, _| None);
-        let far = Cells::new(&frame, |x, y| Some(exact(x, y) / 1.3));
-        let aside = Cells::new(&frame, |x, y| Some(exact((x + 128) % 320, y)));
-        for cells in poor.iter().chain([&blind, &far, &aside]) {
-            assert!(checkpoint.failure(cells, &expected).is_some(), "{place}: {:.2?} passes", cells.0);
-        }
-    });
+    frames
+        .step_by(4)
+        .collect::<Vec<_>>()
+        .par_iter()
+        .for_each(|&(checkpoint, arena, index)| {
+            let frame = arena.frame(index).unwrap();
+            let truth = frame.truth.as_ref().unwrap();
+            let visibility = truth.visibility.as_ref().unwrap();
+            let exact = |x, y| truth.disparity.get(x, y);
+            let expected = Cells::new(&frame, |x, y| Some(exact(x, y)));
+            let place = format!(
+                "checkpoint {}, frame {index}, {:.2?}",
+                checkpoint.number, expected.0
+            );
+            for list in &checkpoint.order {
+                assert!(
+                    expected.ascends(list, 1.08),
+                    "{place}: order {list:?} has no margin"
+                );
+            }
+            // Whole pixels, up to 80, where both cameras see the point.
+            let both = |x, y| visibility.get(x, y) == Visibility::Visible && exact(x, y) <= 80.0;
+            let good = |x, y| both(x, y).then(|| exact(x, y).round());
+            // The same without the floor and the laboratory, which have little texture.
+            let choosy = |x, y| {
+                let p = seen(&frame, x, y).1;
+                let arena =
+                    (-0.05..2.05).contains(&p.x) && (-0.05..3.05).contains(&p.y) && p.z > 0.001;
+                good(x, y).filter(|_| arena)
+            };
+            for (who, cells) in [
+                ("good", Cells::new(&frame, good)),
+                ("choosy", Cells::new(&frame, choosy)),
+            ] {
+                assert_eq!(
+                    checkpoint.failure(&cells, &expected),
+                    None,
+                    "{place}: the {who} matcher"
+                );
+            }
+            let poor = [6.0, 14.0, 24.0, 40.0].map(|d| Cells::new(&frame, |_, _| Some(d)));
+            let blind = Cells::new(&frame, |_, _| None);
+            let far = Cells::new(&frame, |x, y| Some(exact(x, y) / 1.3));
+            let aside = Cells::new(&frame, |x, y| Some(exact((x + 128) % 320, y)));
+            for cells in poor.iter().chain([&blind, &far, &aside]) {
+                assert!(
+                    checkpoint.failure(cells, &expected).is_some(),
+                    "{place}: {:.2?} passes",
+                    cells.0
+                );
+            }
+        });
 }

@@ -8,61 +8,200 @@ fn broken(format: &str, from: &str, to: &str) -> String {
     let text = std::fs::read_to_string(folder.path(name)).unwrap();
     assert!(text.contains(from), "{format}: no {from} in\n{text}");
     std::fs::write(folder.path(name), text.replacen(from, to, 1)).unwrap();
-    let hints = Hints { size: Some((752, 480)).filter(|_| format == "kitti"), ..Hints::default() };
+    let hints = Hints {
+        size: Some((752, 480)).filter(|_| format == "kitti"),
+        ..Hints::default()
+    };
     let error = folder.read(format, &hints).unwrap_err().to_string();
-    assert!(!error.contains('\n') && error.contains(name), "{format}, {to}: {error}");
+    assert!(
+        !error.contains('\n') && error.contains(name),
+        "{format}, {to}: {error}"
+    );
     error
 }
 
 #[test]
 fn what_is_wrong_is_named_with_its_key() {
     for (format, from, to, words) in [
-        ("xml", "intr0=\"458.7\"", "intr0=\"nan\"", &["Camera.0.Intrinsic.intr0", "'nan'"][..]),
-        ("xml", "intr0=\"458.7\"", "", &["no 'Camera.0.Intrinsic.intr0'"]),
-        ("xml", "intr1=\"0.0\"", "intr1=\"2.0\"", &["Camera.0.Intrinsic", "skew of 2"]),
-        ("xml", "intr0=\"458.7\"", "intr0=\"-458.7\"", &["Camera.0.Intrinsic", "-458.7"]),
-        ("xml", "x=\"752\"", "x=\"0\"", &["Camera.0.ImageSize.x", "0, expected whole pixels"]),
-        ("xml", "x=\"752\"", "x=\"1e300\"", &["Camera.0.ImageSize.x", "expected whole pixels"]),
-        ("xml", "rot0=\"1.0\"", "rot0=\"2.0\"", &["Camera.0.Rotation", "no rotation"]),
-        ("xml", "rot0=\"1.0\"", "rot0=\"1e308\"", &["Camera.0.Rotation", "no rotation"]),
+        (
+            "xml",
+            "intr0=\"458.7\"",
+            "intr0=\"nan\"",
+            &["Camera.0.Intrinsic.intr0", "'nan'"][..],
+        ),
+        (
+            "xml",
+            "intr0=\"458.7\"",
+            "",
+            &["no 'Camera.0.Intrinsic.intr0'"],
+        ),
+        (
+            "xml",
+            "intr1=\"0.0\"",
+            "intr1=\"2.0\"",
+            &["Camera.0.Intrinsic", "skew of 2"],
+        ),
+        (
+            "xml",
+            "intr0=\"458.7\"",
+            "intr0=\"-458.7\"",
+            &["Camera.0.Intrinsic", "-458.7"],
+        ),
+        (
+            "xml",
+            "x=\"752\"",
+            "x=\"0\"",
+            &["Camera.0.ImageSize.x", "0, expected whole pixels"],
+        ),
+        (
+            "xml",
+            "x=\"752\"",
+            "x=\"1e300\"",
+            &["Camera.0.ImageSize.x", "expected whole pixels"],
+        ),
+        (
+            "xml",
+            "rot0=\"1.0\"",
+            "rot0=\"2.0\"",
+            &["Camera.0.Rotation", "no rotation"],
+        ),
+        (
+            "xml",
+            "rot0=\"1.0\"",
+            "rot0=\"1e308\"",
+            &["Camera.0.Rotation", "no rotation"],
+        ),
         ("xml", "unit=\"m\"", "", &["--unit"]),
-        ("xml", "unit=\"m\"", "unit=\"foot\"", &["'foot'", "m, cm, mm"]),
-        ("xml", "coeff_0_2_2=\"1.0\"", "coeff_0_2_2=\"x\"", &["Stereo.Coeffs", "'x'"]),
+        (
+            "xml",
+            "unit=\"m\"",
+            "unit=\"foot\"",
+            &["'foot'", "m, cm, mm"],
+        ),
+        (
+            "xml",
+            "coeff_0_2_2=\"1.0\"",
+            "coeff_0_2_2=\"x\"",
+            &["Stereo.Coeffs", "'x'"],
+        ),
         ("xml", "</Camera>", "", &["no XML"]),
         ("opencv", "458.7", ".Nan", &["K1", "'.Nan'", "finite"]),
         ("opencv", "458.7", "0.0", &["K1", "0.0"]),
         ("opencv", "K1:", "K9:", &["no 'K1' or 'M1'"]),
-        ("opencv", "458.7, 0.0,", "458.7,", &["K1", "8 numbers, expected 9"]),
-        ("opencv", "image_width: 752", "image_width: 0", &["image_width", "whole pixels"]),
-        ("opencv", "image_width: 752", "image_width: many", &["image_width", "'many'"]),
+        (
+            "opencv",
+            "458.7, 0.0,",
+            "458.7,",
+            &["K1", "8 numbers, expected 9"],
+        ),
+        (
+            "opencv",
+            "image_width: 752",
+            "image_width: 0",
+            &["image_width", "whole pixels"],
+        ),
+        (
+            "opencv",
+            "image_width: 752",
+            "image_width: many",
+            &["image_width", "'many'"],
+        ),
         ("opencv", "T: !!", "X: !!", &["no 'T'"]),
         ("opencv", "R: !!", "X: !!", &["no 'R'"]),
         ("opencv", "R2: !!", "X: !!", &["no 'R2'"]),
         ("opencv", "430.0", "43.0", &["P1", "one focal length"]),
-        ("opencv", "length_unit: m", "length_unit: furlong", &["'furlong'"]),
+        (
+            "opencv",
+            "length_unit: m",
+            "length_unit: furlong",
+            &["'furlong'"],
+        ),
         ("opencv", "data: [", "data: [[", &["line "]),
-        ("ros", "plumb_bob", "equidistant", &["distortion_model", "equidistant"]),
-        ("ros", "image_height: 480", "image_height: 480.5", &["image_height", "480.5"]),
-        ("ros", "camera_matrix", "camera_matrlx", &["no 'camera_matrix'"]),
-        ("ros", "457.6, 0.0", "457.6, 0.5", &["camera_matrix", "skew"]),
-        ("boofcv", "skew: 0.0", "skew: 0.3", &["left.pinhole.skew", "0.3"]),
-        ("boofcv", "pinhole_radial_tangential", "omnidirectional_universal", &["left.model", "omnidirectional"]),
+        (
+            "ros",
+            "plumb_bob",
+            "equidistant",
+            &["distortion_model", "equidistant"],
+        ),
+        (
+            "ros",
+            "image_height: 480",
+            "image_height: 480.5",
+            &["image_height", "480.5"],
+        ),
+        (
+            "ros",
+            "camera_matrix",
+            "camera_matrlx",
+            &["no 'camera_matrix'"],
+        ),
+        (
+            "ros",
+            "457.6, 0.0",
+            "457.6, 0.5",
+            &["camera_matrix", "skew"],
+        ),
+        (
+            "boofcv",
+            "skew: 0.0",
+            "skew: 0.3",
+            &["left.pinhole.skew", "0.3"],
+        ),
+        (
+            "boofcv",
+            "pinhole_radial_tangential",
+            "omnidirectional_universal",
+            &["left.model", "omnidirectional"],
+        ),
         ("boofcv", "length_unit: m\n", "", &["--unit"]),
-        ("boofcv", "width: 752", "width: -752", &["left.pinhole.width", "-752"]),
-        ("boofcv", "  rotation:", "  rotatlon:", &["no 'rightToLeft.rotation'"]),
+        (
+            "boofcv",
+            "width: 752",
+            "width: -752",
+            &["left.pinhole.width", "-752"],
+        ),
+        (
+            "boofcv",
+            "  rotation:",
+            "  rotatlon:",
+            &["no 'rightToLeft.rotation'"],
+        ),
         ("middlebury", "baseline=", "basel1ne=", &["no 'baseline'"]),
-        ("middlebury", "baseline=110.0", "baseline=0", &["baseline 0 m"]),
-        ("middlebury", "width=752", "width=99999999", &["width", "whole pixels"]),
+        (
+            "middlebury",
+            "baseline=110.0",
+            "baseline=0",
+            &["baseline 0 m"],
+        ),
+        (
+            "middlebury",
+            "width=752",
+            "width=99999999",
+            &["width", "whole pixels"],
+        ),
         ("middlebury", "430.0", "inf", &["cam0", "'inf'"]),
-        ("kitti", "P1: 430.0", "P1: 4e1", &["P0", "P1", "one focal length"]),
+        (
+            "kitti",
+            "P1: 430.0",
+            "P1: 4e1",
+            &["P0", "P1", "one focal length"],
+        ),
         ("kitti", "P1:", "Q1:", &["no 'P1'"]),
-        ("kitti-raw", "S_00: 752.0", "S_00: 752.0 3", &["S_00", "3 numbers, expected 2"]),
+        (
+            "kitti-raw",
+            "S_00: 752.0",
+            "S_00: 752.0 3",
+            &["S_00", "3 numbers, expected 2"],
+        ),
         ("kitti-raw", "T_01: -0.1", "T_01: -0.5", &["other cameras"]),
         ("kitti-raw", "R_rect_00", "R_rect_99", &["no 'R_rect_00'"]),
     ] {
         let error = broken(format, from, to);
         for word in words {
-            assert!(error.contains(word), "{format}, {from} → {to}: '{word}' is not in: {error}");
+            assert!(
+                error.contains(word),
+                "{format}, {from} → {to}: '{word}' is not in: {error}"
+            );
         }
     }
 }
@@ -72,7 +211,10 @@ fn what_ends_early_or_is_cut_anywhere_is_an_error_or_whole() {
     let folder = Folder::new();
     for (format, file) in FILES {
         folder.write(format, &raw()).unwrap();
-        let hints = Hints { size: Some((752, 480)), ..Hints::default() };
+        let hints = Hints {
+            size: Some((752, 480)),
+            ..Hints::default()
+        };
         let path = folder.path(file.split(',').next_back().unwrap());
         let whole = std::fs::read(&path).unwrap();
         for end in (0..whole.len()).step_by(17) {
@@ -83,7 +225,8 @@ fn what_ends_early_or_is_cut_anywhere_is_an_error_or_whole() {
                 Err(error) => {
                     let error = error.to_string();
                     assert!(
-                        !error.contains('\n') && error.contains(path.parent().unwrap().to_str().unwrap()),
+                        !error.contains('\n')
+                            && error.contains(path.parent().unwrap().to_str().unwrap()),
                         "{error}"
                     );
                 }
@@ -97,13 +240,25 @@ fn folders_pairs_and_strangers_have_cures() {
     let folder = Folder::new();
     let reads = |name: &str, words: &[&str]| {
         let error = files::read(&folder.path(name)).unwrap_err().to_string();
-        words.iter().for_each(|word| assert!(error.contains(word), "{name}: '{word}' is not in: {error}"));
+        words
+            .iter()
+            .for_each(|word| assert!(error.contains(word), "{name}: '{word}' is not in: {error}"));
     };
     reads("nothing.xml", &["nothing.xml", "no such file"]);
     reads("a.yaml,b.yaml", &["a.yaml", "no such file"]);
-    reads("", &["is a folder", "left.yaml and right.yaml", "cam0/sensor.yaml"]);
+    reads(
+        "",
+        &[
+            "is a folder",
+            "left.yaml and right.yaml",
+            "cam0/sensor.yaml",
+        ],
+    );
     std::fs::write(folder.path("strange.yaml"), "a: 1\n").unwrap();
-    reads("strange.yaml", &["no calibration that svl knows", "opencv", "kitti-raw"]);
+    reads(
+        "strange.yaml",
+        &["no calibration that svl knows", "opencv", "kitti-raw"],
+    );
     std::fs::write(folder.path("large.xml"), vec![b' '; (1 << 20) + 1]).unwrap();
     reads("large.xml", &["larger"]);
     folder.write("ros", &raw()).unwrap();
@@ -111,15 +266,27 @@ fn folders_pairs_and_strangers_have_cures() {
     reads("right.yaml,left.yaml", &["baseline"]);
     folder.write("boofcv", &raw()).unwrap();
     reads("boofcv.yaml,right.yaml", &["one file holds both"]);
-    let to_one = files::write_as(&folder.path("one.yaml"), files::format("ros").unwrap(), &raw());
+    let to_one = files::write_as(
+        &folder.path("one.yaml"),
+        files::format("ros").unwrap(),
+        &raw(),
+    );
     assert!(to_one.unwrap_err().to_string().contains("two files"));
-    assert!(files::format("opncv").unwrap_err().to_string().contains("did you mean 'opencv'"));
+    assert!(
+        files::format("opncv")
+            .unwrap_err()
+            .to_string()
+            .contains("did you mean 'opencv'")
+    );
 }
 
 #[test]
 fn a_unit_that_contradicts_the_file_is_refused() {
     let folder = Folder::new();
-    let millimetres = Hints { unit: Some("mm".parse().unwrap()), ..Hints::default() };
+    let millimetres = Hints {
+        unit: Some("mm".parse().unwrap()),
+        ..Hints::default()
+    };
     for format in ["xml", "opencv", "ros", "boofcv", "kitti-raw"] {
         folder.write(format, &raw()).unwrap();
         let error = folder.read(format, &millimetres).unwrap_err().to_string();
@@ -131,8 +298,17 @@ fn a_unit_that_contradicts_the_file_is_refused() {
 fn boards_numbered_in_different_directions_need_the_homographies() {
     let folder = Folder::new();
     let text = include_str!("annex_e.xml");
-    let poses = format!("{}</VSCalibrationData>", &text[..text.find("<Stereo>").unwrap()]);
+    let poses = format!(
+        "{}</VSCalibrationData>",
+        &text[..text.find("<Stereo>").unwrap()]
+    );
     std::fs::write(folder.path("c.xml"), poses).unwrap();
-    let error = folder.read("xml", &Hints::default()).unwrap_err().to_string();
-    assert!(error.contains("numbered in different directions"), "{error}");
+    let error = folder
+        .read("xml", &Hints::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("numbered in different directions"),
+        "{error}"
+    );
 }

@@ -4,7 +4,9 @@ use super::*;
 use std::path::Path;
 
 fn dataset(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/datasets").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../shared/datasets")
+        .join(name);
     if path.exists() {
         return Some(path);
     }
@@ -13,20 +15,42 @@ fn dataset(name: &str) -> Option<PathBuf> {
 }
 
 fn unit(name: &str) -> Hints {
-    Hints { unit: Some(name.parse().unwrap()), ..Hints::default() }
+    Hints {
+        unit: Some(name.parse().unwrap()),
+        ..Hints::default()
+    }
 }
 
 #[test]
 fn annex_e_is_read_as_it_is_printed() {
     let folder = Folder::new();
     std::fs::write(folder.path("c.xml"), include_str!("annex_e.xml")).unwrap();
-    let Found { calibration: c, remarks, .. } = folder.read("xml", &Hints::default()).unwrap();
+    let Found {
+        calibration: c,
+        remarks,
+        ..
+    } = folder.read("xml", &Hints::default()).unwrap();
     assert_eq!(c.left().size(), (240, 320));
     assert_eq!(c.left().focal_px(), (566.065_612_793_0, 566.676_574_707_0));
-    assert_eq!(c.right().distortion(), [-0.238_349_586_7, 0.588_825_583_5, 0.000_249_059_8, -0.002_409_616_3, 0.0]);
+    assert_eq!(
+        c.right().distortion(),
+        [
+            -0.238_349_586_7,
+            0.588_825_583_5,
+            0.000_249_059_8,
+            -0.002_409_616_3,
+            0.0
+        ]
+    );
     assert!(c.unit() == LengthUnit::Squares && (c.baseline() - 1.0).abs() < 1e-12);
-    assert!(remarks[0].contains("numbered in different directions") && remarks[0].contains("91°"), "{remarks:?}");
-    assert!(c.rectification().is_none() && remarks[1].contains("left out"), "{remarks:?}");
+    assert!(
+        remarks[0].contains("numbered in different directions") && remarks[0].contains("91°"),
+        "{remarks:?}"
+    );
+    assert!(
+        c.rectification().is_none() && remarks[1].contains("left out"),
+        "{remarks:?}"
+    );
 
     // The poses, the right board turned by a quarter, say nearly the same.
     let quarter = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
@@ -53,14 +77,19 @@ fn annex_e_is_read_as_it_is_printed() {
         -0.9863733053,
     );
     let turned = svl::stereo::rotation(&(right * quarter.matrix() * left.transpose())).unwrap();
-    let apart = c.right_from_left().rotation.angle_to(&UnitQuaternion::from_rotation_matrix(&turned));
+    let apart = c
+        .right_from_left()
+        .rotation
+        .angle_to(&UnitQuaternion::from_rotation_matrix(&turned));
     assert!(apart.to_degrees() < 4.0, "{}", apart.to_degrees());
     println!("apart {}", apart.to_degrees());
 
-    // Its homographies put matching points on one row: so do the rotation and the direction that were taken of them.
-    let essential =
-        c.right_from_left().translation.vector.cross_matrix() * c.right_from_left().rotation.to_rotation_matrix();
-    let homography = |m: [f64; 9], k: &Intrinsics| nalgebra::Matrix3::from_row_slice(&m) * k.matrix();
+    // Its homographies put matching points on one row: so do the rotation and the direction that
+    // were taken of them.
+    let essential = c.right_from_left().translation.vector.cross_matrix()
+        * c.right_from_left().rotation.to_rotation_matrix();
+    let homography =
+        |m: [f64; 9], k: &Intrinsics| nalgebra::Matrix3::from_row_slice(&m) * k.matrix();
     let h0 = homography(
         [
             1.0448307652,
@@ -103,33 +132,65 @@ fn annex_e_is_read_as_it_is_printed() {
 
 #[test]
 fn opencv_s_reference_of_the_chessboard() {
-    let Some(path) = dataset("calibration-chessboard/reference_opencv.yml") else { return };
-    let c = files::read_with(&path, &unit("squares")).unwrap().calibration;
+    let Some(path) = dataset("calibration-chessboard/reference_opencv.yml") else {
+        return;
+    };
+    let c = files::read_with(&path, &unit("squares"))
+        .unwrap()
+        .calibration;
     assert_eq!(c.left().distortion()[4], 0.16343305509208755);
     assert!((c.baseline() - 3.32822).abs() < 1e-5);
-    assert_eq!(c.rectification().unwrap().rig.focal_px(), 515.941_966_785_482_7);
-    let metres = files::read_with(&path, &unit("squares=0.025")).unwrap().calibration;
+    assert_eq!(
+        c.rectification().unwrap().rig.focal_px(),
+        515.941_966_785_482_7
+    );
+    let metres = files::read_with(&path, &unit("squares=0.025"))
+        .unwrap()
+        .calibration;
     assert!((metres.rig().unwrap().baseline_m() - 3.32822 * 0.025).abs() < 1e-6);
-    assert!(files::read(&path).unwrap_err().to_string().contains("--unit"));
+    assert!(
+        files::read(&path)
+            .unwrap_err()
+            .to_string()
+            .contains("--unit")
+    );
 }
 
 #[test]
 fn euroc_agrees_with_opencv_s_reading_of_it() {
-    let Some(path) = dataset("euroc-v1_01_easy") else { return };
+    let Some(path) = dataset("euroc-v1_01_easy") else {
+        return;
+    };
     let c = files::read(&path).unwrap();
-    let reference = files::read_with(&path.join("reference_rectification_opencv.yml"), &unit("m")).unwrap().calibration;
+    let reference = files::read_with(&path.join("reference_rectification_opencv.yml"), &unit("m"))
+        .unwrap()
+        .calibration;
     assert_eq!((c.left(), c.right()), (reference.left(), reference.right()));
-    let off = c.right_from_left().translation.vector - reference.right_from_left().translation.vector;
-    assert!(off.norm() < 1e-9 && c.right_from_left().rotation.angle_to(&reference.right_from_left().rotation) < 1e-8);
+    let off =
+        c.right_from_left().translation.vector - reference.right_from_left().translation.vector;
+    assert!(
+        off.norm() < 1e-9
+            && c.right_from_left()
+                .rotation
+                .angle_to(&reference.right_from_left().rotation)
+                < 1e-8
+    );
 }
 
 #[test]
 fn the_bumblebee_is_in_millimetres() {
-    let Some(path) = dataset("bumblebee2-raw/stereo.yaml") else { return };
+    let Some(path) = dataset("bumblebee2-raw/stereo.yaml") else {
+        return;
+    };
     let c = files::read_with(&path, &unit("mm")).unwrap().calibration;
     assert!((c.baseline() - 0.12005).abs() < 1e-5);
     assert!(c.right_from_left().translation.vector.x < 0.0);
-    assert!(files::read(&path).unwrap_err().to_string().contains("--unit"));
+    assert!(
+        files::read(&path)
+            .unwrap_err()
+            .to_string()
+            .contains("--unit")
+    );
 }
 
 #[test]
@@ -138,7 +199,13 @@ fn xml_of_opencv_is_its_yaml() {
     folder.write("opencv", &raw()).unwrap();
     let yaml = std::fs::read_to_string(folder.path("c.yml")).unwrap();
     let mut xml = String::from("<?xml version=\"1.0\"?>\n<opencv_storage>\n");
-    for block in yaml.split("---\n").nth(1).unwrap().replace("\n   ", "\u{1}").lines() {
+    for block in yaml
+        .split("---\n")
+        .nth(1)
+        .unwrap()
+        .replace("\n   ", "\u{1}")
+        .lines()
+    {
         let (name, value) = block.split_once(": ").unwrap();
         let value = match value.split_once("data: [") {
             Some((_, data)) => {
@@ -147,8 +214,14 @@ fn xml_of_opencv_is_its_yaml() {
             }
             None => value.replace(['[', ']', ','], " "),
         };
-        xml += &format!("<{name} type_id=\"opencv-matrix\">{value}</{name}>\n")
-            .replace(if block.contains("opencv-matrix") { "\u{2}" } else { " type_id=\"opencv-matrix\"" }, "");
+        xml += &format!("<{name} type_id=\"opencv-matrix\">{value}</{name}>\n").replace(
+            if block.contains("opencv-matrix") {
+                "\u{2}"
+            } else {
+                " type_id=\"opencv-matrix\""
+            },
+            "",
+        );
     }
     std::fs::write(folder.path("c.xml"), xml + "</opencv_storage>\n").unwrap();
     let found = folder.read("xml", &Hints::default()).unwrap();
@@ -168,9 +241,21 @@ fn opencv_s_sample_writes_two_files() {
         .map(|l| l.replace('K', "M") + "\n")
         .collect();
     std::fs::write(folder.path("intrinsics.yml"), intrinsics).unwrap();
-    std::fs::write(folder.path("extrinsics.yml"), format!("%YAML:1.0\n{extrinsics}")).unwrap();
+    std::fs::write(
+        folder.path("extrinsics.yml"),
+        format!("%YAML:1.0\n{extrinsics}"),
+    )
+    .unwrap();
     let error = files::read(folder.0.path()).unwrap_err().to_string();
     assert!(error.contains("--size"), "{error}");
-    let hints = Hints { size: Some((752, 480)), ..unit("m") };
-    assert_same(&files::read_with(folder.0.path(), &hints).unwrap().calibration, &raw());
+    let hints = Hints {
+        size: Some((752, 480)),
+        ..unit("m")
+    };
+    assert_same(
+        &files::read_with(folder.0.path(), &hints)
+            .unwrap()
+            .calibration,
+        &raw(),
+    );
 }

@@ -11,10 +11,19 @@ use svl::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration}
 
 /// A pair of raw cameras with their rectification.
 fn raw() -> StereoCalibration {
-    let (left, right) = ([-0.283, 0.074, 0.0002, 1.8e-5, 0.001], [-0.284, 0.075, -0.0001, -3.6e-5, -0.002]);
+    let (left, right) = (
+        [-0.283, 0.074, 0.0002, 1.8e-5, 0.001],
+        [-0.284, 0.075, -0.0001, -3.6e-5, -0.002],
+    );
     let left = Intrinsics::new((752, 480), (458.7, 457.3), (367.2, 248.4), left).unwrap();
     let right = Intrinsics::new((752, 480), (457.6, 456.1), (380.0, 255.2), right).unwrap();
-    calibration(left, right, [0.01, -0.02, 0.003, -0.012, 0.008, 0.004], 0.11, LengthUnit::Metres)
+    calibration(
+        left,
+        right,
+        [0.01, -0.02, 0.003, -0.012, 0.008, 0.004],
+        0.11,
+        LengthUnit::Metres,
+    )
 }
 
 /// Two cameras turned by these Euler angles against their rectification.
@@ -25,13 +34,26 @@ fn calibration(
     baseline: f64,
     unit: LengthUnit,
 ) -> StereoCalibration {
-    let (turn_left, turn_right) = (Rotation3::from_euler_angles(a, b, c), Rotation3::from_euler_angles(d, e, f));
+    let (turn_left, turn_right) = (
+        Rotation3::from_euler_angles(a, b, c),
+        Rotation3::from_euler_angles(d, e, f),
+    );
     let back = turn_right.inverse();
     let translation = Translation3::from(back * Vector3::new(-baseline, 0.0, 0.0));
-    let motion = Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&(back * turn_left)));
+    let motion = Isometry3::from_parts(
+        translation,
+        UnitQuaternion::from_rotation_matrix(&(back * turn_left)),
+    );
     let rig = Rig::new(430.0, (360.5, 240.25), baseline, 3.5).unwrap();
-    let rectification = Rectification { size: left.size(), left: turn_left, right: turn_right, rig };
-    StereoCalibration::new(left, right, motion, unit).unwrap().with_rectification(rectification)
+    let rectification = Rectification {
+        size: left.size(),
+        left: turn_left,
+        right: turn_right,
+        rig,
+    };
+    StereoCalibration::new(left, right, motion, unit)
+        .unwrap()
+        .with_rectification(rectification)
 }
 
 /// The same cameras without their rectification.
@@ -44,16 +66,24 @@ fn rectified(c: &StereoCalibration) -> StereoCalibration {
     let Rectification { size, rig, .. } = *c.rectification().unwrap();
     let camera = |right| {
         let k = rig.intrinsics(right);
-        Intrinsics::new(size, (k[(0, 0)], k[(1, 1)]), (k[(0, 2)], k[(1, 2)]), [0.0; 5]).unwrap()
+        Intrinsics::new(
+            size,
+            (k[(0, 0)], k[(1, 1)]),
+            (k[(0, 2)], k[(1, 2)]),
+            [0.0; 5],
+        )
+        .unwrap()
     };
     let apart = Isometry3::translation(-rig.baseline_m(), 0.0, 0.0);
     let turn = Rotation3::identity();
-    StereoCalibration::new(camera(false), camera(true), apart, c.unit()).unwrap().with_rectification(Rectification {
-        size,
-        left: turn,
-        right: turn,
-        rig,
-    })
+    StereoCalibration::new(camera(false), camera(true), apart, c.unit())
+        .unwrap()
+        .with_rectification(Rectification {
+            size,
+            left: turn,
+            right: turn,
+            rig,
+        })
 }
 
 /// Whether two calibrations are the same but for the last digits of what was calculated.
@@ -66,7 +96,10 @@ fn assert_same(a: &StereoCalibration, b: &StereoCalibration) {
     }
     let (ma, mb) = (a.right_from_left(), b.right_from_left());
     assert!(ma.rotation.angle_to(&mb.rotation) < 1e-9, "{ma} {mb}");
-    assert!((ma.translation.vector - mb.translation.vector).norm() < 1e-9 * a.baseline(), "{ma} {mb}");
+    assert!(
+        (ma.translation.vector - mb.translation.vector).norm() < 1e-9 * a.baseline(),
+        "{ma} {mb}"
+    );
     assert_eq!(a.rectification().is_some(), b.rectification().is_some());
     if let (Some(ra), Some(rb)) = (a.rectification(), b.rectification()) {
         assert_eq!(ra.size, rb.size);
@@ -74,9 +107,19 @@ fn assert_same(a: &StereoCalibration, b: &StereoCalibration) {
             (ra.left.matrix() - rb.left.matrix()).amax() < 1e-9
                 && (ra.right.matrix() - rb.right.matrix()).amax() < 1e-9
         );
-        let numbers =
-            |rig: &Rig| [rig.focal_px(), rig.center_px().0, rig.center_px().1, rig.doffs_px(), 1e3 * rig.baseline_m()];
-        let off = numbers(&ra.rig).into_iter().zip(numbers(&rb.rig)).map(|(x, y)| (x - y).abs());
+        let numbers = |rig: &Rig| {
+            [
+                rig.focal_px(),
+                rig.center_px().0,
+                rig.center_px().1,
+                rig.doffs_px(),
+                1e3 * rig.baseline_m(),
+            ]
+        };
+        let off = numbers(&ra.rig)
+            .into_iter()
+            .zip(numbers(&rb.rig))
+            .map(|(x, y)| (x - y).abs());
         assert!(off.fold(0.0, f64::max) < 1e-8, "{:?} {:?}", ra.rig, rb.rig);
     }
 }
@@ -101,12 +144,23 @@ impl Folder {
 
     /// `name` may be two, with a comma between.
     fn path(&self, name: &str) -> PathBuf {
-        let names: Vec<_> = name.split(',').map(|name| self.0.path().join(name).display().to_string()).collect();
+        let names: Vec<_> = name
+            .split(',')
+            .map(|name| self.0.path().join(name).display().to_string())
+            .collect();
         names.join(",").into()
     }
 
-    fn write(&self, format: &str, calibration: &StereoCalibration) -> svl::Result<Vec<&'static str>> {
-        files::write_as(&self.path(file_of(format)), files::format(format).unwrap(), calibration)
+    fn write(
+        &self,
+        format: &str,
+        calibration: &StereoCalibration,
+    ) -> svl::Result<Vec<&'static str>> {
+        files::write_as(
+            &self.path(file_of(format)),
+            files::format(format).unwrap(),
+            calibration,
+        )
     }
 
     fn read(&self, format: &str, hints: &Hints) -> svl::Result<Found> {
@@ -117,7 +171,10 @@ impl Folder {
     fn through(&self, format: &str, calibration: &StereoCalibration) -> StereoCalibration {
         self.write(format, calibration).unwrap();
         let size = calibration.rectification().map(|r| r.size);
-        let hints = Hints { size: size.filter(|_| format == "kitti"), ..Hints::default() };
+        let hints = Hints {
+            size: size.filter(|_| format == "kitti"),
+            ..Hints::default()
+        };
         let found = self.read(format, &hints).unwrap();
         assert_eq!(found.format.name, format);
         found.calibration

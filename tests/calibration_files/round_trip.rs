@@ -2,20 +2,30 @@ use super::*;
 use proptest::prelude::*;
 
 fn lens() -> impl Strategy<Value = [f64; 5]> {
-    (-0.5..0.5, -1.0..1.0, -0.01..0.01, -1e-9..1e-9, -1.0..1.0).prop_map(|(k1, k2, p1, p2, k3)| [k1, k2, p1, p2, k3])
+    (-0.5..0.5, -1.0..1.0, -0.01..0.01, -1e-9..1e-9, -1.0..1.0)
+        .prop_map(|(k1, k2, p1, p2, k3)| [k1, k2, p1, p2, k3])
 }
 
 fn camera() -> impl Strategy<Value = Intrinsics> {
-    (200.0..2000.0, 0.9..1.1, 200.0..500.0, 150.0..400.0, lens())
-        .prop_map(|(fx, ratio, cx, cy, lens)| Intrinsics::new((752, 480), (fx, fx * ratio), (cx, cy), lens).unwrap())
+    (200.0..2000.0, 0.9..1.1, 200.0..500.0, 150.0..400.0, lens()).prop_map(
+        |(fx, ratio, cx, cy, lens)| {
+            Intrinsics::new((752, 480), (fx, fx * ratio), (cx, cy), lens).unwrap()
+        },
+    )
 }
 
 fn calibrations() -> impl Strategy<Value = StereoCalibration> {
     let turns = prop::array::uniform6(-0.05..0.05f64);
-    (camera(), camera(), turns, 0.01..2.0, any::<bool>()).prop_map(|(left, right, turns, baseline, metres)| {
-        let unit = if metres { LengthUnit::Metres } else { LengthUnit::Squares };
-        calibration(left, right, turns, baseline, unit)
-    })
+    (camera(), camera(), turns, 0.01..2.0, any::<bool>()).prop_map(
+        |(left, right, turns, baseline, metres)| {
+            let unit = if metres {
+                LengthUnit::Metres
+            } else {
+                LengthUnit::Squares
+            };
+            calibration(left, right, turns, baseline, unit)
+        },
+    )
 }
 
 /// What a format holds of a calibration; nothing when it refuses it.
@@ -56,16 +66,37 @@ proptest! {
 #[test]
 fn what_a_format_cannot_hold_is_said() {
     let folder = Folder::new();
-    for (format, word) in [("boofcv", "rectification"), ("middlebury", "lenses"), ("kitti", "lenses")] {
+    for (format, word) in [
+        ("boofcv", "rectification"),
+        ("middlebury", "lenses"),
+        ("kitti", "lenses"),
+    ] {
         let left_out = folder.write(format, &raw()).unwrap();
-        assert!(left_out.len() == 1 && left_out[0].contains(word), "{format}: {left_out:?}");
-        assert_eq!(folder.write(format, &rectified(&raw())).unwrap().len(), usize::from(format == "boofcv"));
+        assert!(
+            left_out.len() == 1 && left_out[0].contains(word),
+            "{format}: {left_out:?}"
+        );
+        assert_eq!(
+            folder.write(format, &rectified(&raw())).unwrap().len(),
+            usize::from(format == "boofcv")
+        );
     }
-    for (format, word) in [("ros", "has none"), ("middlebury", "no rectification"), ("kitti-raw", "no rectification")] {
-        let error = folder.write(format, &unrectified(&raw())).unwrap_err().to_string();
+    for (format, word) in [
+        ("ros", "has none"),
+        ("middlebury", "no rectification"),
+        ("kitti-raw", "no rectification"),
+    ] {
+        let error = folder
+            .write(format, &unrectified(&raw()))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(word), "{format}: {error}");
     }
-    let euroc = files::write_as(&folder.path("a.yaml,b.yaml"), files::format("euroc").unwrap(), &raw());
+    let euroc = files::write_as(
+        &folder.path("a.yaml,b.yaml"),
+        files::format("euroc").unwrap(),
+        &raw(),
+    );
     assert!(euroc.unwrap_err().to_string().contains("read only"));
 }
 
@@ -73,23 +104,40 @@ fn what_a_format_cannot_hold_is_said() {
 fn a_rectified_size_of_its_own_is_kept_or_refused() {
     let folder = Folder::new();
     let c = raw();
-    let wide = Rectification { size: (800, 500), ..c.rectification().unwrap().clone() };
+    let wide = Rectification {
+        size: (800, 500),
+        ..c.rectification().unwrap().clone()
+    };
     let c = c.with_rectification(wide);
     for format in ["xml", "opencv", "kitti-raw"] {
         assert_same(&folder.through(format, &c), &c);
     }
-    assert!(folder.write("ros", &c).unwrap_err().to_string().contains("one image size"));
+    assert!(
+        folder
+            .write("ros", &c)
+            .unwrap_err()
+            .to_string()
+            .contains("one image size")
+    );
 }
 
 #[test]
 fn endings_choose_the_format() {
     let folder = Folder::new();
-    let name = |file: &str| files::written_as(&folder.path(file)).map(|f| f.name).map_err(|e| e.to_string());
+    let name = |file: &str| {
+        files::written_as(&folder.path(file))
+            .map(|f| f.name)
+            .map_err(|e| e.to_string())
+    };
     assert_eq!(name("a.xml").unwrap(), "xml");
     assert_eq!(name("a.yaml").unwrap(), "opencv");
     assert_eq!(name("a.yml").unwrap(), "opencv");
     assert_eq!(name("l.yaml,r.yaml").unwrap(), "ros");
-    assert!(name("calib.txt").unwrap_err().contains("--to: middlebury, kitti, kitti-raw"));
+    assert!(
+        name("calib.txt")
+            .unwrap_err()
+            .contains("--to: middlebury, kitti, kitti-raw")
+    );
     assert!(name("calib.json").unwrap_err().contains("must end in"));
 }
 

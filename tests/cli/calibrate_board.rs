@@ -13,15 +13,29 @@ fn write_pictures(fixture: &Fixture, pairs: impl IntoIterator<Item = u64>) {
     static BOARD: LazyLock<MovingBoard> = LazyLock::new(|| MovingBoard::new(1).unwrap());
     for (i, index) in pairs.into_iter().enumerate() {
         let pair = BOARD.pair(index).unwrap();
-        write(fixture, &format!("pictures/left{:02}.png", i + 1), pair.left());
-        write(fixture, &format!("pictures/right{:02}.png", i + 1), pair.right());
+        write(
+            fixture,
+            &format!("pictures/left{:02}.png", i + 1),
+            pair.left(),
+        );
+        write(
+            fixture,
+            &format!("pictures/right{:02}.png", i + 1),
+            pair.right(),
+        );
     }
 }
 
 fn write(fixture: &Fixture, name: &str, image: &Gray) {
     let path = fixture.path(name);
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_png(&path, image.width(), image.height(), image.as_slice().unwrap()).unwrap();
+    write_png(
+        &path,
+        image.width(),
+        image.height(),
+        image.as_slice().unwrap(),
+    )
+    .unwrap();
 }
 
 /// Pairs in the middle of a pose.
@@ -32,7 +46,17 @@ fn still(poses: u64) -> impl Iterator<Item = u64> {
 #[test]
 fn a_simulated_board_gives_the_cameras_that_saw_it() {
     let fixture = Fixture::new();
-    let args = ["calibrate", "board", "board", "--square-m", "0.03", "--yes", "--json", "-o", "calib.xml"];
+    let args = [
+        "calibrate",
+        "board",
+        "board",
+        "--square-m",
+        "0.03",
+        "--yes",
+        "--json",
+        "-o",
+        "calib.xml",
+    ];
     let answer: Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
     let truth = MovingBoard::new(1).unwrap();
     let truth = truth.truth();
@@ -42,26 +66,55 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
         let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
         for (name, truth) in [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)] {
             let value = solution[side][name]["value"].as_f64().unwrap();
-            assert!((value - truth).abs() < 1.0, "{side} {name}: {value}, truth {truth}");
+            assert!(
+                (value - truth).abs() < 1.0,
+                "{side} {name}: {value}, truth {truth}"
+            );
         }
     }
     let baseline = solution["baseline"]["value"].as_f64().unwrap();
-    assert!((baseline / truth.baseline() - 1.0).abs() < 0.003, "{baseline} m");
-    assert!(solution["rms_px"].as_f64().unwrap() < 0.1, "{}", solution["rms_px"]);
+    assert!(
+        (baseline / truth.baseline() - 1.0).abs() < 0.003,
+        "{baseline} m"
+    );
+    assert!(
+        solution["rms_px"].as_f64().unwrap() < 0.1,
+        "{}",
+        solution["rms_px"]
+    );
     for reason in ["moving", "nothing new"] {
-        assert!(answer["refused"][reason].as_u64().unwrap() > 10, "{}", answer["refused"]);
+        assert!(
+            answer["refused"][reason].as_u64().unwrap() > 10,
+            "{}",
+            answer["refused"]
+        );
     }
 
     let read = files::read(&fixture.path("calib.xml")).unwrap();
     assert!((read.baseline() - baseline).abs() < 1e-6 && read.rig().is_some());
     let accepted = answer["accepted"].as_array().unwrap().len();
     let last = format!("calib-report/right{accepted:02}.png");
-    for name in ["calib-report/index.html", "calib-report/calibration.json", "calib-report/left01.png", &last] {
+    for name in [
+        "calib-report/index.html",
+        "calib-report/calibration.json",
+        "calib-report/left01.png",
+        &last,
+    ] {
         assert!(fixture.path(name).is_file(), "{name}");
     }
 
     // Once more, from what was kept.
-    let args = ["calibrate", "board", "calib-report", "--square-m", "0.03", "-y", "--json", "-o", "again.yaml"];
+    let args = [
+        "calibrate",
+        "board",
+        "calib-report",
+        "--square-m",
+        "0.03",
+        "-y",
+        "--json",
+        "-o",
+        "again.yaml",
+    ];
     let again: Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
     let twice = again["solution"]["baseline"]["value"].as_f64().unwrap();
     assert!((twice - baseline).abs() < 1e-4, "{twice} {baseline}");
@@ -70,9 +123,26 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
 #[test]
 fn a_recording_of_the_board_says_the_same_as_the_board() {
     let fixture = Fixture::new();
-    fixture.svl(&["record", "board", "--frames", "70", "-o", "board.mcap"]).done();
-    let text = fixture.svl(&["calibrate", "board", "board.mcap", "--yes", "-o", "calib.yaml"]).done();
-    for words in ["of 70 pairs accepted", "moving", "worth more pairs", "in squares", "calib.yaml: calibration"] {
+    fixture
+        .svl(&["record", "board", "--frames", "70", "-o", "board.mcap"])
+        .done();
+    let text = fixture
+        .svl(&[
+            "calibrate",
+            "board",
+            "board.mcap",
+            "--yes",
+            "-o",
+            "calib.yaml",
+        ])
+        .done();
+    for words in [
+        "of 70 pairs accepted",
+        "moving",
+        "worth more pairs",
+        "in squares",
+        "calib.yaml: calibration",
+    ] {
         assert!(text.contains(words), "'{words}' is not in: {text}");
     }
 }
@@ -93,7 +163,15 @@ fn nothing_is_overwritten_unasked() {
     run("calib.xml", &["--force"]).failed(1, &["mine.txt", "not part of a calibration's report"]);
     run("c.png", &[]).failed(2, &["must end in .xml"]);
     // The pairs that a calibration is made from are not cleared away for it.
-    let args = ["calibrate", "board", "calib-report", "--yes", "--force", "-o", "calib.xml"];
+    let args = [
+        "calibrate",
+        "board",
+        "calib-report",
+        "--yes",
+        "--force",
+        "-o",
+        "calib.xml",
+    ];
     std::fs::remove_file(fixture.path("calib-report/mine.txt")).unwrap();
     fixture.svl(&args).failed(2, &["named twice"]);
     assert!(fixture.path("calib-report/left01.png").is_file());
@@ -108,7 +186,10 @@ fn what_cannot_be_calibrated_says_why_and_what_to_do() {
         fixture.svl(&[&args[..], more].concat())
     };
     run(&[]).failed(1, &["needs a terminal", "--yes"]);
-    run(&["--yes", "--squares", "8x5"]).failed(1, &["a board of 9x6 inner corners, not 8x5; try --squares 9x6"]);
+    run(&["--yes", "--squares", "8x5"]).failed(
+        1,
+        &["a board of 9x6 inner corners, not 8x5; try --squares 9x6"],
+    );
     run(&["--yes", "--squares", "12x9"]).failed(1, &["not 12x9; try --squares 9x6"]);
     run(&["--yes", "--squares", "9"]).failed(2, &["inner corners along both sides"]);
     run(&["--yes", "--squares", "2x9"]).failed(2, &["3 to 50"]);
@@ -118,12 +199,18 @@ fn what_cannot_be_calibrated_says_why_and_what_to_do() {
 
     fixture.write_pair("empty/left1.pgm", "empty/right1.pgm", (320, 240), 8);
     let args = ["calibrate", "board", "empty", "--yes", "-o", "calib.xml"];
-    let words = ["no whole board of 9x6 inner corners", "any of 1 pairs", "no board left", "one less than the squares"];
+    let words = [
+        "no whole board of 9x6 inner corners",
+        "any of 1 pairs",
+        "no board left",
+        "one less than the squares",
+    ];
     fixture.svl(&args).failed(1, &words);
     assert!(!fixture.path("calib-report").exists());
 
     fixture.write_pair("pictures/left09.pgm", "pictures/right09.pgm", (320, 240), 8);
-    run(&["--yes", "--squares", "7x5"]).failed(1, &["pair 09 is 320x240 pixels, those before 640x480"]);
+    run(&["--yes", "--squares", "7x5"])
+        .failed(1, &["pair 09 is 320x240 pixels, those before 640x480"]);
 }
 
 #[test]
@@ -131,25 +218,54 @@ fn too_few_views_are_kept_for_another_time() {
     let fixture = Fixture::new();
     write_pictures(&fixture, [1, 1, 9]);
     let args = ["calibrate", "board", "pictures", "--yes", "-o", "calib.xml"];
-    fixture.svl(&args).failed(1, &["2 of 3 pairs accepted, at least 3 are needed", "1 nothing new", "calib-report"]);
-    assert!(fixture.path("calib-report/left02.png").is_file() && !fixture.path("calib.xml").exists());
+    fixture.svl(&args).failed(
+        1,
+        &[
+            "2 of 3 pairs accepted, at least 3 are needed",
+            "1 nothing new",
+            "calib-report",
+        ],
+    );
+    assert!(
+        fixture.path("calib-report/left02.png").is_file() && !fixture.path("calib.xml").exists()
+    );
 }
 
 #[test]
 fn pictures_that_are_rectified_already_are_warned_of() {
     let fixture = Fixture::new();
     let scenario = fixture.write_short_arena("short.toml", 2);
-    let args = ["calibrate", "board", scenario.to_str().unwrap(), "--yes", "-o", "calib.xml"];
+    let args = [
+        "calibrate",
+        "board",
+        scenario.to_str().unwrap(),
+        "--yes",
+        "-o",
+        "calib.xml",
+    ];
     let ran = fixture.svl(&args);
     assert_eq!(ran.code, Some(1));
-    assert!(ran.stderr.contains("rectified already") && ran.stderr.contains("no whole board"), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("rectified already") && ran.stderr.contains("no whole board"),
+        "{}",
+        ran.stderr
+    );
 }
 
 #[test]
 fn the_viewer_gets_the_pairs_with_their_corners() {
     let fixture = Fixture::new();
     write_pictures(&fixture, still(5));
-    let args = ["calibrate", "board", "pictures", "--yes", "--rerun", "board.rrd", "-o", "calib.xml"];
+    let args = [
+        "calibrate",
+        "board",
+        "pictures",
+        "--yes",
+        "--rerun",
+        "board.rrd",
+        "-o",
+        "calib.xml",
+    ];
     fixture.svl(&args).done();
     assert!(fixture.path("board.rrd").metadata().unwrap().len() > 1_000_000);
 }
@@ -159,7 +275,16 @@ fn the_viewer_gets_the_pairs_with_their_corners() {
 #[test]
 fn cameras_that_see_the_board_are_calibrated() {
     let fixture = Fixture::new();
-    let args = ["calibrate", "board", "sim:scene=board", "--yes", "--rate", "10", "-o", "calib.xml"];
+    let args = [
+        "calibrate",
+        "board",
+        "sim:scene=board",
+        "--yes",
+        "--rate",
+        "10",
+        "-o",
+        "calib.xml",
+    ];
     let enough = || fixture.path("calib-report/right06.png").exists();
     let (code, stderr) = crate::interrupt::interrupted(&fixture, &args, enough);
     assert_eq!(code, Some(0), "{stderr}");

@@ -19,10 +19,24 @@ T: [ -4., 0.03, 0.01 ]
 fn it_says_what_it_read_and_what_it_left_out() {
     let fixture = Fixture::new();
     fixture.write("cv.yml", PAIR);
-    let text = fixture.svl(&["calibrate", "convert", "cv.yml", "c.xml", "--unit", "squares=0.025"]).done();
+    let text = fixture
+        .svl(&[
+            "calibrate",
+            "convert",
+            "cv.yml",
+            "c.xml",
+            "--unit",
+            "squares=0.025",
+        ])
+        .done();
     insta::assert_snapshot!(text);
-    insta::assert_snapshot!("the_thesis_s_xml", std::fs::read_to_string(fixture.path("c.xml")).unwrap());
-    let back = fixture.svl(&["calibrate", "convert", "c.xml", "b.yaml", "--to", "boofcv"]).done();
+    insta::assert_snapshot!(
+        "the_thesis_s_xml",
+        std::fs::read_to_string(fixture.path("c.xml")).unwrap()
+    );
+    let back = fixture
+        .svl(&["calibrate", "convert", "c.xml", "b.yaml", "--to", "boofcv"])
+        .done();
     assert!(back.contains("baseline 0.100003 m"), "{back}");
 }
 
@@ -38,10 +52,14 @@ fn what_is_missing_or_in_the_way_has_a_cure() {
     convert(&["cv.yml", "cv.yml", "--force", "--unit", "m"]).failed(2, &["cv.yml", "named twice"]);
     convert(&["cv.yml", "c.xml", "--unit", "foot"]).failed(2, &["'foot'", "mm"]);
     convert(&["cv.yml", "c.xml", "--from", "opencw"]).failed(2, &["did you mean 'opencv'"]);
-    convert(&["cv.yml", "c.xml", "--from", "boofcv"]).failed(1, &["cv.yml", "no 'rightToLeft.rotation'", "BoofCV"]);
-    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m"]).failed(1, &["l.yaml,r.yaml", "has none", "--rectify"]);
-    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "squares"]).failed(1, &["in squares", "squares=SIDE_IN_METRES"]);
-    convert(&["cv.yml", "c.txt", "--to", "kitti", "--unit", "m"]).failed(1, &["rectified cameras only"]);
+    convert(&["cv.yml", "c.xml", "--from", "boofcv"])
+        .failed(1, &["cv.yml", "no 'rightToLeft.rotation'", "BoofCV"]);
+    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m"])
+        .failed(1, &["l.yaml,r.yaml", "has none", "--rectify"]);
+    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "squares"])
+        .failed(1, &["in squares", "squares=SIDE_IN_METRES"]);
+    convert(&["cv.yml", "c.txt", "--to", "kitti", "--unit", "m"])
+        .failed(1, &["rectified cameras only"]);
     convert(&["other.yaml", "c.xml"]).failed(1, &["other.yaml", "no calibration that svl knows"]);
     convert(&["nothing.xml", "c.xml"]).failed(1, &["nothing.xml", "no such file"]);
     assert!(!fixture.path("c.xml").exists() && !fixture.path("l.yaml").exists());
@@ -52,9 +70,15 @@ fn what_is_missing_or_in_the_way_has_a_cure() {
 
 #[test]
 fn help_lists_the_formats() {
-    let text = Fixture::new().svl(&["calibrate", "convert", "--help"]).done();
+    let text = Fixture::new()
+        .svl(&["calibrate", "convert", "--help"])
+        .done();
     for format in svl::calibrate::files::FORMATS {
-        assert!(text.contains(&format!("  {} ", format.name)), "{}", format.name);
+        assert!(
+            text.contains(&format!("  {} ", format.name)),
+            "{}",
+            format.name
+        );
     }
 }
 
@@ -63,19 +87,59 @@ fn help_lists_the_formats() {
 fn opencv_reads_the_same_numbers() {
     let Some(datasets) = datasets() else { return };
     let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let asked = Command::new(&python).args(["-c", "import cv2, numpy"]).output();
+    let asked = Command::new(&python)
+        .args(["-c", "import cv2, numpy"])
+        .output();
     if !asked.is_ok_and(|output| output.status.success()) {
-        println!("skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with opencv-python-headless");
+        println!(
+            "skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with opencv-python-headless"
+        );
         return;
     }
     let fixture = Fixture::new();
-    let theirs = datasets.join("calibration-chessboard/reference_opencv.yml").display().to_string();
-    fixture.svl(&["calibrate", "convert", &theirs, "ours.yml", "--unit", "squares"]).done();
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/calibration_files.py");
-    let files = [theirs.into(), fixture.path("ours.yml"), fixture.path("theirs.xml")];
-    let run = Command::new(&python).arg(script).args(files).output().unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let theirs = datasets
+        .join("calibration-chessboard/reference_opencv.yml")
+        .display()
+        .to_string();
+    fixture
+        .svl(&[
+            "calibrate",
+            "convert",
+            &theirs,
+            "ours.yml",
+            "--unit",
+            "squares",
+        ])
+        .done();
+    let script = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/python/calibration_files.py"
+    );
+    let files = [
+        theirs.into(),
+        fixture.path("ours.yml"),
+        fixture.path("theirs.xml"),
+    ];
+    let run = Command::new(&python)
+        .arg(script)
+        .args(files)
+        .output()
+        .unwrap();
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
     // And svl reads the XML that OpenCV wrote of it.
-    let text = fixture.svl(&["calibrate", "convert", "theirs.xml", "again.yml", "--unit", "squares"]).done();
+    let text = fixture
+        .svl(&[
+            "calibrate",
+            "convert",
+            "theirs.xml",
+            "again.yml",
+            "--unit",
+            "squares",
+        ])
+        .done();
     assert!(text.contains("baseline 3.328221 squares"), "{text}");
 }

@@ -8,7 +8,10 @@ fn annex_b_is_the_table_of_the_library() {
         let (cm, px) = line.split_once(',').unwrap();
         (cm.parse().unwrap(), px.parse().unwrap())
     });
-    assert_eq!(pairs.collect::<Vec<(f64, f64)>>(), svl::depth::DistanceCurve::TABLE_B1);
+    assert_eq!(
+        pairs.collect::<Vec<(f64, f64)>>(),
+        svl::depth::DistanceCurve::TABLE_B1
+    );
 }
 
 #[test]
@@ -16,15 +19,28 @@ fn annex_b_has_residuals_ranges_a_figure_and_a_table() {
     let fixture = Fixture::new();
     fixture.write("b.csv", TABLE);
     let more = ["--figure", "curve.svg", "--table", "curve.csv"];
-    let text = fixture.svl(&[&["calibrate", "distance", "b.csv"], &more[..]].concat()).done();
+    let text = fixture
+        .svl(&[&["calibrate", "distance", "b.csv"], &more[..]].concat())
+        .done();
     insta::assert_snapshot!(text);
     let svg = std::fs::read_to_string(fixture.path("curve.svg")).unwrap();
-    assert!(svg.starts_with("<svg") && svg.matches("<circle").count() == 13, "{svg}");
-    insta::assert_snapshot!("the_table", std::fs::read_to_string(fixture.path("curve.csv")).unwrap());
-    let json = fixture.svl(&["calibrate", "distance", "b.csv", "--json"]).done();
+    assert!(
+        svg.starts_with("<svg") && svg.matches("<circle").count() == 13,
+        "{svg}"
+    );
+    insta::assert_snapshot!(
+        "the_table",
+        std::fs::read_to_string(fixture.path("curve.csv")).unwrap()
+    );
+    let json = fixture
+        .svl(&["calibrate", "distance", "b.csv", "--json"])
+        .done();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["measurements"].as_array().unwrap().len(), 13);
-    assert_eq!(json["polynomial"]["usable_px"], serde_json::json!([[11.0, 38.0]]));
+    assert_eq!(
+        json["polynomial"]["usable_px"],
+        serde_json::json!([[11.0, 38.0]])
+    );
     assert!(json["pinhole"]["farthest_cm"].as_f64().unwrap() > 130.0);
 }
 
@@ -34,9 +50,15 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.write("words.csv", "distance_cm,disparity_px\n10,x\n");
     fixture.write("columns.csv", "cm,px\n10,3\n");
     fixture.write("few.csv", "distance_cm,disparity_px\n10,3\n20,1.5\n");
-    fixture.write("nan.csv", "distance_cm,disparity_px\n10,nan\n20,1.5\n30,1\n");
+    fixture.write(
+        "nan.csv",
+        "distance_cm,disparity_px\n10,nan\n20,1.5\n30,1\n",
+    );
     fixture.write("neither.csv", "distance_cm,disparity_px,recording\n10,,\n");
-    fixture.write("swapped.csv", "distance_cm,disparity_px\n10,100\n12,110\n14,130\n");
+    fixture.write(
+        "swapped.csv",
+        "distance_cm,disparity_px\n10,100\n12,110\n14,130\n",
+    );
     fixture.write("no.mcap", "no recording");
     let run = |args: &[&str]| fixture.svl(&[&["calibrate", "distance"], args].concat());
     run(&["words.csv"]).failed(1, &["words.csv", "measurement 1", "distance_cm"]);
@@ -83,19 +105,36 @@ fn a_simulated_target_gives_the_cameras_own_product() {
     let json: serde_json::Value = serde_json::from_str(&run(&["--json"]).done()).unwrap();
     let number = |pointer: &str| json.pointer(pointer).unwrap().as_f64().unwrap();
     let off = number("/pinhole/a_cm_px") / number("/focal_baseline_cm_px") - 1.0;
-    println!("a is {:.2} % off, b {:.3} px", 100.0 * off, number("/pinhole/b_px"));
+    println!(
+        "a is {:.2} % off, b {:.3} px",
+        100.0 * off,
+        number("/pinhole/b_px")
+    );
     assert!(off.abs() < 0.01, "{off}");
-    assert!(json["measurements"].as_array().unwrap().iter().all(|m| m["cells"].as_array().unwrap().len() >= 3));
+    assert!(
+        json["measurements"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|m| m["cells"].as_array().unwrap().len() >= 3)
+    );
     println!("{}", run(&[]).done());
 
     // The same from a table that names the recordings.
-    let lines: String = recordings.iter().map(|r| r.replace("cm=", ",") + "\n").collect();
+    let lines: String = recordings
+        .iter()
+        .map(|r| r.replace("cm=", ",") + "\n")
+        .collect();
     fixture.write("target.csv", format!("distance_cm,recording\n{lines}"));
-    let table = fixture.svl(&["calibrate", "distance", "target.csv", "--json"]).done();
+    let table = fixture
+        .svl(&["calibrate", "distance", "target.csv", "--json"])
+        .done();
     let table: serde_json::Value = serde_json::from_str(&table).unwrap();
     assert_eq!(table["pinhole"], json["pinhole"]);
 
-    let cells = |cells: &[&str]| fixture.svl(&[&["calibrate", "distance", named[0], "--cells"], cells].concat());
+    let cells = |cells: &[&str]| {
+        fixture.svl(&[&["calibrate", "distance", named[0], "--cells"], cells].concat())
+    };
     cells(&["1,1", "2,1"]).failed(1, &["120.mcap", "in 2 cells, at least 3"]);
     cells(&["1,1", "2,1", "9,1"]).failed(2, &["--cells", "9,1", "5x3 cells"]);
 }

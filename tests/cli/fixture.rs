@@ -10,7 +10,9 @@ pub struct Fixture {
 
 impl Fixture {
     pub fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap() }
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+        }
     }
 
     pub fn path(&self, name: &str) -> PathBuf {
@@ -26,8 +28,11 @@ impl Fixture {
     pub fn svl_with(&self, args: &[&str], variables: &[(&str, &str)]) -> Ran {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
         command.envs(variables.iter().copied());
-        let output =
-            command.current_dir(self.folder.path()).args(args).timeout(std::time::Duration::from_secs(300)).output();
+        let output = command
+            .current_dir(self.folder.path())
+            .args(args)
+            .timeout(std::time::Duration::from_secs(300))
+            .output();
         let output = output.unwrap();
         Ran {
             code: output.status.code(),
@@ -43,13 +48,25 @@ impl Fixture {
         path
     }
 
-    /// A textured pair as PGM files: the right image shows the left one `shift` pixels further left.
-    pub fn write_pair(&self, left: &str, right: &str, (width, height): (usize, usize), shift: usize) {
+    /// A textured pair as PGM files: the right image shows the left one `shift` pixels further
+    /// left.
+    pub fn write_pair(
+        &self,
+        left: &str,
+        right: &str,
+        (width, height): (usize, usize),
+        shift: usize,
+    ) {
         let texture = |x: usize, y: usize| {
-            let mixed = ((x * 7919 + y * 104_729 + 12_345) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            let mixed =
+                ((x * 7919 + y * 104_729 + 12_345) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
             (mixed >> 56) as u8
         };
-        let image = |dx: usize| (0..width * height).map(|i| texture(i % width + dx, i / width)).collect::<Vec<u8>>();
+        let image = |dx: usize| {
+            (0..width * height)
+                .map(|i| texture(i % width + dx, i / width))
+                .collect::<Vec<u8>>()
+        };
         self.write(left, pgm(width, height, &image(0)));
         self.write(right, pgm(width, height, &image(shift)));
     }
@@ -57,11 +74,13 @@ impl Fixture {
     /// The arena with few frames, as a scenario file.
     pub fn write_short_arena(&self, name: &str, frames: u64) -> PathBuf {
         let text = include_str!("../../scenarios/arena.toml");
-        let lines = text.lines().map(|line| match line.split('=').next().map(str::trim) {
-            Some("frames") => format!("frames = {frames}"),
-            Some("seeds") => "seeds = [1, 2]".to_owned(),
-            _ => line.to_owned(),
-        });
+        let lines = text
+            .lines()
+            .map(|line| match line.split('=').next().map(str::trim) {
+                Some("frames") => format!("frames = {frames}"),
+                Some("seeds") => "seeds = [1, 2]".to_owned(),
+                _ => line.to_owned(),
+            });
         self.write(name, lines.collect::<Vec<_>>().join("\n"))
     }
 }
@@ -103,7 +122,8 @@ pub fn pgm(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
 /// The folder of data sets, where there is one.
 pub fn datasets() -> Option<PathBuf> {
     let folder = std::env::var_os("SVL_DATASETS").map(PathBuf::from);
-    let folder = folder.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/datasets"));
+    let folder =
+        folder.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/datasets"));
     if folder.is_dir() {
         return Some(folder);
     }

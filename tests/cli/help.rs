@@ -11,10 +11,15 @@ fn no_terminal_breaks_the_text_below_the_options() {
     let fixture = Fixture::new();
     for command in ["record", "replay", "score", "match", "eval"] {
         let below = |columns: &str| {
-            let text = fixture.svl_with(&[command, "--help"], &[("COLUMNS", columns)]).done();
+            let text = fixture
+                .svl_with(&[command, "--help"], &[("COLUMNS", columns)])
+                .done();
             text.split("Examples:\n").nth(1).map(str::to_owned)
         };
-        assert!(below("80").is_some() && below("80") == below("100"), "{command}");
+        assert!(
+            below("80").is_some() && below("80") == below("100"),
+            "{command}"
+        );
     }
 }
 
@@ -26,7 +31,12 @@ fn no_arguments_is_wrong_usage() {
 #[test]
 fn completions_and_man_page() {
     let fixture = Fixture::new();
-    assert!(fixture.svl(&["completions", "bash"]).done().contains("_svl"));
+    assert!(
+        fixture
+            .svl(&["completions", "bash"])
+            .done()
+            .contains("_svl")
+    );
     assert!(fixture.svl(&["man"]).done().contains(".TH svl"));
 }
 
@@ -36,8 +46,14 @@ fn a_reader_that_goes_away_is_no_error() {
     let svl = assert_cmd::cargo::cargo_bin!("svl").display().to_string();
     for command in ["algos", "algos --json", "completions bash", "man", "--help"] {
         let shell = format!("{svl} {command} | true; exit ${{PIPESTATUS[0]}}");
-        let output = std::process::Command::new("bash").args(["-c", &shell]).output().unwrap();
+        let output = std::process::Command::new("bash")
+            .args(["-c", &shell])
+            .output()
+            .unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.success() && stderr.is_empty(), "{command}: {stderr}");
+        assert!(
+            output.status.success() && stderr.is_empty(),
+            "{command}: {stderr}"
+        );
     }
 }

@@ -27,7 +27,10 @@ impl Server {
     pub fn new(files: &[(&str, Vec<u8>)], manners: Manners) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
-        let files: HashMap<_, _> = files.iter().map(|(name, bytes)| (format!("/{name}"), bytes.clone())).collect();
+        let files: HashMap<_, _> = files
+            .iter()
+            .map(|(name, bytes)| (format!("/{name}"), bytes.clone()))
+            .collect();
         let asked = Arc::new(Mutex::new(Vec::new()));
         let log = asked.clone();
         std::thread::spawn(move || {
@@ -51,26 +54,46 @@ fn answer(
     manners: &Manners,
     log: &Mutex<Vec<String>>,
 ) -> std::io::Result<()> {
-    let lines: Vec<String> =
-        BufReader::new(stream.try_clone()?).lines().map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+    let lines: Vec<String> = BufReader::new(stream.try_clone()?)
+        .lines()
+        .map_while(Result::ok)
+        .take_while(|line| !line.is_empty())
+        .collect();
     let path = lines[0].split(' ').nth(1).unwrap();
-    let range = lines.iter().find_map(|line| line.to_lowercase().strip_prefix("range: bytes=").map(str::to_owned));
+    let range = lines.iter().find_map(|line| {
+        line.to_lowercase()
+            .strip_prefix("range: bytes=")
+            .map(str::to_owned)
+    });
     log.lock().unwrap().push(match &range {
         Some(range) => format!("{path} {range}"),
         None => path.to_owned(),
     });
     let Some(file) = files.get(path) else {
-        return write!(stream, "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
+        return write!(
+            stream,
+            "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+        );
     };
-    let start = range.filter(|_| manners.ranges).map(|r| r.trim_end_matches('-').parse::<usize>().unwrap());
+    let start = range
+        .filter(|_| manners.ranges)
+        .map(|r| r.trim_end_matches('-').parse::<usize>().unwrap());
     let total = file.len();
     match start {
         Some(start) if start >= total => {
-            let head = format!("HTTP/1.1 416 Range Not Satisfiable\r\nContent-Range: bytes */{total}\r\n");
-            return write!(stream, "{head}Content-Length: 0\r\nConnection: close\r\n\r\n");
+            let head =
+                format!("HTTP/1.1 416 Range Not Satisfiable\r\nContent-Range: bytes */{total}\r\n");
+            return write!(
+                stream,
+                "{head}Content-Length: 0\r\nConnection: close\r\n\r\n"
+            );
         }
         Some(start) => {
-            write!(stream, "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes {start}-{}/{total}\r\n", total - 1)?;
+            write!(
+                stream,
+                "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes {start}-{}/{total}\r\n",
+                total - 1
+            )?;
         }
         None => write!(stream, "HTTP/1.1 200 OK\r\n")?,
     }

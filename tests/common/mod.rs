@@ -6,11 +6,13 @@ use svl::matcher::Algorithm;
 use svl::stereo::{DisparityMap, Gray, StereoPair};
 use svl::timing::Clock;
 
-/// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there are none.
+/// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there
+/// are none.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 pub(crate) fn datasets() -> Option<PathBuf> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/datasets");
-    let folder = std::env::var_os("SVL_DATASETS").map_or_else(|| PathBuf::from(default), PathBuf::from);
+    let folder =
+        std::env::var_os("SVL_DATASETS").map_or_else(|| PathBuf::from(default), PathBuf::from);
     if folder.is_dir() {
         Some(folder)
     } else {
@@ -44,7 +46,13 @@ pub(crate) fn pair(folder: &Path, left: &str, right: &str) -> StereoPair {
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 pub(crate) fn run(algorithm: &str, isa: Isa, pair: &StereoPair) -> DisparityMap {
     let mut map = DisparityMap::new(1, 1).unwrap();
-    let mut matcher = algorithm.parse::<Algorithm>().unwrap().build_on(isa).unwrap();
-    matcher.compute(pair, &mut map, &mut Clock::start()).unwrap();
+    let mut matcher = algorithm
+        .parse::<Algorithm>()
+        .unwrap()
+        .build_on(isa)
+        .unwrap();
+    matcher
+        .compute(pair, &mut map, &mut Clock::start())
+        .unwrap();
     map
 }

@@ -24,7 +24,10 @@ impl Place {
     #[track_caller]
     fn refused(&self, name: &str, bytes: &[u8], words: &[&str]) {
         let error = self.unpack(name, bytes).unwrap_err().to_string();
-        assert!(words.iter().all(|word| error.contains(word)) && !error.contains('\n'), "{error}");
+        assert!(
+            words.iter().all(|word| error.contains(word)) && !error.contains('\n'),
+            "{error}"
+        );
         assert!(!self.path("escaped.txt").exists());
     }
 }
@@ -32,19 +35,29 @@ impl Place {
 fn zipped(entries: &[(&str, &[u8])]) -> Vec<u8> {
     let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
     for (name, bytes) in entries {
-        writer.start_file(*name, SimpleFileOptions::default()).unwrap();
+        writer
+            .start_file(*name, SimpleFileOptions::default())
+            .unwrap();
         writer.write_all(bytes).unwrap();
     }
     writer.finish().unwrap().into_inner()
 }
 
-/// A 7z archive that stores its files as they are (7zFormat.txt of the LZMA SDK), each with its attributes.
+/// A 7z archive that stores its files as they are (7zFormat.txt of the LZMA SDK), each with its
+/// attributes.
 fn sevenz(entries: &[(&str, &[u8], u32)]) -> Vec<u8> {
     fn number(value: usize) -> Vec<u8> {
         assert!(value < 1 << 14);
-        if value < 0x80 { vec![value as u8] } else { vec![0x80 | (value >> 8) as u8, value as u8] }
+        if value < 0x80 {
+            vec![value as u8]
+        } else {
+            vec![0x80 | (value >> 8) as u8, value as u8]
+        }
     }
-    let data: Vec<u8> = entries.iter().flat_map(|(_, bytes, _)| bytes.to_vec()).collect();
+    let data: Vec<u8> = entries
+        .iter()
+        .flat_map(|(_, bytes, _)| bytes.to_vec())
+        .collect();
     let mut header = vec![0x01, 0x04, 0x06, 0, 1, 0x09];
     header.extend(number(data.len()));
     // One folder, one coder: copy.
@@ -53,14 +66,23 @@ fn sevenz(entries: &[(&str, &[u8], u32)]) -> Vec<u8> {
     header.extend([0, 0x08, 0x0d]);
     header.extend(number(entries.len()));
     header.push(0x09);
-    entries[..entries.len() - 1].iter().for_each(|(_, bytes, _)| header.extend(number(bytes.len())));
+    entries[..entries.len() - 1]
+        .iter()
+        .for_each(|(_, bytes, _)| header.extend(number(bytes.len())));
     header.extend([0x0a, 1]);
-    entries.iter().for_each(|(_, bytes, _)| header.extend(crc32fast::hash(bytes).to_le_bytes()));
+    entries
+        .iter()
+        .for_each(|(_, bytes, _)| header.extend(crc32fast::hash(bytes).to_le_bytes()));
     header.extend([0, 0, 0x05]);
     header.extend(number(entries.len()));
     let names: Vec<u8> = entries
         .iter()
-        .flat_map(|(name, ..)| name.encode_utf16().chain([0]).flat_map(u16::to_le_bytes).collect::<Vec<_>>())
+        .flat_map(|(name, ..)| {
+            name.encode_utf16()
+                .chain([0])
+                .flat_map(u16::to_le_bytes)
+                .collect::<Vec<_>>()
+        })
         .collect();
     header.push(0x11);
     header.extend(number(names.len() + 1));
@@ -69,7 +91,9 @@ fn sevenz(entries: &[(&str, &[u8], u32)]) -> Vec<u8> {
     header.push(0x15);
     header.extend(number(2 + 4 * entries.len()));
     header.extend([1, 0]);
-    entries.iter().for_each(|(_, _, attributes)| header.extend(attributes.to_le_bytes()));
+    entries
+        .iter()
+        .for_each(|(_, _, attributes)| header.extend(attributes.to_le_bytes()));
     header.extend([0, 0]);
     let mut start = Vec::new();
     start.extend((data.len() as u64).to_le_bytes());
@@ -88,17 +112,32 @@ fn files_land_below_the_folder_and_stay_what_they_were() {
     let place = Place::new();
     let (a, b): (&[u8], &[u8]) = (b"truth", &[7; 300_000]);
     for (name, archive) in [
-        ("a.zip", zipped(&[("scene/deep/a.txt", a), ("scene/b.bin", b)])),
-        ("a.7z", sevenz(&[("seven/deep/a.txt", a, 0x20), ("seven/b.bin", &b[..900], 0)])),
+        (
+            "a.zip",
+            zipped(&[("scene/deep/a.txt", a), ("scene/b.bin", b)]),
+        ),
+        (
+            "a.7z",
+            sevenz(&[("seven/deep/a.txt", a, 0x20), ("seven/b.bin", &b[..900], 0)]),
+        ),
     ] {
         let unpacked = place.unpack(name, &archive).unwrap();
         let top = unpacked.top.first().unwrap().clone();
-        assert_eq!((unpacked.written, unpacked.kept, unpacked.top.len()), (2, 0, 1));
-        assert_eq!(std::fs::read(place.path("out").join(&top).join("deep/a.txt")).unwrap(), a);
+        assert_eq!(
+            (unpacked.written, unpacked.kept, unpacked.top.len()),
+            (2, 0, 1)
+        );
+        assert_eq!(
+            std::fs::read(place.path("out").join(&top).join("deep/a.txt")).unwrap(),
+            a
+        );
         std::fs::write(place.path("out").join(&top).join("b.bin"), "mine").unwrap();
         let again = place.unpack(name, &archive).unwrap();
         assert_eq!((again.written, again.kept), (0, 2));
-        assert_eq!(std::fs::read(place.path("out").join(&top).join("b.bin")).unwrap(), b"mine");
+        assert_eq!(
+            std::fs::read(place.path("out").join(&top).join("b.bin")).unwrap(),
+            b"mine"
+        );
     }
 }
 
@@ -106,7 +145,13 @@ fn files_land_below_the_folder_and_stay_what_they_were() {
 fn nothing_leaves_the_folder() {
     let place = Place::new();
     let outside = place.path("escaped.txt").display().to_string();
-    for name in ["../escaped.txt", "a/../../escaped.txt", &outside, "C:\\escaped.txt", "..\\escaped.txt"] {
+    for name in [
+        "../escaped.txt",
+        "a/../../escaped.txt",
+        &outside,
+        "C:\\escaped.txt",
+        "..\\escaped.txt",
+    ] {
         let zip = zipped(&[("good.txt", b"good"), (name, b"bad")]);
         place.refused("hostile.zip", &zip, &["hostile.zip", "outside its folder"]);
         let seven = sevenz(&[("good.txt", b"good", 0), (name, b"bad", 0)]);
@@ -118,9 +163,19 @@ fn nothing_leaves_the_folder() {
 fn links_are_refused() {
     let place = Place::new();
     let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    writer.add_symlink("link", "/etc", SimpleFileOptions::default()).unwrap();
-    place.refused("link.zip", &writer.finish().unwrap().into_inner(), &["'link'", "is a link"]);
-    place.refused("link.7z", &sevenz(&[("link", b"/etc", 0o120_777 << 16 | 0x8000)]), &["'link'", "is a link"]);
+    writer
+        .add_symlink("link", "/etc", SimpleFileOptions::default())
+        .unwrap();
+    place.refused(
+        "link.zip",
+        &writer.finish().unwrap().into_inner(),
+        &["'link'", "is a link"],
+    );
+    place.refused(
+        "link.7z",
+        &sevenz(&[("link", b"/etc", 0o120_777 << 16 | 0x8000)]),
+        &["'link'", "is a link"],
+    );
     assert!(place.path("out/link").symlink_metadata().is_err());
 }
 
@@ -129,25 +184,45 @@ fn bombs_are_refused_before_anything_is_written() {
     let place = Place::new();
     let bomb = zipped(&[("zeros", &vec![0; 40 << 20])]);
     assert!(bomb.len() < 1 << 18);
-    place.refused("bomb.zip", &bomb, &["bomb.zip", "41943040 bytes", "not unpacked"]);
+    place.refused(
+        "bomb.zip",
+        &bomb,
+        &["bomb.zip", "41943040 bytes", "not unpacked"],
+    );
     assert!(!place.path("out").exists());
 }
 
 #[test]
 fn damage_is_seen() {
     let place = Place::new();
-    let whole = zipped(&[("a.bin", &(0..100_000u32).flat_map(u32::to_le_bytes).collect::<Vec<_>>())]);
-    place.refused("cut.zip", &whole[..whole.len() / 2], &["not a whole archive", "fetch it again"]);
+    let whole = zipped(&[(
+        "a.bin",
+        &(0..100_000u32)
+            .flat_map(u32::to_le_bytes)
+            .collect::<Vec<_>>(),
+    )]);
+    place.refused(
+        "cut.zip",
+        &whole[..whole.len() / 2],
+        &["not a whole archive", "fetch it again"],
+    );
     let mut flipped = whole.clone();
     flipped[whole.len() / 2] ^= 1;
     place.refused("flipped.zip", &flipped, &["not a whole archive"]);
-    assert!(!place.path("out/a.bin").exists(), "a damaged file has a name");
+    assert!(
+        !place.path("out/a.bin").exists(),
+        "a damaged file has a name"
+    );
     let seven = sevenz(&[("a.txt", b"some truth", 0)]);
     let mut flipped = seven.clone();
     flipped[35] ^= 1;
     place.refused("flipped.7z", &flipped, &["not a whole archive"]);
     assert!(!place.path("out/a.txt").exists());
-    place.refused("cut.7z", &seven[..seven.len() - 3], &["not a whole archive"]);
+    place.refused(
+        "cut.7z",
+        &seven[..seven.len() - 3],
+        &["not a whole archive"],
+    );
     place.refused("page.zip", b"<html>moved</html>", &["not a whole archive"]);
     place.refused("a.rar", b"Rar!", &["unpack it yourself"]);
 }

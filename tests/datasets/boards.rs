@@ -15,16 +15,26 @@ const OPENCV_BASELINE: f64 = 3.3282;
 
 #[test]
 fn opencvs_own_pictures_calibrate_no_worse_than_with_opencv() {
-    let Some(folder) = common::datasets().map(|d| d.join("calibration-chessboard")).filter(|d| d.is_dir()) else {
+    let Some(folder) = common::datasets()
+        .map(|d| d.join("calibration-chessboard"))
+        .filter(|d| d.is_dir())
+    else {
         return;
     };
     let board = Board::new((9, 6), None).unwrap();
     let mut detector = PairDetector::new(board).unwrap();
     let mut chooser = Chooser::new(board, (640, 480));
     for number in NUMBERS {
-        let pair = common::pair(&folder, &format!("left{number:02}.jpg"), &format!("right{number:02}.jpg"));
+        let pair = common::pair(
+            &folder,
+            &format!("left{number:02}.jpg"),
+            &format!("right{number:02}.jpg"),
+        );
         let seen = detector.find(&pair);
-        assert!(seen.iter().all(|seen| matches!(seen, Seen::Whole(_))), "{number}: {seen:?}");
+        assert!(
+            seen.iter().all(|seen| matches!(seen, Seen::Whole(_))),
+            "{number}: {seen:?}"
+        );
         match chooser.judge(None, &seen) {
             Ok(view) => chooser.keep(view),
             Err(refusal) => println!("{number}: {refusal}"),
@@ -35,20 +45,36 @@ fn opencvs_own_pictures_calibrate_no_worse_than_with_opencv() {
     println!("{solution}");
     assert!(solution.rms_px < OPENCV_RMS_PX, "{}", solution.rms_px);
     for (camera, fx) in [&solution.left, &solution.right].into_iter().zip(OPENCV_FX) {
-        assert!((camera.fx.value / fx - 1.0).abs() < 0.005, "{}", camera.fx.value);
+        assert!(
+            (camera.fx.value / fx - 1.0).abs() < 0.005,
+            "{}",
+            camera.fx.value
+        );
     }
-    assert!((solution.baseline.value / OPENCV_BASELINE - 1.0).abs() < 0.005, "{}", solution.baseline.value);
+    assert!(
+        (solution.baseline.value / OPENCV_BASELINE - 1.0).abs() < 0.005,
+        "{}",
+        solution.baseline.value
+    );
 }
 
 #[test]
 fn pictures_without_a_board_show_none() {
-    let Some(folder) = common::datasets() else { return };
-    let Ok(index) = std::fs::read_to_string(folder.join("index.tsv")) else { return };
-    let mut detectors = [(9, 6), (4, 3)].map(|sides| Detector::new(Board::new(sides, None).unwrap()).unwrap());
+    let Some(folder) = common::datasets() else {
+        return;
+    };
+    let Ok(index) = std::fs::read_to_string(folder.join("index.tsv")) else {
+        return;
+    };
+    let mut detectors =
+        [(9, 6), (4, 3)].map(|sides| Detector::new(Board::new(sides, None).unwrap()).unwrap());
     let mut images = 0;
     for line in index.lines().skip(1) {
         let mut fields = line.split('\t');
-        let [Some(scene), Some(left), Some(right)] = [fields.next(), fields.next(), fields.next()] else { continue };
+        let [Some(scene), Some(left), Some(right)] = [fields.next(), fields.next(), fields.next()]
+        else {
+            continue;
+        };
         let pair = common::pair(&folder.join(scene), left, right);
         for image in [pair.left(), pair.right()] {
             images += 1;

@@ -1,4 +1,5 @@
-//! The public data sets: their layouts on disk, their scenarios, and what is refused on the way there.
+//! The public data sets: their layouts on disk, their scenarios, and what is refused on the way
+//! there.
 
 mod archive;
 mod boards;

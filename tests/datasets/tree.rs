@@ -24,7 +24,10 @@ pub struct Tree {
 
 impl Tree {
     pub fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap(), height: 6 }
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+            height: 6,
+        }
     }
 
     pub fn root(&self) -> &Path {
@@ -51,14 +54,19 @@ impl Tree {
             let (width, height) = (WIDTH as u32, self.height as u32);
             let path = self.path(name);
             if name.ends_with(".pgm") {
-                ImageBuffer::from_pixel(width, height, Luma([90u8])).save(path).unwrap();
+                ImageBuffer::from_pixel(width, height, Luma([90u8]))
+                    .save(path)
+                    .unwrap();
             } else {
-                ImageBuffer::from_pixel(width, height, Rgb([90u8, 80, 70])).save(path).unwrap();
+                ImageBuffer::from_pixel(width, height, Rgb([90u8, 80, 70]))
+                    .save(path)
+                    .unwrap();
             }
         }
     }
 
-    /// Left and right truth as 8-bit grey, values `scale` times the disparity; 0 in the upper left corner.
+    /// Left and right truth as 8-bit grey, values `scale` times the disparity; 0 in the upper left
+    /// corner.
     pub fn scaled(&self, left: &str, right: &str, scale: f32) {
         for (name, other) in [(left, DISPARITY), (right, DISPARITY + 8.0)] {
             let value = |x: usize, y: usize| match (x, y) {
@@ -66,8 +74,9 @@ impl Tree {
                 (HIDDEN, _) => (other * scale) as u8,
                 _ => (DISPARITY * scale) as u8,
             };
-            let image =
-                ImageBuffer::from_fn(WIDTH as u32, self.height as u32, |x, y| Luma([value(x as usize, y as usize)]));
+            let image = ImageBuffer::from_fn(WIDTH as u32, self.height as u32, |x, y| {
+                Luma([value(x as usize, y as usize)])
+            });
             image.save(self.path(name)).unwrap();
         }
     }
@@ -99,14 +108,20 @@ impl Tree {
     /// A mask that says of every pixel but the first column that both cameras see it.
     pub fn mask(&self, name: &str) {
         let code = |x: u32| Luma([if x == 0 { 128u8 } else { 255 }]);
-        ImageBuffer::from_fn(WIDTH as u32, self.height as u32, |x, _| code(x)).save(self.path(name)).unwrap();
+        ImageBuffer::from_fn(WIDTH as u32, self.height as u32, |x, _| code(x))
+            .save(self.path(name))
+            .unwrap();
     }
 
     /// The frames of the scenes a scenario would name so.
     pub fn frames(&self, names: &[&str]) -> svl::Result<Vec<Frame>> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
         let scenes = Scene::find_all(self.root(), &names)?;
-        scenes.iter().enumerate().map(|(i, scene)| scene.read(i as u64)).collect()
+        scenes
+            .iter()
+            .enumerate()
+            .map(|(i, scene)| scene.read(i as u64))
+            .collect()
     }
 
     /// The only frame.
@@ -128,8 +143,17 @@ fn occluded(x: usize) -> bool {
 pub fn expect_truth(frame: &Frame, corner_unknown: bool) {
     let truth = frame.truth.as_ref().unwrap();
     let corner = if corner_unknown { f32::INFINITY } else { 0.0 };
-    assert_eq!((truth.disparity.get(0, 0), truth.disparity.get(20, 1)), (corner, DISPARITY));
-    let seen = |x| if occluded(x) { Visibility::Occluded } else { Visibility::Visible };
+    assert_eq!(
+        (truth.disparity.get(0, 0), truth.disparity.get(20, 1)),
+        (corner, DISPARITY)
+    );
+    let seen = |x| {
+        if occluded(x) {
+            Visibility::Occluded
+        } else {
+            Visibility::Visible
+        }
+    };
     let expected: Vec<_> = (0..WIDTH).map(seen).collect();
     assert_eq!(truth.visibility.as_ref().unwrap().row(1), expected);
 }

@@ -34,7 +34,10 @@ pub(crate) struct Plugin {
 
 pub(crate) fn python() -> Option<PathBuf> {
     let python = PathBuf::from(std::env::var_os("SVL_PYTHON").unwrap_or_else(|| "python3".into()));
-    let found = Command::new(&python).arg("--version").output().is_ok_and(|output| output.status.success());
+    let found = Command::new(&python)
+        .arg("--version")
+        .output()
+        .is_ok_and(|output| output.status.success());
     if !found {
         println!("skipped: no Python; name one in SVL_PYTHON");
     }
@@ -47,9 +50,17 @@ pub(crate) fn start(body: &str, settings: &str) -> Option<Plugin> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a program, with a comma.py");
     std::fs::write(&file, format!("{PRELUDE}{body}")).unwrap();
-    let text = format!("exec:command={} '{}'{settings}", python.display(), file.display());
+    let text = format!(
+        "exec:command={} '{}'{settings}",
+        python.display(),
+        file.display()
+    );
     let matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
-    Some(Plugin { matcher, map: DisparityMap::new(1, 1).unwrap(), _folder: folder })
+    Some(Plugin {
+        matcher,
+        map: DisparityMap::new(1, 1).unwrap(),
+        _folder: folder,
+    })
 }
 
 pub(crate) fn pair(width: usize, height: usize) -> StereoPair {
@@ -61,7 +72,9 @@ pub(crate) fn pair(width: usize, height: usize) -> StereoPair {
 impl Plugin {
     pub(crate) fn compute(&mut self, pair: &StereoPair) -> svl::Result<Clock> {
         let mut clock = Clock::start();
-        self.matcher.compute(pair, &mut self.map, &mut clock).map(|()| clock)
+        self.matcher
+            .compute(pair, &mut self.map, &mut clock)
+            .map(|()| clock)
     }
 
     /// It fails within a few seconds, in one line with all these words.
@@ -71,7 +84,11 @@ impl Plugin {
         let error = self.compute(&pair(12, 5)).err().expect("a failure");
         assert!(matches!(error, Error::Program { .. }));
         let line = error.to_string();
-        assert!(start.elapsed() < Duration::from_secs(5), "{:?}: {line}", start.elapsed());
+        assert!(
+            start.elapsed() < Duration::from_secs(5),
+            "{:?}: {line}",
+            start.elapsed()
+        );
         for word in [&["a program, with a comma.py"], words].concat() {
             assert!(line.contains(word), "'{word}' is not in: {line}");
         }

@@ -18,23 +18,39 @@ while True:
     n = len(images) // 2
     answer(line, [float("inf") if images[n + i] == 8 else images[i] + 0.25 for i in range(n)])
 "#;
-    let Some(mut plugin) = start(body, ",min_disparity=-3,max_disparity=17") else { return };
+    let Some(mut plugin) = start(body, ",min_disparity=-3,max_disparity=17") else {
+        return;
+    };
     for (width, height) in [(12, 5), (1, 1), (33, 40), (12, 5)] {
         let pair = pair(width, height);
         let clock = plugin.compute(&pair).unwrap();
         assert_eq!(plugin.map.size(), (width, height));
         for (x, y) in (0..width).flat_map(|x| (0..height).map(move |y| (x, y))) {
             let (left, right) = (pair.left().get(x, y), pair.right().get(x, y));
-            let expected = if right == 8 { Err(Reason::Unmatched) } else { Ok(f32::from(left) + 0.25) };
-            assert_eq!(plugin.map.at(x, y), expected, "({x}, {y}) of {width}x{height}");
+            let expected = if right == 8 {
+                Err(Reason::Unmatched)
+            } else {
+                Ok(f32::from(left) + 0.25)
+            };
+            assert_eq!(
+                plugin.map.at(x, y),
+                expected,
+                "({x}, {y}) of {width}x{height}"
+            );
         }
-        assert!(clock.times().total() <= Duration::from_micros(1500), "the program's own time: {:?}", clock.times());
+        assert!(
+            clock.times().total() <= Duration::from_micros(1500),
+            "the program's own time: {:?}",
+            clock.times()
+        );
     }
 }
 
 #[test]
 fn a_large_pair_fits_through_the_pipes() {
-    let Some(mut plugin) = start("while True: answer(pair()[0])", "") else { return };
+    let Some(mut plugin) = start("while True: answer(pair()[0])", "") else {
+        return;
+    };
     plugin.compute(&pair(1500, 1000)).unwrap();
     assert_eq!(plugin.map.valid(), 1_500_000);
 }
@@ -47,7 +63,9 @@ for seq in range(1, 20):
     if seq % 2: put(json.dumps({"seq": seq, "error": "too\ndark"}).encode() + b"\n")
     else: answer(line)
 "#;
-    let Some(mut plugin) = start(body, "") else { return };
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
     for _ in 0..6 {
         plugin.fails(&["answered: too dark"]);
         plugin.compute(&pair(12, 5)).unwrap();
@@ -63,7 +81,9 @@ while True:
     for _ in range(5000): sys.stderr.write("x" * 999 + "\n")
     answer(line)
 "#;
-    let Some(mut plugin) = start(body, "") else { return };
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
     plugin.compute(&pair(12, 5)).unwrap();
     plugin.compute(&pair(12, 5)).unwrap();
     plugin.fails(&["exit status: 1", "ValueError: the end"]);
@@ -74,7 +94,9 @@ while True:
 #[test]
 fn dropping_ends_the_program() {
     let body = "line, _ = pair()\nanswer(line, [float(os.getpid())] * 60)\ntime.sleep(60)";
-    let Some(mut plugin) = start(body, "") else { return };
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
     plugin.compute(&pair(12, 5)).unwrap();
     let process = PathBuf::from(format!("/proc/{}", plugin.map.at(0, 0).unwrap()));
     assert!(process.exists());
@@ -85,27 +107,57 @@ fn dropping_ends_the_program() {
 #[test]
 fn the_example_adapter_matches() {
     let Some(python) = python() else { return };
-    if !Command::new(&python).args(["-c", "import cv2, numpy"]).output().is_ok_and(|o| o.status.success()) {
+    if !Command::new(&python)
+        .args(["-c", "import cv2, numpy"])
+        .output()
+        .is_ok_and(|o| o.status.success())
+    {
         println!("skipped: {} has no cv2 and numpy", python.display());
         return;
     }
-    let texture =
-        |x: usize, y: usize| ((x * 7919 + y * 104_729 + x * y * 31) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    let side = |shift: usize| Gray::from_fn(160, 60, |x, y| (texture(x + shift, y) >> 56) as u8).unwrap();
+    let texture = |x: usize, y: usize| {
+        ((x * 7919 + y * 104_729 + x * y * 31) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+    };
+    let side =
+        |shift: usize| Gray::from_fn(160, 60, |x, y| (texture(x + shift, y) >> 56) as u8).unwrap();
     let pair = StereoPair::new(side(0), side(11)).unwrap();
     let adapter = concat!(env!("CARGO_MANIFEST_DIR"), "/adapters/opencv.py");
-    for method in ["bm", "bm --block 15 --uniqueness 5 --texture 0", "sgbm", "sgbm --block 5 --speckle-window 50"] {
-        let text = format!("exec:command={} '{adapter}' {method},max_disparity=40", python.display());
+    for method in [
+        "bm",
+        "bm --block 15 --uniqueness 5 --texture 0",
+        "sgbm",
+        "sgbm --block 5 --speckle-window 50",
+    ] {
+        let text = format!(
+            "exec:command={} '{adapter}' {method},max_disparity=40",
+            python.display()
+        );
         let mut map = DisparityMap::new(1, 1).unwrap();
         let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
         for _ in 0..2 {
-            matcher.compute(&pair, &mut map, &mut Clock::start()).unwrap();
-            let right = map.disparity().pixels().filter(|d| (d - 11.0).abs() <= 0.5).count();
-            assert!(right > 4000 && right * 20 > map.valid() * 19, "{method}: {right} of {} valid", map.valid());
+            matcher
+                .compute(&pair, &mut map, &mut Clock::start())
+                .unwrap();
+            let right = map
+                .disparity()
+                .pixels()
+                .filter(|d| (d - 11.0).abs() <= 0.5)
+                .count();
+            assert!(
+                right > 4000 && right * 20 > map.valid() * 19,
+                "{method}: {right} of {} valid",
+                map.valid()
+            );
         }
     }
     let text = format!("exec:command={} '{adapter}' bm --block 8", python.display());
     let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
-    let error = matcher.compute(&pair, &mut DisparityMap::new(1, 1).unwrap(), &mut Clock::start()).unwrap_err();
+    let error = matcher
+        .compute(
+            &pair,
+            &mut DisparityMap::new(1, 1).unwrap(),
+            &mut Clock::start(),
+        )
+        .unwrap_err();
     assert!(error.to_string().contains("answered: OpenCV"), "{error}");
 }

@@ -5,15 +5,30 @@ use svl::grab::{Capture, Pairing, Rule, Settings, Side, Unpaired, WAITING};
 use svl::stereo::Gray;
 
 const NEAR_NS: u64 = 10;
-const NEAR: Rule = Rule::Stamp { max_skew_ns: NEAR_NS, period_ns: 100 };
+const NEAR: Rule = Rule::Stamp {
+    max_skew_ns: NEAR_NS,
+    period_ns: 100,
+};
 
 fn capture(stamp_ns: u64, trigger_id: Option<u64>, shutter_us: u32) -> Capture {
-    let settings = Settings { shutter_us, gain_mdb: 0 };
-    Capture { image: Gray::filled(1, 1, 0).unwrap(), stamp_ns, trigger_id, ordered: settings, settings }
+    let settings = Settings {
+        shutter_us,
+        gain_mdb: 0,
+    };
+    Capture {
+        image: Gray::filled(1, 1, 0).unwrap(),
+        stamp_ns,
+        trigger_id,
+        ordered: settings,
+        settings,
+    }
 }
 
 /// The pairs as they come, and those that come at the end.
-fn paired(pairing: &mut Pairing, arrivals: impl IntoIterator<Item = (Side, Capture)>) -> [Vec<[Capture; 2]>; 2] {
+fn paired(
+    pairing: &mut Pairing,
+    arrivals: impl IntoIterator<Item = (Side, Capture)>,
+) -> [Vec<[Capture; 2]>; 2] {
     let mut pairs = Vec::new();
     for (side, capture) in arrivals {
         pairing.push(side, capture);
@@ -24,7 +39,13 @@ fn paired(pairing: &mut Pairing, arrivals: impl IntoIterator<Item = (Side, Captu
 
 /// Images of both cameras in the order of arrival, each camera's in the order of time.
 fn arrivals() -> impl Strategy<Value = Vec<(Side, Capture)>> {
-    let one = (any::<bool>(), 1u64..40, 0u64..3, prop::bool::weighted(0.95), prop::bool::weighted(0.95));
+    let one = (
+        any::<bool>(),
+        1u64..40,
+        0u64..3,
+        prop::bool::weighted(0.95),
+        prop::bool::weighted(0.95),
+    );
     prop::collection::vec(one, 0..200).prop_map(|steps| {
         let (mut stamps, mut ids) = ([0; 2], [0; 2]);
         let step = |(right, stamp, id, known, usual): (bool, u64, u64, bool, bool)| {
@@ -32,7 +53,10 @@ fn arrivals() -> impl Strategy<Value = Vec<(Side, Capture)>> {
             stamps[side as usize] += stamp;
             ids[side as usize] += id;
             let id = known.then_some(ids[side as usize]);
-            (side, capture(stamps[side as usize], id, if usual { 100 } else { 200 }))
+            (
+                side,
+                capture(stamps[side as usize], id, if usual { 100 } else { 200 }),
+            )
         };
         steps.into_iter().map(step).collect()
     })
@@ -42,8 +66,17 @@ fn arrivals() -> impl Strategy<Value = Vec<(Side, Capture)>> {
 fn cameras_that_round_differently_still_make_pairs() {
     for rule in [Rule::Trigger, NEAR, Rule::Arrival] {
         let left = capture(0, Some(1), 100);
-        let right = Capture { settings: Settings { shutter_us: 90, gain_mdb: 0 }, ..left.clone() };
-        let [pairs, _] = paired(&mut Pairing::new(rule), [(Side::Left, left), (Side::Right, right)]);
+        let right = Capture {
+            settings: Settings {
+                shutter_us: 90,
+                gain_mdb: 0,
+            },
+            ..left.clone()
+        };
+        let [pairs, _] = paired(
+            &mut Pairing::new(rule),
+            [(Side::Left, left), (Side::Right, right)],
+        );
         assert_eq!(pairs.len(), 1);
     }
 }
@@ -74,8 +107,8 @@ proptest! {
         }
     }
 
-    /// Pulses that either camera may miss, heard in any order: all that both have are paired, and by number and by
-    /// stamp alike, as long as neither camera is too far behind.
+    /// Pulses that either camera may miss, heard in any order: all that both have are paired, and
+    /// by number and by stamp alike, as long as neither camera is too far behind.
     #[test]
     fn what_both_have_is_paired(missed in prop::collection::vec((any::<bool>(), any::<bool>()), 0..100), lag in 0..WAITING / 2) {
         let sent = |right: bool| {
@@ -98,8 +131,9 @@ proptest! {
         }
     }
 
-    /// Two cameras whose images are at least half a period of 100 apart, heard in two orders of arrival, neither too far
-    /// behind: the same pairs, and no image that comes after the pair before is nearer to one of them.
+    /// Two cameras whose images are at least half a period of 100 apart, heard in two orders of
+    /// arrival, neither too far behind: the same pairs, and no image that comes after the pair
+    /// before is nearer to one of them.
     #[test]
     fn the_nearest_are_paired_in_any_order_of_arrival(
         steps in prop::collection::vec((50u64..300, 50u64..300), 1..60),

@@ -8,7 +8,16 @@ use svl::grab::{Pushed, Queue, Rule, WhenFull};
 fn a_full_queue_drops_what_comes() {
     let queue = Queue::new(3, WhenFull::Drop);
     let pushed: Vec<_> = (0..5).map(|i| queue.push(i)).collect();
-    assert_eq!(pushed, [Pushed::Taken, Pushed::Taken, Pushed::Taken, Pushed::Dropped, Pushed::Dropped]);
+    assert_eq!(
+        pushed,
+        [
+            Pushed::Taken,
+            Pushed::Taken,
+            Pushed::Taken,
+            Pushed::Dropped,
+            Pushed::Dropped
+        ]
+    );
     assert_eq!(queue.pop().unwrap(), Some(0));
     assert_eq!(queue.push(5), Pushed::Taken);
     queue.close(Ok(()));
@@ -53,19 +62,37 @@ fn the_error_comes_after_the_last_item() {
 #[test]
 fn every_pair_is_read_or_counted() {
     for when_full in [WhenFull::Drop, WhenFull::Wait] {
-        let stage = Stage { queue: 2, when_full, ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)) };
+        let stage = Stage {
+            queue: 2,
+            when_full,
+            ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
+        };
         let mut grabber = stage.start(Fired::WhenArmed, Rule::Trigger);
         // The clock runs as fast as it can meanwhile, so a queue of two is full in no time.
-        let frames: Vec<_> = (0..50).map(|_| grabber.next_pair().unwrap().unwrap()).collect();
+        let frames: Vec<_> = (0..50)
+            .map(|_| grabber.next_pair().unwrap().unwrap())
+            .collect();
         let tally = adds_up(grabber.stop());
         assert_eq!(tally.pairs, 50 + tally.dropped + tally.unread, "{tally}");
-        assert_eq!(tally.pulses.abs_diff(tally.pairs).min(1), tally.pulses - tally.pairs);
+        assert_eq!(
+            tally.pulses.abs_diff(tally.pairs).min(1),
+            tally.pulses - tally.pairs
+        );
         match when_full {
             // Gaps in the numbers are the drops.
-            WhenFull::Drop => assert!(frames.windows(2).all(|two| two[0].sequence < two[1].sequence)),
+            WhenFull::Drop => assert!(
+                frames
+                    .windows(2)
+                    .all(|two| two[0].sequence < two[1].sequence)
+            ),
             WhenFull::Wait => {
                 assert_eq!(tally.dropped, 0);
-                assert!(frames.iter().enumerate().all(|(i, frame)| frame.sequence == i as u64));
+                assert!(
+                    frames
+                        .iter()
+                        .enumerate()
+                        .all(|(i, frame)| frame.sequence == i as u64)
+                );
             }
         }
     }

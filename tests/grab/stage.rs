@@ -4,7 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use svl::Result;
 use svl::grab::simulated::{Drive, Pictures, SimulatedCamera, SimulatedTrigger, Temper, Wire};
-use svl::grab::{Camera, Capture, Clock, Grabber, Limits, Policy, Rule, Settings, Setup, Side, Taken, Tally, WhenFull};
+use svl::grab::{
+    Camera, Capture, Clock, Grabber, Limits, Policy, Rule, Settings, Setup, Side, Taken, Tally,
+    WhenFull,
+};
 use svl::stereo::{Frame, Gray, StereoPair};
 
 pub const MS: u64 = 1_000_000;
@@ -31,12 +34,16 @@ pub struct Stage {
     pub balance_every: u32,
     /// From this number on, from 0, all images of the right camera are damaged.
     pub damaged_from: u64,
-    /// How long an image of the right camera is on its way besides, from a driver that knows no pulses.
+    /// How long an image of the right camera is on its way besides, from a driver that knows no
+    /// pulses.
     pub on_its_way_ms: u64,
     pub period_ns: u64,
 }
 
-pub const FIRST: Settings = Settings { shutter_us: 4_000, gain_mdb: 0 };
+pub const FIRST: Settings = Settings {
+    shutter_us: 4_000,
+    gain_mdb: 0,
+};
 
 impl Stage {
     pub fn new(left: Temper, right: Temper) -> Self {
@@ -44,11 +51,32 @@ impl Stage {
         let (tempers, first, balance_every) = ([left, right], FIRST, u32::MAX);
         let (clock, light, damaged_from, on_its_way_ms) = (Clock::scripted(), 1.0, u64::MAX, 0);
         let period_ns = PERIOD_NS;
-        Self { clock, tempers, light, queue, when_full, first, balance_every, damaged_from, on_its_way_ms, period_ns }
+        Self {
+            clock,
+            tempers,
+            light,
+            queue,
+            when_full,
+            first,
+            balance_every,
+            damaged_from,
+            on_its_way_ms,
+            period_ns,
+        }
     }
 
     pub fn start(self, fired: Fired, rule: Rule) -> Grabber {
-        let Self { clock, tempers, light, queue, when_full, first, balance_every, period_ns, .. } = self;
+        let Self {
+            clock,
+            tempers,
+            light,
+            queue,
+            when_full,
+            first,
+            balance_every,
+            period_ns,
+            ..
+        } = self;
         let wire = Wire::new(&clock);
         let pictures = Arc::new(pictures());
         let [left, right] = tempers;
@@ -57,7 +85,9 @@ impl Stage {
                 Fired::Freely => Drive::Free { period_ns },
                 _ => Drive::Wire(wire.clone()),
             };
-            Box::new(SimulatedCamera::new(side, &clock, drive, &pictures, light, temper))
+            Box::new(SimulatedCamera::new(
+                side, &clock, drive, &pictures, light, temper,
+            ))
         };
         let right = failing(camera(Side::Right, right), self.damaged_from);
         let right = match self.on_its_way_ms {
@@ -90,7 +120,9 @@ impl Stage {
     /// Grabs so many pairs, fewer when it ends by itself, and stops.
     pub fn grab(self, fired: Fired, rule: Rule, pairs: usize) -> (Vec<Frame>, Tally) {
         let mut grabber = self.start(fired, rule);
-        let frames = (0..pairs).map_while(|_| grabber.next_pair().unwrap()).collect();
+        let frames = (0..pairs)
+            .map_while(|_| grabber.next_pair().unwrap())
+            .collect();
         (frames, adds_up(grabber.stop()))
     }
 }
@@ -122,7 +154,9 @@ impl<F: FnMut(&mut dyn Camera, Duration) -> Result<Option<Taken>> + Send> Camera
 /// A camera that after so many whole images gives damaged ones only.
 fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
     let capture = move |camera: &mut dyn Camera, patience: Duration| {
-        let Some(taken) = camera.capture(patience)? else { return Ok(None) };
+        let Some(taken) = camera.capture(patience)? else {
+            return Ok(None);
+        };
         let is_whole = whole > 0;
         whole = whole.saturating_sub(1);
         Ok(Some(if is_whole { taken } else { Taken::Damaged }))
@@ -130,19 +164,31 @@ fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
     Box::new(Altered { camera, capture })
 }
 
-/// A camera by a driver that does not know pulses, nor how to call back an image that is on its way. At first it gives an
-/// image that nothing fired.
+/// A camera by a driver that does not know pulses, nor how to call back an image that is on its
+/// way. At first it gives an image that nothing fired.
 fn belated(camera: Box<dyn Camera>, clock: &Arc<Clock>, late_ns: u64) -> Box<dyn Camera> {
     let (clock, mut coming, mut is_new) = (clock.clone(), None::<(u64, Capture)>, true);
     let capture = move |camera: &mut dyn Camera, patience: Duration| {
         if std::mem::take(&mut is_new) {
             let image = Gray::filled(32, 24, 0)?;
-            let capture = Capture { image, stamp_ns: 0, trigger_id: None, ordered: FIRST, settings: FIRST };
+            let capture = Capture {
+                image,
+                stamp_ns: 0,
+                trigger_id: None,
+                ordered: FIRST,
+                settings: FIRST,
+            };
             return Ok(Some(Taken::Image(capture)));
         }
         let Some((due_ns, capture)) = coming.take() else {
             if let Some(Taken::Image(capture)) = camera.capture(patience)? {
-                coming = Some((clock.now_ns() + late_ns, Capture { trigger_id: None, ..capture }));
+                coming = Some((
+                    clock.now_ns() + late_ns,
+                    Capture {
+                        trigger_id: None,
+                        ..capture
+                    },
+                ));
             }
             return Ok(None);
         };
@@ -159,7 +205,11 @@ fn belated(camera: Box<dyn Camera>, clock: &Arc<Clock>, late_ns: u64) -> Box<dyn
 /// Nothing is uncounted.
 #[track_caller]
 pub fn adds_up(tally: Tally) -> Tally {
-    assert_eq!(tally.frames.iter().sum::<u64>(), 2 * tally.pairs + tally.unpaired.iter().sum::<u64>(), "{tally}");
+    assert_eq!(
+        tally.frames.iter().sum::<u64>(),
+        2 * tally.pairs + tally.unpaired.iter().sum::<u64>(),
+        "{tally}"
+    );
     tally
 }
 
@@ -174,5 +224,9 @@ fn pictures() -> Pictures {
 
 /// A camera that needs so long to get ready, and up to so much longer.
 pub fn slow(arm_ms: f64, jitter_ms: f64) -> Temper {
-    Temper { arm_ms, jitter_ms, ..Temper::default() }
+    Temper {
+        arm_ms,
+        jitter_ms,
+        ..Temper::default()
+    }
 }

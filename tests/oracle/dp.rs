@@ -1,4 +1,5 @@
-//! The specification of dp, written down again: slow, unoptimised, sharing no code with the matcher.
+//! The specification of dp, written down again: slow, unoptimised, sharing no code with the
+//! matcher.
 
 use svl::stereo::{DisparityMap, Gray, StereoPair};
 
@@ -28,7 +29,9 @@ impl Dp {
     pub(crate) fn compute(&self, pair: &StereoPair) -> DisparityMap {
         let (left, right) = (pair.left(), pair.right());
         let (width, height) = pair.size();
-        let mut found: Map = (0..height).map(|y| self.match_row(left.row(y), right.row(y))).collect();
+        let mut found: Map = (0..height)
+            .map(|y| self.match_row(left.row(y), right.row(y)))
+            .collect();
 
         for (y, x) in (1..height.max(1) - 1).flat_map(|y| (0..width).map(move |x| (y, x))) {
             if found[y - 1][x] == found[y + 1][x] {
@@ -40,16 +43,24 @@ impl Dp {
             let mut column: Vec<_> = (0..height).map(|y| found[y][x]).collect();
             let closed: Vec<_> = (0..height).map(|y| steep[y][x]).collect();
             self.spread(&mut column, &closed);
-            column.into_iter().enumerate().for_each(|(y, d)| found[y][x] = d);
+            column
+                .into_iter()
+                .enumerate()
+                .for_each(|(y, d)| found[y][x] = d);
         }
         for (y, row) in found.iter_mut().enumerate() {
-            let closed: Vec<_> = (0..width).map(|x| bits(left.row(y), right.row(y), x).0).collect();
+            let closed: Vec<_> = (0..width)
+                .map(|x| bits(left.row(y), right.row(y), x).0)
+                .collect();
             self.spread(row, &closed);
         }
 
         let mut map = DisparityMap::new(width, height).unwrap();
         for (mut row, found) in map.rows_mut().zip(found) {
-            found.iter().enumerate().for_each(|(x, &d)| row.accept(x, d as f32, DisparityMap::NO_SSDPI));
+            found
+                .iter()
+                .enumerate()
+                .for_each(|(x, &d)| row.accept(x, d as f32, DisparityMap::NO_SSDPI));
         }
         map
     }
@@ -57,7 +68,8 @@ impl Dp {
     fn match_row(&self, left: &[u8], right: &[u8]) -> Vec<i32> {
         let width = left.len() as i32;
         // By column, then disparity.
-        let mut cells: Vec<Vec<(i64, Step)>> = vec![vec![(INFINITE, Step::Up); self.max as usize + 1]; left.len()];
+        let mut cells: Vec<Vec<(i64, Step)>> =
+            vec![vec![(INFINITE, Step::Up); self.max as usize + 1]; left.len()];
         let cell = |cells: &[Vec<(i64, Step)>], x: i32, d: i32| match d {
             d if d < 0 || d > self.max => (INFINITE, Step::Left),
             d => cells[x as usize][d as usize],
@@ -75,14 +87,22 @@ impl Dp {
                     candidates.push((cost + self.occlusion, Step::Diag));
                 }
                 // The first of equals.
-                let (cost, step) = candidates.into_iter().min_by_key(|(cost, _)| *cost).unwrap();
-                cells[x as usize][d as usize] = (cost + dissimilarity(left, right, x as usize, d as usize), step);
+                let (cost, step) = candidates
+                    .into_iter()
+                    .min_by_key(|(cost, _)| *cost)
+                    .unwrap();
+                cells[x as usize][d as usize] = (
+                    cost + dissimilarity(left, right, x as usize, d as usize),
+                    step,
+                );
             }
         }
 
         let mut found = vec![0; left.len()];
         let mut x = width - 1;
-        let mut d = (0..=x.min(self.max)).min_by_key(|&d| cell(&cells, x, d).0).unwrap();
+        let mut d = (0..=x.min(self.max))
+            .min_by_key(|&d| cell(&cells, x, d).0)
+            .unwrap();
         while x > 0 {
             found[x as usize] = d;
             while cell(&cells, x, d).1 == Step::Up {
@@ -141,7 +161,11 @@ fn dissimilarity(left: &[u8], right: &[u8], x: usize, d: usize) -> i64 {
     }
     let u = if u == last && last > 0 { last - 1 } else { u };
     let mean = |a: usize, b: usize| (i64::from(right[a]) + i64::from(right[b])) >> 1;
-    let values = [i64::from(right[u]), mean(u, (u + 1).min(last)), mean(u.saturating_sub(1), u)];
+    let values = [
+        i64::from(right[u]),
+        mean(u, (u + 1).min(last)),
+        mean(u.saturating_sub(1), u),
+    ];
     let left = i64::from(left[x]);
     let (low, high) = (values.iter().min().unwrap(), values.iter().max().unwrap());
     0.max(left - high).max(low - left)
@@ -179,5 +203,8 @@ fn steep(left: &Gray) -> Vec<Vec<bool>> {
     };
     (0..width).for_each(&mut mark);
     let lone = |row: &[bool], x: usize| x > 0 && x + 1 < width && !(row[x - 1] && row[x + 1]);
-    steep.iter().map(|row| (0..width).map(|x| row[x] && !lone(row, x)).collect()).collect()
+    steep
+        .iter()
+        .map(|row| (0..width).map(|x| row[x] && !lone(row, x)).collect())
+        .collect()
 }

@@ -18,11 +18,24 @@ pub(crate) enum Scene {
 }
 
 impl Scene {
-    pub(crate) const ALL: [Self; 5] = [Self::Noise, Self::Constant, Self::Faint, Self::BlackAndWhite, Self::Periodic];
+    pub(crate) const ALL: [Self; 5] = [
+        Self::Noise,
+        Self::Constant,
+        Self::Faint,
+        Self::BlackAndWhite,
+        Self::Periodic,
+    ];
 }
 
-/// A pair of `scene` whose right image is the left one moved by `shift`, each with its own noise of `noise` levels.
-pub(crate) fn pair(scene: Scene, (width, height): (usize, usize), shift: i32, noise: u8, seed: u64) -> StereoPair {
+/// A pair of `scene` whose right image is the left one moved by `shift`, each with its own noise of
+/// `noise` levels.
+pub(crate) fn pair(
+    scene: Scene,
+    (width, height): (usize, usize),
+    shift: i32,
+    noise: u8,
+    seed: u64,
+) -> StereoPair {
     let random = |x: i32, y: usize, salt: u64| {
         let mut z = seed ^ salt ^ ((x as u64) << 32 | y as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -39,7 +52,11 @@ pub(crate) fn pair(scene: Scene, (width, height): (usize, usize), shift: i32, no
     let side = |shift: i32, salt: u64| {
         Gray::from_fn(width, height, |x, y| {
             let x = x as i32 + shift;
-            world(x, y).saturating_add(if noise == 0 { 0 } else { random(x, y, salt) % noise })
+            world(x, y).saturating_add(if noise == 0 {
+                0
+            } else {
+                random(x, y, salt) % noise
+            })
         })
         .unwrap()
     };
@@ -47,9 +64,17 @@ pub(crate) fn pair(scene: Scene, (width, height): (usize, usize), shift: i32, no
 }
 
 /// Pairs of those sizes.
-pub(crate) fn pairs(size: impl Strategy<Value = (usize, usize)>) -> impl Strategy<Value = StereoPair> {
+pub(crate) fn pairs(
+    size: impl Strategy<Value = (usize, usize)>,
+) -> impl Strategy<Value = StereoPair> {
     let scene = prop::sample::select(Scene::ALL.to_vec());
-    (scene, size, -12i32..=12, prop::sample::select(vec![0u8, 2, 9, 60]), any::<u64>())
+    (
+        scene,
+        size,
+        -12i32..=12,
+        prop::sample::select(vec![0u8, 2, 9, 60]),
+        any::<u64>(),
+    )
         .prop_map(|(scene, size, shift, noise, seed)| pair(scene, size, shift, noise, seed))
 }
 
@@ -63,16 +88,31 @@ pub(crate) fn scenes() -> impl Strategy<Value = StereoPair> {
 }
 
 pub(crate) fn pool(threads: usize) -> rayon::ThreadPool {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .unwrap()
 }
 
 /// The first pixel at which the maps differ, with what each says.
 pub(crate) fn difference(got: &DisparityMap, expected: &DisparityMap) -> Option<String> {
     assert_eq!(got.size(), expected.size());
     let (width, height) = got.size();
-    let says = |map: &DisparityMap, x, y| (map.at(x, y), map.disparity().get(x, y), map.ssdpi().get(x, y));
+    let says = |map: &DisparityMap, x, y| {
+        (
+            map.at(x, y),
+            map.disparity().get(x, y),
+            map.ssdpi().get(x, y),
+        )
+    };
     (0..height)
         .flat_map(|y| (0..width).map(move |x| (x, y)))
         .find(|&(x, y)| says(got, x, y) != says(expected, x, y))
-        .map(|(x, y)| format!("({x}, {y}): got {:?}, expected {:?}", says(got, x, y), says(expected, x, y)))
+        .map(|(x, y)| {
+            format!(
+                "({x}, {y}): got {:?}, expected {:?}",
+                says(got, x, y),
+                says(expected, x, y)
+            )
+        })
 }

@@ -16,19 +16,38 @@ pub(crate) struct Symmetric {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Filter {
-    V1 { uniqueness: f64 },
-    V2 { texture_threshold: f64, spread_threshold: f64 },
+    V1 {
+        uniqueness: f64,
+    },
+    V2 {
+        texture_threshold: f64,
+        spread_threshold: f64,
+    },
 }
 
 impl Symmetric {
     /// As on the command line.
     pub(crate) fn text(&self) -> String {
-        let Self { min, max, smoothing_sigma, filter, symmetry_tolerance, subpixel, back_check } = self;
+        let Self {
+            min,
+            max,
+            smoothing_sigma,
+            filter,
+            symmetry_tolerance,
+            subpixel,
+            back_check,
+        } = self;
         let (name, filter) = match filter {
             Filter::V1 { uniqueness } => ("v1", format!("uniqueness={uniqueness}")),
-            Filter::V2 { texture_threshold, spread_threshold } => {
-                ("v2", format!("texture_threshold={texture_threshold},spread_threshold={spread_threshold}"))
-            }
+            Filter::V2 {
+                texture_threshold,
+                spread_threshold,
+            } => (
+                "v2",
+                format!(
+                    "texture_threshold={texture_threshold},spread_threshold={spread_threshold}"
+                ),
+            ),
         };
         format!(
             "{name}:min_disparity={min},max_disparity={max},smoothing_sigma={smoothing_sigma},{filter},\
@@ -37,7 +56,10 @@ impl Symmetric {
     }
 
     pub(crate) fn compute(&self, pair: &StereoPair) -> DisparityMap {
-        let (left, right) = (smooth(pair.left(), self.smoothing_sigma), smooth(pair.right(), self.smoothing_sigma));
+        let (left, right) = (
+            smooth(pair.left(), self.smoothing_sigma),
+            smooth(pair.right(), self.smoothing_sigma),
+        );
         let (width, height) = pair.size();
         let mut map = DisparityMap::new(width, height).unwrap();
         for (y, mut row) in map.rows_mut().enumerate() {
@@ -51,35 +73,72 @@ impl Symmetric {
         map
     }
 
-    fn pixel(&self, left: &Gray, right: &Gray, x: i32, y: usize) -> Result<(f32, u32), (Reason, u32)> {
+    fn pixel(
+        &self,
+        left: &Gray,
+        right: &Gray,
+        x: i32,
+        y: usize,
+    ) -> Result<(f32, u32), (Reason, u32)> {
         let inside = |x: i32| x - 4 >= 0 && x + 4 < left.width() as i32;
         let at = |image: &Gray, x: i32| i64::from(image.get(x as usize, y));
-        let ssd = |x: i32, d: i32| (-4..=4).map(|i| (at(left, x + i) - at(right, x + i - d)).pow(2)).sum::<i64>();
+        let ssd = |x: i32, d: i32| {
+            (-4..=4)
+                .map(|i| (at(left, x + i) - at(right, x + i - d)).pow(2))
+                .sum::<i64>()
+        };
         let cost = |x: i32, d: i32| ssd(x, d) * (25 + 4 * i64::from(d.abs()));
 
-        let admissible: Vec<i32> = (self.min..=self.max).filter(|d| inside(x) && inside(x - d)).collect();
+        let admissible: Vec<i32> = (self.min..=self.max)
+            .filter(|d| inside(x) && inside(x - d))
+            .collect();
         if admissible.is_empty() {
             return Err((Reason::Border, DisparityMap::NO_SSDPI));
         }
-        if let Filter::V2 { texture_threshold, .. } = self.filter {
+        if let Filter::V2 {
+            texture_threshold, ..
+        } = self.filter
+        {
             let window: Vec<i64> = (-4..=4).map(|i| at(left, x + i)).collect();
-            let (sum, squares) = (window.iter().sum::<i64>(), window.iter().map(|p| p * p).sum::<i64>());
+            let (sum, squares) = (
+                window.iter().sum::<i64>(),
+                window.iter().map(|p| p * p).sum::<i64>(),
+            );
             if ((9 * squares - sum * sum) as f64) < (9.0 * texture_threshold).powi(2) {
                 return Err((Reason::Untextured, DisparityMap::NO_SSDPI));
             }
         }
-        let winner = admissible.iter().copied().min_by_key(|&d| (cost(x, d), d)).unwrap();
+        let winner = admissible
+            .iter()
+            .copied()
+            .min_by_key(|&d| (cost(x, d), d))
+            .unwrap();
         let (least, ssdpi) = (cost(x, winner), ssd(x, winner) as u32);
         let ambiguous = match self.filter {
             Filter::V1 { uniqueness } => {
-                let rival = admissible.iter().filter(|&d| (d - winner).abs() > 1).map(|&d| cost(x, d)).min();
-                rival.is_some_and(|rival| 1000 * (rival - least) < (1000.0 * uniqueness).round() as i64 * least)
+                let rival = admissible
+                    .iter()
+                    .filter(|&d| (d - winner).abs() > 1)
+                    .map(|&d| cost(x, d))
+                    .min();
+                rival.is_some_and(|rival| {
+                    1000 * (rival - least) < (1000.0 * uniqueness).round() as i64 * least
+                })
             }
-            Filter::V2 { spread_threshold, .. } => {
+            Filter::V2 {
+                spread_threshold, ..
+            } => {
                 let weight = |d: i32| ((least as f64 + 25.0) / (cost(x, d) as f64 + 25.0)).powi(2);
                 let sum: f64 = admissible.iter().map(|&d| weight(d)).sum();
-                let mean = admissible.iter().map(|&d| weight(d) * f64::from(d)).sum::<f64>() / sum;
-                let squares = admissible.iter().map(|&d| weight(d) * (f64::from(d) - mean).powi(2)).sum::<f64>();
+                let mean = admissible
+                    .iter()
+                    .map(|&d| weight(d) * f64::from(d))
+                    .sum::<f64>()
+                    / sum;
+                let squares = admissible
+                    .iter()
+                    .map(|&d| weight(d) * (f64::from(d) - mean).powi(2))
+                    .sum::<f64>();
                 (squares / sum).sqrt() >= spread_threshold
             }
         };
@@ -87,11 +146,25 @@ impl Symmetric {
             return Err((Reason::Ambiguous, ssdpi));
         }
         let u = x - winner;
-        let of_right = (self.min..=self.max).filter(|d| inside(u + d)).min_by_key(|&d| (cost(u + d, d), d)).unwrap();
+        let of_right = (self.min..=self.max)
+            .filter(|d| inside(u + d))
+            .min_by_key(|&d| (cost(u + d, d), d))
+            .unwrap();
         if (of_right - winner).abs() > self.symmetry_tolerance {
             return Err((Reason::Inconsistent, ssdpi));
         }
-        let refined = if self.subpixel { refine(winner, &admissible, |d| ssd(x, d)) } else { winner as f32 };
-        Ok((if self.back_check { refined.max(0.0) } else { refined }, ssdpi))
+        let refined = if self.subpixel {
+            refine(winner, &admissible, |d| ssd(x, d))
+        } else {
+            winner as f32
+        };
+        Ok((
+            if self.back_check {
+                refined.max(0.0)
+            } else {
+                refined
+            },
+            ssdpi,
+        ))
     }
 }

@@ -12,7 +12,11 @@ fn disparity() -> impl Strategy<Value = f32> {
 
 /// Estimate, truth and mask of one size, with one judged pixel at least.
 fn maps() -> impl Strategy<Value = (Plane<f32>, Plane<f32>, Plane<Visibility>)> {
-    let pixel = (disparity(), disparity(), prop::sample::select(vec![0u8, 128, 255]));
+    let pixel = (
+        disparity(),
+        disparity(),
+        prop::sample::select(vec![0u8, 128, 255]),
+    );
     ((60usize..64), prop::collection::vec(pixel, 64..400)).prop_map(|(width, mut pixels)| {
         pixels[0] = (pixels[0].0, 7.0, 255);
         let height = pixels.len() / width;
@@ -21,7 +25,11 @@ fn maps() -> impl Strategy<Value = (Plane<f32>, Plane<f32>, Plane<Visibility>)> 
             Plane::from_vec(width, height, pixels.iter().map(f).collect()).unwrap()
         };
         let codes = Plane::from_vec(width, height, pixels.iter().map(|p| p.2).collect()).unwrap();
-        (plane(&|p| p.0), plane(&|p| p.1), codes.map(Visibility::from_code))
+        (
+            plane(&|p| p.0),
+            plane(&|p| p.1),
+            codes.map(Visibility::from_code),
+        )
     })
 }
 

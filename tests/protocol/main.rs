@@ -1,4 +1,5 @@
-//! The metric protocols: tiny maps computed by hand, what always holds, and real maps with known scores.
+//! The metric protocols: tiny maps computed by hand, what always holds, and real maps with known
+//! scores.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -19,7 +20,13 @@ pub fn map<T: Copy>(rows: &[&[T]]) -> Plane<T> {
 }
 
 pub fn image<'a>(estimate: &'a Plane<f32>, truth: &'a Plane<f32>) -> Image<'a> {
-    Image { estimate, truth, mask: None, foreground: None, max_disparity: None }
+    Image {
+        estimate,
+        truth,
+        mask: None,
+        foreground: None,
+        max_disparity: None,
+    }
 }
 
 #[track_caller]
@@ -31,11 +38,18 @@ pub fn numbers(protocol: Protocol, image: &Image) -> Numbers {
 #[track_caller]
 pub fn assert_numbers(numbers: &Numbers, expected: &[(&str, Option<f64>)]) {
     for (name, value) in expected {
-        assert!(numbers.iter().any(|number| number.name == *name), "there is no {name}");
+        assert!(
+            numbers.iter().any(|number| number.name == *name),
+            "there is no {name}"
+        );
         let same = match (numbers.get(name), value) {
             (Some(a), Some(b)) => (a - b).abs() < 1e-9,
             (a, b) => a == *b,
         };
-        assert!(same, "{name}: got {:?}, expected {value:?}", numbers.get(name));
+        assert!(
+            same,
+            "{name}: got {:?}, expected {value:?}",
+            numbers.get(name)
+        );
     }
 }

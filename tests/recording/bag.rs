@@ -15,8 +15,20 @@ pub(crate) struct Message {
 impl Message {
     /// The message with other bytes.
     pub(crate) fn with(&self, data: Vec<u8>) -> Self {
-        let &Self { topic, schema, encoding, log_time, .. } = self;
-        Self { topic, schema, encoding, log_time, data }
+        let &Self {
+            topic,
+            schema,
+            encoding,
+            log_time,
+            ..
+        } = self;
+        Self {
+            topic,
+            schema,
+            encoding,
+            log_time,
+            data,
+        }
     }
 }
 
@@ -27,19 +39,44 @@ pub(crate) fn write(folder: &Path, messages: &[Message]) -> PathBuf {
 
 /// As [`write`], in the way of ROS 2's own recorder: without compression and without checksums.
 pub(crate) fn write_unchecked(folder: &Path, messages: &[Message]) -> PathBuf {
-    let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
-    write_as(options.calculate_data_section_crc(false).calculate_summary_section_crc(false), folder, messages)
+    let options = mcap::WriteOptions::new()
+        .compression(None)
+        .calculate_chunk_crcs(false);
+    write_as(
+        options
+            .calculate_data_section_crc(false)
+            .calculate_summary_section_crc(false),
+        folder,
+        messages,
+    )
 }
 
 fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) -> PathBuf {
     let path = folder.join("bag.mcap");
     let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
-    let mut writer = options.profile("ros2").chunk_size(Some(4096)).create(file).unwrap();
-    for Message { topic, schema, encoding, log_time, data } in messages {
+    let mut writer = options
+        .profile("ros2")
+        .chunk_size(Some(4096))
+        .create(file)
+        .unwrap();
+    for Message {
+        topic,
+        schema,
+        encoding,
+        log_time,
+        data,
+    } in messages
+    {
         let schema = writer.add_schema(schema, "some", b"definition").unwrap();
-        let channel_id = writer.add_channel(schema, topic, encoding, &Default::default()).unwrap();
-        let header =
-            mcap::records::MessageHeader { channel_id, sequence: 7, log_time: *log_time, publish_time: log_time + 1 };
+        let channel_id = writer
+            .add_channel(schema, topic, encoding, &Default::default())
+            .unwrap();
+        let header = mcap::records::MessageHeader {
+            channel_id,
+            sequence: 7,
+            log_time: *log_time,
+            publish_time: log_time + 1,
+        };
         writer.write_to_known_channel(&header, data).unwrap();
     }
     writer.finish().unwrap();
@@ -72,16 +109,33 @@ pub(crate) fn ros_image(
         cdr.write_u32((pixels.len() / height.max(1)) as u32);
         cdr.write_bytes(pixels);
     });
-    Message { topic, schema: "sensor_msgs/msg/Image", encoding: "cdr", log_time: stamp + 1_234_567, data }
+    Message {
+        topic,
+        schema: "sensor_msgs/msg/Image",
+        encoding: "cdr",
+        log_time: stamp + 1_234_567,
+        data,
+    }
 }
 
 /// A sensor_msgs/msg/CompressedImage.
-pub(crate) fn ros_compressed(topic: &'static str, stamp: u64, format: &str, bytes: &[u8]) -> Message {
+pub(crate) fn ros_compressed(
+    topic: &'static str,
+    stamp: u64,
+    format: &str,
+    bytes: &[u8],
+) -> Message {
     let data = cdr(stamp, |cdr| {
         cdr.write_string(format);
         cdr.write_bytes(bytes);
     });
-    Message { topic, schema: "sensor_msgs/msg/CompressedImage", encoding: "cdr", log_time: stamp, data }
+    Message {
+        topic,
+        schema: "sensor_msgs/msg/CompressedImage",
+        encoding: "cdr",
+        log_time: stamp,
+        data,
+    }
 }
 
 /// What a sensor_msgs/msg/CameraInfo says besides a focal length of 328 and a centre of (12, 8).
@@ -95,13 +149,30 @@ pub(crate) struct Camera<'a> {
     pub(crate) roi: [u32; 4],
 }
 
-/// A sensor_msgs/msg/CameraInfo of 24x16 with these distortion coefficients and this fourth column of P.
+/// A sensor_msgs/msg/CameraInfo of 24x16 with these distortion coefficients and this fourth column
+/// of P.
 pub(crate) fn camera_info(topic: &'static str, stamp: u64, distortion: &[f64], tx: f64) -> Message {
-    camera_info_of(topic, stamp, &Camera { size: (24, 16), distortion, tx, binning: 0, roi: [0; 4] })
+    camera_info_of(
+        topic,
+        stamp,
+        &Camera {
+            size: (24, 16),
+            distortion,
+            tx,
+            binning: 0,
+            roi: [0; 4],
+        },
+    )
 }
 
 pub(crate) fn camera_info_of(topic: &'static str, stamp: u64, camera: &Camera<'_>) -> Message {
-    let &Camera { size: (width, height), distortion, tx, binning, roi } = camera;
+    let &Camera {
+        size: (width, height),
+        distortion,
+        tx,
+        binning,
+        roi,
+    } = camera;
     let data = cdr(stamp, |cdr| {
         cdr.write_u32(height);
         cdr.write_u32(width);
@@ -109,42 +180,99 @@ pub(crate) fn camera_info_of(topic: &'static str, stamp: u64, camera: &Camera<'_
         cdr.write_sequence_length(distortion.len());
         let k = [328.0, 0.0, 12.0, 0.0, 328.0, 8.0, 0.0, 0.0, 1.0];
         let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        let p = [328.0, 0.0, 12.0, tx, 0.0, 328.0, 8.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        distortion.iter().chain(&k).chain(&r).chain(&p).for_each(|&v| cdr.write_f64(v));
-        [binning; 2].into_iter().chain(roi).for_each(|v| cdr.write_u32(v));
+        let p = [
+            328.0, 0.0, 12.0, tx, 0.0, 328.0, 8.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ];
+        distortion
+            .iter()
+            .chain(&k)
+            .chain(&r)
+            .chain(&p)
+            .for_each(|&v| cdr.write_f64(v));
+        [binning; 2]
+            .into_iter()
+            .chain(roi)
+            .for_each(|v| cdr.write_u32(v));
         cdr.write_bool(false);
     });
-    Message { topic, schema: "sensor_msgs/msg/CameraInfo", encoding: "cdr", log_time: stamp, data }
+    Message {
+        topic,
+        schema: "sensor_msgs/msg/CameraInfo",
+        encoding: "cdr",
+        log_time: stamp,
+        data,
+    }
 }
 
 fn timestamp(stamp: u64) -> Option<foxglove::messages::Timestamp> {
-    Some(foxglove::messages::Timestamp::new((stamp / 1_000_000_000) as u32, (stamp % 1_000_000_000) as u32))
+    Some(foxglove::messages::Timestamp::new(
+        (stamp / 1_000_000_000) as u32,
+        (stamp % 1_000_000_000) as u32,
+    ))
 }
 
-fn protobuf<T: foxglove::Encode>(topic: &'static str, schema: &'static str, log_time: u64, message: &T) -> Message {
+fn protobuf<T: foxglove::Encode>(
+    topic: &'static str,
+    schema: &'static str,
+    log_time: u64,
+    message: &T,
+) -> Message {
     let mut data = Vec::new();
     message.encode(&mut data).unwrap();
-    Message { topic, schema, encoding: "protobuf", log_time, data }
+    Message {
+        topic,
+        schema,
+        encoding: "protobuf",
+        log_time,
+        data,
+    }
 }
 
 /// A foxglove.RawImage in protobuf, mono8.
-pub(crate) fn foxglove_raw(topic: &'static str, stamp: u64, (width, height): (usize, usize), pixels: &[u8]) -> Message {
+pub(crate) fn foxglove_raw(
+    topic: &'static str,
+    stamp: u64,
+    (width, height): (usize, usize),
+    pixels: &[u8],
+) -> Message {
     let (width, height, data) = (width as u32, height as u32, pixels.to_vec().into());
     let (timestamp, encoding) = (timestamp(stamp), "mono8".to_owned());
-    let image =
-        foxglove::messages::RawImage { timestamp, width, height, encoding, step: width, data, ..Default::default() };
+    let image = foxglove::messages::RawImage {
+        timestamp,
+        width,
+        height,
+        encoding,
+        step: width,
+        data,
+        ..Default::default()
+    };
     protobuf(topic, "foxglove.RawImage", stamp, &image)
 }
 
 /// A foxglove.CompressedImage in protobuf.
-pub(crate) fn foxglove_compressed(topic: &'static str, stamp: u64, format: &str, bytes: &[u8]) -> Message {
+pub(crate) fn foxglove_compressed(
+    topic: &'static str,
+    stamp: u64,
+    format: &str,
+    bytes: &[u8],
+) -> Message {
     let (timestamp, data, format) = (timestamp(stamp), bytes.to_vec().into(), format.to_owned());
-    let image = foxglove::messages::CompressedImage { timestamp, data, format, ..Default::default() };
+    let image = foxglove::messages::CompressedImage {
+        timestamp,
+        data,
+        format,
+        ..Default::default()
+    };
     protobuf(topic, "foxglove.CompressedImage", stamp, &image)
 }
 
 /// A foxglove.CameraCalibration in JSON, of a focal length of 328 and a centre of (12, 8).
-pub(crate) fn json_calibration(topic: &'static str, stamp: u64, (width, height): (u32, u32), tx: f64) -> Message {
+pub(crate) fn json_calibration(
+    topic: &'static str,
+    stamp: u64,
+    (width, height): (u32, u32),
+    tx: f64,
+) -> Message {
     let data = serde_json::json!({
         "width": width, "height": height, "distortion_model": "plumb_bob", "D": [],
         "K": [328.0, 0.0, 12.0, 0.0, 328.0, 8.0, 0.0, 0.0, 1.0],
@@ -152,11 +280,22 @@ pub(crate) fn json_calibration(topic: &'static str, stamp: u64, (width, height):
         "P": [328.0, 0.0, 12.0, tx, 0.0, 328.0, 8.0, 0.0, 0.0, 0.0, 1.0, 0.0],
     });
     let data = data.to_string().into_bytes();
-    Message { topic, schema: "foxglove.CameraCalibration", encoding: "json", log_time: stamp, data }
+    Message {
+        topic,
+        schema: "foxglove.CameraCalibration",
+        encoding: "json",
+        log_time: stamp,
+        data,
+    }
 }
 
 /// A foxglove.RawImage in JSON, mono8.
-pub(crate) fn json_raw(topic: &'static str, stamp: u64, (width, height): (usize, usize), pixels: &[u8]) -> Message {
+pub(crate) fn json_raw(
+    topic: &'static str,
+    stamp: u64,
+    (width, height): (usize, usize),
+    pixels: &[u8],
+) -> Message {
     use base64::Engine as _;
     let data = serde_json::json!({
         "timestamp": {"sec": stamp / 1_000_000_000, "nsec": stamp % 1_000_000_000}, "frame_id": "cam", "width": width,
@@ -164,5 +303,11 @@ pub(crate) fn json_raw(topic: &'static str, stamp: u64, (width, height): (usize,
         "data": base64::engine::general_purpose::STANDARD.encode(pixels),
     });
     let data = data.to_string().into_bytes();
-    Message { topic, schema: "foxglove.RawImage", encoding: "json", log_time: stamp, data }
+    Message {
+        topic,
+        schema: "foxglove.RawImage",
+        encoding: "json",
+        log_time: stamp,
+        data,
+    }
 }

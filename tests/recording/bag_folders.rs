@@ -39,7 +39,13 @@ fn messages(i: u64) -> Vec<bag::Message> {
     let pixels = |seed: u64| image(SIZE, seed).pixels().collect::<Vec<u8>>();
     let mut all = vec![
         bag::ros_image("/left/image_rect", stamp, SIZE, "mono8", &pixels(2 * i)),
-        bag::ros_image("/right/image_rect", stamp, SIZE, "mono8", &pixels(2 * i + 1)),
+        bag::ros_image(
+            "/right/image_rect",
+            stamp,
+            SIZE,
+            "mono8",
+            &pixels(2 * i + 1),
+        ),
     ];
     if i == 0 {
         all.push(bag::camera_info("/left/camera_info", stamp, &[], 0.0));
@@ -50,7 +56,10 @@ fn messages(i: u64) -> Vec<bag::Message> {
 
 fn complaint(path: &Path) -> String {
     let text = Reader::open(path).err().expect("it is bad").to_string();
-    assert!(text.starts_with(&path.display().to_string()) && !text.contains('\n'), "{text}");
+    assert!(
+        text.starts_with(&path.display().to_string()) && !text.contains('\n'),
+        "{text}"
+    );
     text
 }
 
@@ -63,20 +72,43 @@ fn the_files_of_a_bag_are_one_recording() {
     assert!(error.is_none() && frames.len() == 6, "{error:?}");
     for (i, frame) in (0..).zip(&frames) {
         assert_eq!((frame.sequence, frame.stamp_ns), (i, (i + 1) * SECOND));
-        assert_eq!((frame.pair.left(), frame.pair.right()), (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1)));
-        assert!(frame.rig.is_some(), "the calibration of the first file holds for the others");
+        assert_eq!(
+            (frame.pair.left(), frame.pair.right()),
+            (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1))
+        );
+        assert!(
+            frame.rig.is_some(),
+            "the calibration of the first file holds for the others"
+        );
     }
     let error = only_file(&folder).unwrap_err().to_string();
-    assert!(error.contains("is a bag of 3 files: name one of ") && error.contains("walk_10.mcap, "), "{error}");
+    assert!(
+        error.contains("is a bag of 3 files: name one of ") && error.contains("walk_10.mcap, "),
+        "{error}"
+    );
     // What a damaged file costs is its own.
     for (file, cut, pairs) in [("walk_11.mcap", "end", 6), ("walk_10.mcap", "at once", 4)] {
         let file = folder.join(file);
         let bytes = std::fs::read(&file).unwrap();
-        std::fs::write(&file, if cut == "end" { &bytes[..bytes.len() - 9] } else { &bytes[..9] }).unwrap();
+        std::fs::write(
+            &file,
+            if cut == "end" {
+                &bytes[..bytes.len() - 9]
+            } else {
+                &bytes[..9]
+            },
+        )
+        .unwrap();
         let (frames, error) = read(&folder);
         let error = error.unwrap().to_string();
-        assert!(error.starts_with(&format!("{}: the recording is incomplete", file.display())), "{error}");
-        assert!(frames.len() == pairs && error.ends_with(&format!("{pairs} whole pairs")), "{error}");
+        assert!(
+            error.starts_with(&format!("{}: the recording is incomplete", file.display())),
+            "{error}"
+        );
+        assert!(
+            frames.len() == pairs && error.ends_with(&format!("{pairs} whole pairs")),
+            "{error}"
+        );
     }
 }
 
@@ -86,7 +118,11 @@ fn a_bag_without_metadata_is_its_only_file() {
     assert!(is_bag(&folder));
     std::fs::remove_file(folder.join("metadata.yaml")).unwrap();
     let text = complaint(&folder);
-    assert!(text.contains("without a bag's metadata.yaml: name one of ") && text.contains("walk_9.mcap"), "{text}");
+    assert!(
+        text.contains("without a bag's metadata.yaml: name one of ")
+            && text.contains("walk_9.mcap"),
+        "{text}"
+    );
     std::fs::remove_file(folder.join("walk_9.mcap")).unwrap();
     assert_eq!(read(&folder).0.len(), 1);
     assert_eq!(only_file(&folder).unwrap(), folder.join("walk_10.mcap"));
@@ -97,17 +133,41 @@ fn a_bag_without_metadata_is_its_only_file() {
 #[test]
 fn no_bag_names_files_elsewhere() {
     let (_holder, folder) = bag_of(&[&messages(0)]);
-    describe(&folder, "mcap", "", "    - ../../walk/walk_9.mcap\n    - /etc/passwd\n");
-    assert_eq!(files(&folder).unwrap(), [folder.join("walk_9.mcap"), folder.join("passwd")]);
-    for names in ["    - ..\n", "    - /\n", "    []\n", "    - [a]\n", "    walk_9.mcap\n"] {
+    describe(
+        &folder,
+        "mcap",
+        "",
+        "    - ../../walk/walk_9.mcap\n    - /etc/passwd\n",
+    );
+    assert_eq!(
+        files(&folder).unwrap(),
+        [folder.join("walk_9.mcap"), folder.join("passwd")]
+    );
+    for names in [
+        "    - ..\n",
+        "    - /\n",
+        "    []\n",
+        "    - [a]\n",
+        "    walk_9.mcap\n",
+    ] {
         describe(&folder, "mcap", "", names);
-        assert!(complaint(&folder).contains("relative_file_paths"), "{names}");
+        assert!(
+            complaint(&folder).contains("relative_file_paths"),
+            "{names}"
+        );
     }
-    for (metadata, what) in
-        [("- a", "not that of a ROS 2 bag"), ("a: 1", "rosbag2_bagfile"), ("a: [", "no YAML"), ("", "empty")]
-    {
+    for (metadata, what) in [
+        ("- a", "not that of a ROS 2 bag"),
+        ("a: 1", "rosbag2_bagfile"),
+        ("a: [", "no YAML"),
+        ("", "empty"),
+    ] {
         std::fs::write(folder.join("metadata.yaml"), metadata).unwrap();
-        assert!(complaint(&folder).contains(what), "{metadata}: {}", complaint(&folder));
+        assert!(
+            complaint(&folder).contains(what),
+            "{metadata}: {}",
+            complaint(&folder)
+        );
     }
     let bomb = format!("rosbag2_bagfile_information: {}", "[".repeat(100_000));
     std::fs::write(folder.join("metadata.yaml"), bomb).unwrap();
@@ -139,7 +199,15 @@ fn other_containers_have_a_cure() {
         assert!(complaint(&file).contains(what));
     }
     let mut compressed = messages(0);
-    compressed.iter_mut().for_each(|message| message.data.splice(..4, [0x28, 0xB5, 0x2F, 0xFD]).for_each(drop));
+    compressed.iter_mut().for_each(|message| {
+        message
+            .data
+            .splice(..4, [0x28, 0xB5, 0x2F, 0xFD])
+            .for_each(drop)
+    });
     let text = complaint(&bag::write(holder.path(), &compressed));
-    assert!(text.contains("compressed, message by message") && text.contains(cure), "{text}");
+    assert!(
+        text.contains("compressed, message by message") && text.contains(cure),
+        "{text}"
+    );
 }

@@ -16,7 +16,10 @@ fn create(path: &Path) -> svl::Result<Writer> {
 fn told(path: &Path, error: &Error) -> String {
     let text = error.to_string();
     assert!(matches!(error, Error::Io { .. }), "{error:?}");
-    assert!(text.starts_with(&path.display().to_string()) && !text.contains('\n'), "{text}");
+    assert!(
+        text.starts_with(&path.display().to_string()) && !text.contains('\n'),
+        "{text}"
+    );
     text
 }
 
@@ -62,7 +65,12 @@ fn what_is_synced_survives_the_writer() {
     std::mem::forget(writer);
     let (frames, error) = read(&path);
     assert_eq!(frames.len(), 3);
-    assert!(error.unwrap().to_string().contains("never finished; read all the same: 3 whole pairs"));
+    assert!(
+        error
+            .unwrap()
+            .to_string()
+            .contains("never finished; read all the same: 3 whole pairs")
+    );
 }
 
 #[test]
@@ -86,8 +94,13 @@ struct Mount(PathBuf);
 
 impl Mount {
     fn new(folder: &Path, options: &str) -> Option<Self> {
-        let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(folder).output();
-        mounted.is_ok_and(|output| output.status.success()).then(|| Self(folder.to_owned()))
+        let mounted = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
+            .arg(folder)
+            .output();
+        mounted
+            .is_ok_and(|output| output.status.success())
+            .then(|| Self(folder.to_owned()))
     }
 }
 
@@ -106,14 +119,24 @@ fn a_full_disk_keeps_what_was_written() {
     };
     let path = mount.0.join("a.mcap");
     let mut writer = create(&path).unwrap();
-    let error = (0..1000).find_map(|i| writer.write(&full(i, SIZE)).err()).expect("2 MB hold no 1000 pairs");
+    let error = (0..1000)
+        .find_map(|i| writer.write(&full(i, SIZE)).err())
+        .expect("2 MB hold no 1000 pairs");
     assert!(told(&path, &error).contains("no space left"));
     assert!(writer.finish().is_ok(), "there is nothing more to say");
     drop(writer);
     let (frames, error) = read(&path);
     assert!(frames.len() > 10, "{} pairs survived", frames.len());
-    assert!(error.unwrap().to_string().contains("never finished"), "what did not fit whole is cut off");
-    assert!(frames.iter().enumerate().all(|(i, frame)| frame.pair == full(i as u64, SIZE).pair));
+    assert!(
+        error.unwrap().to_string().contains("never finished"),
+        "what did not fit whole is cut off"
+    );
+    assert!(
+        frames
+            .iter()
+            .enumerate()
+            .all(|(i, frame)| frame.pair == full(i as u64, SIZE).pair)
+    );
 }
 
 #[test]

@@ -11,7 +11,8 @@ pub(crate) const PERIOD_NS: u64 = 66_666_667;
 /// A gradient with noise on it, different for every `seed`.
 pub(crate) fn image((width, height): (usize, usize), seed: u64) -> Gray {
     Gray::from_fn(width, height, |x, y| {
-        let noise = (x as u64 ^ (y as u64) << 20 ^ seed << 40).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 59;
+        let noise =
+            (x as u64 ^ (y as u64) << 20 ^ seed << 40).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 59;
         (x * 160 / width + y * 60 / height) as u8 + noise as u8
     })
     .unwrap()
@@ -34,7 +35,13 @@ pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
 /// Pair number `i` with rig, pose, truth and exposure.
 pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
     let turn = nalgebra::UnitQuaternion::from_euler_angles(0.1, -1.3, 0.01 * i as f64);
-    let disparity = |x: usize, y: usize| if y < 3 { f32::INFINITY } else { 0.37 * x as f32 + y as f32 / 7.0 };
+    let disparity = |x: usize, y: usize| {
+        if y < 3 {
+            f32::INFINITY
+        } else {
+            0.37 * x as f32 + y as f32 / 7.0
+        }
+    };
     let visibility = |x: usize, y: usize| match (x, y) {
         (_, ..3) => Visibility::Unknown,
         (..5, _) => Visibility::Occluded,
@@ -43,12 +50,21 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
     Frame {
         name: Some(format!("szene-{i} \"ä\"")),
         rig: Some(Rig::new(328.0, (159.5, 119.5), 0.044, 1.25).unwrap()),
-        pose: Some(Pose::from_parts(nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3), turn)),
+        pose: Some(Pose::from_parts(
+            nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3),
+            turn,
+        )),
         truth: Some(Truth {
             disparity: Plane::from_fn(size.0, size.1, disparity).unwrap(),
             visibility: Some(Plane::from_fn(size.0, size.1, visibility).unwrap()),
         }),
-        exposure: Exposure { trigger_id: 1000 + i, skew_ns: -12_345, shutter_us: 800, gain_mdb: -1500, drops: i / 3 },
+        exposure: Exposure {
+            trigger_id: 1000 + i,
+            skew_ns: -12_345,
+            shutter_us: 800,
+            gain_mdb: -1500,
+            drops: i / 3,
+        },
         ..bare(i, size)
     }
 }
@@ -74,7 +90,10 @@ pub(crate) fn read(path: &Path) -> (Vec<Frame>, Option<Error>) {
             Ok(Some(frame)) => frames.push(frame),
             Ok(None) => return (frames, error),
             Err(next) => {
-                assert!(!matches!(error, Some(Error::Damaged { .. })), "after {error:?} there is nothing, got {next}");
+                assert!(
+                    !matches!(error, Some(Error::Damaged { .. })),
+                    "after {error:?} there is nothing, got {next}"
+                );
                 error = Some(next);
             }
         }

@@ -15,11 +15,14 @@ const MAY_BE_LOST: u64 = RATE_HZ * 3 / 2;
 /// Names the file to the process that will be killed.
 const FILE: &str = "SVL_TEST_KILLED_RECORDING";
 
-/// The process that is killed: it records at a camera's rate, and says what it has handed to the writer.
+/// The process that is killed: it records at a camera's rate, and says what it has handed to the
+/// writer.
 #[test]
 #[ignore = "the others start it and kill it"]
 fn recorder() {
-    let Some(path) = std::env::var_os(FILE) else { return };
+    let Some(path) = std::env::var_os(FILE) else {
+        return;
+    };
     let mut writer = Writer::create(path, &Header::new("test"), ImageFormat::Raw).unwrap();
     let began = Instant::now();
     for i in 0.. {
@@ -31,7 +34,8 @@ fn recorder() {
     }
 }
 
-/// Kills a recorder after `life` and returns how many pairs it had written and how many are recovered, all of them right.
+/// Kills a recorder after `life` and returns how many pairs it had written and how many are
+/// recovered, all of them right.
 fn kill_after(folder: &Path, life: Duration) -> (u64, u64) {
     let (path, saved) = (folder.join("killed.mcap"), folder.join("saved.mcap"));
     for path in [&path, &saved] {
@@ -44,22 +48,36 @@ fn kill_after(folder: &Path, life: Duration) -> (u64, u64) {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let mut lines = BufReader::new(recorder.stdout.take().unwrap()).lines().map_while(Result::ok);
+    let mut lines = BufReader::new(recorder.stdout.take().unwrap())
+        .lines()
+        .map_while(Result::ok);
     let written = |line: &String| line.strip_prefix("written ")?.parse::<u64>().ok();
     // Its life begins with the first pair, not while the program starts.
     let first = lines.find_map(|line| written(&line)).expect("it begins");
     std::thread::sleep(life);
     // On Unix this is SIGKILL.
     recorder.kill().unwrap();
-    let handed = 1 + lines.filter_map(|line| written(&line)).last().unwrap_or(first);
+    let handed = 1 + lines
+        .filter_map(|line| written(&line))
+        .last()
+        .unwrap_or(first);
     recorder.wait().unwrap();
 
     let recovery = recover(&path, &saved).unwrap();
-    assert!(recovery.losses.len() == 1 && recovery.missing.is_empty(), "{:?}", recovery.losses);
+    assert!(
+        recovery.losses.len() == 1 && recovery.missing.is_empty(),
+        "{:?}",
+        recovery.losses
+    );
     let (frames, error) = read(&saved);
     // Without a single pair it is no recording to read.
     assert!(error.is_none() || frames.is_empty(), "{error:?}");
-    assert!(frames.iter().enumerate().all(|(i, frame)| frame.pair == full(i as u64, SIZE).pair));
+    assert!(
+        frames
+            .iter()
+            .enumerate()
+            .all(|(i, frame)| frame.pair == full(i as u64, SIZE).pair)
+    );
     assert_eq!(recovery.pairs, frames.len() as u64);
     (handed, recovery.pairs)
 }
@@ -71,7 +89,10 @@ fn kill_many(seed: u64, times: usize, longest: Duration) {
     for _ in 0..times {
         let life = Duration::from_micros(random.u64(..longest.as_micros() as u64));
         let (handed, recovered) = kill_after(folder.path(), life);
-        assert!(recovered <= handed + 1 && handed <= recovered + MAY_BE_LOST, "{recovered} of {handed} pairs saved");
+        assert!(
+            recovered <= handed + 1 && handed <= recovered + MAY_BE_LOST,
+            "{recovered} of {handed} pairs saved"
+        );
         lost.push(handed.saturating_sub(recovered));
     }
     lost.sort_unstable();

@@ -21,14 +21,35 @@ fn a_summary_knows_counts_gaps_and_skew() {
         .collect();
     let summary = Summary::of(&record(folder.path(), &frames, ImageFormat::Raw)).unwrap();
     assert!(summary.is_whole());
-    assert_eq!((summary.pairs, summary.period_ns, summary.drops), (7, Some(PERIOD_NS), 2));
-    assert_eq!(summary.gaps, [Gap { after_ns: frames[3].stamp_ns, length_ns: 3 * PERIOD_NS }]);
-    let Skew { min_ns, median_ns, max_ns, histogram } = summary.skew.clone().unwrap();
+    assert_eq!(
+        (summary.pairs, summary.period_ns, summary.drops),
+        (7, Some(PERIOD_NS), 2)
+    );
+    assert_eq!(
+        summary.gaps,
+        [Gap {
+            after_ns: frames[3].stamp_ns,
+            length_ns: 3 * PERIOD_NS
+        }]
+    );
+    let Skew {
+        min_ns,
+        median_ns,
+        max_ns,
+        histogram,
+    } = summary.skew.clone().unwrap();
     assert_eq!((min_ns, median_ns, max_ns), (-5, 2, 8));
-    assert_eq!(histogram.iter().map(|bin| bin.pairs).sum::<u64>(), summary.pairs);
+    assert_eq!(
+        histogram.iter().map(|bin| bin.pairs).sum::<u64>(),
+        summary.pairs
+    );
     assert_eq!(summary.duration_ns(), 8 * PERIOD_NS + 4);
     assert_eq!(summary.header.unwrap().source, "test");
-    let topics: Vec<_> = summary.topics.iter().map(|t| (t.name.as_str(), t.schema.as_str(), t.messages)).collect();
+    let topics: Vec<_> = summary
+        .topics
+        .iter()
+        .map(|t| (t.name.as_str(), t.schema.as_str(), t.messages))
+        .collect();
     assert_eq!(
         topics,
         [
@@ -55,13 +76,32 @@ fn a_bag_has_the_gaps_of_its_left_images() {
     let pair = |i| ["/cam0/image", "/cam1/image"].map(|topic| image(topic, i));
     let pairs = (1..60).filter(|i| !(10..20).contains(i)).flat_map(pair);
     let other = || (1..60).map(|i| image("/depth/image", i));
-    let summary = Summary::of(&bag::write(folder.path(), &pairs.chain(other()).collect::<Vec<_>>())).unwrap();
-    assert_eq!(summary.stereo, Some(["/cam0/image".to_owned(), "/cam1/image".to_owned()]));
-    let Gap { after_ns, length_ns } = summary.gaps[0];
-    assert_eq!((summary.period_ns, summary.gaps.len(), length_ns), (Some(PERIOD_NS), 1, 11 * PERIOD_NS));
-    assert!((9 * PERIOD_NS..10 * PERIOD_NS).contains(&after_ns), "by log time");
+    let summary = Summary::of(&bag::write(
+        folder.path(),
+        &pairs.chain(other()).collect::<Vec<_>>(),
+    ))
+    .unwrap();
+    assert_eq!(
+        summary.stereo,
+        Some(["/cam0/image".to_owned(), "/cam1/image".to_owned()])
+    );
+    let Gap {
+        after_ns,
+        length_ns,
+    } = summary.gaps[0];
+    assert_eq!(
+        (summary.period_ns, summary.gaps.len(), length_ns),
+        (Some(PERIOD_NS), 1, 11 * PERIOD_NS)
+    );
+    assert!(
+        (9 * PERIOD_NS..10 * PERIOD_NS).contains(&after_ns),
+        "by log time"
+    );
     let summary = Summary::of(&bag::write(folder.path(), &other().collect::<Vec<_>>())).unwrap();
-    assert_eq!((summary.stereo, summary.period_ns, summary.gaps), (None, None, vec![]));
+    assert_eq!(
+        (summary.stereo, summary.period_ns, summary.gaps),
+        (None, None, vec![])
+    );
 }
 
 #[test]
@@ -72,6 +112,11 @@ fn a_truncated_file_is_summed_up_as_far_as_it_goes() {
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
     let summary = Summary::of(&path).unwrap();
-    assert!(summary.damage.as_ref().is_some_and(|damage| damage.contains("incomplete")));
+    assert!(
+        summary
+            .damage
+            .as_ref()
+            .is_some_and(|damage| damage.contains("incomplete"))
+    );
     assert!((1..40).contains(&summary.pairs), "{} pairs", summary.pairs);
 }

@@ -79,7 +79,12 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
 }
 
 /// `passed` of `frames` in one run; the best frame passes when any does, the worst when all do.
-pub fn checkpoint(number: u32, name: &str, algorithm: &str, (passed, frames): (u64, u64)) -> CheckpointRow {
+pub fn checkpoint(
+    number: u32,
+    name: &str,
+    algorithm: &str,
+    (passed, frames): (u64, u64),
+) -> CheckpointRow {
     let shown = frames > 0;
     CheckpointRow {
         run_id: "run-1".into(),
@@ -101,27 +106,47 @@ pub fn checkpoint(number: u32, name: &str, algorithm: &str, (passed, frames): (u
 pub fn summary(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Summary {
     let folder = tempfile::tempdir().unwrap();
     let mut tables = Tables::create(folder.path()).unwrap();
-    rows.into_iter().for_each(|row| tables.push(row, []).unwrap());
-    checkpoints.into_iter().for_each(|row| tables.push_checkpoint(row).unwrap());
+    rows.into_iter()
+        .for_each(|row| tables.push(row, []).unwrap());
+    checkpoints
+        .into_iter()
+        .for_each(|row| tables.push_checkpoint(row).unwrap());
     tables.finish().unwrap()
 }
 
 /// Two algorithms, one with a long name and no truth, on three checkpoints.
 pub fn example() -> Summary {
-    let rows = vec![row("v3", 0, 5_000), row("v3", 1, 7_500), blind("sgm:paths=8,p1=7,p2=86", 12_340)];
+    let rows = vec![
+        row("v3", 0, 5_000),
+        row("v3", 1, 7_500),
+        blind("sgm:paths=8,p1=7,p2=86", 12_340),
+    ];
     let names = ["opening", "close obstacle", "never seen"];
     let passed = [[(4, 4), (1, 4)], [(0, 4), (2, 4)], [(0, 0), (0, 0)]];
     let algorithms = ["v3", "sgm:paths=8,p1=7,p2=86"];
-    let checkpoints = names.iter().zip(passed).zip(1..).flat_map(|((name, passed), number)| {
-        algorithms.iter().zip(passed).map(move |(algorithm, passed)| checkpoint(number, name, algorithm, passed))
-    });
+    let checkpoints = names
+        .iter()
+        .zip(passed)
+        .zip(1..)
+        .flat_map(|((name, passed), number)| {
+            algorithms
+                .iter()
+                .zip(passed)
+                .map(move |(algorithm, passed)| checkpoint(number, name, algorithm, passed))
+        });
     summary(rows, checkpoints.collect())
 }
 
 pub fn csv_rows<R: Record>(path: &Path) -> Vec<R> {
-    csv::Reader::from_path(path).unwrap().deserialize().map(Result::unwrap).collect()
+    csv::Reader::from_path(path)
+        .unwrap()
+        .deserialize()
+        .map(Result::unwrap)
+        .collect()
 }
 
 pub fn parquet(path: &Path) -> DataFrame {
-    ParquetReader::new(File::open(path).unwrap()).finish().unwrap()
+    ParquetReader::new(File::open(path).unwrap())
+        .finish()
+        .unwrap()
 }

@@ -26,7 +26,10 @@ fn view(place: Vector3<f64>, turn: Vector3<f64>) -> View {
         };
         board().corners().enumerate().map(pixel).collect()
     };
-    View { left: image(0.0), right: image(0.1) }
+    View {
+        left: image(0.0),
+        right: image(0.1),
+    }
 }
 
 fn message(views: &[View]) -> String {
@@ -37,7 +40,11 @@ fn message(views: &[View]) -> String {
 
 fn places() -> impl Iterator<Item = Vector3<f64>> {
     (0..10).map(|i| {
-        Vector3::new(0.05 + 0.02 * f64::from(i % 3), 0.02 * f64::from(i % 4) - 0.03, 0.6 + 0.04 * f64::from(i))
+        Vector3::new(
+            0.05 + 0.02 * f64::from(i % 3),
+            0.02 * f64::from(i % 4) - 0.03,
+            0.6 + 0.04 * f64::from(i),
+        )
     })
 }
 
@@ -60,14 +67,22 @@ fn one_pose_again_and_again_needs_tilt() {
 #[test]
 fn too_few_views() {
     assert!(message(&[]).contains("at least 3"));
-    let two = [view(Vector3::z() * 0.6, Vector3::x() * 0.5), view(Vector3::z() * 0.6, Vector3::y() * 0.5)];
+    let two = [
+        view(Vector3::z() * 0.6, Vector3::x() * 0.5),
+        view(Vector3::z() * 0.6, Vector3::y() * 0.5),
+    ];
     assert!(message(&two).contains("2 of 2 views"));
 }
 
 #[test]
 fn numbers_that_are_none_lines_and_points() {
-    let good: Vec<_> = places().zip([(0.5, 0.0), (0.0, 0.5), (-0.5, 0.1), (0.2, -0.5), (0.4, 0.4)]).collect();
-    let mut views: Vec<_> = good.into_iter().map(|(place, (x, y))| view(place, Vector3::new(x, y, 0.0))).collect();
+    let good: Vec<_> = places()
+        .zip([(0.5, 0.0), (0.0, 0.5), (-0.5, 0.1), (0.2, -0.5), (0.4, 0.4)])
+        .collect();
+    let mut views: Vec<_> = good
+        .into_iter()
+        .map(|(place, (x, y))| view(place, Vector3::new(x, y, 0.0)))
+        .collect();
     let mut not_finite = views[0].clone();
     not_finite.left[7].x = f64::NAN;
     let mut far = views[1].clone();
@@ -75,25 +90,42 @@ fn numbers_that_are_none_lines_and_points() {
     let mut line = views[2].clone();
     line.left.iter_mut().for_each(|p| p.y = 100.0);
     let mut point = views[3].clone();
-    point.right.iter_mut().for_each(|p| *p = Point2::new(5.0, 5.0));
+    point
+        .right
+        .iter_mut()
+        .for_each(|p| *p = Point2::new(5.0, 5.0));
     views.extend([not_finite, far, line, point]);
     let solution = solve(&board(), SIZE, &views).unwrap();
     let reasons: Vec<_> = solution.refused().collect();
-    assert_eq!(reasons.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [5, 6, 7, 8]);
-    assert!(reasons[0].1.contains("outside") && reasons[2].1.contains("line"), "{reasons:?}");
+    assert_eq!(
+        reasons.iter().map(|(id, _)| *id).collect::<Vec<_>>(),
+        [5, 6, 7, 8]
+    );
+    assert!(
+        reasons[0].1.contains("outside") && reasons[2].1.contains("line"),
+        "{reasons:?}"
+    );
     views.drain(..5);
     views.extend_from_within(..2);
     let message = message(&views);
-    assert!(message.contains("view 1: corner 8 is outside the left image"), "{message}");
+    assert!(
+        message.contains("view 1: corner 8 is outside the left image"),
+        "{message}"
+    );
     assert!(message.contains("and 1 more"), "{message}");
 }
 
 #[test]
 fn a_view_of_another_board_and_an_image_of_nothing() {
-    let mut views: Vec<_> = places().map(|place| view(place, Vector3::x() * 0.3)).collect();
+    let mut views: Vec<_> = places()
+        .map(|place| view(place, Vector3::x() * 0.3))
+        .collect();
     views[3].right.pop();
     let message = message(&views);
-    assert!(message.contains("view 4") && message.contains("53"), "{message}");
+    assert!(
+        message.contains("view 4") && message.contains("53"),
+        "{message}"
+    );
     views.truncate(3);
     assert!(solve(&board(), (0, 0), &views).is_err());
 }
@@ -101,10 +133,18 @@ fn a_view_of_another_board_and_an_image_of_nothing() {
 #[test]
 fn swapped_cameras_are_told() {
     let simulated = Simulated::new(2, Some(0.2), 0);
-    let views: Vec<_> =
-        simulated.views.into_iter().map(|View { left, right }| View { left: right, right: left }).collect();
+    let views: Vec<_> = simulated
+        .views
+        .into_iter()
+        .map(|View { left, right }| View {
+            left: right,
+            right: left,
+        })
+        .collect();
     let size = simulated.truth.left().size();
-    let message = solve(&simulated.board, size, &views).unwrap_err().to_string();
+    let message = solve(&simulated.board, size, &views)
+        .unwrap_err()
+        .to_string();
     assert!(message.contains("swap left and right"), "{message}");
 }
 
@@ -113,7 +153,12 @@ fn reasons_tell_what_happened() {
     let (mut reversed, mut slipped) = (0, 0);
     for seed in 0..20 {
         let simulated = Simulated::new(seed, Some(0.3), 2);
-        let solution = solve(&simulated.board, simulated.truth.left().size(), &simulated.views).unwrap();
+        let solution = solve(
+            &simulated.board,
+            simulated.truth.left().size(),
+            &simulated.views,
+        )
+        .unwrap();
         for (id, reason) in solution.refused() {
             match simulated.spoilt[id] {
                 Some(Spoil::Reversed) => {

@@ -50,7 +50,13 @@ fn lens(rng: &mut Rng, (width, height): (usize, usize), focal: f64) -> Intrinsic
     let k2 = -k1 * uniform(rng, 0.1, 0.5);
     let tangential = [0, 1].map(|_| uniform(rng, -0.002, 0.002));
     let k3 = uniform(rng, -0.02, 0.02);
-    Intrinsics::new((width, height), focal_px, center_px, [k1, k2, tangential[0], tangential[1], k3]).unwrap()
+    Intrinsics::new(
+        (width, height),
+        focal_px,
+        center_px,
+        [k1, k2, tangential[0], tangential[1], k3],
+    )
+    .unwrap()
 }
 
 impl Simulated {
@@ -66,9 +72,15 @@ impl Simulated {
         let near = apart.max(0.25);
         let far = near * 2.5;
         // The axes cross somewhere in what both see, or nearly not at all.
-        let toe = (baseline / uniform(rng, near, 4.0 * far)).atan().to_degrees();
+        let toe = (baseline / uniform(rng, near, 4.0 * far))
+            .atan()
+            .to_degrees();
         let rotation = turn(uniform(rng, -1.5, 1.5), toe, uniform(rng, -1.5, 1.5));
-        let centre = Vector3::new(baseline, uniform(rng, -0.02, 0.02) * baseline, uniform(rng, -0.05, 0.05) * baseline);
+        let centre = Vector3::new(
+            baseline,
+            uniform(rng, -0.02, 0.02) * baseline,
+            uniform(rng, -0.05, 0.05) * baseline,
+        );
         let place = Isometry3::from_parts(Translation3::from(rotation * -centre), rotation);
         let truth = StereoCalibration::new(left, right, place, LengthUnit::Metres).unwrap();
         let square = 0.05 * (near + far) / 2.0 * size.0 as f64 / focal;
@@ -81,8 +93,17 @@ impl Simulated {
             }
             views.extend(view(rng, &truth, &board, (near, far), noise_px));
         }
-        assert_eq!(views.len(), wanted, "seed {seed}: too few poses are seen by both cameras");
-        let mut simulated = Self { truth, board, spoilt: vec![None; wanted], views };
+        assert_eq!(
+            views.len(),
+            wanted,
+            "seed {seed}: too few poses are seen by both cameras"
+        );
+        let mut simulated = Self {
+            truth,
+            board,
+            spoilt: vec![None; wanted],
+            views,
+        };
         for _ in 0..spoilt {
             simulated.spoil(rng);
         }
@@ -91,26 +112,52 @@ impl Simulated {
 
     /// Spoils one more view.
     fn spoil(&mut self, rng: &mut Rng) {
-        let kinds = [Spoil::Garbage, Spoil::Shifted, Spoil::Reversed, Spoil::Slipped, Spoil::Corners];
-        let free: Vec<usize> = (0..self.views.len()).filter(|i| self.spoilt[*i].is_none()).collect();
+        let kinds = [
+            Spoil::Garbage,
+            Spoil::Shifted,
+            Spoil::Reversed,
+            Spoil::Slipped,
+            Spoil::Corners,
+        ];
+        let free: Vec<usize> = (0..self.views.len())
+            .filter(|i| self.spoilt[*i].is_none())
+            .collect();
         let id = free[rng.usize(..free.len())];
         let kind = kinds[rng.usize(..kinds.len())];
         let size = self.truth.left().size();
         let view = &mut self.views[id];
-        let corners = if rng.bool() { &mut view.left } else { &mut view.right };
+        let corners = if rng.bool() {
+            &mut view.left
+        } else {
+            &mut view.right
+        };
         match kind {
             Spoil::Garbage => {
                 for corner in corners.iter_mut() {
-                    *corner = Point2::new(rng.f64() * (size.0 - 1) as f64, rng.f64() * (size.1 - 1) as f64);
+                    *corner = Point2::new(
+                        rng.f64() * (size.0 - 1) as f64,
+                        rng.f64() * (size.1 - 1) as f64,
+                    );
                 }
             }
             Spoil::Shifted => {
-                let (angle, far) = (uniform(rng, 0.0, std::f64::consts::TAU), uniform(rng, 8.0, 30.0));
+                let (angle, far) = (
+                    uniform(rng, 0.0, std::f64::consts::TAU),
+                    uniform(rng, 8.0, 30.0),
+                );
                 let middle = corners.iter().fold(0.0, |sum, p| sum + p.x) / corners.len() as f64;
                 // Towards the middle of the image.
-                let sign = if middle < size.0 as f64 / 2.0 { 1.0 } else { -1.0 };
-                corners.iter_mut().for_each(|p| p.x += sign * far * angle.cos().abs());
-                corners.iter_mut().for_each(|p| p.y = (p.y + far * angle.sin()).clamp(0.0, (size.1 - 1) as f64));
+                let sign = if middle < size.0 as f64 / 2.0 {
+                    1.0
+                } else {
+                    -1.0
+                };
+                corners
+                    .iter_mut()
+                    .for_each(|p| p.x += sign * far * angle.cos().abs());
+                corners
+                    .iter_mut()
+                    .for_each(|p| p.y = (p.y + far * angle.sin()).clamp(0.0, (size.1 - 1) as f64));
             }
             Spoil::Reversed => corners.reverse(),
             Spoil::Slipped => {
@@ -124,7 +171,8 @@ impl Simulated {
             Spoil::Corners => {
                 for _ in 0..4 {
                     let i = rng.usize(..corners.len());
-                    corners[i].x = (corners[i].x + uniform(rng, 20.0, 40.0)).min((size.0 - 1) as f64);
+                    corners[i].x =
+                        (corners[i].x + uniform(rng, 20.0, 40.0)).min((size.0 - 1) as f64);
                     corners[i].y = (corners[i].y - uniform(rng, 20.0, 40.0)).max(0.0);
                 }
             }
@@ -143,11 +191,18 @@ fn view(
 ) -> Option<View> {
     let (width, height) = truth.left().size();
     let distance = uniform(rng, near, far);
-    let seen = truth.left().direction(Point2::new(rng.f64() * width as f64, rng.f64() * height as f64))?;
+    let seen = truth.left().direction(Point2::new(
+        rng.f64() * width as f64,
+        rng.f64() * height as f64,
+    ))?;
     let tilt = uniform(rng, 0.0, 50.0);
     let axis = uniform(rng, 0.0, std::f64::consts::TAU);
-    let rotation = turn(tilt * axis.cos(), tilt * axis.sin(), 0.0) * turn(0.0, 0.0, uniform(rng, -30.0, 30.0));
-    let centre = board.corners().fold(Vector3::zeros(), |sum, p| sum + p.coords) / board.corners().count() as f64;
+    let rotation =
+        turn(tilt * axis.cos(), tilt * axis.sin(), 0.0) * turn(0.0, 0.0, uniform(rng, -30.0, 30.0));
+    let centre = board
+        .corners()
+        .fold(Vector3::zeros(), |sum, p| sum + p.coords)
+        / board.corners().count() as f64;
     let pose = Isometry3::from_parts(Translation3::from(seen.push(1.0) * distance), rotation);
     let mut image = |camera: &Intrinsics, place: &Isometry3<f64>| {
         let pixel = |point: Point3<f64>| {
@@ -155,9 +210,13 @@ fn view(
             let pixel = camera.project(&point)?;
             // A lens that folds back shows a point twice.
             let there = camera.direction(pixel)? - point.xy().coords / point.z;
-            let noisy = Point2::new(pixel.x + noise_px * normal(rng), pixel.y + noise_px * normal(rng));
+            let noisy = Point2::new(
+                pixel.x + noise_px * normal(rng),
+                pixel.y + noise_px * normal(rng),
+            );
             let inside = |v: f64, side: usize| (5.0..(side - 6) as f64).contains(&v);
-            (there.norm() < 1e-6 && inside(noisy.x, width) && inside(noisy.y, height)).then_some(noisy)
+            (there.norm() < 1e-6 && inside(noisy.x, width) && inside(noisy.y, height))
+                .then_some(noisy)
         };
         board.corners().map(pixel).collect::<Option<Vec<_>>>()
     };
@@ -169,5 +228,7 @@ fn view(
 
 /// Rotation vector of a motion, degrees.
 pub fn turn_deg(motion: &Isometry3<f64>) -> Vector3<f64> {
-    Rotation3::from(motion.rotation).scaled_axis().map(f64::to_degrees)
+    Rotation3::from(motion.rotation)
+        .scaled_axis()
+        .map(f64::to_degrees)
 }

@@ -2,8 +2,8 @@
 
 use crate::arena::noise::Dice;
 
-/// A picture of random clouds with about equal contrast in every octave, as natural images have (Field, JOSA A 1987):
-/// variance 1 or so, mean 0, row-major.
+/// A picture of random clouds with about equal contrast in every octave, as natural images have
+/// (Field, JOSA A 1987): variance 1 or so, mean 0, row-major.
 pub(super) fn clouds(width: usize, height: usize, octaves: u32, dice: &mut Dice) -> Vec<f32> {
     let coarse = |side: usize, octave: u32| (side >> octave).max(1) + 2;
     let (mut w, mut h) = (coarse(width, octaves), coarse(height, octaves));
@@ -15,15 +15,19 @@ pub(super) fn clouds(width: usize, height: usize, octaves: u32, dice: &mut Dice)
             let (low, up) = ((y / 2).min(h - 1), (y / 2 + y % 2).min(h - 1));
             for x in 0..wide {
                 let (left, right) = ((x / 2).min(w - 1), (x / 2 + x % 2).min(w - 1));
-                let between =
-                    plane[low * w + left] + plane[low * w + right] + plane[up * w + left] + plane[up * w + right];
+                let between = plane[low * w + left]
+                    + plane[low * w + right]
+                    + plane[up * w + left]
+                    + plane[up * w + right];
                 finer.push(0.25 * between + dice.between(-1.0, 1.0));
             }
         }
         (plane, w, h) = (finer, wide, high);
     }
     let scale = 1.7 / (octaves as f32 + 1.0).sqrt();
-    (0..height).flat_map(|y| plane[y * w..][..width].iter().map(|v| v * scale)).collect()
+    (0..height)
+        .flat_map(|y| plane[y * w..][..width].iter().map(|v| v * scale))
+        .collect()
 }
 
 /// A grey canvas to paint on, bottom row first.
@@ -35,7 +39,14 @@ pub(super) struct Canvas {
 
 impl Canvas {
     /// A leaf: an ellipse with a lit and a shaded half.
-    pub(super) fn leaf(&mut self, (x, y): (f32, f32), radius: f32, slimness: f32, along: (f32, f32), tone: f32) {
+    pub(super) fn leaf(
+        &mut self,
+        (x, y): (f32, f32),
+        radius: f32,
+        slimness: f32,
+        along: (f32, f32),
+        tone: f32,
+    ) {
         let span = |center: f32, side: usize| {
             let from = (center - radius).max(0.0) as usize;
             from..((center + radius).max(-1.0) + 1.0).min(side as f32) as usize
@@ -55,8 +66,17 @@ impl Canvas {
         }
     }
 
-    /// A trunk from the bottom to the top: lit from one side, its bark `rough`, leaning by `lean` texels per texel.
-    pub(super) fn trunk(&mut self, x: f32, breadth: f32, lean: f32, tone: f32, rough: f32, dice: &mut Dice) {
+    /// A trunk from the bottom to the top: lit from one side, its bark `rough`, leaning by `lean`
+    /// texels per texel.
+    pub(super) fn trunk(
+        &mut self,
+        x: f32,
+        breadth: f32,
+        lean: f32,
+        tone: f32,
+        rough: f32,
+        dice: &mut Dice,
+    ) {
         let stripes = 96;
         let bark: Vec<f32> = (0..stripes * 32).map(|_| dice.between(-1.0, 1.0)).collect();
         let (mut wander, mut drift) = (0.0f32, 0.0f32);
@@ -73,7 +93,8 @@ impl Canvas {
                 let across = (column as f32 - center) / half;
                 let round = 1.0 - 0.35 * across - 0.4 * across * across;
                 let stripe = ((across + 1.0) * 0.5 * breadth * 0.7) as usize % stripes;
-                let grain = bark[stripe * 32 + (row / 9 + stripe * 5) % 32] + bark[stripe * 32 + (row / 3) % 32];
+                let grain = bark[stripe * 32 + (row / 9 + stripe * 5) % 32]
+                    + bark[stripe * 32 + (row / 3) % 32];
                 self.tones[row * self.width + column] = tone * (round + rough * grain).max(0.1);
             }
         }

@@ -8,13 +8,19 @@ const WIDTH: usize = 1024;
 const HEIGHT: usize = 2048;
 const TEXEL_M: f32 = 0.002;
 
-/// `contrast` is the standard deviation of the speckles' albedo; `light` the share of light that reaches a point.
+/// `contrast` is the standard deviation of the speckles' albedo; `light` the share of light that
+/// reaches a point.
 pub(crate) fn floor(seed: u64, contrast: f32, light: impl Fn(f32, f32) -> f32) -> Texture {
     let mut dice = Dice::new(seed, Stream::Floor);
     let stains = fabric::clouds(WIDTH, HEIGHT, 8, &mut dice);
-    let mut speckles: Vec<f32> = (0..WIDTH * HEIGHT).map(|_| dice.between(-1.7, 1.7)).collect();
+    let mut speckles: Vec<f32> = (0..WIDTH * HEIGHT)
+        .map(|_| dice.between(-1.7, 1.7))
+        .collect();
     for _ in 0..260 {
-        let (mut x, mut y) = (dice.between(0.0, WIDTH as f32), dice.between(0.0, HEIGHT as f32));
+        let (mut x, mut y) = (
+            dice.between(0.0, WIDTH as f32),
+            dice.between(0.0, HEIGHT as f32),
+        );
         let (along, tone) = (dice.direction(), dice.between(-3.5, 2.5));
         for _ in 0..dice.between(10.0, 90.0) as usize {
             (x, y) = (x + along.0, y + along.1);
@@ -48,7 +54,10 @@ impl Shade {
         let rows = HEIGHT / Self::STEP + 2;
         let step_m = Self::STEP as f32 * TEXEL_M;
         let at = |i: usize| light((i % columns) as f32 * step_m, (i / columns) as f32 * step_m);
-        Self { columns, light: (0..columns * rows).map(at).collect() }
+        Self {
+            columns,
+            light: (0..columns * rows).map(at).collect(),
+        }
     }
 
     fn at(&self, x: usize, y: usize) -> f32 {

@@ -4,13 +4,15 @@ use super::{Texture, fabric};
 use crate::arena::noise::{Dice, Stream};
 use rayon::prelude::*;
 
-/// Texels along the whole row of sheets; with [`TEXEL_M`] 18.8 m, enough that in the default arena no surface shows another's piece.
+/// Texels along the whole row of sheets; with [`TEXEL_M`] 18.8 m, enough that in the default arena
+/// no surface shows another's piece.
 const WIDTH: usize = 16_384;
 /// Texels from the floor upwards.
 const HEIGHT: usize = 256;
 const TEXEL_M: f32 = 0.00115;
 
-/// A row of forest pictures, each with its own light, trees and leaves. `contrast` 1 is that of a good print.
+/// A row of forest pictures, each with its own light, trees and leaves. `contrast` 1 is that of a
+/// good print.
 pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
     let mut dice = Dice::new(seed, Stream::Sheets);
     let mut widths = Vec::new();
@@ -46,7 +48,11 @@ fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
             haze * (0.30 + 0.85 * up) + 0.09 * clump + 0.03 * fine
         })
         .collect();
-    let mut canvas = fabric::Canvas { width, height: HEIGHT, tones };
+    let mut canvas = fabric::Canvas {
+        width,
+        height: HEIGHT,
+        tones,
+    };
 
     for _ in 0..width / 16 {
         let (x, breadth) = (dice.between(0.0, width as f32), dice.between(2.0, 6.0));
@@ -65,14 +71,23 @@ fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
     canvas
 }
 
-/// Leaves of sizes distributed as r^-3, the dead-leaves model of natural images (Lee, Mumford and Huang, IJCV 2001), in
-/// clumps: `per_texel` of them, `scale` times the usual size.
-fn leaves(canvas: &mut fabric::Canvas, clumps: &[f32], (per_texel, scale): (f32, f32), haze: f32, dice: &mut Dice) {
+/// Leaves of sizes distributed as r^-3, the dead-leaves model of natural images (Lee, Mumford and
+/// Huang, IJCV 2001), in clumps: `per_texel` of them, `scale` times the usual size.
+fn leaves(
+    canvas: &mut fabric::Canvas,
+    clumps: &[f32],
+    (per_texel, scale): (f32, f32),
+    haze: f32,
+    dice: &mut Dice,
+) {
     const LEAST: f32 = 1.2;
     const MOST: f32 = 9.0;
     let count = (per_texel * canvas.tones.len() as f32) as usize;
     for _ in 0..count {
-        let (x, y) = (dice.between(0.0, canvas.width as f32), dice.between(0.0, canvas.height as f32));
+        let (x, y) = (
+            dice.between(0.0, canvas.width as f32),
+            dice.between(0.0, canvas.height as f32),
+        );
         let clump = clumps[y as usize * canvas.width + x as usize];
         let up = y / canvas.height as f32;
         // Undergrowth and canopy are dense, the space between the trunks is not.

@@ -11,7 +11,8 @@ pub(super) use room::room;
 
 use rayon::prelude::*;
 
-/// A picture of albedos that repeats in both directions, with all its halvings (Williams, SIGGRAPH 1983).
+/// A picture of albedos that repeats in both directions, with all its halvings (Williams, SIGGRAPH
+/// 1983).
 pub(super) struct Texture {
     levels: Vec<Level>,
     texel_m: f32,
@@ -44,7 +45,11 @@ impl Texture {
         let height = albedo.len() / width;
         debug_assert!(width.is_power_of_two() && height.is_power_of_two());
         let texels = albedo.par_iter().map(|a| (a * 255.0 + 0.5) as u8).collect();
-        let mut levels = vec![Level { width, height, texels }];
+        let mut levels = vec![Level {
+            width,
+            height,
+            texels,
+        }];
         while let Some(half) = levels.last().and_then(Level::half) {
             levels.push(half);
         }
@@ -73,7 +78,9 @@ impl Texture {
         let scale = 1.0 / (1u32 << fine) as f32;
         let a = self.levels[fine].bilinear(u * scale, v * scale);
         match self.levels.get(fine + 1) {
-            Some(coarse) if blend > 0.02 => a + blend * (coarse.bilinear(u * scale * 0.5, v * scale * 0.5) - a),
+            Some(coarse) if blend > 0.02 => {
+                a + blend * (coarse.bilinear(u * scale * 0.5, v * scale * 0.5) - a)
+            }
             _ => a,
         }
     }
@@ -87,14 +94,28 @@ impl Level {
         }
         let (width, height) = (self.width / 2, self.height / 2);
         let mut texels = vec![0; width * height];
-        texels.par_chunks_exact_mut(width).zip(self.texels.par_chunks_exact(2 * self.width)).for_each(|(out, rows)| {
-            let (low, high) = rows.split_at(self.width);
-            for ((out, low), high) in out.iter_mut().zip(low.chunks_exact(2)).zip(high.chunks_exact(2)) {
-                let sum = u16::from(low[0]) + u16::from(low[1]) + u16::from(high[0]) + u16::from(high[1]);
-                *out = ((sum + 2) / 4) as u8;
-            }
-        });
-        Some(Self { width, height, texels })
+        texels
+            .par_chunks_exact_mut(width)
+            .zip(self.texels.par_chunks_exact(2 * self.width))
+            .for_each(|(out, rows)| {
+                let (low, high) = rows.split_at(self.width);
+                for ((out, low), high) in out
+                    .iter_mut()
+                    .zip(low.chunks_exact(2))
+                    .zip(high.chunks_exact(2))
+                {
+                    let sum = u16::from(low[0])
+                        + u16::from(low[1])
+                        + u16::from(high[0])
+                        + u16::from(high[1]);
+                    *out = ((sum + 2) / 4) as u8;
+                }
+            });
+        Some(Self {
+            width,
+            height,
+            texels,
+        })
     }
 
     /// Texel centres stand at halves; `u` and `v` are positive.
@@ -112,7 +133,8 @@ impl Level {
     }
 }
 
-/// Base-2 logarithm to within 0.09: exact at powers of two, linear between them, and the same on every machine.
+/// Base-2 logarithm to within 0.09: exact at powers of two, linear between them, and the same on
+/// every machine.
 fn octave(x: f32) -> f32 {
     let bits = x.max(1.0e-6).to_bits();
     let exponent = (bits >> 23) as i32 - 127;

@@ -1,4 +1,5 @@
-//! The laboratory around the arena: pale walls with a little furniture, out of focus and nearly without texture.
+//! The laboratory around the arena: pale walls with a little furniture, out of focus and nearly
+//! without texture.
 
 use super::{Texture, fabric};
 use crate::arena::noise::{Dice, Stream};
@@ -17,12 +18,19 @@ pub(crate) fn room(seed: u64) -> Texture {
         .collect();
     let mut left = 0;
     while left < WIDTH {
-        let (gap, width) = (dice.between(15.0, 90.0) as usize, dice.between(25.0, 80.0) as usize);
+        let (gap, width) = (
+            dice.between(15.0, 90.0) as usize,
+            dice.between(25.0, 80.0) as usize,
+        );
         let (bottom, top, tone) = match dice.bits() % 4 {
-            0 => (45, 110, dice.between(0.78, 0.92)),                             // window
-            1 => (0, dice.between(38.0, 95.0) as usize, dice.between(0.3, 0.46)), // cabinet
-            2 => (0, 105, dice.between(0.40, 0.5)),                               // door
-            _ => (62, 90, dice.between(0.40, 0.66)),                              // poster
+            0 => (45, 110, dice.between(0.78, 0.92)), // window
+            1 => (
+                0,
+                dice.between(38.0, 95.0) as usize,
+                dice.between(0.3, 0.46),
+            ), // cabinet
+            2 => (0, 105, dice.between(0.40, 0.5)),   // door
+            _ => (62, 90, dice.between(0.40, 0.66)),  // poster
         };
         for row in bottom..top {
             for column in (left + gap)..(left + gap + width).min(WIDTH) {

@@ -4,8 +4,17 @@ use nalgebra::{Point2, Vector2};
 use std::fmt::{Display, Formatter};
 
 /// Areas of an image, row by row.
-const AREAS: [&str; 9] =
-    ["upper left", "top", "upper right", "left", "middle", "right", "lower left", "bottom", "lower right"];
+const AREAS: [&str; 9] = [
+    "upper left",
+    "top",
+    "upper right",
+    "left",
+    "middle",
+    "right",
+    "lower left",
+    "bottom",
+    "lower right",
+];
 /// Corners that cover an area.
 const COVERED: u32 = 6;
 /// A view is tilted from so many radians on, ...
@@ -31,23 +40,49 @@ pub struct Lacks {
 }
 
 impl Shown {
-    pub(super) fn add(&mut self, (width, height): (usize, usize), corners: [&[Point2<f64>]; 2], tilt: Vector2<f64>) {
-        let third = |v: f64, side: usize| ((3.0 * (v + 0.5) / side as f64).max(0.0) as usize).min(2);
+    pub(super) fn add(
+        &mut self,
+        (width, height): (usize, usize),
+        corners: [&[Point2<f64>]; 2],
+        tilt: Vector2<f64>,
+    ) {
+        let third =
+            |v: f64, side: usize| ((3.0 * (v + 0.5) / side as f64).max(0.0) as usize).min(2);
         for (areas, corners) in self.areas.iter_mut().zip(corners) {
-            corners.iter().for_each(|corner| areas[3 * third(corner.y, height) + third(corner.x, width)] += 1);
+            corners.iter().for_each(|corner| {
+                areas[3 * third(corner.y, height) + third(corner.x, width)] += 1
+            });
         }
-        let tilted = [tilt.x < -TILTED, tilt.x > TILTED, tilt.y < -TILTED, tilt.y > TILTED];
-        self.tilts.iter_mut().zip(tilted).for_each(|(count, tilted)| *count += u32::from(tilted));
+        let tilted = [
+            tilt.x < -TILTED,
+            tilt.x > TILTED,
+            tilt.y < -TILTED,
+            tilt.y > TILTED,
+        ];
+        self.tilts
+            .iter_mut()
+            .zip(tilted)
+            .for_each(|(count, tilted)| *count += u32::from(tilted));
     }
 
     pub(super) fn lacks(&self) -> Lacks {
         let areas = |side: usize| {
             let named = AREAS.into_iter().zip(self.areas[side]);
-            named.filter(|(_, corners)| *corners < COVERED).map(|(name, _)| name).collect()
+            named
+                .filter(|(_, corners)| *corners < COVERED)
+                .map(|(name, _)| name)
+                .collect()
         };
         let directions = ["left", "right", "up", "down"].into_iter().zip(self.tilts);
-        let tilted = directions.filter(|(_, views)| *views < TILTED_VIEWS).map(|(name, _)| name).collect();
-        Lacks { left: areas(0), right: areas(1), tilted }
+        let tilted = directions
+            .filter(|(_, views)| *views < TILTED_VIEWS)
+            .map(|(name, _)| name)
+            .collect();
+        Lacks {
+            left: areas(0),
+            right: areas(1),
+            tilted,
+        }
     }
 }
 
@@ -66,9 +101,16 @@ impl Display for Lacks {
             ("a board tilted", &self.tilted, " and "),
         ];
         let parts = parts.into_iter().filter(|(_, names, _)| !names.is_empty());
-        let names =
-            |names: &[&str], and| if names.len() == AREAS.len() { "everywhere".into() } else { names.join(and) };
-        let parts: Vec<_> = parts.map(|(what, which, and)| format!("{what} {}", names(which, and))).collect();
+        let names = |names: &[&str], and| {
+            if names.len() == AREAS.len() {
+                "everywhere".into()
+            } else {
+                names.join(and)
+            }
+        };
+        let parts: Vec<_> = parts
+            .map(|(what, which, and)| format!("{what} {}", names(which, and)))
+            .collect();
         f.write_str(&parts.join("; "))
     }
 }

@@ -25,18 +25,34 @@ const TURNED: f64 = 0.17;
 const NEARER: f64 = 0.18;
 
 impl RoughPose {
-    /// From a board's corners, in the order of [`Board::corners`]; nothing when they are no board's.
-    pub(super) fn new(board: &Board, (width, height): (usize, usize), corners: &[Point2<f64>]) -> Option<Self> {
+    /// From a board's corners, in the order of [`Board::corners`]; nothing when they are no
+    /// board's.
+    pub(super) fn new(
+        board: &Board,
+        (width, height): (usize, usize),
+        corners: &[Point2<f64>],
+    ) -> Option<Self> {
         let (columns, rows) = (board.columns(), board.rows());
         let (width, height) = (width as f64, height as f64);
-        let at = |i: usize| Some((corners.get(i)? - Point2::new(0.5 * width, 0.5 * height)) / width);
-        let quad = [at(0)?, at(columns - 1)?, at(columns * rows - 1)?, at(columns * (rows - 1))?];
-        let [along, down, first] = homography(quad)?.map(|v| Vector3::new(v.x / FOCAL, v.y / FOCAL, v.z));
+        let at =
+            |i: usize| Some((corners.get(i)? - Point2::new(0.5 * width, 0.5 * height)) / width);
+        let quad = [
+            at(0)?,
+            at(columns - 1)?,
+            at(columns * rows - 1)?,
+            at(columns * (rows - 1))?,
+        ];
+        let [along, down, first] =
+            homography(quad)?.map(|v| Vector3::new(v.x / FOCAL, v.y / FOCAL, v.z));
         let (along, down) = (along / (columns - 1) as f64, down / (rows - 1) as f64);
         let normal = Unit::try_new(along.cross(&down), f64::MIN_POSITIVE)?;
         let distance = first.norm() / (along.norm() * down.norm()).sqrt();
         let middle = quad.iter().sum::<Vector2<f64>>() / 4.0;
-        distance.is_finite().then_some(Self { middle, normal, distance })
+        distance.is_finite().then_some(Self {
+            middle,
+            normal,
+            distance,
+        })
     }
 
     /// How different two poses are: 1 is worth another view.
@@ -47,21 +63,30 @@ impl RoughPose {
         apart.max(turned).max(nearer)
     }
 
-    /// How it is turned from facing the camera: about the vertical axis and about the horizontal one, radians.
+    /// How it is turned from facing the camera: about the vertical axis and about the horizontal
+    /// one, radians.
     pub(super) fn tilt(&self) -> Vector2<f64> {
         Vector2::new(self.normal.x.asin(), self.normal.y.asin())
     }
 }
 
-/// Columns of the homography from the unit square to four points, in its order (Heckbert, Fundamentals of texture mapping
-/// and image warping, 1989, section 2.2.3).
+/// Columns of the homography from the unit square to four points, in its order (Heckbert,
+/// Fundamentals of texture mapping and image warping, 1989, section 2.2.3).
 fn homography([p0, p1, p2, p3]: [Vector2<f64>; 4]) -> Option<[Vector3<f64>; 3]> {
     let (d1, d2, sum) = (p1 - p2, p3 - p2, p0 - p1 + p2 - p3);
     let determinant = d1.perp(&d2);
     let (g, h) = (sum.perp(&d2) / determinant, d1.perp(&sum) / determinant);
     let column = |v: Vector2<f64>, w: f64| Vector3::new(v.x, v.y, w);
-    let columns = [column(p1 - p0 + g * p1, g), column(p3 - p0 + h * p3, h), column(p0, 1.0)];
-    columns.iter().flatten().all(|v| v.is_finite()).then_some(columns)
+    let columns = [
+        column(p1 - p0 + g * p1, g),
+        column(p3 - p0 + h * p3, h),
+        column(p0, 1.0),
+    ];
+    columns
+        .iter()
+        .flatten()
+        .all(|v| v.is_finite())
+        .then_some(columns)
 }
 
 #[cfg(test)]
@@ -77,12 +102,23 @@ mod tests {
         let seen = |x: f64, z: f64, about_y: f64| {
             let turn = UnitQuaternion::from_euler_angles(0.0, about_y, 0.0);
             let pose = Isometry3::from_parts(Translation3::new(x, -2.5, z), turn);
-            let corners: Vec<_> = board.corners().map(|corner| camera.project(&(pose * corner)).unwrap()).collect();
+            let corners: Vec<_> = board
+                .corners()
+                .map(|corner| camera.project(&(pose * corner)).unwrap())
+                .collect();
             RoughPose::new(&board, (640, 480), &corners).unwrap()
         };
         let pose = seen(-4.0, 20.0, 0.4);
-        assert!((pose.tilt() - Vector2::new(0.4, 0.0)).norm() < 1e-6, "{:?}", pose.tilt());
-        assert!((pose.distance - 20.0f64.hypot(4.0).hypot(2.5)).abs() < 1e-6, "{}", pose.distance);
+        assert!(
+            (pose.tilt() - Vector2::new(0.4, 0.0)).norm() < 1e-6,
+            "{:?}",
+            pose.tilt()
+        );
+        assert!(
+            (pose.distance - 20.0f64.hypot(4.0).hypot(2.5)).abs() < 1e-6,
+            "{}",
+            pose.distance
+        );
         assert!(pose.difference(&seen(-4.1, 20.2, 0.42)) < 0.5);
         assert!(pose.difference(&seen(-4.0, 20.0, 0.7)) > 1.0);
         assert!(pose.difference(&seen(-4.0, 26.0, 0.4)) > 1.0);
@@ -93,6 +129,9 @@ mod tests {
     fn what_is_no_board_has_no_pose() {
         let board = Board::new((3, 3), None).unwrap();
         assert_eq!(RoughPose::new(&board, (640, 480), &[]), None);
-        assert_eq!(RoughPose::new(&board, (640, 480), &[Point2::new(1.0, 1.0); 9]), None);
+        assert_eq!(
+            RoughPose::new(&board, (640, 480), &[Point2::new(1.0, 1.0); 9]),
+            None
+        );
     }
 }

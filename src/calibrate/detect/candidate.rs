@@ -8,16 +8,16 @@ use nalgebra::{Point2, Vector2};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Candidate {
     pub at: Point2<f64>,
-    /// Unit vectors along the two edges, up to both their signs. From the first to the second, turning from x towards y,
-    /// it is dark: so neighbours on a board have them exchanged.
+    /// Unit vectors along the two edges, up to both their signs. From the first to the second,
+    /// turning from x towards y, it is dark: so neighbours on a board have them exchanged.
     pub axes: [Vector2<f64>; 2],
 }
 
 /// More than the largest board has, several times.
 const MAX_CANDIDATES: usize = 8_000;
 
-/// Finds candidates by the ring of Bennett and Lasenby (ChESS: Quick and robust detection of chess-board features, CVIU
-/// 2014).
+/// Finds candidates by the ring of Bennett and Lasenby (ChESS: Quick and robust detection of
+/// chess-board features, CVIU 2014).
 pub(super) struct Finder {
     plain: Detector,
     /// For squares so small that the ring reaches beyond them.
@@ -27,8 +27,12 @@ pub(super) struct Finder {
 impl Finder {
     pub(super) fn new() -> crate::Result<Self> {
         let config = DetectorConfig::chess().with_refiner(ImageRefiner::saddle_point());
-        let detector = |config| Detector::new(config).map_err(|e| crate::Error::Invalid(e.to_string()));
-        Ok(Self { plain: detector(config)?, enlarged: detector(config.with_upscale(UpscaleConfig::fixed(2)))? })
+        let detector =
+            |config| Detector::new(config).map_err(|e| crate::Error::Invalid(e.to_string()));
+        Ok(Self {
+            plain: detector(config)?,
+            enlarged: detector(config.with_upscale(UpscaleConfig::fixed(2)))?,
+        })
     }
 
     pub(super) fn find(&mut self, image: &Gray) -> Vec<Candidate> {
@@ -38,14 +42,24 @@ impl Finder {
     /// For edges so soft that they are wider than the ring.
     pub(super) fn find_halved(&mut self, image: &Gray) -> Vec<Candidate> {
         let mean = |x: usize, y: usize| {
-            let sum: u16 =
-                [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| image.get(2 * x + i, 2 * y + j).into()).iter().sum();
+            let sum: u16 = [(0, 0), (1, 0), (0, 1), (1, 1)]
+                .map(|(i, j)| image.get(2 * x + i, 2 * y + j).into())
+                .iter()
+                .sum();
             (sum / 4) as u8
         };
         // An image of one pixel has no half.
-        let Ok(half) = Gray::from_fn(image.width() / 2, image.height() / 2, mean) else { return Vec::new() };
+        let Ok(half) = Gray::from_fn(image.width() / 2, image.height() / 2, mean) else {
+            return Vec::new();
+        };
         let whole = |at: Point2<f64>| Point2::from(2.0 * at.coords + Vector2::new(0.5, 0.5));
-        candidates(&mut self.plain, &half).into_iter().map(|c| Candidate { at: whole(c.at), ..c }).collect()
+        candidates(&mut self.plain, &half)
+            .into_iter()
+            .map(|c| Candidate {
+                at: whole(c.at),
+                ..c
+            })
+            .collect()
     }
 
     pub(super) fn find_enlarged(&mut self, image: &Gray) -> Vec<Candidate> {
@@ -78,7 +92,13 @@ fn candidates(detector: &mut Detector, image: &Gray) -> Vec<Candidate> {
 }
 
 fn candidate(corner: &CornerDescriptor) -> Option<Candidate> {
-    let axes = corner.axes?.map(|axis| Vector2::new(f64::from(axis.angle.cos()), f64::from(axis.angle.sin())));
+    let axes = corner
+        .axes?
+        .map(|axis| Vector2::new(f64::from(axis.angle.cos()), f64::from(axis.angle.sin())));
     let at = Point2::new(f64::from(corner.x), f64::from(corner.y));
-    (at.coords.iter().chain(axes.iter().flatten()).all(|v| v.is_finite())).then_some(Candidate { at, axes })
+    (at.coords
+        .iter()
+        .chain(axes.iter().flatten())
+        .all(|v| v.is_finite()))
+    .then_some(Candidate { at, axes })
 }

@@ -64,15 +64,18 @@ impl Detector {
     /// # Errors
     /// None known; those of the corner detector's settings.
     pub fn new(board: Board) -> Result<Self> {
-        Ok(Self { board, finder: Finder::new()? })
+        Ok(Self {
+            board,
+            finder: Finder::new()?,
+        })
     }
 
     /// What the image shows of the board.
     ///
-    /// A board that differs from itself turned by 180° (one of its sides even, the other odd) is read by its colours: the
-    /// square outside the first corner is dark. Other boards are read so that the way from the first corner to the last is
-    /// most like `towards`: `(1, 1)` begins at the upper left, and the diagonal of the other camera's image reads both
-    /// alike.
+    /// A board that differs from itself turned by 180° (one of its sides even, the other odd) is
+    /// read by its colours: the square outside the first corner is dark. Other boards are read so
+    /// that the way from the first corner to the last is most like `towards`: `(1, 1)` begins at
+    /// the upper left, and the diagonal of the other camera's image reads both alike.
     pub fn find(&mut self, image: &Gray, towards: Vector2<f64>) -> Seen {
         let candidates = self.finder.find(image);
         let plain = read::read(image, &candidates, &self.board, towards);

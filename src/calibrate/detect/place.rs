@@ -26,27 +26,55 @@ impl Reading {
 /// Corners beyond the board, of a hundred on it, that may be there by chance.
 const CHANCE_PERCENT: usize = 8;
 
-/// The corners in the order of [`Board::corners`], in all ways in which the picture allows to read the board; none when
-/// the grid holds not exactly one whole board.
+/// The corners in the order of [`Board::corners`], in all ways in which the picture allows to read
+/// the board; none when the grid holds not exactly one whole board.
 ///
-/// They turn as the board's own axes do, so no mirrored reading is among them. A board that looks another way round when
-/// it is turned, because the corners of its outer squares differ in colour, is read from a dark one.
+/// They turn as the board's own axes do, so no mirrored reading is among them. A board that looks
+/// another way round when it is turned, because the corners of its outer squares differ in colour,
+/// is read from a dark one.
 pub(super) fn readings(grid: &Grid, board: &Board) -> Vec<Vec<Point2<f64>>> {
     let (columns, rows) = (board.columns(), board.rows());
-    let Some((low, (wide, high))) = window(grid, (columns, rows)) else { return Vec::new() };
+    let Some((low, (wide, high))) = window(grid, (columns, rows)) else {
+        return Vec::new();
+    };
     let last = (low.0 + wide - 1, low.1 + high - 1);
-    let corners = [(low.0, low.1), (last.0, low.1), (last.0, last.1), (low.0, last.1)];
-    let inward = |first: Cell| [(if first.0 == low.0 { 1 } else { -1 }, 0), (0, if first.1 == low.1 { 1 } else { -1 })];
+    let corners = [
+        (low.0, low.1),
+        (last.0, low.1),
+        (last.0, last.1),
+        (low.0, last.1),
+    ];
+    let inward = |first: Cell| {
+        [
+            (if first.0 == low.0 { 1 } else { -1 }, 0),
+            (0, if first.1 == low.1 { 1 } else { -1 }),
+        ]
+    };
     let both = corners.into_iter().flat_map(|first| {
         let [i, j] = inward(first);
-        [Reading { first, along: i, down: j }, Reading { first, along: j, down: i }]
+        [
+            Reading {
+                first,
+                along: i,
+                down: j,
+            },
+            Reading {
+                first,
+                along: j,
+                down: i,
+            },
+        ]
     });
     let fits = |reading: &Reading| {
         let long = if reading.along.0 == 0 { high } else { wide };
         long as usize == columns && turns_right(grid, reading)
     };
     let fitting: Vec<_> = both.filter(fits).collect();
-    let dark: Vec<_> = fitting.iter().copied().filter(|reading| begins_dark(grid, reading)).collect();
+    let dark: Vec<_> = fitting
+        .iter()
+        .copied()
+        .filter(|reading| begins_dark(grid, reading))
+        .collect();
     let chosen = if dark.is_empty() { fitting } else { dark };
     let read = |reading: &Reading| {
         let places = (0..columns * rows).map(|n| reading.cell(n % columns, n / columns));
@@ -65,7 +93,8 @@ fn window(grid: &Grid, (columns, rows): (usize, usize)) -> Option<(Cell, Cell)> 
     for shape in shapes {
         for i in low.0..=high.0 - shape.0 + 1 {
             for j in low.1..=high.1 - shape.1 + 1 {
-                let mut cells = (i..i + shape.0).flat_map(|i| (j..j + shape.1).map(move |j| (i, j)));
+                let mut cells =
+                    (i..i + shape.0).flat_map(|i| (j..j + shape.1).map(move |j| (i, j)));
                 if cells.all(|cell| grid.corners.contains_key(&cell)) {
                     full.push(((i, j), shape));
                 }
@@ -79,7 +108,11 @@ fn window(grid: &Grid, (columns, rows): (usize, usize)) -> Option<(Cell, Cell)> 
 /// Edges of the window at the first corner.
 fn edges(grid: &Grid, reading: &Reading) -> Option<(Candidate, Vector2<f64>, Vector2<f64>)> {
     let first = *grid.corners.get(&reading.cell(0, 0))?;
-    Some((first, grid.get(reading.cell(1, 0))? - first.at, grid.get(reading.cell(0, 1))? - first.at))
+    Some((
+        first,
+        grid.get(reading.cell(1, 0))? - first.at,
+        grid.get(reading.cell(0, 1))? - first.at,
+    ))
 }
 
 /// Whether down is to the right hand of along, as in an image.

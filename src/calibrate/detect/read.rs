@@ -16,13 +16,19 @@ const PART_PERCENT: usize = 40;
 const GRIDS: usize = 4;
 /// Corners are as strong as the others, ...
 const FAINTEST: f64 = 0.5;
-/// ... look like corners, by what the fit leaves of the contrast and of what it leaves at the others, ...
+/// ... look like corners, by what the fit leaves of the contrast and of what it leaves at the
+/// others, ...
 const ROUGHEST: (f64, f64) = (0.35, 2.0);
 /// ... and are where the others let expect them, in steps.
 const STRAY: f64 = 0.25;
 
 /// See [`super::Detector::find`].
-pub(super) fn read(image: &Gray, candidates: &[Candidate], board: &Board, towards: Vector2<f64>) -> Seen {
+pub(super) fn read(
+    image: &Gray,
+    candidates: &[Candidate],
+    board: &Board,
+    towards: Vector2<f64>,
+) -> Seen {
     let all = board.columns() * board.rows();
     let grids = Grid::all(candidates).into_iter().take(GRIDS);
     let plausible = grids.filter(|grid| 100 * grid.corners.len() >= PART_PERCENT * all);
@@ -34,7 +40,10 @@ pub(super) fn read(image: &Gray, candidates: &[Candidate], board: &Board, toward
             read = readings(&fitted.grid, board);
         }
         let likeness = |corners: &Vec<Point2<f64>>| diagonal(corners).dot(&towards);
-        if let Some(corners) = read.into_iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))) {
+        if let Some(corners) = read
+            .into_iter()
+            .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
+        {
             return Seen::Whole(Sighting {
                 corners,
                 blur_px: fitted.median(|corner| corner.blur_px),
@@ -56,17 +65,31 @@ struct Fit {
 
 impl Fit {
     fn of(image: &Gray, grid: &Grid) -> Self {
-        let fit = |(&cell, corner)| Some((cell, refine(image, corner, clearance(grid, cell, corner)?)?));
+        let fit =
+            |(&cell, corner)| Some((cell, refine(image, corner, clearance(grid, cell, corner)?)?));
         let corners = grid.corners.iter().filter_map(fit).collect();
-        let mut fit = Self { grid: Grid::default(), corners, absent: BTreeSet::new() };
-        let good: Vec<_> =
-            fit.corners.iter().filter(|(_, corner)| fit.is_good(corner)).map(|(&cell, _)| cell).collect();
+        let mut fit = Self {
+            grid: Grid::default(),
+            corners,
+            absent: BTreeSet::new(),
+        };
+        let good: Vec<_> = fit
+            .corners
+            .iter()
+            .filter(|(_, corner)| fit.is_good(corner))
+            .map(|(&cell, _)| cell)
+            .collect();
         fit.corners.retain(|cell, _| good.contains(cell));
-        fit.grid.corners = fit.corners.iter().map(|(&cell, fitted)| (cell, fitted.corner)).collect();
+        fit.grid.corners = fit
+            .corners
+            .iter()
+            .map(|(&cell, fitted)| (cell, fitted.corner))
+            .collect();
         fit
     }
 
-    /// Looks for one round of missing corners where their neighbours let expect them; whether any was found.
+    /// Looks for one round of missing corners where their neighbours let expect them; whether any
+    /// was found.
     fn fill(&mut self, image: &Gray, board: &Board) -> bool {
         if self.corners.is_empty() {
             return false;
@@ -74,14 +97,23 @@ impl Fit {
         let ((i0, j0), (i1, j1)) = self.grid.bounds();
         let longer = board.columns().max(board.rows()) as i32;
         // One corner beyond the grid as long as that is no larger than the board.
-        let reach = |low: i32, high: i32| if high - low + 1 < longer { low - 1..=high + 1 } else { low..=high };
+        let reach = |low: i32, high: i32| {
+            if high - low + 1 < longer {
+                low - 1..=high + 1
+            } else {
+                low..=high
+            }
+        };
         let cells = reach(i0, i1).flat_map(|i| reach(j0, j1).map(move |j| (i, j)));
-        let missing: Vec<_> =
-            cells.filter(|cell| !self.corners.contains_key(cell) && !self.absent.contains(cell)).collect();
+        let missing: Vec<_> = cells
+            .filter(|cell| !self.corners.contains_key(cell) && !self.absent.contains(cell))
+            .collect();
         let mut found = false;
         for cell in missing {
             let expected = self.grid.expected(cell).zip(self.grid.expected_axes(cell));
-            let Some(start) = expected.map(|(at, axes)| Candidate { at, axes }) else { continue };
+            let Some(start) = expected.map(|(at, axes)| Candidate { at, axes }) else {
+                continue;
+            };
             let fitted = clearance(&self.grid, cell, &start).and_then(|clearance| {
                 let fitted = refine(image, &start, clearance)?;
                 let near = (fitted.corner.at - start.at).norm() < STRAY * clearance;
@@ -116,8 +148,16 @@ impl Fit {
 
 /// How far the next edges are from a corner; nothing when it has no neighbour.
 fn clearance(grid: &Grid, cell: Cell, corner: &Candidate) -> Option<f64> {
-    let steps = NEIGHBOURS.iter().filter_map(|unit| Some(grid.get((cell.0 + unit.0, cell.1 + unit.1))? - corner.at));
-    let across = |step: Vector2<f64>| corner.axes.iter().map(|axis| axis.perp(&step).abs()).fold(0.0, f64::max);
+    let steps = NEIGHBOURS
+        .iter()
+        .filter_map(|unit| Some(grid.get((cell.0 + unit.0, cell.1 + unit.1))? - corner.at));
+    let across = |step: Vector2<f64>| {
+        corner
+            .axes
+            .iter()
+            .map(|axis| axis.perp(&step).abs())
+            .fold(0.0, f64::max)
+    };
     steps.map(across).reduce(f64::min)
 }
 
@@ -133,19 +173,30 @@ fn partly(image: &Gray, grid: &Grid, board: &Board) -> Seen {
         for unit in NEIGHBOURS {
             let (next, before) = ((i + unit.0, j + unit.1), (i - unit.0, j - unit.1));
             let end = !grid.corners.contains_key(&next);
-            let expected = grid.get(before).filter(|_| end).map(|before| corner.at + (corner.at - before));
+            let expected = grid
+                .get(before)
+                .filter(|_| end)
+                .map(|before| corner.at + (corner.at - before));
             if let Some(edge) = expected.and_then(|at| outside(image, at)) {
                 beyond[edge as usize] += 1;
             }
         }
     }
     let edges = [Edge::Left, Edge::Right, Edge::Top, Edge::Bottom];
-    let most = edges.into_iter().max_by_key(|&edge| beyond[edge as usize]).filter(|&edge| beyond[edge as usize] >= 2);
+    let most = edges
+        .into_iter()
+        .max_by_key(|&edge| beyond[edge as usize])
+        .filter(|&edge| beyond[edge as usize] >= 2);
     let full = 10 * grid.corners.len() >= 9 * wide * high;
     let (long, short) = (wide.max(high), wide.min(high));
-    let size = (board.columns().max(board.rows()), board.columns().min(board.rows()));
+    let size = (
+        board.columns().max(board.rows()),
+        board.columns().min(board.rows()),
+    );
     match most {
-        None if full && short >= 3 && (long, short) != size => Seen::Other { corners: (long, short) },
+        None if full && short >= 3 && (long, short) != size => Seen::Other {
+            corners: (long, short),
+        },
         beyond => Seen::Part { beyond },
     }
 }
@@ -153,7 +204,10 @@ fn partly(image: &Gray, grid: &Grid, board: &Board) -> Seen {
 /// The edge of the image that a point is beyond, or so near to that no corner is seen there.
 fn outside(image: &Gray, at: Point2<f64>) -> Option<Edge> {
     const MARGIN_PX: f64 = 6.0;
-    let (right, bottom) = (image.width() as f64 - MARGIN_PX, image.height() as f64 - MARGIN_PX);
+    let (right, bottom) = (
+        image.width() as f64 - MARGIN_PX,
+        image.height() as f64 - MARGIN_PX,
+    );
     let edges = [
         (Edge::Left, at.x < MARGIN_PX),
         (Edge::Right, at.x > right),

@@ -1,8 +1,9 @@
 //! A corner's place to a fraction of a pixel.
 //!
 //! Two soft edges that cross are fitted to all pixels around it,
-//! `I(d) = b + g·d + a tanh(s1/w1) tanh(s2/w2)` with `s` the distances from the edges, by least squares: with white
-//! noise no other way is more exact, and the widths `w` tell how sharp the image is there, along both edges apart.
+//! `I(d) = b + g·d + a tanh(s1/w1) tanh(s2/w2)` with `s` the distances from the edges, by least
+//! squares: with white noise no other way is more exact, and the widths `w` tell how sharp the
+//! image is there, along both edges apart.
 
 use super::candidate::Candidate;
 use crate::stereo::Gray;
@@ -32,13 +33,17 @@ const CLOSE_PX: f64 = 1e-4;
 const GAUSS: f64 = 0.80;
 const WIDTH_PX: std::ops::RangeInclusive<f64> = 0.3..=8.0;
 
-/// Fits the corner near `start`, in a circle that stays clear of the next edges, `clearance_px` away. Nothing when the
-/// circle leaves the image, or there is no corner.
+/// Fits the corner near `start`, in a circle that stays clear of the next edges, `clearance_px`
+/// away. Nothing when the circle leaves the image, or there is no corner.
 pub(super) fn refine(image: &Gray, start: &Candidate, clearance_px: f64) -> Option<Fitted> {
     let radius = (0.85 * clearance_px - 1.0).clamp(*RADIUS_PX.start(), *RADIUS_PX.end());
     let fitted = fit(image, start, radius)?;
     let astray = (fitted.corner.at - start.at).amax() > 0.6;
-    if astray { fit(image, &fitted.corner, radius) } else { Some(fitted) }
+    if astray {
+        fit(image, &fitted.corner, radius)
+    } else {
+        Some(fitted)
+    }
 }
 
 fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
@@ -50,7 +55,18 @@ fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
     let from = start.at - centre;
     let mut x = Unknowns::zeros();
     let [first, second] = start.axes.map(|axis| angle(&axis));
-    x.as_mut_slice().copy_from_slice(&[from.x, from.y, first, second, 0.0, 0.0, mean, 0.0, 0.0, spread.sqrt()]);
+    x.as_mut_slice().copy_from_slice(&[
+        from.x,
+        from.y,
+        first,
+        second,
+        0.0,
+        0.0,
+        mean,
+        0.0,
+        0.0,
+        spread.sqrt(),
+    ]);
 
     let (mut normal, mut cost) = equations(&pixels, &x);
     let mut damping = 1e-3;
@@ -74,9 +90,13 @@ fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
     let axes = [x[2], x[3]].map(|angle| Vector2::new(angle.cos(), angle.sin()));
     let crossing = axes[0].perp(&axes[1]).abs();
     // Also refuses what is not a number.
-    let there = moved < 0.5 * radius && x[9] > 1.0 && crossing > 0.2 && x.iter().all(|v| v.is_finite());
+    let there =
+        moved < 0.5 * radius && x[9] > 1.0 && crossing > 0.2 && x.iter().all(|v| v.is_finite());
     there.then(|| Fitted {
-        corner: Candidate { at: centre + Vector2::new(x[0], x[1]), axes },
+        corner: Candidate {
+            at: centre + Vector2::new(x[0], x[1]),
+            axes,
+        },
         contrast: x[9],
         residual: (cost / pixels.len() as f64).sqrt(),
         blur_px: GAUSS * x[4].max(x[5]).exp(),

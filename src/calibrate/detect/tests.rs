@@ -15,7 +15,13 @@ fn rays() -> &'static Rays {
 }
 
 fn half_camera() -> Intrinsics {
-    Intrinsics::new((320, 240), (265.0, 266.0), (160.0, 119.0), [-0.28, 0.09, 0.0, 0.0, 0.0]).unwrap()
+    Intrinsics::new(
+        (320, 240),
+        (265.0, 266.0),
+        (160.0, 119.0),
+        [-0.28, 0.09, 0.0, 0.0, 0.0],
+    )
+    .unwrap()
 }
 
 /// The middle of the board at `(x, y, z)` squares, turned by `angles`.
@@ -26,7 +32,10 @@ fn pose(board: &Board, at: [f64; 3], angles: [f64; 3]) -> Isometry3<f64> {
 }
 
 fn truth(board: &Board, pose: &Isometry3<f64>) -> Vec<Point2<f64>> {
-    board.corners().map(|corner| camera().project(&(pose * corner)).unwrap()).collect()
+    board
+        .corners()
+        .map(|corner| camera().project(&(pose * corner)).unwrap())
+        .collect()
 }
 
 const POSES: [([f64; 3], [f64; 3]); 8] = [
@@ -65,14 +74,22 @@ fn error_px(look: impl Fn(u64) -> Look) -> (f64, usize) {
 #[test]
 fn corners_are_exact_to_a_tenth_of_a_pixel_in_noise() {
     for (noise, bound_px) in [(0.0, 0.02), (2.0, 0.03), (5.0, 0.06), (10.0, 0.1)] {
-        let (error, missed) = error_px(|_| Look { blur_px: 0.7, noise, shade: 0.4 });
+        let (error, missed) = error_px(|_| Look {
+            blur_px: 0.7,
+            noise,
+            shade: 0.4,
+        });
         println!("noise {noise}: {error:.4} px, {missed} of 8 missed");
         assert!(error < bound_px, "noise {noise}: {error:.4} px");
         assert_eq!(missed, 0, "noise {noise}");
     }
 }
 
-const CLEAN: Look = Look { blur_px: 0.7, noise: 2.0, shade: 0.2 };
+const CLEAN: Look = Look {
+    blur_px: 0.7,
+    noise: 2.0,
+    shade: 0.2,
+};
 
 fn look_at(board: &Board, asked: &Board, pose: Isometry3<f64>) -> Seen {
     let image = render(rays(), board, &[pose], &CLEAN, 1).unwrap();
@@ -82,13 +99,21 @@ fn look_at(board: &Board, asked: &Board, pose: Isometry3<f64>) -> Seen {
 #[test]
 fn a_board_partly_outside_is_no_board_and_says_where() {
     let board = Board::new((9, 6), None).unwrap();
-    let ways =
-        [([-1.0, 0.0], Edge::Left), ([1.0, 0.0], Edge::Right), ([0.0, -1.0], Edge::Top), ([0.0, 1.0], Edge::Bottom)];
+    let ways = [
+        ([-1.0, 0.0], Edge::Left),
+        ([1.0, 0.0], Edge::Right),
+        ([0.0, -1.0], Edge::Top),
+        ([0.0, 1.0], Edge::Bottom),
+    ];
     for ([x, y], edge) in ways {
         let mut beyond = 0;
         for step in 0..6 {
             let far = f64::from(step);
-            let pose = pose(&board, [x * (3.0 + far), y * (2.5 + far), 13.0], [0.1, 0.1, 0.05]);
+            let pose = pose(
+                &board,
+                [x * (3.0 + far), y * (2.5 + far), 13.0],
+                [0.1, 0.1, 0.05],
+            );
             let inside = |p: &Point2<f64>| p.x > 0.0 && p.x < 639.0 && p.y > 0.0 && p.y < 479.0;
             let whole = truth(&board, &pose).iter().all(inside);
             match look_at(&board, &board, pose) {
@@ -106,15 +131,28 @@ fn a_board_partly_outside_is_no_board_and_says_where() {
 
 #[test]
 fn a_board_of_other_corners_is_named() {
-    let (board, asked) = (Board::new((7, 5), None).unwrap(), Board::new((9, 6), None).unwrap());
+    let (board, asked) = (
+        Board::new((7, 5), None).unwrap(),
+        Board::new((9, 6), None).unwrap(),
+    );
     let pose = pose(&board, [0.0, 0.0, 14.0], [0.2, 0.1, 0.3]);
-    assert_eq!(look_at(&board, &asked, pose), Seen::Other { corners: (7, 5) });
+    assert_eq!(
+        look_at(&board, &asked, pose),
+        Seen::Other { corners: (7, 5) }
+    );
     // Part of a larger board is not the smaller one.
-    let (board, asked) = (Board::new((9, 6), None).unwrap(), Board::new((8, 6), None).unwrap());
-    assert_eq!(look_at(&board, &asked, pose), Seen::Other { corners: (9, 6) });
+    let (board, asked) = (
+        Board::new((9, 6), None).unwrap(),
+        Board::new((8, 6), None).unwrap(),
+    );
+    assert_eq!(
+        look_at(&board, &asked, pose),
+        Seen::Other { corners: (9, 6) }
+    );
 }
 
-/// Of boards that may be read in more ways than one, too, the first corner is the same in both images.
+/// Of boards that may be read in more ways than one, too, the first corner is the same in both
+/// images.
 #[test]
 fn the_first_corner_is_the_same_in_both_images() {
     for sides in [(9, 6), (6, 9), (7, 5), (8, 6), (6, 6), (7, 7), (3, 4)] {
@@ -123,24 +161,40 @@ fn the_first_corner_is_the_same_in_both_images() {
         let camera = half_camera();
         let rays = Rays::new(&camera);
         for turn in 0..8 {
-            // Such that the two images' diagonals lie on both sides of where the choice would change.
+            // Such that the two images' diagonals lie on both sides of where the choice would
+            // change.
             let angle = (f64::from(turn) + 0.1) * std::f64::consts::TAU / 8.0;
             let image = |off: f64| {
                 let pose = pose(&board, [off, 0.0, 22.0], [0.2, -0.1, angle + 0.03 * off]);
-                let truth: Vec<_> = board.corners().map(|corner| camera.project(&(pose * corner)).unwrap()).collect();
+                let truth: Vec<_> = board
+                    .corners()
+                    .map(|corner| camera.project(&(pose * corner)).unwrap())
+                    .collect();
                 (render(&rays, &board, &[pose], &CLEAN, 1).unwrap(), truth)
             };
             let ((left, left_truth), (right, right_truth)) = (image(1.0), image(-1.0));
-            let [Seen::Whole(left), Seen::Whole(right)] = detector.find(&StereoPair::new(left, right).unwrap()) else {
+            let [Seen::Whole(left), Seen::Whole(right)] =
+                detector.find(&StereoPair::new(left, right).unwrap())
+            else {
                 panic!("{sides:?} {turn}: not found");
             };
             let place = |corners: &[Point2<f64>], truth: &[Point2<f64>]| {
-                truth.iter().position(|truth| (truth - corners[0]).norm() < 1.0).unwrap()
+                truth
+                    .iter()
+                    .position(|truth| (truth - corners[0]).norm() < 1.0)
+                    .unwrap()
             };
             let first = place(&left.corners, &left_truth);
-            assert_eq!(first, place(&right.corners, &right_truth), "{sides:?} {turn}");
+            assert_eq!(
+                first,
+                place(&right.corners, &right_truth),
+                "{sides:?} {turn}"
+            );
             // One side even, the other odd: the colours tell.
-            assert!(first == 0 || (sides.0 + sides.1) % 2 == 0, "{sides:?} {turn}: {first}");
+            assert!(
+                first == 0 || (sides.0 + sides.1) % 2 == 0,
+                "{sides:?} {turn}: {first}"
+            );
         }
     }
 }
@@ -156,10 +210,24 @@ fn small_and_blurred_boards_are_found() {
         let Seen::Whole(sighting) = Detector::new(board).unwrap().find(&image, UPPER_LEFT) else {
             panic!("{depth} squares away, blur {blur_px} px: not found");
         };
-        let truth = board.corners().map(|corner| small.project(&(pose * corner)).unwrap());
-        let worst = sighting.corners.iter().zip(truth).map(|(found, truth)| (found - truth).norm()).fold(0.0, f64::max);
-        assert!(worst < 0.25, "{depth} squares away, blur {blur_px} px: {worst} px");
-        assert!((sighting.blur_px - blur_px).abs() < 0.4, "{} {blur_px}", sighting.blur_px);
+        let truth = board
+            .corners()
+            .map(|corner| small.project(&(pose * corner)).unwrap());
+        let worst = sighting
+            .corners
+            .iter()
+            .zip(truth)
+            .map(|(found, truth)| (found - truth).norm())
+            .fold(0.0, f64::max);
+        assert!(
+            worst < 0.25,
+            "{depth} squares away, blur {blur_px} px: {worst} px"
+        );
+        assert!(
+            (sighting.blur_px - blur_px).abs() < 0.4,
+            "{} {blur_px}",
+            sighting.blur_px
+        );
     }
 }
 
@@ -172,10 +240,18 @@ fn boards_out_of_focus_are_found() {
         let Seen::Whole(sighting) = Detector::new(board).unwrap().find(&image, UPPER_LEFT) else {
             panic!("blur {blur_px} px: not found");
         };
-        let off = sighting.corners.iter().zip(truth(&board, &pose)).map(|(found, truth)| (found - truth).norm());
+        let off = sighting
+            .corners
+            .iter()
+            .zip(truth(&board, &pose))
+            .map(|(found, truth)| (found - truth).norm());
         let worst = off.fold(0.0, f64::max);
         assert!(worst < 0.4, "blur {blur_px} px: {worst} px");
-        assert!((sighting.blur_px / blur_px - 1.0).abs() < 0.2, "{} {blur_px}", sighting.blur_px);
+        assert!(
+            (sighting.blur_px / blur_px - 1.0).abs() < 0.2,
+            "{} {blur_px}",
+            sighting.blur_px
+        );
     }
 }
 
@@ -186,9 +262,14 @@ fn images_of_anything_else_and_of_any_size_hold_no_board() {
     let mut random = fastrand::Rng::with_seed(1);
     for (width, height) in [(1, 1), (1, 300), (11, 11), (23, 40), (320, 240)] {
         for noise in [0, 255] {
-            let pixels = (0..width * height).map(|_| 90u8.saturating_add(random.u8(0..=noise))).collect();
+            let pixels = (0..width * height)
+                .map(|_| 90u8.saturating_add(random.u8(0..=noise)))
+                .collect();
             let image = Gray::from_vec(width, height, pixels).unwrap();
-            assert!(!matches!(detector.find(&image, UPPER_LEFT), Seen::Whole(_)), "{width}x{height}");
+            assert!(
+                !matches!(detector.find(&image, UPPER_LEFT), Seen::Whole(_)),
+                "{width}x{height}"
+            );
         }
     }
 }

@@ -26,7 +26,8 @@ pub(super) const FORMAT: Format = Format {
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     let document = super::one(documents)?;
-    let translation = ["rightToLeft.x", "rightToLeft.y", "rightToLeft.z"].map(|key| document.number(key));
+    let translation =
+        ["rightToLeft.x", "rightToLeft.y", "rightToLeft.z"].map(|key| document.number(key));
     let [x, y, z] = translation;
     let rotation = document.matrix("rightToLeft.rotation")?;
     let left_from_right = motion(&rotation, Vector3::new(x?, y?, z?))
@@ -38,7 +39,11 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
         rectification: None,
     };
     let unit = Unit::of(&document, "length_unit", hints.unit)?;
-    Ok(Found { format: &FORMAT, calibration: cameras.calibration(&document, unit)?, remarks: Vec::new() })
+    Ok(Found {
+        format: &FORMAT,
+        calibration: cameras.calibration(&document, unit)?,
+        remarks: Vec::new(),
+    })
 }
 
 fn camera(document: &Document, side: &str) -> Result<Intrinsics> {
@@ -50,28 +55,50 @@ fn camera(document: &Document, side: &str) -> Result<Intrinsics> {
             let term = |i: usize| radial.get(i).copied().unwrap_or(0.0);
             if radial.iter().skip(3).any(|v| *v != 0.0) {
                 let what = key("radial_tangential.radial");
-                return Err(document.wrong(format!("'{what}' has {} terms; svl's lens has three", radial.len())));
+                return Err(document.wrong(format!(
+                    "'{what}' has {} terms; svl's lens has three",
+                    radial.len()
+                )));
             }
             let tangential = |name: &str| {
                 let key = key(&format!("radial_tangential.{name}"));
-                if document.has(&key) { document.number(&key) } else { Ok(0.0) }
+                if document.has(&key) {
+                    document.number(&key)
+                } else {
+                    Ok(0.0)
+                }
             };
-            [term(0), term(1), tangential("t1")?, tangential("t2")?, term(2)]
+            [
+                term(0),
+                term(1),
+                tangential("t1")?,
+                tangential("t2")?,
+                term(2),
+            ]
         }
         model => {
             let key = key("model");
-            return Err(document.wrong(format!("'{key}' is {model}; svl reads pinhole_radial_tangential")));
+            return Err(document.wrong(format!(
+                "'{key}' is {model}; svl reads pinhole_radial_tangential"
+            )));
         }
     };
     let at = |name: &str| document.number(&key(&format!("pinhole.{name}")));
     let skew = at("skew")?;
     if skew != 0.0 {
         let key = key("pinhole.skew");
-        return Err(document.wrong(format!("'{key}' is {skew}; svl's cameras have none, calibrate without")));
+        return Err(document.wrong(format!(
+            "'{key}' is {skew}; svl's cameras have none, calibrate without"
+        )));
     }
     let size = document.size(&key("pinhole.width"), &key("pinhole.height"))?;
-    Intrinsics::new(size, (at("fx")?, at("fy")?), (at("cx")?, at("cy")?), distortion)
-        .map_err(|e| document.wrong(format!("'{side}': {e}")))
+    Intrinsics::new(
+        size,
+        (at("fx")?, at("fy")?),
+        (at("cx")?, at("cy")?),
+        distortion,
+    )
+    .map_err(|e| document.wrong(format!("'{side}': {e}")))
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -86,8 +113,15 @@ fn write(calibration: &StereoCalibration) -> Writing {
         format!("rightToLeft:\n  rotation:\n{}", items("  ", &rotation)),
         format!("  x: {}\n  y: {}\n  z: {}\n", number(x), number(y), number(z)),
     ];
-    let left_out = calibration.rectification().map(|_| "the rectification").into_iter().collect();
-    Ok(Written { texts: vec![text.concat()], left_out })
+    let left_out = calibration
+        .rectification()
+        .map(|_| "the rectification")
+        .into_iter()
+        .collect();
+    Ok(Written {
+        texts: vec![text.concat()],
+        left_out,
+    })
 }
 
 fn one_side(side: &str, camera: &Intrinsics) -> String {
@@ -95,7 +129,11 @@ fn one_side(side: &str, camera: &Intrinsics) -> String {
     let (width, height) = camera.size();
     let [k1, k2, p1, p2, k3] = camera.distortion();
     // Most of its files have two terms, and not every reader expects more.
-    let radial = if k3 == 0.0 { vec![k1, k2] } else { vec![k1, k2, k3] };
+    let radial = if k3 == 0.0 {
+        vec![k1, k2]
+    } else {
+        vec![k1, k2, k3]
+    };
     let [fx, fy, cx, cy, p1, p2] = [fx, fy, cx, cy, p1, p2].map(number);
     format!(
         "{side}:\n  model: pinhole_radial_tangential\n  version: 0\n  pinhole:\n    fx: {fx}\n    fy: {fy}\n    cx: {cx}\n    \
@@ -106,5 +144,8 @@ fn one_side(side: &str, camera: &Intrinsics) -> String {
 }
 
 fn items(indent: &str, values: &[f64]) -> String {
-    values.iter().map(|&v| format!("{indent}- {}\n", number(v))).collect()
+    values
+        .iter()
+        .map(|&v| format!("{indent}- {}\n", number(v)))
+        .collect()
 }

@@ -22,8 +22,8 @@ pub(super) enum Syntax {
 
 /// A calibration file, read.
 ///
-/// Its keys are paths, `left.pinhole.fx` or `Camera.0.ImageSize`, of which `K1|M1` names two: the first that is there.
-/// All its errors name the file and the key.
+/// Its keys are paths, `left.pinhole.fx` or `Camera.0.ImageSize`, of which `K1|M1` names two: the
+/// first that is there. All its errors name the file and the key.
 pub(super) struct Document {
     path: PathBuf,
     /// Whose file it is.
@@ -50,7 +50,11 @@ impl Document {
             Syntax::Markup => yaml::parse(text),
         };
         let root = root.map_err(|reason| Error::format(path, reason))?;
-        Ok(Self { path: path.to_owned(), title: format.title, root })
+        Ok(Self {
+            path: path.to_owned(),
+            title: format.title,
+            root,
+        })
     }
 
     /// An error of this file.
@@ -74,17 +78,22 @@ impl Document {
 
     fn find(&self, key: &str) -> Option<&Node> {
         key.split('|').find_map(|key| {
-            key.split('.').try_fold(&self.root, |node, name| match node {
-                Node::Table(table) => table.get(name),
-                Node::List(list) => list.get(name.parse::<usize>().ok()?),
-                Node::Value(_) => None,
-            })
+            key.split('.')
+                .try_fold(&self.root, |node, name| match node {
+                    Node::Table(table) => table.get(name),
+                    Node::List(list) => list.get(name.parse::<usize>().ok()?),
+                    Node::Value(_) => None,
+                })
         })
     }
 
     fn node(&self, key: &str) -> Result<&Node> {
         self.find(key).ok_or_else(|| {
-            self.wrong(format!("no '{}', which {} has; is it whole?", key.replace('|', "' or '"), self.title))
+            self.wrong(format!(
+                "no '{}', which {} has; is it whole?",
+                key.replace('|', "' or '"),
+                self.title
+            ))
         })
     }
 
@@ -104,10 +113,20 @@ impl Document {
     pub(super) fn numbers(&self, key: &str) -> Result<Vec<f64>> {
         let number = |word: &str| {
             let value = word.parse().ok().filter(|v: &f64| v.is_finite());
-            value.ok_or_else(|| self.wrong(format!("'{key}' holds '{}', expected a finite number", short(word))))
+            value.ok_or_else(|| {
+                self.wrong(format!(
+                    "'{key}' holds '{}', expected a finite number",
+                    short(word)
+                ))
+            })
         };
         let separator = |c: char| c.is_whitespace() || ",;[]".contains(c);
-        let words = |text: &str| text.split(separator).filter(|w| !w.is_empty()).map(number).collect::<Result<_>>();
+        let words = |text: &str| {
+            text.split(separator)
+                .filter(|w| !w.is_empty())
+                .map(number)
+                .collect::<Result<_>>()
+        };
         match self.node(key)? {
             Node::Value(text) => words(text),
             Node::Table(_) => self.numbers(&format!("{key}.data").replace('|', ".data|")),
@@ -125,7 +144,9 @@ impl Document {
     /// Those of [`Document::numbers`], and when there are more or fewer.
     pub(super) fn array<const N: usize>(&self, key: &str) -> Result<[f64; N]> {
         let numbers = self.numbers(key)?;
-        numbers.try_into().map_err(|n: Vec<f64>| self.wrong(format!("'{key}' has {} numbers, expected {N}", n.len())))
+        numbers.try_into().map_err(|n: Vec<f64>| {
+            self.wrong(format!("'{key}' has {} numbers, expected {N}", n.len()))
+        })
     }
 
     /// # Errors
@@ -168,7 +189,9 @@ impl Document {
         if side.fract() == 0.0 && (1.0..=MAX_SIDE as f64).contains(&side) {
             Ok(side as usize)
         } else {
-            Err(self.wrong(format!("'{key}' is {side}, expected whole pixels, 1 to {MAX_SIDE}")))
+            Err(self.wrong(format!(
+                "'{key}' is {side}, expected whole pixels, 1 to {MAX_SIDE}"
+            )))
         }
     }
 

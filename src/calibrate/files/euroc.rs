@@ -13,7 +13,10 @@ pub(super) const FORMAT: Format = Format {
     conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2; T_BS: x_body = T_BS x_camera, metres; no \
                   rectification; cam0 is the left camera",
     endings: &["yaml"],
-    pairs: &[["cam0/sensor.yaml", "cam1/sensor.yaml"], ["mav0/cam0/sensor.yaml", "mav0/cam1/sensor.yaml"]],
+    pairs: &[
+        ["cam0/sensor.yaml", "cam1/sensor.yaml"],
+        ["mav0/cam0/sensor.yaml", "mav0/cam1/sensor.yaml"],
+    ],
     single: false,
     syntax: Syntax::Markup,
     marks: &["T_BS"],
@@ -30,11 +33,18 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
         right_from_left: Some(body_from_camera(&right)?.inverse() * body_from_camera(&left)?),
         rectification: None,
     };
-    Ok(Found { format: &FORMAT, calibration: cameras.calibration(&right, unit)?, remarks: Vec::new() })
+    Ok(Found {
+        format: &FORMAT,
+        calibration: cameras.calibration(&right, unit)?,
+        remarks: Vec::new(),
+    })
 }
 
 fn camera(document: &Document) -> Result<Intrinsics> {
-    for (key, known) in [("camera_model", "pinhole"), ("distortion_model", "radial-tangential")] {
+    for (key, known) in [
+        ("camera_model", "pinhole"),
+        ("distortion_model", "radial-tangential"),
+    ] {
         let model = document.text(key)?;
         if model != known {
             return Err(document.wrong(format!("'{key}' is {model}; svl reads {known}")));
@@ -42,12 +52,20 @@ fn camera(document: &Document) -> Result<Intrinsics> {
     }
     let [fx, fy, cx, cy] = document.array("intrinsics")?;
     let distortion = lens(document, "distortion_coefficients")?;
-    Intrinsics::new(document.size_of("resolution")?, (fx, fy), (cx, cy), distortion)
-        .map_err(|e| document.wrong(format!("'intrinsics': {e}")))
+    Intrinsics::new(
+        document.size_of("resolution")?,
+        (fx, fy),
+        (cx, cy),
+        distortion,
+    )
+    .map_err(|e| document.wrong(format!("'intrinsics': {e}")))
 }
 
 fn body_from_camera(document: &Document) -> Result<Isometry3<f64>> {
     let pose = Matrix4::from_row_slice(&document.array::<16>("T_BS")?);
-    let (rotation, translation) = (pose.fixed_view::<3, 3>(0, 0).into(), pose.fixed_view::<3, 1>(0, 3).into());
+    let (rotation, translation) = (
+        pose.fixed_view::<3, 3>(0, 0).into(),
+        pose.fixed_view::<3, 1>(0, 3).into(),
+    );
     motion(&rotation, translation).map_err(|e| document.wrong(format!("'T_BS': {e}")))
 }

@@ -6,10 +6,12 @@ use crate::error::Result;
 use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, motion};
 use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 
-/// Rectified cameras are one pinhole when they differ by no more than this share of the focal length.
+/// Rectified cameras are one pinhole when they differ by no more than this share of the focal
+/// length.
 const SAME: f64 = 1e-6;
 
-/// How far a rectification may be from the cameras it is said to be of: shares of the baseline, radians.
+/// How far a rectification may be from the cameras it is said to be of: shares of the baseline,
+/// radians.
 const AGREES: f64 = 0.02;
 
 /// What a file says of two cameras, in its own unit of length.
@@ -23,16 +25,25 @@ pub(super) struct Cameras {
 
 impl Cameras {
     /// # Errors
-    /// [`crate::Error::Format`] naming what no stereo camera has, and for a rectification that is of other cameras.
+    /// [`crate::Error::Format`] naming what no stereo camera has, and for a rectification that is
+    /// of other cameras.
     pub(super) fn calibration(self, document: &Document, unit: Unit) -> Result<StereoCalibration> {
-        let Self { left, right, right_from_left, rectification } = self;
+        let Self {
+            left,
+            right,
+            right_from_left,
+            rectification,
+        } = self;
         let implied = rectification.as_ref().map(Rectification::motion);
         let Some(said) = right_from_left.or(implied) else {
             return Err(document.wrong("does not say how the cameras stand to each other"));
         };
         let (scale, unit) = unit.in_calibration();
         let wrong = |e: crate::Error| document.wrong(e);
-        let moved = Isometry3::from_parts(Translation3::from(said.translation.vector * scale), said.rotation);
+        let moved = Isometry3::from_parts(
+            Translation3::from(said.translation.vector * scale),
+            said.rotation,
+        );
         let calibration = StereoCalibration::new(left, right, moved, unit).map_err(wrong)?;
         let (Some(rectification), Some(implied)) = (rectification, implied) else {
             return Ok(calibration);
@@ -47,8 +58,17 @@ impl Cameras {
             )));
         }
         let rig = rectification.rig;
-        let rig = Rig::new(rig.focal_px(), rig.center_px(), rig.baseline_m() * scale, rig.doffs_px()).map_err(wrong)?;
-        Ok(calibration.with_rectification(Rectification { rig, ..rectification }))
+        let rig = Rig::new(
+            rig.focal_px(),
+            rig.center_px(),
+            rig.baseline_m() * scale,
+            rig.doffs_px(),
+        )
+        .map_err(wrong)?;
+        Ok(calibration.with_rectification(Rectification {
+            rig,
+            ..rectification
+        }))
     }
 }
 
@@ -56,7 +76,12 @@ impl Cameras {
 ///
 /// # Errors
 /// [`crate::Error::Format`] naming `key`, for a skew and for what is no camera.
-pub(super) fn camera(document: &Document, key: &str, size: (usize, usize), distortion: [f64; 5]) -> Result<Intrinsics> {
+pub(super) fn camera(
+    document: &Document,
+    key: &str,
+    size: (usize, usize),
+    distortion: [f64; 5],
+) -> Result<Intrinsics> {
     let k = document.matrix(key)?;
     pinhole(size, &k, distortion).map_err(|reason| document.wrong(format!("'{key}': {reason}")))
 }
@@ -68,7 +93,10 @@ pub(super) fn pinhole(
     distortion: [f64; 5],
 ) -> std::result::Result<Intrinsics, String> {
     if k[(0, 1)].abs() > SAME * k[(0, 0)].abs() {
-        return Err(format!("a skew of {}, which svl's cameras do not have; calibrate without", k[(0, 1)]));
+        return Err(format!(
+            "a skew of {}, which svl's cameras do not have; calibrate without",
+            k[(0, 1)]
+        ));
     }
     if [k[(1, 0)], k[(2, 0)], k[(2, 1)]] != [0.0; 3] || k[(2, 2)] != 1.0 {
         return Err("is no camera matrix: expected fx 0 cx, 0 fy cy, 0 0 1".into());
@@ -104,18 +132,26 @@ pub(super) fn extrinsics(document: &Document, r: &str, t: &str) -> Result<Isomet
     motion(&document.matrix(r)?, translation).map_err(|e| document.wrong(format!("'{r}': {e}")))
 }
 
-/// The rig of two projection matrices, in their unit. Their fourth columns are those of one frame, not of necessity the left
-/// camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
-pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> std::result::Result<Rig, String> {
+/// The rig of two projection matrices, in their unit. Their fourth columns are those of one frame,
+/// not of necessity the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
+pub(super) fn rig(
+    left: &Matrix3x4<f64>,
+    right: &Matrix3x4<f64>,
+) -> std::result::Result<Rig, String> {
     let focal = left[(0, 0)];
     let same = |a: f64, b: f64| (a - b).abs() <= SAME * focal.abs();
     let [shift, rise] = [0, 1].map(|row| left[(row, 3)] - right[(row, 3)]);
     if rise.abs() > shift.abs() {
         return Err("the cameras stand one above the other; svl matches those side by side".into());
     }
-    let one = [left[(1, 1)], right[(0, 0)], right[(1, 1)]].into_iter().all(|f| same(f, focal));
+    let one = [left[(1, 1)], right[(0, 0)], right[(1, 1)]]
+        .into_iter()
+        .all(|f| same(f, focal));
     if !one || !same(left[(1, 2)], right[(1, 2)]) {
-        return Err("the two projections have not one focal length and row, so they are no rectified pair".into());
+        return Err(
+            "the two projections have not one focal length and row, so they are no rectified pair"
+                .into(),
+        );
     }
     let (cx, cy) = (left[(0, 2)], left[(1, 2)]);
     Rig::new(focal, (cx, cy), shift / focal, right[(0, 2)] - cx).map_err(|e| e.to_string())
@@ -123,15 +159,29 @@ pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> std::result:
 
 /// Two cameras that are rectified already.
 pub(super) fn rectified(document: &Document, size: (usize, usize), rig: Rig) -> Result<Cameras> {
-    let camera = |right| pinhole(size, &rig.intrinsics(right), [0.0; 5]).map_err(|e| document.wrong(e));
+    let camera =
+        |right| pinhole(size, &rig.intrinsics(right), [0.0; 5]).map_err(|e| document.wrong(e));
     let (left, right) = (camera(false)?, camera(true)?);
     let turn = Rotation3::identity();
-    let rectification = Some(Rectification { size, left: turn, right: turn, rig });
-    Ok(Cameras { left, right, right_from_left: None, rectification })
+    let rectification = Some(Rectification {
+        size,
+        left: turn,
+        right: turn,
+        rig,
+    });
+    Ok(Cameras {
+        left,
+        right,
+        right_from_left: None,
+        rectification,
+    })
 }
 
-/// The rectification, in a format that has no place for what is not rectified, and lengths in metres.
-pub(super) fn only_rectified(calibration: &StereoCalibration) -> std::result::Result<&Rectification, String> {
+/// The rectification, in a format that has no place for what is not rectified, and lengths in
+/// metres.
+pub(super) fn only_rectified(
+    calibration: &StereoCalibration,
+) -> std::result::Result<&Rectification, String> {
     in_metres(calibration)?;
     calibration.rectification().ok_or_else(|| {
         "holds rectified cameras only, and this calibration has no rectification; compute one with `svl calibrate convert --rectify`".into()
@@ -152,14 +202,21 @@ pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<
 
 /// What is left out where only the rectified cameras are written.
 pub(super) fn beyond_rectified(calibration: &StereoCalibration) -> Vec<&'static str> {
-    let lenses = [calibration.left(), calibration.right()].iter().any(|c| c.distortion() != [0.0; 5]);
+    let lenses = [calibration.left(), calibration.right()]
+        .iter()
+        .any(|c| c.distortion() != [0.0; 5]);
     let turned = calibration.rectification().is_some_and(|r| {
-        let same = |camera: &Intrinsics, right| camera.matrix() == r.rig.intrinsics(right) && camera.size() == r.size;
-        r.left.angle() + r.right.angle() > 0.0 || !same(calibration.left(), false) || !same(calibration.right(), true)
+        let same = |camera: &Intrinsics, right| {
+            camera.matrix() == r.rig.intrinsics(right) && camera.size() == r.size
+        };
+        r.left.angle() + r.right.angle() > 0.0
+            || !same(calibration.left(), false)
+            || !same(calibration.right(), true)
     });
     let mut left_out = Vec::new();
     if lenses || turned {
-        left_out.push("the cameras before rectification: their lenses, focal lengths and rotations");
+        left_out
+            .push("the cameras before rectification: their lenses, focal lengths and rotations");
     }
     left_out
 }

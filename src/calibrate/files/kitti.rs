@@ -1,7 +1,10 @@
-//! KITTI's calibrations: the projections of the object and stereo benchmarks, and the raw data's `calib_cam_to_cam.txt`.
+//! KITTI's calibrations: the projections of the object and stereo benchmarks, and the raw data's
+//! `calib_cam_to_cam.txt`.
 
 use super::document::{Document, Syntax, text};
-use super::geometry::{self, Cameras, beyond_rectified, camera, extrinsics, lens, only_rectified, rectified};
+use super::geometry::{
+    self, Cameras, beyond_rectified, camera, extrinsics, lens, only_rectified, rectified,
+};
 use super::words::{rows, spaced};
 use super::{Format, Found, Hints, Unit, Writing, Written};
 use crate::error::Result;
@@ -39,8 +42,8 @@ pub(super) const RAW_FORMAT: Format = Format {
 
 /// Reads the rig of the cameras whose 3 x 4 projection matrices are called `left` and `right`.
 ///
-/// Both matrices are relative to camera 0, whose fourth column is 0: the baseline is `(P_left(0,3) − P_right(0,3)) / f`
-/// metres (KITTI development kit, readme).
+/// Both matrices are relative to camera 0, whose fourth column is 0: the baseline is
+/// `(P_left(0,3) − P_right(0,3)) / f` metres (KITTI development kit, readme).
 ///
 /// # Errors
 /// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed matrix.
@@ -50,16 +53,23 @@ pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
 
 fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {
     let (p, q) = (document.projection(left)?, document.projection(right)?);
-    geometry::rig(&p, &q).map_err(|reason| document.wrong(format!("'{left}' and '{right}': {reason}")))
+    geometry::rig(&p, &q)
+        .map_err(|reason| document.wrong(format!("'{left}' and '{right}': {reason}")))
 }
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     let document = super::one(documents)?;
     let unit = Unit::METRE.fixed(&document, hints.unit)?;
-    let (left, right) = if document.has("P0") { ("P0", "P1") } else { ("P2", "P3") };
+    let (left, right) = if document.has("P0") {
+        ("P0", "P1")
+    } else {
+        ("P2", "P3")
+    };
     let rig = projections(&document, left, right)?;
     let size = hints.size.ok_or_else(|| {
-        document.wrong("does not say how large the images are; say it with `svl calibrate convert --size WxH`")
+        document.wrong(
+            "does not say how large the images are; say it with `svl calibrate convert --size WxH`",
+        )
     })?;
     let calibration = rectified(&document, size, rig)?.calibration(&document, unit)?;
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
@@ -67,19 +77,28 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
         remarks.push("cameras 0 and 1 were taken; 2 and 3 were left out".to_owned());
     }
-    Ok(Found { format: &FORMAT, calibration, remarks })
+    Ok(Found {
+        format: &FORMAT,
+        calibration,
+        remarks,
+    })
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
     let rig = only_rectified(calibration)?.rig;
     let line = |i: usize| format!("P{i}: {}\n", spaced(&rows(&rig.projection(i % 2 == 1))));
-    Ok(Written { texts: vec![(0..4).map(line).collect()], left_out: beyond_rectified(calibration) })
+    Ok(Written {
+        texts: vec![(0..4).map(line).collect()],
+        left_out: beyond_rectified(calibration),
+    })
 }
 
 fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     let document = super::one(documents)?;
     let unit = Unit::METRE.fixed(&document, hints.unit)?;
-    let one = |key: &str, s: &str, d: &str| camera(&document, key, document.size_of(s)?, lens(&document, d)?);
+    let one = |key: &str, s: &str, d: &str| {
+        camera(&document, key, document.size_of(s)?, lens(&document, d)?)
+    };
     let rectification = Rectification {
         size: document.size_of("S_rect_00")?,
         left: document.rotation("R_rect_00")?,
@@ -92,16 +111,31 @@ fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
         right_from_left: Some(extrinsics(&document, "R_01", "T_01")?),
         rectification: Some(rectification),
     };
-    let remarks = if document.has("K_02") { vec!["cameras 02 and 03 were left out".to_owned()] } else { Vec::new() };
-    Ok(Found { format: &RAW_FORMAT, calibration: cameras.calibration(&document, unit)?, remarks })
+    let remarks = if document.has("K_02") {
+        vec!["cameras 02 and 03 were left out".to_owned()]
+    } else {
+        Vec::new()
+    };
+    Ok(Found {
+        format: &RAW_FORMAT,
+        calibration: cameras.calibration(&document, unit)?,
+        remarks,
+    })
 }
 
 fn write_raw(calibration: &StereoCalibration) -> Writing {
     let rectification = only_rectified(calibration)?;
     let motion = calibration.right_from_left();
-    let moved = (motion.rotation.to_rotation_matrix(), motion.translation.vector);
+    let moved = (
+        motion.rotation.to_rotation_matrix(),
+        motion.translation.vector,
+    );
     let sides = [
-        (calibration.left(), (nalgebra::Rotation3::identity(), Vector3::zeros()), rectification.left),
+        (
+            calibration.left(),
+            (nalgebra::Rotation3::identity(), Vector3::zeros()),
+            rectification.left,
+        ),
         (calibration.right(), moved, rectification.right),
     ];
     let mut text = String::new();
@@ -120,7 +154,10 @@ fn write_raw(calibration: &StereoCalibration) -> Writing {
         ];
         text.extend(lines.map(|(name, values)| format!("{name}_0{i}: {}\n", spaced(&values))));
     }
-    Ok(Written { texts: vec![text], left_out: Vec::new() })
+    Ok(Written {
+        texts: vec![text],
+        left_out: Vec::new(),
+    })
 }
 
 #[cfg(test)]
@@ -136,10 +173,17 @@ mod tests {
             projections(&document, left, right).map_err(|e| e.to_string())
         };
         let found = rig(text, "P2", "P3").unwrap();
-        assert_eq!((found.focal_px(), found.center_px(), found.doffs_px()), (700.0, (600.0, 180.0), 2.0));
+        assert_eq!(
+            (found.focal_px(), found.center_px(), found.doffs_px()),
+            (700.0, (600.0, 180.0), 2.0)
+        );
         assert!((found.baseline_m() - 0.55).abs() < 1e-12);
         assert!(rig(text, "P0", "P1").unwrap_err().contains("no 'P1'"));
-        assert!(rig("P0: 1 2\nP1: 3", "P0", "P1").unwrap_err().contains("'P0' has 2 numbers, expected 12"));
+        assert!(
+            rig("P0: 1 2\nP1: 3", "P0", "P1")
+                .unwrap_err()
+                .contains("'P0' has 2 numbers, expected 12")
+        );
         assert!(rig("P0: x", "P0", "P1").unwrap_err().contains("'x'"));
         // Left and right taken for each other: a negative baseline.
         assert!(rig(text, "P3", "P2").is_err());

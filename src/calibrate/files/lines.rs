@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 pub(super) fn parse(text: &str, mark: char) -> Node {
     let mut table = BTreeMap::new();
     for (name, value) in text.lines().filter_map(|line| line.split_once(mark)) {
-        table.entry(name.trim().to_owned()).or_insert_with(|| Node::Value(value.trim().to_owned()));
+        table
+            .entry(name.trim().to_owned())
+            .or_insert_with(|| Node::Value(value.trim().to_owned()));
     }
     Node::Table(table)
 }

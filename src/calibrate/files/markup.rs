@@ -1,6 +1,8 @@
-//! XML as names and values: attributes and elements alike, and a list of elements that have one name.
+//! XML as names and values: attributes and elements alike, and a list of elements that have one
+//! name.
 //!
-//! Names are not checked: annex E's own example has attributes called `x(0,0)`, which no XML allows.
+//! Names are not checked: annex E's own example has attributes called `x(0,0)`, which no XML
+//! allows.
 
 use crate::yaml::{MAX_DEPTH, Node};
 use quick_xml::events::{BytesStart, Event};
@@ -16,11 +18,15 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
     let mut open: Vec<Open> = Vec::new();
     let mut root = None;
     loop {
-        let event = reader.read_event().map_err(|e| format!("byte {}: is no XML: {e}", reader.error_position()))?;
+        let event = reader
+            .read_event()
+            .map_err(|e| format!("byte {}: is no XML: {e}", reader.error_position()))?;
         let at = |reason: String| format!("byte {}: {reason}", reader.buffer_position());
         let closed = match event {
             Event::Start(_) if open.len() == MAX_DEPTH => {
-                return Err(at(format!("more than {MAX_DEPTH} levels, which no calibration has")));
+                return Err(at(format!(
+                    "more than {MAX_DEPTH} levels, which no calibration has"
+                )));
             }
             Event::Start(start) => {
                 open.push(Open::new(&start).map_err(at)?);
@@ -46,7 +52,10 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
         }
     }
     match open.last() {
-        Some(element) => Err(format!("ends inside <{}>; is the file whole?", element.name)),
+        Some(element) => Err(format!(
+            "ends inside <{}>; is the file whole?",
+            element.name
+        )),
         None => root.ok_or_else(|| "holds no XML element".into()),
     }
 }
@@ -64,14 +73,19 @@ impl Open {
         let mut table = BTreeMap::new();
         // The library's own check for names that stand twice compares each with each.
         for attribute in start.attributes().with_checks(false) {
-            let attribute = attribute.map_err(|e| format!("<{name}> has attributes that are no XML: {e}"))?;
+            let attribute =
+                attribute.map_err(|e| format!("<{name}> has attributes that are no XML: {e}"))?;
             let key = String::from_utf8_lossy(attribute.key.as_ref()).into_owned();
             let value = Node::Value(String::from_utf8_lossy(&attribute.value).into_owned());
             if table.insert(key.clone(), value).is_some() {
                 return Err(format!("<{name}> has '{key}' twice"));
             }
         }
-        Ok(Self { name, table, text: String::new() })
+        Ok(Self {
+            name,
+            table,
+            text: String::new(),
+        })
     }
 
     fn take(&mut self, element: Self) {
@@ -87,7 +101,11 @@ impl Open {
     }
 
     fn node(self) -> Node {
-        if self.table.is_empty() { Node::Value(self.text) } else { Node::Table(self.table) }
+        if self.table.is_empty() {
+            Node::Value(self.text)
+        } else {
+            Node::Table(self.table)
+        }
     }
 }
 
@@ -97,13 +115,22 @@ mod tests {
 
     #[test]
     fn attributes_elements_and_texts() {
-        let text =
-            "<?xml version=\"1.0\"?>\n<r><c a=\"1\"/><c a=\"2\"/><!-- --><d x(0,0)=\"3\"y=\"4\"/><e> 5 6 </e></r>\n";
-        let Node::Table(root) = parse(text).unwrap() else { panic!() };
-        let table = |pairs: &[(&str, &str)]| {
-            Node::Table(pairs.iter().map(|(k, v)| ((*k).to_owned(), Node::Value((*v).to_owned()))).collect())
+        let text = "<?xml version=\"1.0\"?>\n<r><c a=\"1\"/><c a=\"2\"/><!-- --><d x(0,0)=\"3\"y=\"4\"/><e> 5 6 </e></r>\n";
+        let Node::Table(root) = parse(text).unwrap() else {
+            panic!()
         };
-        assert_eq!(root["c"], Node::List(vec![table(&[("a", "1")]), table(&[("a", "2")])]));
+        let table = |pairs: &[(&str, &str)]| {
+            Node::Table(
+                pairs
+                    .iter()
+                    .map(|(k, v)| ((*k).to_owned(), Node::Value((*v).to_owned())))
+                    .collect(),
+            )
+        };
+        assert_eq!(
+            root["c"],
+            Node::List(vec![table(&[("a", "1")]), table(&[("a", "2")])])
+        );
         assert_eq!(root["d"], table(&[("x(0,0)", "3"), ("y", "4")]));
         assert_eq!(root["e"], Node::Value(" 5 6 ".into()));
     }
@@ -120,8 +147,15 @@ mod tests {
             ("<a", "no XML"),
         ] {
             let error = parse(text).unwrap_err();
-            assert!(error.contains(word) && !error.contains('\n'), "{text}: {error}");
+            assert!(
+                error.contains(word) && !error.contains('\n'),
+                "{text}: {error}"
+            );
         }
-        assert!(parse(&"<a>".repeat(100_000)).unwrap_err().contains("levels"));
+        assert!(
+            parse(&"<a>".repeat(100_000))
+                .unwrap_err()
+                .contains("levels")
+        );
     }
 }

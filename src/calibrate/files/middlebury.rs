@@ -44,7 +44,11 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     };
     let cameras = rectified(&document, size, rig(&document)?)?;
     let calibration = cameras.calibration(&document, Unit::METRE)?;
-    Ok(Found { format: &FORMAT, calibration, remarks: Vec::new() })
+    Ok(Found {
+        format: &FORMAT,
+        calibration,
+        remarks: Vec::new(),
+    })
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -61,7 +65,10 @@ fn write(calibration: &StereoCalibration) -> Writing {
         number(rig.doffs_px()),
         number(rig.baseline_m() * 1000.0)
     );
-    Ok(Written { texts: vec![text], left_out: beyond_rectified(calibration) })
+    Ok(Written {
+        texts: vec![text],
+        left_out: beyond_rectified(calibration),
+    })
 }
 
 #[cfg(test)]
@@ -69,7 +76,8 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> std::result::Result<Rig, String> {
-        rig(&Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap()).map_err(|e| e.to_string())
+        rig(&Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap())
+            .map_err(|e| e.to_string())
     }
 
     #[test]
@@ -84,11 +92,20 @@ mod tests {
     fn what_is_missing_is_named() {
         let fails = |text: &str, word: &str| {
             let error = parse(text).unwrap_err();
-            assert!(error.starts_with("calib.txt: ") && error.contains(word), "{error}");
+            assert!(
+                error.starts_with("calib.txt: ") && error.contains(word),
+                "{error}"
+            );
         };
         fails("cam0=[1 0 2; 0 1 3; 0 0 1]\ndoffs=0", "no 'baseline'");
-        fails("cam0=[1 0]\nbaseline=1\ndoffs=0", "'cam0' has 2 numbers, expected 9");
+        fails(
+            "cam0=[1 0]\nbaseline=1\ndoffs=0",
+            "'cam0' has 2 numbers, expected 9",
+        );
         fails("cam0=[x]\nbaseline=1\ndoffs=0", "'cam0' holds 'x'");
-        fails("cam0=[1 0 2; 0 1 3; 0 0 1]\nbaseline=0\ndoffs=0", "baseline 0 m");
+        fails(
+            "cam0=[1 0 2; 0 1 3; 0 0 1]\nbaseline=0\ndoffs=0",
+            "baseline 0 m",
+        );
     }
 }

@@ -1,10 +1,11 @@
 //! Calibrations in the files of other programs, read and written.
 //!
-//! [`FORMATS`] says all there is to say of a format; one more is one more file here and one more line there.
+//! [`FORMATS`] says all there is to say of a format; one more is one more file here and one more
+//! line there.
 //!
-//! What a file says is taken as it stands: principal points with pixel centres at integers, as OpenCV has them. Its
-//! lengths become metres, or stay in squares of the board; a file that does not say what they are in is refused until the
-//! user does ([`Hints::unit`]).
+//! What a file says is taken as it stands: principal points with pixel centres at integers, as
+//! OpenCV has them. Its lengths become metres, or stay in squares of the board; a file that does
+//! not say what they are in is refused until the user does ([`Hints::unit`]).
 
 mod boofcv;
 mod document;
@@ -39,7 +40,8 @@ pub struct Format {
     pub title: &'static str,
     /// What its files hold and in which conventions.
     pub conventions: &'static str,
-    /// Endings of its files; the first format of an ending is the one that is written without being named.
+    /// Endings of its files; the first format of an ending is the one that is written without being
+    /// named.
     pub endings: &'static [&'static str],
     /// The two files of a calibration in a folder, where there are two.
     pub pairs: &'static [[&'static str; 2]],
@@ -78,7 +80,8 @@ pub struct Hints {
 pub struct Found {
     pub format: &'static Format,
     pub calibration: StereoCalibration,
-    /// What of the file is not in the calibration, or was taken otherwise than it stands, a line each.
+    /// What of the file is not in the calibration, or was taken otherwise than it stands, a line
+    /// each.
     pub remarks: Vec<String>,
 }
 
@@ -105,28 +108,54 @@ pub fn read(path: &Path) -> Result<StereoCalibration> {
 /// [`Error::Io`]; [`Error::Format`] naming the file, the key and what to do.
 pub fn read_with(path: &Path, hints: &Hints) -> Result<Found> {
     let paths = inputs(path)?;
-    let texts = paths.iter().map(|path| document::text(path)).collect::<Result<Vec<_>>>()?;
-    let known = || FORMATS.iter().find(|format| format.marks.iter().any(|mark| texts[0].contains(mark)));
+    let texts = paths
+        .iter()
+        .map(|path| document::text(path))
+        .collect::<Result<Vec<_>>>()?;
+    let known = || {
+        FORMATS
+            .iter()
+            .find(|format| format.marks.iter().any(|mark| texts[0].contains(mark)))
+    };
     let Some(format) = hints.format.or_else(known) else {
-        let names = FORMATS.iter().map(|f| f.name).collect::<Vec<_>>().join(", ");
-        return Err(Error::format(&paths[0], format!("is no calibration that svl knows: {names}")));
+        let names = FORMATS
+            .iter()
+            .map(|f| f.name)
+            .collect::<Vec<_>>()
+            .join(", ");
+        return Err(Error::format(
+            &paths[0],
+            format!("is no calibration that svl knows: {names}"),
+        ));
     };
     match (paths.len(), format.single, format.pairs) {
         (1, false, [[left, right], ..]) => {
             let cure = format!("name both, `{left},{right}`, or their folder");
-            return Err(Error::format(path, format!("is {}, one camera of two; {cure}", format.title)));
+            return Err(Error::format(
+                path,
+                format!("is {}, one camera of two; {cure}", format.title),
+            ));
         }
         (2, _, []) => {
-            return Err(Error::format(path, format!("is {}, whose one file holds both cameras", format.title)));
+            return Err(Error::format(
+                path,
+                format!("is {}, whose one file holds both cameras", format.title),
+            ));
         }
         _ => {}
     }
     let parse = |(path, text): (_, &String)| Document::parse(path, text, format);
-    let documents = paths.iter().map(AsRef::as_ref).zip(&texts).map(parse).collect::<Result<_>>()?;
+    let documents = paths
+        .iter()
+        .map(AsRef::as_ref)
+        .zip(&texts)
+        .map(parse)
+        .collect::<Result<_>>()?;
     (format.read)(documents, hints)
 }
 
-/// Writes a calibration in the format of the name's ending; what of it that format cannot hold, a line each.
+/// Writes a calibration in the format of the name's ending; what of it that format cannot hold, a
+/// line each.
 ///
 /// # Errors
 /// Those of [`write_as`].
@@ -142,15 +171,25 @@ pub fn written_as(path: &Path) -> Result<&'static Format> {
     if place::two_of(path).is_some() || path.is_dir() {
         return Ok(&ros::FORMAT);
     }
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    let fits: Vec<_> = FORMATS.iter().filter(|f| f.endings.contains(&ending) && f.write.is_some()).collect();
+    let ending = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default();
+    let fits: Vec<_> = FORMATS
+        .iter()
+        .filter(|f| f.endings.contains(&ending) && f.write.is_some())
+        .collect();
     match (&fits[..], ending) {
-        ([], _) => {
-            Err(Error::format(path, "must end in .xml, .yaml, .yml or .txt, or be two files, `left.yaml,right.yaml`"))
-        }
+        ([], _) => Err(Error::format(
+            path,
+            "must end in .xml, .yaml, .yml or .txt, or be two files, `left.yaml,right.yaml`",
+        )),
         ([_, _, ..], "txt") => {
             let names = fits.iter().map(|f| f.name).collect::<Vec<_>>().join(", ");
-            Err(Error::format(path, format!("could be of several formats; choose one with --to: {names}")))
+            Err(Error::format(
+                path,
+                format!("could be of several formats; choose one with --to: {names}"),
+            ))
         }
         ([first, ..], _) => Ok(first),
     }
@@ -160,9 +199,15 @@ pub fn written_as(path: &Path) -> Result<&'static Format> {
 ///
 /// # Errors
 /// [`Error::Format`] when the format cannot hold the calibration; [`Error::Io`].
-pub fn write_as(path: &Path, format: &Format, calibration: &StereoCalibration) -> Result<Vec<&'static str>> {
+pub fn write_as(
+    path: &Path,
+    format: &Format,
+    calibration: &StereoCalibration,
+) -> Result<Vec<&'static str>> {
     let cannot = |reason: String| Error::format(path, format!("{}: {reason}", format.title));
-    let write = format.write.ok_or_else(|| cannot("is read only; choose another with --to".into()))?;
+    let write = format
+        .write
+        .ok_or_else(|| cannot("is read only; choose another with --to".into()))?;
     let Written { texts, left_out } = write(calibration).map_err(cannot)?;
     let paths = outputs(path, format)?;
     for (path, text) in paths.iter().zip(texts) {
@@ -178,7 +223,11 @@ pub fn write_as(path: &Path, format: &Format, calibration: &StereoCalibration) -
 pub fn format(name: &str) -> Result<&'static Format> {
     FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
         let hint = did_you_mean(&nearest(name, FORMATS.iter().map(|f| f.name)));
-        let names = FORMATS.iter().map(|f| f.name).collect::<Vec<_>>().join(", ");
+        let names = FORMATS
+            .iter()
+            .map(|f| f.name)
+            .collect::<Vec<_>>()
+            .join(", ");
         Error::Invalid(format!("unknown format '{name}'{hint}; there are {names}"))
     })
 }
@@ -192,10 +241,14 @@ impl Format {
 
 /// The document of a format of one file.
 fn one(documents: Vec<Document>) -> Result<Document> {
-    <[Document; 1]>::try_from(documents).map(|[one]| one).map_err(|_| Error::Invalid("expected one file".into()))
+    <[Document; 1]>::try_from(documents)
+        .map(|[one]| one)
+        .map_err(|_| Error::Invalid("expected one file".into()))
 }
 
 /// The documents of a format of two files.
 fn both(documents: Vec<Document>) -> Result<[Document; 2]> {
-    documents.try_into().map_err(|_| Error::Invalid("expected two files".into()))
+    documents
+        .try_into()
+        .map_err(|_| Error::Invalid("expected two files".into()))
 }

@@ -1,7 +1,8 @@
 //! OpenCV's FileStorage, YAML or XML.
 //!
-//! The names are those of its `stereo_calib` sample (M1 D1 M2 D2, R T, R1 R2 P1 P2) and of its documentation (K1 K2). The
-//! sample writes neither size nor unit, and two files, `intrinsics.yml` and `extrinsics.yml`, which are read together.
+//! The names are those of its `stereo_calib` sample (M1 D1 M2 D2, R T, R1 R2 P1 P2) and of its
+//! documentation (K1 K2). The sample writes neither size nor unit, and two files, `intrinsics.yml`
+//! and `extrinsics.yml`, which are read together.
 
 use super::document::{Document, Syntax};
 use super::geometry::{Cameras, camera, extrinsics, lens, rig};
@@ -28,8 +29,10 @@ pub(super) const FORMAT: Format = Format {
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     // One is there: paths are never none.
-    let merged =
-        documents.into_iter().reduce(Document::completed_by).ok_or_else(|| crate::Error::Invalid("no file".into()))?;
+    let merged = documents
+        .into_iter()
+        .reduce(Document::completed_by)
+        .ok_or_else(|| crate::Error::Invalid("no file".into()))?;
     let document = &merged;
     if document.has("camera_matrix|cameraMatrix") {
         return Err(document.wrong("is of one camera; svl needs both, K1 D1 K2 D2, and R and T"));
@@ -43,21 +46,56 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
                 .wrong("has no 'image_width' and 'image_height'; say them with `svl calibrate convert --size WxH`"));
         }
     };
-    let right_size = if document.has("image_size2") { document.size_of("image_size2")? } else { size };
-    let left = camera(document, "K1|M1|cameraMatrix1", size, lens(document, "D1|distCoeffs1")?)?;
-    let right = camera(document, "K2|M2|cameraMatrix2", right_size, lens(document, "D2|distCoeffs2")?)?;
-    let rectification = document.has("P1").then(|| rectification(document, size)).transpose()?;
+    let right_size = if document.has("image_size2") {
+        document.size_of("image_size2")?
+    } else {
+        size
+    };
+    let left = camera(
+        document,
+        "K1|M1|cameraMatrix1",
+        size,
+        lens(document, "D1|distCoeffs1")?,
+    )?;
+    let right = camera(
+        document,
+        "K2|M2|cameraMatrix2",
+        right_size,
+        lens(document, "D2|distCoeffs2")?,
+    )?;
+    let rectification = document
+        .has("P1")
+        .then(|| rectification(document, size))
+        .transpose()?;
     let right_from_left = Some(extrinsics(document, "R", "T")?);
     let unit = Unit::of(document, "length_unit", hints.unit)?;
-    let cameras = Cameras { left, right, right_from_left, rectification };
-    Ok(Found { format: &FORMAT, calibration: cameras.calibration(document, unit)?, remarks: Vec::new() })
+    let cameras = Cameras {
+        left,
+        right,
+        right_from_left,
+        rectification,
+    };
+    Ok(Found {
+        format: &FORMAT,
+        calibration: cameras.calibration(document, unit)?,
+        remarks: Vec::new(),
+    })
 }
 
 fn rectification(document: &Document, size: (usize, usize)) -> Result<Rectification> {
-    let size = if document.has("rectified_size") { document.size_of("rectified_size")? } else { size };
+    let size = if document.has("rectified_size") {
+        document.size_of("rectified_size")?
+    } else {
+        size
+    };
     let (p1, p2) = (document.projection("P1")?, document.projection("P2")?);
     let rig = rig(&p1, &p2).map_err(|reason| document.wrong(format!("'P1' and 'P2': {reason}")))?;
-    Ok(Rectification { size, left: document.rotation("R1")?, right: document.rotation("R2")?, rig })
+    Ok(Rectification {
+        size,
+        left: document.rotation("R1")?,
+        right: document.rotation("R2")?,
+        rig,
+    })
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -76,7 +114,10 @@ fn write(calibration: &StereoCalibration) -> Writing {
         ("K2", fixed(&right.matrix())),
         ("D2", lens_matrix(right)),
         ("R", fixed(motion.rotation.to_rotation_matrix().matrix())),
-        ("T", fixed::<3, 1>(&Vector3::from(motion.translation.vector))),
+        (
+            "T",
+            fixed::<3, 1>(&Vector3::from(motion.translation.vector)),
+        ),
     ];
     if let Some(rectification) = calibration.rectification() {
         let (width, height) = rectification.size;
@@ -98,7 +139,10 @@ fn write(calibration: &StereoCalibration) -> Writing {
             data.join(",\n       ")
         );
     }
-    Ok(Written { texts: vec![text], left_out: Vec::new() })
+    Ok(Written {
+        texts: vec![text],
+        left_out: Vec::new(),
+    })
 }
 
 fn fixed<const R: usize, const C: usize>(matrix: &nalgebra::SMatrix<f64, R, C>) -> DMatrix<f64> {

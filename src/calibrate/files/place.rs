@@ -22,10 +22,18 @@ pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
         return Ok(vec![path.to_owned()]);
     }
     let pairs = || FORMATS.iter().flat_map(|format| format.pairs);
-    let found = pairs().map(|pair| pair.map(|name| path.join(name))).find(|both| both.iter().all(|p| p.is_file()));
+    let found = pairs()
+        .map(|pair| pair.map(|name| path.join(name)))
+        .find(|both| both.iter().all(|p| p.is_file()));
     found.map(Vec::from).ok_or_else(|| {
-        let names = pairs().map(|[left, right]| format!("{left} and {right}")).collect::<Vec<_>>().join("; ");
-        Error::format(path, format!("is a folder without a calibration's two files: {names}; name the file itself"))
+        let names = pairs()
+            .map(|[left, right]| format!("{left} and {right}"))
+            .collect::<Vec<_>>()
+            .join("; ");
+        Error::format(
+            path,
+            format!("is a folder without a calibration's two files: {names}; name the file itself"),
+        )
     })
 }
 
@@ -37,12 +45,22 @@ pub fn outputs(path: &Path, format: &Format) -> Result<Vec<PathBuf>> {
     match (two_of(path), format.single) {
         (Some(both), false) => Ok(both.into()),
         (None, true) if !path.is_dir() => Ok(vec![path.to_owned()]),
-        (None, false) if path.is_dir() => {
-            Ok(format.pairs.iter().take(1).flatten().map(|name| path.join(name)).collect())
-        }
-        (_, true) => Err(Error::format(path, format!("{} is one file; name it", format.title))),
+        (None, false) if path.is_dir() => Ok(format
+            .pairs
+            .iter()
+            .take(1)
+            .flatten()
+            .map(|name| path.join(name))
+            .collect()),
+        (_, true) => Err(Error::format(
+            path,
+            format!("{} is one file; name it", format.title),
+        )),
         (_, false) => {
-            let reason = format!("{} is two files; name both, `left.yaml,right.yaml`, or a folder", format.title);
+            let reason = format!(
+                "{} is two files; name both, `left.yaml,right.yaml`, or a folder",
+                format.title
+            );
             Err(Error::format(path, reason))
         }
     }

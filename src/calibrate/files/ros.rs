@@ -1,4 +1,5 @@
-//! ROS `camera_info` files, one per camera, as `camera_info_manager` and `camera_calibration` keep them.
+//! ROS `camera_info` files, one per camera, as `camera_info_manager` and `camera_calibration` keep
+//! them.
 
 use super::document::{Document, Syntax};
 use super::geometry::{Cameras, camera, in_metres, lens, rig};
@@ -25,26 +26,51 @@ pub(super) const FORMAT: Format = Format {
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     let [left, right] = super::both(documents)?;
     let unit = Unit::METRE.fixed(&left, hints.unit)?;
-    let projections = (left.projection("projection_matrix")?, right.projection("projection_matrix")?);
+    let projections = (
+        left.projection("projection_matrix")?,
+        right.projection("projection_matrix")?,
+    );
     let rig = rig(&projections.0, &projections.1).map_err(|reason| {
-        right.wrong(format!("'projection_matrix': {reason}; calibrate both cameras together, left one first"))
+        right.wrong(format!(
+            "'projection_matrix': {reason}; calibrate both cameras together, left one first"
+        ))
     })?;
     let rotation = |document: &Document| document.rotation("rectification_matrix");
     let intrinsics = (one(&left)?, one(&right)?);
     let size = intrinsics.0.size();
-    let rectification = Rectification { size, left: rotation(&left)?, right: rotation(&right)?, rig };
-    let cameras =
-        Cameras { left: intrinsics.0, right: intrinsics.1, right_from_left: None, rectification: Some(rectification) };
-    Ok(Found { format: &FORMAT, calibration: cameras.calibration(&left, unit)?, remarks: Vec::new() })
+    let rectification = Rectification {
+        size,
+        left: rotation(&left)?,
+        right: rotation(&right)?,
+        rig,
+    };
+    let cameras = Cameras {
+        left: intrinsics.0,
+        right: intrinsics.1,
+        right_from_left: None,
+        rectification: Some(rectification),
+    };
+    Ok(Found {
+        format: &FORMAT,
+        calibration: cameras.calibration(&left, unit)?,
+        remarks: Vec::new(),
+    })
 }
 
 fn one(document: &Document) -> Result<Intrinsics> {
     let model = document.text("distortion_model")?;
     if model != "plumb_bob" && model != "rational_polynomial" {
-        return Err(document.wrong(format!("'distortion_model' is {model}; svl reads plumb_bob")));
+        return Err(document.wrong(format!(
+            "'distortion_model' is {model}; svl reads plumb_bob"
+        )));
     }
     let size = document.size("image_width", "image_height")?;
-    camera(document, "camera_matrix", size, lens(document, "distortion_coefficients")?)
+    camera(
+        document,
+        "camera_matrix",
+        size,
+        lens(document, "distortion_coefficients")?,
+    )
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -57,20 +83,39 @@ fn write(calibration: &StereoCalibration) -> Writing {
         );
     };
     if [calibration.left().size(), calibration.right().size()] != [rectification.size; 2] {
-        return Err("holds one image size, and this calibration has others before and after rectification".into());
+        return Err(
+            "holds one image size, and this calibration has others before and after rectification"
+                .into(),
+        );
     }
     let rig = rectification.rig;
     let texts = vec![
-        camera_info("left", calibration.left(), &rectification.left, &rig.projection(false)),
-        camera_info("right", calibration.right(), &rectification.right, &rig.projection(true)),
+        camera_info(
+            "left",
+            calibration.left(),
+            &rectification.left,
+            &rig.projection(false),
+        ),
+        camera_info(
+            "right",
+            calibration.right(),
+            &rectification.right,
+            &rig.projection(true),
+        ),
     ];
-    Ok(Written { texts, left_out: Vec::new() })
+    Ok(Written {
+        texts,
+        left_out: Vec::new(),
+    })
 }
 
 fn camera_info(name: &str, camera: &Intrinsics, r: &Rotation3<f64>, p: &Matrix3x4<f64>) -> String {
     let (width, height) = camera.size();
     let matrix = |name: &str, rows: usize, columns: usize, values: &[f64]| {
-        format!("{name}:\n  rows: {rows}\n  cols: {columns}\n  data: [{}]\n", listed(values))
+        format!(
+            "{name}:\n  rows: {rows}\n  cols: {columns}\n  data: [{}]\n",
+            listed(values)
+        )
     };
     [
         format!("image_width: {width}\nimage_height: {height}\ncamera_name: {name}\n"),

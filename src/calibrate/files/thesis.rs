@@ -1,20 +1,21 @@
 //! The thesis's XML (annex E).
 //!
-//! `ImageSize`: x is the width. `Rotation` and `Transaction` (sic) are the pose of the board in the camera, `X_camera = R
-//! X_board + T`. `Coeffs` are the homographies that warp each image to its rectified one, `Quad` is where they put the
-//! corners (0, 0), (w, 0), (w, h), (0, h).
+//! `ImageSize`: x is the width. `Rotation` and `Transaction` (sic) are the pose of the board in the
+//! camera, `X_camera = R X_board + T`. `Coeffs` are the homographies that warp each image to its
+//! rectified one, `Quad` is where they put the corners (0, 0), (w, 0), (w, h), (0, h).
 //!
-//! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are no names that XML allows, so that XML libraries refuse it: both
-//! are read, and `x_0_0` and `coeff_0_0_0` written. k3 is `dist4`, the unit of length an attribute `unit` of the root, the
-//! rectified size attributes of `Stereo`; a reader of annex E passes over them. The board of what svl writes is the left
-//! camera itself.
+//! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are no names that XML allows, so that XML
+//! libraries refuse it: both are read, and `x_0_0` and `coeff_0_0_0` written. k3 is `dist4`, the
+//! unit of length an attribute `unit` of the root, the rectified size attributes of `Stereo`; a
+//! reader of annex E passes over them. The board of what svl writes is the left camera itself.
 //!
-//! **The annex's own example contradicts itself.** By its poses the cameras are turned by 90° about their axes: their two
-//! boards were numbered in different directions. Turned back, they agree with the homographies to 4°; but how many squares
-//! lie between the two origins is not said, and with it the baseline. Hence, where poses and homographies are more than 10°
-//! apart, the homographies are believed: they give the rotation and the direction of the baseline, and its length is 1, in
-//! squares that nobody measured. Its homographies are warps of four corners and of no camera that was only turned, so its
-//! rectification is left out.
+//! **The annex's own example contradicts itself.** By its poses the cameras are turned by 90° about
+//! their axes: their two boards were numbered in different directions. Turned back, they agree with
+//! the homographies to 4°; but how many squares lie between the two origins is not said, and with
+//! it the baseline. Hence, where poses and homographies are more than 10° apart, the homographies
+//! are believed: they give the rotation and the direction of the baseline, and its length is 1, in
+//! squares that nobody measured. Its homographies are warps of four corners and of no camera that
+//! was only turned, so its rectification is left out.
 
 use super::document::{Document, Syntax};
 use super::geometry::{Cameras, pinhole};
@@ -58,9 +59,18 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
                 by_poses.rotation.angle().to_degrees()
             )));
         }
-        let cameras = Cameras { left, right, right_from_left: Some(by_poses), rectification: None };
+        let cameras = Cameras {
+            left,
+            right,
+            right_from_left: Some(by_poses),
+            rectification: None,
+        };
         let unit = Unit::of(document, "unit", hints.unit)?;
-        return Ok(Found { format: &FORMAT, calibration: cameras.calibration(document, unit)?, remarks });
+        return Ok(Found {
+            format: &FORMAT,
+            calibration: cameras.calibration(document, unit)?,
+            remarks,
+        });
     };
     let by_warps = warps.motion();
     let apart = by_warps.rotation.angle_to(&by_poses.rotation);
@@ -74,31 +84,54 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     } else {
         (by_poses, Unit::of(document, "unit", hints.unit)?)
     };
-    let size = if document.has("Stereo.width") { document.size("Stereo.width", "Stereo.height")? } else { left.size() };
+    let size = if document.has("Stereo.width") {
+        document.size("Stereo.width", "Stereo.height")?
+    } else {
+        left.size()
+    };
     let rectification = warps.rectification(size, right_from_left.translation.vector.norm());
     if rectification.is_none() {
-        remarks.push("its Coeffs are warps of no camera that was only turned: its rectification is left out".into());
+        remarks.push(
+            "its Coeffs are warps of no camera that was only turned: its rectification is left out"
+                .into(),
+        );
     }
-    let cameras = Cameras { left, right, right_from_left: Some(right_from_left), rectification };
-    Ok(Found { format: &FORMAT, calibration: cameras.calibration(document, unit)?, remarks })
+    let cameras = Cameras {
+        left,
+        right,
+        right_from_left: Some(right_from_left),
+        rectification,
+    };
+    Ok(Found {
+        format: &FORMAT,
+        calibration: cameras.calibration(document, unit)?,
+        remarks,
+    })
 }
 
 fn camera(document: &Document, i: usize) -> Result<Intrinsics> {
     let at = |key: &str| format!("Camera.{i}.{key}");
     let [k1, k2, p1, p2] = document.counted(&at("Distortion.dist"))?;
     let k3 = at("Distortion.dist4");
-    let k3 = if document.has(&k3) { document.number(&k3)? } else { 0.0 };
+    let k3 = if document.has(&k3) {
+        document.number(&k3)?
+    } else {
+        0.0
+    };
     let k = Matrix3::from_row_slice(&document.counted::<9>(&at("Intrinsic.intr"))?);
     let size = document.size(&at("ImageSize.x"), &at("ImageSize.y"))?;
-    pinhole(size, &k, [k1, k2, p1, p2, k3]).map_err(|reason| document.wrong(format!("'{}': {reason}", at("Intrinsic"))))
+    pinhole(size, &k, [k1, k2, p1, p2, k3])
+        .map_err(|reason| document.wrong(format!("'{}': {reason}", at("Intrinsic"))))
 }
 
 /// The board's pose.
 fn pose(document: &Document, i: usize) -> Result<Isometry3<f64>> {
     let at = |key: &str| format!("Camera.{i}.{key}");
     let rotation = Matrix3::from_row_slice(&document.counted::<9>(&at("Rotation.rot"))?);
-    let [x, y, z] = ["x", "y", "z"].map(|axis| document.number(&at(&format!("Transaction.{axis}"))));
-    motion(&rotation, Vector3::new(x?, y?, z?)).map_err(|e| document.wrong(format!("'{}': {e}", at("Rotation"))))
+    let [x, y, z] =
+        ["x", "y", "z"].map(|axis| document.number(&at(&format!("Transaction.{axis}"))));
+    motion(&rotation, Vector3::new(x?, y?, z?))
+        .map_err(|e| document.wrong(format!("'{}': {e}", at("Rotation"))))
 }
 
 /// How a rectified image is seen by its camera: K of it, and the rotation to it.
@@ -117,11 +150,18 @@ fn warps(document: &Document, cameras: [&Intrinsics; 2]) -> Result<Option<Warps>
         let mut homography = Matrix3::zeros();
         for (row, column) in (0..9).map(|k| (k / 3, k % 3)) {
             let key = |name: String| format!("Stereo.Coeffs.{name}");
-            let names = [key(format!("coeff({i},{row},{column})")), key(format!("coeff_{i}_{row}_{column}"))];
+            let names = [
+                key(format!("coeff({i},{row},{column})")),
+                key(format!("coeff_{i}_{row}_{column}")),
+            ];
             homography[(row, column)] = document.number(&names.join("|"))?;
         }
         let warp = Warp::of(&(homography * cameras[i].matrix()));
-        warp.ok_or_else(|| document.wrong(format!("'Stereo.Coeffs': those of camera {i} are no homography")))
+        warp.ok_or_else(|| {
+            document.wrong(format!(
+                "'Stereo.Coeffs': those of camera {i} are no homography"
+            ))
+        })
     };
     Ok(Some(Warps([warp(0)?, warp(1)?])))
 }
@@ -147,12 +187,15 @@ impl Warp {
 impl Warps {
     /// The motion that makes rows of both rectified images those of one plane: `T` has length 1.
     ///
-    /// Row `y` sees the plane whose normal is the second row of the warp less `y` times its third; the baseline lies in
-    /// all those planes.
+    /// Row `y` sees the plane whose normal is the second row of the warp less `y` times its third;
+    /// the baseline lies in all those planes.
     fn motion(&self) -> Isometry3<f64> {
         let middle = self.0[0].k[(1, 2)];
         let [left, right] = self.0.each_ref().map(|Warp { k, turn }| {
-            let (x, z) = (turn.matrix().row(0).transpose(), turn.matrix().row(2).transpose());
+            let (x, z) = (
+                turn.matrix().row(0).transpose(),
+                turn.matrix().row(2).transpose(),
+            );
             let y = turn.matrix().row(1).transpose();
             let normal = (y * k[(1, 1)] + z * (k[(1, 2)] - middle)).normalize();
             Matrix3::from_columns(&[x, normal, x.cross(&normal)])
@@ -168,15 +211,23 @@ impl Warps {
         let focal = left.k[(0, 0)];
         let doffs = right.k[(0, 2)] - left.k[(0, 2)];
         let rig = Rig::new(focal, (left.k[(0, 2)], left.k[(1, 2)]), baseline, doffs).ok()?;
-        let fits = |warp: &Warp, is_right| (warp.k - rig.intrinsics(is_right)).amax() <= SAME * focal;
+        let fits =
+            |warp: &Warp, is_right| (warp.k - rig.intrinsics(is_right)).amax() <= SAME * focal;
         let fits = fits(left, false) && fits(right, true);
-        fits.then_some(Rectification { size, left: left.turn, right: right.turn, rig })
+        fits.then_some(Rectification {
+            size,
+            left: left.turn,
+            right: right.turn,
+            rig,
+        })
     }
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
     let unit = unit::name(calibration.unit());
-    let mut text = format!("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<VSCalibrationData unit=\"{unit}\">\n");
+    let mut text = format!(
+        "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<VSCalibrationData unit=\"{unit}\">\n"
+    );
     let poses = [Isometry3::identity(), *calibration.right_from_left()];
     let cameras = [calibration.left(), calibration.right()];
     for (camera, pose) in cameras.into_iter().zip(&poses) {
@@ -194,19 +245,35 @@ fn write(calibration: &StereoCalibration) -> Writing {
         text += &stereo(cameras, rectification)?;
     }
     text += "</VSCalibrationData>\n";
-    Ok(Written { texts: vec![text], left_out: Vec::new() })
+    Ok(Written {
+        texts: vec![text],
+        left_out: Vec::new(),
+    })
 }
 
 fn element(name: &str, prefix: &str, values: &[f64]) -> String {
-    let attributes = values.iter().enumerate().map(|(i, &v)| format!(" {prefix}{i}=\"{}\"", number(v)));
+    let attributes = values
+        .iter()
+        .enumerate()
+        .map(|(i, &v)| format!(" {prefix}{i}=\"{}\"", number(v)));
     format!("    <{name}{}/>\n", attributes.collect::<String>())
 }
 
-fn stereo(cameras: [&Intrinsics; 2], rectification: &Rectification) -> std::result::Result<String, String> {
+fn stereo(
+    cameras: [&Intrinsics; 2],
+    rectification: &Rectification,
+) -> std::result::Result<String, String> {
     let (mut quad, mut coeffs) = (String::new(), String::new());
     for (i, camera) in cameras.into_iter().enumerate() {
-        let turn = if i == 0 { rectification.left } else { rectification.right };
-        let raw = camera.matrix().try_inverse().ok_or("has a camera whose matrix cannot be inverted")?;
+        let turn = if i == 0 {
+            rectification.left
+        } else {
+            rectification.right
+        };
+        let raw = camera
+            .matrix()
+            .try_inverse()
+            .ok_or("has a camera whose matrix cannot be inverted")?;
         let homography = rectification.rig.intrinsics(i == 1) * turn.matrix() * raw;
         let homography = homography / homography[(2, 2)];
         let (width, height) = (camera.size().0 as f64, camera.size().1 as f64);
@@ -218,7 +285,11 @@ fn stereo(cameras: [&Intrinsics; 2], rectification: &Rectification) -> std::resu
             let _ = write!(quad, " x_{i}_{j}=\"{x}\" y_{i}_{j}=\"{y}\"");
         }
         for (row, column) in (0..9).map(|k| (k / 3, k % 3)) {
-            let _ = write!(coeffs, " coeff_{i}_{row}_{column}=\"{}\"", number(homography[(row, column)]));
+            let _ = write!(
+                coeffs,
+                " coeff_{i}_{row}_{column}=\"{}\"",
+                number(homography[(row, column)])
+            );
         }
     }
     let (width, height) = rectification.size;

@@ -6,7 +6,8 @@ use crate::stereo::LengthUnit;
 use std::fmt;
 use std::str::FromStr;
 
-/// A unit of length, named `m`, `cm`, `mm`, `squares`, or `squares=0.025` for squares of that many metres.
+/// A unit of length, named `m`, `cm`, `mm`, `squares`, or `squares=0.025` for squares of that many
+/// metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
     /// So many metres.
@@ -35,7 +36,10 @@ impl Unit {
     /// # Errors
     /// [`Error::Format`] when neither says it, or both do.
     pub(super) fn of(document: &Document, key: &str, named: Option<Self>) -> Result<Self> {
-        let said = document.has(key).then(|| document.text(key)?.parse().map_err(|e| document.wrong(e))).transpose()?;
+        let said = document
+            .has(key)
+            .then(|| document.text(key)?.parse().map_err(|e| document.wrong(e)))
+            .transpose()?;
         match (said, named) {
             (None, None) => Err(document.wrong(format!(
                 "does not say what its lengths are in; say it with `svl calibrate convert --unit`: {UNITS}"
@@ -54,9 +58,9 @@ impl Unit {
     /// [`Error::Format`] when the user named another.
     pub(super) fn fixed(self, document: &Document, named: Option<Self>) -> Result<Self> {
         match named {
-            Some(named) if named != self => {
-                Err(document.wrong(format!("has its lengths in {self} by its format; leave --unit out")))
-            }
+            Some(named) if named != self => Err(document.wrong(format!(
+                "has its lengths in {self} by its format; leave --unit out"
+            ))),
             _ => Ok(self),
         }
     }
@@ -66,7 +70,11 @@ impl FromStr for Unit {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        let side = |text: &str| text.parse().ok().filter(|side: &f64| *side > 0.0 && *side < 10.0);
+        let side = |text: &str| {
+            text.parse()
+                .ok()
+                .filter(|side: &f64| *side > 0.0 && *side < 10.0)
+        };
         match name {
             "m" => Ok(Self::METRE),
             "cm" => Ok(Self::Metres(0.01)),
@@ -76,7 +84,11 @@ impl FromStr for Unit {
                 .strip_prefix("squares=")
                 .and_then(side)
                 .map(Self::Metres)
-                .ok_or_else(|| Error::Invalid(format!("'{name}' is no unit of length; expected one of {UNITS}"))),
+                .ok_or_else(|| {
+                    Error::Invalid(format!(
+                        "'{name}' is no unit of length; expected one of {UNITS}"
+                    ))
+                }),
         }
     }
 }
@@ -110,8 +122,22 @@ mod tests {
         for name in ["m", "cm", "mm", "squares", "squares=0.025"] {
             assert_eq!(name.parse::<Unit>().unwrap().to_string(), name);
         }
-        for name in ["", "inch", "squares=", "squares=0", "squares=-1", "squares=nan", "squares=1e9"] {
-            assert!(name.parse::<Unit>().unwrap_err().to_string().contains("no unit of length"), "{name}");
+        for name in [
+            "",
+            "inch",
+            "squares=",
+            "squares=0",
+            "squares=-1",
+            "squares=nan",
+            "squares=1e9",
+        ] {
+            assert!(
+                name.parse::<Unit>()
+                    .unwrap_err()
+                    .to_string()
+                    .contains("no unit of length"),
+                "{name}"
+            );
         }
     }
 }

@@ -1,6 +1,8 @@
-//! A board that somebody moves before two cameras whose lenses, places and directions are known exactly.
+//! A board that somebody moves before two cameras whose lenses, places and directions are known
+//! exactly.
 //!
-//! What it leaves out: gloss, shadows and the hands that hold it; paper that is not flat; pixels that saturate.
+//! What it leaves out: gloss, shadows and the hands that hold it; paper that is not flat; pixels
+//! that saturate.
 
 mod picture;
 
@@ -18,14 +20,19 @@ pub const RATE_HZ: f64 = 10.0;
 const POSES: usize = 24;
 const HELD: u64 = 3;
 const MOVING: u64 = 5;
-/// Part of the time between two pairs for which the shutter is open, and moments of it that are drawn.
+/// Part of the time between two pairs for which the shutter is open, and moments of it that are
+/// drawn.
 const SHUTTER: f64 = 0.1;
 const MOMENTS: usize = 3;
 /// Corners are at least so far from the edges of both images.
 const MARGIN_PX: f64 = 14.0;
 
 const SIDE_M: f64 = 0.03;
-const LOOK: Look = Look { blur_px: 0.7, noise: 2.0, shade: 0.25 };
+const LOOK: Look = Look {
+    blur_px: 0.7,
+    noise: 2.0,
+    shade: 0.25,
+};
 
 /// The cameras, the board, and where it is held.
 pub struct MovingBoard {
@@ -37,8 +44,8 @@ pub struct MovingBoard {
 }
 
 impl MovingBoard {
-    /// A board of 9x6 corners 0.03 m apart before two cameras of 640x480 pixels 0.12 m apart. The seed sets the poses and
-    /// the noise.
+    /// A board of 9x6 corners 0.03 m apart before two cameras of 640x480 pixels 0.12 m apart. The
+    /// seed sets the poses and the noise.
     ///
     /// # Errors
     /// None; those of the constructors.
@@ -47,8 +54,16 @@ impl MovingBoard {
         let truth = truth()?;
         let rays = [Rays::new(truth.left()), Rays::new(truth.right())];
         let mut random = fastrand::Rng::with_seed(seed);
-        let poses = (0..POSES).map(|_| pose(&board, &truth, &mut random)).collect();
-        Ok(Self { board, truth, rays, poses, seed })
+        let poses = (0..POSES)
+            .map(|_| pose(&board, &truth, &mut random))
+            .collect();
+        Ok(Self {
+            board,
+            truth,
+            rays,
+            poses,
+            seed,
+        })
     }
 
     pub fn board(&self) -> &Board {
@@ -70,13 +85,27 @@ impl MovingBoard {
     /// # Errors
     /// None; those of the images' constructors.
     pub fn pair(&self, index: u64) -> Result<StereoPair> {
-        let moments: Vec<_> = (0..MOMENTS).map(|i| index as f64 + SHUTTER * i as f64 / (MOMENTS - 1) as f64).collect();
-        let mut poses: Vec<_> = moments.into_iter().map(|moment| self.pose(moment)).collect();
+        let moments: Vec<_> = (0..MOMENTS)
+            .map(|i| index as f64 + SHUTTER * i as f64 / (MOMENTS - 1) as f64)
+            .collect();
+        let mut poses: Vec<_> = moments
+            .into_iter()
+            .map(|moment| self.pose(moment))
+            .collect();
         poses.dedup();
         let image = |side: usize| {
-            let in_camera = |pose: &Isometry3<f64>| if side == 0 { *pose } else { self.truth.right_from_left() * pose };
+            let in_camera = |pose: &Isometry3<f64>| {
+                if side == 0 {
+                    *pose
+                } else {
+                    self.truth.right_from_left() * pose
+                }
+            };
             let poses: Vec<_> = poses.iter().map(in_camera).collect();
-            let seed = self.seed.wrapping_mul(1_000_003).wrapping_add(2 * index + side as u64);
+            let seed = self
+                .seed
+                .wrapping_mul(1_000_003)
+                .wrapping_add(2 * index + side as u64);
             render(&self.rays[side], &self.board, &poses, &LOOK, seed)
         };
         StereoPair::new(image(0)?, image(1)?)
@@ -91,7 +120,8 @@ impl MovingBoard {
     fn pose(&self, at: f64) -> Isometry3<f64> {
         let turn = (HELD + MOVING) as f64;
         let step = ((at / turn) as usize).min(POSES - 1);
-        let on_the_way = ((at - step as f64 * turn - HELD as f64 + 1.0) / (MOVING + 1) as f64).clamp(0.0, 1.0);
+        let on_the_way =
+            ((at - step as f64 * turn - HELD as f64 + 1.0) / (MOVING + 1) as f64).clamp(0.0, 1.0);
         let smooth = on_the_way * on_the_way * (3.0 - 2.0 * on_the_way);
         let next = self.poses[(step + 1).min(POSES - 1)];
         self.poses[step].lerp_slerp(&next, smooth)
@@ -99,8 +129,18 @@ impl MovingBoard {
 }
 
 fn truth() -> Result<StereoCalibration> {
-    let left = Intrinsics::new((640, 480), (521.3, 522.1), (324.6, 236.8), [-0.283, 0.094, 0.0007, -0.0004, 0.012])?;
-    let right = Intrinsics::new((640, 480), (518.9, 519.4), (317.2, 243.1), [-0.276, 0.087, -0.0005, 0.0006, 0.015])?;
+    let left = Intrinsics::new(
+        (640, 480),
+        (521.3, 522.1),
+        (324.6, 236.8),
+        [-0.283, 0.094, 0.0007, -0.0004, 0.012],
+    )?;
+    let right = Intrinsics::new(
+        (640, 480),
+        (518.9, 519.4),
+        (317.2, 243.1),
+        [-0.276, 0.087, -0.0005, 0.0006, 0.015],
+    )?;
     let turn = UnitQuaternion::from_euler_angles(0.008, -0.015, 0.004);
     let right_from_left = Isometry3::from_parts(Translation3::new(-0.12, 0.0012, -0.0021), turn);
     StereoCalibration::new(left, right, right_from_left, LengthUnit::Metres)
@@ -108,10 +148,15 @@ fn truth() -> Result<StereoCalibration> {
 
 /// A pose in which both cameras see the whole board.
 fn pose(board: &Board, truth: &StereoCalibration, random: &mut fastrand::Rng) -> Isometry3<f64> {
-    let middle = Vector3::new((board.columns() - 1) as f64, (board.rows() - 1) as f64, 0.0) * (0.5 * SIDE_M);
+    let middle =
+        Vector3::new((board.columns() - 1) as f64, (board.rows() - 1) as f64, 0.0) * (0.5 * SIDE_M);
     loop {
         let mut within = |low: f64, high: f64| low + (high - low) * random.f64();
-        let turn = UnitQuaternion::from_euler_angles(within(-0.7, 0.7), within(-0.7, 0.7), within(-0.5, 0.5));
+        let turn = UnitQuaternion::from_euler_angles(
+            within(-0.7, 0.7),
+            within(-0.7, 0.7),
+            within(-0.5, 0.5),
+        );
         let depth = within(0.35, 0.75);
         let place = Vector3::new(within(-0.5, 0.6) * depth, within(-0.4, 0.4) * depth, depth);
         let pose = Isometry3::from_parts(Translation3::from(place - turn * middle), turn);
@@ -121,16 +166,27 @@ fn pose(board: &Board, truth: &StereoCalibration, random: &mut fastrand::Rng) ->
     }
 }
 
-/// Where both cameras see the corners; nothing unless all are at least `margin_px` within both images.
-fn view(board: &Board, truth: &StereoCalibration, pose: &Isometry3<f64>, margin_px: f64) -> Option<View> {
+/// Where both cameras see the corners; nothing unless all are at least `margin_px` within both
+/// images.
+fn view(
+    board: &Board,
+    truth: &StereoCalibration,
+    pose: &Isometry3<f64>,
+    margin_px: f64,
+) -> Option<View> {
     let seen = |camera: &Intrinsics, pose: Isometry3<f64>| {
         let (width, height) = camera.size();
         let inside = |pixel: &Point2<f64>| {
             let within = |v: f64, side: usize| v >= margin_px && v <= side as f64 - 1.0 - margin_px;
             within(pixel.x, width) && within(pixel.y, height)
         };
-        let corners = board.corners().map(|corner| camera.project(&(pose * corner)).filter(inside));
+        let corners = board
+            .corners()
+            .map(|corner| camera.project(&(pose * corner)).filter(inside));
         corners.collect::<Option<Vec<_>>>()
     };
-    Some(View { left: seen(truth.left(), *pose)?, right: seen(truth.right(), truth.right_from_left() * pose)? })
+    Some(View {
+        left: seen(truth.left(), *pose)?,
+        right: seen(truth.right(), truth.right_from_left() * pose)?,
+    })
 }

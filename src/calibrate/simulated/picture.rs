@@ -16,7 +16,8 @@ const BEHIND: f32 = 110.0;
 /// White paper around the squares, in squares.
 const MARGIN: f32 = 0.6;
 
-/// The directions in which the samples of a camera's pixels see: what of rendering does not change from image to image.
+/// The directions in which the samples of a camera's pixels see: what of rendering does not change
+/// from image to image.
 pub struct Rays {
     size: (usize, usize),
     /// `X/Z, Y/Z` of the samples, row by row of them.
@@ -29,11 +30,18 @@ impl Rays {
         let place = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
         let direction = |x, y| {
             let seen = camera.direction(Point2::new(place(x), place(y)));
-            seen.map_or([f32::NAN; 2], |direction| [direction.x as f32, direction.y as f32])
+            seen.map_or([f32::NAN; 2], |direction| {
+                [direction.x as f32, direction.y as f32]
+            })
         };
         let rows = (0..height * SAMPLES).into_par_iter();
-        let directions = rows.flat_map_iter(|y| (0..width * SAMPLES).map(move |x| direction(x, y))).collect();
-        Self { size: (width, height), directions }
+        let directions = rows
+            .flat_map_iter(|y| (0..width * SAMPLES).map(move |x| direction(x, y)))
+            .collect();
+        Self {
+            size: (width, height),
+            directions,
+        }
     }
 
     /// Direction of a sample, and the steps from it to the next in its row and in its column.
@@ -42,7 +50,14 @@ impl Rays {
         let at = |column: usize, line: usize| self.directions[line * wide + column];
         let here = at(column, line);
         // At the last ones the step from the one before; its sign does not matter.
-        let beside = at(if column + 1 < wide { column + 1 } else { column - 1 }, line);
+        let beside = at(
+            if column + 1 < wide {
+                column + 1
+            } else {
+                column - 1
+            },
+            line,
+        );
         let below = at(column, if line + 1 < high { line + 1 } else { line - 1 });
         let step = |to: [f32; 2]| [to[0] - here[0], to[1] - here[1]];
         [here, step(beside), step(below)]
@@ -60,36 +75,50 @@ pub struct Look {
     pub shade: f64,
 }
 
-/// The picture of a board that was at `poses` (the camera's frame from the board's) while it was taken, for equal times.
+/// The picture of a board that was at `poses` (the camera's frame from the board's) while it was
+/// taken, for equal times.
 ///
 /// # Errors
 /// [`crate::Error::Dimensions`] when the camera's size is no image's.
-pub fn render(rays: &Rays, board: &Board, poses: &[Isometry3<f64>], look: &Look, seed: u64) -> Result<Gray> {
+pub fn render(
+    rays: &Rays,
+    board: &Board,
+    poses: &[Isometry3<f64>],
+    look: &Look,
+    seed: u64,
+) -> Result<Gray> {
     let (width, height) = rays.size;
     let mut light = vec![0f32; width * height];
     for pose in poses {
         let to_squares = to_squares(board, pose);
-        light.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, light) in row.iter_mut().enumerate() {
-                let samples = (0..SAMPLES * SAMPLES).map(|i| {
-                    let (column, line) = (x * SAMPLES + i % SAMPLES, y * SAMPLES + i / SAMPLES);
-                    let [here, across, down] = rays.at(column, line);
-                    albedo(board, &to_squares, here, across, down)
-                });
-                *light += samples.sum::<f32>() / (SAMPLES * SAMPLES * poses.len()) as f32;
-            }
-        });
+        light
+            .par_chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, row)| {
+                for (x, light) in row.iter_mut().enumerate() {
+                    let samples = (0..SAMPLES * SAMPLES).map(|i| {
+                        let (column, line) = (x * SAMPLES + i % SAMPLES, y * SAMPLES + i / SAMPLES);
+                        let [here, across, down] = rays.at(column, line);
+                        albedo(board, &to_squares, here, across, down)
+                    });
+                    *light += samples.sum::<f32>() / (SAMPLES * SAMPLES * poses.len()) as f32;
+                }
+            });
     }
     let light = blurred(light, width, look.blur_px);
     let mut grey = vec![0u8; width * height];
-    grey.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
-        let mut random = fastrand::Rng::with_seed(seed ^ (y as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-        for (x, grey) in row.iter_mut().enumerate() {
-            let shade = 1.0 - look.shade * x as f64 / width as f64;
-            let value = f64::from(light[y * width + x]) * shade + look.noise * gaussian(&mut random);
-            *grey = (value + 0.5) as u8;
-        }
-    });
+    grey.par_chunks_exact_mut(width)
+        .enumerate()
+        .for_each(|(y, row)| {
+            let mut random =
+                fastrand::Rng::with_seed(seed ^ (y as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+            for (x, grey) in row.iter_mut().enumerate() {
+                let shade = 1.0 - look.shade * x as f64 / width as f64;
+                let value =
+                    f64::from(light[y * width + x]) * shade + look.noise * gaussian(&mut random);
+                *grey = (value + 0.5) as u8;
+            }
+        });
     Gray::from_vec(width, height, grey)
 }
 
@@ -97,21 +126,37 @@ pub fn render(rays: &Rays, board: &Board, poses: &[Isometry3<f64>], look: &Look,
 fn to_squares(board: &Board, pose: &Isometry3<f64>) -> Matrix3<f32> {
     let side = board.side();
     let turn = pose.rotation.to_rotation_matrix();
-    let (along, down) = (turn * nalgebra::Vector3::x() * side, turn * nalgebra::Vector3::y() * side);
+    let (along, down) = (
+        turn * nalgebra::Vector3::x() * side,
+        turn * nalgebra::Vector3::y() * side,
+    );
     let from_squares = Matrix3::from_columns(&[along, down, pose.translation.vector]);
     // A board that is seen edge on has no inverse, and no picture.
-    from_squares.try_inverse().unwrap_or_else(|| Matrix3::from_element(f64::NAN)).cast()
+    from_squares
+        .try_inverse()
+        .unwrap_or_else(|| Matrix3::from_element(f64::NAN))
+        .cast()
 }
 
 /// Light of a sample that sees in `direction`, `across` and `down` from its neighbours' directions.
 ///
-/// The edges are as wide as the sample: with hard ones the picture would know their place to a sample only.
-fn albedo(board: &Board, to_squares: &Matrix3<f32>, direction: [f32; 2], across: [f32; 2], down: [f32; 2]) -> f32 {
+/// The edges are as wide as the sample: with hard ones the picture would know their place to a
+/// sample only.
+fn albedo(
+    board: &Board,
+    to_squares: &Matrix3<f32>,
+    direction: [f32; 2],
+    across: [f32; 2],
+    down: [f32; 2],
+) -> f32 {
     let row = |row: usize, [x, y]: [f32; 2], one: f32| {
         to_squares[(row, 0)] * x + to_squares[(row, 1)] * y + to_squares[(row, 2)] * one
     };
     let depth = row(2, direction, 1.0);
-    let (i, j) = (row(0, direction, 1.0) / depth, row(1, direction, 1.0) / depth);
+    let (i, j) = (
+        row(0, direction, 1.0) / depth,
+        row(1, direction, 1.0) / depth,
+    );
     let beside = |v: f32, count: usize| (-1.0 - v).max(v - count as f32);
     let beyond = beside(i, board.columns()).max(beside(j, board.rows()));
     if !(depth > 0.0 && beyond < MARGIN) {
@@ -121,7 +166,8 @@ fn albedo(board: &Board, to_squares: &Matrix3<f32>, direction: [f32; 2], across:
         return BRIGHT;
     }
     let soft = |axis: usize, at: f32| {
-        let change = |step: [f32; 2]| ((row(axis, step, 0.0) - at * row(2, step, 0.0)) / depth).abs();
+        let change =
+            |step: [f32; 2]| ((row(axis, step, 0.0) - at * row(2, step, 0.0)) / depth).abs();
         let nearest = at.round();
         let side = if nearest as i32 % 2 == 0 { 1.0 } else { -1.0 };
         side * (2.0 * (at - nearest) / (change(across) + change(down))).clamp(-1.0, 1.0)
@@ -136,7 +182,9 @@ fn blurred(image: Vec<f32>, width: usize, sigma: f64) -> Vec<f32> {
     if reach == 0 {
         return image;
     }
-    let weights: Vec<_> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
+    let weights: Vec<_> = (-reach..=reach)
+        .map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32)
+        .collect();
     let sum: f32 = weights.iter().sum();
     let height = image.len() / width;
     let pass = |image: &[f32], step: (isize, isize)| {
@@ -149,7 +197,10 @@ fn blurred(image: Vec<f32>, width: usize, sigma: f64) -> Vec<f32> {
             };
             (-reach..).zip(&weights).map(tap).sum::<f32>() / sum
         };
-        (0..image.len()).into_par_iter().map(pixel).collect::<Vec<_>>()
+        (0..image.len())
+            .into_par_iter()
+            .map(pixel)
+            .collect::<Vec<_>>()
     };
     pass(&pass(&image, (1, 0)), (0, 1))
 }

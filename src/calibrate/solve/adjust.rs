@@ -1,14 +1,16 @@
 //! Bundle adjustment: all parameters of all cameras and poses at once.
 //!
-//! Levenberg and Marquardt's steps, from normal equations out of which the poses are eliminated (Schur's complement; Triggs,
-//! `McLauchlan`, Hartley, Fitzgibbon: Bundle adjustment, a modern synthesis, 2000, section 6.1): 24 unknowns remain for a
-//! pair of cameras, however many views there are.
+//! Levenberg and Marquardt's steps, from normal equations out of which the poses are eliminated
+//! (Schur's complement; Triggs, `McLauchlan`, Hartley, Fitzgibbon: Bundle adjustment, a modern
+//! synthesis, 2000, section 6.1): 24 unknowns remain for a pair of cameras, however many views
+//! there are.
 
 use super::scene::{Loss, MOTION, Normal, PoseBlock, Scene};
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector6};
 
 const STEPS: usize = 100;
-/// Share of the cost below which a gain is none; a robust minimum is only where the next adjustment begins.
+/// Share of the cost below which a gain is none; a robust minimum is only where the next adjustment
+/// begins.
 const GAIN: f64 = 1e-12;
 const ROBUST_GAIN: f64 = 1e-5;
 const DAMPING: f64 = 1e-3;
@@ -25,8 +27,12 @@ pub(super) fn adjust(scene: &mut Scene, loss: Loss) -> Option<()> {
     for _ in 0..STEPS {
         let normal = scene.normal(loss);
         let (next, lower) = loop {
-            let step = normal.step(damping).and_then(|(cameras, poses)| scene.moved(&cameras, &poses));
-            let next = step.and_then(|next| Some((next.cost(loss)?, next))).filter(|(lower, _)| *lower <= cost);
+            let step = normal
+                .step(damping)
+                .and_then(|(cameras, poses)| scene.moved(&cameras, &poses));
+            let next = step
+                .and_then(|next| Some((next.cost(loss)?, next)))
+                .filter(|(lower, _)| *lower <= cost);
             if let Some((lower, next)) = next {
                 break (next, lower);
             }
@@ -65,8 +71,8 @@ impl Normal {
         Some((cameras, poses))
     }
 
-    /// Covariance of the cameras' parameters for residuals of variance 1, the poses being unknown too. Nothing when they
-    /// cannot be told from the views.
+    /// Covariance of the cameras' parameters for residuals of variance 1, the poses being unknown
+    /// too. Nothing when they cannot be told from the views.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let inverse = Cholesky::new(self.reduced(0.0)?.cameras)?.inverse();
         inverse.iter().all(|v| v.is_finite()).then_some(inverse)
@@ -86,7 +92,11 @@ impl Normal {
             right.gemv(-1.0, &weighed, &block.right, 1.0);
             poses.push(inverse);
         }
-        Some(Reduced { cameras, right, poses })
+        Some(Reduced {
+            cameras,
+            right,
+            poses,
+        })
     }
 }
 
@@ -104,9 +114,15 @@ mod tests {
         right.rows_mut(0, n).copy_from(&normal.cameras_right);
         for (i, block) in normal.poses.iter().enumerate() {
             let at = n + MOTION * i;
-            matrix.view_mut((0, at), (n, MOTION)).copy_from(&block.mixed);
-            matrix.view_mut((at, 0), (MOTION, n)).copy_from(&block.mixed.transpose());
-            matrix.view_mut((at, at), (MOTION, MOTION)).copy_from(&block.pose);
+            matrix
+                .view_mut((0, at), (n, MOTION))
+                .copy_from(&block.mixed);
+            matrix
+                .view_mut((at, 0), (MOTION, n))
+                .copy_from(&block.mixed.transpose());
+            matrix
+                .view_mut((at, at), (MOTION, MOTION))
+                .copy_from(&block.pose);
             right.rows_mut(at, MOTION).copy_from(&block.right);
         }
         (matrix, right)
@@ -121,9 +137,18 @@ mod tests {
         let expected = damped.lu().solve(&right).unwrap();
         let (cameras, poses) = normal.step(0.1).unwrap();
         let close = |a: f64, b: f64| (a - b).abs() < 1e-6 * b.abs().max(1e-9);
-        assert!(cameras.iter().zip(expected.iter()).all(|(a, b)| close(*a, *b)));
+        assert!(
+            cameras
+                .iter()
+                .zip(expected.iter())
+                .all(|(a, b)| close(*a, *b))
+        );
         let poses = poses.iter().flat_map(|pose| pose.iter());
-        assert!(poses.zip(expected.iter().skip(n)).all(|(a, b)| close(*a, *b)));
+        assert!(
+            poses
+                .zip(expected.iter().skip(n))
+                .all(|(a, b)| close(*a, *b))
+        );
         let (covariance, inverse) = (normal.covariance().unwrap(), matrix.try_inverse().unwrap());
         assert!((0..n).all(|i| (covariance[(i, i)] / inverse[(i, i)] - 1.0).abs() < 1e-4));
     }
@@ -138,6 +163,9 @@ mod tests {
         let (cameras, _) = normal.step(0.0).unwrap();
         let covariance = normal.covariance().unwrap();
         // In units of the standard deviations.
-        assert!((0..cameras.len()).all(|i| cameras[i].abs() < 1e-3 * covariance[(i, i)].sqrt()), "{cameras}");
+        assert!(
+            (0..cameras.len()).all(|i| cameras[i].abs() < 1e-3 * covariance[(i, i)].sqrt()),
+            "{cameras}"
+        );
     }
 }

@@ -1,9 +1,10 @@
 //! From corners to two calibrated cameras.
 //!
-//! Each camera by itself: homographies and closed form (Zhang, A flexible new technique for camera calibration, PAMI
-//! 2000), then its lens (Brown, Close-range camera calibration, 1971) and all poses adjusted. Then both together: every
-//! parameter of both lenses, R, T and the poses in one adjustment, in which a board has one pose for both images.
-//! Views and corners that cannot belong to the rest are refused at every stage, and the rest adjusted again without them.
+//! Each camera by itself: homographies and closed form (Zhang, A flexible new technique for camera
+//! calibration, PAMI 2000), then its lens (Brown, Close-range camera calibration, 1971) and all
+//! poses adjusted. Then both together: every parameter of both lenses, R, T and the poses in one
+//! adjustment, in which a board has one pose for both images. Views and corners that cannot belong
+//! to the rest are refused at every stage, and the rest adjusted again without them.
 
 mod adjust;
 mod judge;
@@ -34,11 +35,15 @@ struct Sieve<'a> {
 /// Calibrates two cameras of images of `size` (width, height) from `views` of a board.
 ///
 /// # Errors
-/// [`Error::Invalid`] when a view has another number of corners than the board, when fewer than three views agree, or
-/// when they do not tell the parameters, as with boards that are all parallel; it says what to add.
+/// [`Error::Invalid`] when a view has another number of corners than the board, when fewer than
+/// three views agree, or when they do not tell the parameters, as with boards that are all
+/// parallel; it says what to add.
 pub fn solve(board: &Board, size: (usize, usize), views: &[View]) -> Result<Solution> {
     let corners: Vec<Point3<f64>> = board.corners().collect();
-    let mut sieve = Sieve { views, refused: vec![None; views.len()] };
+    let mut sieve = Sieve {
+        views,
+        refused: vec![None; views.len()],
+    };
     sieve.look(size, corners.len())?;
     let left = single(&corners, size, &mut sieve, "left", |view| &view.left)?;
     let right = single(&corners, size, &mut sieve, "right", |view| &view.right)?;
@@ -58,11 +63,15 @@ impl Sieve<'_> {
                     id + 1
                 )));
             }
-            let inside =
-                |p: &Point2<f64>| (-1.0..=width as f64).contains(&p.x) && (-1.0..=height as f64).contains(&p.y);
+            let inside = |p: &Point2<f64>| {
+                (-1.0..=width as f64).contains(&p.x) && (-1.0..=height as f64).contains(&p.y)
+            };
             for (name, image) in [("left", &view.left), ("right", &view.right)] {
                 if let Some(corner) = image.iter().position(|p| !inside(p)) {
-                    let reason = format!("corner {} is outside the {name} image or no number", corner + 1);
+                    let reason = format!(
+                        "corner {} is outside the {name} image or no number",
+                        corner + 1
+                    );
                     self.refused[id] = Some(reason);
                 }
             }
@@ -71,7 +80,11 @@ impl Sieve<'_> {
     }
 
     fn alive(&self) -> impl Iterator<Item = usize> {
-        self.refused.iter().enumerate().filter(|(_, reason)| reason.is_none()).map(|(id, _)| id)
+        self.refused
+            .iter()
+            .enumerate()
+            .filter(|(_, reason)| reason.is_none())
+            .map(|(id, _)| id)
     }
 
     fn enough(&self) -> Result<()> {
@@ -79,15 +92,22 @@ impl Sieve<'_> {
         if alive >= LEAST_VIEWS {
             return Ok(());
         }
-        let reasons =
-            self.refused.iter().enumerate().filter_map(|(id, r)| Some(format!("view {}: {}", id + 1, r.as_ref()?)));
+        let reasons = self
+            .refused
+            .iter()
+            .enumerate()
+            .filter_map(|(id, r)| Some(format!("view {}: {}", id + 1, r.as_ref()?)));
         let mut reasons: Vec<_> = reasons.collect();
         let more = reasons.len().saturating_sub(3);
         reasons.truncate(3);
         if more > 0 {
             reasons.push(format!("and {more} more"));
         }
-        let why = if reasons.is_empty() { String::new() } else { format!(" ({})", reasons.join("; ")) };
+        let why = if reasons.is_empty() {
+            String::new()
+        } else {
+            format!(" ({})", reasons.join("; "))
+        };
         Err(Error::Invalid(format!(
             "{alive} of {all} views of the board can be used, at least {LEAST_VIEWS} are needed{why}; add views with the \
              board tilted differently"
@@ -108,33 +128,61 @@ fn single(
     for id in sieve.alive().collect::<Vec<_>>() {
         match start::homography(board, pixels(&views[id])) {
             Some((h, off)) => homographies.push((id, h, off)),
-            None => sieve.refused[id] = Some(format!("the {name} image's corners lie on one line or in no order")),
+            None => {
+                sieve.refused[id] = Some(format!(
+                    "the {name} image's corners lie on one line or in no order"
+                ))
+            }
         }
     }
-    // A lens bends a board by a few pixels; corners in disorder are off by a good part of the board.
-    let usual = judge::median(homographies.iter().map(|(.., off)| *off).collect()).unwrap_or_default();
+    // A lens bends a board by a few pixels; corners in disorder are off by a good part of the
+    // board.
+    let usual =
+        judge::median(homographies.iter().map(|(.., off)| *off).collect()).unwrap_or_default();
     let limit = 4.0 * usual + 0.03 * (size.0 as f64).hypot(size.1 as f64);
     homographies.retain(|(id, _, off)| {
         if *off > limit {
-            sieve.refused[*id] = Some(format!("the {name} image's corners are no board in order: {off:.0} px off"));
+            sieve.refused[*id] = Some(format!(
+                "the {name} image's corners are no board in order: {off:.0} px off"
+            ));
         }
         *off <= limit
     });
     sieve.enough()?;
 
-    let lens = start::intrinsics(size, &homographies.iter().map(|(_, h, _)| *h).collect::<Vec<_>>());
+    let lens = start::intrinsics(
+        size,
+        &homographies.iter().map(|(_, h, _)| *h).collect::<Vec<_>>(),
+    );
     let lens = lens.ok_or_else(|| lost(&format!("{name} camera")))?;
     let mut shots = Vec::new();
     for (id, h, _) in homographies {
         match start::pose(&lens, &h).filter(|pose| scene::in_front(board, pose)) {
-            Some(pose) => shots.push(Shot { id, pose, images: vec![Image::new(pixels(&views[id]))] }),
-            None => sieve.refused[id] = Some(format!("the {name} image's corners are no board before the camera")),
+            Some(pose) => shots.push(Shot {
+                id,
+                pose,
+                images: vec![Image::new(pixels(&views[id]))],
+            }),
+            None => {
+                sieve.refused[id] = Some(format!(
+                    "the {name} image's corners are no board before the camera"
+                ))
+            }
         }
     }
     sieve.enough()?;
-    let cameras = vec![scene::Camera { lens, place: Isometry3::identity() }];
-    let mut scene = Scene { board: board.to_vec(), cameras, shots };
-    for Refusal { shot, reason } in settle(&mut scene, &[name]).ok_or_else(|| lost(&format!("{name} camera")))? {
+    let cameras = vec![scene::Camera {
+        lens,
+        place: Isometry3::identity(),
+    }];
+    let mut scene = Scene {
+        board: board.to_vec(),
+        cameras,
+        shots,
+    };
+    for Refusal { shot, reason } in
+        settle(&mut scene, &[name]).ok_or_else(|| lost(&format!("{name} camera")))?
+    {
         sieve.refused[shot.id] = Some(reason);
     }
     sieve.enough()?;
@@ -143,7 +191,11 @@ fn single(
 
 /// Both cameras with one pose of the board for both images.
 fn together(left: Scene, mut right: Scene, sieve: &mut Sieve<'_>) -> Result<Scene> {
-    let Scene { board, mut cameras, shots } = left;
+    let Scene {
+        board,
+        mut cameras,
+        shots,
+    } = left;
     let (mut pairs, mut apart) = (Vec::new(), Vec::new());
     for mut shot in shots {
         if let Some(same) = right.shots.iter().find(|same| same.id == shot.id) {
@@ -154,14 +206,27 @@ fn together(left: Scene, mut right: Scene, sieve: &mut Sieve<'_>) -> Result<Scen
     }
     cameras.append(&mut right.cameras);
     cameras[1].place = middle(&apart);
-    let mut scene = Scene { board, cameras, shots: pairs };
-    for Refusal { shot, reason } in settle(&mut scene, &["left", "right"]).ok_or_else(|| lost("cameras"))? {
+    let mut scene = Scene {
+        board,
+        cameras,
+        shots: pairs,
+    };
+    for Refusal { shot, reason } in
+        settle(&mut scene, &["left", "right"]).ok_or_else(|| lost("cameras"))?
+    {
         let seen = |camera: usize| {
             let scene::Camera { lens, place } = &scene.cameras[camera];
-            Some(place.inverse() * start::seen_pose(lens, &scene.board, &shot.images[camera].pixels)?)
+            Some(
+                place.inverse()
+                    * start::seen_pose(lens, &scene.board, &shot.images[camera].pixels)?,
+            )
         };
-        let moved = seen(0).zip(seen(1)).map(|(left, right)| left.inverse() * right);
-        let moved = moved.and_then(|motion| moved::words(&motion, &scene.board)).map(|words| format!(": {words}"));
+        let moved = seen(0)
+            .zip(seen(1))
+            .map(|(left, right)| left.inverse() * right);
+        let moved = moved
+            .and_then(|motion| moved::words(&motion, &scene.board))
+            .map(|words| format!(": {words}"));
         sieve.refused[shot.id] = Some(reason + &moved.unwrap_or_default());
     }
     sieve.enough()?;
@@ -171,10 +236,15 @@ fn together(left: Scene, mut right: Scene, sieve: &mut Sieve<'_>) -> Result<Scen
 /// The middle of several motions, which less than half of them can spoil.
 fn middle(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
     let median = |value: fn(&Isometry3<f64>) -> Vector3<f64>| {
-        Vector3::from_fn(|i, _| judge::median(motions.iter().map(|m| value(m)[i]).collect()).unwrap_or_default())
+        Vector3::from_fn(|i, _| {
+            judge::median(motions.iter().map(|m| value(m)[i]).collect()).unwrap_or_default()
+        })
     };
     let shift = Translation3::from(median(|motion| motion.translation.vector));
-    Isometry3::from_parts(shift, UnitQuaternion::from_scaled_axis(median(|motion| motion.rotation.scaled_axis())))
+    Isometry3::from_parts(
+        shift,
+        UnitQuaternion::from_scaled_axis(median(|motion| motion.rotation.scaled_axis())),
+    )
 }
 
 fn lost(what: &str) -> Error {

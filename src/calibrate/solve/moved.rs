@@ -1,14 +1,16 @@
-//! Why a view that is good in each image by itself is not good in both: what the board did between them.
+//! Why a view that is good in each image by itself is not good in both: what the board did between
+//! them.
 
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 
 /// Beyond this turn, in degrees, corners are counted from another end rather than moved.
 const ANOTHER_END_DEG: f64 = 120.0;
-/// Slips are whole squares in the board's plane, up to this share of one; across it each image by itself is less sure.
+/// Slips are whole squares in the board's plane, up to this share of one; across it each image by
+/// itself is less sure.
 const SLIP: f64 = 0.3;
 
-/// `motion` of the board from the left image to the right one, in its own frame. `board`: its corners. Nothing for a
-/// motion too small to speak of.
+/// `motion` of the board from the left image to the right one, in its own frame. `board`: its
+/// corners. Nothing for a motion too small to speak of.
 pub(super) fn words(motion: &Isometry3<f64>, board: &[Point3<f64>]) -> Option<String> {
     let turn = motion.rotation.angle().to_degrees();
     if turn > ANOTHER_END_DEG {
@@ -17,8 +19,15 @@ pub(super) fn words(motion: &Isometry3<f64>, board: &[Point3<f64>]) -> Option<St
     let square = (board[1] - board[0]).norm();
     let shift = motion.translation.vector / square;
     let slip = shift.map(f64::round);
-    if turn < 10.0 && slip.xy() != Vector2::zeros() && (shift - slip).xy().norm() < SLIP && shift.z.abs() < 1.0 {
-        return Some(format!("the corners are slipped by ({:.0}, {:.0}) squares in one image", slip.x, slip.y));
+    if turn < 10.0
+        && slip.xy() != Vector2::zeros()
+        && (shift - slip).xy().norm() < SLIP
+        && shift.z.abs() < 1.0
+    {
+        return Some(format!(
+            "the corners are slipped by ({:.0}, {:.0}) squares in one image",
+            slip.x, slip.y
+        ));
     }
     let centre = board.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / board.len() as f64;
     let away = (motion * Point3::from(centre) - Point3::from(centre)).norm() / square;
@@ -33,8 +42,9 @@ mod tests {
 
     #[test]
     fn says_what_happened() {
-        let board: Vec<_> =
-            (0..20).map(|i| Point3::new(f64::from(i % 5) * 0.03, f64::from(i / 5) * 0.03, 0.0)).collect();
+        let board: Vec<_> = (0..20)
+            .map(|i| Point3::new(f64::from(i % 5) * 0.03, f64::from(i / 5) * 0.03, 0.0))
+            .collect();
         let words = |x: f64, y: f64, turn: Vector3<f64>| {
             words(&Isometry3::new(Vector3::new(x, y, 0.0), turn), &board).unwrap_or_default()
         };

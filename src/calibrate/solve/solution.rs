@@ -12,8 +12,9 @@ pub struct Estimate {
 
 /// Two calibrated cameras, how sure every number is, and what each view contributed.
 ///
-/// Standard deviations are those of the estimate if the corners' errors are independent and normal: the covariance at
-/// the solution, `σ² (JᵀJ)⁻¹`, `σ²` from the residuals (Triggs et al., section 10.2 of their synthesis; Zhang, section 5).
+/// Standard deviations are those of the estimate if the corners' errors are independent and normal:
+/// the covariance at the solution, `σ² (JᵀJ)⁻¹`, `σ²` from the residuals (Triggs et al., section
+/// 10.2 of their synthesis; Zhang, section 5).
 #[derive(Clone, Debug, Serialize)]
 pub struct Solution {
     #[serde(skip)]
@@ -32,12 +33,14 @@ pub struct Solution {
     pub translation: [Estimate; 3],
     /// Distance of the cameras' centres, in [`Solution::unit`].
     pub baseline: Estimate,
-    /// Root of the mean squared distance of the kept corners of both images from where they should be, as OpenCV's.
+    /// Root of the mean squared distance of the kept corners of both images from where they should
+    /// be, as OpenCV's.
     pub rms_px: f64,
     /// Standard deviation of a corner in x or in y that the residuals tell.
     pub corner_deviation_px: f64,
     pub epipolar: Epipolar,
-    /// Pairs of parameters that the views hardly tell apart: their correlation is beyond ±0.9, the strongest first.
+    /// Pairs of parameters that the views hardly tell apart: their correlation is beyond ±0.9, the
+    /// strongest first.
     pub correlations: Vec<Correlation>,
     /// Every view that was given, in their order.
     pub views: Vec<ViewFit>,
@@ -61,8 +64,8 @@ pub struct Camera {
     pub coverage: f64,
 }
 
-/// How far corners of one rectified pair are from one row: the images turned so that the baseline is along x, lenses
-/// undone, with the mean of the focal lengths.
+/// How far corners of one rectified pair are from one row: the images turned so that the baseline
+/// is along x, lenses undone, with the mean of the focal lengths.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Epipolar {
     /// Mean of |Δy|, pixels.
@@ -117,8 +120,29 @@ pub struct Corner {
 impl Camera {
     /// Names and estimates, in the order of [`crate::stereo::Intrinsics::parameters`].
     pub fn parameters(&self) -> [(&'static str, Estimate); 9] {
-        let Self { fx, fy, cx, cy, k1, k2, p1, p2, k3, .. } = *self;
-        [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy), ("k1", k1), ("k2", k2), ("p1", p1), ("p2", p2), ("k3", k3)]
+        let Self {
+            fx,
+            fy,
+            cx,
+            cy,
+            k1,
+            k2,
+            p1,
+            p2,
+            k3,
+            ..
+        } = *self;
+        [
+            ("fx", fx),
+            ("fy", fy),
+            ("cx", cx),
+            ("cy", cy),
+            ("k1", k1),
+            ("k2", k2),
+            ("p1", p1),
+            ("p2", p2),
+            ("k3", k3),
+        ]
     }
 }
 
@@ -130,17 +154,26 @@ impl Solution {
 
     /// The views that were refused: their place among those given, and why.
     pub fn refused(&self) -> impl Iterator<Item = (usize, &str)> {
-        self.views.iter().enumerate().filter_map(|(i, view)| Some((i, view.refused.as_deref()?)))
+        self.views
+            .iter()
+            .enumerate()
+            .filter_map(|(i, view)| Some((i, view.refused.as_deref()?)))
     }
 
     /// The views that were used, with their places.
     pub fn fits(&self) -> impl Iterator<Item = (usize, &Fit)> {
-        self.views.iter().enumerate().filter_map(|(i, view)| Some((i, view.fit.as_ref()?)))
+        self.views
+            .iter()
+            .enumerate()
+            .filter_map(|(i, view)| Some((i, view.fit.as_ref()?)))
     }
 
     /// How many corners of used views were refused as outliers, in both images.
     pub fn outliers(&self) -> usize {
-        self.fits().flat_map(|(_, fit)| fit.left.iter().chain(&fit.right)).filter(|corner| !corner.used).count()
+        self.fits()
+            .flat_map(|(_, fit)| fit.left.iter().chain(&fit.right))
+            .filter(|corner| !corner.used)
+            .count()
     }
 }
 

@@ -1,23 +1,30 @@
-//! Where the adjustment of one camera begins: homographies, intrinsics in closed form, poses (Zhang, A flexible new
-//! technique for camera calibration, PAMI 2000).
+//! Where the adjustment of one camera begins: homographies, intrinsics in closed form, poses
+//! (Zhang, A flexible new technique for camera calibration, PAMI 2000).
 
 use crate::stereo::Intrinsics;
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix2, Matrix3, Point2, Point3, Rotation3, SMatrix, SVector, SymmetricEigen,
-    Translation3, UnitQuaternion, Vector2, Vector3,
+    DMatrix, DVector, Isometry3, Matrix2, Matrix3, Point2, Point3, Rotation3, SMatrix, SVector,
+    SymmetricEigen, Translation3, UnitQuaternion, Vector2, Vector3,
 };
 
 /// Bound on the iterations of decompositions, which converge in a few or not at all.
 const ITERATIONS: usize = 200;
 
-/// Determinant below which a balanced homography of norm 1 makes a line of the board; that of a board face on is 0.19.
+/// Determinant below which a balanced homography of norm 1 makes a line of the board; that of a
+/// board face on is 0.19.
 const FLAT: f64 = 1e-3;
 
-/// The homography from the board's plane to an image by the normalized direct linear transformation (Hartley, In
-/// defense of the eight-point algorithm, 1997), and the rms distance that it leaves, pixels. Nothing for points on one
-/// line, or no points.
-pub(super) fn homography(board: &[Point3<f64>], pixels: &[Point2<f64>]) -> Option<(Matrix3<f64>, f64)> {
-    let (to_board, to_image) = (balance(board.iter().map(|p| p.xy()))?, balance(pixels.iter().copied())?);
+/// The homography from the board's plane to an image by the normalized direct linear transformation
+/// (Hartley, In defense of the eight-point algorithm, 1997), and the rms distance that it leaves,
+/// pixels. Nothing for points on one line, or no points.
+pub(super) fn homography(
+    board: &[Point3<f64>],
+    pixels: &[Point2<f64>],
+) -> Option<(Matrix3<f64>, f64)> {
+    let (to_board, to_image) = (
+        balance(board.iter().map(|p| p.xy()))?,
+        balance(pixels.iter().copied())?,
+    );
     let mut sum = SMatrix::<f64, 9, 9>::zeros();
     for (point, pixel) in board.iter().zip(pixels) {
         let p = to_board * Vector3::new(point.x, point.y, 1.0);
@@ -39,20 +46,29 @@ pub(super) fn homography(board: &[Point3<f64>], pixels: &[Point2<f64>]) -> Optio
     }
     let h = to_image.try_inverse()? * balanced * to_board;
     let squared = |(point, pixel): (&Point3<f64>, &Point2<f64>)| {
-        Some((Point2::from_homogeneous(h * Vector3::new(point.x, point.y, 1.0))? - pixel).norm_squared())
+        Some(
+            (Point2::from_homogeneous(h * Vector3::new(point.x, point.y, 1.0))? - pixel)
+                .norm_squared(),
+        )
     };
     let sum = board.iter().zip(pixels).map(squared).sum::<Option<f64>>()?;
-    Some((h, (sum / board.len() as f64).sqrt())).filter(|(h, rms)| rms.is_finite() && h.iter().all(|v| v.is_finite()))
+    Some((h, (sum / board.len() as f64).sqrt()))
+        .filter(|(h, rms)| rms.is_finite() && h.iter().all(|v| v.is_finite()))
 }
 
 /// The similarity that puts the points' centre at the origin and their mean distance from it to 1.
 fn balance(points: impl Iterator<Item = Point2<f64>> + Clone) -> Option<Matrix3<f64>> {
     let count = points.clone().count() as f64;
-    let centre = points.clone().fold(Vector2::zeros(), |sum, p| sum + p.coords) / count;
+    let centre = points
+        .clone()
+        .fold(Vector2::zeros(), |sum, p| sum + p.coords)
+        / count;
     let distance = points.map(|p| (p.coords - centre).norm()).sum::<f64>() / count;
     let scale = 1.0 / distance;
     let shift = -centre * scale;
-    scale.is_finite().then(|| Matrix3::new(scale, 0.0, shift.x, 0.0, scale, shift.y, 0.0, 0.0, 1.0))
+    scale
+        .is_finite()
+        .then(|| Matrix3::new(scale, 0.0, shift.x, 0.0, scale, shift.y, 0.0, 0.0, 1.0))
 }
 
 /// The eigenvector of the smallest eigenvalue, and all eigenvalues, ascending.
@@ -64,19 +80,32 @@ fn smallest(matrix: DMatrix<f64>) -> Option<(DVector<f64>, Vec<f64>)> {
     Some((eigen.eigenvectors.column(at).into_owned(), values))
 }
 
-/// Intrinsics without distortion from the homographies of boards in different poses; the best that can be had, from
-/// all that the homographies tell down to a guess.
-pub(super) fn intrinsics(size: (usize, usize), homographies: &[Matrix3<f64>]) -> Option<Intrinsics> {
+/// Intrinsics without distortion from the homographies of boards in different poses; the best that
+/// can be had, from all that the homographies tell down to a guess.
+pub(super) fn intrinsics(
+    size: (usize, usize),
+    homographies: &[Matrix3<f64>],
+) -> Option<Intrinsics> {
     let (width, height) = (size.0 as f64, size.1 as f64);
     let scale = (width + height) / 2.0;
     let centre = ((width - 1.0) / 2.0, (height - 1.0) / 2.0);
     let unit = Matrix3::new(1.0, 0.0, -centre.0, 0.0, 1.0, -centre.1, 0.0, 0.0, scale) / scale;
-    let normalized = homographies.iter().map(|h| unit * h).map(|h| h / h.norm()).collect::<Vec<_>>();
+    let normalized = homographies
+        .iter()
+        .map(|h| unit * h)
+        .map(|h| h / h.norm())
+        .collect::<Vec<_>>();
     let plausible = |(fx, fy, cx, cy): &(f64, f64, f64, f64)| {
         let focal = |f: &f64| (0.2..20.0).contains(f);
-        focal(fx) && focal(fy) && (0.5..2.0).contains(&(fx / fy)) && cx.abs() < 0.5 && cy.abs() < 0.5
+        focal(fx)
+            && focal(fy)
+            && (0.5..2.0).contains(&(fx / fy))
+            && cx.abs() < 0.5
+            && cy.abs() < 0.5
     };
-    let found = closed_form(&normalized).filter(plausible).or_else(|| centred(&normalized).filter(plausible));
+    let found = closed_form(&normalized)
+        .filter(plausible)
+        .or_else(|| centred(&normalized).filter(plausible));
     let (fx, fy, cx, cy) = found.unwrap_or((1.2, 1.2, 0.0, 0.0));
     let center_px = (cx * scale + centre.0, cy * scale + centre.1);
     Intrinsics::new(size, (fx * scale, fy * scale), center_px, [0.0; 5]).ok()
@@ -127,19 +156,32 @@ pub(super) fn pose(camera: &Intrinsics, homography: &Matrix3<f64>) -> Option<Iso
     let (x, y) = (h.column(0).normalize(), h.column(1).normalize());
     // The nearest pair at right angles.
     let (sum, difference) = ((x + y).normalize(), (x - y).normalize());
-    let (x, y) = ((sum + difference).normalize(), (sum - difference).normalize());
+    let (x, y) = (
+        (sum + difference).normalize(),
+        (sum - difference).normalize(),
+    );
     let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]));
     let translation = Translation3::from(h.column(2).into_owned());
     let numbers = rotation.matrix().iter().chain(translation.vector.iter());
     let finite = numbers.copied().all(f64::is_finite);
-    finite.then(|| Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)))
+    finite.then(|| {
+        Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation))
+    })
 }
 
 /// Pose of a board before a camera whose lens is known.
-pub(super) fn seen_pose(camera: &Intrinsics, board: &[Point3<f64>], pixels: &[Point2<f64>]) -> Option<Isometry3<f64>> {
-    let directions =
-        pixels.iter().map(|pixel| camera.direction(*pixel).map(Point2::from)).collect::<Option<Vec<_>>>()?;
-    let pinhole = camera.with_parameters([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).ok()?;
+pub(super) fn seen_pose(
+    camera: &Intrinsics,
+    board: &[Point3<f64>],
+    pixels: &[Point2<f64>],
+) -> Option<Isometry3<f64>> {
+    let directions = pixels
+        .iter()
+        .map(|pixel| camera.direction(*pixel).map(Point2::from))
+        .collect::<Option<Vec<_>>>()?;
+    let pinhole = camera
+        .with_parameters([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        .ok()?;
     pose(&pinhole, &homography(board, &directions)?.0)
 }
 
@@ -148,12 +190,21 @@ mod tests {
     use super::*;
 
     fn board() -> Vec<Point3<f64>> {
-        (0..20).map(|i| Point3::new(f64::from(i % 5) * 0.03, f64::from(i / 5) * 0.03, 0.0)).collect()
+        (0..20)
+            .map(|i| Point3::new(f64::from(i % 5) * 0.03, f64::from(i / 5) * 0.03, 0.0))
+            .collect()
     }
 
     fn poses() -> Vec<Isometry3<f64>> {
-        let turns = [Vector3::new(0.5, 0.1, 0.0), Vector3::new(-0.4, 0.3, 0.2), Vector3::new(0.1, -0.6, -0.1)];
-        turns.iter().map(|turn| Isometry3::new(Vector3::new(-0.05, 0.02, 0.5), *turn)).collect()
+        let turns = [
+            Vector3::new(0.5, 0.1, 0.0),
+            Vector3::new(-0.4, 0.3, 0.2),
+            Vector3::new(0.1, -0.6, -0.1),
+        ];
+        turns
+            .iter()
+            .map(|turn| Isometry3::new(Vector3::new(-0.05, 0.02, 0.5), *turn))
+            .collect()
     }
 
     #[test]
@@ -162,24 +213,36 @@ mod tests {
         let homographies: Vec<_> = poses()
             .iter()
             .map(|pose| {
-                let pixels: Vec<_> = board().iter().map(|p| camera.project(&(pose * p)).unwrap()).collect();
+                let pixels: Vec<_> = board()
+                    .iter()
+                    .map(|p| camera.project(&(pose * p)).unwrap())
+                    .collect();
                 let (h, rms) = homography(&board(), &pixels).unwrap();
                 assert!(rms < 1e-8, "{rms}");
                 h
             })
             .collect();
         let found = intrinsics((640, 480), &homographies).unwrap();
-        let off = found.parameters().into_iter().zip(camera.parameters()).map(|(a, b)| (a - b).abs());
+        let off = found
+            .parameters()
+            .into_iter()
+            .zip(camera.parameters())
+            .map(|(a, b)| (a - b).abs());
         assert!(off.fold(0.0, f64::max) < 1e-4, "{found:?}");
         for (h, expected) in homographies.iter().zip(poses()) {
             let pose = pose(&camera, h).unwrap();
-            assert!((pose.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-8, "{pose}");
+            assert!(
+                (pose.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-8,
+                "{pose}"
+            );
         }
     }
 
     #[test]
     fn a_line_and_a_point_have_no_homography() {
-        let line: Vec<_> = (0..20).map(|i| Point2::new(f64::from(i), 2.0 * f64::from(i) + 1.0)).collect();
+        let line: Vec<_> = (0..20)
+            .map(|i| Point2::new(f64::from(i), 2.0 * f64::from(i) + 1.0))
+            .collect();
         assert_eq!(homography(&board(), &line), None);
         assert_eq!(homography(&board(), &[Point2::new(3.0, 4.0); 20]), None);
     }

@@ -69,12 +69,20 @@ impl Judge {
     ) -> anyhow::Result<Self> {
         let viewer = match target.map(|target| BoardView::new(target, board.columns())) {
             Some(Err(error)) if !required => {
-                tracing::warn!("{error}; each pair is drawn in {} instead", picture.display());
+                tracing::warn!(
+                    "{error}; each pair is drawn in {} instead",
+                    picture.display()
+                );
                 None
             }
             viewer => viewer.transpose()?,
         };
-        Ok(Self { answers, viewer, picture, columns: board.columns() })
+        Ok(Self {
+            answers,
+            viewer,
+            picture,
+            columns: board.columns(),
+        })
     }
 
     /// Shows what cameras see, without asking.
@@ -87,12 +95,18 @@ impl Judge {
 
     pub(super) fn ask(&mut self, offer: &Offer<'_>) -> anyhow::Result<Answer> {
         let found = [&offer.view.left[..], &offer.view.right[..]];
-        let lacks = if offer.lacks.is_nothing() { "nothing".to_owned() } else { offer.lacks.to_string() };
+        let lacks = if offer.lacks.is_nothing() {
+            "nothing".to_owned()
+        } else {
+            offer.lacks.to_string()
+        };
         if let Some(viewer) = &self.viewer {
             let state = format!("Pair **{}**. Still missing: {lacks}", offer.name);
             viewer.show(offer.frame.sequence, &offer.frame.pair, found, &state)?;
         }
-        let Answers::Terminal(lines) = &self.answers else { return Ok(Answer::Yes) };
+        let Answers::Terminal(lines) = &self.answers else {
+            return Ok(Answer::Yes);
+        };
         if self.viewer.is_none() {
             let (width, height, pixels) = corners_drawn(&offer.frame.pair, found, self.columns);
             write_png(&self.picture, width, height, &pixels)?;
@@ -100,7 +114,10 @@ impl Judge {
         // What was typed before the question is no answer to it.
         while lines.try_recv().is_ok() {}
         loop {
-            eprint!("pair {}; still missing: {lacks}\naccept it? [Y]es, [n]o, [e]nough: ", offer.name);
+            eprint!(
+                "pair {}; still missing: {lacks}\naccept it? [Y]es, [n]o, [e]nough: ",
+                offer.name
+            );
             match answer(lines).as_deref().map(str::trim) {
                 Some("" | "y" | "Y" | "yes") => return Ok(Answer::Yes),
                 Some("n" | "N" | "no") => return Ok(Answer::No),

@@ -17,12 +17,14 @@ use svl::sink::RerunTarget;
 
 /// Calibrate two cameras from pictures of a chessboard
 ///
-/// Looks for the board in every pair and keeps those that help: the board whole in both images, sharp, held still, in a
-/// pose that adds something. Each of them is shown and asked about (or taken, with --yes) until there are enough; then
-/// lenses, places and directions of both cameras are computed, and how sure they are. Move the board through the whole
-/// image, near and far, tilted to all sides, and hold it still for a moment in each place.
+/// Looks for the board in every pair and keeps those that help: the board whole in both images,
+/// sharp, held still, in a pose that adds something. Each of them is shown and asked about (or
+/// taken, with --yes) until there are enough; then lenses, places and directions of both cameras
+/// are computed, and how sure they are. Move the board through the whole image, near and far,
+/// tilted to all sides, and hold it still for a moment in each place.
 ///
-/// Ctrl-C ends the search and calibrates from what was accepted. The accepted pairs are kept as PNG files.
+/// Ctrl-C ends the search and calibrates from what was accepted. The accepted pairs are kept as PNG
+/// files.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Sources are those of `svl record`: a folder with left01.png, right01.png, ...
@@ -42,7 +44,8 @@ pub(super) struct Args {
     /// Where the pairs come from
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     source: String,
-    /// Inner corners of the board along its sides, where four squares meet: one less than its squares
+    /// Inner corners of the board along its sides, where four squares meet: one less than its
+    /// squares
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = squares)]
     squares: (usize, usize),
     /// Side of a square, metres, as measured [default: unknown, and lengths are in squares]
@@ -51,10 +54,12 @@ pub(super) struct Args {
     /// Take every pair that helps, without asking
     #[arg(short, long)]
     yes: bool,
-    /// Calibration to write; the report and the accepted pairs go into a folder beside it, OUT-report
+    /// Calibration to write; the report and the accepted pairs go into a folder beside it,
+    /// OUT-report
     #[arg(short, long, value_name = "OUT.xml|.yaml", value_parser = usage::ending(&["xml", "yaml", "yml"]))]
     output: PathBuf,
-    /// Show the pairs in Rerun: a new viewer, a running one, or a file [default: spawn, with --yes nowhere]
+    /// Show the pairs in Rerun: a new viewer, a running one, or a file [default: spawn, with --yes
+    /// nowhere]
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
     #[command(flatten)]
@@ -70,7 +75,9 @@ pub(super) struct Args {
 }
 
 fn squares(text: &str) -> Result<(usize, usize), String> {
-    let sides = text.split_once('x').and_then(|(columns, rows)| Some((columns.parse().ok()?, rows.parse().ok()?)));
+    let sides = text
+        .split_once('x')
+        .and_then(|(columns, rows)| Some((columns.parse().ok()?, rows.parse().ok()?)));
     let sides = sides.ok_or("expected inner corners along both sides, as 9x6")?;
     Board::new(sides, None).map_err(|e| e.to_string())?;
     Ok(sides)
@@ -82,9 +89,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Some(RerunTarget::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    let outputs: Vec<_> = [Some(args.output.as_path()), rrd].into_iter().flatten().collect();
+    let outputs: Vec<_> = [Some(args.output.as_path()), rrd]
+        .into_iter()
+        .flatten()
+        .collect();
     distinct(outputs.iter().copied().chain([Path::new(&args.source)]))?;
-    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
+    outputs
+        .iter()
+        .try_for_each(|path| may_write(path, args.force))?;
     let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     if !args.yes && !can_ask {
         bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
@@ -92,9 +104,22 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
     let folder = Folder::new(&args.output, Path::new(&args.source), args.force)?;
     let earlier = rrd.map(Aside::new).transpose()?;
-    let answers = if args.yes { Answers::Yes } else { Answers::asked() };
-    let target = args.rerun.clone().or((!args.yes).then_some(RerunTarget::Spawn));
-    let judge = Judge::new(answers, target, args.rerun.is_some(), &board, folder.picture())?;
+    let answers = if args.yes {
+        Answers::Yes
+    } else {
+        Answers::asked()
+    };
+    let target = args
+        .rerun
+        .clone()
+        .or((!args.yes).then_some(RerunTarget::Spawn));
+    let judge = Judge::new(
+        answers,
+        target,
+        args.rerun.is_some(),
+        &board,
+        folder.picture(),
+    )?;
 
     let (folder, collected) = collect(opened, board, judge, folder, quiet)?;
     earlier.into_iter().for_each(Aside::replaced);
@@ -110,7 +135,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut solution = solution.map_err(|error| kept(error.into()))?;
     let rectification = bouguet(&solution.calibration, &Framing::default());
     match rectification {
-        Ok(rectification) => solution.calibration = solution.calibration.with_rectification(rectification),
+        Ok(rectification) => {
+            solution.calibration = solution.calibration.with_rectification(rectification)
+        }
         Err(error) => tracing::warn!("not rectified: {error}"),
     }
     for left_out in files::write(&args.output, &solution.calibration)? {
@@ -130,9 +157,19 @@ struct Answer<'a> {
     solution: &'a Solution,
 }
 
-fn tell(args: &Args, collected: &Collected, solution: &Solution, report: &Path) -> anyhow::Result<()> {
+fn tell(
+    args: &Args,
+    collected: &Collected,
+    solution: &Solution,
+    report: &Path,
+) -> anyhow::Result<()> {
     if args.json {
-        return print_json(&Answer { file: &args.output, report, collected, solution });
+        return print_json(&Answer {
+            file: &args.output,
+            report,
+            collected,
+            solution,
+        });
     }
     let unit = match args.square_m {
         Some(_) => "",

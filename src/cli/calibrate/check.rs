@@ -11,8 +11,9 @@ use svl::rectify::{Alignment, AlignmentMeter, Misfit};
 
 /// Measure how well the pairs of a recording are rectified, from the pictures alone
 ///
-/// Finds points that both images show and says by how many rows they are apart: in all, and by the part of the image, which
-/// tells a shift from a turn and from a lens. Fails when it is more than half a pixel.
+/// Finds points that both images show and says by how many rows they are apart: in all, and by the
+/// part of the image, which tells a shift from a turn and from a lens. Fails when it is more than
+/// half a pixel.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -43,7 +44,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let opened = source::open(&args.recording, None, &args.topics, expected)?;
     let mut source = args.rectify.opened(opened, quiet)?.source;
     // Of a source that does not know its length, pairs from its first ten seconds or so.
-    let step = source.pairs().map_or(10, |pairs| pairs.div_ceil(args.pairs.into())).max(1);
+    let step = source
+        .pairs()
+        .map_or(10, |pairs| pairs.div_ceil(args.pairs.into()))
+        .max(1);
     let mut meter = AlignmentMeter::new();
     let mut taken = 0;
     while let Some(frame) = source.next()? {
@@ -69,17 +73,36 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     if alignment.is_off() {
         let off = alignment.median_abs_px;
-        bail!("{name}: rows of left and right are {off:.1} px apart; {}", args.rectify.cure());
+        bail!(
+            "{name}: rows of left and right are {off:.1} px apart; {}",
+            args.rectify.cure()
+        );
     }
     Ok(())
 }
 
 fn text(name: &str, alignment: &Alignment) -> String {
-    let Alignment { pairs, matches, median_abs_px, p90_abs_px, median_px, misfit, parts_px } = alignment;
+    let Alignment {
+        pairs,
+        matches,
+        median_abs_px,
+        p90_abs_px,
+        median_px,
+        misfit,
+        parts_px,
+    } = alignment;
     let mut lines = vec![
-        format!("{name}: {} in {}", counted(*matches, "point"), counted(*pairs, "pair")),
+        format!(
+            "{name}: {} in {}",
+            counted(*matches, "point"),
+            counted(*pairs, "pair")
+        ),
         format!("rows apart  {median_abs_px:.2} px (median), {p90_abs_px:.2} px (90th percentile)"),
-        format!("right image {:.2} px {}", median_px.abs(), if *median_px < 0.0 { "higher" } else { "lower" }),
+        format!(
+            "right image {:.2} px {}",
+            median_px.abs(),
+            if *median_px < 0.0 { "higher" } else { "lower" }
+        ),
     ];
     if alignment.is_off() {
         lines.push(match misfit {
@@ -94,7 +117,8 @@ fn text(name: &str, alignment: &Alignment) -> String {
         });
     }
     lines.push("by part of the left image, px, + is lower in the right image:".to_owned());
-    let part = |part: &Option<f64>| part.map_or_else(|| format!("{:>8}", "-"), |px| format!("{px:>+8.2}"));
+    let part =
+        |part: &Option<f64>| part.map_or_else(|| format!("{:>8}", "-"), |px| format!("{px:>+8.2}"));
     lines.extend(parts_px.iter().map(|row| row.iter().map(part).collect()));
     lines.push(String::new());
     lines.join("\n")

@@ -35,8 +35,8 @@ pub(super) struct Collected {
     others: BTreeMap<(usize, usize), u64>,
 }
 
-/// Reads the source to its end, to Ctrl-C, to the user's wish, or until there are enough views. Accepted pairs are in the
-/// folder at once.
+/// Reads the source to its end, to Ctrl-C, to the user's wish, or until there are enough views.
+/// Accepted pairs are in the folder at once.
 pub(super) fn collect(
     mut opened: Opened,
     board: Board,
@@ -64,7 +64,12 @@ pub(super) fn collect(
         }
         let chooser = chooser.get_or_insert_with(|| {
             if frame.rig.is_some() {
-                bar.suspend(|| tracing::warn!("{} says that its images are rectified already", opened.source.name()));
+                bar.suspend(|| {
+                    tracing::warn!(
+                        "{} says that its images are rectified already",
+                        opened.source.name()
+                    )
+                });
             }
             found.size = frame.pair.size();
             Chooser::new(board, found.size)
@@ -79,12 +84,24 @@ pub(super) fn collect(
         let stamp_ns = frame.name.is_none().then_some(frame.stamp_ns);
         let verdict = chooser.judge(stamp_ns, &seen);
         if opened.live.is_some() {
-            judge.show(&frame, &seen, &verdict.as_ref().err().map_or_else(String::new, Refusal::to_string))?;
+            judge.show(
+                &frame,
+                &seen,
+                &verdict
+                    .as_ref()
+                    .err()
+                    .map_or_else(String::new, Refusal::to_string),
+            )?;
         }
         let word = match verdict {
             Err(refusal) => found.refuse(&refusal),
             Ok(view) => {
-                let offer = Offer { frame: &frame, name: name(&frame), view: &view, lacks: chooser.lacks() };
+                let offer = Offer {
+                    frame: &frame,
+                    name: name(&frame),
+                    view: &view,
+                    lacks: chooser.lacks(),
+                };
                 match bar.suspend(|| judge.ask(&offer))? {
                     Answer::Yes => {
                         folder.keep(&frame, &view)?;
@@ -102,15 +119,26 @@ pub(super) fn collect(
             }
         };
         let lacks = chooser.lacks();
-        let missing = if lacks.is_nothing() { String::new() } else { format!("; still missing: {lacks}") };
+        let missing = if lacks.is_nothing() {
+            String::new()
+        } else {
+            format!("; still missing: {lacks}")
+        };
         bar.inc(1);
-        bar.set_message(format!("{} of {ENOUGH} accepted, last {word}{missing}", chooser.views().len()));
+        bar.set_message(format!(
+            "{} of {ENOUGH} accepted, last {word}{missing}",
+            chooser.views().len()
+        ));
         if chooser.is_done() {
             break;
         }
     }
     bar.finish_and_clear();
-    if let Some(failure) = found.failure.as_ref().filter(|_| folder.pairs() >= LEAST_VIEWS) {
+    if let Some(failure) = found
+        .failure
+        .as_ref()
+        .filter(|_| folder.pairs() >= LEAST_VIEWS)
+    {
         tracing::warn!("{failure:#}; calibrating from what came before");
     }
     judge.finish()?;
@@ -124,13 +152,24 @@ pub(super) fn collect(
 
 /// What a person calls a pair.
 fn name(frame: &Frame) -> String {
-    frame.name.clone().unwrap_or_else(|| frame.sequence.to_string())
+    frame
+        .name
+        .clone()
+        .unwrap_or_else(|| frame.sequence.to_string())
 }
 
 fn bar(opened: &Opened, quiet: bool) -> ProgressBar {
     let pairs = opened.source.pairs();
-    let bar = if quiet { ProgressBar::hidden() } else { pairs.map_or_else(ProgressBar::no_length, ProgressBar::new) };
-    let form = if pairs.is_some() { "{pos:>5}/{len} pairs, {wide_msg}" } else { "{pos:>5} pairs, {wide_msg}" };
+    let bar = if quiet {
+        ProgressBar::hidden()
+    } else {
+        pairs.map_or_else(ProgressBar::no_length, ProgressBar::new)
+    };
+    let form = if pairs.is_some() {
+        "{pos:>5}/{len} pairs, {wide_msg}"
+    } else {
+        "{pos:>5} pairs, {wide_msg}"
+    };
     // The templates above are constants; the tests run both.
     bar.with_style(ProgressStyle::with_template(form).expect("a valid template"))
 }
@@ -156,14 +195,25 @@ impl Collected {
         let size = (0, 0);
         let (views, accepted, lacks) = (Vec::new(), Vec::new(), Lacks::default());
         let (refused, others) = (BTreeMap::new(), BTreeMap::new());
-        Self { pairs: 0, views, accepted, refused, lacks, size, failure: None, others }
+        Self {
+            pairs: 0,
+            views,
+            accepted,
+            refused,
+            lacks,
+            size,
+            failure: None,
+            others,
+        }
     }
 
     fn check_size(&self, frame: &Frame) -> anyhow::Result<()> {
         let ((width, height), (w, h)) = (self.size, frame.pair.size());
         if (width, height) != (w, h) {
             let name = name(frame);
-            bail!("pair {name} is {w}x{h} pixels, those before {width}x{height}; a calibration is of one size");
+            bail!(
+                "pair {name} is {w}x{h} pixels, those before {width}x{height}; a calibration is of one size"
+            );
         }
         Ok(())
     }
@@ -206,21 +256,36 @@ impl Collected {
     }
 
     fn views_were_offered(&self) -> bool {
-        ["not wanted", "nothing new", "moving"].iter().any(|word| self.refused.contains_key(*word))
+        ["not wanted", "nothing new", "moving"]
+            .iter()
+            .any(|word| self.refused.contains_key(*word))
     }
 
     /// `47 no board left, 3 moving`: the most frequent first.
     fn reasons(&self) -> String {
         let mut reasons: Vec<_> = self.refused.iter().collect();
         reasons.sort_by_key(|(_, times)| std::cmp::Reverse(**times));
-        let reasons: Vec<_> = reasons.into_iter().map(|(word, times)| format!("{times} {word}")).collect();
-        if reasons.is_empty() { "none refused".to_owned() } else { reasons.join(", ") }
+        let reasons: Vec<_> = reasons
+            .into_iter()
+            .map(|(word, times)| format!("{times} {word}"))
+            .collect();
+        if reasons.is_empty() {
+            "none refused".to_owned()
+        } else {
+            reasons.join(", ")
+        }
     }
 }
 
 impl Display for Collected {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "{} of {} pairs accepted; refused: {}", self.views.len(), self.pairs, self.reasons())?;
+        writeln!(
+            f,
+            "{} of {} pairs accepted; refused: {}",
+            self.views.len(),
+            self.pairs,
+            self.reasons()
+        )?;
         if !self.lacks.is_nothing() {
             writeln!(f, "Still missing, and worth more pairs: {}", self.lacks)?;
         }

@@ -1,4 +1,5 @@
-//! `svl calibrate`: from boards, measured distances and files of other programs to calibrated cameras.
+//! `svl calibrate`: from boards, measured distances and files of other programs to calibrated
+//! cameras.
 
 mod ask;
 mod board;

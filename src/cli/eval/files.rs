@@ -25,8 +25,16 @@ impl Files {
     pub(super) fn find(args: &Args) -> anyhow::Result<Vec<Self>> {
         let (disparity, truth) = (&args.disparity, &args.ground_truth);
         if disparity.is_dir() != truth.is_dir() {
-            let (folder, file) = if disparity.is_dir() { (disparity, truth) } else { (truth, disparity) };
-            bail!("{}: is a folder, {} is not; name two files or two folders", folder.display(), file.display());
+            let (folder, file) = if disparity.is_dir() {
+                (disparity, truth)
+            } else {
+                (truth, disparity)
+            };
+            bail!(
+                "{}: is a folder, {} is not; name two files or two folders",
+                folder.display(),
+                file.display()
+            );
         }
         if !truth.is_dir() {
             let name = disparity.display().to_string();
@@ -41,23 +49,44 @@ impl Files {
         }
         let truths = Folder::read(truth)?;
         let disparities = Folder::read(disparity)?;
-        let masks = args.mask.iter().map(|path| Folder::read(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        let masks = args
+            .mask
+            .iter()
+            .map(|path| Folder::read(path))
+            .collect::<anyhow::Result<Vec<_>>>()?;
         let right_truths = args.right_truth.as_deref().map(Folder::read).transpose()?;
         let object_maps = args.object_map.as_deref().map(Folder::read).transpose()?;
-        let of = |folder: &Option<Folder>, name: &str| folder.as_ref().map(|folder| folder.file(name)).transpose();
+        let of = |folder: &Option<Folder>, name: &str| {
+            folder.as_ref().map(|folder| folder.file(name)).transpose()
+        };
         let image = |(name, truth): (&String, &PathBuf)| {
             Ok(Self {
                 name: name.clone(),
                 disparity: disparities.file(name)?,
                 truth: truth.clone(),
-                masks: masks.iter().map(|folder| folder.file(name)).collect::<anyhow::Result<_>>()?,
+                masks: masks
+                    .iter()
+                    .map(|folder| folder.file(name))
+                    .collect::<anyhow::Result<_>>()?,
                 right_truth: of(&right_truths, name)?,
                 object_map: of(&object_maps, name)?,
             })
         };
-        let images = truths.files.iter().map(image).collect::<anyhow::Result<_>>()?;
-        for (_, file) in disparities.files.iter().filter(|(name, _)| !truths.files.contains_key(*name)) {
-            tracing::warn!("{}: has no truth in {}; left out", file.display(), truth.display());
+        let images = truths
+            .files
+            .iter()
+            .map(image)
+            .collect::<anyhow::Result<_>>()?;
+        for (_, file) in disparities
+            .files
+            .iter()
+            .filter(|(name, _)| !truths.files.contains_key(*name))
+        {
+            tracing::warn!(
+                "{}: has no truth in {}; left out",
+                file.display(),
+                truth.display()
+            );
         }
         Ok(images)
     }
@@ -70,13 +99,23 @@ impl Files {
 
     /// All of them.
     pub(super) fn inputs(&self) -> impl Iterator<Item = &Path> {
-        let (one, more) = ([&self.disparity, &self.truth], [&self.right_truth, &self.object_map]);
-        one.into_iter().chain(&self.masks).chain(more.into_iter().flatten()).map(PathBuf::as_path)
+        let (one, more) = (
+            [&self.disparity, &self.truth],
+            [&self.right_truth, &self.object_map],
+        );
+        one.into_iter()
+            .chain(&self.masks)
+            .chain(more.into_iter().flatten())
+            .map(PathBuf::as_path)
     }
 
     /// An error with the names of the files it is about.
     pub(super) fn explain(&self, error: &svl::Error) -> anyhow::Error {
-        anyhow::anyhow!("{} and {}: {error}", self.disparity.display(), self.truth.display())
+        anyhow::anyhow!(
+            "{} and {}: {error}",
+            self.disparity.display(),
+            self.truth.display()
+        )
     }
 }
 
@@ -90,13 +129,22 @@ impl<'a> Folder<'a> {
     fn read(path: &'a Path) -> anyhow::Result<Self> {
         let shown = path.display();
         let mut files = BTreeMap::new();
-        for entry in std::fs::read_dir(path).with_context(|| format!("{shown}: is no folder to look into"))? {
+        for entry in std::fs::read_dir(path)
+            .with_context(|| format!("{shown}: is no folder to look into"))?
+        {
             let file = entry.with_context(|| shown.to_string())?.path();
             let ours = ENDINGS.iter().any(|ending| has_ending(&file, ending)) && file.is_file();
-            let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).filter(|_| ours);
+            let name = file
+                .file_stem()
+                .map(|stem| stem.to_string_lossy().into_owned())
+                .filter(|_| ours);
             let Some(name) = name else { continue };
             if let Some(other) = files.insert(name, file.clone()) {
-                bail!("{} and {}: which of the two? keep one", other.display(), file.display());
+                bail!(
+                    "{} and {}: which of the two? keep one",
+                    other.display(),
+                    file.display()
+                );
             }
         }
         if files.is_empty() {
@@ -106,7 +154,12 @@ impl<'a> Folder<'a> {
     }
 
     fn file(&self, name: &str) -> anyhow::Result<PathBuf> {
-        let missing = || format!("{}: holds nothing called {name}, which has a truth", self.path.display());
+        let missing = || {
+            format!(
+                "{}: holds nothing called {name}, which has a truth",
+                self.path.display()
+            )
+        };
         self.files.get(name).cloned().with_context(missing)
     }
 }

@@ -13,7 +13,8 @@ use svl::stereo::{Plane, Visibility, cross_check};
 
 /// Judge disparity maps as a benchmark does, number for number
 ///
-/// Both may be folders of equally named files: KITTI 2015 then counts the pixels of all images, the others average.
+/// Both may be folders of equally named files: KITTI 2015 then counts the pixels of all images, the
+/// others average.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -60,8 +61,8 @@ pub(super) struct Args {
     /// Clip to this disparity, as middeval3 does to `ndisp` of calib.txt (pixels of DISPARITY)
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
     max_disparity: Option<f64>,
-    /// By how much the images of truth multiply disparities; 8-bit ones need it (and 8-bit DISPARITY has the same)
-    /// [default: 256 for 16 bits]
+    /// By how much the images of truth multiply disparities; 8-bit ones need it (and 8-bit
+    /// DISPARITY has the same) [default: 256 for 16 bits]
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
     scale: Option<f64>,
     /// Where the errors in KITTI's colours go
@@ -79,7 +80,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let images = Files::find(args)?;
     if args.scale.is_some() && !images.iter().any(Files::has_images) {
-        return Err(usage::wrong("--scale belongs to images; .pfm and .npz hold disparities as they are"));
+        return Err(usage::wrong(
+            "--scale belongs to images; .pfm and .npz hold disparities as they are",
+        ));
     }
     if let Some(path) = &args.error_map {
         for input in images.iter().flat_map(Files::inputs) {
@@ -92,10 +95,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     for files in &images {
         let loaded = Loaded::read(files, args)?;
         for (column, scores) in scores.iter_mut().enumerate() {
-            scores.push(args.protocol.score(&loaded.image(column, args)).map_err(|e| files.explain(&e))?);
+            scores.push(
+                args.protocol
+                    .score(&loaded.image(column, args))
+                    .map_err(|e| files.explain(&e))?,
+            );
         }
         if let Some(path) = &args.error_map {
-            let rgb = args.protocol.error_map(&loaded.image(0, args)).map_err(|e| files.explain(&e))?;
+            let rgb = args
+                .protocol
+                .error_map(&loaded.image(0, args))
+                .map_err(|e| files.explain(&e))?;
             let (width, height) = loaded.truth.size();
             on_disk::write_png(path, width, height, &rgb)?;
         }
@@ -132,13 +142,29 @@ impl Loaded {
     fn read(files: &Files, args: &Args) -> anyhow::Result<Self> {
         let scale = args.scale.map(|scale| scale as f32);
         let truth = on_disk::read_truth(&files.truth, scale)?;
-        let mut masks = files.masks.iter().map(|path| on_disk::read_mask(path)).collect::<Result<Vec<_>, _>>()?;
+        let mut masks = files
+            .masks
+            .iter()
+            .map(|path| on_disk::read_mask(path))
+            .collect::<Result<Vec<_>, _>>()?;
         if let Some(path) = &files.right_truth {
             let right = on_disk::read_truth(path, scale)?;
-            masks.push(cross_check(&truth, &right).map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?);
+            masks.push(
+                cross_check(&truth, &right)
+                    .map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?,
+            );
         }
-        let foreground = files.object_map.as_deref().map(on_disk::read_object_map).transpose()?;
-        Ok(Self { estimate: on_disk::read_estimate(&files.disparity, scale)?, truth, masks, foreground })
+        let foreground = files
+            .object_map
+            .as_deref()
+            .map(on_disk::read_object_map)
+            .transpose()?;
+        Ok(Self {
+            estimate: on_disk::read_estimate(&files.disparity, scale)?,
+            truth,
+            masks,
+            foreground,
+        })
     }
 
     /// What is judged in a column of the table.

@@ -32,10 +32,13 @@ impl GenicamCamera {
         let device = Device::open(name)?;
         device.prepare(drive)?;
         let limits = device.limits()?;
-        let size = device.ask(|camera| camera.region().map(|(_, _, width, height)| [width, height]))?;
+        let size =
+            device.ask(|camera| camera.region().map(|(_, _, width, height)| [width, height]))?;
         let bytes = device.ask(|camera| camera.payload())?;
         if bytes > MAX_BYTES {
-            return Err(device.error(format!("has images of {bytes} bytes, at most {MAX_BYTES}; set a smaller region")));
+            return Err(device.error(format!(
+                "has images of {bytes} bytes, at most {MAX_BYTES}; set a smaller region"
+            )));
         }
         let stream = device.ask(|camera| camera.create_stream())?;
         if let Some(stream) = stream.downcast_ref::<GvStream>() {
@@ -44,8 +47,17 @@ impl GenicamCamera {
         }
         (0..BUFFERS).for_each(|_| stream.push_buffer(Buffer::new_allocate(bytes as usize)));
         device.ask(|camera| camera.start_acquisition())?;
-        let (device, clock, device_clock) = (Arc::new(device), clock.clone(), DeviceClock::default());
-        Ok(Self { stream, device, clock, device_clock, limits, settings: None, size })
+        let (device, clock, device_clock) =
+            (Arc::new(device), clock.clone(), DeviceClock::default());
+        Ok(Self {
+            stream,
+            device,
+            clock,
+            device_clock,
+            limits,
+            settings: None,
+            size,
+        })
     }
 
     pub(super) fn device(&self) -> Arc<Device> {
@@ -60,12 +72,16 @@ impl GenicamCamera {
     /// End of the exposure of a whole image.
     fn exposed_ns(&mut self, buffer: &Buffer, settings: Settings) -> u64 {
         // aravis notes the arrival by the system's clock, which may be set while svl's goes on.
-        let now_ns = SystemTime::UNIX_EPOCH.elapsed().map_or(0, |now| now.as_nanos() as u64);
+        let now_ns = SystemTime::UNIX_EPOCH
+            .elapsed()
+            .map_or(0, |now| now.as_nanos() as u64);
         let age_ns = now_ns.saturating_sub(buffer.system_timestamp());
         let arrived_ns = self.clock.now_ns().saturating_sub(age_ns);
         match buffer.timestamp() {
             0 => arrived_ns,
-            began_ns => self.device_clock.host_ns(began_ns.saturating_add(shutter_ns(settings)), arrived_ns),
+            began_ns => self
+                .device_clock
+                .host_ns(began_ns.saturating_add(shutter_ns(settings)), arrived_ns),
         }
     }
 
@@ -74,7 +90,11 @@ impl GenicamCamera {
         let (ordered, settings, since_ns) = self.settings?;
         let status = buffer.status();
         if status != BufferStatus::Success {
-            tracing::info!("{}: image {} is damaged ({status:?})", self.device.name, buffer.frame_id());
+            tracing::info!(
+                "{}: image {} is damaged ({status:?})",
+                self.device.name,
+                buffer.frame_id()
+            );
             return Some(Taken::Damaged);
         }
         let exposed_ns = self.exposed_ns(buffer, settings);
@@ -83,11 +103,21 @@ impl GenicamCamera {
             return Some(Taken::Unready);
         }
         let Some(image) = image(buffer) else {
-            tracing::info!("{}: image {} is none of 8 bits", self.device.name, buffer.frame_id());
+            tracing::info!(
+                "{}: image {} is none of 8 bits",
+                self.device.name,
+                buffer.frame_id()
+            );
             return Some(Taken::Damaged);
         };
         let stamp_ns = exposed_ns - shutter_ns(settings) / 2;
-        Some(Taken::Image(Capture { image, stamp_ns, trigger_id: None, ordered, settings }))
+        Some(Taken::Image(Capture {
+            image,
+            stamp_ns,
+            trigger_id: None,
+            ordered,
+            settings,
+        }))
     }
 }
 
@@ -105,7 +135,11 @@ fn image(buffer: &Buffer) -> Option<Gray> {
     let stride = width + usize::try_from(buffer.image_padding().0).ok()?;
     let mut pixels = buffer.image_data();
     if stride > width {
-        pixels = pixels.chunks_exact(stride).flat_map(|row| &row[..width]).copied().collect();
+        pixels = pixels
+            .chunks_exact(stride)
+            .flat_map(|row| &row[..width])
+            .copied()
+            .collect();
     }
     pixels.truncate(width.checked_mul(height)?);
     Gray::from_vec(width, height, pixels).ok()

@@ -37,9 +37,15 @@ pub struct Found {
 
 /// The cameras that answer within a second.
 pub fn found() -> Vec<Found> {
-    static ARAVIS: LazyLock<Option<Mutex<Aravis>>> = LazyLock::new(|| Aravis::initialize().ok().map(Mutex::new));
-    let Some(aravis) = &*ARAVIS else { return Vec::new() };
-    let devices = aravis.lock().unwrap_or_else(PoisonError::into_inner).get_device_list();
+    static ARAVIS: LazyLock<Option<Mutex<Aravis>>> =
+        LazyLock::new(|| Aravis::initialize().ok().map(Mutex::new));
+    let Some(aravis) = &*ARAVIS else {
+        return Vec::new();
+    };
+    let devices = aravis
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .get_device_list();
     let text = |text: std::ffi::CString| text.to_string_lossy().into_owned();
     let found = devices.into_iter().map(|device| Found {
         id: text(device.id),
@@ -57,7 +63,10 @@ fn unknown(name: &str, error: &glib::Error) -> Error {
         true => "no camera answers: check its power, its cable, and that this computer is in its network".to_owned(),
         false => format!("those that answer: {}", answering.join(", ")),
     };
-    Error::camera(name, format!("cannot be opened: {}; {cure}", error.message()))
+    Error::camera(
+        name,
+        format!("cannot be opened: {}; {cure}", error.message()),
+    )
 }
 
 /// A camera's features. Its acquisition thread and the trigger's share them.
@@ -76,19 +85,34 @@ impl Device {
         if let Some(device) = camera.device() {
             let lost = lost.clone();
             device.connect_control_lost(move |_| lost.store(true, Ordering::Release));
-            if device.downcast_ref::<aravis::GvDevice>().is_some_and(|device| !device.is_controller()) {
-                return Err(Error::camera(name, "is in use already: by another program, or it is named twice"));
+            if device
+                .downcast_ref::<aravis::GvDevice>()
+                .is_some_and(|device| !device.is_controller())
+            {
+                return Err(Error::camera(
+                    name,
+                    "is in use already: by another program, or it is named twice",
+                ));
             }
         }
-        Ok(Self { name: name.to_owned(), camera: Mutex::new(camera), lost })
+        Ok(Self {
+            name: name.to_owned(),
+            camera: Mutex::new(camera),
+            lost,
+        })
     }
 
     /// Grey images of 8 bits, exposed by what drives it, without automatics.
     pub(super) fn prepare(&self, drive: Drive) -> Result<()> {
         let camera = self.lock();
-        let formats = camera.dup_available_pixel_formats_as_strings().map_err(|e| self.failed(&e))?;
+        let formats = camera
+            .dup_available_pixel_formats_as_strings()
+            .map_err(|e| self.failed(&e))?;
         if !formats.iter().any(|format| format == MONO8) {
-            return Err(self.error(format!("has no {MONO8}, only {}; svl takes grey cameras", formats.join(", "))));
+            return Err(self.error(format!(
+                "has no {MONO8}, only {}; svl takes grey cameras",
+                formats.join(", ")
+            )));
         }
         let prepared = || -> Answer<()> {
             camera.set_pixel_format_from_string(MONO8)?;
@@ -102,12 +126,17 @@ impl Device {
         };
         prepared().map_err(|e| self.failed(&e))?;
         let driven = match drive {
-            Drive::Free { rate_hz } => camera.clear_triggers().and_then(|()| camera.set_frame_rate(rate_hz)),
+            Drive::Free { rate_hz } => camera
+                .clear_triggers()
+                .and_then(|()| camera.set_frame_rate(rate_hz)),
             Drive::Software => camera.set_trigger("Software"),
             Drive::Line => {
-                let sources = camera.dup_available_trigger_sources().map_err(|e| self.failed(&e))?;
+                let sources = camera
+                    .dup_available_trigger_sources()
+                    .map_err(|e| self.failed(&e))?;
                 let line = sources.iter().find(|source| source.starts_with("Line"));
-                let no_line = || self.error(format!("has no trigger line, only {}", sources.join(", ")));
+                let no_line =
+                    || self.error(format!("has no trigger line, only {}", sources.join(", ")));
                 camera.set_trigger(line.ok_or_else(no_line)?)
             }
         };
@@ -117,10 +146,15 @@ impl Device {
     /// What its exposure and its gain can be set to; no gain where it is not in decibels.
     pub(super) fn limits(&self) -> Result<Limits> {
         let camera = self.lock();
-        let (shortest_us, longest_us) = camera.exposure_time_bounds().map_err(|e| self.failed(&e))?;
-        let gain = camera.device().and_then(|device| device.feature(GAIN)?.dynamic_cast::<GcFloat>().ok());
+        let (shortest_us, longest_us) =
+            camera.exposure_time_bounds().map_err(|e| self.failed(&e))?;
+        let gain = camera
+            .device()
+            .and_then(|device| device.feature(GAIN)?.dynamic_cast::<GcFloat>().ok());
         let (least_db, most_db) = match gain.and_then(|gain| gain.unit()) {
-            Some(unit) if unit.eq_ignore_ascii_case("dB") => camera.float_bounds(GAIN).map_err(|e| self.failed(&e))?,
+            Some(unit) if unit.eq_ignore_ascii_case("dB") => {
+                camera.float_bounds(GAIN).map_err(|e| self.failed(&e))?
+            }
             _ => (0.0, 0.0),
         };
         // Casts saturate.
@@ -138,10 +172,16 @@ impl Device {
             // Casts saturate.
             let shutter_us = camera.exposure_time()?.round() as u32;
             if limits.gain_mdb.start() == limits.gain_mdb.end() {
-                return Ok(Settings { shutter_us, ..settings });
+                return Ok(Settings {
+                    shutter_us,
+                    ..settings
+                });
             }
             camera.set_float(GAIN, f64::from(settings.gain_mdb) / 1e3)?;
-            Ok(Settings { shutter_us, gain_mdb: (camera.float(GAIN)? * 1e3).round() as i32 })
+            Ok(Settings {
+                shutter_us,
+                gain_mdb: (camera.float(GAIN)? * 1e3).round() as i32,
+            })
         };
         exposed().map_err(|e| self.failed(&e))
     }
@@ -167,7 +207,9 @@ impl Device {
 
     fn failed(&self, error: &glib::Error) -> Error {
         match error.kind() {
-            Some(DeviceError::Timeout | DeviceError::NotConnected | DeviceError::TransferError) => self.error(SILENT),
+            Some(DeviceError::Timeout | DeviceError::NotConnected | DeviceError::TransferError) => {
+                self.error(SILENT)
+            }
             _ => self.error(error.message()),
         }
     }

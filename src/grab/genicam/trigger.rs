@@ -9,7 +9,8 @@ use std::thread;
 
 /// Commands both cameras to expose.
 ///
-/// Two commands are not one edge: they are sent at once by two threads, and the stamps say how far apart they came.
+/// Two commands are not one edge: they are sent at once by two threads, and the stamps say how far
+/// apart they came.
 pub struct SoftwareTrigger {
     devices: [Arc<Device>; 2],
     clock: Arc<Clock>,
@@ -18,20 +19,33 @@ pub struct SoftwareTrigger {
 
 impl SoftwareTrigger {
     pub fn new([left, right]: &[GenicamCamera; 2], clock: &Arc<Clock>) -> Self {
-        Self { devices: [left.device(), right.device()], clock: clock.clone(), next_id: 0 }
+        Self {
+            devices: [left.device(), right.device()],
+            clock: clock.clone(),
+            next_id: 0,
+        }
     }
 }
 
 impl Trigger for SoftwareTrigger {
     fn fire(&mut self) -> Result<Pulse> {
-        let pulse = Pulse { id: self.next_id, stamp_ns: self.clock.now_ns() };
+        let pulse = Pulse {
+            id: self.next_id,
+            stamp_ns: self.clock.now_ns(),
+        };
         self.next_id += 1;
         let [left, right] = &self.devices;
         let (left, right) = thread::scope(|scope| {
             let right = scope.spawn(|| right.fire());
-            (left.fire(), right.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            (
+                left.fire(),
+                right
+                    .join()
+                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            )
         });
-        left.map_err(|e| Side::Left.blame(e)).and(right.map_err(|e| Side::Right.blame(e)))?;
+        left.map_err(|e| Side::Left.blame(e))
+            .and(right.map_err(|e| Side::Right.blame(e)))?;
         Ok(pulse)
     }
 }

@@ -17,16 +17,30 @@ impl Answer {
             return None;
         }
         let mut words = said.split(' ');
-        let &[letter] = words.next()?.as_bytes() else { return None };
-        let answer = Self { letter, first: words.next()?.parse().ok()?, second: words.next()?.parse().ok()? };
+        let &[letter] = words.next()?.as_bytes() else {
+            return None;
+        };
+        let answer = Self {
+            letter,
+            first: words.next()?.parse().ok()?,
+            second: words.next()?.parse().ok()?,
+        };
         words.next().is_none().then_some(answer)
     }
 }
 
 /// Polynomial 0x07, initially 0, nothing reflected or inverted.
 pub(super) fn crc8(bytes: &[u8]) -> u8 {
-    let shift = |crc: u8, _| if crc & 0x80 == 0 { crc << 1 } else { crc << 1 ^ 0x07 };
-    bytes.iter().fold(0, |crc, byte| (0..8).fold(crc ^ byte, shift))
+    let shift = |crc: u8, _| {
+        if crc & 0x80 == 0 {
+            crc << 1
+        } else {
+            crc << 1 ^ 0x07
+        }
+    };
+    bytes
+        .iter()
+        .fold(0, |crc, byte| (0..8).fold(crc ^ byte, shift))
 }
 
 #[cfg(test)]
@@ -36,8 +50,23 @@ mod tests {
     #[test]
     fn answers_are_what_the_readme_says() {
         assert_eq!(crc8(b"123456789"), 0xf4);
-        assert_eq!(Answer::parse(b"P 1 49480 3a"), Some(Answer { letter: b'P', first: 1, second: 49480 }));
-        for wrong in ["", "P", "P 1 49480 3b", "P 2 49480 3a", " 1 49480 3a", "P 1 49480 +a", "PP 1 49480 3a"] {
+        assert_eq!(
+            Answer::parse(b"P 1 49480 3a"),
+            Some(Answer {
+                letter: b'P',
+                first: 1,
+                second: 49480
+            })
+        );
+        for wrong in [
+            "",
+            "P",
+            "P 1 49480 3b",
+            "P 2 49480 3a",
+            " 1 49480 3a",
+            "P 1 49480 +a",
+            "PP 1 49480 3a",
+        ] {
             assert_eq!(Answer::parse(wrong.as_bytes()), None, "{wrong}");
         }
     }

@@ -28,11 +28,18 @@ impl Line {
     pub(super) fn new(port: SerialPort, name: &str) -> Self {
         let name = format!("trigger {name}");
         let troubles = Troubles::of(&name);
-        Self { name, port, received: Vec::new(), heard: false, strange: 0, troubles }
+        Self {
+            name,
+            port,
+            received: Vec::new(),
+            heard: false,
+            strange: 0,
+            troubles,
+        }
     }
 
-    /// The next answer that is whole. What is cut off or garbled is counted and passed over. After the deadline it is
-    /// one that has already come, or nothing.
+    /// The next answer that is whole. What is cut off or garbled is counted and passed over. After
+    /// the deadline it is one that has already come, or nothing.
     pub(super) fn next(&mut self, deadline: Instant) -> Result<Option<Answer>> {
         let mut over = false;
         loop {
@@ -76,21 +83,29 @@ impl Line {
         let mut bytes = [0; BUFFER];
         // The port counts whole milliseconds.
         let patience = Duration::from_millis(patience.as_micros().div_ceil(1000) as u64);
-        match self.port.set_read_timeout(patience).and_then(|()| self.port.read(&mut bytes)) {
+        match self
+            .port
+            .set_read_timeout(patience)
+            .and_then(|()| self.port.read(&mut bytes))
+        {
             Ok(0) => Err(self.gone()),
             Ok(count) => {
                 self.received.extend_from_slice(&bytes[..count]);
                 Ok(())
             }
             Err(e) => match e.kind() {
-                io::ErrorKind::TimedOut | io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock => Ok(()),
+                io::ErrorKind::TimedOut
+                | io::ErrorKind::Interrupted
+                | io::ErrorKind::WouldBlock => Ok(()),
                 _ => Err(self.failed("read", &e)),
             },
         }
     }
 
     pub(super) fn send(&mut self, bytes: &[u8]) -> Result<()> {
-        self.port.write_all(bytes).map_err(|e| self.failed("written", &e))
+        self.port
+            .write_all(bytes)
+            .map_err(|e| self.failed("written", &e))
     }
 
     fn failed(&self, done: &str, cause: &io::Error) -> Error {
@@ -98,7 +113,9 @@ impl Line {
         match cause.raw_os_error() {
             Some(5 | 6 | 19) => self.gone(),
             _ if cause.kind() == io::ErrorKind::WriteZero => self.gone(),
-            _ => self.error(format!("cannot be {done}: {cause}; plug it in anew and record again")),
+            _ => self.error(format!(
+                "cannot be {done}: {cause}; plug it in anew and record again"
+            )),
         }
     }
 

@@ -17,7 +17,12 @@ pub(super) fn open(device: &Path) -> Result<SerialPort> {
         lock(&port)?;
         Ok(port)
     };
-    open().map_err(|e| Error::camera(device.display().to_string(), reason(&e, group(device).as_deref())))
+    open().map_err(|e| {
+        Error::camera(
+            device.display().to_string(),
+            reason(&e, group(device).as_deref()),
+        )
+    })
 }
 
 /// Two programs on one line would take each other's answers. The lock ends with the port.
@@ -46,7 +51,9 @@ fn reason(cause: &io::Error, group: Option<&str>) -> String {
         (NotFound, _) => "no such device; plug it in; `svl record --list` shows the serial ports",
         (PermissionDenied, Some(group)) => {
             let join = format!("sudo usermod -aG {group} $USER");
-            return format!("cannot be opened: it is for the group {group}; `{join}`, then log in again");
+            return format!(
+                "cannot be opened: it is for the group {group}; `{join}`, then log in again"
+            );
         }
         (PermissionDenied, None) => "permission denied; change its permissions",
         _ => {
@@ -70,7 +77,8 @@ fn group(device: &Path) -> Option<String> {
         let name = fields.next()?;
         (fields.nth(1)?.parse() == Ok(device.gid())).then_some(name)
     });
-    name.filter(|_| device.gid() != 0 && device.mode() & USE_BY_GROUP == USE_BY_GROUP).map(str::to_owned)
+    name.filter(|_| device.gid() != 0 && device.mode() & USE_BY_GROUP == USE_BY_GROUP)
+        .map(str::to_owned)
 }
 
 #[cfg(not(unix))]
@@ -89,7 +97,13 @@ mod tests {
         let path = std::fs::read_link(format!("/proc/self/fd/{}", ours.as_raw_fd())).unwrap();
         lock(&ours).unwrap();
         let error = open(&path).map(drop).unwrap_err().to_string();
-        assert_eq!(error, format!("{}: is in use by another program; end that one first", path.display()));
+        assert_eq!(
+            error,
+            format!(
+                "{}: is in use by another program; end that one first",
+                path.display()
+            )
+        );
         drop(ours);
         open(&path).unwrap();
     }
@@ -97,18 +111,28 @@ mod tests {
     #[test]
     fn what_cannot_be_opened_is_told_with_the_cure() {
         for (device, words) in [
-            ("/dev/nowhere", "cannot be opened: no such device; plug it in"),
+            (
+                "/dev/nowhere",
+                "cannot be opened: no such device; plug it in",
+            ),
             ("/dev/null", "is no serial port of 500000 baud"),
             ("/", "is no serial port of 500000 baud"),
         ] {
             let error = open(Path::new(device)).map(drop).unwrap_err().to_string();
-            assert!(error.starts_with(&format!("{device}: {words}")) && error.contains("svl record --list"), "{error}");
+            assert!(
+                error.starts_with(&format!("{device}: {words}"))
+                    && error.contains("svl record --list"),
+                "{error}"
+            );
         }
         let denied = io::Error::from(io::ErrorKind::PermissionDenied);
         assert_eq!(
             reason(&denied, Some("dialout")),
             "cannot be opened: it is for the group dialout; `sudo usermod -aG dialout $USER`, then log in again"
         );
-        assert_eq!(reason(&denied, None), "cannot be opened: permission denied; change its permissions");
+        assert_eq!(
+            reason(&denied, None),
+            "cannot be opened: permission denied; change its permissions"
+        );
     }
 }

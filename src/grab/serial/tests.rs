@@ -2,7 +2,8 @@ use super::*;
 use answer::crc8;
 use std::thread;
 
-/// A controller that does with the n-th request for a pulse what `script` says, and gives pulses after that.
+/// A controller that does with the n-th request for a pulse what `script` says, and gives pulses
+/// after that.
 struct Fake {
     port: SerialPort,
     pulses: u32,
@@ -15,7 +16,11 @@ impl Fake {
         opened_on(
             || false,
             move |port| {
-                let mut fake = Self { port, pulses, length: String::new() };
+                let mut fake = Self {
+                    port,
+                    pulses,
+                    length: String::new(),
+                };
                 if pulses == 0 {
                     fake.say("R 1 1");
                 }
@@ -44,11 +49,16 @@ impl Fake {
 
     fn hear(&mut self) -> Option<u8> {
         let mut byte = [0];
-        self.port.read(&mut byte).is_ok_and(|count| count == 1).then_some(byte[0])
+        self.port
+            .read(&mut byte)
+            .is_ok_and(|count| count == 1)
+            .then_some(byte[0])
     }
 
     fn say(&mut self, text: &str) {
-        self.port.write_all(format!("{text} {:02x}\n", crc8(text.as_bytes())).as_bytes()).unwrap();
+        self.port
+            .write_all(format!("{text} {:02x}\n", crc8(text.as_bytes())).as_bytes())
+            .unwrap();
     }
 
     fn pulse(&mut self) {
@@ -135,7 +145,10 @@ impl Fake {
 }
 
 /// What comes of opening the port whose other end `peer` has.
-fn opened_on(stopped: fn() -> bool, peer: impl FnOnce(SerialPort) + Send + 'static) -> Result<SerialTrigger> {
+fn opened_on(
+    stopped: fn() -> bool,
+    peer: impl FnOnce(SerialPort) + Send + 'static,
+) -> Result<SerialTrigger> {
     let (mut theirs, ours) = SerialPort::pair().unwrap();
     theirs.set_read_timeout(Duration::from_secs(60)).unwrap();
     thread::spawn(move || peer(theirs));
@@ -178,16 +191,28 @@ fn every_pulse_is_known_whatever_happens_on_the_line() {
 
 #[test]
 fn pulses_that_nobody_asked_for_are_counted_and_taken_for_no_others() {
-    assert_eq!(ids(&["pulse, stray", "lost request", "pulse"], 3), [1, 3, 4]);
+    assert_eq!(
+        ids(&["pulse, stray", "lost request", "pulse"], 3),
+        [1, 3, 4]
+    );
     assert_eq!(ids(&["pulse, busy", "pulse"], 3), [1, 2, 3]);
-    assert_eq!(ids(&["busy, pulse", "pulse"], 3), [1, 2, 3], "refused was an earlier one");
+    assert_eq!(
+        ids(&["busy, pulse", "pulse"], 3),
+        [1, 2, 3],
+        "refused was an earlier one"
+    );
     assert_eq!(ids(&["pulse, stray, reset", "pulse"], 3), [1, 3, 4]);
 }
 
 #[test]
 fn trouble_on_the_line_is_counted() {
-    let [requests, answers, others @ ..] =
-        troubles(&["lost request", "lost answer", "lost answer", "garbled", "trouble"]);
+    let [requests, answers, others @ ..] = troubles(&[
+        "lost request",
+        "lost answer",
+        "lost answer",
+        "garbled",
+        "trouble",
+    ]);
     // A machine that is slow loses more answers.
     assert!(requests >= 1 && answers >= 3, "{requests}, {answers}");
     assert_eq!(others, [1, 2, 1, 1]);
@@ -196,16 +221,30 @@ fn trouble_on_the_line_is_counted() {
 #[test]
 fn numbers_go_on_after_a_reset() {
     assert_eq!(ids(&["pulse", "pulse", "reset", "pulse"], 4), [1, 2, 3, 4]);
-    assert_eq!(ids(&["pulse", "pulse", "hang", "hang", "pulse"], 4), [1, 2, 3, 4]);
-    assert_eq!(ids(&["pulse", "reset, pulse", "pulse"], 4), [1, 2, 3, 4], "the reset was before the request");
-    assert_eq!(ids(&["pulse", "pulse", "silent reset, pulse"], 4), [1, 2, 3, 4], "what told of it was lost");
+    assert_eq!(
+        ids(&["pulse", "pulse", "hang", "hang", "pulse"], 4),
+        [1, 2, 3, 4]
+    );
+    assert_eq!(
+        ids(&["pulse", "reset, pulse", "pulse"], 4),
+        [1, 2, 3, 4],
+        "the reset was before the request"
+    );
+    assert_eq!(
+        ids(&["pulse", "pulse", "silent reset, pulse"], 4),
+        [1, 2, 3, 4],
+        "what told of it was lost"
+    );
 }
 
 #[test]
 fn numbers_go_on_beyond_32_bits() {
     let mut trigger = Fake::open(&["pulse", "pulse, stray"], u32::MAX - 1).unwrap();
     let end = u64::from(u32::MAX);
-    assert_eq!([(); 4].map(|()| trigger.fire().unwrap().id), [end, end + 1, end + 3, end + 4]);
+    assert_eq!(
+        [(); 4].map(|()| trigger.fire().unwrap().id),
+        [end, end + 1, end + 3, end + 4]
+    );
 }
 
 #[test]
@@ -226,7 +265,10 @@ fn what_has_come_is_read_without_waiting() {
 
 #[test]
 fn a_controller_that_fails_is_named_with_the_cure() {
-    assert_eq!(failure(&["busy"; 3]), "trigger pty: gave no pulse in 3 attempts; check its cable");
+    assert_eq!(
+        failure(&["busy"; 3]),
+        "trigger pty: gave no pulse in 3 attempts; check its cable"
+    );
     let gone = "trigger pty: is gone; plug it in and record again";
     assert_eq!(failure(&["pulse", "unplugged"]), gone);
     assert_eq!(failure(&["unplugged after a pulse"]), gone);
@@ -253,20 +295,33 @@ fn refused(peer: fn(&SerialPort)) -> String {
 
 #[test]
 fn what_is_silent_is_refused() {
-    assert_eq!(refused(|_| ()), "trigger pty: does not answer; is it the trigger controller, and flashed?");
+    assert_eq!(
+        refused(|_| ()),
+        "trigger pty: does not answer; is it the trigger controller, and flashed?"
+    );
 }
 
 #[test]
 fn what_says_other_things_is_refused() {
-    const POSITION: &[u8] = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n";
+    const POSITION: &[u8] =
+        b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n";
     let error = refused(|port| (0..7).for_each(|_| port.write_all(POSITION).unwrap()));
-    assert_eq!(error, "trigger pty: said 7 lines, none of them a trigger controller's; is it one, and flashed?");
+    assert_eq!(
+        error,
+        "trigger pty: said 7 lines, none of them a trigger controller's; is it one, and flashed?"
+    );
     let error = refused(|port| port.write_all(b"R 2 2 f7\n").unwrap());
-    assert_eq!(error, "trigger pty: speaks version 2 of the protocol, svl 1; flash firmware/");
+    assert_eq!(
+        error,
+        "trigger pty: speaks version 2 of the protocol, svl 1; flash firmware/"
+    );
 }
 
 #[test]
 fn nobody_waits_for_it_who_has_been_stopped() {
-    let error = opened_on(|| true, |port| listen(&port)).map(drop).unwrap_err().to_string();
+    let error = opened_on(|| true, |port| listen(&port))
+        .map(drop)
+        .unwrap_err()
+        .to_string();
     assert_eq!(error, "trigger pty: stopped before it answered");
 }

@@ -95,7 +95,9 @@ impl SimulatedCamera {
     /// Begin of the exposure, once it is known.
     fn exposed_at(&self, until_ns: u64) -> Option<(u64, Option<u64>)> {
         match &self.drive {
-            Drive::Wire(wire) => wire.pulse(self.side, until_ns).map(|pulse| (pulse.stamp_ns, Some(pulse.id))),
+            Drive::Wire(wire) => wire
+                .pulse(self.side, until_ns)
+                .map(|pulse| (pulse.stamp_ns, Some(pulse.id))),
             Drive::Free { period_ns } => {
                 let period_ns = *period_ns as f64 * (1.0 + self.temper.drift_ppm * 1e-6);
                 let phase_ns = self.temper.phase_ms * NS_PER_MS;
@@ -114,16 +116,27 @@ impl Camera for SimulatedCamera {
     }
 
     fn limits(&self) -> Limits {
-        Limits { shutter_us: 50..=30_000, gain_mdb: 0..=18_000 }
+        Limits {
+            shutter_us: 50..=30_000,
+            gain_mdb: 0..=18_000,
+        }
     }
 
     fn arm(&mut self, settings: Settings) -> Result<()> {
-        if self.temper.disconnect_at.is_some_and(|at| self.exposures >= at) {
-            return Err(Error::camera(self.name(), "disconnected; plug it in and record again"));
+        if self
+            .temper
+            .disconnect_at
+            .is_some_and(|at| self.exposures >= at)
+        {
+            return Err(Error::camera(
+                self.name(),
+                "disconnected; plug it in and record again",
+            ));
         }
         self.settings = settings;
         let delay_ms = self.temper.arm_ms + self.temper.jitter_ms * self.random.f64();
-        self.clock.sleep_until(self.clock.now_ns() + (delay_ms * NS_PER_MS) as u64);
+        self.clock
+            .sleep_until(self.clock.now_ns() + (delay_ms * NS_PER_MS) as u64);
         self.armed_ns = self.clock.now_ns();
         if let Drive::Wire(wire) = &self.drive {
             wire.arm(self.side);
@@ -132,19 +145,37 @@ impl Camera for SimulatedCamera {
     }
 
     fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
-        let until_ns = self.clock.now_ns().saturating_add(patience.as_nanos() as u64);
-        let Some((begin_ns, trigger_id)) = self.exposed_at(until_ns) else { return Ok(None) };
+        let until_ns = self
+            .clock
+            .now_ns()
+            .saturating_add(patience.as_nanos() as u64);
+        let Some((begin_ns, trigger_id)) = self.exposed_at(until_ns) else {
+            return Ok(None);
+        };
         if self.temper.hang_at.is_some_and(|at| self.exposures >= at) {
             self.clock.sleep_until(u64::MAX);
         }
         self.exposures += 1;
         let shutter_ns = u64::from(self.settings.shutter_us) * 1000;
-        self.clock.sleep_until(begin_ns + shutter_ns + (self.temper.transfer_ms * NS_PER_MS) as u64);
-        if self.temper.damage_at.is_some_and(|at| self.exposures == at + 1) {
+        self.clock
+            .sleep_until(begin_ns + shutter_ns + (self.temper.transfer_ms * NS_PER_MS) as u64);
+        if self
+            .temper
+            .damage_at
+            .is_some_and(|at| self.exposures == at + 1)
+        {
             return Ok(Some(Taken::Damaged));
         }
         let stamp_ns = begin_ns + shutter_ns / 2;
-        let image = self.sensor.expose(self.pictures.at(self.side, stamp_ns), self.settings)?;
-        Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id, ordered: self.settings, settings: self.settings })))
+        let image = self
+            .sensor
+            .expose(self.pictures.at(self.side, stamp_ns), self.settings)?;
+        Ok(Some(Taken::Image(Capture {
+            image,
+            stamp_ns,
+            trigger_id,
+            ordered: self.settings,
+            settings: self.settings,
+        })))
     }
 }

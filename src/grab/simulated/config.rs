@@ -22,7 +22,13 @@ pub struct SimulatedConfig {
 
 impl Default for SimulatedConfig {
     fn default() -> Self {
-        Self { size: (640, 480), board: false, pictures: 60, light: 1.0, tempers: Default::default() }
+        Self {
+            size: (640, 480),
+            board: false,
+            pictures: 60,
+            light: 1.0,
+            tempers: Default::default(),
+        }
     }
 }
 
@@ -43,7 +49,9 @@ impl FromStr for SimulatedConfig {
         for setting in text.split(',').filter(|setting| !setting.is_empty()) {
             let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
             let understood = config.set(key.trim(), value.trim());
-            understood.map_err(|expected| Error::Invalid(format!("sim: {setting}: expected {expected}")))?;
+            understood.map_err(|expected| {
+                Error::Invalid(format!("sim: {setting}: expected {expected}"))
+            })?;
         }
         let (width, height) = config.size;
         let bytes = 2 * width * height * config.pictures;
@@ -69,7 +77,10 @@ impl SimulatedConfig {
                 self.board = scene.ok_or("scene=arena or scene=board")? == 1;
             }
             "pictures" => {
-                let pictures = value.parse().ok().filter(|pictures| PICTURES.contains(pictures));
+                let pictures = value
+                    .parse()
+                    .ok()
+                    .filter(|pictures| PICTURES.contains(pictures));
                 self.pictures = pictures.ok_or_else(|| format!("a number, {}", span(&PICTURES)))?;
             }
             "light" => self.light = number(value, "a number", 1000.0)?,
@@ -79,7 +90,9 @@ impl SimulatedConfig {
                     Some(("right", key)) => (&[Side::Right][..], key),
                     _ => (&Side::BOTH[..], key),
                 };
-                sides.iter().try_for_each(|&side| set_temper(&mut self.tempers[side as usize], key, value))?;
+                sides.iter().try_for_each(|&side| {
+                    set_temper(&mut self.tempers[side as usize], key, value)
+                })?;
             }
         }
         Ok(())
@@ -88,7 +101,12 @@ impl SimulatedConfig {
 
 fn set_temper(temper: &mut Temper, key: &str, value: &str) -> Result<(), String> {
     let milliseconds = || number(value, "milliseconds", 60_000.0);
-    let exposure = || value.parse().map(Some).map_err(|_| "the number of an exposure, from 0".to_owned());
+    let exposure = || {
+        value
+            .parse()
+            .map(Some)
+            .map_err(|_| "the number of an exposure, from 0".to_owned())
+    };
     match key {
         "arm_ms" => temper.arm_ms = milliseconds()?,
         "jitter_ms" => temper.jitter_ms = milliseconds()?,
@@ -105,12 +123,17 @@ fn set_temper(temper: &mut Temper, key: &str, value: &str) -> Result<(), String>
 
 fn size(text: &str) -> Result<(usize, usize), String> {
     let side = |text: &str| text.parse().ok().filter(|side| SIDES.contains(side));
-    let sides = text.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
+    let sides = text
+        .split_once('x')
+        .and_then(|(width, height)| Some((side(width)?, side(height)?)));
     sides.ok_or_else(|| format!("WxH in pixels, each {}", span(&SIDES)))
 }
 
 fn number(text: &str, what: &str, max: f64) -> Result<f64, String> {
-    text.parse().ok().filter(|number| (0.0..=max).contains(number)).ok_or_else(|| format!("{what}, 0 to {max}"))
+    text.parse()
+        .ok()
+        .filter(|number| (0.0..=max).contains(number))
+        .ok_or_else(|| format!("{what}, 0 to {max}"))
 }
 
 fn span(range: &RangeInclusive<usize>) -> String {
@@ -123,11 +146,17 @@ mod tests {
 
     #[test]
     fn keys_are_of_both_cameras_or_of_one() {
-        let config: SimulatedConfig = "size=320x240,arm_ms=5,right.arm_ms=40,left.hang_at=3,light=0.5".parse().unwrap();
+        let config: SimulatedConfig =
+            "size=320x240,arm_ms=5,right.arm_ms=40,left.hang_at=3,light=0.5"
+                .parse()
+                .unwrap();
         assert_eq!((config.size, config.light), ((320, 240), 0.5));
         assert_eq!(config.tempers.clone().map(|t| t.arm_ms), [5.0, 40.0]);
         assert_eq!(config.tempers.map(|t| t.hang_at), [Some(3), None]);
-        assert_eq!("".parse::<SimulatedConfig>().unwrap(), SimulatedConfig::default());
+        assert_eq!(
+            "".parse::<SimulatedConfig>().unwrap(),
+            SimulatedConfig::default()
+        );
     }
 
     #[test]
@@ -147,9 +176,18 @@ mod tests {
             ("x=1", "one of size=WxH"),
         ] {
             let error = wrong.parse::<SimulatedConfig>().unwrap_err().to_string();
-            assert!(error.starts_with(&format!("sim: {wrong}: expected ")) && error.contains(expected), "{error}");
+            assert!(
+                error.starts_with(&format!("sim: {wrong}: expected ")) && error.contains(expected),
+                "{error}"
+            );
         }
-        let error = "size=4096x4096,pictures=100".parse::<SimulatedConfig>().unwrap_err().to_string();
-        assert!(error.contains("100 pictures of 4096x4096") && error.contains("at most"), "{error}");
+        let error = "size=4096x4096,pictures=100"
+            .parse::<SimulatedConfig>()
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("100 pictures of 4096x4096") && error.contains("at most"),
+            "{error}"
+        );
     }
 }

@@ -10,8 +10,9 @@ use rayon::prelude::*;
 
 /// Pairs without noise, with an exposure of 8 ms, at a fixed rate.
 ///
-/// Rendering one takes longer than a camera's period, so they are rendered once. They show the world at the time of the
-/// exposure, so a pair of two exposures shows two moments. The shutter makes them brighter, not more blurred.
+/// Rendering one takes longer than a camera's period, so they are rendered once. They show the
+/// world at the time of the exposure, so a pair of two exposures shows two moments. The shutter
+/// makes them brighter, not more blurred.
 pub struct Pictures {
     pairs: Vec<StereoPair>,
     period_ns: u64,
@@ -19,8 +20,8 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Renders the first `count` pictures of the arena's run in `size`, `rate_hz` a second but at most 100; nothing when
-    /// `go_on`, which is called after each, on any thread, says so.
+    /// Renders the first `count` pictures of the arena's run in `size`, `rate_hz` a second but at
+    /// most 100; nothing when `go_on`, which is called after each, on any thread, says so.
     ///
     /// # Errors
     /// [`Error::Invalid`] when the arena cannot be made so.
@@ -39,27 +40,39 @@ impl Pictures {
         config.frames = (duration_s * rate_hz).ceil() as u64;
         (config.rig.width_px, config.rig.height_px) = (width_px, height_px);
         config.sensor.noise = false;
-        (config.sensor.shutter_us, config.sensor.gain_db) = (REFERENCE.shutter_us, f64::from(REFERENCE.gain_mdb) / 1e3);
+        (config.sensor.shutter_us, config.sensor.gain_db) =
+            (REFERENCE.shutter_us, f64::from(REFERENCE.gain_mdb) / 1e3);
         let arena = Arena::new(&config, seed)?;
         let count = (count as u64).min(arena.frames());
         let pairs = rendered(count, go_on, |i| arena.frame(i).map(|frame| frame.pair))?;
-        pairs.map(|pairs| Self::new(pairs, rate_hz, Some(arena.rig()))).transpose()
+        pairs
+            .map(|pairs| Self::new(pairs, rate_hz, Some(arena.rig())))
+            .transpose()
     }
 
-    /// Renders all pictures of a board that is moved, for calibrating, as [`Pictures::render`] does; the cameras have
-    /// lenses.
+    /// Renders all pictures of a board that is moved, for calibrating, as [`Pictures::render`]
+    /// does; the cameras have lenses.
     ///
     /// # Errors
     /// [`Error::Invalid`] for another size than the board's cameras have.
-    pub fn of_board(size: (usize, usize), seed: u64, go_on: impl Fn() -> bool + Sync) -> Result<Option<Self>> {
+    pub fn of_board(
+        size: (usize, usize),
+        seed: u64,
+        go_on: impl Fn() -> bool + Sync,
+    ) -> Result<Option<Self>> {
         let board = MovingBoard::new(seed)?;
         let own = board.truth().left().size();
         if size != own {
-            let reason = format!("sim: the board's pictures are {}x{}, not {}x{}", own.0, own.1, size.0, size.1);
+            let reason = format!(
+                "sim: the board's pictures are {}x{}, not {}x{}",
+                own.0, own.1, size.0, size.1
+            );
             return Err(Error::Invalid(reason));
         }
         let pairs = rendered(board.pairs(), go_on, |i| board.pair(i))?;
-        pairs.map(|pairs| Self::new(pairs, RATE_HZ, None)).transpose()
+        pairs
+            .map(|pairs| Self::new(pairs, RATE_HZ, None))
+            .transpose()
     }
 
     /// From pictures that there are.
@@ -69,9 +82,16 @@ impl Pictures {
     pub fn new(pairs: Vec<StereoPair>, rate_hz: f64, rig: Option<Rig>) -> Result<Self> {
         let period_ns = (1e9 / rate_hz).round() as u64;
         if pairs.is_empty() || period_ns == 0 || !rate_hz.is_finite() {
-            return Err(Error::Invalid(format!("simulated cameras: {} pictures, {rate_hz} a second", pairs.len())));
+            return Err(Error::Invalid(format!(
+                "simulated cameras: {} pictures, {rate_hz} a second",
+                pairs.len()
+            )));
         }
-        Ok(Self { pairs, period_ns, rig })
+        Ok(Self {
+            pairs,
+            period_ns,
+            rig,
+        })
     }
 
     pub fn rig(&self) -> Option<Rig> {
@@ -82,7 +102,11 @@ impl Pictures {
     pub(super) fn at(&self, side: Side, time_ns: u64) -> &Gray {
         let turns = (2 * (self.pairs.len() - 1)).max(1);
         let step = ((time_ns / self.period_ns) % turns as u64) as usize;
-        let pair = &self.pairs[if step < self.pairs.len() { step } else { turns - step }];
+        let pair = &self.pairs[if step < self.pairs.len() {
+            step
+        } else {
+            turns - step
+        }];
         match side {
             Side::Left => pair.left(),
             Side::Right => pair.right(),
@@ -97,7 +121,11 @@ fn rendered(
     pair: impl Fn(u64) -> Result<StereoPair> + Sync,
 ) -> Result<Option<Vec<StereoPair>>> {
     let one = |i| pair(i).map(|pair| go_on().then_some(pair)).transpose();
-    (0..count).into_par_iter().map(one).collect::<Option<Result<_>>>().transpose()
+    (0..count)
+        .into_par_iter()
+        .map(one)
+        .collect::<Option<Result<_>>>()
+        .transpose()
 }
 
 #[cfg(test)]
@@ -108,9 +136,15 @@ mod tests {
     #[test]
     fn rendering_can_be_stopped() {
         let done = AtomicU64::new(0);
-        let pictures = Pictures::render((32, 24), 60.0, 200, 1, || done.fetch_add(1, Ordering::Relaxed) < 3);
+        let pictures = Pictures::render((32, 24), 60.0, 200, 1, || {
+            done.fetch_add(1, Ordering::Relaxed) < 3
+        });
         assert!(pictures.unwrap().is_none());
         assert!(done.into_inner() < 100, "the others are not begun");
-        assert!(Pictures::render((32, 24), 60.0, 2, 1, || true).unwrap().is_some());
+        assert!(
+            Pictures::render((32, 24), 60.0, 2, 1, || true)
+                .unwrap()
+                .is_some()
+        );
     }
 }

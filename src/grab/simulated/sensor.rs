@@ -5,9 +5,13 @@ use crate::grab::Settings;
 use crate::stereo::Gray;
 
 /// What pictures are exposed with before a sensor exposes them again.
-pub(super) const REFERENCE: Settings = Settings { shutter_us: 8_000, gain_mdb: 0 };
+pub(super) const REFERENCE: Settings = Settings {
+    shutter_us: 8_000,
+    gain_mdb: 0,
+};
 
-/// Photoelectrons that make 255 at 0 dB, and the deviation of the read noise: those of the arena's cameras.
+/// Photoelectrons that make 255 at 0 dB, and the deviation of the read noise: those of the arena's
+/// cameras.
 const FULL_SCALE_E: f32 = 9_000.0;
 const READ_NOISE_E: f32 = 25.0;
 
@@ -26,16 +30,24 @@ impl Sensor {
     pub(super) fn new(light: f64, seed: u64) -> Self {
         let mut random = fastrand::Rng::with_seed(seed);
         // The sum of four uniform ones, with unit variance.
-        let noise = (0..NOISE).map(|_| ((0..4).map(|_| random.f32()).sum::<f32>() - 2.0) * 1.732_050_8).collect();
-        Self { light, random, noise }
+        let noise = (0..NOISE)
+            .map(|_| ((0..4).map(|_| random.f32()).sum::<f32>() - 2.0) * 1.732_050_8)
+            .collect();
+        Self {
+            light,
+            random,
+            noise,
+        }
     }
 
-    /// The picture as exposed with `settings`: photons, their noise, the amplifier and its noise, 8 bits.
+    /// The picture as exposed with `settings`: photons, their noise, the amplifier and its noise, 8
+    /// bits.
     pub(super) fn expose(&mut self, picture: &Gray, settings: Settings) -> Result<Gray> {
         let photons = self.light * f64::from(settings.shutter_us) / f64::from(REFERENCE.shutter_us);
         let gain = 10f64.powf(f64::from(settings.gain_mdb - REFERENCE.gain_mdb) / 20_000.0);
         let e_per_grey = FULL_SCALE_E / 255.0;
-        let means: [f32; 256] = std::array::from_fn(|grey| grey as f32 * e_per_grey * photons as f32);
+        let means: [f32; 256] =
+            std::array::from_fn(|grey| grey as f32 * e_per_grey * photons as f32);
         let grey_per_e = gain as f32 / e_per_grey;
         let exposed = means.map(|e| {
             let deviation_e = (e + READ_NOISE_E * READ_NOISE_E).sqrt();

@@ -4,7 +4,8 @@ use crate::error::Result;
 use crate::grab::{Clock, Pulse, Side, Trigger};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Two trigger lines. A pulse reaches the cameras that are armed; for the others it is lost, as on a real cable.
+/// Two trigger lines. A pulse reaches the cameras that are armed; for the others it is lost, as on
+/// a real cable.
 pub struct Wire {
     clock: Arc<Clock>,
     lines: Mutex<[Line; 2]>,
@@ -18,25 +19,35 @@ struct Line {
 
 impl Wire {
     pub fn new(clock: &Arc<Clock>) -> Arc<Self> {
-        Arc::new(Self { clock: clock.clone(), lines: Mutex::default() })
+        Arc::new(Self {
+            clock: clock.clone(),
+            lines: Mutex::default(),
+        })
     }
 
     /// Raises both lines.
     pub fn raise(&self, pulse: Pulse) {
         for line in self.lock().iter_mut().filter(|line| line.armed) {
-            *line = Line { armed: false, pulse: Some(pulse) };
+            *line = Line {
+                armed: false,
+                pulse: Some(pulse),
+            };
         }
         self.clock.notify();
     }
 
     /// From now on the next pulse exposes.
     pub(super) fn arm(&self, side: Side) {
-        self.lock()[side as usize] = Line { armed: true, pulse: None };
+        self.lock()[side as usize] = Line {
+            armed: true,
+            pulse: None,
+        };
     }
 
     /// The pulse that came since, waiting for it.
     pub(super) fn pulse(&self, side: Side, until_ns: u64) -> Option<Pulse> {
-        self.clock.wait_until(until_ns, || self.lock()[side as usize].pulse.take())
+        self.clock
+            .wait_until(until_ns, || self.lock()[side as usize].pulse.take())
     }
 
     fn lock(&self) -> MutexGuard<'_, [Line; 2]> {
@@ -52,7 +63,10 @@ pub struct Cabled {
 
 impl Cabled {
     pub fn new(trigger: Box<dyn Trigger>, wire: &Arc<Wire>) -> Self {
-        Self { trigger, wire: wire.clone() }
+        Self {
+            trigger,
+            wire: wire.clone(),
+        }
     }
 }
 
@@ -72,13 +86,19 @@ pub struct SimulatedTrigger {
 
 impl SimulatedTrigger {
     pub fn new(wire: &Arc<Wire>) -> Self {
-        Self { wire: wire.clone(), next_id: 0 }
+        Self {
+            wire: wire.clone(),
+            next_id: 0,
+        }
     }
 }
 
 impl Trigger for SimulatedTrigger {
     fn fire(&mut self) -> Result<Pulse> {
-        let pulse = Pulse { id: self.next_id, stamp_ns: self.wire.clock.now_ns() };
+        let pulse = Pulse {
+            id: self.next_id,
+            stamp_ns: self.wire.clock.now_ns(),
+        };
         self.next_id += 1;
         self.wire.raise(pulse);
         Ok(pulse)

@@ -13,18 +13,23 @@ pub(super) struct Request<T> {
 }
 
 pub(super) const QUERYCAP: Request<Capability> = Request::new(opcode::read::<Capability>(b'V', 0));
-pub(super) const ENUM_FMT: Request<FormatDescription> = Request::new(opcode::read_write::<FormatDescription>(b'V', 2));
+pub(super) const ENUM_FMT: Request<FormatDescription> =
+    Request::new(opcode::read_write::<FormatDescription>(b'V', 2));
 pub(super) const S_FMT: Request<Format> = Request::new(opcode::read_write::<Format>(b'V', 5));
-pub(super) const REQBUFS: Request<RequestBuffers> = Request::new(opcode::read_write::<RequestBuffers>(b'V', 8));
+pub(super) const REQBUFS: Request<RequestBuffers> =
+    Request::new(opcode::read_write::<RequestBuffers>(b'V', 8));
 pub(super) const QUERYBUF: Request<Buffer> = Request::new(opcode::read_write::<Buffer>(b'V', 9));
 pub(super) const QBUF: Request<Buffer> = Request::new(opcode::read_write::<Buffer>(b'V', 15));
 pub(super) const DQBUF: Request<Buffer> = Request::new(opcode::read_write::<Buffer>(b'V', 17));
 pub(super) const STREAMON: Request<c_int> = Request::new(opcode::write::<c_int>(b'V', 18));
 pub(super) const STREAMOFF: Request<c_int> = Request::new(opcode::write::<c_int>(b'V', 19));
-pub(super) const S_PARM: Request<StreamParameters> = Request::new(opcode::read_write::<StreamParameters>(b'V', 22));
+pub(super) const S_PARM: Request<StreamParameters> =
+    Request::new(opcode::read_write::<StreamParameters>(b'V', 22));
 pub(super) const S_CTRL: Request<Control> = Request::new(opcode::read_write::<Control>(b'V', 28));
-pub(super) const QUERYCTRL: Request<ControlQuery> = Request::new(opcode::read_write::<ControlQuery>(b'V', 36));
-pub(super) const ENUM_FRAMESIZES: Request<FrameSize> = Request::new(opcode::read_write::<FrameSize>(b'V', 74));
+pub(super) const QUERYCTRL: Request<ControlQuery> =
+    Request::new(opcode::read_write::<ControlQuery>(b'V', 36));
+pub(super) const ENUM_FRAMESIZES: Request<FrameSize> =
+    Request::new(opcode::read_write::<FrameSize>(b'V', 74));
 pub(super) const ENUM_FRAMEINTERVALS: Request<FrameInterval> =
     Request::new(opcode::read_write::<FrameInterval>(b'V', 75));
 
@@ -194,14 +199,21 @@ pub(super) struct FrameInterval {
 
 impl<T> Request<T> {
     const fn new(opcode: Opcode) -> Self {
-        Self { opcode, structure: PhantomData }
+        Self {
+            opcode,
+            structure: PhantomData,
+        }
     }
 
     /// Asks the driver, and again when a signal came between.
     pub(super) fn call(&self, device: &OwnedFd, structure: &mut T) -> Result<()> {
         loop {
-            let call = Call { opcode: self.opcode, structure: &mut *structure };
-            // SAFETY: the table above pairs each request with its structure, whose size is part of the request's number.
+            let call = Call {
+                opcode: self.opcode,
+                structure: &mut *structure,
+            };
+            // SAFETY: the table above pairs each request with its structure, whose size is part of
+            // the request's number.
             match unsafe { ioctl(device.as_fd(), call) } {
                 Err(Errno::INTR) => {}
                 done => return done,
@@ -215,7 +227,8 @@ struct Call<'a, T> {
     structure: &'a mut T,
 }
 
-// SAFETY: `as_ptr` is valid for reads and writes of T as long as the call lives, and nothing is read back through it.
+// SAFETY: `as_ptr` is valid for reads and writes of T as long as the call lives, and nothing is
+// read back through it.
 unsafe impl<T> Ioctl for Call<'_, T> {
     type Output = ();
     const IS_MUTATING: bool = true;
@@ -243,7 +256,11 @@ mod tests {
     #[cfg(target_pointer_width = "64")]
     fn structures_are_the_kernels() {
         assert_eq!((size_of::<Format>(), offset_of!(Format, width)), (208, 8));
-        let places = (offset_of!(Buffer, seconds), offset_of!(Buffer, place), offset_of!(Buffer, length));
+        let places = (
+            offset_of!(Buffer, seconds),
+            offset_of!(Buffer, place),
+            offset_of!(Buffer, length),
+        );
         assert_eq!((size_of::<Buffer>(), places), (88, (24, 64, 72)));
         let requests = [
             (QUERYCAP.opcode, 0x8068_5600),

@@ -39,9 +39,16 @@ impl<D: Driver> V4l2Camera<D> {
     ///
     /// # Errors
     /// [`Error::Camera`] when it does not let itself be set.
-    pub(super) fn new(name: String, mut driver: D, layout: Layout, fired: bool, times: Times) -> Result<Self> {
+    pub(super) fn new(
+        name: String,
+        mut driver: D,
+        layout: Layout,
+        fired: bool,
+        times: Times,
+    ) -> Result<Self> {
         let controls = Controls::take(&mut driver);
-        let controls = controls.map_err(|errno| Error::camera(&name, format!("cannot be set: {}", trouble(errno))))?;
+        let controls = controls
+            .map_err(|errno| Error::camera(&name, format!("cannot be set: {}", trouble(errno))))?;
         Ok(Self {
             name,
             driver,
@@ -63,7 +70,10 @@ impl<D: Driver> V4l2Camera<D> {
     /// The first one is told, as all are counted.
     fn damaged(&mut self, reason: &str) -> Taken {
         if !std::mem::replace(&mut self.has_damaged, true) {
-            tracing::warn!("{}: an image came damaged ({reason}); others like it are only counted", self.name);
+            tracing::warn!(
+                "{}: an image came damaged ({reason}); others like it are only counted",
+                self.name
+            );
         }
         Taken::Damaged
     }
@@ -90,13 +100,19 @@ impl<D: Driver> Camera for V4l2Camera<D> {
         self.controls.limits()
     }
 
-    /// Of a camera that runs by itself, images that wait are kept while the settings stay: their stamps say when they
-    /// were taken.
+    /// Of a camera that runs by itself, images that wait are kept while the settings stay: their
+    /// stamps say when they were taken.
     fn arm(&mut self, settings: Settings) -> Result<()> {
         if self.settings.is_none_or(|[ordered, _]| ordered != settings) {
-            let applied = self.controls.apply(settings, &mut self.driver).map_err(|errno| {
-                Error::camera(&self.name, format!("cannot be set to {settings}: {}", trouble(errno)))
-            })?;
+            let applied = self
+                .controls
+                .apply(settings, &mut self.driver)
+                .map_err(|errno| {
+                    Error::camera(
+                        &self.name,
+                        format!("cannot be set to {settings}: {}", trouble(errno)),
+                    )
+                })?;
             self.settings = Some([settings, applied]);
             self.unsettled = if self.fired { 0 } else { SETTLING };
         }
@@ -104,9 +120,14 @@ impl<D: Driver> Camera for V4l2Camera<D> {
     }
 
     fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
-        let Some([ordered, settings]) = self.settings else { return Ok(None) };
+        let Some([ordered, settings]) = self.settings else {
+            return Ok(None);
+        };
         let layout = self.layout;
-        let (image, stamp) = match self.driver.next(patience, |data, stamp| (layout.read(data), stamp)) {
+        let (image, stamp) = match self
+            .driver
+            .next(patience, |data, stamp| (layout.read(data), stamp))
+        {
             Ok(None) => return Ok(None),
             Ok(Some((Ok(image), stamp))) => (image, stamp),
             Ok(Some((Err(reason), _))) => return Ok(Some(self.damaged(&reason))),
@@ -119,9 +140,20 @@ impl<D: Driver> Camera for V4l2Camera<D> {
         }
         let middle_ns = stamp.middle_ns(settings.shutter_us, self.times.earliest_ns);
         if middle_ns.is_none() && std::mem::take(&mut self.has_stamps) {
-            tracing::warn!("{}: its driver gives no times; images have the time of their arrival", self.name);
+            tracing::warn!(
+                "{}: its driver gives no times; images have the time of their arrival",
+                self.name
+            );
         }
-        let stamp_ns = middle_ns.unwrap_or(stamp.arrived_ns).wrapping_add(self.times.offset_ns);
-        Ok(Some(Taken::Image(Capture { image, stamp_ns, trigger_id: None, ordered, settings })))
+        let stamp_ns = middle_ns
+            .unwrap_or(stamp.arrived_ns)
+            .wrapping_add(self.times.offset_ns);
+        Ok(Some(Taken::Image(Capture {
+            image,
+            stamp_ns,
+            trigger_id: None,
+            ordered,
+            settings,
+        })))
     }
 }

@@ -23,19 +23,33 @@ impl FromStr for V4l2Config {
 
     fn from_str(text: &str) -> Result<Self, Error> {
         let mut parts = text.split(',').map(str::trim);
-        let mut device = || parts.next().filter(|name| !name.is_empty() && !name.contains('='));
+        let mut device = || {
+            parts
+                .next()
+                .filter(|name| !name.is_empty() && !name.contains('='))
+        };
         let (Some(left), Some(right)) = (device(), device()) else {
             let cure = "`svl record --list` shows what there is";
-            return Err(Error::Invalid(format!("v4l2: expected two devices, {USAGE}, not '{text}'; {cure}")));
+            return Err(Error::Invalid(format!(
+                "v4l2: expected two devices, {USAGE}, not '{text}'; {cure}"
+            )));
         };
         if left == right {
-            return Err(Error::Invalid(format!("v4l2: {left} is named twice; left and right are two cameras")));
+            return Err(Error::Invalid(format!(
+                "v4l2: {left} is named twice; left and right are two cameras"
+            )));
         }
-        let mut config = Self { devices: [left.into(), right.into()], size: None, format: None };
+        let mut config = Self {
+            devices: [left.into(), right.into()],
+            size: None,
+            format: None,
+        };
         for setting in parts {
             let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
             let understood = config.set(key.trim(), value.trim());
-            understood.map_err(|expected| Error::Invalid(format!("v4l2: '{setting}': expected {expected}")))?;
+            understood.map_err(|expected| {
+                Error::Invalid(format!("v4l2: '{setting}': expected {expected}"))
+            })?;
         }
         Ok(config)
     }
@@ -47,11 +61,20 @@ impl V4l2Config {
     fn set(&mut self, key: &str, value: &str) -> Result<(), String> {
         match key {
             "size" => {
-                let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-                let sides = value.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
-                self.size = Some(sides.ok_or_else(|| format!("WxH in pixels, each 1 to {MAX_SIDE}"))?);
+                let side = |text: &str| {
+                    text.parse()
+                        .ok()
+                        .filter(|side| (1..=MAX_SIDE).contains(side))
+                };
+                let sides = value
+                    .split_once('x')
+                    .and_then(|(width, height)| Some((side(width)?, side(height)?)));
+                self.size =
+                    Some(sides.ok_or_else(|| format!("WxH in pixels, each 1 to {MAX_SIDE}"))?);
             }
-            "format" => self.format = Some(value.parse().map_err(|()| "format=GREY, YUYV or MJPG")?),
+            "format" => {
+                self.format = Some(value.parse().map_err(|()| "format=GREY, YUYV or MJPG")?)
+            }
             _ => return Err(USAGE.to_owned()),
         }
         Ok(())
@@ -64,8 +87,14 @@ mod tests {
 
     #[test]
     fn two_devices_and_what_is_asked_of_both() {
-        let config: V4l2Config = "/dev/video0, /dev/v4l/by-path/pci-0:14.0-video-index0,size=320x240".parse().unwrap();
-        assert_eq!(config.devices[1].to_str(), Some("/dev/v4l/by-path/pci-0:14.0-video-index0"));
+        let config: V4l2Config =
+            "/dev/video0, /dev/v4l/by-path/pci-0:14.0-video-index0,size=320x240"
+                .parse()
+                .unwrap();
+        assert_eq!(
+            config.devices[1].to_str(),
+            Some("/dev/v4l/by-path/pci-0:14.0-video-index0")
+        );
         assert_eq!((config.size, config.format), (Some((320, 240)), None));
         let config: V4l2Config = "a,b,format=MJPG".parse().unwrap();
         assert_eq!((config.size, config.format), (None, Some(Format::Mjpeg)));
@@ -76,8 +105,14 @@ mod tests {
             ("a,size=3x3", "v4l2:LEFT,RIGHT"),
             ("a,a", "a is named twice"),
             ("a,b,c", "v4l2:LEFT,RIGHT"),
-            ("a,b,size=0x9", "'size=0x9': expected WxH in pixels, each 1 to"),
-            ("a,b,format=RGB3", "'format=RGB3': expected format=GREY, YUYV or MJPG"),
+            (
+                "a,b,size=0x9",
+                "'size=0x9': expected WxH in pixels, each 1 to",
+            ),
+            (
+                "a,b,format=RGB3",
+                "'format=RGB3': expected format=GREY, YUYV or MJPG",
+            ),
             ("a,b,", "v4l2:LEFT,RIGHT"),
         ] {
             let error = wrong.parse::<V4l2Config>().unwrap_err().to_string();

@@ -1,7 +1,8 @@
 //! Shutter and gain in a driver's units.
 
 use super::abi::{
-    ANALOGUE_GAIN, AUTOGAIN, EXPOSURE_ABSOLUTE, EXPOSURE_AUTO, EXPOSURE_AUTO_PRIORITY, EXPOSURE_MANUAL, GAIN,
+    ANALOGUE_GAIN, AUTOGAIN, EXPOSURE_ABSOLUTE, EXPOSURE_AUTO, EXPOSURE_AUTO_PRIORITY,
+    EXPOSURE_MANUAL, GAIN,
 };
 use super::driver::Driver;
 use crate::grab::{Limits, Settings};
@@ -15,7 +16,8 @@ pub(super) struct Range {
     pub step: i32,
 }
 
-/// The controls that svl sets, none when the camera lets nobody set its exposure: then it is left to itself.
+/// The controls that svl sets, none when the camera lets nobody set its exposure: then it is left
+/// to itself.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Controls {
     exposure: Option<Range>,
@@ -34,39 +36,75 @@ impl Controls {
     /// The driver's.
     pub(super) fn take(driver: &mut impl Driver) -> Result<Self, Errno> {
         if driver.range(EXPOSURE_ABSOLUTE).is_none() {
-            return Ok(Self { exposure: None, gain: None });
+            return Ok(Self {
+                exposure: None,
+                gain: None,
+            });
         }
         // Else it lengthens the exposure beyond the period.
-        for (automatic, off) in [(EXPOSURE_AUTO, EXPOSURE_MANUAL), (EXPOSURE_AUTO_PRIORITY, 0), (AUTOGAIN, 0)] {
+        for (automatic, off) in [
+            (EXPOSURE_AUTO, EXPOSURE_MANUAL),
+            (EXPOSURE_AUTO_PRIORITY, 0),
+            (AUTOGAIN, 0),
+        ] {
             if driver.range(automatic).is_some() {
                 driver.set(automatic, off)?;
             }
         }
-        let gain = [GAIN, ANALOGUE_GAIN].into_iter().find_map(|id| Some((id, driver.range(id)?)));
-        Ok(Self { exposure: driver.range(EXPOSURE_ABSOLUTE), gain })
+        let gain = [GAIN, ANALOGUE_GAIN]
+            .into_iter()
+            .find_map(|id| Some((id, driver.range(id)?)));
+        Ok(Self {
+            exposure: driver.range(EXPOSURE_ABSOLUTE),
+            gain,
+        })
     }
 
     /// Shutter of 0 µs: nobody knows.
     pub(super) fn limits(&self) -> Limits {
-        let Some(exposure) = self.exposure else { return Limits { shutter_us: 0..=0, gain_mdb: 0..=0 } };
+        let Some(exposure) = self.exposure else {
+            return Limits {
+                shutter_us: 0..=0,
+                gain_mdb: 0..=0,
+            };
+        };
         let us = |units: i32| (f64::from(units.max(1)) * US_PER_UNIT) as u32;
-        let greatest_mdb = self.gain.map_or(0, |(_, range)| range.mdb(range.max).round() as i32);
-        Limits { shutter_us: us(exposure.min)..=us(exposure.max), gain_mdb: 0..=greatest_mdb }
+        let greatest_mdb = self
+            .gain
+            .map_or(0, |(_, range)| range.mdb(range.max).round() as i32);
+        Limits {
+            shutter_us: us(exposure.min)..=us(exposure.max),
+            gain_mdb: 0..=greatest_mdb,
+        }
     }
 
     /// Sets shutter and gain to the nearest that there is, and says what they are then.
     ///
     /// # Errors
     /// The driver's.
-    pub(super) fn apply(&self, settings: Settings, driver: &mut impl Driver) -> Result<Settings, Errno> {
-        let Some(exposure) = self.exposure else { return Ok(Settings { shutter_us: 0, gain_mdb: 0 }) };
+    pub(super) fn apply(
+        &self,
+        settings: Settings,
+        driver: &mut impl Driver,
+    ) -> Result<Settings, Errno> {
+        let Some(exposure) = self.exposure else {
+            return Ok(Settings {
+                shutter_us: 0,
+                gain_mdb: 0,
+            });
+        };
         let units = exposure.nearest(f64::from(settings.shutter_us) / US_PER_UNIT);
         let units = driver.set(EXPOSURE_ABSOLUTE, units)?;
         let gain_mdb = match self.gain {
-            Some((id, range)) => range.mdb(driver.set(id, range.of_mdb(f64::from(settings.gain_mdb)))?).round() as i32,
+            Some((id, range)) => range
+                .mdb(driver.set(id, range.of_mdb(f64::from(settings.gain_mdb)))?)
+                .round() as i32,
             None => 0,
         };
-        Ok(Settings { shutter_us: (f64::from(units.max(0)) * US_PER_UNIT) as u32, gain_mdb })
+        Ok(Settings {
+            shutter_us: (f64::from(units.max(0)) * US_PER_UNIT) as u32,
+            gain_mdb,
+        })
     }
 }
 
@@ -77,16 +115,21 @@ impl Range {
         (min + ((value.clamp(min, max) - min) / step).round() * step).min(max) as i32
     }
 
-    /// Whether the values count multiples of the least, as those of sensors' registers do (16 is 1, 64 is 4).
+    /// Whether the values count multiples of the least, as those of sensors' registers do (16 is 1,
+    /// 64 is 4).
     fn is_linear(&self) -> bool {
         self.min > 0
     }
 
-    /// Thousandths of a decibel above the least gain. V4L2 gives gain no unit: values that do not count multiples are
-    /// spread evenly over [`NOMINAL_MDB`].
+    /// Thousandths of a decibel above the least gain. V4L2 gives gain no unit: values that do not
+    /// count multiples are spread evenly over [`NOMINAL_MDB`].
     fn mdb(&self, value: i32) -> f64 {
         let (value, min, max) = (f64::from(value), f64::from(self.min), f64::from(self.max));
-        if self.is_linear() { 20_000.0 * (value / min).log10() } else { NOMINAL_MDB * (value - min) / (max - min) }
+        if self.is_linear() {
+            20_000.0 * (value / min).log10()
+        } else {
+            NOMINAL_MDB * (value - min) / (max - min)
+        }
     }
 
     fn of_mdb(&self, mdb: f64) -> i32 {
@@ -105,28 +148,68 @@ mod tests {
 
     #[test]
     fn shutters_are_in_steps_of_the_control() {
-        let range = Range { min: 3, max: 2047, step: 4 };
-        assert_eq!([0.0, 3.0, 4.9, 5.1, 1e9].map(|units| range.nearest(units)), [3, 3, 3, 7, 2047]);
-        let controls = Controls { exposure: Some(range), gain: None };
-        assert_eq!(controls.limits(), Limits { shutter_us: 300..=204_700, gain_mdb: 0..=0 });
-        let unknown = Controls { exposure: None, gain: None };
-        assert_eq!(unknown.limits(), Limits { shutter_us: 0..=0, gain_mdb: 0..=0 });
+        let range = Range {
+            min: 3,
+            max: 2047,
+            step: 4,
+        };
+        assert_eq!(
+            [0.0, 3.0, 4.9, 5.1, 1e9].map(|units| range.nearest(units)),
+            [3, 3, 3, 7, 2047]
+        );
+        let controls = Controls {
+            exposure: Some(range),
+            gain: None,
+        };
+        assert_eq!(
+            controls.limits(),
+            Limits {
+                shutter_us: 300..=204_700,
+                gain_mdb: 0..=0
+            }
+        );
+        let unknown = Controls {
+            exposure: None,
+            gain: None,
+        };
+        assert_eq!(
+            unknown.limits(),
+            Limits {
+                shutter_us: 0..=0,
+                gain_mdb: 0..=0
+            }
+        );
     }
 
     #[test]
     fn gain_is_in_decibels_where_the_values_say_so_and_nominal_else() {
-        let linear = Range { min: 16, max: 64, step: 1 };
+        let linear = Range {
+            min: 16,
+            max: 64,
+            step: 1,
+        };
         assert_eq!(linear.mdb(64).round(), 12_041.0);
-        let nominal = Range { min: 0, max: 255, step: 1 };
+        let nominal = Range {
+            min: 0,
+            max: 255,
+            step: 1,
+        };
         assert_eq!((nominal.mdb(0), nominal.mdb(255)), (0.0, NOMINAL_MDB));
         for range in [linear, nominal] {
             for value in range.min..=range.max {
                 assert_eq!(range.of_mdb(range.mdb(value)), value);
             }
-            assert_eq!((range.of_mdb(-9e9), range.of_mdb(9e9)), (range.min, range.max));
+            assert_eq!(
+                (range.of_mdb(-9e9), range.of_mdb(9e9)),
+                (range.min, range.max)
+            );
         }
         // One that cannot be turned.
-        let still = Range { min: 0, max: 0, step: 0 };
+        let still = Range {
+            min: 0,
+            max: 0,
+            step: 0,
+        };
         assert_eq!(still.of_mdb(3_000.0), 0);
     }
 }

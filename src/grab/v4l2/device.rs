@@ -1,8 +1,8 @@
 //! A video device: what it is, what it can do, how it is set.
 
 use super::abi::{
-    self, CAP_DEVICE_CAPS, CAP_STREAMING, CAP_TIME_PER_FRAME, CAP_VIDEO_CAPTURE, CAP_VIDEO_CAPTURE_MPLANE, DISCRETE,
-    FIELD_ANY, FIELD_NONE, VIDEO_CAPTURE,
+    self, CAP_DEVICE_CAPS, CAP_STREAMING, CAP_TIME_PER_FRAME, CAP_VIDEO_CAPTURE,
+    CAP_VIDEO_CAPTURE_MPLANE, DISCRETE, FIELD_ANY, FIELD_NONE, VIDEO_CAPTURE,
 };
 use super::mode::{Format, Mode, USUAL};
 use super::pixels::Layout;
@@ -33,7 +33,9 @@ impl Device {
         let file = opened.map_err(|errno| Error::camera(&name, trouble(errno)))?;
         let device = Self { name, file };
         let mut capability = abi::Capability::default();
-        abi::QUERYCAP.call(&device.file, &mut capability).map_err(|errno| device.error(errno))?;
+        abi::QUERYCAP
+            .call(&device.file, &mut capability)
+            .map_err(|errno| device.error(errno))?;
         let has = match capability.capabilities & CAP_DEVICE_CAPS {
             0 => capability.capabilities,
             _ => capability.device_capabilities,
@@ -56,21 +58,37 @@ impl Device {
 
     /// Whether both are one device, by whatever names.
     pub(super) fn is(&self, other: &Self) -> bool {
-        let number = |device: &Self| rustix::fs::fstat(&device.file).map(|stat| stat.st_rdev).ok();
+        let number = |device: &Self| {
+            rustix::fs::fstat(&device.file)
+                .map(|stat| stat.st_rdev)
+                .ok()
+        };
         number(self) == number(other)
     }
 
-    /// What it can do in the formats that svl reads. Of a range of sizes these: the greatest, 640 × 480, and `size`.
+    /// What it can do in the formats that svl reads. Of a range of sizes these: the greatest, 640 ×
+    /// 480, and `size`.
     pub(super) fn modes(&self, size: Option<(usize, usize)>) -> Vec<Mode> {
         let formats = (0..LISTED).map_while(|index| {
-            let mut listed = abi::FormatDescription { index, kind: VIDEO_CAPTURE, ..Default::default() };
-            abi::ENUM_FMT.call(&self.file, &mut listed).ok().map(|()| listed.pixel_format)
+            let mut listed = abi::FormatDescription {
+                index,
+                kind: VIDEO_CAPTURE,
+                ..Default::default()
+            };
+            abi::ENUM_FMT
+                .call(&self.file, &mut listed)
+                .ok()
+                .map(|()| listed.pixel_format)
         });
         let mut modes = Vec::new();
         for format in formats.filter_map(Format::of_code) {
             for size in self.sizes(format, size) {
                 let max_rate_hz = self.max_rate_hz(format, size);
-                modes.push(Mode { format, size, max_rate_hz });
+                modes.push(Mode {
+                    format,
+                    size,
+                    max_rate_hz,
+                });
             }
         }
         modes
@@ -79,7 +97,11 @@ impl Device {
     fn sizes(&self, format: Format, asked: Option<(usize, usize)>) -> Vec<(usize, usize)> {
         let mut sizes = Vec::new();
         for index in 0..LISTED {
-            let mut listed = abi::FrameSize { index, pixel_format: format.code(), ..Default::default() };
+            let mut listed = abi::FrameSize {
+                index,
+                pixel_format: format.code(),
+                ..Default::default()
+            };
             if abi::ENUM_FRAMESIZES.call(&self.file, &mut listed).is_err() {
                 break;
             }
@@ -91,7 +113,10 @@ impl Device {
             let fits = |n: usize, [min, max, step]: [usize; 3]| {
                 (min..=max).contains(&n) && (n - min).is_multiple_of(step.max(1))
             };
-            let within = asked.into_iter().chain([USUAL]).filter(|&(w, h)| fits(w, [a, b, c]) && fits(h, [d, e, f]));
+            let within = asked
+                .into_iter()
+                .chain([USUAL])
+                .filter(|&(w, h)| fits(w, [a, b, c]) && fits(h, [d, e, f]));
             sizes.extend(within.chain([(b, e)]));
             break;
         }
@@ -104,9 +129,16 @@ impl Device {
     fn max_rate_hz(&self, format: Format, (width, height): (usize, usize)) -> Option<f64> {
         let rates = (0..LISTED).map_while(|index| {
             let (width, height) = (width as u32, height as u32);
-            let mut listed =
-                abi::FrameInterval { index, pixel_format: format.code(), width, height, ..Default::default() };
-            abi::ENUM_FRAMEINTERVALS.call(&self.file, &mut listed).ok()?;
+            let mut listed = abi::FrameInterval {
+                index,
+                pixel_format: format.code(),
+                width,
+                height,
+                ..Default::default()
+            };
+            abi::ENUM_FRAMEINTERVALS
+                .call(&self.file, &mut listed)
+                .ok()?;
             // Of a range, the least interval.
             Some(rate_hz([listed.intervals[0], listed.intervals[1]]))
         });
@@ -117,7 +149,11 @@ impl Device {
     ///
     /// # Errors
     /// [`Error::Camera`] when it does not do so.
-    pub(super) fn set_format(&self, format: Format, (width, height): (usize, usize)) -> Result<Layout> {
+    pub(super) fn set_format(
+        &self,
+        format: Format,
+        (width, height): (usize, usize),
+    ) -> Result<Layout> {
         let mut set = abi::Format {
             kind: VIDEO_CAPTURE,
             width: width as u32,
@@ -126,26 +162,52 @@ impl Device {
             field: FIELD_NONE,
             ..Default::default()
         };
-        abi::S_FMT.call(&self.file, &mut set).map_err(|errno| self.error(errno))?;
-        if set.pixel_format != format.code() || (set.width as usize, set.height as usize) != (width, height) {
-            let got =
-                format!("{} of {}x{}", String::from_utf8_lossy(&set.pixel_format.to_le_bytes()), set.width, set.height);
-            let reason = format!("gives {got} when asked for {format} of {width}x{height}; name a size= that it has");
+        abi::S_FMT
+            .call(&self.file, &mut set)
+            .map_err(|errno| self.error(errno))?;
+        if set.pixel_format != format.code()
+            || (set.width as usize, set.height as usize) != (width, height)
+        {
+            let got = format!(
+                "{} of {}x{}",
+                String::from_utf8_lossy(&set.pixel_format.to_le_bytes()),
+                set.width,
+                set.height
+            );
+            let reason = format!(
+                "gives {got} when asked for {format} of {width}x{height}; name a size= that it has"
+            );
             return Err(Error::camera(&self.name, reason));
         }
         if ![FIELD_ANY, FIELD_NONE].contains(&set.field) {
-            return Err(Error::camera(&self.name, "gives interlaced images, whose halves show two moments"));
+            return Err(Error::camera(
+                &self.name,
+                "gives interlaced images, whose halves show two moments",
+            ));
         }
         let packed = width * if format == Format::Yuyv { 2 } else { 1 };
-        Ok(Layout { format, width, height, stride: packed.max(set.bytes_per_line as usize) })
+        Ok(Layout {
+            format,
+            width,
+            height,
+            stride: packed.max(set.bytes_per_line as usize),
+        })
     }
 
     /// Asks for so many images a second, and says how many there will be, if the driver does.
     pub(super) fn set_rate(&self, wanted_hz: f64) -> Option<f64> {
         let interval = [1000, ((wanted_hz * 1000.0).round() as u32).max(1)];
-        let mut set = abi::StreamParameters { kind: VIDEO_CAPTURE, interval, ..Default::default() };
+        let mut set = abi::StreamParameters {
+            kind: VIDEO_CAPTURE,
+            interval,
+            ..Default::default()
+        };
         abi::S_PARM.call(&self.file, &mut set).ok()?;
-        if set.capability & CAP_TIME_PER_FRAME == 0 { None } else { rate_hz(set.interval) }
+        if set.capability & CAP_TIME_PER_FRAME == 0 {
+            None
+        } else {
+            rate_hz(set.interval)
+        }
     }
 }
 
@@ -158,10 +220,16 @@ pub(super) fn trouble(errno: Errno) -> String {
     let words = match errno {
         Errno::NOENT | Errno::NXIO => "no such device; `svl record --list` shows what there is",
         Errno::NODEV | Errno::SHUTDOWN => "disconnected; plug it in and record again",
-        Errno::ACCESS | Errno::PERM => "permission denied; join the group that may use it (often video)",
+        Errno::ACCESS | Errno::PERM => {
+            "permission denied; join the group that may use it (often video)"
+        }
         Errno::BUSY => "in use by another program; close that",
-        Errno::NOTTY | Errno::ISDIR | Errno::NOTDIR => "is no video device; `svl record --list` shows those",
-        Errno::NOSPC => "the USB bus has no room for its images; use another port, a smaller size= or format=MJPG",
+        Errno::NOTTY | Errno::ISDIR | Errno::NOTDIR => {
+            "is no video device; `svl record --list` shows those"
+        }
+        Errno::NOSPC => {
+            "the USB bus has no room for its images; use another port, a smaller size= or format=MJPG"
+        }
         Errno::IO => "its driver gave up; unplug it, plug it in and record again",
         _ => return format!("{errno}; unplug it, plug it in and record again"),
     };

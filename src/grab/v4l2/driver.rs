@@ -16,11 +16,16 @@ pub(super) trait Driver: Send {
     /// The driver's.
     fn set(&mut self, control: u32, value: i32) -> Result<i32, Errno>;
 
-    /// Waits for the next filled buffer, and lets it be read before the driver fills it again. Nothing when none came.
+    /// Waits for the next filled buffer, and lets it be read before the driver fills it again.
+    /// Nothing when none came.
     ///
     /// # Errors
     /// [`Fault`].
-    fn next<T>(&mut self, patience: Duration, read: impl FnOnce(&[u8], Stamp) -> T) -> Result<Option<T>, Fault>;
+    fn next<T>(
+        &mut self,
+        patience: Duration,
+        read: impl FnOnce(&[u8], Stamp) -> T,
+    ) -> Result<Option<T>, Fault>;
 }
 
 /// What can go wrong with a stream.

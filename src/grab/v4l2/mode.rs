@@ -46,7 +46,10 @@ impl FromStr for Format {
     type Err = ();
 
     fn from_str(text: &str) -> std::result::Result<Self, ()> {
-        Self::ALL.into_iter().find(|format| format.to_string() == text).ok_or(())
+        Self::ALL
+            .into_iter()
+            .find(|format| format.to_string() == text)
+            .ok_or(())
     }
 }
 
@@ -71,23 +74,30 @@ pub(super) struct Wish {
 /// Where there is a choice, the size nearest to this one.
 pub(super) const USUAL: (usize, usize) = (640, 480);
 
-/// The format and size for both cameras: of those that both have and that were asked for the ones that hold the rate, or
-/// come nearest to it, of these the size nearest to 640 × 480, and that in the plainest format.
+/// The format and size for both cameras: of those that both have and that were asked for the ones
+/// that hold the rate, or come nearest to it, of these the size nearest to 640 × 480, and that in
+/// the plainest format.
 ///
 /// # Errors
 /// [`Error::Invalid`] when there is none.
 pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(Format, (usize, usize))> {
     let rate_hz = |mode: &Mode| mode.max_rate_hz.unwrap_or(wish.rate_hz);
     let common = modes[0].iter().filter_map(|left| {
-        let right = modes[1].iter().find(|right| (right.format, right.size) == (left.format, left.size))?;
-        let asked = wish.format.is_none_or(|f| f == left.format) && wish.size.is_none_or(|size| size == left.size);
+        let right = modes[1]
+            .iter()
+            .find(|right| (right.format, right.size) == (left.format, left.size))?;
+        let asked = wish.format.is_none_or(|f| f == left.format)
+            && wish.size.is_none_or(|size| size == left.size);
         // Rates are whole fractions of a driver's clock: 29.97 is as good as 30.
         let missing_hz = (0.99 * wish.rate_hz - rate_hz(left).min(rate_hz(right))).max(0.0);
         asked.then_some((missing_hz, left.size.0 * left.size.1, *left))
     });
     let best = common.min_by(|(a_hz, a_px, a), (b_hz, b_px, b)| {
         let off = |px: &usize| px.abs_diff(USUAL.0 * USUAL.1);
-        a_hz.total_cmp(b_hz).then(off(a_px).cmp(&off(b_px))).then(a.size.cmp(&b.size)).then(a.format.cmp(&b.format))
+        a_hz.total_cmp(b_hz)
+            .then(off(a_px).cmp(&off(b_px)))
+            .then(a.size.cmp(&b.size))
+            .then(a.format.cmp(&b.format))
     });
     best.map(|(_, _, mode)| (mode.format, mode.size)).ok_or_else(|| {
         let size = wish.size.map_or(String::new(), |(width, height)| format!(" of {width}x{height}"));
@@ -103,10 +113,18 @@ mod tests {
     use super::*;
 
     fn mode(format: Format, size: (usize, usize), rate_hz: f64) -> Mode {
-        Mode { format, size, max_rate_hz: Some(rate_hz) }
+        Mode {
+            format,
+            size,
+            max_rate_hz: Some(rate_hz),
+        }
     }
 
-    const ANY: Wish = Wish { size: None, format: None, rate_hz: 30.0 };
+    const ANY: Wish = Wish {
+        size: None,
+        format: None,
+        rate_hz: 30.0,
+    };
 
     #[test]
     fn a_mode_of_both_that_holds_the_rate_is_chosen() {
@@ -119,24 +137,71 @@ mod tests {
         ];
         let both = [&webcam[..], &webcam[..]];
         assert_eq!(choose(ANY, both).unwrap(), (Yuyv, (640, 480)));
-        assert_eq!(choose(Wish { rate_hz: 60.0, ..ANY }, both).unwrap(), (Mjpeg, (640, 480)));
+        assert_eq!(
+            choose(
+                Wish {
+                    rate_hz: 60.0,
+                    ..ANY
+                },
+                both
+            )
+            .unwrap(),
+            (Mjpeg, (640, 480))
+        );
         // None is so fast: the fastest.
-        assert_eq!(choose(Wish { rate_hz: 90.0, format: Some(Yuyv), ..ANY }, both).unwrap(), (Yuyv, (320, 240)));
-        assert_eq!(choose(Wish { size: Some((1280, 720)), ..ANY }, both).unwrap(), (Yuyv, (1280, 720)));
+        assert_eq!(
+            choose(
+                Wish {
+                    rate_hz: 90.0,
+                    format: Some(Yuyv),
+                    ..ANY
+                },
+                both
+            )
+            .unwrap(),
+            (Yuyv, (320, 240))
+        );
+        assert_eq!(
+            choose(
+                Wish {
+                    size: Some((1280, 720)),
+                    ..ANY
+                },
+                both
+            )
+            .unwrap(),
+            (Yuyv, (1280, 720))
+        );
         // The other camera holds less.
         let slow = [mode(Yuyv, (640, 480), 15.0), mode(Yuyv, (320, 240), 29.97)];
         assert_eq!(choose(ANY, [&webcam, &slow]).unwrap(), (Yuyv, (320, 240)));
         // Rates that nobody tells are taken to do.
-        let silent = [Mode { max_rate_hz: None, ..mode(Grey, (1280, 800), 0.0) }];
-        assert_eq!(choose(ANY, [&silent, &silent]).unwrap(), (Grey, (1280, 800)));
+        let silent = [Mode {
+            max_rate_hz: None,
+            ..mode(Grey, (1280, 800), 0.0)
+        }];
+        assert_eq!(
+            choose(ANY, [&silent, &silent]).unwrap(),
+            (Grey, (1280, 800))
+        );
     }
 
     #[test]
     fn cameras_that_have_nothing_in_common_are_told() {
-        let (grey, yuyv) = ([mode(Format::Grey, (64, 48), 30.0)], [mode(Format::Yuyv, (64, 48), 30.0)]);
+        let (grey, yuyv) = (
+            [mode(Format::Grey, (64, 48), 30.0)],
+            [mode(Format::Yuyv, (64, 48), 30.0)],
+        );
         let error = choose(ANY, [&grey, &yuyv]).unwrap_err().to_string();
-        assert!(error.contains("no GREY, YUYV or MJPG mode in common"), "{error}");
-        let wish = Wish { size: Some((99, 9)), format: Some(Format::Grey), ..ANY };
+        assert!(
+            error.contains("no GREY, YUYV or MJPG mode in common"),
+            "{error}"
+        );
+        let wish = Wish {
+            size: Some((99, 9)),
+            format: Some(Format::Grey),
+            ..ANY
+        };
         let error = choose(wish, [&grey, &grey]).unwrap_err().to_string();
         assert!(error.contains("no GREY mode of 99x9 in common"), "{error}");
     }

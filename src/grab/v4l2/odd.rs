@@ -1,7 +1,8 @@
 //! Cameras whose drivers do what they are told, or not.
 
 use super::abi::{
-    ANALOGUE_GAIN, AUTOGAIN, EXPOSURE_ABSOLUTE, EXPOSURE_AUTO, FLAG_STAMPED_AT_BEGIN, FLAG_TIMESTAMP_MONOTONIC,
+    ANALOGUE_GAIN, AUTOGAIN, EXPOSURE_ABSOLUTE, EXPOSURE_AUTO, FLAG_STAMPED_AT_BEGIN,
+    FLAG_TIMESTAMP_MONOTONIC,
 };
 use super::camera::V4l2Camera;
 use super::control::Range;
@@ -39,18 +40,32 @@ impl Odd {
 
 impl Driver for Odd {
     fn range(&self, control: u32) -> Option<Range> {
-        self.state().controls.iter().find(|(id, _)| *id == control).map(|(_, range)| *range)
+        self.state()
+            .controls
+            .iter()
+            .find(|(id, _)| *id == control)
+            .map(|(_, range)| *range)
     }
 
     fn set(&mut self, control: u32, value: i32) -> Result<i32, Errno> {
-        self.range(control).filter(|range| (range.min..=range.max).contains(&value)).ok_or(Errno::RANGE)?;
+        self.range(control)
+            .filter(|range| (range.min..=range.max).contains(&value))
+            .ok_or(Errno::RANGE)?;
         let mut state = self.state();
         state.set.push((control, value));
-        let step = if control == ANALOGUE_GAIN { state.gain_step.max(1) } else { 1 };
+        let step = if control == ANALOGUE_GAIN {
+            state.gain_step.max(1)
+        } else {
+            1
+        };
         Ok(value / step * step)
     }
 
-    fn next<T>(&mut self, _: Duration, read: impl FnOnce(&[u8], Stamp) -> T) -> Result<Option<T>, Fault> {
+    fn next<T>(
+        &mut self,
+        _: Duration,
+        read: impl FnOnce(&[u8], Stamp) -> T,
+    ) -> Result<Option<T>, Fault> {
         let filled = self.state().buffers.pop_front().transpose()?;
         Ok(filled.map(|(data, stamp)| read(&data, stamp)))
     }
@@ -71,11 +86,21 @@ fn webcam() -> Vec<(u32, Range)> {
 fn image(number: u8) -> Filled {
     let ns = u64::from(number) * 1_000_000;
     let flags = FLAG_TIMESTAMP_MONOTONIC | FLAG_STAMPED_AT_BEGIN;
-    Ok((vec![9, number], Stamp { ns, flags, arrived_ns: ns + 500_000 }))
+    Ok((
+        vec![9, number],
+        Stamp {
+            ns,
+            flags,
+            arrived_ns: ns + 500_000,
+        },
+    ))
 }
 
 /// Twice the least gain is 6.02 dB.
-const SETTINGS: Settings = Settings { shutter_us: 4_000, gain_mdb: 6_021 };
+const SETTINGS: Settings = Settings {
+    shutter_us: 4_000,
+    gain_mdb: 6_021,
+};
 
 /// A webcam, armed.
 fn camera(fired: bool, buffers: impl IntoIterator<Item = Filled>) -> (V4l2Camera<Odd>, Odd) {
@@ -88,8 +113,16 @@ fn camera(fired: bool, buffers: impl IntoIterator<Item = Filled>) -> (V4l2Camera
 }
 
 fn unarmed(driver: &Odd, fired: bool) -> V4l2Camera<Odd> {
-    let layout = Layout { format: Format::Grey, width: 2, height: 1, stride: 2 };
-    let times = Times { offset_ns: 7_000_000_000, earliest_ns: 0 };
+    let layout = Layout {
+        format: Format::Grey,
+        width: 2,
+        height: 1,
+        stride: 2,
+    };
+    let times = Times {
+        offset_ns: 7_000_000_000,
+        earliest_ns: 0,
+    };
     V4l2Camera::new("/dev/video9".into(), driver.clone(), layout, fired, times).unwrap()
 }
 
@@ -104,14 +137,27 @@ fn next(camera: &mut impl Camera) -> Option<Capture> {
 
 /// What images there are.
 fn numbers(camera: &mut impl Camera) -> Vec<u8> {
-    std::iter::from_fn(|| next(camera)).map(|capture| capture.image.get(1, 0)).collect()
+    std::iter::from_fn(|| next(camera))
+        .map(|capture| capture.image.get(1, 0))
+        .collect()
 }
 
 #[test]
 fn the_camera_is_taken_out_of_its_automatic_and_set() {
     let (mut camera, driver) = camera(true, []);
-    assert_eq!(camera.limits(), Limits { shutter_us: 300..=204_700, gain_mdb: 0..=12_041 });
-    let expected = [(EXPOSURE_AUTO, 1), (AUTOGAIN, 0), (EXPOSURE_ABSOLUTE, 40), (ANALOGUE_GAIN, 32)];
+    assert_eq!(
+        camera.limits(),
+        Limits {
+            shutter_us: 300..=204_700,
+            gain_mdb: 0..=12_041
+        }
+    );
+    let expected = [
+        (EXPOSURE_AUTO, 1),
+        (AUTOGAIN, 0),
+        (EXPOSURE_ABSOLUTE, 40),
+        (ANALOGUE_GAIN, 32),
+    ];
     assert_eq!(driver.state().set, expected);
     camera.arm(SETTINGS).unwrap();
     assert_eq!(driver.state().set.len(), 4, "only what changes is set");
@@ -120,10 +166,28 @@ fn the_camera_is_taken_out_of_its_automatic_and_set() {
 #[test]
 fn a_camera_without_a_shutter_is_left_to_itself() {
     let driver = Odd::default();
-    driver.state().controls = vec![(AUTOGAIN, Range { min: 0, max: 1, step: 1 })];
+    driver.state().controls = vec![(
+        AUTOGAIN,
+        Range {
+            min: 0,
+            max: 1,
+            step: 1,
+        },
+    )];
     let mut camera = unarmed(&driver, false);
-    assert_eq!(camera.limits(), Limits { shutter_us: 0..=0, gain_mdb: 0..=0 });
-    camera.arm(Settings { shutter_us: 0, gain_mdb: 0 }).unwrap();
+    assert_eq!(
+        camera.limits(),
+        Limits {
+            shutter_us: 0..=0,
+            gain_mdb: 0..=0
+        }
+    );
+    camera
+        .arm(Settings {
+            shutter_us: 0,
+            gain_mdb: 0,
+        })
+        .unwrap();
     assert!(driver.state().set.is_empty());
 }
 
@@ -132,7 +196,10 @@ fn stamps_are_of_the_middle_of_the_exposure_in_the_grabbers_time() {
     let (mut camera, _) = camera(false, (1..9).map(image));
     let capture = next(&mut camera).unwrap();
     // The third began at 3 ms and was exposed for 4.
-    assert_eq!((capture.image.get(1, 0), capture.stamp_ns), (3, 7_005_000_000));
+    assert_eq!(
+        (capture.image.get(1, 0), capture.stamp_ns),
+        (3, 7_005_000_000)
+    );
     assert_eq!((capture.ordered, capture.trigger_id), (SETTINGS, None));
 }
 
@@ -141,10 +208,22 @@ fn what_the_driver_makes_of_the_settings_is_told() {
     let (mut camera, driver) = camera(false, (1..9).map(image));
     driver.state().gain_step = 20;
     // 41.3 hundreds of microseconds, and 34 sixteenths, of which the driver makes 20.
-    let ordered = Settings { shutter_us: 4_130, gain_mdb: 6_547 };
+    let ordered = Settings {
+        shutter_us: 4_130,
+        gain_mdb: 6_547,
+    };
     camera.arm(ordered).unwrap();
     let capture = next(&mut camera).unwrap();
-    assert_eq!((capture.ordered, capture.settings), (ordered, Settings { shutter_us: 4_100, gain_mdb: 1_938 }));
+    assert_eq!(
+        (capture.ordered, capture.settings),
+        (
+            ordered,
+            Settings {
+                shutter_us: 4_100,
+                gain_mdb: 1_938
+            }
+        )
+    );
     // The third began at 3 ms.
     assert_eq!(capture.stamp_ns, 7_005_050_000);
 }
@@ -153,12 +232,20 @@ fn what_the_driver_makes_of_the_settings_is_told() {
 fn images_from_before_a_setting_are_counted_and_others_kept() {
     let (mut camera, _) = camera(false, (1..=9).map(image));
     for _ in 0..2 {
-        assert_eq!(camera.capture(Duration::ZERO).unwrap(), Some(Taken::Unready));
+        assert_eq!(
+            camera.capture(Duration::ZERO).unwrap(),
+            Some(Taken::Unready)
+        );
     }
     assert_eq!(next(&mut camera).unwrap().image.get(1, 0), 3);
     camera.arm(SETTINGS).unwrap();
     assert_eq!(next(&mut camera).unwrap().image.get(1, 0), 4);
-    camera.arm(Settings { shutter_us: 5_000, ..SETTINGS }).unwrap();
+    camera
+        .arm(Settings {
+            shutter_us: 5_000,
+            ..SETTINGS
+        })
+        .unwrap();
     assert_eq!(numbers(&mut camera), [7, 8, 9]);
 }
 
@@ -177,7 +264,10 @@ fn damaged_buffers_are_no_images_and_the_camera_goes_on() {
     let settling = [image(1), image(2), image(5)];
     let (mut camera, _) = camera(false, damaged.into_iter().chain(settling));
     for _ in 0..2 {
-        assert_eq!(camera.capture(Duration::ZERO).unwrap(), Some(Taken::Damaged));
+        assert_eq!(
+            camera.capture(Duration::ZERO).unwrap(),
+            Some(Taken::Damaged)
+        );
     }
     assert_eq!(numbers(&mut camera), [5]);
 }
@@ -186,21 +276,39 @@ fn damaged_buffers_are_no_images_and_the_camera_goes_on() {
 fn a_stream_that_ends_is_told_with_the_cure() {
     for fired in [true, false] {
         let (mut camera, driver) = camera(fired, []);
-        driver.state().buffers.push_back(Err(Fault::Stream(Errno::NODEV)));
+        driver
+            .state()
+            .buffers
+            .push_back(Err(Fault::Stream(Errno::NODEV)));
         let error = camera.capture(Duration::ZERO).unwrap_err();
-        assert_eq!(error.to_string(), "/dev/video9: disconnected; plug it in and record again");
+        assert_eq!(
+            error.to_string(),
+            "/dev/video9: disconnected; plug it in and record again"
+        );
         assert!(matches!(error, Error::Camera { .. }));
     }
     let (mut camera, driver) = camera(false, []);
     driver.state().controls.clear();
-    let error = camera.arm(Settings { shutter_us: 5_000, ..SETTINGS }).unwrap_err().to_string();
-    assert!(error.starts_with("/dev/video9: cannot be set to 5000 µs and 6.0 dB: "), "{error}");
+    let error = camera
+        .arm(Settings {
+            shutter_us: 5_000,
+            ..SETTINGS
+        })
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("/dev/video9: cannot be set to 5000 µs and 6.0 dB: "),
+        "{error}"
+    );
 }
 
 #[test]
 fn without_a_drivers_time_an_image_has_that_of_its_arrival() {
     let (data, stamp) = image(3).unwrap();
     let (mut camera, driver) = camera(true, []);
-    driver.state().buffers.push_back(Ok((data, Stamp { flags: 0, ..stamp })));
+    driver
+        .state()
+        .buffers
+        .push_back(Ok((data, Stamp { flags: 0, ..stamp })));
     assert_eq!(next(&mut camera).unwrap().stamp_ns, 7_003_500_000);
 }

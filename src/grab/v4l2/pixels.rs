@@ -26,17 +26,27 @@ impl Layout {
 
     /// Every `step`-th byte of each row.
     fn unpack(&self, data: &[u8], step: usize) -> Result<Gray, String> {
-        let Self { width, height, stride, .. } = *self;
+        let Self {
+            width,
+            height,
+            stride,
+            ..
+        } = *self;
         let row_bytes = width * step;
         // What comes after the last pixel need not be there.
         let expected = stride * (height - 1) + row_bytes;
         if data.len() < expected {
             return Err(format!("{} of {expected} bytes", data.len()));
         }
-        let rows = data.chunks(stride).take(height).map(|row| &row[..row_bytes]);
+        let rows = data
+            .chunks(stride)
+            .take(height)
+            .map(|row| &row[..row_bytes]);
         let pixels: Vec<u8> = match step {
             1 => rows.flatten().copied().collect(),
-            _ => rows.flat_map(|row| row.chunks_exact(step).map(|pixel| pixel[0])).collect(),
+            _ => rows
+                .flat_map(|row| row.chunks_exact(step).map(|pixel| pixel[0]))
+                .collect(),
         };
         Gray::from_vec(width, height, pixels).map_err(|e| e.to_string())
     }
@@ -56,14 +66,20 @@ mod tests {
     }
 
     fn layout(format: Format, stride: usize) -> Layout {
-        Layout { format, width: SIZE.0, height: SIZE.1, stride }
+        Layout {
+            format,
+            width: SIZE.0,
+            height: SIZE.1,
+            stride,
+        }
     }
 
     /// Without its segments of one kind.
     fn without(marker: u8, jpeg: &[u8]) -> Vec<u8> {
         let (mut kept, mut rest) = (jpeg[..2].to_vec(), &jpeg[2..]);
         while rest[1] != 0xDA {
-            let (segment, others) = rest.split_at(2 + usize::from(u16::from_be_bytes([rest[2], rest[3]])));
+            let (segment, others) =
+                rest.split_at(2 + usize::from(u16::from_be_bytes([rest[2], rest[3]])));
             if segment[1] != marker {
                 kept.extend(segment);
             }
@@ -77,7 +93,10 @@ mod tests {
         assert_eq!(image.size(), SIZE);
         for y in 0..SIZE.1 {
             for (x, &pixel) in image.row(y).iter().enumerate() {
-                assert!(pixel.abs_diff(grey(x, y)) <= tolerance, "{pixel} at ({x}, {y})");
+                assert!(
+                    pixel.abs_diff(grey(x, y)) <= tolerance,
+                    "{pixel} at ({x}, {y})"
+                );
             }
         }
     }
@@ -88,18 +107,33 @@ mod tests {
         let data: Vec<u8> = (0..SIZE.1).flat_map(row).collect();
         shows_the_picture(&layout(Format::Grey, 80).read(&data).unwrap(), 0);
         // The last row's padding may be missing, and no more.
-        shows_the_picture(&layout(Format::Grey, 80).read(&data[..data.len() - 16]).unwrap(), 0);
-        let error = layout(Format::Grey, 80).read(&data[..data.len() - 17]).unwrap_err();
+        shows_the_picture(
+            &layout(Format::Grey, 80)
+                .read(&data[..data.len() - 16])
+                .unwrap(),
+            0,
+        );
+        let error = layout(Format::Grey, 80)
+            .read(&data[..data.len() - 17])
+            .unwrap_err();
         assert_eq!(error, "3823 of 3824 bytes");
         assert!(layout(Format::Grey, 80).read(&[]).is_err());
     }
 
     #[test]
     fn brightness_of_yuyv() {
-        let row = |y: usize| (0..SIZE.0).flat_map(move |x| [grey(x, y), 200]).chain([255; 32]);
+        let row = |y: usize| {
+            (0..SIZE.0)
+                .flat_map(move |x| [grey(x, y), 200])
+                .chain([255; 32])
+        };
         let data: Vec<u8> = (0..SIZE.1).flat_map(row).collect();
         shows_the_picture(&layout(Format::Yuyv, 160).read(&data).unwrap(), 0);
-        assert!(layout(Format::Yuyv, 160).read(&data[..data.len() - 33]).is_err());
+        assert!(
+            layout(Format::Yuyv, 160)
+                .read(&data[..data.len() - 33])
+                .is_err()
+        );
     }
 
     #[test]
@@ -118,14 +152,25 @@ mod tests {
     fn a_jpeg_that_is_cut_off_or_of_another_size_is_no_image() {
         let right = layout(Format::Mjpeg, 64);
         for length in 0..WEBCAM.len() {
-            assert!(right.read(&WEBCAM[..length]).is_err(), "{length} of {} bytes", WEBCAM.len());
+            assert!(
+                right.read(&WEBCAM[..length]).is_err(),
+                "{length} of {} bytes",
+                WEBCAM.len()
+            );
             // The end of what was in the buffer before.
             let mut stale = WEBCAM[..length].to_vec();
             stale.resize(WEBCAM.len() + 3, 0);
-            assert!(length + 2 > WEBCAM.len() || right.read(&stale).is_err(), "{length} bytes and zeros");
+            assert!(
+                length + 2 > WEBCAM.len() || right.read(&stale).is_err(),
+                "{length} bytes and zeros"
+            );
         }
         for size in [(32, 48), (128, 48), (64, 40), (64, 64)] {
-            let other = Layout { width: size.0, height: size.1, ..right };
+            let other = Layout {
+                width: size.0,
+                height: size.1,
+                ..right
+            };
             assert!(other.read(WEBCAM).is_err(), "{size:?}");
         }
     }
@@ -133,7 +178,11 @@ mod tests {
     #[test]
     fn a_jpeg_with_a_hole_is_hardly_ever_an_image() {
         let layout = layout(Format::Mjpeg, 64);
-        let scan = WEBCAM.windows(2).position(|two| two == [0xFF, 0xDA]).unwrap() + 14;
+        let scan = WEBCAM
+            .windows(2)
+            .position(|two| two == [0xFF, 0xDA])
+            .unwrap()
+            + 14;
         let (mut holes, mut missed) = (0, 0);
         for begin in scan..WEBCAM.len() - 20 {
             for length in 8..WEBCAM.len() - 2 - begin {
@@ -142,7 +191,8 @@ mod tests {
                 missed += usize::from(layout.read(&holed).is_ok());
             }
         }
-        // Where what follows happens to be read like what is missing. Drivers mark most such images.
+        // Where what follows happens to be read like what is missing. Drivers mark most such
+        // images.
         assert!(missed * 50 < holes, "{missed} of {holes}");
     }
 

@@ -1,6 +1,8 @@
 //! A device that streams into buffers which are mapped into this process.
 
-use super::abi::{self, CONTROL_DISABLED, CONTROL_READ_ONLY, FLAG_ERROR, MEMORY_MMAP, VIDEO_CAPTURE};
+use super::abi::{
+    self, CONTROL_DISABLED, CONTROL_READ_ONLY, FLAG_ERROR, MEMORY_MMAP, VIDEO_CAPTURE,
+};
 use super::control::Range;
 use super::device::Device;
 use super::driver::{Driver, Fault};
@@ -36,14 +38,23 @@ impl Stream {
     /// [`Error::Camera`] when the driver refuses.
     pub(super) fn start(device: Device) -> Result<Self> {
         let name = device.name.clone();
-        let mut stream = Self { buffers: Vec::new(), device: device.file };
-        stream.prepare().map_err(|errno| Error::camera(name, super::device::trouble(errno)))?;
+        let mut stream = Self {
+            buffers: Vec::new(),
+            device: device.file,
+        };
+        stream
+            .prepare()
+            .map_err(|errno| Error::camera(name, super::device::trouble(errno)))?;
         Ok(stream)
     }
 
     fn prepare(&mut self) -> rustix::io::Result<()> {
-        let mut request =
-            abi::RequestBuffers { count: BUFFERS, kind: VIDEO_CAPTURE, memory: MEMORY_MMAP, ..Default::default() };
+        let mut request = abi::RequestBuffers {
+            count: BUFFERS,
+            kind: VIDEO_CAPTURE,
+            memory: MEMORY_MMAP,
+            ..Default::default()
+        };
         abi::REQBUFS.call(&self.device, &mut request)?;
         if request.count == 0 {
             return Err(Errno::NOMEM);
@@ -51,7 +62,11 @@ impl Stream {
         for index in 0..request.count.min(MAX_BUFFERS) {
             let mut buffer = buffer(index);
             abi::QUERYBUF.call(&self.device, &mut buffer)?;
-            self.buffers.push(Mapping::new(&self.device, buffer.place.offset, buffer.length as usize)?);
+            self.buffers.push(Mapping::new(
+                &self.device,
+                buffer.place.offset,
+                buffer.length as usize,
+            )?);
             self.give(index)?;
         }
         abi::STREAMON.call(&self.device, &mut (VIDEO_CAPTURE as i32))
@@ -64,15 +79,31 @@ impl Stream {
 }
 
 fn buffer(index: u32) -> abi::Buffer {
-    abi::Buffer { index, kind: VIDEO_CAPTURE, memory: MEMORY_MMAP, ..Default::default() }
+    abi::Buffer {
+        index,
+        kind: VIDEO_CAPTURE,
+        memory: MEMORY_MMAP,
+        ..Default::default()
+    }
 }
 
 impl Driver for Stream {
     fn range(&self, control: u32) -> Option<Range> {
-        let mut query = abi::ControlQuery { id: control, ..Default::default() };
+        let mut query = abi::ControlQuery {
+            id: control,
+            ..Default::default()
+        };
         abi::QUERYCTRL.call(&self.device, &mut query).ok()?;
-        let Range { min, max, step } = Range { min: query.minimum, max: query.maximum, step: query.step };
-        (query.flags & (CONTROL_DISABLED | CONTROL_READ_ONLY) == 0 && min <= max).then_some(Range { min, max, step })
+        let Range { min, max, step } = Range {
+            min: query.minimum,
+            max: query.maximum,
+            step: query.step,
+        };
+        (query.flags & (CONTROL_DISABLED | CONTROL_READ_ONLY) == 0 && min <= max).then_some(Range {
+            min,
+            max,
+            step,
+        })
     }
 
     fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<i32> {
@@ -87,13 +118,18 @@ impl Driver for Stream {
         read: impl FnOnce(&[u8], Stamp) -> T,
     ) -> std::result::Result<Option<T>, Fault> {
         let mut waiting = [PollFd::new(&self.device, PollFlags::IN)];
-        let timeout = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
+        let timeout = Timespec {
+            tv_sec: patience.as_secs() as i64,
+            tv_nsec: patience.subsec_nanos().into(),
+        };
         match poll(&mut waiting, Some(&timeout)) {
             Ok(0) | Err(Errno::INTR) => return Ok(None),
             Ok(_) => {}
             Err(errno) => return Err(Fault::Stream(errno)),
         }
-        let has_ended = waiting[0].revents().intersects(PollFlags::ERR | PollFlags::HUP | PollFlags::NVAL);
+        let has_ended = waiting[0]
+            .revents()
+            .intersects(PollFlags::ERR | PollFlags::HUP | PollFlags::NVAL);
         let mut filled = buffer(0);
         match abi::DQBUF.call(&self.device, &mut filled) {
             Ok(()) => {}
@@ -102,7 +138,9 @@ impl Driver for Stream {
             Err(Errno::AGAIN) => return Err(Fault::Stream(Errno::IO)),
             Err(errno) => return Err(Fault::Stream(errno)),
         }
-        let Some(mapping) = self.buffers.get(filled.index as usize) else { return Err(Fault::Stream(Errno::IO)) };
+        let Some(mapping) = self.buffers.get(filled.index as usize) else {
+            return Err(Fault::Stream(Errno::IO));
+        };
         let stamp = Stamp {
             ns: (filled.seconds as u64)
                 .wrapping_mul(1_000_000_000)
@@ -133,20 +171,30 @@ struct Mapping {
     length: usize,
 }
 
-// SAFETY: nothing but this struct knows of the mapping, which is of the process and not of a thread.
+// SAFETY: nothing but this struct knows of the mapping, which is of the process and not of a
+// thread.
 unsafe impl Send for Mapping {}
 
 impl Mapping {
     fn new(device: &OwnedFd, offset: u32, length: usize) -> rustix::io::Result<Self> {
         // SAFETY: a new mapping at a place of the kernel's choice overlaps nothing.
-        let start =
-            unsafe { mmap(std::ptr::null_mut(), length, ProtFlags::READ, MapFlags::SHARED, device, offset.into())? };
+        let start = unsafe {
+            mmap(
+                std::ptr::null_mut(),
+                length,
+                ProtFlags::READ,
+                MapFlags::SHARED,
+                device,
+                offset.into(),
+            )?
+        };
         Ok(Self { start, length })
     }
 
     /// What the driver wrote. Only for a buffer that it gave out and did not get back.
     fn bytes(&self) -> &[u8] {
-        // SAFETY: `length` bytes are mapped there until this is dropped, and a driver writes only to buffers it was given.
+        // SAFETY: `length` bytes are mapped there until this is dropped, and a driver writes only
+        // to buffers it was given.
         unsafe { std::slice::from_raw_parts(self.start.cast(), self.length) }
     }
 }

@@ -1,26 +1,29 @@
 //! Any program as a matcher.
 //!
-//! svl starts the program once. Per pair it writes to its standard input one line of JSON and the pixels of both images,
-//! row by row, without gaps:
+//! svl starts the program once. Per pair it writes to its standard input one line of JSON and the
+//! pixels of both images, row by row, without gaps:
 //!
 //! ```text
 //! {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n}\n
 //! W·H bytes of the left image, W·H bytes of the right image
 //! ```
 //!
-//! and reads from its standard output one line of JSON and the disparities, row by row, little-endian, `+∞` for none:
+//! and reads from its standard output one line of JSON and the disparities, row by row,
+//! little-endian, `+∞` for none:
 //!
 //! ```text
 //! {"seq":n,"millis":t}\n  or  {"seq":n,"error":"why this pair cannot be matched"}\n
 //! W·H · 4 bytes                nothing
 //! ```
 //!
-//! `millis` is what the matching took, without the transfer; it is the time that svl reports. At the end of its input the
-//! program shall end. What it says on its standard error is kept for error messages, the last of it. An error reply
-//! concerns its pair alone; a program that ends, that does not answer in time or answers anything else is ended and
-//! started again for the next pair, [`RESTARTS`] times. `adapters/opencv.py` is such a program.
+//! `millis` is what the matching took, without the transfer; it is the time that svl reports. At
+//! the end of its input the program shall end. What it says on its standard error is kept for error
+//! messages, the last of it. An error reply concerns its pair alone; a program that ends, that does
+//! not answer in time or answers anything else is ended and started again for the next pair,
+//! [`RESTARTS`] times. `adapters/opencv.py` is such a program.
 //!
-//! No shell is involved: the command's words stand between spaces, and quotes keep spaces in a word.
+//! No shell is involved: the command's words stand between spaces, and quotes keep spaces in a
+//! word.
 
 mod program;
 mod protocol;
@@ -51,7 +54,11 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "timeout_s",
             unit: "s",
-            range: Range::Real { default: 30.0, min: 0.01, max: 86_400.0 },
+            range: Range::Real {
+                default: 30.0,
+                min: 0.01,
+                max: 86_400.0,
+            },
             description: "longest time to an answer; the first includes the program's start",
         },
     ],
@@ -77,9 +84,14 @@ impl Exec {
         let command = parameters.text("command");
         let words = words(command);
         if words.is_empty() {
-            return Err(Error::Invalid("exec needs a program: exec:command=PROGRAM ARGUMENTS".to_owned()));
+            return Err(Error::Invalid(
+                "exec needs a program: exec:command=PROGRAM ARGUMENTS".to_owned(),
+            ));
         }
-        let range = DisparityRange::new(parameters.int("min_disparity"), parameters.int("max_disparity"))?;
+        let range = DisparityRange::new(
+            parameters.int("min_disparity"),
+            parameters.int("max_disparity"),
+        )?;
         Ok(Self {
             command: command.to_owned(),
             range,
@@ -96,7 +108,10 @@ impl Exec {
         let program = match self.program.take() {
             Some(program) => program,
             None if self.restarts == RESTARTS => {
-                return Err(Failure::new(format!("failed {} times and is given up", RESTARTS + 1)));
+                return Err(Failure::new(format!(
+                    "failed {} times and is given up",
+                    RESTARTS + 1
+                )));
             }
             None => {
                 self.restarts += 1;
@@ -114,7 +129,12 @@ impl Exec {
 }
 
 impl Matcher for Exec {
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()> {
         self.sequence += 1;
         map.resize(pair.size().0, pair.size().1)?;
         let reply = self.ask(pair).map_err(|failure| {
@@ -123,8 +143,13 @@ impl Matcher for Exec {
             failure.of(&self.command)
         })?;
         let (millis, disparities) = match reply {
-            protocol::Reply::Matched { millis, disparities } => (millis, disparities),
-            protocol::Reply::Refused(why) => return Err(Failure::new(format!("answered: {why}")).of(&self.command)),
+            protocol::Reply::Matched {
+                millis,
+                disparities,
+            } => (millis, disparities),
+            protocol::Reply::Refused(why) => {
+                return Err(Failure::new(format!("answered: {why}")).of(&self.command));
+            }
         };
         for (mut row, disparities) in map.rows_mut().zip(disparities.chunks_exact(pair.size().0)) {
             for (x, &disparity) in disparities.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! A program that runs beside svl. Threads write to it and read from it, so that it can neither block svl nor be blocked
-//! by what it says on its standard error.
+//! A program that runs beside svl. Threads write to it and read from it, so that it can neither
+//! block svl nor be blocked by what it says on its standard error.
 
 use super::protocol::{Reply, one_line, read_reply};
 use crate::error::Error;
@@ -27,12 +27,19 @@ pub(super) struct Failure {
 
 impl Failure {
     pub(super) fn new(reason: impl Into<String>) -> Self {
-        Self { reason: reason.into(), stderr: String::new() }
+        Self {
+            reason: reason.into(),
+            stderr: String::new(),
+        }
     }
 
     /// The error of that command.
     pub(super) fn of(self, command: &str) -> Error {
-        Error::Program { command: command.to_owned(), reason: self.reason, stderr: self.stderr }
+        Error::Program {
+            command: command.to_owned(),
+            reason: self.reason,
+            stderr: self.stderr,
+        }
     }
 }
 
@@ -61,7 +68,11 @@ impl Program {
     /// Starts the program `words[0]`.
     pub(super) fn start(words: &[String]) -> Result<Self, Failure> {
         let mut command = Command::new(&words[0]);
-        command.args(&words[1..]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+            .args(&words[1..])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
         // Ctrl-C is svl's: it ends the run orderly, and the program with it.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -74,20 +85,33 @@ impl Program {
         })?;
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         // All three were asked for above.
-        let (Some(stdin), Some(stdout), Some(stderr)) = pipes else { unreachable!("pipes") };
+        let (Some(stdin), Some(stdout), Some(stderr)) = pipes else {
+            unreachable!("pipes")
+        };
         let (requests, to_write) = channel();
         let (questions, to_read) = channel();
         let (event, events) = channel();
         let (speaking, silent) = channel();
         let came = Arc::new(AtomicUsize::new(0));
         let said = Arc::new(Mutex::new(VecDeque::with_capacity(KEPT)));
-        let stdout = Counted { from: stdout, count: Arc::clone(&came) };
+        let stdout = Counted {
+            from: stdout,
+            count: Arc::clone(&came),
+        };
         let (writing, kept) = (event.clone(), Arc::clone(&said));
         // The threads end with the pipes or with the channels, whichever closes first.
         thread::spawn(move || write(stdin, &to_write, &writing));
         thread::spawn(move || read(stdout, &to_read, &event));
         thread::spawn(move || listen(stderr, &kept, speaking));
-        Ok(Self { child, requests, questions, events, came, said, silent })
+        Ok(Self {
+            child,
+            requests,
+            questions,
+            events,
+            came,
+            said,
+            silent,
+        })
     }
 
     /// Sends a request and waits for its answer.
@@ -105,16 +129,26 @@ impl Program {
         match self.events.recv_timeout(timeout) {
             Ok(Event::Answered(Ok(reply))) => Ok(reply),
             Ok(Event::Answered(Err(reason))) => Err(self.failed(reason)),
-            Ok(Event::Refused(error)) => Err(self.failed(format!("does not read its input: {error}"))),
+            Ok(Event::Refused(error)) => {
+                Err(self.failed(format!("does not read its input: {error}")))
+            }
             Err(RecvTimeoutError::Timeout) => {
                 let came = match self.came.load(Ordering::Relaxed) {
                     0 => "nothing came".to_owned(),
-                    bytes => format!("{bytes} bytes came, its line and {} are due", size.0 * size.1 * 4),
+                    bytes => format!(
+                        "{bytes} bytes came, its line and {} are due",
+                        size.0 * size.1 * 4
+                    ),
                 };
                 let reason = format!("did not answer within {timeout:?}: {came}");
-                Err(Failure { reason, stderr: self.last_words() })
+                Err(Failure {
+                    reason,
+                    stderr: self.last_words(),
+                })
             }
-            Err(RecvTimeoutError::Disconnected) => Err(self.failed("closed its input and output".to_owned())),
+            Err(RecvTimeoutError::Disconnected) => {
+                Err(self.failed("closed its input and output".to_owned()))
+            }
         }
     }
 
@@ -127,21 +161,29 @@ impl Program {
             thread::sleep(Duration::from_millis(5));
         }
         let reason = match ended {
-            Some(status) if self.came.load(Ordering::Relaxed) == 0 => format!("ended ({status}) before it answered"),
+            Some(status) if self.came.load(Ordering::Relaxed) == 0 => {
+                format!("ended ({status}) before it answered")
+            }
             Some(status) => format!("ended ({status}): it {reason}"),
             None => reason,
         };
         // What it still has to say comes through once it is gone.
         let _ = self.child.kill();
         let _ = self.silent.recv_timeout(LAST_WORDS);
-        Failure { reason, stderr: self.last_words() }
+        Failure {
+            reason,
+            stderr: self.last_words(),
+        }
     }
 
     /// The last lines of its standard error, as one.
     fn last_words(&self) -> String {
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         let text = String::from_utf8_lossy(&said.iter().copied().collect::<Vec<_>>()).into_owned();
-        let lines: Vec<_> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+        let lines: Vec<_> = text
+            .lines()
+            .filter(|line| !line.trim().is_empty())
+            .collect();
         one_line(&lines[lines.len().saturating_sub(3)..].join(" | "))
     }
 }
@@ -180,7 +222,10 @@ fn write(mut stdin: ChildStdin, requests: &Receiver<Vec<u8>>, events: &Sender<Ev
 fn read(stdout: Counted, questions: &Receiver<Question>, events: &Sender<Event>) {
     let mut stdout = BufReader::new(stdout);
     for (sequence, size) in questions {
-        if events.send(Event::Answered(read_reply(&mut stdout, sequence, size))).is_err() {
+        if events
+            .send(Event::Answered(read_reply(&mut stdout, sequence, size)))
+            .is_err()
+        {
             return;
         }
     }

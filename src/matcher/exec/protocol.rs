@@ -38,7 +38,13 @@ pub(super) enum Reply {
 /// The bytes that ask for a pair.
 pub(super) fn request(pair: &StereoPair, range: DisparityRange, seq: u64) -> Vec<u8> {
     let (width, height) = pair.size();
-    let line = RequestLine { width, height, min_disparity: range.min(), max_disparity: range.max(), seq };
+    let line = RequestLine {
+        width,
+        height,
+        min_disparity: range.min(),
+        max_disparity: range.max(),
+        seq,
+    };
     // Numbers under plain names.
     let mut bytes = serde_json::to_vec(&line).expect("JSON");
     bytes.push(b'\n');
@@ -59,28 +65,48 @@ pub(super) fn read_reply(
 ) -> Result<Reply, String> {
     let broken = |error: std::io::Error| format!("cannot be read from: {error}");
     let mut line = Vec::new();
-    from.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line).map_err(broken)?;
+    from.by_ref()
+        .take(LONGEST_LINE)
+        .read_until(b'\n', &mut line)
+        .map_err(broken)?;
     if line.is_empty() {
         return Err("closed its output before it answered".to_owned());
     }
-    let garbage = |why: &str| format!("answered {} where a reply's line was expected: {why}", quoted(&line));
+    let garbage = |why: &str| {
+        format!(
+            "answered {} where a reply's line was expected: {why}",
+            quoted(&line)
+        )
+    };
     if line.last() != Some(&b'\n') {
-        return Err(garbage(&format!("no end of line within {} bytes", line.len())));
+        return Err(garbage(&format!(
+            "no end of line within {} bytes",
+            line.len()
+        )));
     }
-    let reply: ReplyLine = serde_json::from_slice(&line).map_err(|error| garbage(&error.to_string()))?;
+    let reply: ReplyLine =
+        serde_json::from_slice(&line).map_err(|error| garbage(&error.to_string()))?;
     if reply.seq != seq {
         return Err(garbage(&format!("it was asked for seq {seq}")));
     }
     let reply = match reply {
-        ReplyLine { error: Some(why), .. } => Reply::Refused(one_line(&why)),
-        ReplyLine { millis: Some(millis), .. } if (0.0..1e9).contains(&millis) => {
-            Reply::Matched { millis, disparities: read_disparities(from, width, height)? }
-        }
+        ReplyLine {
+            error: Some(why), ..
+        } => Reply::Refused(one_line(&why)),
+        ReplyLine {
+            millis: Some(millis),
+            ..
+        } if (0.0..1e9).contains(&millis) => Reply::Matched {
+            millis,
+            disparities: read_disparities(from, width, height)?,
+        },
         _ => return Err(garbage("neither millis, 0 or more, nor error")),
     };
     match from.buffer().len() {
         0 => Ok(reply),
-        more => Err(format!("wrote {more} bytes and perhaps more after its reply for {width}x{height} pixels")),
+        more => Err(format!(
+            "wrote {more} bytes and perhaps more after its reply for {width}x{height} pixels"
+        )),
     }
 }
 
@@ -96,12 +122,21 @@ fn read_disparities(from: &mut impl Read, width: usize, height: usize) -> Result
         ));
     }
     let (values, _) = bytes.as_chunks::<4>();
-    let disparities: Vec<f32> = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
-    match disparities.iter().position(|d| !d.is_finite() && *d != f32::INFINITY) {
+    let disparities: Vec<f32> = values
+        .iter()
+        .map(|&value| f32::from_le_bytes(value))
+        .collect();
+    match disparities
+        .iter()
+        .position(|d| !d.is_finite() && *d != f32::INFINITY)
+    {
         None => Ok(disparities),
-        Some(i) => {
-            Err(format!("gave the disparity {} at ({}, {}): none is +inf", disparities[i], i % width, i / width))
-        }
+        Some(i) => Err(format!(
+            "gave the disparity {} at ({}, {}): none is +inf",
+            disparities[i],
+            i % width,
+            i / width
+        )),
     }
 }
 
@@ -114,5 +149,9 @@ fn quoted(bytes: &[u8]) -> String {
 /// `text` in one line that is not too long.
 pub(super) fn one_line(text: &str) -> String {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    words.chars().filter(|c| !c.is_control()).take(400).collect()
+    words
+        .chars()
+        .filter(|c| !c.is_control())
+        .take(400)
+        .collect()
 }

@@ -16,12 +16,17 @@ impl Blocks {
 
     /// For images of that size.
     pub fn new(width: usize, height: usize) -> Self {
-        Self { width, columns: vec![Lanes::splat(0); width * height.div_ceil(Self::ROWS)] }
+        Self {
+            width,
+            columns: vec![Lanes::splat(0); width * height.div_ceil(Self::ROWS)],
+        }
     }
 
     /// Takes the pixels of `image`.
     pub fn load(&mut self, isa: Isa, image: &Gray) {
-        each_row(&mut self.columns, self.width, 1, |block, columns| transpose(isa, image, block * Self::ROWS, columns));
+        each_row(&mut self.columns, self.width, 1, |block, columns| {
+            transpose(isa, image, block * Self::ROWS, columns)
+        });
     }
 
     /// The columns of the block that row `y` lies in, one per pixel of a row.
@@ -31,11 +36,15 @@ impl Blocks {
 
     /// The pixels of column `x`, top to bottom, and after them the zeros below the image.
     pub fn column(&self, x: usize) -> impl Iterator<Item = u16> {
-        self.columns[x..].iter().step_by(self.width).flat_map(|lanes| lanes.0)
+        self.columns[x..]
+            .iter()
+            .step_by(self.width)
+            .flat_map(|lanes| lanes.0)
     }
 
-    /// Into how many bands, each with its own scratch, an image of `height` rows is cut and of how many rows each, whole
-    /// blocks: a few bands per thread, so that a thread that finishes early finds more to do.
+    /// Into how many bands, each with its own scratch, an image of `height` rows is cut and of how
+    /// many rows each, whole blocks: a few bands per thread, so that a thread that finishes early
+    /// finds more to do.
     pub fn bands(height: usize) -> (usize, usize) {
         let blocks = height.div_ceil(Self::ROWS);
         let wanted = match rayon::current_num_threads() {

@@ -1,10 +1,11 @@
-//! Matching costs by the census transform (Zabih & Woodfill 1994): which of a pixel's 62 neighbours in 9 x 7 are darker.
-//! It is indifferent to gain and offset of the cameras. At the edges of the image the nearest pixels stand for what is
-//! outside.
+//! Matching costs by the census transform (Zabih & Woodfill 1994): which of a pixel's 62 neighbours
+//! in 9 x 7 are darker. It is indifferent to gain and offset of the cameras. At the edges of the
+//! image the nearest pixels stand for what is outside.
 
 use super::each_row;
 use crate::kernel::{
-    CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH, Isa, Lanes, OUTSIDE, VolumeShape, census_costs, census_row,
+    CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH, Isa, Lanes, OUTSIDE, VolumeShape, census_costs,
+    census_row,
 };
 use crate::stereo::Gray;
 use std::ops::Range;
@@ -44,8 +45,16 @@ impl CostVolume {
     pub fn load(&mut self, isa: Isa, left: &Gray, right: &Gray) {
         self.left.load(isa, left);
         self.right.load(isa, right);
-        let Self { shape, left, right, outside, costs } = self;
-        each_row(costs, shape.stride(), 4, |y, row| census_costs(isa, shape, left.row(y), right.row(y), outside, row));
+        let Self {
+            shape,
+            left,
+            right,
+            outside,
+            costs,
+        } = self;
+        each_row(costs, shape.stride(), 4, |y, row| {
+            census_costs(isa, shape, left.row(y), right.row(y), outside, row)
+        });
     }
 
     /// The costs of row `y`.
@@ -75,7 +84,11 @@ impl Census {
 
     fn load(&mut self, isa: Isa, image: &Gray) {
         let ([reach_x, reach_y], (width, height)) = (CENSUS_REACH, image.size());
-        let Self { stride, padded, bytes } = self;
+        let Self {
+            stride,
+            padded,
+            bytes,
+        } = self;
         let padded_width = width + 2 * reach_x;
         each_row(padded, padded_width, 16, |y, out| {
             let row = image.row(y);

@@ -1,4 +1,5 @@
-//! Checks of a match that need no second matching (thesis, section 5.3.3, "Validity Test" and "Back checking").
+//! Checks of a match that need no second matching (thesis, section 5.3.3, "Validity Test" and "Back
+//! checking").
 
 use super::DisparityRange;
 use super::ssd::{REACH, farthest_shift, ssd};
@@ -8,9 +9,9 @@ use crate::stereo::{DisparityMap, Reason, RowMut};
 
 /// The self check: a match must be better than the window's best match in its own image.
 ///
-/// The reference of a window is its least SSD with the left image's own windows, up to the farthest disparity to
-/// either side and wholly inside. It is high on texture, so the check forgives there what it would not in a flat area.
-/// It holds one thread's scratch.
+/// The reference of a window is its least SSD with the left image's own windows, up to the farthest
+/// disparity to either side and wholly inside. It is high on texture, so the check forgives there
+/// what it would not in a flat area. It holds one thread's scratch.
 pub struct SelfCheck {
     farthest: usize,
     sums: Vec<Lanes<u16>>,
@@ -36,10 +37,14 @@ impl SelfCheck {
         transpose_back(isa, &self.columns, &mut self.references);
     }
 
-    /// Rejects the matches of `row`, the one of that `lane` in the block, whose SSDPI is not below their reference. A
-    /// window that has no other window to resemble passes.
+    /// Rejects the matches of `row`, the one of that `lane` in the block, whose SSDPI is not below
+    /// their reference. A window that has no other window to resemble passes.
     pub fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
-        self_check_row(isa, &self.references[lane * row.width()..][..row.width()], row);
+        self_check_row(
+            isa,
+            &self.references[lane * row.width()..][..row.width()],
+            row,
+        );
         each_capped(row, |x, row| {
             let ssdpi = row.ssdpi(x);
             if row.at(x).is_ok() && self.resembles(left, x, ssdpi) {
@@ -48,11 +53,14 @@ impl SelfCheck {
         });
     }
 
-    /// Whether some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are the likeliest.
+    /// Whether some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are
+    /// the likeliest.
     fn resembles(&self, left: &[u8], x: usize, ssdpi: u32) -> bool {
         let inside = REACH..left.len() - REACH;
         let around = (1..=self.farthest).flat_map(|o| [x.wrapping_sub(o), x + o]);
-        around.filter(|u| inside.contains(u)).any(|u| ssd(left, x, left, u) <= ssdpi)
+        around
+            .filter(|u| inside.contains(u))
+            .any(|u| ssd(left, x, left, u) <= ssdpi)
     }
 }
 
@@ -62,7 +70,10 @@ fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<
     let capped = |ssd: u32| (u32::from(CAP)..DisparityMap::NO_SSDPI).contains(&ssd);
     for start in (0..row.width()).step_by(CHUNK) {
         let end = row.width().min(start + CHUNK);
-        if row.ssdpis()[start..end].iter().fold(false, |any, &ssd| any | capped(ssd)) {
+        if row.ssdpis()[start..end]
+            .iter()
+            .fold(false, |any, &ssd| any | capped(ssd))
+        {
             (start..end).for_each(|x| {
                 if capped(row.ssdpi(x)) {
                     look_up(x, row);
@@ -80,10 +91,11 @@ pub const BACK_CHECK: Parameter = Parameter {
     description: "write negative disparities as 0, the farthest that can be measured",
 };
 
-/// The back check: with view axes that cross, a negative disparity lies behind the crossing and becomes 0, the farthest
-/// that can be measured.
+/// The back check: with view axes that cross, a negative disparity lies behind the crossing and
+/// becomes 0, the farthest that can be measured.
 ///
-/// The thesis says "the maximal disparity", which would be the nearest obstacle and contradicts its own explanation.
+/// The thesis says "the maximal disparity", which would be the nearest obstacle and contradicts its
+/// own explanation.
 pub fn back_check(row: &mut RowMut<'_>) {
     for x in 0..row.width() {
         if row.at(x).is_ok_and(|d| d < 0.0) {

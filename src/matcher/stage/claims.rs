@@ -1,6 +1,8 @@
-//! Left/right check without a second matching: each right pixel believes the cheapest of the left pixels that claim it.
+//! Left/right check without a second matching: each right pixel believes the cheapest of the left
+//! pixels that claim it.
 //!
-//! As OpenCV's `validateDisparity`, which gives the disparity two pixels to be confirmed by, those around the match.
+//! As OpenCV's `validateDisparity`, which gives the disparity two pixels to be confirmed by, those
+//! around the match.
 
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Reason, RowMut};
@@ -17,13 +19,20 @@ impl Claims {
     pub const TOLERANCE: Parameter = Parameter {
         name: "symmetry_tolerance",
         unit: "px",
-        range: Range::Int { default: -1, min: -1, max: 1024 },
+        range: Range::Int {
+            default: -1,
+            min: -1,
+            max: 1024,
+        },
         description: "farthest that left and right image may disagree, -1 = not checked",
     };
 
     /// For rows of `width` pixels; nothing when `tolerance` says so.
     pub fn new(width: usize, tolerance: i32) -> Option<Self> {
-        (tolerance >= 0).then(|| Self { tolerance_px: tolerance as f32, claims: vec![(u16::MAX, 0.0); width] })
+        (tolerance >= 0).then(|| Self {
+            tolerance_px: tolerance as f32,
+            claims: vec![(u16::MAX, 0.0); width],
+        })
     }
 
     /// Rejects the pixels of `row` whose match believes another. `cost` gives a valid pixel's cost.

@@ -1,7 +1,8 @@
-//! Texture filter by the standard deviation of a window (thesis, section 5.3.2, "Texture Quality Filter").
+//! Texture filter by the standard deviation of a window (thesis, section 5.3.2, "Texture Quality
+//! Filter").
 //!
-//! The thesis itself names its weakness: it follows the light. A darker room has a lower deviation everywhere, and the
-//! threshold must follow. v3 replaces it by differences of Gaussians.
+//! The thesis itself names its weakness: it follows the light. A darker room has a lower deviation
+//! everywhere, and the threshold must follow. v3 replaces it by differences of Gaussians.
 //!
 //! Departure from the thesis: squares instead of roots, so that the test is exact in integers.
 
@@ -20,13 +21,19 @@ impl DeviationTexture {
     pub const THRESHOLD: Parameter = Parameter {
         name: "texture_threshold",
         unit: "grey levels",
-        range: Range::Real { default: 4.0, min: 0.0, max: 128.0 },
+        range: Range::Real {
+            default: 4.0,
+            min: 0.0,
+            max: 128.0,
+        },
         description: "least standard deviation of a window's pixels",
     };
 
     /// With that threshold, in grey levels.
     pub fn new(threshold: f64) -> Self {
-        Self { least: (9.0 * threshold).powi(2).ceil() as u32 }
+        Self {
+            least: (9.0 * threshold).powi(2).ceil() as u32,
+        }
     }
 
     /// Marks in `textured` where `row` has texture; nowhere where no window fits.

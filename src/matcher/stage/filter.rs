@@ -16,17 +16,19 @@ pub trait CostFilter: Sync {
         doubts: &mut [Doubt],
     );
 
-    /// Whether a window is ambiguous that [`CostFilter::search`] left open, by its least cost and all its costs, as pairs
-    /// with their disparities. A filter that leaves nothing open need not say.
+    /// Whether a window is ambiguous that [`CostFilter::search`] left open, by its least cost and
+    /// all its costs, as pairs with their disparities. A filter that leaves nothing open need not
+    /// say.
     fn settle(&self, _least: u32, _costs: impl Iterator<Item = (i32, u32)>) -> bool {
         false
     }
 }
 
-/// The error filter (thesis, section 5.3.1, after Hirschmüller): the second least cost must lie clearly above the least.
+/// The error filter (thesis, section 5.3.1, after Hirschmüller): the second least cost must lie
+/// clearly above the least.
 ///
-/// Departure from the thesis: disparities beside the winner are no rivals. That its filter ignores how far apart the two
-/// minima are is a weakness the thesis names in its remarks.
+/// Departure from the thesis: disparities beside the winner are no rivals. That its filter ignores
+/// how far apart the two minima are is a weakness the thesis names in its remarks.
 #[derive(Clone, Copy, Debug)]
 pub struct ErrorFilter {
     thousandths: u32,
@@ -37,13 +39,19 @@ impl ErrorFilter {
     pub const UNIQUENESS: Parameter = Parameter {
         name: "uniqueness",
         unit: "",
-        range: Range::Real { default: 0.10, min: 0.0, max: 10.0 },
+        range: Range::Real {
+            default: 0.10,
+            min: 0.0,
+            max: 10.0,
+        },
         description: "share by which the next cost, not beside the winner's, must exceed the winner's",
     };
 
     /// A `uniqueness` of 0.10 asks for 10 %; it is taken to thousandths.
     pub fn new(uniqueness: f64) -> Self {
-        Self { thousandths: (1000.0 * uniqueness).round() as u32 }
+        Self {
+            thousandths: (1000.0 * uniqueness).round() as u32,
+        }
     }
 }
 
@@ -61,10 +69,12 @@ impl CostFilter for ErrorFilter {
     }
 }
 
-/// The spread filter (thesis, section 5.3.2, "Mismatch Error Filtering"): good costs must lie close together.
+/// The spread filter (thesis, section 5.3.2, "Mismatch Error Filtering"): good costs must lie close
+/// together.
 ///
-/// The disparities, each with the weight `((least cost + 25) / (cost + 25))²`, have a standard deviation; a match is
-/// ambiguous when it reaches the threshold. The thesis leaves the weight open.
+/// The disparities, each with the weight `((least cost + 25) / (cost + 25))²`, have a standard
+/// deviation; a match is ambiguous when it reaches the threshold. The thesis leaves the weight
+/// open.
 #[derive(Clone, Copy, Debug)]
 pub struct SpreadFilter {
     threshold_px: f64,
@@ -75,7 +85,11 @@ impl SpreadFilter {
     pub const THRESHOLD: Parameter = Parameter {
         name: "spread_threshold",
         unit: "px",
-        range: Range::Real { default: 8.0, min: 0.0, max: 2048.0 },
+        range: Range::Real {
+            default: 8.0,
+            min: 0.0,
+            max: 2048.0,
+        },
         description: "standard deviation of the disparities of low cost from which a match is ambiguous",
     };
 
@@ -95,7 +109,15 @@ impl CostFilter for SpreadFilter {
         matches: &mut [Match],
         doubts: &mut [Doubt],
     ) {
-        matches_and_spread(isa, left, right, search, self.threshold_px as f32, matches, doubts);
+        matches_and_spread(
+            isa,
+            left,
+            right,
+            search,
+            self.threshold_px as f32,
+            matches,
+            doubts,
+        );
     }
 
     fn settle(&self, least: u32, costs: impl Iterator<Item = (i32, u32)>) -> bool {

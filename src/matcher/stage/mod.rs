@@ -42,18 +42,30 @@ pub use texture::DogTexture;
 
 use rayon::prelude::*;
 
-/// Runs `work` on each row of `plane` with its number, on the threads of rayon's current pool, at least `together` rows
-/// on one thread.
-pub(super) fn each_row<T: Send>(plane: &mut [T], width: usize, together: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+/// Runs `work` on each row of `plane` with its number, on the threads of rayon's current pool, at
+/// least `together` rows on one thread.
+pub(super) fn each_row<T: Send>(
+    plane: &mut [T],
+    width: usize,
+    together: usize,
+    work: impl Fn(usize, &mut [T]) + Sync,
+) {
     if rayon::current_num_threads() == 1 {
-        plane.chunks_exact_mut(width).enumerate().for_each(|(y, row)| work(y, row));
+        plane
+            .chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, row)| work(y, row));
     } else {
-        plane.par_chunks_exact_mut(width).enumerate().with_min_len(together).for_each(|(y, row)| work(y, row));
+        plane
+            .par_chunks_exact_mut(width)
+            .enumerate()
+            .with_min_len(together)
+            .for_each(|(y, row)| work(y, row));
     }
 }
 
-/// Runs `work` on bands of `plane`, of `pixels` each, with their number and one element of `scratch`, on the threads of
-/// rayon's current pool.
+/// Runs `work` on bands of `plane`, of `pixels` each, with their number and one element of
+/// `scratch`, on the threads of rayon's current pool.
 pub(super) fn each_band<T: Send, S: Send>(
     plane: &mut [T],
     pixels: usize,
@@ -62,9 +74,17 @@ pub(super) fn each_band<T: Send, S: Send>(
 ) {
     let work = |(band, (plane, scratch)): (usize, (&mut [T], &mut S))| work(band, plane, scratch);
     if rayon::current_num_threads() == 1 {
-        plane.chunks_mut(pixels).zip(scratch).enumerate().for_each(work);
+        plane
+            .chunks_mut(pixels)
+            .zip(scratch)
+            .enumerate()
+            .for_each(work);
     } else {
-        plane.par_chunks_mut(pixels).zip(scratch).enumerate().for_each(work);
+        plane
+            .par_chunks_mut(pixels)
+            .zip(scratch)
+            .enumerate()
+            .for_each(work);
     }
 }
 

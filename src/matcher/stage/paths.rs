@@ -1,14 +1,15 @@
-//! Semi-global aggregation (Hirschmüller 2008, section 2.3): the costs of eight paths that end in a pixel, summed, and
-//! the disparity of the least sum.
+//! Semi-global aggregation (Hirschmüller 2008, section 2.3): the costs of eight paths that end in a
+//! pixel, summed, and the disparity of the least sum.
 //!
-//! Two sweeps follow four directions each, one downwards and one upwards, and run at the same time: each leaves its sums
-//! in the rows that it comes to first and adds them in those that the other was in before, where the disparities then
-//! are chosen. The result depends on nothing but the costs.
+//! Two sweeps follow four directions each, one downwards and one upwards, and run at the same time:
+//! each leaves its sums in the rows that it comes to first and adds them in those that the other
+//! was in before, where the disparities then are chosen. The result depends on nothing but the
+//! costs.
 
 use super::{CostVolume, both};
 use crate::kernel::{
-    ChosenRow, Isa, Lanes, Paths, Penalties, RowPaths, Totals, VolumeShape, choose_row, finish_paths, follow_paths,
-    follow_rows,
+    ChosenRow, Isa, Lanes, Paths, Penalties, RowPaths, Totals, VolumeShape, choose_row,
+    finish_paths, follow_paths, follow_rows,
 };
 use crate::stereo::{Gray, Reason};
 use std::ops::Range;
@@ -58,10 +59,16 @@ impl PathSums {
             along: RowPaths::new(shape),
             totals: Totals::new(shape),
         };
-        Self { shape, sums: vec![Lanes::splat(0); shape.stride() * shape.height], down: sweep(false), up: sweep(true) }
+        Self {
+            shape,
+            sums: vec![Lanes::splat(0); shape.stride() * shape.height],
+            down: sweep(false),
+            up: sweep(true),
+        }
     }
 
-    /// Sums `costs`, those of the left image `image`, and chooses. Other disparities must be worse by `uniqueness` per cent.
+    /// Sums `costs`, those of the left image `image`, and chooses. Other disparities must be worse
+    /// by `uniqueness` per cent.
     pub fn choose(
         &mut self,
         isa: Isa,
@@ -71,13 +78,27 @@ impl PathSums {
         uniqueness: u32,
         chosen: &mut Chosen,
     ) {
-        let Self { shape, sums, down, up } = self;
+        let Self {
+            shape,
+            sums,
+            down,
+            up,
+        } = self;
         let (middle, height, stride) = (shape.height / 2, shape.height, shape.stride());
-        let work = Work { isa, costs, image, penalties, uniqueness };
+        let work = Work {
+            isa,
+            costs,
+            image,
+            penalties,
+            uniqueness,
+        };
         let (top, bottom) = sums.split_at_mut(middle * stride);
         down.paths.restart();
         up.paths.restart();
-        both(|| work.begin(down, 0..middle, 0, top), || work.begin(up, (middle..height).rev(), middle, bottom));
+        both(
+            || work.begin(down, 0..middle, 0, top),
+            || work.begin(up, (middle..height).rev(), middle, bottom),
+        );
         let (top_chosen, bottom_chosen) = chosen.split(middle);
         both(
             || work.finish(down, middle..height, bottom, bottom_chosen),
@@ -96,41 +117,107 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Row `y` of the image and the one behind it. The first row of a sweep has none; no path of it looks there.
+    /// Row `y` of the image and the one behind it. The first row of a sweep has none; no path of it
+    /// looks there.
     fn grey(&self, upwards: bool, y: usize) -> [&[u8]; 2] {
-        let behind = if upwards { (y + 1).min(self.image.height() - 1) } else { y.saturating_sub(1) };
+        let behind = if upwards {
+            (y + 1).min(self.image.height() - 1)
+        } else {
+            y.saturating_sub(1)
+        };
         [self.image.row(y), self.image.row(behind)]
     }
 
-    /// Follows the paths over `rows` of a half of the image, whose first row is `top`, and keeps what they add.
-    fn begin(&self, sweep: &mut Sweep, rows: impl Iterator<Item = usize>, top: usize, sums: &mut [Lanes<u8>]) {
+    /// Follows the paths over `rows` of a half of the image, whose first row is `top`, and keeps
+    /// what they add.
+    fn begin(
+        &self,
+        sweep: &mut Sweep,
+        rows: impl Iterator<Item = usize>,
+        top: usize,
+        sums: &mut [Lanes<u8>],
+    ) {
         let stride = self.costs.shape().stride();
         for y in rows {
-            let (grey, sums) = (self.grey(sweep.upwards, y), &mut sums[(y - top) * stride..][..stride]);
-            follow_paths(self.isa, &mut sweep.paths, self.costs.row(y), grey, self.penalties, sums);
+            let (grey, sums) = (
+                self.grey(sweep.upwards, y),
+                &mut sums[(y - top) * stride..][..stride],
+            );
+            follow_paths(
+                self.isa,
+                &mut sweep.paths,
+                self.costs.row(y),
+                grey,
+                self.penalties,
+                sums,
+            );
         }
     }
 
     /// Follows them over the half that the other sweep began with, adds everything and chooses.
-    fn finish(&self, sweep: &mut Sweep, half: Range<usize>, sums: &[Lanes<u8>], mut chosen: Part<'_>) {
+    fn finish(
+        &self,
+        sweep: &mut Sweep,
+        half: Range<usize>,
+        sums: &[Lanes<u8>],
+        mut chosen: Part<'_>,
+    ) {
         let shape = self.costs.shape();
-        let Sweep { upwards, paths, along, totals } = sweep;
-        let bands = half.clone().step_by(RowPaths::ROWS).map(|top| top..half.end.min(top + RowPaths::ROWS));
+        let Sweep {
+            upwards,
+            paths,
+            along,
+            totals,
+        } = sweep;
+        let bands = half
+            .clone()
+            .step_by(RowPaths::ROWS)
+            .map(|top| top..half.end.min(top + RowPaths::ROWS));
         for band in in_order(bands, *upwards) {
-            follow_rows(self.isa, along, self.costs.rows(band.clone()), self.image, band.start, self.penalties);
+            follow_rows(
+                self.isa,
+                along,
+                self.costs.rows(band.clone()),
+                self.image,
+                band.start,
+                self.penalties,
+            );
             for y in in_order(band.clone(), *upwards) {
                 let grey = self.grey(*upwards, y);
-                let sums = [&sums[(y - half.start) * shape.stride()..], along.row(y - band.start)];
-                finish_paths(self.isa, paths, self.costs.row(y), grey, self.penalties, sums, totals);
-                choose_row(self.isa, totals, self.uniqueness, &mut chosen.row(y - half.start, &shape));
+                let sums = [
+                    &sums[(y - half.start) * shape.stride()..],
+                    along.row(y - band.start),
+                ];
+                finish_paths(
+                    self.isa,
+                    paths,
+                    self.costs.row(y),
+                    grey,
+                    self.penalties,
+                    sums,
+                    totals,
+                );
+                choose_row(
+                    self.isa,
+                    totals,
+                    self.uniqueness,
+                    &mut chosen.row(y - half.start, &shape),
+                );
             }
         }
     }
 }
 
 /// What a sweep comes to, in its order.
-fn in_order<T>(items: impl DoubleEndedIterator<Item = T> + Clone, upwards: bool) -> impl Iterator<Item = T> {
-    let (down, up) = if upwards { (None, Some(items.rev())) } else { (Some(items), None) };
+fn in_order<T>(
+    items: impl DoubleEndedIterator<Item = T> + Clone,
+    upwards: bool,
+) -> impl Iterator<Item = T> {
+    let (down, up) = if upwards {
+        (None, Some(items.rev()))
+    } else {
+        (Some(items), None)
+    };
     down.into_iter().flatten().chain(up.into_iter().flatten())
 }
 
@@ -156,7 +243,8 @@ impl Chosen {
         &self.why[y * self.shape.width..][..self.shape.width]
     }
 
-    /// The disparities of row `y` of the right image, in pixels; [`ChosenRow::NONE`] where there is none.
+    /// The disparities of row `y` of the right image, in pixels; [`ChosenRow::NONE`] where there is
+    /// none.
     pub fn right(&self, y: usize) -> &[i16] {
         &self.right[y * self.shape.padded()..][..self.shape.width]
     }
@@ -166,7 +254,14 @@ impl Chosen {
         let (left, left_below) = self.left.split_at_mut(middle * self.shape.width);
         let (why, why_below) = self.why.split_at_mut(middle * self.shape.width);
         let (right, right_below) = self.right.split_at_mut(middle * self.shape.padded());
-        (Part { left, why, right }, Part { left: left_below, why: why_below, right: right_below })
+        (
+            Part { left, why, right },
+            Part {
+                left: left_below,
+                why: why_below,
+                right: right_below,
+            },
+        )
     }
 }
 

@@ -1,5 +1,6 @@
-//! Prefilters of block matching: edges, capped, instead of grey levels, so that cameras may differ in brightness
-//! (Konolige 1997, section 3, where the Laplacian of a Gaussian serves; OpenCV's StereoBM takes x-Sobel).
+//! Prefilters of block matching: edges, capped, instead of grey levels, so that cameras may differ
+//! in brightness (Konolige 1997, section 3, where the Laplacian of a Gaussian serves; OpenCV's
+//! StereoBM takes x-Sobel).
 
 use super::each_row;
 use crate::kernel::{Isa, PIXELS, PREFILTER_CAP, log_row, sobel_row};
@@ -9,8 +10,8 @@ use crate::stereo::Gray;
 /// Which edges count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prefilter {
-    /// x-Sobel, three rows. The last row of an image of odd height answers nothing, as in OpenCV, which filters rows in
-    /// twos.
+    /// x-Sobel, three rows. The last row of an image of odd height answers nothing, as in OpenCV,
+    /// which filters rows in twos.
     Sobel,
     /// A Laplacian of a Gaussian, five rows, isotropic.
     Log,
@@ -21,17 +22,25 @@ impl Prefilter {
     pub const CHOICE: Parameter = Parameter {
         name: "prefilter",
         unit: "",
-        range: Range::Choice { default: "xsobel", options: &["xsobel", "log"] },
+        range: Range::Choice {
+            default: "xsobel",
+            options: &["xsobel", "log"],
+        },
         description: "edges to match: horizontal ones, or the Laplacian of a Gaussian of the Small Vision System",
     };
 
     /// The one that an option of [`Prefilter::CHOICE`] names.
     pub fn new(choice: &str) -> Self {
-        if choice == "log" { Self::Log } else { Self::Sobel }
+        if choice == "log" {
+            Self::Log
+        } else {
+            Self::Sobel
+        }
     }
 }
 
-/// A filtered image. Its rows go on for two blocks of pixels beyond their end, for kernels that work on whole blocks.
+/// A filtered image. Its rows go on for two blocks of pixels beyond their end, for kernels that
+/// work on whole blocks.
 pub struct Edges {
     width: usize,
     stride: usize,
@@ -42,7 +51,11 @@ impl Edges {
     /// For images of that size.
     pub fn new(width: usize, height: usize) -> Self {
         let stride = width + 2 * PIXELS;
-        Self { width, stride, data: vec![PREFILTER_CAP as u8; stride * height] }
+        Self {
+            width,
+            stride,
+            data: vec![PREFILTER_CAP as u8; stride * height],
+        }
     }
 
     /// Filters `image`, which has the size this was made for.
@@ -50,11 +63,15 @@ impl Edges {
         let (width, last) = (self.width, image.height() - 1);
         each_row(&mut self.data, self.stride, 16, |y, row| {
             let out = &mut row[..width];
-            // Rows outside the image are those as far inside it, for x-Sobel; the nearest, for the Laplacian.
+            // Rows outside the image are those as far inside it, for x-Sobel; the nearest, for the
+            // Laplacian.
             match prefilter {
                 Prefilter::Sobel if y == last && last % 2 == 0 => out.fill(PREFILTER_CAP as u8),
                 Prefilter::Sobel => {
-                    let (above, below) = (if y == 0 { 1 } else { y - 1 }, if y == last { y - 1 } else { y + 1 });
+                    let (above, below) = (
+                        if y == 0 { 1 } else { y - 1 },
+                        if y == last { y - 1 } else { y + 1 },
+                    );
                     sobel_row(isa, [above, y, below].map(|y| image.row(y)), out);
                 }
                 Prefilter::Log => {

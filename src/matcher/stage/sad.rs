@@ -1,11 +1,13 @@
 //! Block matching by the sum of absolute differences over a square window (Konolige 1997).
 //!
-//! Only windows that every disparity of the range keeps inside both images are matched: a strip as wide as the highest
-//! disparity is lost at the left, which the thesis criticises in section 7 and the matchers of the thesis avoid.
+//! Only windows that every disparity of the range keeps inside both images are matched: a strip as
+//! wide as the highest disparity is lost at the left, which the thesis criticises in section 7 and
+//! the matchers of the thesis avoid.
 
 use super::{DisparityRange, Edges};
 use crate::kernel::{
-    Isa, PIXELS, SadTest, SadWinners, accept_sads, least_sads, run_sums, slide_columns, slide_texture,
+    Isa, PIXELS, SadTest, SadWinners, accept_sads, least_sads, run_sums, slide_columns,
+    slide_texture,
 };
 use crate::stereo::{Reason, RowMut};
 use std::ops;
@@ -38,7 +40,8 @@ pub struct SadSearch {
 }
 
 impl SadSearch {
-    /// For images of that size and an odd `window`; a winner is tested by its texture and its `uniqueness` in per cent.
+    /// For images of that size and an odd `window`; a winner is tested by its texture and its
+    /// `uniqueness` in per cent.
     pub fn new(
         (width, height): (usize, usize),
         range: DisparityRange,
@@ -50,17 +53,41 @@ impl SadSearch {
         // Columns of the left image that every disparity keeps inside the right one.
         let first = range.max().max(0) as usize;
         let end = width.saturating_sub(range.min().min(0).unsigned_abs() as usize);
-        let room = |first: usize, end: usize| if first + window <= end { first + reach..end - reach } else { 0..0 };
-        let room = Room { columns: room(first, end), rows: room(0, height) };
-        let room =
-            if room.columns.is_empty() || room.rows.is_empty() { Room { columns: 0..0, rows: 0..0 } } else { room };
+        let room = |first: usize, end: usize| {
+            if first + window <= end {
+                first + reach..end - reach
+            } else {
+                0..0
+            }
+        };
+        let room = Room {
+            columns: room(first, end),
+            rows: room(0, height),
+        };
+        let room = if room.columns.is_empty() || room.rows.is_empty() {
+            Room {
+                columns: 0..0,
+                rows: 0..0,
+            }
+        } else {
+            room
+        };
         let blocks = room.columns.len().div_ceil(PIXELS);
         let stride = (blocks + 1) * PIXELS;
-        let count = if blocks == 0 { 0 } else { (range.max() - range.min() + 1) as usize };
+        let count = if blocks == 0 {
+            0
+        } else {
+            (range.max() - range.min() + 1) as usize
+        };
         Self {
             range,
             window,
-            test: SadTest { highest: range.max(), count: count as u16, texture, uniqueness },
+            test: SadTest {
+                highest: range.max(),
+                count: count as u16,
+                texture,
+                uniqueness,
+            },
             room,
             stride,
             at: None,
@@ -72,8 +99,16 @@ impl SadSearch {
         }
     }
 
-    /// Fills `row`, the one of number `y`. Rows come in order; a jump sums anew; another image wants `restart`.
-    pub fn match_row(&mut self, isa: Isa, y: usize, left: &Edges, right: &Edges, row: &mut RowMut<'_>) {
+    /// Fills `row`, the one of number `y`. Rows come in order; a jump sums anew; another image
+    /// wants `restart`.
+    pub fn match_row(
+        &mut self,
+        isa: Isa,
+        y: usize,
+        left: &Edges,
+        right: &Edges,
+        row: &mut RowMut<'_>,
+    ) {
         let width = row.width();
         if !self.room.rows.contains(&y) {
             row.clear(Reason::Border);
@@ -85,7 +120,13 @@ impl SadSearch {
         let columns = self.room.columns.clone();
         row.part_mut(0..columns.start).clear(Reason::Border);
         row.part_mut(columns.end..width).clear(Reason::Border);
-        accept_sads(isa, &self.winners, &self.textures, &self.test, &mut row.part_mut(columns));
+        accept_sads(
+            isa,
+            &self.winners,
+            &self.textures,
+            &self.test,
+            &mut row.part_mut(columns),
+        );
     }
 
     /// Forgets the rows seen: the next one is of another image.
@@ -121,7 +162,13 @@ impl SadSearch {
         let left_old = old.map_or(&self.blank[..], |y| &left.row(y)[from..]);
         let right_old = old.map_or(&self.blank[..], |y| &right.row(y)[met..]);
         let left_new = &left.row(new)[from..];
-        slide_columns(isa, [left_new, left_old], [&right.row(new)[met..], right_old], self.stride, &mut self.sums);
+        slide_columns(
+            isa,
+            [left_new, left_old],
+            [&right.row(new)[met..], right_old],
+            self.stride,
+            &mut self.sums,
+        );
         slide_texture(isa, [left_new, left_old], &mut self.texture_sums);
     }
 }

@@ -1,10 +1,11 @@
-//! Matching of whole rows by dynamic programming (Birchfield and Tomasi, *Depth Discontinuities by Pixel-to-Pixel
-//! Stereo*, 1998).
+//! Matching of whole rows by dynamic programming (Birchfield and Tomasi, *Depth Discontinuities by
+//! Pixel-to-Pixel Stereo*, 1998).
 
 use super::Blocks;
 use crate::kernel::{Isa, Lanes, ScanlinePaths, find_paths};
 
-/// What a path through the pixels of a row costs and earns beside its dissimilarities, in grey levels.
+/// What a path through the pixels of a row costs and earns beside its dissimilarities, in grey
+/// levels.
 #[derive(Clone, Copy, Debug)]
 pub struct PathCosts {
     /// Per pixel of disparity that changes.
@@ -13,7 +14,8 @@ pub struct PathCosts {
     pub reward: i32,
 }
 
-/// Matches the rows of a band of an image. It holds one thread's scratch and the band's disparities.
+/// Matches the rows of a band of an image. It holds one thread's scratch and the band's
+/// disparities.
 pub struct Scanlines {
     costs: PathCosts,
     width: usize,
@@ -34,11 +36,25 @@ impl Scanlines {
     }
 
     /// Matches the band's rows, the image's `rows`.
-    pub fn search(&mut self, isa: Isa, left: &Blocks, right: &Blocks, rows: std::ops::Range<usize>) {
+    pub fn search(
+        &mut self,
+        isa: Isa,
+        left: &Blocks,
+        right: &Blocks,
+        rows: std::ops::Range<usize>,
+    ) {
         for y in rows.clone().step_by(ScanlinePaths::ROWS) {
             let (block, first) = ((y - rows.start) / Blocks::ROWS, y % Blocks::ROWS);
             let PathCosts { occlusion, reward } = self.costs;
-            find_paths(isa, left.around(y), right.around(y), first, occlusion, reward, &mut self.paths);
+            find_paths(
+                isa,
+                left.around(y),
+                right.around(y),
+                first,
+                occlusion,
+                reward,
+                &mut self.paths,
+            );
             let found = &mut self.found[block * self.width..][..self.width];
             for lane in 0..ScanlinePaths::ROWS.min(rows.end - y) {
                 self.paths.trace(lane, |x, d| found[x].0[first + lane] = d);
@@ -48,6 +64,9 @@ impl Scanlines {
 
     /// The disparities of column `x`, top to bottom, and after them those of rows below the image.
     pub fn column(&self, x: usize) -> impl Iterator<Item = u8> {
-        self.found[x..].iter().step_by(self.width).flat_map(|lanes| lanes.0)
+        self.found[x..]
+            .iter()
+            .step_by(self.width)
+            .flat_map(|lanes| lanes.0)
     }
 }

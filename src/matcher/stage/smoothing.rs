@@ -1,5 +1,5 @@
-//! Vertical smoothing (thesis, section 5.3.1 and figure 5.3): a Gaussian along each column lets a match survive rows
-//! that are a little misaligned.
+//! Vertical smoothing (thesis, section 5.3.1 and figure 5.3): a Gaussian along each column lets a
+//! match survive rows that are a little misaligned.
 //!
 //! Departure from the thesis: fixed point, so that every machine gives the same grey levels.
 
@@ -20,16 +20,28 @@ impl VerticalSmoothing {
     pub const SIGMA: Parameter = Parameter {
         name: "smoothing_sigma",
         unit: "px",
-        range: Range::Real { default: 1.0, min: 0.0, max: 20.0 },
+        range: Range::Real {
+            default: 1.0,
+            min: 0.0,
+            max: 20.0,
+        },
         description: "standard deviation of the vertical smoothing of both images, 0 = none",
     };
 
     /// `sigma_px` 0 leaves images as they are.
     pub fn new(sigma_px: f64) -> Self {
         let radius = (3.0 * sigma_px).ceil() as usize;
-        let gaussian = |k: usize| if k == 0 { 1.0 } else { (-((k * k) as f64) / (2.0 * sigma_px * sigma_px)).exp() };
+        let gaussian = |k: usize| {
+            if k == 0 {
+                1.0
+            } else {
+                (-((k * k) as f64) / (2.0 * sigma_px * sigma_px)).exp()
+            }
+        };
         let sum = 1.0 + 2.0 * (1..=radius).map(gaussian).sum::<f64>();
-        let mut weights: Vec<u32> = (0..=radius).map(|k| (65536.0 * gaussian(k) / sum + 0.5).floor() as u32).collect();
+        let mut weights: Vec<u32> = (0..=radius)
+            .map(|k| (65536.0 * gaussian(k) / sum + 0.5).floor() as u32)
+            .collect();
         weights[0] = 65536 - 2 * weights[1..].iter().sum::<u32>();
         Self { weights }
     }
@@ -57,10 +69,17 @@ mod tests {
     fn weights_sum_to_one() {
         for sigma in [0.0, 0.01, 0.3, 1.0, 2.5, 20.0] {
             let weights = VerticalSmoothing::new(sigma).weights;
-            assert_eq!(weights[0] + 2 * weights[1..].iter().sum::<u32>(), 65536, "σ {sigma}");
+            assert_eq!(
+                weights[0] + 2 * weights[1..].iter().sum::<u32>(),
+                65536,
+                "σ {sigma}"
+            );
         }
         // g(k)/Σg for σ = 1, radius 3, times 65536: 0.39905028, 0.24203623, 0.05400558, 0.00443305.
-        assert_eq!(VerticalSmoothing::new(1.0).weights, [26152, 15862, 3539, 291]);
+        assert_eq!(
+            VerticalSmoothing::new(1.0).weights,
+            [26152, 15862, 3539, 291]
+        );
     }
 
     #[test]

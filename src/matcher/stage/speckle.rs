@@ -1,5 +1,5 @@
-//! Speckle filter: small islands of disparity that differ from all around them are mistakes (Hirschmüller 2008,
-//! section 2.5.1).
+//! Speckle filter: small islands of disparity that differ from all around them are mistakes
+//! (Hirschmüller 2008, section 2.5.1).
 
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{DisparityMap, Reason};
@@ -19,21 +19,34 @@ impl Speckles {
     pub const SIZE: Parameter = Parameter {
         name: "speckle_size",
         unit: "pixels",
-        range: Range::Int { default: 0, min: 0, max: 100_000 },
+        range: Range::Int {
+            default: 0,
+            min: 0,
+            max: 100_000,
+        },
         description: "largest island of disparity that is removed, 0 = none",
     };
     /// Step within a region, as the matchers' tables have it.
     pub const RANGE: Parameter = Parameter {
         name: "speckle_range",
         unit: "px",
-        range: Range::Real { default: 1.0, min: 0.0, max: 1024.0 },
+        range: Range::Real {
+            default: 1.0,
+            min: 0.0,
+            max: 1024.0,
+        },
         description: "largest step of disparity between neighbours of one island",
     };
 
     /// For maps of that many pixels; nothing when `size` is 0.
     pub fn new(pixels: usize, size: i32, range_px: f64) -> Option<Self> {
         let scratch = || vec![0; pixels];
-        (size > 0).then(|| Self { size: size as u32, range_px: range_px as f32, parents: scratch(), sizes: scratch() })
+        (size > 0).then(|| Self {
+            size: size as u32,
+            range_px: range_px as f32,
+            parents: scratch(),
+            sizes: scratch(),
+        })
     }
 
     /// Rejects the valid pixels of regions that are too small.

@@ -1,5 +1,5 @@
-//! Reliable disparities spread over unreliable ones, along columns and rows up to the image's edges (Birchfield and
-//! Tomasi 1998, section 4, as OpenCV 1.0 does it).
+//! Reliable disparities spread over unreliable ones, along columns and rows up to the image's edges
+//! (Birchfield and Tomasi 1998, section 4, as OpenCV 1.0 does it).
 //!
 //! The reliability of a pixel is the length of the run of equal disparities that it lies in.
 
@@ -42,7 +42,11 @@ impl Spread {
     }
 
     /// Writes the disparity of `from` until something stops it; how many pixels it got.
-    fn overwrite<'a>(&self, from: SpreadPixel, line: impl Iterator<Item = &'a mut SpreadPixel>) -> usize {
+    fn overwrite<'a>(
+        &self,
+        from: SpreadPixel,
+        line: impl Iterator<Item = &'a mut SpreadPixel>,
+    ) -> usize {
         let nearer = u16::from(from.disparity) + 1;
         let mut count = 0;
         for pixel in line {
@@ -67,7 +71,8 @@ fn measure_runs(line: &mut [SpreadPixel]) {
     }
 }
 
-/// Gives a pixel the disparity of its neighbours where these agree, from the line's beginning on and in place.
+/// Gives a pixel the disparity of its neighbours where these agree, from the line's beginning on
+/// and in place.
 pub fn bridge(line: &mut [SpreadPixel]) {
     for i in 1..line.len().saturating_sub(1) {
         if line[i - 1].disparity == line[i + 1].disparity {

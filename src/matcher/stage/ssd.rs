@@ -1,7 +1,7 @@
 //! Block matching by the sum of squared differences (thesis, section 5.3, equations 5.1 and 5.2).
 //!
-//! Departures from the thesis: the cost `SSD · (0.16 d + 1)` is taken 25 times, in integers, and with |d|, so that it is
-//! also a penalty behind the point where the view axes cross.
+//! Departures from the thesis: the cost `SSD · (0.16 d + 1)` is taken 25 times, in integers, and
+//! with |d|, so that it is also a penalty behind the point where the view axes cross.
 
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, Lanes, Match, Search, accept_row, matches};
@@ -20,26 +20,36 @@ pub struct DisparityRange {
 }
 
 impl DisparityRange {
-    /// Farthest disparity either way. With it the largest cost, 9 · 255² · weight(LIMIT), fits 32 bits.
+    /// Farthest disparity either way. With it the largest cost, 9 · 255² · weight(LIMIT), fits 32
+    /// bits.
     pub const LIMIT: i32 = 1024;
 
     /// Lowest disparity, as the matchers' tables have it.
     pub const MIN: Parameter = Parameter {
         name: "min_disparity",
         unit: "px",
-        range: Range::Int { default: 0, min: -Self::LIMIT, max: Self::LIMIT },
+        range: Range::Int {
+            default: 0,
+            min: -Self::LIMIT,
+            max: Self::LIMIT,
+        },
         description: "lowest disparity tried; below 0 for cameras whose view axes cross",
     };
     /// Highest disparity, as the matchers' tables have it.
     pub const MAX: Parameter = Parameter {
         name: "max_disparity",
         unit: "px",
-        range: Range::Int { default: 80, min: -Self::LIMIT, max: Self::LIMIT },
+        range: Range::Int {
+            default: 80,
+            min: -Self::LIMIT,
+            max: Self::LIMIT,
+        },
         description: "highest disparity tried: the nearest obstacle that can be seen",
     };
 
     /// # Errors
-    /// [`Error::Invalid`] when `min` is above `max` or one of them beyond ±[`DisparityRange::LIMIT`].
+    /// [`Error::Invalid`] when `min` is above `max` or one of them beyond
+    /// ±[`DisparityRange::LIMIT`].
     pub fn new(min: i32, max: i32) -> Result<Self> {
         if min <= max && -Self::LIMIT <= min && max <= Self::LIMIT {
             Ok(Self { min, max })
@@ -56,7 +66,10 @@ impl DisparityRange {
     /// # Errors
     /// As [`DisparityRange::new`].
     pub fn of(parameters: &Parameters) -> Result<Self> {
-        Self::new(parameters.int(Self::MIN.name), parameters.int(Self::MAX.name))
+        Self::new(
+            parameters.int(Self::MIN.name),
+            parameters.int(Self::MAX.name),
+        )
     }
 
     pub fn min(self) -> i32 {
@@ -72,12 +85,17 @@ impl DisparityRange {
         self.min.abs().max(self.max.abs())
     }
 
-    /// The x of a row whose window has an admissible disparity: one that keeps it inside the right image.
+    /// The x of a row whose window has an admissible disparity: one that keeps it inside the right
+    /// image.
     pub fn columns(self, width: usize) -> ops::Range<usize> {
         let (reach, width) = (REACH as i32, width as i32);
         let first = reach + self.min.max(0);
         let end = width - reach + self.max.min(0);
-        if first < end { first as usize..end as usize } else { 0..0 }
+        if first < end {
+            first as usize..end as usize
+        } else {
+            0..0
+        }
     }
 
     /// The disparities that are admissible anywhere in rows of `width` pixels.
@@ -101,7 +119,11 @@ impl DisparityRange {
 /// The search for the cheapest of the disparities of `range` in rows of `width` pixels.
 pub(super) fn search(width: usize, range: DisparityRange) -> Search {
     let disparities = range.within(width);
-    Search::new(width, *disparities.start(), disparities.map(DisparityRange::weight).collect())
+    Search::new(
+        width,
+        *disparities.start(),
+        disparities.map(DisparityRange::weight).collect(),
+    )
 }
 
 /// Finds the cheapest match of each textured pixel. It holds one thread's scratch.
@@ -115,23 +137,39 @@ pub struct BlockSearch {
 impl BlockSearch {
     /// For rows of `width` pixels.
     pub fn new(width: usize, range: DisparityRange) -> Self {
-        Self { range, search: search(width, range), matches: vec![Match::NONE; width * Lanes::COUNT] }
+        Self {
+            range,
+            search: search(width, range),
+            matches: vec![Match::NONE; width * Lanes::COUNT],
+        }
     }
 
     /// Matches the first `rows` of a block of the left image with the same rows of the right one.
     pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
-        matches(isa, left, right, &mut self.search, &mut self.matches[..rows * left.len()]);
+        matches(
+            isa,
+            left,
+            right,
+            &mut self.search,
+            &mut self.matches[..rows * left.len()],
+        );
     }
 
-    /// Fills `row`, the one of that `lane` in the block: the winners, *border* where no disparity is admissible,
-    /// *untextured* elsewhere.
+    /// Fills `row`, the one of that `lane` in the block: the winners, *border* where no disparity
+    /// is admissible, *untextured* elsewhere.
     pub fn write_row(&self, isa: Isa, lane: usize, textured: &[bool], row: &mut RowMut<'_>) {
         let (width, columns) = (row.width(), self.range.columns(row.width()));
         let matches = &self.matches[lane * width..][..width];
         row.part_mut(0..columns.start).clear(Reason::Border);
         row.part_mut(columns.end..width).clear(Reason::Border);
         let part = &mut row.part_mut(columns.clone());
-        accept_row(isa, self.search.first(), &matches[columns.clone()], &textured[columns], part);
+        accept_row(
+            isa,
+            self.search.first(),
+            &matches[columns.clone()],
+            &textured[columns],
+            part,
+        );
     }
 }
 
@@ -144,9 +182,15 @@ pub(super) fn farthest_shift(width: usize) -> i32 {
 pub(super) fn ssd(left: &[u8], x: usize, right: &[u8], u: usize) -> u32 {
     let window = |row: &[u8], x: usize| -> [u8; 2 * REACH + 1] {
         // Windows lie inside their rows.
-        *row[x - REACH..].first_chunk().expect("a window inside the row")
+        *row[x - REACH..]
+            .first_chunk()
+            .expect("a window inside the row")
     };
-    window(left, x).iter().zip(window(right, u)).map(|(&a, b)| u32::from(a.abs_diff(b)).pow(2)).sum()
+    window(left, x)
+        .iter()
+        .zip(window(right, u))
+        .map(|(&a, b)| u32::from(a.abs_diff(b)).pow(2))
+        .sum()
 }
 
 #[cfg(test)]
@@ -155,25 +199,44 @@ mod tests {
 
     #[test]
     fn the_largest_cost_fits() {
-        assert!((9u32 * 255 * 255).checked_mul(DisparityRange::weight(DisparityRange::LIMIT)).is_some());
+        assert!(
+            (9u32 * 255 * 255)
+                .checked_mul(DisparityRange::weight(DisparityRange::LIMIT))
+                .is_some()
+        );
     }
 
     #[test]
     fn columns_are_those_with_an_admissible_disparity() {
-        for (min, max, width) in
-            [(0, 80, 100), (-7, 3, 40), (5, 9, 20), (-9, -5, 20), (0, 0, 9), (30, 80, 20), (0, 8, 8)]
-        {
+        for (min, max, width) in [
+            (0, 80, 100),
+            (-7, 3, 40),
+            (5, 9, 20),
+            (-9, -5, 20),
+            (0, 0, 9),
+            (30, 80, 20),
+            (0, 8, 8),
+        ] {
             let range = DisparityRange::new(min, max).unwrap();
             let inside = |x: i32| x >= 4 && x + 4 < width;
-            let expected: Vec<usize> =
-                (0..width).filter(|&x| inside(x) && (min..=max).any(|d| inside(x - d))).map(|x| x as usize).collect();
-            assert_eq!(range.columns(width as usize).collect::<Vec<_>>(), expected, "{min}..={max} in {width}");
+            let expected: Vec<usize> = (0..width)
+                .filter(|&x| inside(x) && (min..=max).any(|d| inside(x - d)))
+                .map(|x| x as usize)
+                .collect();
+            assert_eq!(
+                range.columns(width as usize).collect::<Vec<_>>(),
+                expected,
+                "{min}..={max} in {width}"
+            );
         }
     }
 
     #[test]
     fn an_upside_down_range_is_refused_in_one_line() {
         let error = DisparityRange::new(5, 4).unwrap_err().to_string();
-        assert!(error.contains("min_disparity=5") && !error.contains('\n'), "{error}");
+        assert!(
+            error.contains("min_disparity=5") && !error.contains('\n'),
+            "{error}"
+        );
     }
 }

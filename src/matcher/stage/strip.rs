@@ -1,5 +1,5 @@
-//! Rows of a pair that are matched together, with all that is done to them: one task for a thread from the smoothing to
-//! the last check, which finds its rows in the cache.
+//! Rows of a pair that are matched together, with all that is done to them: one task for a thread
+//! from the smoothing to the last check, which finds its rows in the cache.
 
 use super::{Blocks, VerticalSmoothing};
 use crate::error::Result;
@@ -23,13 +23,29 @@ impl Strip {
     pub fn new(width: usize) -> Result<Self> {
         let [left, right] = [0; 2].map(|_| Gray::filled(width, Blocks::ROWS, 0));
         let [left_columns, right_columns] = [0; 2].map(|_| vec![Lanes::splat(0); width]);
-        Ok(Self { left: left?, right: right?, left_columns, right_columns })
+        Ok(Self {
+            left: left?,
+            right: right?,
+            left_columns,
+            right_columns,
+        })
     }
 
     /// Takes `rows` rows of `pair` from `top` on, smoothed.
-    pub fn load(&mut self, isa: Isa, smoothing: &VerticalSmoothing, pair: &StereoPair, top: usize, rows: usize) {
-        for (image, strip) in [(pair.left(), &mut self.left), (pair.right(), &mut self.right)] {
-            (0..rows).for_each(|lane| smoothing.apply_row(isa, image, top + lane, strip.row_mut(lane)));
+    pub fn load(
+        &mut self,
+        isa: Isa,
+        smoothing: &VerticalSmoothing,
+        pair: &StereoPair,
+        top: usize,
+        rows: usize,
+    ) {
+        for (image, strip) in [
+            (pair.left(), &mut self.left),
+            (pair.right(), &mut self.right),
+        ] {
+            (0..rows)
+                .for_each(|lane| smoothing.apply_row(isa, image, top + lane, strip.row_mut(lane)));
         }
     }
 
@@ -49,7 +65,8 @@ impl Strip {
         self.right.row(lane)
     }
 
-    /// The columns of the left and the right image; those of rows that were not loaded mean nothing.
+    /// The columns of the left and the right image; those of rows that were not loaded mean
+    /// nothing.
     pub fn columns(&self) -> [&[Lanes<u16>]; 2] {
         [&self.left_columns, &self.right_columns]
     }
@@ -64,36 +81,54 @@ pub struct Bands<S> {
 }
 
 impl<S: Send> Bands<S> {
-    /// For images of `size`: the `earlier` ones where they fit, else new ones, each band with its own scratch.
+    /// For images of `size`: the `earlier` ones where they fit, else new ones, each band with its
+    /// own scratch.
     ///
     /// # Errors
     /// What `scratch` says.
-    pub fn fitting(earlier: Option<Self>, size: (usize, usize), scratch: impl Fn() -> Result<S>) -> Result<Self> {
+    pub fn fitting(
+        earlier: Option<Self>,
+        size: (usize, usize),
+        scratch: impl Fn() -> Result<S>,
+    ) -> Result<Self> {
         if let Some(earlier) = earlier.filter(|bands| bands.size == size) {
             return Ok(earlier);
         }
         let (bands, rows) = Blocks::bands(size.1);
-        let scratch = (0..bands).map(|_| Ok((scratch()?, StageTimes::default()))).collect::<Result<_>>()?;
-        Ok(Self { size, rows, scratch })
+        let scratch = (0..bands)
+            .map(|_| Ok((scratch()?, StageTimes::default())))
+            .collect::<Result<_>>()?;
+        Ok(Self {
+            size,
+            rows,
+            scratch,
+        })
     }
 
-    /// Runs `work` on each block of rows of `map` with the number of the first, on the threads of rayon's current pool.
+    /// Runs `work` on each block of rows of `map` with the number of the first, on the threads of
+    /// rayon's current pool.
     pub fn each_block(
         &mut self,
         map: &mut DisparityMap,
         clock: &mut Clock,
         work: impl Fn(usize, BandMut<'_>, &mut S, &mut Clock) + Sync,
     ) {
-        map.each_band_mut(self.rows, &mut self.scratch, |top, band, (scratch, times)| {
-            let mut clock = Clock::start();
-            for (block, rows) in band.into_bands(Blocks::ROWS).enumerate() {
-                work(top + block * Blocks::ROWS, rows, scratch, &mut clock);
-            }
-            *times = clock.times();
-        });
+        map.each_band_mut(
+            self.rows,
+            &mut self.scratch,
+            |top, band, (scratch, times)| {
+                let mut clock = Clock::start();
+                for (block, rows) in band.into_bands(Blocks::ROWS).enumerate() {
+                    work(top + block * Blocks::ROWS, rows, scratch, &mut clock);
+                }
+                *times = clock.times();
+            },
+        );
         let mut times = StageTimes::default();
         for (_, band) in &self.scratch {
-            Stage::ALL.into_iter().for_each(|stage| times.add(stage, band.get(stage)));
+            Stage::ALL
+                .into_iter()
+                .for_each(|stage| times.add(stage, band.get(stage)));
         }
         clock.lap_as(times);
     }

@@ -1,4 +1,5 @@
-//! Sub-pixel refinement by a parabola. The thesis works in whole pixels, so matchers have it off by default.
+//! Sub-pixel refinement by a parabola. The thesis works in whole pixels, so matchers have it off by
+//! default.
 
 use super::ssd::{DisparityRange, ssd};
 use crate::matcher::{Parameter, Range};
@@ -12,15 +13,21 @@ pub const SUBPIXEL: Parameter = Parameter {
     description: "refine to fractions of a pixel, by a parabola through the SSDs at the winner and beside it",
 };
 
-/// Moves the disparity `d` of each valid pixel of `row` to the lowest point of the parabola through the SSDs at d − 1, d
-/// and d + 1: by `(p − n) / 2(p − 2m + n)`, at most half a pixel.
+/// Moves the disparity `d` of each valid pixel of `row` to the lowest point of the parabola through
+/// the SSDs at d − 1, d and d + 1: by `(p − n) / 2(p − 2m + n)`, at most half a pixel.
 ///
-/// The SSDs are unweighted: the weight of the cost favours low disparities and would pull the parabola that way. A
-/// disparity stays whole where one beside it is not admissible (an end of the range, or the window would leave the right
-/// image), or where one beside it has the lower SSD and won less only by its weight, or where all three are equal.
+/// The SSDs are unweighted: the weight of the cost favours low disparities and would pull the
+/// parabola that way. A disparity stays whole where one beside it is not admissible (an end of the
+/// range, or the window would leave the right image), or where one beside it has the lower SSD and
+/// won less only by its weight, or where all three are equal.
 ///
 /// `right` is the row of the right image that the match of pixel x lies in.
-pub fn refine<'a>(range: DisparityRange, left: &[u8], right: impl Fn(usize) -> &'a [u8], row: &mut RowMut<'_>) {
+pub fn refine<'a>(
+    range: DisparityRange,
+    left: &[u8],
+    right: impl Fn(usize) -> &'a [u8],
+    row: &mut RowMut<'_>,
+) {
     for x in range.columns(row.width()) {
         let Ok(d) = row.at(x) else { continue };
         let (d, admissible) = (d as i32, range.admissible(x, left.len()));

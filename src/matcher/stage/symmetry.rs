@@ -1,15 +1,18 @@
-//! The symmetric check (thesis, section 5.3.3, "Validity Test", after Fua): the right image must prefer the same match.
+//! The symmetric check (thesis, section 5.3.3, "Validity Test", after Fua): the right image must
+//! prefer the same match.
 
 use super::ssd::{DisparityRange, search};
 use crate::kernel::{Isa, Lanes, Match, Search, matches};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Reason, RowMut};
 
-/// Lets each pixel of the right image take its own cheapest disparity. It holds one thread's scratch.
+/// Lets each pixel of the right image take its own cheapest disparity. It holds one thread's
+/// scratch.
 ///
-/// A mirrored pair has the same disparities the other way round, so this is the search of the left image's pixels once
-/// more, on the mirrored right and left images. That costs the sums twice; right winners that accumulate in one search
-/// would have to be read and written for every disparity of every pixel, which takes as long.
+/// A mirrored pair has the same disparities the other way round, so this is the search of the left
+/// image's pixels once more, on the mirrored right and left images. That costs the sums twice;
+/// right winners that accumulate in one search would have to be read and written for every
+/// disparity of every pixel, which takes as long.
 pub struct SymmetricCheck {
     tolerance_px: i32,
     search: Search,
@@ -24,7 +27,11 @@ impl SymmetricCheck {
     pub const TOLERANCE: Parameter = Parameter {
         name: "symmetry_tolerance",
         unit: "px",
-        range: Range::Int { default: 1, min: 0, max: 2 * DisparityRange::LIMIT },
+        range: Range::Int {
+            default: 1,
+            min: 0,
+            max: 2 * DisparityRange::LIMIT,
+        },
         description: "farthest that the right image's own disparity may be from the left image's",
     };
 
@@ -42,21 +49,34 @@ impl SymmetricCheck {
     /// Matches the first `rows` of a block of the right image with the same rows of the left one.
     pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
         for (mirrored, block) in [(&mut self.left, left), (&mut self.right, right)] {
-            mirrored.iter_mut().zip(block.iter().rev()).for_each(|(to, from)| *to = *from);
+            mirrored
+                .iter_mut()
+                .zip(block.iter().rev())
+                .for_each(|(to, from)| *to = *from);
         }
-        matches(isa, &self.right, &self.left, &mut self.search, &mut self.matches[..rows * left.len()]);
+        matches(
+            isa,
+            &self.right,
+            &self.left,
+            &mut self.search,
+            &mut self.matches[..rows * left.len()],
+        );
     }
 
-    /// Rejects the matches of `row`, the one of that `lane` in the block, that the right image does not share.
+    /// Rejects the matches of `row`, the one of that `lane` in the block, that the right image does
+    /// not share.
     pub fn check_row(&self, lane: usize, row: &mut RowMut<'_>) {
         let width = row.width();
         let matches = &self.matches[lane * width..][..width];
         for x in 0..width {
             if let Ok(d) = row.at(x) {
-                // Matchers of whole pixels: `d` is one of the range, and its window lies inside the right image.
+                // Matchers of whole pixels: `d` is one of the range, and its window lies inside the
+                // right image.
                 let d = d as i32;
                 let matched = matches[(width as i32 - 1 - (x as i32 - d)) as usize];
-                if (self.search.first() + matched.index() as i32).abs_diff(d) > self.tolerance_px as u32 {
+                if (self.search.first() + matched.index() as i32).abs_diff(d)
+                    > self.tolerance_px as u32
+                {
                     row.reject(x, Reason::Inconsistent, row.ssdpi(x));
                 }
             }

@@ -18,13 +18,21 @@ impl Tolerance {
     pub(super) const SUM: Parameter = Parameter {
         name: "hash_tolerance",
         unit: "grey levels",
-        range: Range::Int { default: 150, min: 0, max: 9 * 255 },
+        range: Range::Int {
+            default: 150,
+            min: 0,
+            max: 9 * 255,
+        },
         description: "farthest that the sums of the nine pixels of two windows may be apart",
     };
     pub(super) const ROWS: Parameter = Parameter {
         name: "row_tolerance",
         unit: "px",
-        range: Range::Int { default: 2, min: 0, max: 16 },
+        range: Range::Int {
+            default: 2,
+            min: 0,
+            max: 16,
+        },
         description: "farthest that the rows of two windows may be apart",
     };
 }
@@ -68,41 +76,71 @@ impl Claims {
     }
 
     /// The claim that each pixel of the left image grants. Only textured ones can be claimed.
-    pub(super) fn settle(&mut self, isa: Isa, left: &Gray, right: &Gray, textured: &Plane<bool>) -> &Plane<Claim> {
-        let Self { range, tolerance, sums, band_rows, tables, claims, granted } = self;
+    pub(super) fn settle(
+        &mut self,
+        isa: Isa,
+        left: &Gray,
+        right: &Gray,
+        textured: &Plane<bool>,
+    ) -> &Plane<Claim> {
+        let Self {
+            range,
+            tolerance,
+            sums,
+            band_rows,
+            tables,
+            claims,
+            granted,
+        } = self;
         let (width, height) = left.size();
         // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
-        each_row(sums.as_mut_slice().expect("gapless"), width, 16, |y, sums| {
-            window_sums(left.row(y), textured.row(y), sums);
-        });
+        each_row(
+            sums.as_mut_slice().expect("gapless"),
+            width,
+            16,
+            |y, sums| {
+                window_sums(left.row(y), textured.row(y), sums);
+            },
+        );
 
-        each_band(claims.as_mut_slice().expect("gapless"), *band_rows * width, tables, |band, claims, table| {
-            for (y, claims) in (band * *band_rows..).zip(claims.chunks_exact_mut(width)) {
-                table.fill(left, sums, y, tolerance.rows);
-                let search = TableSearch {
-                    table,
-                    min_disparity: range.min(),
-                    max_disparity: range.max(),
-                    sum_tolerance: tolerance.sum,
-                };
-                claim_row(isa, &search, right.row(y), claims);
-            }
-        });
+        each_band(
+            claims.as_mut_slice().expect("gapless"),
+            *band_rows * width,
+            tables,
+            |band, claims, table| {
+                for (y, claims) in (band * *band_rows..).zip(claims.chunks_exact_mut(width)) {
+                    table.fill(left, sums, y, tolerance.rows);
+                    let search = TableSearch {
+                        table,
+                        min_disparity: range.min(),
+                        max_disparity: range.max(),
+                        sum_tolerance: tolerance.sum,
+                    };
+                    claim_row(isa, &search, right.row(y), claims);
+                }
+            },
+        );
 
-        each_row(granted.as_mut_slice().expect("gapless"), width, 16, |y, granted| {
-            granted.fill(Claim::NONE);
-            for row in y.saturating_sub(tolerance.rows)..height.min(y + tolerance.rows + 1) {
-                let row_offset = (row as i32 - y as i32) as i8;
-                let claims = claims.row(row).iter().enumerate();
-                for (u, &claim) in claims.filter(|(_, claim)| claim.row_offset == row_offset) {
-                    // A claim that is none names column u itself and costs too much.
-                    let granted = &mut granted[(u as i32 + i32::from(claim.disparity)) as usize];
-                    if claim.cost() < granted.cost() {
-                        *granted = claim;
+        each_row(
+            granted.as_mut_slice().expect("gapless"),
+            width,
+            16,
+            |y, granted| {
+                granted.fill(Claim::NONE);
+                for row in y.saturating_sub(tolerance.rows)..height.min(y + tolerance.rows + 1) {
+                    let row_offset = (row as i32 - y as i32) as i8;
+                    let claims = claims.row(row).iter().enumerate();
+                    for (u, &claim) in claims.filter(|(_, claim)| claim.row_offset == row_offset) {
+                        // A claim that is none names column u itself and costs too much.
+                        let granted =
+                            &mut granted[(u as i32 + i32::from(claim.disparity)) as usize];
+                        if claim.cost() < granted.cost() {
+                            *granted = claim;
+                        }
                     }
                 }
-            }
-        });
+            },
+        );
         granted
     }
 }

@@ -1,18 +1,20 @@
-//! Stereoscopic Machine Vision Algo v.4 (thesis, section 5.3.4), a feasibility study for cameras that are not aligned.
+//! Stereoscopic Machine Vision Algo v.4 (thesis, section 5.3.4), a feasibility study for cameras
+//! that are not aligned.
 //!
-//! No scan along the row: all textured windows of the left image stand in a hash table under the sum of their nine
-//! pixels, and each window of the right image looks up those of similar sum, close by, also on other rows. So each match
-//! says how far apart its rows are, and their median measures how badly the pair is aligned.
+//! No scan along the row: all textured windows of the left image stand in a hash table under the
+//! sum of their nine pixels, and each window of the right image looks up those of similar sum,
+//! close by, also on other rows. So each match says how far apart its rows are, and their median
+//! measures how badly the pair is aligned.
 //!
-//! Departures from the thesis: all in integers; a table for each right row instead of one for the image, so that a
-//! look-up meets no window of a row too far away; the cheapest of several claims on a window holds; v3's self check
-//! follows.
+//! Departures from the thesis: all in integers; a table for each right row instead of one for the
+//! image, so that a look-up meets no window of a row too far away; the cheapest of several claims
+//! on a window holds; v3's self check follows.
 
 mod claims;
 
 use super::stage::{
-    BACK_CHECK, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, VerticalSmoothing, back_check, each_row,
-    refine,
+    BACK_CHECK, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, VerticalSmoothing,
+    back_check, each_row, refine,
 };
 use super::{Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
@@ -69,7 +71,10 @@ impl V4 {
             isa,
             range: DisparityRange::of(parameters)?,
             smoothing: VerticalSmoothing::new(parameters.real(VerticalSmoothing::SIGMA.name)),
-            texture: DogTexture::new(parameters.real(DogTexture::SIGMA.name), parameters.real(DogTexture::DELTA.name)),
+            texture: DogTexture::new(
+                parameters.real(DogTexture::SIGMA.name),
+                parameters.real(DogTexture::DELTA.name),
+            ),
             tolerance: Tolerance {
                 sum: parameters.int(Tolerance::SUM.name).unsigned_abs(),
                 rows: parameters.int(Tolerance::ROWS.name).unsigned_abs() as usize,
@@ -89,7 +94,9 @@ impl V4 {
             left_blocks: Blocks::new(width, height),
             claims: Claims::new((width, height), self.range, self.tolerance)?,
             band_rows,
-            checks: (0..bands).map(|_| SelfCheck::new(width, self.range)).collect(),
+            checks: (0..bands)
+                .map(|_| SelfCheck::new(width, self.range))
+                .collect(),
         })
     }
 
@@ -108,14 +115,30 @@ impl V4 {
 }
 
 impl Matcher for V4 {
-    fn compute(&mut self, pair: &StereoPair, map: &mut DisparityMap, clock: &mut Clock) -> Result<()> {
+    fn compute(
+        &mut self,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) -> Result<()> {
         let (isa, size) = (self.isa, pair.size());
         let offsets = map.take_row_offset().filter(|plane| plane.size() == size);
         let mut offsets = offsets.map_or_else(|| Plane::filled(size.0, size.1, 0), Ok)?;
         map.resize(size.0, size.1)?;
-        let fitting = self.scratch.take().filter(|scratch| scratch.left.size() == size);
+        let fitting = self
+            .scratch
+            .take()
+            .filter(|scratch| scratch.left.size() == size);
         let mut scratch = fitting.map_or_else(|| self.scratch(size), Ok)?;
-        let Scratch { left, right, textured, left_blocks, claims, band_rows, checks } = &mut scratch;
+        let Scratch {
+            left,
+            right,
+            textured,
+            left_blocks,
+            claims,
+            band_rows,
+            checks,
+        } = &mut scratch;
 
         self.smoothing.apply(isa, pair.left(), left);
         self.smoothing.apply(isa, pair.right(), right);
@@ -131,9 +154,17 @@ impl Matcher for V4 {
             }
         });
         // Made by `Plane::filled`, so its rows have no gaps.
-        each_row(offsets.as_mut_slice().expect("gapless"), size.0, 64, |y, offsets| {
-            offsets.iter_mut().zip(granted.row(y)).for_each(|(offset, claim)| *offset = claim.row_offset);
-        });
+        each_row(
+            offsets.as_mut_slice().expect("gapless"),
+            size.0,
+            64,
+            |y, offsets| {
+                offsets
+                    .iter_mut()
+                    .zip(granted.row(y))
+                    .for_each(|(offset, claim)| *offset = claim.row_offset);
+            },
+        );
         map.set_row_offset(offsets);
         clock.lap(Stage::Matching);
 
@@ -146,7 +177,9 @@ impl Matcher for V4 {
                 }
                 check.check_row(isa, lane, left.row(y), &mut row);
                 if self.subpixel {
-                    let matched = |x| right.row((y as i32 + i32::from(granted.get(x, y).row_offset)) as usize);
+                    let matched = |x| {
+                        right.row((y as i32 + i32::from(granted.get(x, y).row_offset)) as usize)
+                    };
                     refine(self.range, left.row(y), matched, &mut row);
                 }
                 if self.back_check {

@@ -23,9 +23,9 @@ pub(super) fn tile(encoding: &str) -> Option<(Tile, u32)> {
     }
 }
 
-/// Grey of a mosaic, bilinear: a colour that a pixel lacks is the mean, rounded, of those among its eight neighbours in
-/// the image that have it; then [`Gray::from_rgb`]. Where no neighbour has it, in an image of one row or column, the
-/// pixel's own value stands in.
+/// Grey of a mosaic, bilinear: a colour that a pixel lacks is the mean, rounded, of those among its
+/// eight neighbours in the image that have it; then [`Gray::from_rgb`]. Where no neighbour has it,
+/// in an image of one row or column, the pixel's own value stands in.
 ///
 /// # Errors
 /// None: the sizes are those of a plane.
@@ -45,7 +45,11 @@ pub(super) fn grey(samples: &Gray, tile: Tile) -> Result<Gray> {
                 }
             }
             (sums[colour(x, y)], counts[colour(x, y)]) = (own, 1);
-            let mean = |c: usize| (sums[c] + counts[c] / 2).checked_div(counts[c]).unwrap_or(own);
+            let mean = |c: usize| {
+                (sums[c] + counts[c] / 2)
+                    .checked_div(counts[c])
+                    .unwrap_or(own)
+            };
             rgb.extend([0, 1, 2].map(|c| mean(c) as u8));
         }
     }
@@ -63,20 +67,34 @@ mod tests {
         for name in ["rggb", "bggr", "gbrg", "grbg"] {
             let (tile, bits) = tile(&format!("bayer_{name}8")).unwrap();
             let mosaic = Gray::from_fn(7, 6, |x, y| rgb[tile[(y & 1) * 2 + (x & 1)]]).unwrap();
-            assert!(bits == 8 && grey(&mosaic, tile).unwrap().pixels().all(|v| v == luma), "{name}");
+            assert!(
+                bits == 8 && grey(&mosaic, tile).unwrap().pixels().all(|v| v == luma),
+                "{name}"
+            );
         }
-        assert!(tile("bayer_rggb12").is_none() && tile("bayer_").is_none() && tile("mono8").is_none());
+        assert!(
+            tile("bayer_rggb12").is_none() && tile("bayer_").is_none() && tile("mono8").is_none()
+        );
     }
 
     #[test]
     fn missing_colours_are_means_of_neighbours() {
-        // One red pixel in the middle of black: half in the pixels beside it, a quarter at its corners.
+        // One red pixel in the middle of black: half in the pixels beside it, a quarter at its
+        // corners.
         let tile = [0, 1, 1, 2];
         let mosaic = Gray::from_fn(5, 5, |x, y| if (x, y) == (2, 2) { 200 } else { 0 }).unwrap();
         let found = grey(&mosaic, tile).unwrap();
         let red = |value: u8| Gray::from_rgb(1, 1, &[value, 0, 0]).unwrap().get(0, 0);
-        assert_eq!([(2, 2), (1, 2), (2, 3), (1, 1)].map(|(x, y)| found.get(x, y)), [200, 100, 100, 50].map(red));
+        assert_eq!(
+            [(2, 2), (1, 2), (2, 3), (1, 1)].map(|(x, y)| found.get(x, y)),
+            [200, 100, 100, 50].map(red)
+        );
         assert_eq!(found.get(0, 0), 0);
-        assert_eq!(grey(&Gray::filled(1, 1, 7).unwrap(), tile).unwrap().get(0, 0), 7);
+        assert_eq!(
+            grey(&Gray::filled(1, 1, 7).unwrap(), tile)
+                .unwrap()
+                .get(0, 0),
+            7
+        );
     }
 }

@@ -9,8 +9,8 @@ use nalgebra::{Matrix3, Rotation3};
 /// Messages that are calibrations.
 pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
 
-/// How far the focal lengths of rectified cameras may be apart (relative), and the rows of their centres in pixels:
-/// what rounding in a calibration file makes of equal ones.
+/// How far the focal lengths of rectified cameras may be apart (relative), and the rows of their
+/// centres in pixels: what rounding in a calibration file makes of equal ones.
 const FOCAL_TOLERANCE: f64 = 1e-4;
 const ROW_TOLERANCE_PX: f64 = 0.1;
 
@@ -35,33 +35,89 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/CameraInfo", "cdr") => Ok(of_image(ros::read(data, ros::camera_info)?)),
         ("foxglove.CameraCalibration", "protobuf") => {
-            let foxglove::messages::CameraCalibration { width, height, distortion_model: model, k, d, r, p, .. } =
-                decode_protobuf(data)?;
-            Ok(Calibration { size: (width, height), model, k, d, r, p })
+            let foxglove::messages::CameraCalibration {
+                width,
+                height,
+                distortion_model: model,
+                k,
+                d,
+                r,
+                p,
+                ..
+            } = decode_protobuf(data)?;
+            Ok(Calibration {
+                size: (width, height),
+                model,
+                k,
+                d,
+                r,
+                p,
+            })
         }
         ("foxglove.CameraCalibration", "json") => {
-            let json::CameraCalibration { width, height, distortion_model: model, k, d, r, p } = json::read(data)?;
-            Ok(Calibration { size: (width, height), model, k, d, r, p })
+            let json::CameraCalibration {
+                width,
+                height,
+                distortion_model: model,
+                k,
+                d,
+                r,
+                p,
+            } = json::read(data)?;
+            Ok(Calibration {
+                size: (width, height),
+                model,
+                k,
+                d,
+                r,
+                p,
+            })
         }
-        (schema, encoding) => Err(format!("its {schema} is in '{encoding}', svl reads cdr, protobuf and json")),
+        (schema, encoding) => Err(format!(
+            "its {schema} is in '{encoding}', svl reads cdr, protobuf and json"
+        )),
     }
 }
 
-/// The calibration of the images that a sensor gives, which may be a part of it and binned, as image_geometry's
-/// PinholeCameraModel has it.
+/// The calibration of the images that a sensor gives, which may be a part of it and binned, as
+/// image_geometry's PinholeCameraModel has it.
 fn of_image(info: ros::CameraInfo) -> Calibration {
-    let ros::CameraInfo { width, height, model, distortion: d, mut k, r, mut p, binning, roi } = info;
+    let ros::CameraInfo {
+        width,
+        height,
+        model,
+        distortion: d,
+        mut k,
+        r,
+        mut p,
+        binning,
+        roi,
+    } = info;
     let [columns, rows] = binning.map(|pixels| pixels.max(1));
     let side = |roi: u32, whole: u32| if roi == 0 { whole } else { roi };
-    let size = (side(roi.width, width) / columns, side(roi.height, height) / rows);
+    let size = (
+        side(roi.width, width) / columns,
+        side(roi.height, height) / rows,
+    );
     for matrix in [&mut k[..], &mut p[..]] {
         let row = matrix.len() / 3;
         matrix[2] -= f64::from(roi.x);
         matrix[row + 2] -= f64::from(roi.y);
-        matrix[..row].iter_mut().for_each(|v| *v /= f64::from(columns));
-        matrix[row..2 * row].iter_mut().for_each(|v| *v /= f64::from(rows));
+        matrix[..row]
+            .iter_mut()
+            .for_each(|v| *v /= f64::from(columns));
+        matrix[row..2 * row]
+            .iter_mut()
+            .for_each(|v| *v /= f64::from(rows));
     }
-    Calibration { size, model, k: k.to_vec(), d, r: r.to_vec(), p: p.to_vec() }
+    Calibration {
+        size,
+        model,
+        k: k.to_vec(),
+        d,
+        r: r.to_vec(),
+        p: p.to_vec(),
+    }
 }
 
 impl Calibration {
@@ -74,39 +130,57 @@ impl Calibration {
         if [(0, 0), (width, height)].contains(&(w as usize, h as usize)) {
             return Ok(());
         }
-        Err(format!("the calibration is of images of {w}x{h} pixels, these have {width}x{height}"))
+        Err(format!(
+            "the calibration is of images of {w}x{h} pixels, these have {width}x{height}"
+        ))
     }
 
-    /// Whether an image straight from this camera is not rectified: its lens distorts, or it has to be turned.
+    /// Whether an image straight from this camera is not rectified: its lens distorts, or it has to
+    /// be turned.
     pub(super) fn is_of_raw_camera(&self) -> bool {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // All zeros, as of a camera that was never calibrated, say nothing.
-        let turned = self.r.iter().any(|v| *v != 0.0) && self.r.iter().zip(identity).any(|(a, b)| (a - b).abs() > 1e-9);
+        let turned = self.r.iter().any(|v| *v != 0.0)
+            && self
+                .r
+                .iter()
+                .zip(identity)
+                .any(|(a, b)| (a - b).abs() > 1e-9);
         turned || self.d.iter().any(|coefficient| *coefficient != 0.0)
     }
 
     fn camera(&self) -> Result<Intrinsics, String> {
         // Models with more coefficients are this one where the rest are 0.
         let (lens, rest) = self.d.split_at(self.d.len().min(5));
-        if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str()) || rest.iter().any(|c| *c != 0.0) {
-            return Err(format!("its lens model '{}' is not one that svl knows (plumb_bob)", self.model));
+        if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
+            || rest.iter().any(|c| *c != 0.0)
+        {
+            return Err(format!(
+                "its lens model '{}' is not one that svl knows (plumb_bob)",
+                self.model
+            ));
         }
         let mut distortion = [0.0; 5];
         distortion[..lens.len()].copy_from_slice(lens);
         let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
-            return Err(format!("its K has {} numbers, 9 make a camera", self.k.len()));
+            return Err(format!(
+                "its K has {} numbers, 9 make a camera",
+                self.k.len()
+            ));
         };
         let size = (self.size.0 as usize, self.size.1 as usize);
         Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
     }
 
     fn turn(&self) -> Result<Rotation3<f64>, String> {
-        let r = <[f64; 9]>::try_from(&self.r[..]).map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
+        let r = <[f64; 9]>::try_from(&self.r[..])
+            .map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
         rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())
     }
 }
 
-/// The rig of two rectified cameras: `P = [f 0 cx Tx; 0 f cy 0; 0 0 1 0]` with `Tx = -f·B` (sensor_msgs/CameraInfo).
+/// The rig of two rectified cameras: `P = [f 0 cx Tx; 0 f cy 0; 0 0 1 0]` with `Tx = -f·B`
+/// (sensor_msgs/CameraInfo).
 ///
 /// # Errors
 /// Why they make none.
@@ -133,12 +207,23 @@ pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String
 ///
 /// # Errors
 /// Why the two say too little.
-pub(super) fn calibration(left: &Calibration, right: &Calibration) -> Result<StereoCalibration, String> {
+pub(super) fn calibration(
+    left: &Calibration,
+    right: &Calibration,
+) -> Result<StereoCalibration, String> {
     let (rig, cameras) = (rig(left, right)?, [left.camera()?, right.camera()?]);
-    let rectification = Rectification { size: cameras[0].size(), left: left.turn()?, right: right.turn()?, rig };
+    let rectification = Rectification {
+        size: cameras[0].size(),
+        left: left.turn()?,
+        right: right.turn()?,
+        rig,
+    };
     let [left, right] = cameras;
-    let calibration = StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres);
-    Ok(calibration.map_err(|e| e.to_string())?.with_rectification(rectification))
+    let calibration =
+        StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres);
+    Ok(calibration
+        .map_err(|e| e.to_string())?
+        .with_rectification(rectification))
 }
 
 struct Projection {
@@ -160,10 +245,22 @@ mod tests {
     use super::*;
 
     fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
-        let p = vec![focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let p = vec![
+            focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ];
         let k = vec![focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0];
-        let (d, r) = (vec![0.0; 5], vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-        Calibration { size: (320, 240), model: "plumb_bob".into(), k, d, r, p }
+        let (d, r) = (
+            vec![0.0; 5],
+            vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        );
+        Calibration {
+            size: (320, 240),
+            model: "plumb_bob".into(),
+            k,
+            d,
+            r,
+            p,
+        }
     }
 
     #[test]
@@ -176,12 +273,38 @@ mod tests {
             assert!(error.contains(what), "{error}");
         };
         let left = camera(500.0, 120.0, 0.0);
-        says(&left, &camera(500.0, 120.0, 50.0), "exchange --left and --right");
+        says(
+            &left,
+            &camera(500.0, 120.0, 50.0),
+            "exchange --left and --right",
+        );
         says(&left, &left, "baseline");
-        says(&left, &camera(510.0, 120.0, -50.0), "not rectified to each other");
-        says(&left, &camera(500.0, 122.0, -50.0), "not rectified to each other");
-        says(&left, &Calibration { p: vec![0.0; 12], ..left.clone() }, "not calibrated");
-        says(&left, &Calibration { p: vec![], ..left.clone() }, "not calibrated");
+        says(
+            &left,
+            &camera(510.0, 120.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &camera(500.0, 122.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![0.0; 12],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
         says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
     }
 
@@ -194,40 +317,112 @@ mod tests {
             distortion: vec![],
             k: [600.0, 0.0, 320.0, 0.0, 602.0, 240.0, 0.0, 0.0, 1.0],
             r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            p: [600.0, 0.0, 322.0, -60.0, 0.0, 600.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            p: [
+                600.0, 0.0, 322.0, -60.0, 0.0, 600.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            ],
             binning,
-            roi: ros::RegionOfInterest { x, y, height, width },
+            roi: ros::RegionOfInterest {
+                x,
+                y,
+                height,
+                width,
+            },
         };
         let whole = of_image(info([0, 1], (0, 0, 0, 0)));
-        assert_eq!((whole.size, whole.k[0], whole.p[3]), ((640, 480), 600.0, -60.0));
-        // As image_geometry's PinholeCameraModel: first the offset, then the binning; Tx with it, so the baseline stays.
+        assert_eq!(
+            (whole.size, whole.k[0], whole.p[3]),
+            ((640, 480), 600.0, -60.0)
+        );
+        // As image_geometry's PinholeCameraModel: first the offset, then the binning; Tx with it,
+        // so the baseline stays.
         let binned = of_image(info([2, 2], (0, 0, 0, 0)));
         assert_eq!(
             (binned.size, &binned.p[..4], &binned.p[4..8]),
-            ((320, 240), &[300.0, 0.0, 161.0, -30.0][..], &[0.0, 300.0, 121.0, 0.0][..])
+            (
+                (320, 240),
+                &[300.0, 0.0, 161.0, -30.0][..],
+                &[0.0, 300.0, 121.0, 0.0][..]
+            )
         );
         let part = of_image(info([2, 1], (100, 40, 320, 240)));
-        assert_eq!((part.size, &part.k[..6]), ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..]));
-        assert_eq!((&part.p[..4], part.p[6]), (&[300.0, 0.0, 111.0, -30.0][..], 202.0));
+        assert_eq!(
+            (part.size, &part.k[..6]),
+            ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])
+        );
+        assert_eq!(
+            (&part.p[..4], part.p[6]),
+            (&[300.0, 0.0, 111.0, -30.0][..], 202.0)
+        );
         assert!(part.check_size((160, 240)).is_ok());
-        assert!(part.check_size((320, 240)).unwrap_err().contains("of 160x240 pixels, these have 320x240"));
-        assert!(Calibration { size: (0, 0), ..part }.check_size((320, 240)).is_ok(), "it does not say");
+        assert!(
+            part.check_size((320, 240))
+                .unwrap_err()
+                .contains("of 160x240 pixels, these have 320x240")
+        );
+        assert!(
+            Calibration {
+                size: (0, 0),
+                ..part
+            }
+            .check_size((320, 240))
+            .is_ok(),
+            "it does not say"
+        );
     }
 
     #[test]
     fn raw_cameras_with_all_their_numbers_can_be_rectified() {
-        let left = Calibration { d: vec![-0.28, 0.07], ..camera(500.0, 120.0, 0.0) };
+        let left = Calibration {
+            d: vec![-0.28, 0.07],
+            ..camera(500.0, 120.0, 0.0)
+        };
         let right = camera(500.0, 120.0, -50.0);
         let found = calibration(&left, &right).unwrap();
-        assert_eq!((found.left().distortion(), found.rig().unwrap().baseline_m()), ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1));
-        let fisheye = Calibration { model: "equidistant".into(), ..left.clone() };
-        assert!(calibration(&fisheye, &right).unwrap_err().contains("'equidistant'"));
-        let rational = Calibration { model: "rational_polynomial".into(), d: vec![0.1; 8], ..left.clone() };
-        assert!(calibration(&rational, &right).unwrap_err().contains("rational_polynomial"));
-        let zeros = Calibration { model: "rational_polynomial".into(), d: vec![0.0; 8], ..left.clone() };
+        assert_eq!(
+            (found.left().distortion(), found.rig().unwrap().baseline_m()),
+            ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1)
+        );
+        let fisheye = Calibration {
+            model: "equidistant".into(),
+            ..left.clone()
+        };
+        assert!(
+            calibration(&fisheye, &right)
+                .unwrap_err()
+                .contains("'equidistant'")
+        );
+        let rational = Calibration {
+            model: "rational_polynomial".into(),
+            d: vec![0.1; 8],
+            ..left.clone()
+        };
+        assert!(
+            calibration(&rational, &right)
+                .unwrap_err()
+                .contains("rational_polynomial")
+        );
+        let zeros = Calibration {
+            model: "rational_polynomial".into(),
+            d: vec![0.0; 8],
+            ..left.clone()
+        };
         assert!(calibration(&zeros, &right).is_ok());
-        for (k, r) in [(vec![], left.r.clone()), (left.k.clone(), vec![]), (left.k.clone(), vec![0.0; 9])] {
-            assert!(calibration(&Calibration { k, r, ..left.clone() }, &right).is_err());
+        for (k, r) in [
+            (vec![], left.r.clone()),
+            (left.k.clone(), vec![]),
+            (left.k.clone(), vec![0.0; 9]),
+        ] {
+            assert!(
+                calibration(
+                    &Calibration {
+                        k,
+                        r,
+                        ..left.clone()
+                    },
+                    &right
+                )
+                .is_err()
+            );
         }
     }
 
@@ -235,8 +430,26 @@ mod tests {
     fn raw_cameras_are_known() {
         let rectified = camera(500.0, 120.0, 0.0);
         assert!(!rectified.is_of_raw_camera());
-        assert!(!Calibration { r: vec![0.0; 9], ..rectified.clone() }.is_of_raw_camera());
-        assert!(Calibration { d: vec![-0.28], ..rectified.clone() }.is_of_raw_camera());
-        assert!(Calibration { r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], ..rectified }.is_of_raw_camera());
+        assert!(
+            !Calibration {
+                r: vec![0.0; 9],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                d: vec![-0.28],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+                ..rectified
+            }
+            .is_of_raw_camera()
+        );
     }
 }

@@ -9,10 +9,15 @@ use crate::stereo::Gray;
 use foxglove::messages::{CompressedImage, RawImage};
 
 /// Messages that are images.
-pub(super) const SCHEMAS: [&str; 4] =
-    ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "foxglove.RawImage", "foxglove.CompressedImage"];
+pub(super) const SCHEMAS: [&str; 4] = [
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CompressedImage",
+    "foxglove.RawImage",
+    "foxglove.CompressedImage",
+];
 
-/// The stamp that stands in a message, where there is one, and its image, or why that cannot be read.
+/// The stamp that stands in a message, where there is one, and its image, or why that cannot be
+/// read.
 pub(super) type Stamped = (Option<u64>, Result<Gray, String>);
 
 /// # Errors
@@ -20,44 +25,119 @@ pub(super) type Stamped = (Option<u64>, Result<Gray, String>);
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/Image", "cdr") => {
-            let ros::Image { stamp, height, width, encoding, big_endian, step, data } = ros::read(data, ros::image)?;
-            let image = pixels::grey(&Raw { width, height, step, encoding, big_endian, data });
+            let ros::Image {
+                stamp,
+                height,
+                width,
+                encoding,
+                big_endian,
+                step,
+                data,
+            } = ros::read(data, ros::image)?;
+            let image = pixels::grey(&Raw {
+                width,
+                height,
+                step,
+                encoding,
+                big_endian,
+                data,
+            });
             Ok((ros_stamp(stamp)?, image))
         }
         ("sensor_msgs/msg/CompressedImage", "cdr") => {
             let message = ros::read(data, ros::compressed_image)?;
-            Ok((ros_stamp(message.stamp)?, decompress(message.data, message.format)))
+            Ok((
+                ros_stamp(message.stamp)?,
+                decompress(message.data, message.format),
+            ))
         }
         ("foxglove.RawImage", "protobuf") => {
-            let RawImage { timestamp, width, height, encoding, step, data, .. } = decode_protobuf(data)?;
-            let raw = Raw { width, height, step, encoding: &encoding, big_endian: false, data: &data };
-            Ok((stamp(timestamp.map(|t| (t.sec(), t.nsec()))), pixels::grey(&raw)))
+            let RawImage {
+                timestamp,
+                width,
+                height,
+                encoding,
+                step,
+                data,
+                ..
+            } = decode_protobuf(data)?;
+            let raw = Raw {
+                width,
+                height,
+                step,
+                encoding: &encoding,
+                big_endian: false,
+                data: &data,
+            };
+            Ok((
+                stamp(timestamp.map(|t| (t.sec(), t.nsec()))),
+                pixels::grey(&raw),
+            ))
         }
         ("foxglove.CompressedImage", "protobuf") => {
-            let CompressedImage { timestamp, data, format, .. } = decode_protobuf(data)?;
-            Ok((stamp(timestamp.map(|t| (t.sec(), t.nsec()))), decompress(&data, &format)))
+            let CompressedImage {
+                timestamp,
+                data,
+                format,
+                ..
+            } = decode_protobuf(data)?;
+            Ok((
+                stamp(timestamp.map(|t| (t.sec(), t.nsec()))),
+                decompress(&data, &format),
+            ))
         }
         ("foxglove.RawImage", "json") => {
-            let json::RawImage { timestamp, width, height, encoding, step, data } = json::read(data)?;
-            let raw = Raw { width, height, step, encoding: &encoding, big_endian: false, data: &data };
-            Ok((stamp(Some((timestamp.sec, timestamp.nsec))), pixels::grey(&raw)))
+            let json::RawImage {
+                timestamp,
+                width,
+                height,
+                encoding,
+                step,
+                data,
+            } = json::read(data)?;
+            let raw = Raw {
+                width,
+                height,
+                step,
+                encoding: &encoding,
+                big_endian: false,
+                data: &data,
+            };
+            Ok((
+                stamp(Some((timestamp.sec, timestamp.nsec))),
+                pixels::grey(&raw),
+            ))
         }
         ("foxglove.CompressedImage", "json") => {
-            let json::CompressedImage { timestamp, data, format } = json::read(data)?;
-            Ok((stamp(Some((timestamp.sec, timestamp.nsec))), decompress(&data, &format)))
+            let json::CompressedImage {
+                timestamp,
+                data,
+                format,
+            } = json::read(data)?;
+            Ok((
+                stamp(Some((timestamp.sec, timestamp.nsec))),
+                decompress(&data, &format),
+            ))
         }
-        (schema, encoding) => Err(format!("its {schema} is in '{encoding}', svl reads cdr, protobuf and json")),
+        (schema, encoding) => Err(format!(
+            "its {schema} is in '{encoding}', svl reads cdr, protobuf and json"
+        )),
     }
 }
 
-/// The image in the bytes of a PNG or JPEG. What its pixels were before it was compressed stands first in `format`, as
-/// image_transport writes it: `bayer_rggb8; png compressed `.
+/// The image in the bytes of a PNG or JPEG. What its pixels were before it was compressed stands
+/// first in `format`, as image_transport writes it: `bayer_rggb8; png compressed `.
 fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
-    let image = files::decode_bytes(data)
-        .map_err(|e| format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}"))?;
-    let mosaic = format.split(';').next().and_then(|encoding| bayer::tile(encoding.trim()));
+    let image = files::decode_bytes(data).map_err(|e| {
+        format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}")
+    })?;
+    let mosaic = format
+        .split(';')
+        .next()
+        .and_then(|encoding| bayer::tile(encoding.trim()));
     match mosaic {
-        // One channel is what the sensor saw; with more of them its colours were put together before.
+        // One channel is what the sensor saw; with more of them its colours were put together
+        // before.
         Some((tile, _)) if image.color().channel_count() == 1 => {
             files::gray(image).and_then(|samples| bayer::grey(&samples, tile))
         }

@@ -55,5 +55,7 @@ pub(super) fn read<'a, T: Deserialize<'a>>(data: &'a [u8]) -> Result<T, String> 
 
 fn bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {
     let text = String::deserialize(deserializer)?;
-    base64::engine::general_purpose::STANDARD.decode(text).map_err(de::Error::custom)
+    base64::engine::general_purpose::STANDARD
+        .decode(text)
+        .map_err(de::Error::custom)
 }

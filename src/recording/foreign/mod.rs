@@ -38,17 +38,21 @@ pub(super) struct Foreign {
 }
 
 impl Foreign {
-    /// Chooses the topics of the recording at `path`, which is these files, and looks for the first calibration of each camera.
+    /// Chooses the topics of the recording at `path`, which is these files, and looks for the first
+    /// calibration of each camera.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the cameras.
+    /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the
+    /// cameras.
     pub(super) fn open(path: &Path, files: &[PathBuf], selection: &Selection) -> Result<Self> {
         let mut channels = Vec::new();
         for file in files {
             channels.extend(Messages::all_channels(file)?);
         }
         let images = choose(&channels, selection).map_err(|reason| Error::format(path, reason))?;
-        let calibrations = images.each_ref().map(|topic| topics::calibration(&channels, topic));
+        let calibrations = images
+            .each_ref()
+            .map(|topic| topics::calibration(&channels, topic));
         let mut foreign = Self {
             images,
             calibrations,
@@ -65,7 +69,9 @@ impl Foreign {
             while foreign.lacks_calibration() {
                 match messages.next() {
                     // One that cannot be read is told when its turn comes.
-                    Ok(Some(Event::Message { channel, data, .. })) => drop(foreign.calibrate(channel, &data)),
+                    Ok(Some(Event::Message { channel, data, .. })) => {
+                        drop(foreign.calibrate(channel, &data))
+                    }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
                 }
@@ -93,14 +99,22 @@ impl Foreign {
     ///
     /// # Errors
     /// Why it cannot be read.
-    pub(super) fn take_in(&mut self, channel: &Channel, log_time: u64, data: &[u8]) -> std::result::Result<(), String> {
+    pub(super) fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<(), String> {
         for camera in Camera::BOTH {
             if channel.topic == self.images[camera as usize] {
                 self.counts[camera as usize] += 1;
                 let (stamp, image) = image::decode(channel, data)?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
-                let bytes = image.as_ref().map_or(0, |image| image.size().0 * image.size().1);
-                self.partners.push(camera, stamp.unwrap_or(log_time), image, bytes);
+                let bytes = image
+                    .as_ref()
+                    .map_or(0, |image| image.size().0 * image.size().1);
+                self.partners
+                    .push(camera, stamp.unwrap_or(log_time), image, bytes);
             }
         }
         self.calibrate(channel, data)
@@ -154,13 +168,18 @@ impl Foreign {
             let why = "by their calibration they are not rectified";
             let so = "rows of left and right do not agree, and distances are left out";
             let cure = match self.calibration() {
-                Some(Err(reason)) => format!("it does not say how to rectify them ({reason}): --calib FILE does"),
+                Some(Err(reason)) => {
+                    format!("it does not say how to rectify them ({reason}): --calib FILE does")
+                }
                 _ => "it says how to rectify them".to_owned(),
             };
             return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
         }
         let no_rig = self.rig().err();
-        no_rig.map(|reason| format!("disparities but no distances: {reason}")).into_iter().collect()
+        no_rig
+            .map(|reason| format!("disparities but no distances: {reason}"))
+            .into_iter()
+            .collect()
     }
 
     /// What rectifies the images, where they are raw; nothing where they are not.
@@ -168,14 +187,18 @@ impl Foreign {
     /// # Errors
     /// Why what they say of their cameras does not suffice.
     pub(super) fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
-        self.are_raw().then(|| self.both().and_then(|[left, right]| camera::calibration(left, right)))
+        self.are_raw().then(|| {
+            self.both()
+                .and_then(|[left, right]| camera::calibration(left, right))
+        })
     }
 
-    /// Whether the images come straight from a camera whose calibration says that they have to be rectified. That of a
-    /// rectified topic says the same, as ROS has one for both.
+    /// Whether the images come straight from a camera whose calibration says that they have to be
+    /// rectified. That of a rectified topic says the same, as ROS has one for both.
     fn are_raw(&self) -> bool {
         let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
-            !topics::is_of_rectified(topic) && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
+            !topics::is_of_rectified(topic)
+                && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
         };
         self.images.iter().zip(&self.cameras).any(is_raw)
     }
@@ -200,14 +223,17 @@ impl Foreign {
         if self.are_raw() {
             return Err("the images are not rectified".to_owned());
         }
-        self.both().and_then(|[left, right]| camera::rig(left, right))
+        self.both()
+            .and_then(|[left, right]| camera::rig(left, right))
     }
 
     /// The calibrations of the cameras, for images of the size that they have.
     fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
         match &self.cameras {
             [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
-                [left, right].into_iter().try_for_each(|camera| camera.check_size(self.size))?;
+                [left, right]
+                    .into_iter()
+                    .try_for_each(|camera| camera.check_size(self.size))?;
                 Ok([left, right])
             }
             _ => Err("it has no calibration of both cameras".to_owned()),
@@ -215,7 +241,10 @@ impl Foreign {
     }
 
     fn lacks_calibration(&self) -> bool {
-        self.calibrations.iter().zip(&self.cameras).any(|(topic, camera)| topic.is_some() && camera.is_none())
+        self.calibrations
+            .iter()
+            .zip(&self.cameras)
+            .any(|(topic, camera)| topic.is_some() && camera.is_none())
     }
 
     fn calibrate(&mut self, channel: &Channel, data: &[u8]) -> std::result::Result<(), String> {

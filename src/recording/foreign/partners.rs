@@ -4,13 +4,13 @@ use crate::recording::Camera;
 use std::collections::BTreeMap;
 use std::ops::Bound;
 
-/// Bytes of images that may wait for their partners: half a minute and more of two cameras, where a file has first the
-/// images of the one and then those of the other.
+/// Bytes of images that may wait for their partners: half a minute and more of two cameras, where a
+/// file has first the images of the one and then those of the other.
 const WAITING_BYTES: usize = 1 << 30;
 /// What waiting costs an image besides its pixels, at least.
 const ENTRY_BYTES: usize = 128;
-/// How many later images of the other camera prove that an image has no partner: so many in a row are in order by chance
-/// in no file that is not in order.
+/// How many later images of the other camera prove that an image has no partner: so many in a row
+/// are in order by chance in no file that is not in order.
 const LATER: usize = 8;
 /// How much farther an image may come out of its turn than any did so far.
 const FARTHER: usize = 8;
@@ -19,7 +19,8 @@ const FARTHER: usize = 8;
 pub(super) struct Partners<T> {
     max_skew_ns: u64,
     waiting: [BTreeMap<u64, (T, usize)>; 2],
-    /// How many later images of each camera must have come before an earlier one can no more: none where all came in order.
+    /// How many later images of each camera must have come before an earlier one can no more: none
+    /// where all came in order.
     slack: [usize; 2],
     bytes: usize,
     ended: bool,
@@ -65,10 +66,19 @@ impl<T> Partners<T> {
         let bytes = bytes.saturating_add(ENTRY_BYTES);
         let camera = camera as usize;
         let given_up = self.crowded_out[1 - camera];
-        self.late += u64::from(given_up.is_some_and(|given_up| given_up >= stamp.saturating_sub(self.max_skew_ns)));
+        self.late += u64::from(
+            given_up.is_some_and(|given_up| given_up >= stamp.saturating_sub(self.max_skew_ns)),
+        );
         // Beyond some measure the file has no order at all.
-        let overtaken = self.waiting[camera].range((Bound::Excluded(stamp), Bound::Unbounded)).take(4 * LATER).count();
-        let slack = if overtaken < 4 * LATER { FARTHER * overtaken } else { usize::MAX };
+        let overtaken = self.waiting[camera]
+            .range((Bound::Excluded(stamp), Bound::Unbounded))
+            .take(4 * LATER)
+            .count();
+        let slack = if overtaken < 4 * LATER {
+            FARTHER * overtaken
+        } else {
+            usize::MAX
+        };
         self.slack[camera] = self.slack[camera].max(slack);
         self.bytes += bytes;
         if let Some((_, replaced)) = self.waiting[camera].insert(stamp, (image, bytes)) {
@@ -84,7 +94,8 @@ impl<T> Partners<T> {
 
     /// The next pair that no later image can change, with both stamps, left and right.
     ///
-    /// Two images are a pair when each is the nearest to the other and they are at most the maximal skew apart.
+    /// Two images are a pair when each is the nearest to the other and they are at most the maximal
+    /// skew apart.
     pub(super) fn pop(&mut self) -> Option<[(u64, T); 2]> {
         loop {
             let (camera, stamp) = self.earliest()?;
@@ -108,14 +119,19 @@ impl<T> Partners<T> {
                 if !forced && other.len() < LATER {
                     return None;
                 }
-                self.nearest_miss_ns = Some(self.nearest_miss_ns.map_or(skew, |miss| miss.min(skew)));
+                self.nearest_miss_ns =
+                    Some(self.nearest_miss_ns.map_or(skew, |miss| miss.min(skew)));
                 self.give_up(camera, stamp);
             } else if rival.is_some_and(|rival| rival.abs_diff(partner) < skew) {
                 self.give_up(camera, stamp);
             } else if skew == 0 || rival.is_some() || forced {
                 let (first, second) = (self.take(camera, stamp)?, self.take(1 - camera, partner)?);
                 let (first, second) = ((stamp, first), (partner, second));
-                return Some(if camera == 0 { [first, second] } else { [second, first] });
+                return Some(if camera == 0 {
+                    [first, second]
+                } else {
+                    [second, first]
+                });
             } else {
                 return None;
             }
@@ -124,8 +140,17 @@ impl<T> Partners<T> {
 
     /// The earliest image that waits, of whichever camera.
     fn earliest(&self) -> Option<(usize, u64)> {
-        let first = |camera: usize| self.waiting[camera].keys().next().map(|&stamp| (stamp, camera));
-        [first(0), first(1)].into_iter().flatten().min().map(|(stamp, camera)| (camera, stamp))
+        let first = |camera: usize| {
+            self.waiting[camera]
+                .keys()
+                .next()
+                .map(|&stamp| (stamp, camera))
+        };
+        [first(0), first(1)]
+            .into_iter()
+            .flatten()
+            .min()
+            .map(|(stamp, camera)| (camera, stamp))
     }
 
     fn take(&mut self, camera: usize, stamp: u64) -> Option<T> {
@@ -167,14 +192,30 @@ mod tests {
 
     #[test]
     fn the_nearest_within_the_skew_is_the_partner() {
-        let images = [(Left, 100), (Right, 103), (Left, 200), (Right, 196), (Right, 306), (Left, 300)];
+        let images = [
+            (Left, 100),
+            (Right, 103),
+            (Left, 200),
+            (Right, 196),
+            (Right, 306),
+            (Left, 300),
+        ];
         assert_eq!(pairs(5, &images), (vec![(100, 103), (200, 196)], 2));
-        assert_eq!(pairs(6, &images), (vec![(100, 103), (200, 196), (300, 306)], 0));
+        assert_eq!(
+            pairs(6, &images),
+            (vec![(100, 103), (200, 196), (300, 306)], 0)
+        );
     }
 
     #[test]
     fn an_image_is_left_to_a_nearer_one() {
-        let images = [(Left, 100), (Right, 120), (Left, 133), (Right, 153), (Left, 166)];
+        let images = [
+            (Left, 100),
+            (Right, 120),
+            (Left, 133),
+            (Right, 153),
+            (Left, 166),
+        ];
         assert_eq!(pairs(30, &images), (vec![(133, 120), (166, 153)], 1));
     }
 
@@ -191,8 +232,18 @@ mod tests {
 
     #[test]
     fn messages_may_come_out_of_order() {
-        let images = [(Right, 200), (Right, 100), (Left, 200), (Left, 300), (Left, 100), (Right, 300)];
-        assert_eq!(pairs(0, &images), (vec![(100, 100), (200, 200), (300, 300)], 0));
+        let images = [
+            (Right, 200),
+            (Right, 100),
+            (Left, 200),
+            (Left, 300),
+            (Left, 100),
+            (Right, 300),
+        ];
+        assert_eq!(
+            pairs(0, &images),
+            (vec![(100, 100), (200, 200), (300, 300)], 0)
+        );
     }
 
     #[test]
@@ -204,12 +255,21 @@ mod tests {
                 partners.push(camera, stamp, (), WAITING_BYTES / 100 - ENTRY_BYTES);
                 found += std::iter::from_fn(|| partners.pop()).count();
             }
-            (found, partners.waiting[0].len(), partners.unpaired(), partners.late())
+            (
+                found,
+                partners.waiting[0].len(),
+                partners.unpaired(),
+                partners.late(),
+            )
         };
         assert_eq!(push(Left, 0..1500), (0, 100, 50, 0));
         // The first fifty are told as what they are: late.
         assert_eq!(push(Right, 0..1500), (100, 0, 100, 50));
-        assert_eq!(push(Left, 5000..6500), (0, 100, 150, 50), "nobody is late where no partner comes");
+        assert_eq!(
+            push(Left, 5000..6500),
+            (0, 100, 150, 50),
+            "nobody is late where no partner comes"
+        );
         assert_eq!(push(Right, 6500..6510), (0, 99, 151, 50));
     }
 
@@ -231,11 +291,13 @@ mod tests {
 
     #[test]
     fn what_is_in_order_waits_for_few() {
-        // Every third right image is missing, and messages come up to three out of their turn, as in bags.
+        // Every third right image is missing, and messages come up to three out of their turn, as
+        // in bags.
         for jitter in [0, 25] {
             let lefts = (0..1000).map(|i| (Left, i * 10, i * 10 + i * 7 % (jitter + 1)));
-            let rights =
-                (0..1000).filter(|i| i % 3 > 0).map(|i| (Right, i * 10 + 1, i * 10 + 1 + i * 11 % (jitter + 1)));
+            let rights = (0..1000)
+                .filter(|i| i % 3 > 0)
+                .map(|i| (Right, i * 10 + 1, i * 10 + 1 + i * 11 % (jitter + 1)));
             let mut images: Vec<_> = lefts.chain(rights).collect();
             images.sort_by_key(|&(_, _, logged)| logged);
             let (mut partners, mut found, mut most) = (Partners::new(2), 0, 0);
@@ -256,10 +318,15 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(7);
         for _ in 0..200 {
             let camera = |left| if left { Left } else { Right };
-            let images: Vec<_> = (0..60).map(|_| (camera(random.bool()), random.u64(0..500))).collect();
+            let images: Vec<_> = (0..60)
+                .map(|_| (camera(random.bool()), random.u64(0..500)))
+                .collect();
             let (found, unpaired) = pairs(random.u64(0..40), &images);
             assert_eq!(2 * found.len() as u64 + unpaired, 60);
         }
-        assert_eq!(pairs(u64::MAX, &[(Left, 0), (Right, u64::MAX), (Left, u64::MAX)]).0, [(u64::MAX, u64::MAX)]);
+        assert_eq!(
+            pairs(u64::MAX, &[(Left, 0), (Right, u64::MAX), (Left, u64::MAX)]).0,
+            [(u64::MAX, u64::MAX)]
+        );
     }
 }

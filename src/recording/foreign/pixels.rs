@@ -22,7 +22,11 @@ enum Form {
     /// Red, green and blue are these bytes of every `bytes`.
     Colour { bytes: usize, rgb: [usize; 3] },
     /// One colour a pixel, in tiles of 2x2.
-    Bayer { bytes: usize, at: usize, tile: bayer::Tile },
+    Bayer {
+        bytes: usize,
+        at: usize,
+        tile: bayer::Tile,
+    },
 }
 
 /// Grey by the rule of [`Gray::from_rgb`]; of 16 bits the upper 8.
@@ -37,23 +41,36 @@ pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
     let (width, height, step) = (raw.width as usize, raw.height as usize, raw.step as usize);
     // Not Plane's own sizes: its rows are bytes here.
     let row_bytes = width.saturating_mul(bytes);
-    let expected = step.saturating_mul(height.saturating_sub(1)).saturating_add(row_bytes);
+    let expected = step
+        .saturating_mul(height.saturating_sub(1))
+        .saturating_add(row_bytes);
     if step < row_bytes || raw.data.len() < expected || row_bytes == 0 {
         let (encoding, got) = (raw.encoding, raw.data.len());
         return Err(format!(
             "a {width}x{height} {encoding} image with rows of {step} bytes does not fit its {got} bytes"
         ));
     }
-    let rows = raw.data.chunks(step).take(height).map(|row| &row[..row_bytes]);
+    let rows = raw
+        .data
+        .chunks(step)
+        .take(height)
+        .map(|row| &row[..row_bytes]);
     let image = match form {
         Form::Grey { at, .. } => Plane::from_vec(width, height, every(rows, bytes, at)),
         Form::Bayer { at, tile, .. } => {
-            let samples = Plane::from_vec(width, height, every(rows, bytes, at)).map_err(|e| e.to_string())?;
+            let samples = Plane::from_vec(width, height, every(rows, bytes, at))
+                .map_err(|e| e.to_string())?;
             bayer::grey(&samples, tile)
         }
         Form::Colour { rgb, .. } => {
             let pixels = rows.flat_map(|row| row.chunks_exact(bytes));
-            Gray::from_rgb(width, height, &pixels.flat_map(|pixel| rgb.map(|at| pixel[at])).collect::<Vec<_>>())
+            Gray::from_rgb(
+                width,
+                height,
+                &pixels
+                    .flat_map(|pixel| rgb.map(|at| pixel[at]))
+                    .collect::<Vec<_>>(),
+            )
         }
     };
     image.map_err(|e| e.to_string())
@@ -61,25 +78,51 @@ pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
 
 /// Byte `at` of every `bytes` of the rows.
 fn every<'a>(rows: impl Iterator<Item = &'a [u8]>, bytes: usize, at: usize) -> Vec<u8> {
-    rows.flat_map(|row| row.chunks_exact(bytes)).map(|pixel| pixel[at]).collect()
+    rows.flat_map(|row| row.chunks_exact(bytes))
+        .map(|pixel| pixel[at])
+        .collect()
 }
 
 fn form(encoding: &str, big_endian: bool) -> Result<Form, String> {
     let upper = if big_endian { 0 } else { 1 };
     Ok(match encoding {
         "mono8" | "8UC1" => Form::Grey { bytes: 1, at: 0 },
-        "mono16" => Form::Grey { bytes: 2, at: upper },
+        "mono16" => Form::Grey {
+            bytes: 2,
+            at: upper,
+        },
         "yuv422" | "uyvy" | "UYVY" => Form::Grey { bytes: 2, at: 1 },
         "yuv422_yuy2" | "yuyv" | "YUYV" => Form::Grey { bytes: 2, at: 0 },
-        "rgb8" => Form::Colour { bytes: 3, rgb: [0, 1, 2] },
-        "bgr8" | "8UC3" => Form::Colour { bytes: 3, rgb: [2, 1, 0] },
-        "rgba8" => Form::Colour { bytes: 4, rgb: [0, 1, 2] },
-        "bgra8" | "8UC4" => Form::Colour { bytes: 4, rgb: [2, 1, 0] },
+        "rgb8" => Form::Colour {
+            bytes: 3,
+            rgb: [0, 1, 2],
+        },
+        "bgr8" | "8UC3" => Form::Colour {
+            bytes: 3,
+            rgb: [2, 1, 0],
+        },
+        "rgba8" => Form::Colour {
+            bytes: 4,
+            rgb: [0, 1, 2],
+        },
+        "bgra8" | "8UC4" => Form::Colour {
+            bytes: 4,
+            rgb: [2, 1, 0],
+        },
         _ => match bayer::tile(encoding) {
-            Some((tile, 8)) => Form::Bayer { bytes: 1, at: 0, tile },
-            Some((tile, _)) => Form::Bayer { bytes: 2, at: upper, tile },
+            Some((tile, 8)) => Form::Bayer {
+                bytes: 1,
+                at: 0,
+                tile,
+            },
+            Some((tile, _)) => Form::Bayer {
+                bytes: 2,
+                at: upper,
+                tile,
+            },
             None => {
-                let known = "mono8, mono16, rgb8, rgba8, bgr8, bgra8, bayer_*8, bayer_*16, uyvy and yuyv";
+                let known =
+                    "mono8, mono16, rgb8, rgba8, bgr8, bgra8, bayer_*8, bayer_*16, uyvy and yuyv";
                 return Err(format!("its pixels are '{encoding}', svl reads {known}"));
             }
         },
@@ -90,8 +133,20 @@ fn form(encoding: &str, big_endian: bool) -> Result<Form, String> {
 mod tests {
     use super::*;
 
-    fn read(encoding: &str, (width, height): (u32, u32), step: u32, data: &[u8]) -> Result<Vec<u8>, String> {
-        let raw = Raw { width, height, step, encoding, big_endian: false, data };
+    fn read(
+        encoding: &str,
+        (width, height): (u32, u32),
+        step: u32,
+        data: &[u8],
+    ) -> Result<Vec<u8>, String> {
+        let raw = Raw {
+            width,
+            height,
+            step,
+            encoding,
+            big_endian: false,
+            data,
+        };
         grey(&raw).map(|image| image.pixels().collect())
     }
 
@@ -99,29 +154,62 @@ mod tests {
     fn every_encoding_gives_its_grey() {
         // Grey 10 and 200 in all of them, in rows of one byte more than they need.
         assert_eq!(read("mono8", (2, 1), 3, &[10, 200]), Ok(vec![10, 200]));
-        assert_eq!(read("mono16", (2, 1), 4, &[99, 10, 99, 200]), Ok(vec![10, 200]));
-        assert_eq!(read("uyvy", (2, 1), 4, &[128, 10, 128, 200]), Ok(vec![10, 200]));
-        assert_eq!(read("yuv422_yuy2", (2, 1), 4, &[10, 128, 200, 128]), Ok(vec![10, 200]));
-        assert_eq!(read("rgb8", (1, 2), 4, &[10, 10, 10, 0, 200, 200, 200]), Ok(vec![10, 200]));
-        assert_eq!(read("bgra8", (1, 2), 5, &[10, 10, 10, 0, 0, 200, 200, 200, 0]), Ok(vec![10, 200]));
-        let big = Raw { width: 1, height: 1, step: 2, encoding: "mono16", big_endian: true, data: &[77, 0] };
+        assert_eq!(
+            read("mono16", (2, 1), 4, &[99, 10, 99, 200]),
+            Ok(vec![10, 200])
+        );
+        assert_eq!(
+            read("uyvy", (2, 1), 4, &[128, 10, 128, 200]),
+            Ok(vec![10, 200])
+        );
+        assert_eq!(
+            read("yuv422_yuy2", (2, 1), 4, &[10, 128, 200, 128]),
+            Ok(vec![10, 200])
+        );
+        assert_eq!(
+            read("rgb8", (1, 2), 4, &[10, 10, 10, 0, 200, 200, 200]),
+            Ok(vec![10, 200])
+        );
+        assert_eq!(
+            read("bgra8", (1, 2), 5, &[10, 10, 10, 0, 0, 200, 200, 200, 0]),
+            Ok(vec![10, 200])
+        );
+        let big = Raw {
+            width: 1,
+            height: 1,
+            step: 2,
+            encoding: "mono16",
+            big_endian: true,
+            data: &[77, 0],
+        };
         assert_eq!(grey(&big).unwrap().get(0, 0), 77);
         // Pure red, in both orders.
         assert_eq!(read("rgb8", (1, 1), 3, &[255, 0, 0]), Ok(vec![76]));
         assert_eq!(read("bgr8", (1, 1), 3, &[0, 0, 255]), Ok(vec![76]));
         assert_eq!(read("rgba8", (1, 1), 4, &[255, 0, 0, 255]), Ok(vec![76]));
         assert_eq!(read("bayer_rggb8", (2, 2), 2, &[50; 4]), Ok(vec![50; 4]));
-        assert_eq!(read("bayer_gbrg16", (2, 2), 4, &[9, 50, 9, 50, 9, 50, 9, 50]), Ok(vec![50; 4]));
+        assert_eq!(
+            read("bayer_gbrg16", (2, 2), 4, &[9, 50, 9, 50, 9, 50, 9, 50]),
+            Ok(vec![50; 4])
+        );
     }
 
     #[test]
     fn what_does_not_fit_is_refused() {
-        assert!(read("mono8", (2, 2), 2, &[0; 3]).unwrap_err().contains("2x2 mono8 image with rows of 2 bytes"));
+        assert!(
+            read("mono8", (2, 2), 2, &[0; 3])
+                .unwrap_err()
+                .contains("2x2 mono8 image with rows of 2 bytes")
+        );
         assert!(read("mono8", (2, 2), 1, &[0; 9]).is_err());
         assert!(read("mono8", (0, 2), 0, &[0; 9]).is_err());
         assert!(read("mono8", (2, 0), 2, &[0; 9]).is_err());
         assert!(read("bgra8", (u32::MAX, u32::MAX), u32::MAX, &[0; 9]).is_err());
-        assert!(read("16UC1", (1, 1), 2, &[0; 2]).unwrap_err().contains("'16UC1', svl reads mono8"));
+        assert!(
+            read("16UC1", (1, 1), 2, &[0; 2])
+                .unwrap_err()
+                .contains("'16UC1', svl reads mono8")
+        );
         assert!(read("bayer_rgbg8", (1, 1), 1, &[0]).is_err());
     }
 }

@@ -14,7 +14,8 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// A quarter of the period at 50 pairs a second: cameras with one trigger are far below, ones that run free above.
+    /// A quarter of the period at 50 pairs a second: cameras with one trigger are far below, ones
+    /// that run free above.
     pub const MAX_SKEW_NS: u64 = 5_000_000;
 
     /// Whether it names a topic, so that even svl's own recordings are read as foreign ones are.
@@ -25,7 +26,11 @@ impl Selection {
 
 impl Default for Selection {
     fn default() -> Self {
-        Self { left: None, right: None, max_skew_ns: Self::MAX_SKEW_NS }
+        Self {
+            left: None,
+            right: None,
+            max_skew_ns: Self::MAX_SKEW_NS,
+        }
     }
 }
 
@@ -38,60 +43,105 @@ pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
 ///
 /// # Errors
 /// Why there are none, or more than one pair of them, with the cure.
-pub(in crate::recording) fn choose(channels: &[Channel], selection: &Selection) -> Result<[String; 2], String> {
-    let images: Vec<_> = channels.iter().filter(|channel| is_image(channel)).collect();
-    let mut topics: Vec<&str> = images.iter().map(|channel| channel.topic.as_str()).collect();
+pub(in crate::recording) fn choose(
+    channels: &[Channel],
+    selection: &Selection,
+) -> Result<[String; 2], String> {
+    let images: Vec<_> = channels
+        .iter()
+        .filter(|channel| is_image(channel))
+        .collect();
+    let mut topics: Vec<&str> = images
+        .iter()
+        .map(|channel| channel.topic.as_str())
+        .collect();
     topics.sort_unstable();
     topics.dedup();
     let listed = topics.join(", ");
     for (option, named) in [("--left", &selection.left), ("--right", &selection.right)] {
         if let Some(named) = named.as_deref().filter(|named| !topics.contains(named)) {
-            return Err(match channels.iter().find(|channel| channel.topic == named) {
-                Some(channel) => match unread(std::slice::from_ref(channel)) {
-                    Some(reason) => format!("{option}: {reason}"),
-                    None => format!("{option} {named} has messages of {}, no images", channel.schema),
+            return Err(
+                match channels.iter().find(|channel| channel.topic == named) {
+                    Some(channel) => match unread(std::slice::from_ref(channel)) {
+                        Some(reason) => format!("{option}: {reason}"),
+                        None => format!(
+                            "{option} {named} has messages of {}, no images",
+                            channel.schema
+                        ),
+                    },
+                    None if topics.is_empty() => format!("{option} {named}: it has no images"),
+                    None => format!("{option} {named}: no such topic of images; it has {listed}"),
                 },
-                None if topics.is_empty() => format!("{option} {named}: it has no images"),
-                None => format!("{option} {named}: no such topic of images; it has {listed}"),
-            });
+            );
         }
     }
-    let free = |named: &Option<String>, topic: &str| named.as_deref().is_none_or(|named| named == topic);
-    let pairs = topics.iter().flat_map(|&left| topics.iter().map(move |&right| [left, right]));
-    let pairs =
-        pairs.filter(|&[left, right]| free(&selection.left, left) && free(&selection.right, right) && left != right);
+    let free =
+        |named: &Option<String>, topic: &str| named.as_deref().is_none_or(|named| named == topic);
+    let pairs = topics
+        .iter()
+        .flat_map(|&left| topics.iter().map(move |&right| [left, right]));
+    let pairs = pairs.filter(|&[left, right]| {
+        free(&selection.left, left) && free(&selection.right, right) && left != right
+    });
     let both_named = selection.left.is_some() && selection.right.is_some();
-    let pairs: Vec<_> = pairs.filter(|&[left, right]| both_named || are_sides(left, right)).collect();
+    let pairs: Vec<_> = pairs
+        .filter(|&[left, right]| both_named || are_sides(left, right))
+        .collect();
     match (pairs[..].split_first(), &topics[..]) {
         (Some((pair, [])), _) => Ok(pair.map(str::to_owned)),
-        (_, []) => Err(unread(channels).map_or("has no stereo pairs: it has no images".to_owned(), |reason| {
-            format!("has no stereo pairs that svl reads: {reason}")
-        })),
-        (_, [only]) => Err(format!("has no stereo pairs: {only} is its only topic of images")),
-        _ => Err(format!("which images are the pair? Name two with --left TOPIC --right TOPIC; it has {listed}")),
+        (_, []) => Err(unread(channels).map_or(
+            "has no stereo pairs: it has no images".to_owned(),
+            |reason| format!("has no stereo pairs that svl reads: {reason}"),
+        )),
+        (_, [only]) => Err(format!(
+            "has no stereo pairs: {only} is its only topic of images"
+        )),
+        _ => Err(format!(
+            "which images are the pair? Name two with --left TOPIC --right TOPIC; it has {listed}"
+        )),
     }
 }
 
 /// Of which kind the images are that svl does not read, if there are such, and what to do.
 fn unread(channels: &[Channel]) -> Option<String> {
-    let name = |channel: &Channel| channel.schema.rsplit(['/', '.']).next().unwrap_or_default().to_owned();
+    let name = |channel: &Channel| {
+        channel
+            .schema
+            .rsplit(['/', '.'])
+            .next()
+            .unwrap_or_default()
+            .to_owned()
+    };
     let kinds = ["Image", "RawImage", "CompressedImage", "CompressedVideo"];
     let seems = |channel: &&Channel| kinds.contains(&name(channel).as_str());
-    let first = channels.iter().filter(seems).find(|channel| !image::SCHEMAS.contains(&channel.schema.as_str()))?;
-    let alike = channels.iter().filter(|channel| channel.schema == first.schema);
-    let topics = alike.map(|channel| channel.topic.as_str()).collect::<Vec<_>>().join(", ");
-    let Channel { schema, encoding, .. } = first;
+    let first = channels
+        .iter()
+        .filter(seems)
+        .find(|channel| !image::SCHEMAS.contains(&channel.schema.as_str()))?;
+    let alike = channels
+        .iter()
+        .filter(|channel| channel.schema == first.schema);
+    let topics = alike
+        .map(|channel| channel.topic.as_str())
+        .collect::<Vec<_>>()
+        .join(", ");
+    let Channel {
+        schema, encoding, ..
+    } = first;
     Some(match (encoding.as_str(), name(first).as_str()) {
         ("ros1", _) => format!(
             "{topics}: {schema} of ROS 1; `rosbags-convert --src FILE.bag --dst FOLDER --dst-storage mcap` makes a ROS 2 bag of \
              a .bag file"
         ),
-        (_, "CompressedVideo") => format!("{topics}: {schema}, a video; record images, as they are or as PNG or JPEG"),
+        (_, "CompressedVideo") => {
+            format!("{topics}: {schema}, a video; record images, as they are or as PNG or JPEG")
+        }
         _ => format!("{topics}: {schema}; it reads {}", image::SCHEMAS.join(", ")),
     })
 }
 
-/// Whether two topics differ as left and right do: in these words, or in a number that is one higher, from 0 or 1.
+/// Whether two topics differ as left and right do: in these words, or in a number that is one
+/// higher, from 0 or 1.
 fn are_sides(left: &str, right: &str) -> bool {
     let (left, right) = (left.to_lowercase(), right.to_lowercase());
     if left.contains("left") && left.replace("left", "right") == right {
@@ -99,12 +149,18 @@ fn are_sides(left: &str, right: &str) -> bool {
     }
     let (left, right) = (words(&left), words(&right));
     let differing: Vec<_> = left.iter().zip(&right).filter(|(l, r)| l != r).collect();
-    let is_number_pair = |(l, r): (&str, &str)| [("0", "1"), ("1", "2"), ("00", "01"), ("01", "02")].contains(&(l, r));
-    let Some(&(first_left, first_right)) = differing.first() else { return false };
+    let is_number_pair = |(l, r): (&str, &str)| {
+        [("0", "1"), ("1", "2"), ("00", "01"), ("01", "02")].contains(&(l, r))
+    };
+    let Some(&(first_left, first_right)) = differing.first() else {
+        return false;
+    };
     let first = (first_left.as_str(), first_right.as_str());
     left.len() == right.len()
         && (first == ("l", "r") || is_number_pair(first))
-        && differing.iter().all(|(l, r)| (l.as_str(), r.as_str()) == first)
+        && differing
+            .iter()
+            .all(|(l, r)| (l.as_str(), r.as_str()) == first)
 }
 
 /// The runs of letters, of digits, and single other characters of a topic.
@@ -122,21 +178,38 @@ fn words(topic: &str) -> Vec<String> {
     words
 }
 
-/// Whether the name of a topic says that its images are rectified: `rect` is a word of its last part, as in `image_rect`,
-/// `image_rect_raw` and `rectified/compressed`. The folders of a camera say nothing of it.
+/// Whether the name of a topic says that its images are rectified: `rect` is a word of its last
+/// part, as in `image_rect`, `image_rect_raw` and `rectified/compressed`. The folders of a camera
+/// say nothing of it.
 pub(super) fn is_of_rectified(topic: &str) -> bool {
     let topic = topic.strip_suffix("/compressed").unwrap_or(topic);
-    let words = topic.rsplit('/').next().unwrap_or_default().split(|c: char| !c.is_alphabetic());
-    words.map(str::to_lowercase).any(|word| word == "rect" || word.starts_with("rectif"))
+    let words = topic
+        .rsplit('/')
+        .next()
+        .unwrap_or_default()
+        .split(|c: char| !c.is_alphabetic());
+    words
+        .map(str::to_lowercase)
+        .any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
-/// The topic of the calibration that belongs to the images of `topic`: the one that shares the most of its folders.
+/// The topic of the calibration that belongs to the images of `topic`: the one that shares the most
+/// of its folders.
 pub(super) fn calibration(channels: &[Channel], topic: &str) -> Option<String> {
-    let calibrations = channels.iter().filter(|channel| camera::SCHEMAS.contains(&channel.schema.as_str()));
-    let folder = |channel: &&Channel| channel.topic.rsplit_once('/').map_or(0, |(folder, _)| folder.len() + 1);
+    let calibrations = channels
+        .iter()
+        .filter(|channel| camera::SCHEMAS.contains(&channel.schema.as_str()));
+    let folder = |channel: &&Channel| {
+        channel
+            .topic
+            .rsplit_once('/')
+            .map_or(0, |(folder, _)| folder.len() + 1)
+    };
     let fits = |channel: &&Channel| topic.starts_with(&channel.topic[..folder(channel)]);
     // By name where several share as much, so that the order in the file does not matter.
-    let found = calibrations.filter(fits).max_by_key(|channel| (folder(channel), std::cmp::Reverse(&channel.topic)));
+    let found = calibrations
+        .filter(fits)
+        .max_by_key(|channel| (folder(channel), std::cmp::Reverse(&channel.topic)));
     found.map(|channel| channel.topic.clone())
 }
 
@@ -146,8 +219,16 @@ mod tests {
 
     fn chosen(topics: &[&str], selection: &Selection) -> Result<[String; 2], String> {
         let channel = |&topic: &&str| {
-            let schema = if topic.ends_with("scan") { "LaserScan" } else { "sensor_msgs/msg/Image" };
-            Channel { topic: topic.to_owned(), schema: schema.to_owned(), encoding: "cdr".to_owned() }
+            let schema = if topic.ends_with("scan") {
+                "LaserScan"
+            } else {
+                "sensor_msgs/msg/Image"
+            };
+            Channel {
+                topic: topic.to_owned(),
+                schema: schema.to_owned(),
+                encoding: "cdr".to_owned(),
+            }
         };
         let channels: Vec<_> = topics.iter().map(channel).collect();
         choose(&channels, selection)
@@ -158,18 +239,36 @@ mod tests {
         for (left, right) in [
             ("/cam0/image_raw", "/cam1/image_raw"),
             ("/stereo/left/image_rect", "/stereo/right/image_rect"),
-            ("/camera/infra1/image_rect_raw", "/camera/infra2/image_rect_raw"),
+            (
+                "/camera/infra1/image_rect_raw",
+                "/camera/infra2/image_rect_raw",
+            ),
             ("/kitti/image_00/data", "/kitti/image_01/data"),
             ("/oak/Left_mono", "/oak/Right_mono"),
             ("/zed/l/gray", "/zed/r/gray"),
             ("/left/left_image", "/right/right_image"),
         ] {
             let expected = Ok([left.to_owned(), right.to_owned()]);
-            assert_eq!(chosen(&[right, "/scan", left], &Selection::default()), expected);
-            assert_eq!(chosen(&[right, "/depth/image", left], &Selection::default()), expected, "one pair among three");
+            assert_eq!(
+                chosen(&[right, "/scan", left], &Selection::default()),
+                expected
+            );
+            assert_eq!(
+                chosen(&[right, "/depth/image", left], &Selection::default()),
+                expected,
+                "one pair among three"
+            );
         }
-        for (left, right) in [("/a", "/b"), ("/cam0/image1", "/cam1/image2"), ("/cam0/x", "/cam2/x"), ("/2", "/3")] {
-            assert!(chosen(&[left, right], &Selection::default()).is_err(), "{left} {right}");
+        for (left, right) in [
+            ("/a", "/b"),
+            ("/cam0/image1", "/cam1/image2"),
+            ("/cam0/x", "/cam2/x"),
+            ("/2", "/3"),
+        ] {
+            assert!(
+                chosen(&[left, right], &Selection::default()).is_err(),
+                "{left} {right}"
+            );
         }
     }
 
@@ -202,15 +301,38 @@ mod tests {
         let complaint = |schema: &str, encoding: &str, left: Option<&str>| {
             let channel = |topic: &str| (topic.to_owned(), schema.to_owned(), encoding.to_owned());
             let channels = ["/cam0/image", "/cam1/image"].map(channel);
-            let channels = channels.map(|(topic, schema, encoding)| Channel { topic, schema, encoding });
-            choose(&channels, &Selection { left: left.map(str::to_owned), ..Selection::default() }).unwrap_err()
+            let channels = channels.map(|(topic, schema, encoding)| Channel {
+                topic,
+                schema,
+                encoding,
+            });
+            choose(
+                &channels,
+                &Selection {
+                    left: left.map(str::to_owned),
+                    ..Selection::default()
+                },
+            )
+            .unwrap_err()
         };
         let ros1 = complaint("sensor_msgs/Image", "ros1", None);
-        assert!(ros1.contains("/cam0/image, /cam1/image: sensor_msgs/Image of ROS 1; `rosbags-convert"), "{ros1}");
+        assert!(
+            ros1.contains("/cam0/image, /cam1/image: sensor_msgs/Image of ROS 1; `rosbags-convert"),
+            "{ros1}"
+        );
         let named = complaint("sensor_msgs/CompressedImage", "ros1", Some("/cam0/image"));
-        assert!(named.starts_with("--left: /cam0/image: sensor_msgs/CompressedImage of ROS 1"), "{named}");
-        assert!(complaint("foxglove.CompressedVideo", "protobuf", None).contains("a video; record images"));
-        assert!(complaint("foxglove_msgs/msg/RawImage", "cdr", None).contains("it reads sensor_msgs/msg/Image,"));
+        assert!(
+            named.starts_with("--left: /cam0/image: sensor_msgs/CompressedImage of ROS 1"),
+            "{named}"
+        );
+        assert!(
+            complaint("foxglove.CompressedVideo", "protobuf", None)
+                .contains("a video; record images")
+        );
+        assert!(
+            complaint("foxglove_msgs/msg/RawImage", "cdr", None)
+                .contains("it reads sensor_msgs/msg/Image,")
+        );
         assert!(complaint("sensor_msgs/msg/Imu", "cdr", None).contains("it has no images"));
     }
 
@@ -218,15 +340,41 @@ mod tests {
     fn what_is_ambiguous_is_asked() {
         let topics = ["/cam0/image", "/cam1/image", "/cam2/image", "/scan"];
         let error = chosen(&topics, &Selection::default()).unwrap_err();
-        assert!(error.contains("--left TOPIC --right TOPIC; it has /cam0/image, /cam1/image, /cam2/image"), "{error}");
+        assert!(
+            error.contains(
+                "--left TOPIC --right TOPIC; it has /cam0/image, /cam1/image, /cam2/image"
+            ),
+            "{error}"
+        );
         let named = |left: Option<&str>, right: Option<&str>| {
             let (left, right) = (left.map(str::to_owned), right.map(str::to_owned));
-            chosen(&topics, &Selection { left, right, ..Selection::default() })
+            chosen(
+                &topics,
+                &Selection {
+                    left,
+                    right,
+                    ..Selection::default()
+                },
+            )
         };
-        assert_eq!(named(Some("/cam2/image"), Some("/cam0/image")).unwrap(), ["/cam2/image", "/cam0/image"]);
-        assert_eq!(named(None, Some("/cam2/image")).unwrap(), ["/cam1/image", "/cam2/image"]);
+        assert_eq!(
+            named(Some("/cam2/image"), Some("/cam0/image")).unwrap(),
+            ["/cam2/image", "/cam0/image"]
+        );
+        assert_eq!(
+            named(None, Some("/cam2/image")).unwrap(),
+            ["/cam1/image", "/cam2/image"]
+        );
         assert!(named(Some("/cam2/image"), None).is_err());
-        assert!(named(Some("/cam9"), None).unwrap_err().contains("no such topic of images; it has /cam0"));
-        assert!(named(Some("/scan"), None).unwrap_err().contains("LaserScan, no images"));
+        assert!(
+            named(Some("/cam9"), None)
+                .unwrap_err()
+                .contains("no such topic of images; it has /cam0")
+        );
+        assert!(
+            named(Some("/scan"), None)
+                .unwrap_err()
+                .contains("LaserScan, no images")
+        );
     }
 }

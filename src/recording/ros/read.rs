@@ -39,7 +39,8 @@ pub(in crate::recording) struct CameraInfo {
     pub(in crate::recording) roi: RegionOfInterest,
 }
 
-/// sensor_msgs/msg/RegionOfInterest: the part of the sensor that the image shows, before binning; a side of 0 is all.
+/// sensor_msgs/msg/RegionOfInterest: the part of the sensor that the image shows, before binning; a
+/// side of 0 is all.
 pub(in crate::recording) struct RegionOfInterest {
     pub(in crate::recording) x: u32,
     pub(in crate::recording) y: u32,
@@ -67,7 +68,9 @@ pub(in crate::recording) fn read<'a, T>(
         [0, 1, _, _, body @ ..] => body,
         // zstd's magic number: a bag whose compression_mode is `message`.
         [0x28, 0xB5, 0x2F, 0xFD, ..] => {
-            return Err(format!("it is compressed, message by message, which svl does not read; {CONVERT}"));
+            return Err(format!(
+                "it is compressed, message by message, which svl does not read; {CONVERT}"
+            ));
         }
         _ => return Err("it is not little-endian CDR".to_owned()),
     };
@@ -86,19 +89,34 @@ pub(in crate::recording) fn image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> 
     })
 }
 
-pub(in crate::recording) fn compressed_image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<CompressedImage<'a>> {
-    Ok(CompressedImage { stamp: header(cdr)?, format: cdr.read_str()?, data: cdr.read_byte_sequence()? })
+pub(in crate::recording) fn compressed_image<'a>(
+    cdr: &mut CdrReader<'a, LittleEndian>,
+) -> Result<CompressedImage<'a>> {
+    Ok(CompressedImage {
+        stamp: header(cdr)?,
+        format: cdr.read_str()?,
+        data: cdr.read_byte_sequence()?,
+    })
 }
 
-pub(in crate::recording) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<CameraInfo> {
-    let (_stamp, height, width, model) = (header(cdr)?, cdr.read_u32()?, cdr.read_u32()?, cdr.read_str()?.to_owned());
+pub(in crate::recording) fn camera_info(
+    cdr: &mut CdrReader<'_, LittleEndian>,
+) -> Result<CameraInfo> {
+    let (_stamp, height, width, model) = (
+        header(cdr)?,
+        cdr.read_u32()?,
+        cdr.read_u32()?,
+        cdr.read_str()?.to_owned(),
+    );
     let coefficients = cdr.read_sequence_length()?;
     if coefficients > MAX_DISTORTION {
         return Err(Error::Custom(format!(
             "{coefficients} distortion coefficients, at most {MAX_DISTORTION} expected"
         )));
     }
-    let distortion = (0..coefficients).map(|_| cdr.read_f64()).collect::<Result<_>>()?;
+    let distortion = (0..coefficients)
+        .map(|_| cdr.read_f64())
+        .collect::<Result<_>>()?;
     Ok(CameraInfo {
         width,
         height,
@@ -118,7 +136,10 @@ pub(in crate::recording) fn camera_info(cdr: &mut CdrReader<'_, LittleEndian>) -
 }
 
 fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<Time> {
-    let stamp = Time { sec: cdr.read_i32()?, nanosec: cdr.read_u32()? };
+    let stamp = Time {
+        sec: cdr.read_i32()?,
+        nanosec: cdr.read_u32()?,
+    };
     let _frame_id = cdr.read_str()?;
     Ok(stamp)
 }

@@ -10,12 +10,27 @@ type Cdr<'a> = CdrWriter<'a, LittleEndian>;
 
 /// A sensor_msgs/msg/Image of grey pixels.
 pub(in crate::recording) fn encode_mono8(image: &Gray, stamp: Stamp, frame_id: &str) -> Encoded {
-    encode_image(image.size(), "mono8", &gray_image::pixels(image), stamp, frame_id)
+    encode_image(
+        image.size(),
+        "mono8",
+        &gray_image::pixels(image),
+        stamp,
+        frame_id,
+    )
 }
 
-/// A sensor_msgs/msg/Image of 32-bit floats, which Rerun shows as a depth image in metres where `frame_id` places it.
-pub(in crate::recording) fn encode_32fc1(plane: &Plane<f32>, stamp: Stamp, frame_id: &str) -> Encoded {
-    let pixels: Vec<u8> = plane.rows().flatten().flat_map(|value| value.to_le_bytes()).collect();
+/// A sensor_msgs/msg/Image of 32-bit floats, which Rerun shows as a depth image in metres where
+/// `frame_id` places it.
+pub(in crate::recording) fn encode_32fc1(
+    plane: &Plane<f32>,
+    stamp: Stamp,
+    frame_id: &str,
+) -> Encoded {
+    let pixels: Vec<u8> = plane
+        .rows()
+        .flatten()
+        .flat_map(|value| value.to_le_bytes())
+        .collect();
     encode_image(plane.size(), "32FC1", &pixels, stamp, frame_id)
 }
 
@@ -36,7 +51,12 @@ fn encode_image(
         cdr.write_u32((pixels.len() / height) as u32);
         cdr.write_bytes(pixels);
     };
-    encode("sensor_msgs/msg/Image", include_str!("Image.msg"), pixels.len(), body)
+    encode(
+        "sensor_msgs/msg/Image",
+        include_str!("Image.msg"),
+        pixels.len(),
+        body,
+    )
 }
 
 /// A sensor_msgs/msg/CompressedImage of grey pixels; its format is as image_transport says it.
@@ -46,11 +66,16 @@ pub(in crate::recording) fn encode_png(png: &[u8], stamp: Stamp, frame_id: &str)
         cdr.write_string("mono8; png compressed ");
         cdr.write_bytes(png);
     };
-    encode("sensor_msgs/msg/CompressedImage", include_str!("CompressedImage.msg"), png.len(), body)
+    encode(
+        "sensor_msgs/msg/CompressedImage",
+        include_str!("CompressedImage.msg"),
+        png.len(),
+        body,
+    )
 }
 
-/// The sensor_msgs/msg/CameraInfo of a rectified camera. Both are in the frame of the left one, as ROS's stereo tools ask:
-/// P says where the right one is.
+/// The sensor_msgs/msg/CameraInfo of a rectified camera. Both are in the frame of the left one, as
+/// ROS's stereo tools ask: P says where the right one is.
 pub(in crate::recording) fn encode_camera_info(
     rig: &Rig,
     (width, height): (usize, usize),
@@ -66,39 +91,79 @@ pub(in crate::recording) fn encode_camera_info(
         cdr.write_sequence_length(5);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // Row-major, where nalgebra stands column by column.
-        let (k, p) = (rig.intrinsics(right).transpose(), rig.projection(right).transpose());
-        [0.0; 5].iter().chain(k.as_slice()).chain(&identity).chain(p.as_slice()).for_each(|&v| cdr.write_f64(v));
+        let (k, p) = (
+            rig.intrinsics(right).transpose(),
+            rig.projection(right).transpose(),
+        );
+        [0.0; 5]
+            .iter()
+            .chain(k.as_slice())
+            .chain(&identity)
+            .chain(p.as_slice())
+            .for_each(|&v| cdr.write_f64(v));
         // No binning and no region of interest.
         (0..6).for_each(|_| cdr.write_u32(0));
         cdr.write_bool(false);
     };
-    encode("sensor_msgs/msg/CameraInfo", include_str!("CameraInfo.msg"), 256, body)
+    encode(
+        "sensor_msgs/msg/CameraInfo",
+        include_str!("CameraInfo.msg"),
+        256,
+        body,
+    )
 }
 
 /// A tf2_msgs/msg/TFMessage of one transform: the pose of `child` in the frame of `parent`.
-pub(in crate::recording) fn encode_transform(pose: &Pose, [parent, child]: [&str; 2], stamp: Stamp) -> Encoded {
+pub(in crate::recording) fn encode_transform(
+    pose: &Pose,
+    [parent, child]: [&str; 2],
+    stamp: Stamp,
+) -> Encoded {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     let body = |cdr: &mut Cdr| {
         cdr.write_sequence_length(1);
         header(cdr, stamp, parent);
         cdr.write_string(child);
-        [t.x, t.y, t.z, q.x, q.y, q.z, q.w].into_iter().for_each(|v| cdr.write_f64(v));
+        [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
+            .into_iter()
+            .for_each(|v| cdr.write_f64(v));
     };
-    encode("tf2_msgs/msg/TFMessage", include_str!("TFMessage.msg"), 64, body)
+    encode(
+        "tf2_msgs/msg/TFMessage",
+        include_str!("TFMessage.msg"),
+        64,
+        body,
+    )
 }
 
 /// A std_msgs/msg/String.
 pub(in crate::recording) fn encode_string(text: &str) -> Encoded {
-    encode("std_msgs/msg/String", include_str!("String.msg"), text.len(), |cdr| cdr.write_string(text))
+    encode(
+        "std_msgs/msg/String",
+        include_str!("String.msg"),
+        text.len(),
+        |cdr| cdr.write_string(text),
+    )
 }
 
 /// `bytes` is about how many the largest part of the message has.
-fn encode(schema: &'static str, definition: &'static str, bytes: usize, body: impl FnOnce(&mut Cdr)) -> Encoded {
+fn encode(
+    schema: &'static str,
+    definition: &'static str,
+    bytes: usize,
+    body: impl FnOnce(&mut Cdr),
+) -> Encoded {
     let mut data = Vec::with_capacity(bytes + 128);
     data.extend_from_slice(&CDR_LE);
     body(&mut CdrWriter::new(&mut data));
     let definition = Cow::Borrowed(definition.as_bytes());
-    Encoded { schema, schema_encoding: "ros2msg", definition, encoding: "cdr", data }
+    Encoded {
+        schema,
+        schema_encoding: "ros2msg",
+        definition,
+        encoding: "cdr",
+        data,
+    }
 }
 
 fn header(cdr: &mut Cdr, stamp: Stamp, frame_id: &str) {

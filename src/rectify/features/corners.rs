@@ -6,7 +6,8 @@ use crate::stereo::Gray;
 const REACH: usize = 3;
 /// Corners closer to the border have no surroundings to compare.
 pub(super) const MARGIN: usize = 10;
-/// Least change of a corner in its weaker direction, grey levels per pixel: above the noise of cameras.
+/// Least change of a corner in its weaker direction, grey levels per pixel: above the noise of
+/// cameras.
 const LEAST: f64 = 3.0;
 /// Strongest corners taken of each part of the image.
 const PER_CELL: usize = 2;
@@ -19,7 +20,10 @@ pub(super) fn corners(image: &Gray, count: usize) -> Vec<(usize, usize)> {
     }
     let strengths = strengths(image);
     let strength = |x: usize, y: usize| strengths[y * width + x];
-    let cell = (((width * height * PER_CELL) as f64 / count as f64).sqrt().ceil() as usize).max(4);
+    let cell = (((width * height * PER_CELL) as f64 / count as f64)
+        .sqrt()
+        .ceil() as usize)
+        .max(4);
     let mut found = Vec::new();
     let mut best = Vec::new();
     for top in (MARGIN..height - MARGIN).step_by(cell) {
@@ -49,11 +53,13 @@ pub(super) fn corners(image: &Gray, count: usize) -> Vec<(usize, usize)> {
     found
 }
 
-/// Root of the mean square of the change in the direction in which it is least, grey levels per pixel; 0 near the border.
+/// Root of the mean square of the change in the direction in which it is least, grey levels per
+/// pixel; 0 near the border.
 fn strengths(image: &Gray) -> Vec<f32> {
     let (width, height) = image.size();
     let mut strengths = vec![0.0; width * height];
-    // By column, summed over the rows of the window: xx, xy, yy of the gradient, twice the grey levels per pixel.
+    // By column, summed over the rows of the window: xx, xy, yy of the gradient, twice the grey
+    // levels per pixel.
     let mut columns = vec![[0i32; 3]; width];
     let add = |columns: &mut [[i32; 3]], y: usize, sign: i32| {
         let (above, row, below) = (image.row(y - 1), image.row(y), image.row(y + 1));
@@ -71,7 +77,10 @@ fn strengths(image: &Gray) -> Vec<f32> {
         add(&mut columns, y + REACH, 1);
         let mut window = [0i32; 3];
         let slide = |window: &mut [i32; 3], x: usize, sign: i32| {
-            window.iter_mut().zip(columns[x]).for_each(|(sum, column)| *sum += sign * column);
+            window
+                .iter_mut()
+                .zip(columns[x])
+                .for_each(|(sum, column)| *sum += sign * column);
         };
         (1..2 * REACH + 1).for_each(|x| slide(&mut window, x, 1));
         for x in REACH + 1..width - REACH - 1 {
@@ -92,11 +101,22 @@ mod tests {
 
     #[test]
     fn corners_are_where_edges_meet() {
-        let square = |x: usize, y: usize| if (40..80).contains(&x) && (30..60).contains(&y) { 200 } else { 50 };
+        let square = |x: usize, y: usize| {
+            if (40..80).contains(&x) && (30..60).contains(&y) {
+                200
+            } else {
+                50
+            }
+        };
         let found = corners(&Gray::from_fn(120, 90, square).unwrap(), 1000);
         assert_eq!(found.len(), 4, "{found:?}");
         for (x, y) in [(40usize, 30usize), (80, 30), (40, 60), (80, 60)] {
-            assert!(found.iter().any(|&(u, v)| x.abs_diff(u) <= REACH && y.abs_diff(v) <= REACH), "{found:?}");
+            assert!(
+                found
+                    .iter()
+                    .any(|&(u, v)| x.abs_diff(u) <= REACH && y.abs_diff(v) <= REACH),
+                "{found:?}"
+            );
         }
     }
 }

@@ -12,8 +12,14 @@ const CLOSE_PX: f64 = 0.005;
 /// Least correlation of the patches once they are fitted.
 const LEAST: f64 = 0.95;
 
-/// Where in `right`, near `near`, the patch around `at` in `left` is seen; nothing where none is like it.
-pub(super) fn fit(left: &Gray, at: (usize, usize), right: &Gray, near: Point2<f64>) -> Option<Point2<f64>> {
+/// Where in `right`, near `near`, the patch around `at` in `left` is seen; nothing where none is
+/// like it.
+pub(super) fn fit(
+    left: &Gray,
+    at: (usize, usize),
+    right: &Gray,
+    near: Point2<f64>,
+) -> Option<Point2<f64>> {
     let (x, y) = at;
     let grey = |dx: usize, dy: usize| f64::from(left.get(x + dx - REACH, y + dy - REACH));
     if x <= REACH || y <= REACH || x + REACH + 1 >= left.width() || y + REACH + 1 >= left.height() {
@@ -61,7 +67,14 @@ pub(super) fn fit(left: &Gray, at: (usize, usize), right: &Gray, near: Point2<f6
 /// Mean, and root of the sum of squares around it.
 fn moments(patch: &[f64; PIXELS]) -> (f64, f64) {
     let mean = patch.iter().sum::<f64>() / PIXELS as f64;
-    (mean, patch.iter().map(|grey| (grey - mean) * (grey - mean)).sum::<f64>().sqrt())
+    (
+        mean,
+        patch
+            .iter()
+            .map(|grey| (grey - mean) * (grey - mean))
+            .sum::<f64>()
+            .sqrt(),
+    )
 }
 
 /// The patch around a place between pixels, bilinear; nothing beyond the border.
@@ -76,9 +89,13 @@ fn sample(image: &Gray, place: Point2<f64>) -> Option<[f64; PIXELS]> {
     let (right, below) = (left.fract(), top.fract());
     let mut patch = [0.0; PIXELS];
     for (dy, row) in patch.chunks_exact_mut(SIDE).enumerate() {
-        let (upper, lower) = (&image.row(y + dy)[x..=x + SIDE], &image.row(y + dy + 1)[x..=x + SIDE]);
+        let (upper, lower) = (
+            &image.row(y + dy)[x..=x + SIDE],
+            &image.row(y + dy + 1)[x..=x + SIDE],
+        );
         for (dx, out) in row.iter_mut().enumerate() {
-            let along = |row: &[u8]| f64::from(row[dx]) * (1.0 - right) + f64::from(row[dx + 1]) * right;
+            let along =
+                |row: &[u8]| f64::from(row[dx]) * (1.0 - right) + f64::from(row[dx + 1]) * right;
             *out = along(upper) * (1.0 - below) + along(lower) * below;
         }
     }

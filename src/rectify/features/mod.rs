@@ -1,7 +1,8 @@
 //! Points of a scene found in both images of a pair, whatever their geometry.
 //!
-//! Corners are matched by the correlation of their surroundings (Zhang, Deriche, Faugeras & Luong, A robust technique for
-//! matching two uncalibrated images, 1995) and then to a fraction of a pixel by least squares (Lucas & Kanade 1981).
+//! Corners are matched by the correlation of their surroundings (Zhang, Deriche, Faugeras & Luong,
+//! A robust technique for matching two uncalibrated images, 1995) and then to a fraction of a pixel
+//! by least squares (Lucas & Kanade 1981).
 
 mod corners;
 mod fit;
@@ -21,7 +22,8 @@ pub struct Match {
 
 /// Corners looked for in an image.
 const CORNERS: usize = 1500;
-/// Least correlation of two corners' surroundings, and how much the next best one must differ more from it.
+/// Least correlation of two corners' surroundings, and how much the next best one must differ more
+/// from it.
 const LEAST: f64 = 0.85;
 const RIVALRY: f64 = 0.7;
 /// Rows of a match may be apart by so much of the image's height.
@@ -31,13 +33,17 @@ const NEAR_PX: f64 = 2.0;
 
 /// The points found in both images, to about a tenth of a pixel; none where there is no texture.
 ///
-/// Each is the other's best in either image. Most are right, but not all: [`super::Epipolar`] tells which agree.
+/// Each is the other's best in either image. Most are right, but not all: [`super::Epipolar`] tells
+/// which agree.
 pub fn matches(pair: &StereoPair) -> Vec<Match> {
     let [left, right] = [described(pair.left()), described(pair.right())];
     let reach = pair.size().1 as f64 * ROWS;
     let found = |of: &[Patch], among: &[Patch]| candidates(of, among, reach, LEAST, RIVALRY);
     let (there, back) = (found(&left, &right), found(&right, &left));
-    let mutual = there.iter().enumerate().filter_map(|(l, r)| r.filter(|&r| back[r] == Some(l)).map(|r| (l, r)));
+    let mutual = there
+        .iter()
+        .enumerate()
+        .filter_map(|(l, r)| r.filter(|&r| back[r] == Some(l)).map(|r| (l, r)));
     let mutual: Vec<_> = mutual.map(|(l, r)| (left[l].at, right[r].at)).collect();
     let fitted = |&(l, r): &((usize, usize), (usize, usize))| {
         let near = Point2::new(r.0 as f64, r.1 as f64);
@@ -49,7 +55,10 @@ pub fn matches(pair: &StereoPair) -> Vec<Match> {
 }
 
 fn described(image: &Gray) -> Vec<Patch> {
-    corners(image, CORNERS).into_iter().filter_map(|at| Patch::of(image, at)).collect()
+    corners(image, CORNERS)
+        .into_iter()
+        .filter_map(|at| Patch::of(image, at))
+        .collect()
 }
 
 #[cfg(test)]
@@ -67,8 +76,9 @@ mod tests {
     }
 
     fn pair(dx: f64, dy: f64) -> StereoPair {
-        let image =
-            |dx: f64, dy: f64| Gray::from_fn(320, 240, |x, y| scene(x as f64 + dx, y as f64 + dy) as u8).unwrap();
+        let image = |dx: f64, dy: f64| {
+            Gray::from_fn(320, 240, |x, y| scene(x as f64 + dx, y as f64 + dy) as u8).unwrap()
+        };
         StereoPair::new(image(0.0, 0.0), image(dx, dy)).unwrap()
     }
 
@@ -77,9 +87,15 @@ mod tests {
         for (dx, dy) in [(0.0, 0.0), (7.3, -0.4), (20.6, 9.7)] {
             let found = matches(&pair(dx, dy));
             assert!(found.len() > 60, "{} at {dx}, {dy}", found.len());
-            let off = |m: &&Match| (m.left.x - m.right.x - dx).abs() > 0.1 || (m.left.y - m.right.y - dy).abs() > 0.1;
+            let off = |m: &&Match| {
+                (m.left.x - m.right.x - dx).abs() > 0.1 || (m.left.y - m.right.y - dy).abs() > 0.1
+            };
             let wrong = found.iter().filter(off).count();
-            assert!(wrong * 20 <= found.len(), "{wrong} of {} at {dx}, {dy}", found.len());
+            assert!(
+                wrong * 20 <= found.len(),
+                "{wrong} of {} at {dx}, {dy}",
+                found.len()
+            );
         }
     }
 
@@ -90,7 +106,13 @@ mod tests {
         let tiny = Gray::from_fn(9, 5, |x, y| (x * y) as u8).unwrap();
         assert_eq!(matches(&StereoPair::new(tiny.clone(), tiny).unwrap()), []);
         // Stripes: along them every place looks the same.
-        let stripes = Gray::from_fn(320, 240, |x, _| (128.0 + 100.0 * (x as f64 * 0.4).sin()) as u8).unwrap();
-        assert_eq!(matches(&StereoPair::new(stripes.clone(), stripes).unwrap()), []);
+        let stripes = Gray::from_fn(320, 240, |x, _| {
+            (128.0 + 100.0 * (x as f64 * 0.4).sin()) as u8
+        })
+        .unwrap();
+        assert_eq!(
+            matches(&StereoPair::new(stripes.clone(), stripes).unwrap()),
+            []
+        );
     }
 }

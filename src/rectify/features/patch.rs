@@ -29,14 +29,22 @@ impl Patch {
             }
         }
         let mean = sums.iter().sum::<f64>() / sums.len() as f64;
-        let norm = sums.iter().map(|sum| (sum - mean) * (sum - mean)).sum::<f64>().sqrt();
+        let norm = sums
+            .iter()
+            .map(|sum| (sum - mean) * (sum - mean))
+            .sum::<f64>()
+            .sqrt();
         let cells = sums.map(|sum| ((sum - mean) / norm * NORM).round() as i16);
         (norm > 0.0).then_some(Self { at, cells })
     }
 
     /// 1 for equal ones, 0 for those that have nothing in common.
     fn correlation(&self, other: &Self) -> f64 {
-        let products = self.cells.iter().zip(&other.cells).map(|(&a, &b)| i32::from(a) * i32::from(b));
+        let products = self
+            .cells
+            .iter()
+            .zip(&other.cells)
+            .map(|(&a, &b)| i32::from(a) * i32::from(b));
         f64::from(products.sum::<i32>()) / (NORM * NORM)
     }
 }
@@ -44,8 +52,9 @@ impl Patch {
 /// Pixels within which two corners are of one thing.
 const SAME: usize = 4;
 
-/// For each of the patches the place of the one it is most like `among` others, no farther than `reach` rows away; nothing
-/// where that correlates by less than `least`, or what is lost to 1 is not less than `rivalry` of what the next best loses.
+/// For each of the patches the place of the one it is most like `among` others, no farther than
+/// `reach` rows away; nothing where that correlates by less than `least`, or what is lost to 1 is
+/// not less than `rivalry` of what the next best loses.
 pub(super) fn candidates(
     patches: &[Patch],
     among: &[Patch],
@@ -54,12 +63,22 @@ pub(super) fn candidates(
     rivalry: f64,
 ) -> Vec<Option<usize>> {
     let best = |patch: &Patch| {
-        let near = among.iter().enumerate().filter(|(_, other)| other.at.1.abs_diff(patch.at.1) as f64 <= reach);
-        let scores: Vec<_> = near.map(|(i, other)| (i, patch.correlation(other))).collect();
+        let near = among
+            .iter()
+            .enumerate()
+            .filter(|(_, other)| other.at.1.abs_diff(patch.at.1) as f64 <= reach);
+        let scores: Vec<_> = near
+            .map(|(i, other)| (i, patch.correlation(other)))
+            .collect();
         let &(best, score) = scores.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         let at = among[best].at;
-        let is_same = |i: usize| among[i].at.0.abs_diff(at.0) <= SAME && among[i].at.1.abs_diff(at.1) <= SAME;
-        let rival = scores.iter().filter(|(i, _)| !is_same(*i)).map(|(_, score)| *score).fold(-1.0, f64::max);
+        let is_same =
+            |i: usize| among[i].at.0.abs_diff(at.0) <= SAME && among[i].at.1.abs_diff(at.1) <= SAME;
+        let rival = scores
+            .iter()
+            .filter(|(i, _)| !is_same(*i))
+            .map(|(_, score)| *score)
+            .fold(-1.0, f64::max);
         (score >= least && 1.0 - score < rivalry * (1.0 - rival)).then_some(best)
     };
     patches.iter().map(best).collect()

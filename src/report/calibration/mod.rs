@@ -31,8 +31,12 @@ impl Page<'_> {
     /// # Errors
     /// [`Error::Invalid`] with what the template engine says.
     pub fn render(&self) -> Result<String> {
-        fill(include_str!("page.html"), &[("page.css", include_str!("page.css"))], view::View::of(self))
-            .map_err(|e| Error::Invalid(format!("calibration page: {e:#}")))
+        fill(
+            include_str!("page.html"),
+            &[("page.css", include_str!("page.css"))],
+            view::View::of(self),
+        )
+        .map_err(|e| Error::Invalid(format!("calibration page: {e:#}")))
     }
 }
 
@@ -42,21 +46,37 @@ mod tests {
     use crate::calibrate::{Board, View, solve};
     use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
-    /// Six views by two cameras without noise; the last one's corners are counted backwards on the right.
+    /// Six views by two cameras without noise; the last one's corners are counted backwards on the
+    /// right.
     fn solution() -> Solution {
         let board = Board::new((5, 4), Some(0.03)).unwrap();
         let image = |pose: &Isometry3<f64>, x: f64| {
             let pixel = |point: Point3<f64>| {
                 let point = pose * point;
-                Point2::new(500.0 * (point.x - x) / point.z + 320.0, 500.0 * point.y / point.z + 240.0)
+                Point2::new(
+                    500.0 * (point.x - x) / point.z + 320.0,
+                    500.0 * point.y / point.z + 240.0,
+                )
             };
             board.corners().map(pixel).collect::<Vec<_>>()
         };
-        let turns = [(0.5, 0.0), (-0.5, 0.1), (0.0, 0.6), (0.1, -0.6), (0.4, 0.4), (-0.4, 0.3)];
+        let turns = [
+            (0.5, 0.0),
+            (-0.5, 0.1),
+            (0.0, 0.6),
+            (0.1, -0.6),
+            (0.4, 0.4),
+            (-0.4, 0.3),
+        ];
         let mut views: Vec<View> = turns
             .iter()
-            .map(|(x, y)| Isometry3::new(Vector3::new(-0.03, -0.04, 0.5), Vector3::new(*x, *y, 0.1)))
-            .map(|pose| View { left: image(&pose, 0.0), right: image(&pose, 0.1) })
+            .map(|(x, y)| {
+                Isometry3::new(Vector3::new(-0.03, -0.04, 0.5), Vector3::new(*x, *y, 0.1))
+            })
+            .map(|pose| View {
+                left: image(&pose, 0.0),
+                right: image(&pose, 0.1),
+            })
             .collect();
         views[5].right.reverse();
         solve(&board, (640, 480), &views).unwrap()
@@ -67,15 +87,34 @@ mod tests {
         let solution = solution();
         let names = (0..5).map(|i| format!("{i}.png <&>")).collect();
         let identity = vec![("svl".to_owned(), "<i>".to_owned())];
-        let page = Page { title: "rig <b>".into(), solution: &solution, names, identity }.render().unwrap();
-        for text in
-            ["rig &lt;b&gt;", "4.png &lt;&amp;&gt;", "&lt;i&gt;", "counted from another end", "5 of 6", "T x, m"]
-        {
+        let page = Page {
+            title: "rig <b>".into(),
+            solution: &solution,
+            names,
+            identity,
+        }
+        .render()
+        .unwrap();
+        for text in [
+            "rig &lt;b&gt;",
+            "4.png &lt;&amp;&gt;",
+            "&lt;i&gt;",
+            "counted from another end",
+            "5 of 6",
+            "T x, m",
+        ] {
             assert!(page.contains(text), "{text}");
         }
         let count = |text: &str| page.matches(text).count();
         // Five views in two images, twice.
-        assert_eq!((count("class=\"residuals\""), count("class=\"board\""), count("class=\"key\"")), (10, 10, 5));
+        assert_eq!(
+            (
+                count("class=\"residuals\""),
+                count("class=\"board\""),
+                count("class=\"key\"")
+            ),
+            (10, 10, 5)
+        );
         assert!(!page.contains("http") && !page.contains("<script"));
     }
 }

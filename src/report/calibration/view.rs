@@ -65,10 +65,19 @@ struct FitView {
 
 impl<'a> View<'a> {
     pub(super) fn of(page: &'a Page<'a>) -> Self {
-        let Page { title, solution, identity, .. } = page;
+        let Page {
+            title,
+            solution,
+            identity,
+            ..
+        } = page;
         let magnified = magnified(solution);
         let circles = [1.0, 3.0].map(|n| n * solution.corner_deviation_px);
-        let all = [solution.left.rms_px, solution.right.rms_px, solution.epipolar.mean_px];
+        let all = [
+            solution.left.rms_px,
+            solution.right.rms_px,
+            solution.epipolar.mean_px,
+        ];
         Self {
             title,
             facts: facts(solution),
@@ -85,7 +94,10 @@ impl<'a> View<'a> {
             unit: solution.unit_sign(),
             views: views(page),
             all: all.map(|number| format!("{number:.3}")),
-            refused: solution.refused().map(|(id, why)| (page.name(id), why)).collect(),
+            refused: solution
+                .refused()
+                .map(|(id, why)| (page.name(id), why))
+                .collect(),
             identity,
         }
     }
@@ -93,7 +105,10 @@ impl<'a> View<'a> {
 
 impl Page<'_> {
     fn name(&self, id: usize) -> String {
-        self.names.get(id).cloned().unwrap_or_else(|| (id + 1).to_string())
+        self.names
+            .get(id)
+            .cloned()
+            .unwrap_or_else(|| (id + 1).to_string())
     }
 
     /// Colours around the wheel; what is next to each other in time is far apart in colour.
@@ -110,7 +125,11 @@ fn facts(solution: &Solution) -> Vec<(&'static str, String)> {
         1 => ", without 1 outlying corner".to_owned(),
         n => format!(", without {n} outlying corners"),
     };
-    let views = format!("{} of {} of the {columns}×{rows} board used{outliers}", solution.used(), solution.views.len());
+    let views = format!(
+        "{} of {} of the {columns}×{rows} board used{outliers}",
+        solution.used(),
+        solution.views.len()
+    );
     let epipolar = solution.epipolar;
     vec![
         ("Views", views),
@@ -128,14 +147,25 @@ fn facts(solution: &Solution) -> Vec<(&'static str, String)> {
                 epipolar.mean_px, epipolar.rms_px, epipolar.worst_px
             ),
         ),
-        ("Baseline", format!("{} {}", solution.baseline, solution.unit_sign())),
+        (
+            "Baseline",
+            format!("{} {}", solution.baseline, solution.unit_sign()),
+        ),
     ]
 }
 
 fn lenses(solution: &Solution) -> Vec<(String, String, String)> {
-    let pairs = solution.left.parameters().into_iter().zip(solution.right.parameters());
+    let pairs = solution
+        .left
+        .parameters()
+        .into_iter()
+        .zip(solution.right.parameters());
     let row = |(i, ((name, left), (_, right))): (usize, ((&str, Estimate), (_, Estimate)))| {
-        (format!("{name}{}", if i < 4 { ", px" } else { "" }), left.to_string(), right.to_string())
+        (
+            format!("{name}{}", if i < 4 { ", px" } else { "" }),
+            left.to_string(),
+            right.to_string(),
+        )
     };
     let mut rows: Vec<_> = pairs.enumerate().map(row).collect();
     let both = |of: fn(&Camera) -> String| (of(&solution.left), of(&solution.right));
@@ -150,11 +180,16 @@ fn place(solution: &Solution) -> Vec<(String, String)> {
     const AXES: [&str; 3] = ["x", "y", "z"];
     let unit = solution.unit_sign();
     let rows = |name: &'static str, unit: &'static str, estimates: [Estimate; 3]| {
-        AXES.into_iter().zip(estimates).map(move |(axis, e)| (format!("{name} {axis}, {unit}"), e.to_string()))
+        AXES.into_iter()
+            .zip(estimates)
+            .map(move |(axis, e)| (format!("{name} {axis}, {unit}"), e.to_string()))
     };
     let mut all: Vec<_> = rows("R about", "°", solution.rotation_deg).collect();
     all.extend(rows("T", unit, solution.translation));
-    all.push((format!("baseline |T|, {unit}"), solution.baseline.to_string()));
+    all.push((
+        format!("baseline |T|, {unit}"),
+        solution.baseline.to_string(),
+    ));
     all
 }
 
@@ -164,14 +199,19 @@ fn correlations(solution: &Solution) -> Vec<String> {
     let words = |c: &Correlation| format!("{} and {} ({:+.2})", c.first, c.second, c.correlation);
     let more = solution.correlations.len().saturating_sub(TOLD);
     let told = solution.correlations.iter().take(TOLD).map(words);
-    told.chain((more > 0).then(|| format!("{more} more beyond ±0.9"))).collect()
+    told.chain((more > 0).then(|| format!("{more} more beyond ±0.9")))
+        .collect()
 }
 
 /// So that the usual residual is a fortieth of the image's width, rounded to 1, 2 or 5 and zeros.
 fn magnified(solution: &Solution) -> f64 {
     let wanted = solution.size.0 as f64 / 40.0 / solution.rms_px.max(1e-3);
     let power = 10_f64.powf(wanted.log10().floor());
-    [5.0, 2.0, 1.0].into_iter().map(|n| n * power).find(|n| *n <= wanted).unwrap_or(power)
+    [5.0, 2.0, 1.0]
+        .into_iter()
+        .map(|n| n * power)
+        .find(|n| *n <= wanted)
+        .unwrap_or(power)
 }
 
 fn camera_view(
@@ -184,23 +224,43 @@ fn camera_view(
     let solution = page.solution;
     let (width, height) = solution.size;
     let all = || solution.fits().flat_map(|(_, fit)| corners(fit));
-    let drawn = solution.fits().map(|(id, fit)| drawn(page, id, corners(fit), magnified)).collect();
+    let drawn = solution
+        .fits()
+        .map(|(id, fit)| drawn(page, id, corners(fit), magnified))
+        .collect();
     CameraView {
         name,
         width,
         height,
-        caption: format!("RMS {:.3} px over {} corners", camera.rms_px, all().filter(|c| c.used).count()),
+        caption: format!(
+            "RMS {:.3} px over {} corners",
+            camera.rms_px,
+            all().filter(|c| c.used).count()
+        ),
         drawn,
-        outliers: all().filter(|corner| !corner.used).map(|corner| corner.seen).collect(),
+        outliers: all()
+            .filter(|corner| !corner.used)
+            .map(|corner| corner.seen)
+            .collect(),
     }
 }
 
 fn drawn(page: &Page<'_>, id: usize, all: &[Corner], magnified: f64) -> Drawn {
     let (mut corners, mut residuals, mut scatter) = (String::new(), String::new(), String::new());
-    for Corner { seen: (x, y), residual: (dx, dy), .. } in all.iter().filter(|corner| corner.used) {
+    for Corner {
+        seen: (x, y),
+        residual: (dx, dy),
+        ..
+    } in all.iter().filter(|corner| corner.used)
+    {
         // Writing to a String cannot fail.
         let _ = write!(corners, "M{x:.1} {y:.1}h0");
-        let _ = write!(residuals, "M{x:.1} {y:.1}l{:.1} {:.1}", dx * magnified, dy * magnified);
+        let _ = write!(
+            residuals,
+            "M{x:.1} {y:.1}l{:.1} {:.1}",
+            dx * magnified,
+            dy * magnified
+        );
         let _ = write!(scatter, "M{dx:.4} {dy:.4}h0");
     }
     let columns = page.solution.board.0;
@@ -218,7 +278,9 @@ fn drawn(page: &Page<'_>, id: usize, all: &[Corner], magnified: f64) -> Drawn {
 
 fn views(page: &Page<'_>) -> Vec<FitView> {
     let fits = || page.solution.fits();
-    let longest = fits().map(|(_, fit)| fit.rms_left_px.max(fit.rms_right_px)).fold(f64::MIN_POSITIVE, f64::max);
+    let longest = fits()
+        .map(|(_, fit)| fit.rms_left_px.max(fit.rms_right_px))
+        .fold(f64::MIN_POSITIVE, f64::max);
     let bar = |rms: f64| (format!("{rms:.3}"), (100.0 * rms / longest).round());
     let view = |(id, fit): (usize, &Fit)| FitView {
         name: page.name(id),

@@ -1,9 +1,9 @@
 //! Bootstrap confidence intervals of a run's numbers.
 //!
-//! Efron, "Bootstrap Methods: Another Look at the Jackknife", 1979, percentile intervals. Pairs of one drive resemble
-//! their neighbours, so they are drawn in blocks: Politis and Romano, "A Circular Block-Resampling Procedure for
-//! Stationary Data", 1992, with blocks of twice the cube root of the drive's length, in which the arena's pairs forget
-//! each other.
+//! Efron, "Bootstrap Methods: Another Look at the Jackknife", 1979, percentile intervals. Pairs of
+//! one drive resemble their neighbours, so they are drawn in blocks: Politis and Romano, "A
+//! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
+//! root of the drive's length, in which the arena's pairs forget each other.
 
 /// Resamples drawn. Equal data give equal intervals: the generator begins with a fixed number.
 const DRAWS: usize = 1000;
@@ -28,8 +28,8 @@ fn block(length: usize) -> usize {
 }
 
 impl Resamples {
-    /// `stretches`: lengths of the drives that stand one after another; `independent` when items do not resemble their
-    /// neighbours, as scenes do not.
+    /// `stretches`: lengths of the drives that stand one after another; `independent` when items do
+    /// not resemble their neighbours, as scenes do not.
     pub(super) fn draw(stretches: &[usize], independent: bool) -> Self {
         let mut random = fastrand::Rng::with_seed(SEED);
         let mut draw = || {
@@ -47,37 +47,60 @@ impl Resamples {
             }
             items
         };
-        let blocks = |&length: &usize| if independent { length } else { length.div_ceil(block(length).max(1)) };
-        Self { draws: (0..DRAWS).map(|_| draw()).collect(), blocks: stretches.iter().map(blocks).sum() }
+        let blocks = |&length: &usize| {
+            if independent {
+                length
+            } else {
+                length.div_ceil(block(length).max(1))
+            }
+        };
+        Self {
+            draws: (0..DRAWS).map(|_| draw()).collect(),
+            blocks: stretches.iter().map(blocks).sum(),
+        }
     }
 
-    /// The interval of a statistic of the items; nothing for too few blocks, or where some resample does not have it.
+    /// The interval of a statistic of the items; nothing for too few blocks, or where some resample
+    /// does not have it.
     pub(super) fn interval(&self, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
         if self.blocks < FEWEST {
             return None;
         }
-        middle(self.draws.iter().map(|items| statistic(items)).collect::<Option<_>>()?)
+        middle(
+            self.draws
+                .iter()
+                .map(|items| statistic(items))
+                .collect::<Option<_>>()?,
+        )
     }
 }
 
 /// The interval of the difference of two shares, each of `passed` of `frames`, drawn independently.
 ///
-/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, from a share that half a frame on
-/// either side keeps from certainty.
+/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, from a share
+/// that half a frame on either side keeps from certainty.
 pub(super) fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
     let mut share = |(passed, frames): (u64, u64)| {
         let blocks = (frames as usize).div_ceil(block(frames as usize)) as f64;
         let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
-        (0..blocks as usize).filter(|_| random.f64() < expected).count() as f64 / blocks
+        (0..blocks as usize)
+            .filter(|_| random.f64() < expected)
+            .count() as f64
+            / blocks
     };
-    (a.1 > 0 && b.1 > 0).then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect()).and_then(middle)
+    (a.1 > 0 && b.1 > 0)
+        .then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect())
+        .and_then(middle)
 }
 
 fn middle(mut values: Vec<f64>) -> Option<Interval> {
     values.sort_by(f64::total_cmp);
-    let at =
-        |share: f64| values.get(((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1))).copied();
+    let at = |share: f64| {
+        values
+            .get(((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1)))
+            .copied()
+    };
     Some((at(0.025)?, at(0.975)?))
 }
 
@@ -96,7 +119,9 @@ mod tests {
         assert_eq!(draws.len(), DRAWS);
         for draw in draws {
             assert!(
-                draw[..3].iter().all(|&i| i < 3) && draw[3] == 3 && draw[4..].iter().all(|&i| (4..14).contains(&i))
+                draw[..3].iter().all(|&i| i < 3)
+                    && draw[3] == 3
+                    && draw[4..].iter().all(|&i| (4..14).contains(&i))
             );
             assert_eq!(draw.len(), 14);
         }
@@ -104,13 +129,21 @@ mod tests {
 
     #[test]
     fn as_wide_as_the_theory_says() {
-        // 400 independent values of standard deviation 0.5: the mean's is 0.025, its interval ± 0.049.
+        // 400 independent values of standard deviation 0.5: the mean's is 0.025, its interval ±
+        // 0.049.
         let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
-        let (low, high) = Resamples::draw(&[400], true).interval(mean(&values)).unwrap();
-        assert!((0.43..0.47).contains(&low) && (0.53..0.57).contains(&high), "{low} {high}");
+        let (low, high) = Resamples::draw(&[400], true)
+            .interval(mean(&values))
+            .unwrap();
+        assert!(
+            (0.43..0.47).contains(&low) && (0.53..0.57).contains(&high),
+            "{low} {high}"
+        );
         // The same values where neighbours are equal say less.
         let alike: Vec<f64> = (0..400).map(|i| f64::from(i / 40 % 2)).collect();
-        let (low, high) = Resamples::draw(&[400], false).interval(mean(&alike)).unwrap();
+        let (low, high) = Resamples::draw(&[400], false)
+            .interval(mean(&alike))
+            .unwrap();
         assert!(high - low > 0.15, "{low} {high}");
     }
 
@@ -118,7 +151,11 @@ mod tests {
     fn too_little_says_nothing() {
         assert_eq!(Resamples::draw(&[7], true).interval(|_| Some(1.0)), None);
         assert_eq!(Resamples::draw(&[20], false).interval(|_| Some(1.0)), None);
-        assert!(Resamples::draw(&[8], true).interval(|_| Some(1.0)).is_some());
+        assert!(
+            Resamples::draw(&[8], true)
+                .interval(|_| Some(1.0))
+                .is_some()
+        );
     }
 
     #[test]

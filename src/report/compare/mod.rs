@@ -110,7 +110,10 @@ impl Run {
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("manifest.json");
         if !path.is_file() {
-            return Err(Error::format(folder, "is not a report of `svl score`: it has no manifest.json"));
+            return Err(Error::format(
+                folder,
+                "is not a report of `svl score`: it has no manifest.json",
+            ));
         }
         let manifest = read_json(&path)?;
         let summary = folder.join("summary.json");
@@ -120,29 +123,49 @@ impl Run {
         };
         let rows = read_rows(&folder.join("rows.csv"))?;
         let checkpoints = read_rows(&folder.join("checkpoints.csv"))?;
-        Ok(Self { folder: folder.to_owned(), manifest, incomplete, rows, checkpoints })
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            incomplete,
+            rows,
+            checkpoints,
+        })
     }
 
     fn labels(&self) -> Vec<&str> {
-        self.manifest.algorithms.iter().map(|a| a.label.as_str()).collect()
+        self.manifest
+            .algorithms
+            .iter()
+            .map(|a| a.label.as_str())
+            .collect()
     }
 
     fn parameters_hash(&self, label: &str) -> Option<&str> {
-        self.manifest.algorithms.iter().find(|a| a.label == label).map(|a| a.parameters_hash.as_str())
+        self.manifest
+            .algorithms
+            .iter()
+            .find(|a| a.label == label)
+            .map(|a| a.parameters_hash.as_str())
     }
 
     /// The rows of an algorithm by seed, sequence and name of their pairs.
     fn rows(&self, label: &str) -> BTreeMap<(Option<u64>, u64, &str), &Row> {
         let own = self.rows.iter().filter(|row| row.algorithm == label);
-        own.map(|row| ((row.seed, row.sequence, row.name.as_str()), row)).collect()
+        own.map(|row| ((row.seed, row.sequence, row.name.as_str()), row))
+            .collect()
     }
 
     /// Frames and passed frames per checkpoint over those seeds, with its name.
     fn checkpoints(&self, label: &str, seeds: &[Option<u64>]) -> BTreeMap<u32, (&str, u64, u64)> {
         let mut sums = BTreeMap::new();
-        let own = self.checkpoints.iter().filter(|row| row.algorithm == label && seeds.contains(&row.seed));
+        let own = self
+            .checkpoints
+            .iter()
+            .filter(|row| row.algorithm == label && seeds.contains(&row.seed));
         for row in own {
-            let (_, frames, passed) = sums.entry(row.checkpoint).or_insert((row.name.as_str(), 0, 0));
+            let (_, frames, passed) =
+                sums.entry(row.checkpoint)
+                    .or_insert((row.name.as_str(), 0, 0));
             *frames += row.frames;
             *passed += row.passed;
         }
@@ -164,14 +187,24 @@ impl Comparison {
         let (ours, theirs) = (base.labels(), other.labels());
         let shared: Vec<_> = match (&ours[..], &theirs[..]) {
             ([one], [another]) => vec![(*one, *another)],
-            _ => ours.iter().filter(|label| theirs.contains(label)).map(|label| (*label, *label)).collect(),
+            _ => ours
+                .iter()
+                .filter(|label| theirs.contains(label))
+                .map(|label| (*label, *label))
+                .collect(),
         };
         let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
         if shared.is_empty() {
             let (ours, theirs) = (ours.join(", "), theirs.join(", "));
-            return Err(Error::Invalid(format!("{}: no algorithm in common ({ours}; {theirs})", shown())));
+            return Err(Error::Invalid(format!(
+                "{}: no algorithm in common ({ours}; {theirs})",
+                shown()
+            )));
         }
-        let mut algorithms: Vec<_> = shared.iter().map(|labels| AlgorithmChange::of(base, other, *labels)).collect();
+        let mut algorithms: Vec<_> = shared
+            .iter()
+            .map(|labels| AlgorithmChange::of(base, other, *labels))
+            .collect();
         let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
         if !same_scenario {
             let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
@@ -180,12 +213,20 @@ impl Comparison {
             checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
         }
         if algorithms.iter().all(|a| a.pairs == 0) {
-            let cure = "they took other pairs, as other scenarios, seeds or versions of the arena do";
-            return Err(Error::Invalid(format!("{}: no pair in common: {cure}", shown())));
+            let cure =
+                "they took other pairs, as other scenarios, seeds or versions of the arena do";
+            return Err(Error::Invalid(format!(
+                "{}: no pair in common: {cure}",
+                shown()
+            )));
         }
         let left = |labels: &[&str], side: fn(&(&str, &str)) -> String| {
             let taken: Vec<_> = shared.iter().map(side).collect();
-            labels.iter().filter(|label| !taken.contains(&(**label).to_owned())).map(|l| (*l).to_owned()).collect()
+            labels
+                .iter()
+                .filter(|label| !taken.contains(&(**label).to_owned()))
+                .map(|l| (*l).to_owned())
+                .collect()
         };
         Ok(Self {
             base: base.folder.clone(),
@@ -206,26 +247,49 @@ impl Comparison {
 impl AlgorithmChange {
     fn of(base: &Run, other: &Run, (label, other_label): (&str, &str)) -> Self {
         let (ours, theirs) = (base.rows(label), other.rows(other_label));
-        let pairs: Vec<_> = ours.iter().filter_map(|(key, row)| Some((*row, *theirs.get(key)?))).collect();
-        let pairs: Vec<_> = pairs.into_iter().filter(|(a, b)| a.pair_hash == b.pair_hash).collect();
-        let stretches: Vec<_> = pairs.chunk_by(|a, b| a.0.seed == b.0.seed).map(<[_]>::len).collect();
+        let pairs: Vec<_> = ours
+            .iter()
+            .filter_map(|(key, row)| Some((*row, *theirs.get(key)?)))
+            .collect();
+        let pairs: Vec<_> = pairs
+            .into_iter()
+            .filter(|(a, b)| a.pair_hash == b.pair_hash)
+            .collect();
+        let stretches: Vec<_> = pairs
+            .chunk_by(|a, b| a.0.seed == b.0.seed)
+            .map(<[_]>::len)
+            .collect();
         let independent = pairs.iter().all(|(row, _)| !row.name.is_empty());
         let resamples = Resamples::draw(&stretches, independent);
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-        let change =
-            |&metric: &Metric| Change::of(metric, &Sample::of(metric, &a)?, &Sample::of(metric, &b)?, &resamples);
+        let change = |&metric: &Metric| {
+            Change::of(
+                metric,
+                &Sample::of(metric, &a)?,
+                &Sample::of(metric, &b)?,
+                &resamples,
+            )
+        };
         // Of checkpoints only sums are known: only runs of which both took all pairs are compared.
         let count = |rows: &[&Row], seed| rows.iter().filter(|row| row.seed == seed).count();
-        let (all_ours, all_theirs): (Vec<_>, Vec<_>) =
-            (ours.values().copied().collect(), theirs.values().copied().collect());
+        let (all_ours, all_theirs): (Vec<_>, Vec<_>) = (
+            ours.values().copied().collect(),
+            theirs.values().copied().collect(),
+        );
         let mut seeds: Vec<_> = a.iter().map(|row| row.seed).collect();
         seeds.dedup();
-        seeds.retain(|&seed| count(&a, seed) == count(&all_ours, seed) && count(&b, seed) == count(&all_theirs, seed));
+        seeds.retain(|&seed| {
+            count(&a, seed) == count(&all_ours, seed) && count(&b, seed) == count(&all_theirs, seed)
+        });
         let visits = other.checkpoints(other_label, &seeds);
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
             let change = Change::of_shares((passed, frames), (other_passed, other_frames))?;
-            Some(CheckpointChange { checkpoint: number, name: name.to_owned(), change })
+            Some(CheckpointChange {
+                checkpoint: number,
+                name: name.to_owned(),
+                change,
+            })
         };
         Self {
             algorithm: label.to_owned(),
@@ -233,9 +297,16 @@ impl AlgorithmChange {
             same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
             pairs: pairs.len(),
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
-            equal_results: pairs.iter().filter(|(a, b)| a.result_hash == b.result_hash).count(),
+            equal_results: pairs
+                .iter()
+                .filter(|(a, b)| a.result_hash == b.result_hash)
+                .count(),
             metrics: Metric::OF_PAIRS.iter().filter_map(change).collect(),
-            checkpoints: base.checkpoints(label, &seeds).into_iter().filter_map(checkpoint).collect(),
+            checkpoints: base
+                .checkpoints(label, &seeds)
+                .into_iter()
+                .filter_map(checkpoint)
+                .collect(),
         }
     }
 }
@@ -245,14 +316,21 @@ impl Change {
         let difference = |a: f64, b: f64| if metric == Metric::Time { b / a } else { b - a };
         let all: Vec<_> = (0..base.len()).collect();
         let (a, b) = (base.value(&all)?, other.value(&all)?);
-        let interval = resamples.interval(|items| Some(difference(base.value(items)?, other.value(items)?)));
+        let interval =
+            resamples.interval(|items| Some(difference(base.value(items)?, other.value(items)?)));
         Some(Self::new(metric, (a, b), difference(a, b), interval))
     }
 
     fn of_shares(base: (u64, u64), other: (u64, u64)) -> Option<Self> {
-        let share = |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
+        let share =
+            |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
         let (a, b) = (share(base)?, share(other)?);
-        Some(Self::new(Metric::Passed, (a, b), b - a, bootstrap::shares(base, other)))
+        Some(Self::new(
+            Metric::Passed,
+            (a, b),
+            b - a,
+            bootstrap::shares(base, other),
+        ))
     }
 
     /// The two were not measured by one yardstick.
@@ -262,18 +340,33 @@ impl Change {
         }
     }
 
-    fn new(metric: Metric, (base, other): (f64, f64), difference: f64, interval: Option<Interval>) -> Self {
+    fn new(
+        metric: Metric,
+        (base, other): (f64, f64),
+        difference: f64,
+        interval: Option<Interval>,
+    ) -> Self {
         let judgement = match interval {
             _ if base == other => Judgement::Equal,
-            // The pairs of a run share its moment: their times say nothing of how the machine was at another.
+            // The pairs of a run share its moment: their times say nothing of how the machine was
+            // at another.
             _ if metric == Metric::Time => Judgement::Unclear,
-            Some((low, high)) if low > 0.0 || high < 0.0 => match (metric.better(), difference > 0.0) {
-                (Better::Neither, _) => Judgement::Differs,
-                (Better::More, true) | (Better::Less, false) => Judgement::Better,
-                _ => Judgement::Worse,
-            },
+            Some((low, high)) if low > 0.0 || high < 0.0 => {
+                match (metric.better(), difference > 0.0) {
+                    (Better::Neither, _) => Judgement::Differs,
+                    (Better::More, true) | (Better::Less, false) => Judgement::Better,
+                    _ => Judgement::Worse,
+                }
+            }
             _ => Judgement::Unclear,
         };
-        Self { metric, base, other, difference, interval, judgement }
+        Self {
+            metric,
+            base,
+            other,
+            difference,
+            interval,
+            judgement,
+        }
     }
 }

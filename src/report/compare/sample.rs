@@ -16,9 +16,14 @@ pub(super) enum Sample {
 impl Sample {
     /// Nothing where no pair has the metric.
     pub(super) fn of(metric: Metric, rows: &[&Row]) -> Option<Self> {
-        let cells = |row: &Row| Some((row.cells_right? + row.cells_wrong? + row.cells_unknown?) as f64);
+        let cells =
+            |row: &Row| Some((row.cells_right? + row.cells_wrong? + row.cells_unknown?) as f64);
         let of_cells = |part: fn(&Row) -> Option<u64>| {
-            let ratio = |row: &&Row| part(row).zip(cells(row)).map_or((0.0, 0.0), |(part, all)| (part as f64, all));
+            let ratio = |row: &&Row| {
+                part(row)
+                    .zip(cells(row))
+                    .map_or((0.0, 0.0), |(part, all)| (part as f64, all))
+            };
             Some(Self::Ratio(rows.iter().map(ratio).collect()))
         };
         let count = |part: fn(&Row) -> Option<u64>| {
@@ -27,7 +32,11 @@ impl Sample {
             some.then(|| Self::Count(counts.into_iter().map(|n| n.unwrap_or(0) as f64).collect()))
         };
         let mean = |part: fn(&Row) -> Option<f64>| {
-            Some(Self::Ratio(rows.iter().map(|row| part(row).map_or((0.0, 0.0), |v| (v, 1.0))).collect()))
+            Some(Self::Ratio(
+                rows.iter()
+                    .map(|row| part(row).map_or((0.0, 0.0), |v| (v, 1.0)))
+                    .collect(),
+            ))
         };
         match metric {
             Metric::Right => of_cells(|row| row.cells_right),
@@ -39,7 +48,11 @@ impl Sample {
             Metric::Invalid => mean(|row| row.invalid),
             Metric::Bad1 => mean(|row| row.bad1),
             Metric::Bad2 => mean(|row| row.bad2),
-            Metric::Time => Some(Self::Median(rows.iter().map(|row| row.total_us as f64 / 1000.0).collect())),
+            Metric::Time => Some(Self::Median(
+                rows.iter()
+                    .map(|row| row.total_us as f64 / 1000.0)
+                    .collect(),
+            )),
             Metric::Passed => None,
         }
     }

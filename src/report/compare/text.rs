@@ -18,10 +18,20 @@ impl Display for Comparison {
                 "The scenarios differ, and with them what counts as right: nothing is called better or worse."
             )?;
         }
-        self.algorithms.iter().try_for_each(|algorithm| write!(f, "\n{algorithm}"))?;
-        for (labels, folder) in [(&self.only_in_base, &self.base), (&self.only_in_other, &self.other)] {
+        self.algorithms
+            .iter()
+            .try_for_each(|algorithm| write!(f, "\n{algorithm}"))?;
+        for (labels, folder) in [
+            (&self.only_in_base, &self.base),
+            (&self.only_in_other, &self.other),
+        ] {
             if !labels.is_empty() {
-                write!(f, "\nonly in {}, not compared: {}\n", folder.display(), labels.join(", "))?;
+                write!(
+                    f,
+                    "\nonly in {}, not compared: {}\n",
+                    folder.display(),
+                    labels.join(", ")
+                )?;
             }
         }
         Ok(())
@@ -30,30 +40,61 @@ impl Display for Comparison {
 
 impl Display for AlgorithmChange {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let Self { algorithm, other_algorithm, same_parameters, pairs, unmatched, equal_results, .. } = self;
+        let Self {
+            algorithm,
+            other_algorithm,
+            same_parameters,
+            pairs,
+            unmatched,
+            equal_results,
+            ..
+        } = self;
         write!(f, "{algorithm}")?;
         if other_algorithm != algorithm {
             write!(f, " → {other_algorithm}")?;
         } else if !same_parameters {
             f.write_str(" (other parameters)")?;
         }
-        write!(f, ": {}, {equal_results} with equal results", counted(*pairs, "pair"))?;
+        write!(
+            f,
+            ": {}, {equal_results} with equal results",
+            counted(*pairs, "pair")
+        )?;
         if *unmatched > 0 {
-            write!(f, "; left out: {} of one run alone", counted(*unmatched, "pair"))?;
+            write!(
+                f,
+                "; left out: {} of one run alone",
+                counted(*unmatched, "pair")
+            )?;
         }
-        writeln!(f, "\n{:28} {:>10} {:>10} {:>10}   95 %", "", "base", "other", "change")?;
+        writeln!(
+            f,
+            "\n{:28} {:>10} {:>10} {:>10}   95 %",
+            "", "base", "other", "change"
+        )?;
         for change in &self.metrics {
             line(f, change.metric.words(), change)?;
         }
         for c in &self.checkpoints {
-            line(f, &format!("checkpoint {} {}", c.checkpoint, c.name), &c.change)?;
+            line(
+                f,
+                &format!("checkpoint {} {}", c.checkpoint, c.name),
+                &c.change,
+            )?;
         }
         Ok(())
     }
 }
 
 fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
-    let Change { metric, base, other, difference, interval, judgement } = change;
+    let Change {
+        metric,
+        base,
+        other,
+        difference,
+        interval,
+        judgement,
+    } = change;
     let (base, other) = match metric {
         Metric::Time => (format!("{base:.2} ms"), format!("{other:.2} ms")),
         _ => (metric.show(*base), metric.show(*other)),
@@ -63,11 +104,19 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
         // Rounded first, lest a trace of less than nothing be shown as -0.0.
         _ => format!(
             "{}{}",
-            if v < 0.0 && !metric.show(-v).starts_with("0.0 ") { "-" } else { "+" },
+            if v < 0.0 && !metric.show(-v).starts_with("0.0 ") {
+                "-"
+            } else {
+                "+"
+            },
             metric.show(v.abs())
         ),
     };
-    write!(f, "  {name:26} {base:>10} {other:>10} {:>10}", signed(*difference))?;
+    write!(
+        f,
+        "  {name:26} {base:>10} {other:>10} {:>10}",
+        signed(*difference)
+    )?;
     if let (Some((low, high)), true) = (interval, *judgement != Judgement::Equal) {
         write!(f, "   {} .. {}", signed(*low), signed(*high))?;
     }

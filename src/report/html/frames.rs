@@ -49,8 +49,16 @@ struct MarkView {
 
 impl<'a> FigureView<'a> {
     pub(super) fn of(figure: &'a Figure, images: &mut Images<'a>) -> Self {
-        let shots = figure.shots.iter().map(|(rank, shot)| shot_view(*rank, shot, images)).collect();
-        Self { title: &figure.title, about: &figure.about, shots }
+        let shots = figure
+            .shots
+            .iter()
+            .map(|(rank, shot)| shot_view(*rank, shot, images))
+            .collect();
+        Self {
+            title: &figure.title,
+            about: &figure.about,
+            shots,
+        }
     }
 }
 
@@ -63,12 +71,23 @@ fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut Images<'a>) -> ShotVie
         _ => depth(cell.distance_m, cell.median_px),
     };
     let truth = |cell: &CellRow| depth(cell.true_distance_m, cell.true_median_px);
-    let mut pictures =
-        vec![PictureView { label: "estimate", image: left, marks: mark_views(shot, &shot.estimate, estimate, true) }];
+    let mut pictures = vec![PictureView {
+        label: "estimate",
+        image: left,
+        marks: mark_views(shot, &shot.estimate, estimate, true),
+    }];
     if let Some(marks) = &shot.truth {
-        pictures.push(PictureView { label: "truth", image: left, marks: mark_views(shot, marks, truth, false) });
+        pictures.push(PictureView {
+            label: "truth",
+            image: left,
+            marks: mark_views(shot, marks, truth, false),
+        });
     }
-    pictures.push(PictureView { label: "disparity", image: images.index(&shot.preview, shot.size), marks: Vec::new() });
+    pictures.push(PictureView {
+        label: "disparity",
+        image: images.index(&shot.preview, shot.size),
+        marks: Vec::new(),
+    });
     ShotView {
         algorithm: &shot.row.algorithm,
         rank: match rank {
@@ -86,15 +105,28 @@ fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut Images<'a>) -> ShotVie
     }
 }
 
-fn mark_views(shot: &Shot, marks: &[Mark], words: impl Fn(&CellRow) -> String, judged: bool) -> Vec<MarkView> {
+fn mark_views(
+    shot: &Shot,
+    marks: &[Mark],
+    words: impl Fn(&CellRow) -> String,
+    judged: bool,
+) -> Vec<MarkView> {
     let view = |mark: &Mark| {
         let at = (mark.column, mark.row);
-        let cell = shot.cells.iter().find(|c| (c.column as usize, c.row as usize) == at);
+        let cell = shot
+            .cells
+            .iter()
+            .find(|c| (c.column as usize, c.row as usize) == at);
         MarkView {
             mark: *mark,
             center: mark.cell.center(),
             radius: mark.cell.width.min(mark.cell.height) / 16.0,
-            words: format!("({}, {}): {}", at.0, at.1, cell.map_or_else(|| "unknown".to_owned(), &words)),
+            words: format!(
+                "({}, {}): {}",
+                at.0,
+                at.1,
+                cell.map_or_else(|| "unknown".to_owned(), &words)
+            ),
             wrong: judged && cell.is_some_and(|c| c.verdict == Verdict::Wrong),
         }
     };
@@ -102,7 +134,10 @@ fn mark_views(shot: &Shot, marks: &[Mark], words: impl Fn(&CellRow) -> String, j
 }
 
 fn origin(row: &Row) -> String {
-    let seed = row.seed.map(|seed| format!("seed {seed}, ")).unwrap_or_default();
+    let seed = row
+        .seed
+        .map(|seed| format!("seed {seed}, "))
+        .unwrap_or_default();
     format!("{seed}frame {}", row.sequence)
 }
 
@@ -118,9 +153,16 @@ pub(super) fn cells(row: &Row) -> String {
 /// The first wrong cells in words; the crosses show all.
 fn wrong_cells(cells: &[CellRow]) -> Vec<String> {
     const TOLD: usize = 3;
-    let all: Vec<_> = cells.iter().filter(|c| c.verdict == Verdict::Wrong).collect();
+    let all: Vec<_> = cells
+        .iter()
+        .filter(|c| c.verdict == Verdict::Wrong)
+        .collect();
     let more = all.len().saturating_sub(TOLD);
-    all.iter().take(TOLD).map(|cell| wrong(cell)).chain((more > 0).then(|| format!("{more} more"))).collect()
+    all.iter()
+        .take(TOLD)
+        .map(|cell| wrong(cell))
+        .chain((more > 0).then(|| format!("{more} more")))
+        .collect()
 }
 
 fn wrong(cell: &CellRow) -> String {
@@ -131,7 +173,10 @@ fn wrong(cell: &CellRow) -> String {
     };
     let estimate = depth(cell.distance_m, cell.median_px);
     let truth = depth(cell.true_distance_m, cell.true_median_px);
-    format!("({}, {}) {estimate}, truly {truth}{obstacle}", cell.column, cell.row)
+    format!(
+        "({}, {}) {estimate}, truly {truth}{obstacle}",
+        cell.column, cell.row
+    )
 }
 
 pub(super) fn numbers(row: &Row) -> String {
@@ -142,7 +187,9 @@ pub(super) fn numbers(row: &Row) -> String {
         (row.bad2, ">\u{a0}2\u{a0}px"),
     ];
     let shares = shares.into_iter().filter(|(share, _)| share.is_some());
-    let mut words: Vec<_> = shares.map(|(share, what)| format!("{}\u{a0}%\u{a0}{what}", percent(share))).collect();
+    let mut words: Vec<_> = shares
+        .map(|(share, what)| format!("{}\u{a0}%\u{a0}{what}", percent(share)))
+        .collect();
     words.push(format!("{}\u{a0}ms", ms(row.total_us as f64 / 1000.0)));
     words.join(", ")
 }

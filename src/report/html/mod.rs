@@ -1,4 +1,5 @@
-//! `index.html`: one file without scripts or anything to fetch, with the thesis's figure 7.3 as vector graphics.
+//! `index.html`: one file without scripts or anything to fetch, with the thesis's figure 7.3 as
+//! vector graphics.
 
 mod frames;
 mod plots;
@@ -107,6 +108,7 @@ impl Page {
     /// [`Error::Invalid`] with what the template engine or the plotting library says.
     pub fn render(&self) -> Result<String> {
         let view = view::View::of(self)?;
-        fill(include_str!("index.html"), &[], view).map_err(|e| Error::Invalid(format!("report page: {e:#}")))
+        fill(include_str!("index.html"), &[], view)
+            .map_err(|e| Error::Invalid(format!("report page: {e:#}")))
     }
 }

@@ -37,16 +37,33 @@ fn known(a: &AlgorithmSummary) -> Option<f64> {
 
 /// Accuracy against speed: cells, and pixels.
 pub(super) fn accuracy(page: &Page) -> Result<Vec<PlotView>> {
-    let time = || Axis { log: true, ..Axis::new("median ms per pair") };
+    let time = || Axis {
+        log: true,
+        ..Axis::new("median ms per pair")
+    };
     let cells: Place = |a| Some((a.p50_ms, wrong_of_known(a)?));
     let pixels: Place = |a| Some((a.p50_ms, percent(a.bad2?)));
     let about = "Better is farther left and lower.";
     let plots = [
-        ("Wrong cells against time", cells, Axis::new("wrong, of the known cells, %")),
-        ("Wrong pixels against time", pixels, Axis::new("off by > 2 px, of the estimates, %")),
+        (
+            "Wrong cells against time",
+            cells,
+            Axis::new("wrong, of the known cells, %"),
+        ),
+        (
+            "Wrong pixels against time",
+            pixels,
+            Axis::new("off by > 2 px, of the estimates, %"),
+        ),
     ];
-    let plots = plots.into_iter().map(|(title, place, y)| scatter(page, title, about, place, time(), y));
-    Ok(plots.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+    let plots = plots
+        .into_iter()
+        .map(|(title, place, y)| scatter(page, title, about, place, time(), y));
+    Ok(plots
+        .collect::<Result<Vec<_>>>()?
+        .into_iter()
+        .flatten()
+        .collect())
 }
 
 /// Coverage against error: cells, and pixels.
@@ -55,7 +72,12 @@ pub(super) fn coverage(page: &Page) -> Result<Vec<PlotView>> {
     let pixels: Place = |a| Some((percent(1.0 - a.invalid?), percent(a.bad2?)));
     let about = "Better is farther right and lower.";
     let plots = [
-        ("Wrong cells against known ones", cells, "known, of the cells, %", "wrong, of the known cells, %"),
+        (
+            "Wrong cells against known ones",
+            cells,
+            "known, of the cells, %",
+            "wrong, of the known cells, %",
+        ),
         (
             "Wrong pixels against coverage",
             pixels,
@@ -63,9 +85,14 @@ pub(super) fn coverage(page: &Page) -> Result<Vec<PlotView>> {
             "off by > 2 px, of the estimates, %",
         ),
     ];
-    let plots =
-        plots.into_iter().map(|(title, place, x, y)| scatter(page, title, about, place, Axis::new(x), Axis::new(y)));
-    Ok(plots.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+    let plots = plots
+        .into_iter()
+        .map(|(title, place, x, y)| scatter(page, title, about, place, Axis::new(x), Axis::new(y)));
+    Ok(plots
+        .collect::<Result<Vec<_>>>()?
+        .into_iter()
+        .flatten()
+        .collect())
 }
 
 /// The algorithms as points, those of a sweep joined; nothing where none has a place.
@@ -77,18 +104,49 @@ fn scatter(
     x: Axis,
     y: Axis,
 ) -> Result<Option<PlotView>> {
-    let of = |label: &str| page.summary.algorithms.iter().find(|a| a.algorithm == label).and_then(place);
-    let swept = |label: &str| page.sweeps.iter().any(|sweep| sweep.points.iter().any(|(_, of)| of == label));
-    let one = |name: &str, form, point| Series { name: name.to_owned(), form, points: vec![point] };
-    let alone = page.summary.algorithms.iter().filter(|a| !swept(&a.algorithm));
-    let mut series: Vec<_> = alone.filter_map(|a| Some(one(&a.algorithm, Form::Named, place(a)?))).collect();
+    let of = |label: &str| {
+        page.summary
+            .algorithms
+            .iter()
+            .find(|a| a.algorithm == label)
+            .and_then(place)
+    };
+    let swept = |label: &str| {
+        page.sweeps
+            .iter()
+            .any(|sweep| sweep.points.iter().any(|(_, of)| of == label))
+    };
+    let one = |name: &str, form, point| Series {
+        name: name.to_owned(),
+        form,
+        points: vec![point],
+    };
+    let alone = page
+        .summary
+        .algorithms
+        .iter()
+        .filter(|a| !swept(&a.algorithm));
+    let mut series: Vec<_> = alone
+        .filter_map(|a| Some(one(&a.algorithm, Form::Named, place(a)?)))
+        .collect();
     for Sweep { name, points } in &page.sweeps {
-        let places: Vec<_> = points.iter().filter_map(|(value, label)| Some((value, label, of(label)?))).collect();
+        let places: Vec<_> = points
+            .iter()
+            .filter_map(|(value, label)| Some((value, label, of(label)?)))
+            .collect();
         let line = places.iter().map(|(.., point)| *point).collect();
-        series.push(Series { name: String::new(), form: Form::Both, points: line });
+        series.push(Series {
+            name: String::new(),
+            form: Form::Both,
+            points: line,
+        });
         series.extend(places.iter().enumerate().map(|(i, (value, label, point))| {
             // A label without settings is how the algorithm is called in the tables.
-            let value = if label.contains(':') { (*value).clone() } else { format!("{value}, {label}") };
+            let value = if label.contains(':') {
+                (*value).clone()
+            } else {
+                format!("{value}, {label}")
+            };
             match i {
                 0 => one(&format!("{name} = {value}"), Form::Caption, *point),
                 _ => one(&value, Form::Label, *point),
@@ -98,7 +156,13 @@ fn scatter(
     if series.iter().all(|s| s.points.is_empty()) {
         return Ok(None);
     }
-    let svg = Chart { title: String::new(), x, y, series }.svg()?;
+    let svg = Chart {
+        title: String::new(),
+        x,
+        y,
+        series,
+    }
+    .svg()?;
     Ok(Some(PlotView { title, about, svg }))
 }
 
@@ -107,7 +171,11 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
     if page.times_ms.is_empty() {
         return Ok(Vec::new());
     }
-    let latency = Strips { title: String::new(), label: "ms per pair".into(), strips: page.times_ms.clone() };
+    let latency = Strips {
+        title: String::new(),
+        label: "ms per pair".into(),
+        strips: page.times_ms.clone(),
+    };
     let stages: [(&str, Number); 5] = [
         ("smoothing", |a| a.smoothing_ms),
         ("texture", |a| a.texture_ms),
@@ -116,7 +184,12 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
         ("other", |a| a.other_ms),
     ];
     // Rows hold whole microseconds: less than a hundredth is what rounding leaves.
-    let counts = |of: Number| page.summary.algorithms.iter().any(|a| of(a) > 0.01 * a.p50_ms);
+    let counts = |of: Number| {
+        page.summary
+            .algorithms
+            .iter()
+            .any(|a| of(a) > 0.01 * a.p50_ms)
+    };
     let stages: Vec<_> = stages.into_iter().filter(|(_, of)| counts(*of)).collect();
     let bars = Bars {
         title: String::new(),
@@ -126,10 +199,18 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
             .summary
             .algorithms
             .iter()
-            .map(|a| (a.algorithm.clone(), stages.iter().map(|(_, of)| of(a)).collect()))
+            .map(|a| {
+                (
+                    a.algorithm.clone(),
+                    stages.iter().map(|(_, of)| of(a)).collect(),
+                )
+            })
             .collect(),
     };
-    let shares = Bars { label: "shares; the number: ms per pair".into(), ..bars.clone() };
+    let shares = Bars {
+        label: "shares; the number: ms per pair".into(),
+        ..bars.clone()
+    };
     Ok(vec![
         PlotView {
             title: "Latency",
@@ -141,6 +222,10 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
             about: "Mean over the half of the pairs nearest to the median.",
             svg: bars.svg()?,
         },
-        PlotView { title: "Share of each stage", about: "Of the same times.", svg: shares.shares_svg()? },
+        PlotView {
+            title: "Share of each stage",
+            about: "Of the same times.",
+            svg: shares.shares_svg()?,
+        },
     ])
 }

@@ -64,8 +64,10 @@ pub(super) struct ErrorKey {
 
 impl ErrorKey {
     pub(super) fn new() -> Self {
-        let swatch =
-            |[r, g, b]: [u8; 3], words: &str| Swatch { color: format!("rgb({r} {g} {b})"), words: words.into() };
+        let swatch = |[r, g, b]: [u8; 3], words: &str| Swatch {
+            color: format!("rgb({r} {g} {b})"),
+            words: words.into(),
+        };
         let errors = BINS.iter().enumerate().map(|(i, (end, color))| {
             // Of an error size of 1 at 3 px.
             let px = |size: f32| match 3.0 * size {
@@ -82,6 +84,9 @@ impl ErrorKey {
             swatch(HIDDEN, "not known to be seen by both cameras, not judged"),
             swatch(UNKNOWN, "truth unknown, not judged"),
         ];
-        Self { errors: errors.collect(), others: others.into() }
+        Self {
+            errors: errors.collect(),
+            others: others.into(),
+        }
     }
 }

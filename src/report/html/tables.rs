@@ -37,11 +37,25 @@ struct CellView {
 
 impl<'a> TableView<'a> {
     /// A line per algorithm; nothing without pairs.
-    pub(super) fn of_algorithms(label: &'static str, columns: &'static [Column], summary: &'a Summary) -> Option<Self> {
+    pub(super) fn of_algorithms(
+        label: &'static str,
+        columns: &'static [Column],
+        summary: &'a Summary,
+    ) -> Option<Self> {
         let columns = shown(columns, summary);
-        let plain = |text| CellView { marks: Vec::new(), text, words: String::new() };
+        let plain = |text| CellView {
+            marks: Vec::new(),
+            text,
+            words: String::new(),
+        };
         let lines = summary.algorithms.iter().map(|algorithm| {
-            (algorithm.algorithm.as_str(), columns.iter().map(|column| plain((column.cell)(algorithm))).collect())
+            (
+                algorithm.algorithm.as_str(),
+                columns
+                    .iter()
+                    .map(|column| plain((column.cell)(algorithm)))
+                    .collect(),
+            )
         });
         let lines: Vec<_> = lines.collect();
         (!lines.is_empty()).then(|| Self {
@@ -56,10 +70,16 @@ impl<'a> TableView<'a> {
     /// A line per algorithm, a group per checkpoint; nothing without checkpoints.
     pub(super) fn of_checkpoints(summary: &'a Summary) -> Option<Self> {
         let Checkpoints { heads, lines } = Checkpoints::of(summary)?;
-        let group = |(i, title)| GroupView { title, heads: Vec::new(), from: i, to: i + 1 };
+        let group = |(i, title)| GroupView {
+            title,
+            heads: Vec::new(),
+            from: i,
+            to: i + 1,
+        };
         let groups: Vec<_> = heads.into_iter().enumerate().map(group).collect();
-        let lines =
-            lines.into_iter().map(|(algorithm, cells)| (algorithm, cells.into_iter().map(CellView::of).collect()));
+        let lines = lines
+            .into_iter()
+            .map(|(algorithm, cells)| (algorithm, cells.into_iter().map(CellView::of).collect()));
         Some(Self {
             label: "Checkpoints per algorithm",
             narrow: groups.clone(),
@@ -71,12 +91,20 @@ impl<'a> TableView<'a> {
 }
 
 /// Neighbours that belong `together`, under the title of the last.
-fn groups(columns: &[&'static Column], together: impl Fn(&Column, &Column) -> bool) -> Vec<GroupView> {
+fn groups(
+    columns: &[&'static Column],
+    together: impl Fn(&Column, &Column) -> bool,
+) -> Vec<GroupView> {
     let mut from = 0;
     let group = |group: &[&'static Column]| {
         let to = from + group.len();
         let title = group.last().map_or("", |column| column.group).to_owned();
-        let view = GroupView { title, heads: group.iter().map(|column| column.head).collect(), from, to };
+        let view = GroupView {
+            title,
+            heads: group.iter().map(|column| column.head).collect(),
+            from,
+            to,
+        };
         from = to;
         view
     };
@@ -89,16 +117,38 @@ impl CellView {
             Cell::Seen { best, worst, share } => {
                 let word = |passed| if passed { "passes" } else { "fails" };
                 let share = percent(Some(share));
-                let words = format!("best frame {}, worst frame {}, {share} % pass", word(best), word(worst));
-                Self { marks: vec![best, worst], text: share, words }
+                let words = format!(
+                    "best frame {}, worst frame {}, {share} % pass",
+                    word(best),
+                    word(worst)
+                );
+                Self {
+                    marks: vec![best, worst],
+                    text: share,
+                    words,
+                }
             }
-            Cell::All { seen, best, worst, share } => {
+            Cell::All {
+                seen,
+                best,
+                worst,
+                share,
+            } => {
                 let share = percent(Some(share));
-                let words =
-                    format!("best frames of {best} of {seen} checkpoints pass, worst of {worst}, {share} % in all");
-                Self { marks: Vec::new(), text: share, words }
+                let words = format!(
+                    "best frames of {best} of {seen} checkpoints pass, worst of {worst}, {share} % in all"
+                );
+                Self {
+                    marks: Vec::new(),
+                    text: share,
+                    words,
+                }
             }
-            Cell::NeverSeen => Self { marks: Vec::new(), text: cell.to_string(), words: String::new() },
+            Cell::NeverSeen => Self {
+                marks: Vec::new(),
+                text: cell.to_string(),
+                words: String::new(),
+            },
         }
     }
 }

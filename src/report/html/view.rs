@@ -47,34 +47,56 @@ pub(super) struct Images<'a>(Vec<(&'a [u8], (usize, usize))>);
 
 impl<'a> Images<'a> {
     pub(super) fn index(&mut self, file: &'a [u8], size: (usize, usize)) -> usize {
-        self.0.iter().position(|image| *image == (file, size)).unwrap_or_else(|| {
-            self.0.push((file, size));
-            self.0.len() - 1
-        })
+        self.0
+            .iter()
+            .position(|image| *image == (file, size))
+            .unwrap_or_else(|| {
+                self.0.push((file, size));
+                self.0.len() - 1
+            })
     }
 
     fn into_views(self) -> Vec<ImageView> {
-        let view = |(file, (width, height))| ImageView { url: data_url(file), width, height };
+        let view = |(file, (width, height))| ImageView {
+            url: data_url(file),
+            width,
+            height,
+        };
         self.0.into_iter().map(view).collect()
     }
 }
 
 /// An image file as an address that holds it.
 pub(super) fn data_url(file: &[u8]) -> String {
-    let kind = if file.starts_with(&[0xff, 0xd8]) { "jpeg" } else { "png" };
+    let kind = if file.starts_with(&[0xff, 0xd8]) {
+        "jpeg"
+    } else {
+        "png"
+    };
     format!("data:image/{kind};base64,{}", STANDARD.encode(file))
 }
 
 impl<'a> View<'a> {
     pub(super) fn of(page: &'a Page) -> Result<Self> {
         let mut images = Images::default();
-        let figures = page.figures.iter().map(|figure| FigureView::of(figure, &mut images)).collect();
+        let figures = page
+            .figures
+            .iter()
+            .map(|figure| FigureView::of(figure, &mut images))
+            .collect();
         let summary = &page.summary;
-        let stops = (0..=8).map(|i| viridis(i as f32 / 8.0)).map(|[r, g, b]| format!("rgb({r} {g} {b})"));
+        let stops = (0..=8)
+            .map(|i| viridis(i as f32 / 8.0))
+            .map(|[r, g, b]| format!("rgb({r} {g} {b})"));
         Ok(Self {
             title: &page.title,
             incomplete: summary.incomplete.as_deref(),
-            paragraphs: page.description.split("\n\n").map(str::trim).filter(|p| !p.is_empty()).collect(),
+            paragraphs: page
+                .description
+                .split("\n\n")
+                .map(str::trim)
+                .filter(|p| !p.is_empty())
+                .collect(),
             identity: &page.identity,
             summary: TableView::of_algorithms("Summary per algorithm", COLUMNS, summary),
             accuracy: accuracy(page)?,
@@ -95,12 +117,29 @@ impl<'a> View<'a> {
 
 /// Which algorithms have pictures, where not all have.
 fn left_out(page: &Page) -> Option<String> {
-    let figures = page.figures.iter().flat_map(|f| f.shots.iter().map(|(_, s)| s.row.algorithm.as_str()));
-    let mut pictured: Vec<_> =
-        figures.chain(page.scenes.iter().flat_map(|s| s.shots.iter().map(|s| s.row.algorithm.as_str()))).collect();
+    let figures = page
+        .figures
+        .iter()
+        .flat_map(|f| f.shots.iter().map(|(_, s)| s.row.algorithm.as_str()));
+    let mut pictured: Vec<_> = figures
+        .chain(
+            page.scenes
+                .iter()
+                .flat_map(|s| s.shots.iter().map(|s| s.row.algorithm.as_str())),
+        )
+        .collect();
     pictured.sort_unstable();
     pictured.dedup();
-    let all = page.summary.algorithms.iter().filter(|a| a.pairs > 0).count();
-    (!pictured.is_empty() && pictured.len() < all)
-        .then(|| format!("Pictures of {} of the {all} algorithms; the tables have all.", pictured.len()))
+    let all = page
+        .summary
+        .algorithms
+        .iter()
+        .filter(|a| a.pairs > 0)
+        .count();
+    (!pictured.is_empty() && pictured.len() < all).then(|| {
+        format!(
+            "Pictures of {} of the {all} algorithms; the tables have all.",
+            pictured.len()
+        )
+    })
 }

@@ -17,7 +17,8 @@ pub struct Bars {
     pub bars: Vec<(String, Vec<f64>)>,
 }
 
-/// Height of a bar with its gap, of the title, of a line of the key, and of what stands below the bars.
+/// Height of a bar with its gap, of the title, of a line of the key, and of what stands below the
+/// bars.
 const BAR: i32 = 52;
 const TITLE: i32 = 64;
 const KEY: i32 = 44;
@@ -37,7 +38,8 @@ impl Bars {
         self.drawn(|sum| sum)
     }
 
-    /// As [`Bars::svg`], every bar as long as the plot is wide: what the parts' shares are. The sums stand behind them.
+    /// As [`Bars::svg`], every bar as long as the plot is wide: what the parts' shares are. The
+    /// sums stand behind them.
     ///
     /// # Errors
     /// As [`Bars::svg`].
@@ -52,10 +54,17 @@ impl Bars {
         let height = head + FOOT + BAR * self.bars.len() as i32;
         svg(height as u32, &self.title, |canvas| {
             let title = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
-            canvas.draw(&Text::new(self.title.clone(), (WIDTH as i32 / 2, 16), title))?;
+            canvas.draw(&Text::new(
+                self.title.clone(),
+                (WIDTH as i32 / 2, 16),
+                title,
+            ))?;
             for (i, (part, (x, y))) in self.parts.iter().zip(key).enumerate() {
                 let y = y + head - key_height;
-                canvas.draw(&Rectangle::new([(x, y), (x + 24, y + 24)], color(i).filled()))?;
+                canvas.draw(&Rectangle::new(
+                    [(x, y), (x + 24, y + 24)],
+                    color(i).filled(),
+                ))?;
                 canvas.draw(&Text::new(part.clone(), (x + 34, y + 12), at(HPos::Left)))?;
             }
             self.draw(canvas, head, length)
@@ -79,18 +88,54 @@ impl Bars {
         (places, y + KEY)
     }
 
-    fn draw(&self, canvas: &Canvas, head: i32, length: impl Fn(f64) -> f64) -> std::result::Result<(), Failure> {
-        let names = self.bars.iter().map(|(name, _)| text_width(name, SIZE) + 16).max().unwrap_or(0).min(NAMES);
+    fn draw(
+        &self,
+        canvas: &Canvas,
+        head: i32,
+        length: impl Fn(f64) -> f64,
+    ) -> std::result::Result<(), Failure> {
+        let names = self
+            .bars
+            .iter()
+            .map(|(name, _)| text_width(name, SIZE) + 16)
+            .max()
+            .unwrap_or(0)
+            .min(NAMES);
         let sum = |parts: &[f64]| parts.iter().sum::<f64>();
-        let longest = self.bars.iter().map(|(_, parts)| length(sum(parts))).fold(0.0, f64::max);
-        let scale = if longest > 0.0 { f64::from(WIDTH as i32 - names - SUM) / longest } else { 0.0 };
+        let longest = self
+            .bars
+            .iter()
+            .map(|(_, parts)| length(sum(parts)))
+            .fold(0.0, f64::max);
+        let scale = if longest > 0.0 {
+            f64::from(WIDTH as i32 - names - SUM) / longest
+        } else {
+            0.0
+        };
         // Counts have no decimals.
-        let digits = if self.bars.iter().flat_map(|(_, parts)| parts).all(|v| v.fract() == 0.0) { 0 } else { 2 };
+        let digits = if self
+            .bars
+            .iter()
+            .flat_map(|(_, parts)| parts)
+            .all(|v| v.fract() == 0.0)
+        {
+            0
+        } else {
+            2
+        };
         for (i, (name, parts)) in self.bars.iter().enumerate() {
             let y = head + BAR * i as i32;
-            canvas.draw(&Text::new(name.clone(), (names - 16, y + BAR / 2), at(HPos::Right)))?;
+            canvas.draw(&Text::new(
+                name.clone(),
+                (names - 16, y + BAR / 2),
+                at(HPos::Right),
+            ))?;
             let total = sum(parts);
-            let unit = if total > 0.0 { length(total) / total * scale } else { 0.0 };
+            let unit = if total > 0.0 {
+                length(total) / total * scale
+            } else {
+                0.0
+            };
             let place = |v: f64| names + (v * unit).round() as i32;
             let mut from = 0.0;
             for (k, part) in parts.iter().enumerate() {
@@ -98,11 +143,19 @@ impl Bars {
                 canvas.draw(&Rectangle::new(corners, color(k).filled()))?;
                 from += part;
             }
-            canvas.draw(&Text::new(format!("{total:.digits$}"), (place(total) + 12, y + BAR / 2), at(HPos::Left)))?;
+            canvas.draw(&Text::new(
+                format!("{total:.digits$}"),
+                (place(total) + 12, y + BAR / 2),
+                at(HPos::Left),
+            ))?;
         }
         let foot = head + BAR * self.bars.len() as i32;
         canvas.draw(&PathElement::new([(names, head), (names, foot)], AXIS))?;
-        canvas.draw(&Text::new(self.label.clone(), (names, foot + 36), at(HPos::Left)))
+        canvas.draw(&Text::new(
+            self.label.clone(),
+            (names, foot + 36),
+            at(HPos::Left),
+        ))
     }
 }
 
@@ -118,16 +171,34 @@ mod tests {
     #[test]
     fn one_rectangle_per_part_and_key() {
         let parts = vec!["matching".to_owned(), "checks".to_owned()];
-        let bars = vec![("v1".to_owned(), vec![1.0, 0.5]), ("v3".to_owned(), vec![0.5, 0.25])];
-        let svg = Bars { title: "times".into(), label: "ms".into(), parts, bars }.svg().unwrap();
+        let bars = vec![
+            ("v1".to_owned(), vec![1.0, 0.5]),
+            ("v3".to_owned(), vec![0.5, 0.25]),
+        ];
+        let svg = Bars {
+            title: "times".into(),
+            label: "ms".into(),
+            parts,
+            bars,
+        }
+        .svg()
+        .unwrap();
         assert_eq!(svg.matches("<rect").count(), 2 + 4);
         assert!(svg.contains("\n1.50\n"), "{svg}");
     }
 
     #[test]
     fn shares_are_as_long_as_the_plot() {
-        let bars = vec![("v1".to_owned(), vec![1.0, 3.0]), ("v3".to_owned(), vec![0.5, 0.0])];
-        let svg = Bars { bars, ..Bars::default() }.shares_svg().unwrap();
+        let bars = vec![
+            ("v1".to_owned(), vec![1.0, 3.0]),
+            ("v3".to_owned(), vec![0.5, 0.0]),
+        ];
+        let svg = Bars {
+            bars,
+            ..Bars::default()
+        }
+        .shares_svg()
+        .unwrap();
         let ends = |svg: &str| svg.matches("x=\"862\"").count();
         // Both sums stand behind bars that end at 850.
         assert_eq!((ends(&svg), svg.contains("\n0.50\n")), (2, true), "{svg}");
@@ -136,6 +207,11 @@ mod tests {
     #[test]
     fn no_bars_and_empty_bars() {
         Bars::default().svg().unwrap();
-        Bars { bars: vec![("v1".into(), vec![0.0]), ("v2".into(), vec![])], ..Bars::default() }.svg().unwrap();
+        Bars {
+            bars: vec![("v1".into(), vec![0.0]), ("v2".into(), vec![])],
+            ..Bars::default()
+        }
+        .svg()
+        .unwrap();
     }
 }

@@ -39,7 +39,8 @@ pub enum Form {
     Points,
     /// Points joined by lines.
     Both,
-    /// Points with the series' name beside each, which then stands in no key; all such series have one colour.
+    /// Points with the series' name beside each, which then stands in no key; all such series have
+    /// one colour.
     Named,
     /// The name alone beside each point: what another series is, as a key would say.
     Caption,
@@ -52,7 +53,10 @@ const HEIGHT: u32 = 640;
 impl Axis {
     /// A linear axis over what the data span.
     pub fn new(label: impl Into<String>) -> Self {
-        Self { label: label.into(), ..Self::default() }
+        Self {
+            label: label.into(),
+            ..Self::default()
+        }
     }
 
     /// Whether it has a place for a value.
@@ -66,14 +70,24 @@ impl Axis {
             return range;
         }
         let shown = values.filter(|&v| self.shows(v));
-        let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            (low.min(v), high.max(v))
+        });
         match (low <= high, self.log) {
             (false, _) => (0.1, 1.0),
             (true, true) => (low / 1.25, high * 1.25),
             (true, false) => {
                 // A scale that nearly begins at zero begins there.
-                let room = if high > low { 0.04 * (high - low) } else { 0.5 * high.abs().max(1.0) };
-                let begin = if low >= 0.0 && low < 0.25 * high { 0.0 } else { low - room };
+                let room = if high > low {
+                    0.04 * (high - low)
+                } else {
+                    0.5 * high.abs().max(1.0)
+                };
+                let begin = if low >= 0.0 && low < 0.25 * high {
+                    0.0
+                } else {
+                    low - room
+                };
                 (begin, high + room)
             }
         }
@@ -89,11 +103,13 @@ impl Chart {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let (x0, x1) = self.x.span(points().map(|p| p.0));
         let (y0, y1) = self.y.span(points().map(|p| p.1));
-        svg(HEIGHT, &self.title, |canvas| match (self.x.log, self.y.log) {
-            (false, false) => self.draw(canvas, x0..x1, y0..y1),
-            (true, false) => self.draw(canvas, (x0..x1).log_scale(), y0..y1),
-            (false, true) => self.draw(canvas, x0..x1, (y0..y1).log_scale()),
-            (true, true) => self.draw(canvas, (x0..x1).log_scale(), (y0..y1).log_scale()),
+        svg(HEIGHT, &self.title, |canvas| {
+            match (self.x.log, self.y.log) {
+                (false, false) => self.draw(canvas, x0..x1, y0..y1),
+                (true, false) => self.draw(canvas, (x0..x1).log_scale(), y0..y1),
+                (false, true) => self.draw(canvas, x0..x1, (y0..y1).log_scale()),
+                (true, true) => self.draw(canvas, (x0..x1).log_scale(), (y0..y1).log_scale()),
+            }
         })
     }
 
@@ -131,15 +147,26 @@ impl Chart {
             .y_label_formatter(&number)
             .draw()?;
         let shown = |p: &&(f64, f64)| self.x.shows(p.0) && self.y.shows(p.1);
-        let keyed = |s: &&Series| !s.name.is_empty() && matches!(s.form, Form::Line | Form::Points | Form::Both);
+        let keyed = |s: &&Series| {
+            !s.name.is_empty() && matches!(s.form, Form::Line | Form::Points | Form::Both)
+        };
         let named = usize::from(self.series.iter().any(|s| s.form == Form::Named));
         let mut colors = (named..).map(color);
-        for series in self.series.iter().filter(|s| !matches!(s.form, Form::Caption | Form::Label)) {
-            let color = if series.form == Form::Named { color(0) } else { colors.next().unwrap_or(AXIS) };
+        for series in self
+            .series
+            .iter()
+            .filter(|s| !matches!(s.form, Form::Caption | Form::Label))
+        {
+            let color = if series.form == Form::Named {
+                color(0)
+            } else {
+                colors.next().unwrap_or(AXIS)
+            };
             let symbol = series.form != Form::Line;
             if matches!(series.form, Form::Line | Form::Both) {
                 for run in series.points.split(|p| !shown(&p)) {
-                    chart.draw_series(LineSeries::new(run.iter().copied(), color.stroke_width(4)))?;
+                    chart
+                        .draw_series(LineSeries::new(run.iter().copied(), color.stroke_width(4)))?;
                 }
             }
             let marks = series.points.iter().filter(shown).filter(|_| symbol);
@@ -154,9 +181,16 @@ impl Chart {
         let place = |p: &(f64, f64)| chart.backend_coord(p);
         let (across, down) = chart.plotting_area().get_pixel_range();
         let bounds = [across.start, down.start, WIDTH as i32, down.end];
-        labels::write(canvas, &self.series, bounds, |p| Some(p).filter(shown).map(place))?;
+        labels::write(canvas, &self.series, bounds, |p| {
+            Some(p).filter(shown).map(place)
+        })?;
         if self.series.iter().any(|s| keyed(&s)) {
-            let drawn = self.series.iter().flat_map(|s| &s.points).filter(shown).map(place);
+            let drawn = self
+                .series
+                .iter()
+                .flat_map(|s| &s.points)
+                .filter(shown)
+                .map(place);
             let corner = emptiest(&drawn.collect::<Vec<_>>());
             chart
                 .configure_series_labels()
@@ -175,11 +209,21 @@ impl Chart {
 fn emptiest(points: &[(i32, i32)]) -> SeriesLabelPosition {
     use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
     let (x, y) = (WIDTH as i32 / 2, HEIGHT as i32 / 2);
-    let in_corner =
-        |right: bool, lower: bool| points.iter().filter(|p| (p.0 > x) == right && (p.1 > y) == lower).count();
-    let corners =
-        [(true, false, UpperRight), (false, false, UpperLeft), (true, true, LowerRight), (false, true, LowerLeft)];
-    let corner = corners.into_iter().min_by_key(|&(right, lower, _)| in_corner(right, lower));
+    let in_corner = |right: bool, lower: bool| {
+        points
+            .iter()
+            .filter(|p| (p.0 > x) == right && (p.1 > y) == lower)
+            .count()
+    };
+    let corners = [
+        (true, false, UpperRight),
+        (false, false, UpperLeft),
+        (true, true, LowerRight),
+        (false, true, LowerLeft),
+    ];
+    let corner = corners
+        .into_iter()
+        .min_by_key(|&(right, lower, _)| in_corner(right, lower));
     corner.map_or(UpperRight, |(.., position)| position)
 }
 
@@ -190,8 +234,16 @@ pub(super) fn number(value: f64) -> String {
         v if v >= 1.0 => format!("{value:.2}"),
         _ => format!("{value:.4}"),
     };
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    if text == "-0" { "0".into() } else { text.to_owned() }
+    let text = if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &text
+    };
+    if text == "-0" {
+        "0".into()
+    } else {
+        text.to_owned()
+    }
 }
 
 #[cfg(test)]
@@ -199,43 +251,90 @@ mod tests {
     use super::*;
 
     fn chart(points: Vec<(f64, f64)>) -> Chart {
-        let series = Series { name: "v3 <&>".into(), form: Form::Both, points };
-        Chart { title: "t".into(), x: Axis::new("x"), y: Axis::new("y"), series: vec![series] }
+        let series = Series {
+            name: "v3 <&>".into(),
+            form: Form::Both,
+            points,
+        };
+        Chart {
+            title: "t".into(),
+            x: Axis::new("x"),
+            y: Axis::new("y"),
+            series: vec![series],
+        }
     }
 
     #[test]
     fn draws_what_has_a_place_and_escapes_texts() {
-        let mut chart = chart(vec![(0.0, 1.0), (1.0, f64::NAN), (2.0, 3.0), (3.0, 4.0), (4.0, -1.0)]);
+        let mut chart = chart(vec![
+            (0.0, 1.0),
+            (1.0, f64::NAN),
+            (2.0, 3.0),
+            (3.0, 4.0),
+            (4.0, -1.0),
+        ]);
         let circles = |chart: &Chart| chart.svg().unwrap().matches("<circle").count();
         assert_eq!(circles(&chart), 4);
         chart.y.log = true;
         assert_eq!(circles(&chart), 3);
         let svg = chart.svg().unwrap();
         assert!(svg.contains("v3 &lt;&amp;&gt;"), "{svg}");
-        assert!(svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 640\""), "{svg}");
+        assert!(
+            svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 640\""),
+            "{svg}"
+        );
     }
 
     #[test]
     fn names_stand_beside_points_and_in_no_key() {
-        let series = |name: &str, form, x| Series { name: name.into(), form, points: vec![(x, 1.0), (x, f64::NAN)] };
-        let series =
-            vec![series("bm", Form::Named, 1.0), series("sgm", Form::Named, 1.0), series("0.4", Form::Label, 2.0)];
-        let svg = Chart { series, ..Chart::default() }.svg().unwrap();
-        assert_eq!(["<circle", "\nbm\n", "\nsgm\n", "\n0.4\n"].map(|t| svg.matches(t).count()), [2, 1, 1, 1]);
+        let series = |name: &str, form, x| Series {
+            name: name.into(),
+            form,
+            points: vec![(x, 1.0), (x, f64::NAN)],
+        };
+        let series = vec![
+            series("bm", Form::Named, 1.0),
+            series("sgm", Form::Named, 1.0),
+            series("0.4", Form::Label, 2.0),
+        ];
+        let svg = Chart {
+            series,
+            ..Chart::default()
+        }
+        .svg()
+        .unwrap();
+        assert_eq!(
+            ["<circle", "\nbm\n", "\nsgm\n", "\n0.4\n"].map(|t| svg.matches(t).count()),
+            [2, 1, 1, 1]
+        );
         // No frame of a key.
         assert!(!svg.contains("opacity=\"0.8\""), "{svg}");
     }
 
     #[test]
     fn a_value_without_room_is_left_out() {
-        let label = |i: i32| Series { name: format!("value {i}"), form: Form::Label, points: vec![(1.0, 1.0)] };
-        let svg = Chart { series: (0..60).map(label).collect(), ..Chart::default() }.svg().unwrap();
+        let label = |i: i32| Series {
+            name: format!("value {i}"),
+            form: Form::Label,
+            points: vec![(1.0, 1.0)],
+        };
+        let svg = Chart {
+            series: (0..60).map(label).collect(),
+            ..Chart::default()
+        }
+        .svg()
+        .unwrap();
         assert!((2..9).contains(&svg.matches("\nvalue ").count()), "{svg}");
     }
 
     #[test]
     fn nothing_one_point_and_equal_points_have_axes() {
-        for points in [vec![], vec![(1.0, 0.0)], vec![(2.0, 5.0), (2.0, 5.0)], vec![(f64::INFINITY, 1.0)]] {
+        for points in [
+            vec![],
+            vec![(1.0, 0.0)],
+            vec![(2.0, 5.0), (2.0, 5.0)],
+            vec![(f64::INFINITY, 1.0)],
+        ] {
             for log in [false, true] {
                 let mut chart = chart(points.clone());
                 (chart.x.log, chart.y.log) = (log, log);

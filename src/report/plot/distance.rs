@@ -2,11 +2,24 @@
 
 use super::{Axis, Chart, Form, Series};
 
-/// Curves of `(disparity_px, distance_cm)` and measurements of `(distance_cm, disparity_px)`, each under its name, over
-/// what was measured. Curves go as far as they are given, and no farther than the measurements' plot.
-pub fn distance_chart(curves: Vec<(String, Vec<(f64, f64)>)>, measured: Vec<(String, Vec<(f64, f64)>)>) -> Chart {
-    let largest = |of: fn(&(f64, f64)) -> f64| measured.iter().flat_map(|(_, pairs)| pairs).map(of).fold(0.0, f64::max);
-    let (most_cm, most_px) = (round_up(1.15 * largest(|p| p.0)), round_up(1.1 * largest(|p| p.1)));
+/// Curves of `(disparity_px, distance_cm)` and measurements of `(distance_cm, disparity_px)`, each
+/// under its name, over what was measured. Curves go as far as they are given, and no farther than
+/// the measurements' plot.
+pub fn distance_chart(
+    curves: Vec<(String, Vec<(f64, f64)>)>,
+    measured: Vec<(String, Vec<(f64, f64)>)>,
+) -> Chart {
+    let largest = |of: fn(&(f64, f64)) -> f64| {
+        measured
+            .iter()
+            .flat_map(|(_, pairs)| pairs)
+            .map(of)
+            .fold(0.0, f64::max)
+    };
+    let (most_cm, most_px) = (
+        round_up(1.15 * largest(|p| p.0)),
+        round_up(1.1 * largest(|p| p.1)),
+    );
     let inside = |p: &(f64, f64)| (0.0..=most_px).contains(&p.0) && (0.0..=most_cm).contains(&p.1);
     let line = |(name, points): (String, Vec<_>)| Series {
         name,
@@ -24,8 +37,14 @@ pub fn distance_chart(curves: Vec<(String, Vec<(f64, f64)>)>, measured: Vec<(Str
     let last = lines.pop();
     Chart {
         title: "Distance at disparity".into(),
-        x: Axis { range: Some((0.0, most_px)), ..Axis::new("disparity, px") },
-        y: Axis { range: Some((0.0, most_cm)), ..Axis::new("distance, cm") },
+        x: Axis {
+            range: Some((0.0, most_px)),
+            ..Axis::new("disparity, px")
+        },
+        y: Axis {
+            range: Some((0.0, most_cm)),
+            ..Axis::new("distance, cm")
+        },
         series: lines.into_iter().chain(points).chain(last).collect(),
     }
 }

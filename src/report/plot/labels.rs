@@ -7,7 +7,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 const SIZE: u32 = TEXT - 4;
 
-/// Writes the names that stand beside points, where `place` says these are if anywhere, within `bounds`.
+/// Writes the names that stand beside points, where `place` says these are if anywhere, within
+/// `bounds`.
 pub(super) fn write(
     canvas: &Canvas,
     series: &[Series],
@@ -19,7 +20,10 @@ pub(super) fn write(
         let drawn: Vec<_> = series.points.iter().filter_map(&place).collect();
         drawn.iter().for_each(|p| labels.avoid(*p, 10));
         if series.form == Form::Both {
-            drawn.windows(2).flat_map(|ends| between(ends[0], ends[1])).for_each(|p| labels.avoid(p, 4));
+            drawn
+                .windows(2)
+                .flat_map(|ends| between(ends[0], ends[1]))
+                .for_each(|p| labels.avoid(p, 4));
         }
     }
     let style = text(SIZE).pos(Pos::new(HPos::Left, VPos::Center));
@@ -40,7 +44,9 @@ pub(super) fn write(
 
 /// Points of the line from `a` to `b`, half a text's height apart.
 fn between(a: (i32, i32), b: (i32, i32)) -> impl Iterator<Item = (i32, i32)> {
-    let steps = (f64::from(b.0 - a.0).hypot(f64::from(b.1 - a.1)) / f64::from(SIZE / 2)).ceil().max(1.0) as i32;
+    let steps = (f64::from(b.0 - a.0).hypot(f64::from(b.1 - a.1)) / f64::from(SIZE / 2))
+        .ceil()
+        .max(1.0) as i32;
     (1..steps).map(move |i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps))
 }
 
@@ -57,28 +63,40 @@ struct Labels {
 impl Labels {
     /// Texts of that `size` stay within `bounds`.
     fn new(bounds: Area, size: u32) -> Self {
-        Self { bounds, taken: Vec::new(), size }
+        Self {
+            bounds,
+            taken: Vec::new(),
+            size,
+        }
     }
 
     /// Nothing should stand within `radius` of that point.
     fn avoid(&mut self, (x, y): (i32, i32), radius: i32) {
-        self.taken.push([x - radius, y - radius, x + radius, y + radius]);
+        self.taken
+            .push([x - radius, y - radius, x + radius, y + radius]);
     }
 
-    /// The left middle of `text` beside `point`, up to `away` lines from it; with how much of it is hidden or hides,
-    /// square units.
+    /// The left middle of `text` beside `point`, up to `away` lines from it; with how much of it is
+    /// hidden or hides, square units.
     fn place(&mut self, text: &str, (x, y): (i32, i32), away: i32) -> ((i32, i32), i32) {
         let (width, height) = (text_width(text, self.size), self.size as i32);
-        let area = |left: i32, middle: i32| [left, middle - height / 2, left + width, middle + height / 2];
+        let area =
+            |left: i32, middle: i32| [left, middle - height / 2, left + width, middle + height / 2];
         let mut best: Option<(i32, Area)> = None;
         for away in 1..=away {
             let (dx, dy) = (14 * away, 8 + height * (2 * away - 1) / 2 + 4);
             let beside = [(x + dx, y), (x - dx - width, y)];
-            let above_and_below =
-                [-dy, dy].into_iter().flat_map(|dy| [x - width / 2, x + dx, x - dx - width].map(|left| (left, y + dy)));
+            let above_and_below = [-dy, dy]
+                .into_iter()
+                .flat_map(|dy| [x - width / 2, x + dx, x - dx - width].map(|left| (left, y + dy)));
             for (left, middle) in beside.into_iter().chain(above_and_below) {
                 let area = area(left, middle);
-                let hidden = self.taken.iter().map(|taken| shared(&area, taken)).sum::<i32>() + width * height
+                let hidden = self
+                    .taken
+                    .iter()
+                    .map(|taken| shared(&area, taken))
+                    .sum::<i32>()
+                    + width * height
                     - shared(&area, &self.bounds);
                 if best.is_none_or(|(least, _)| hidden < least) {
                     best = Some((hidden, area));
@@ -111,7 +129,14 @@ mod tests {
     fn texts_stay_apart_and_inside() {
         let bounds = [0, 0, 400, 300];
         let mut labels = Labels::new(bounds, 20);
-        let points = [(390, 100), (390, 105), (10, 5), (200, 200), (204, 200), (208, 204)];
+        let points = [
+            (390, 100),
+            (390, 105),
+            (10, 5),
+            (200, 200),
+            (204, 200),
+            (208, 204),
+        ];
         points.iter().for_each(|p| labels.avoid(*p, 8));
         for point in points {
             let (_, hidden) = labels.place("sgm", point, 3);

@@ -1,6 +1,7 @@
 //! Plots as SVG: what reports and the thesis's figures are drawn with.
 //!
-//! A page that holds them styles them: axes and texts take the page's colours through the class `plot`.
+//! A page that holds them styles them: axes and texts take the page's colours through the class
+//! `plot`.
 
 mod bars;
 mod chart;
@@ -17,8 +18,8 @@ use crate::error::{Error, Result};
 use plotters::prelude::*;
 use plotters::style::FontFamily;
 
-/// Width of every plot in the SVG's own units, which are whole; a page scales it, to between a third and two thirds of
-/// a pixel each: on a phone and on paper the texts are still texts.
+/// Width of every plot in the SVG's own units, which are whole; a page scales it, to between a
+/// third and two thirds of a pixel each: on a phone and on paper the texts are still texts.
 const WIDTH: u32 = 960;
 
 /// Text size in the same units.
@@ -27,8 +28,8 @@ const TEXT: u32 = 30;
 /// Grid and axes; the page's style replaces it.
 const AXIS: RGBColor = RGBColor(0x80, 0x80, 0x80);
 
-/// Colours that remain apart for the colour-blind (Okabe and Ito, "Color Universal Design", 2008), without the yellow
-/// that white paper swallows.
+/// Colours that remain apart for the colour-blind (Okabe and Ito, "Color Universal Design", 2008),
+/// without the yellow that white paper swallows.
 const COLORS: [RGBColor; 7] = [
     RGBColor(0x00, 0x72, 0xb2),
     RGBColor(0xd5, 0x5e, 0x00),
@@ -48,20 +49,29 @@ fn text<'a>(size: u32) -> TextStyle<'a> {
     (FontFamily::SansSerif, size).into_font().color(&BLACK)
 }
 
-/// Width of a text in the sans-serif fonts that browsers have, about; nobody knows which it will be.
+/// Width of a text in the sans-serif fonts that browsers have, about; nobody knows which it will
+/// be.
 fn text_width(text: &str, size: u32) -> i32 {
     (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as i32
 }
 
 /// Draws on an empty canvas of `height` and hands back the SVG.
-fn svg(height: u32, title: &str, draw: impl FnOnce(&Canvas) -> std::result::Result<(), Failure>) -> Result<String> {
+fn svg(
+    height: u32,
+    title: &str,
+    draw: impl FnOnce(&Canvas) -> std::result::Result<(), Failure>,
+) -> Result<String> {
     let mut svg = String::new();
     let canvas = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
     let drawn = draw(&canvas).and_then(|()| canvas.present());
     drop(canvas);
     drawn.map_err(|e| Error::Invalid(format!("plot '{title}': {e}")))?;
     // Sizes in percent let the page decide; `viewBox` keeps the proportions.
-    Ok(svg.replacen(&format!("width=\"{WIDTH}\" height=\"{height}\""), "class=\"plot\" role=\"img\"", 1))
+    Ok(svg.replacen(
+        &format!("width=\"{WIDTH}\" height=\"{height}\""),
+        "class=\"plot\" role=\"img\"",
+        1,
+    ))
 }
 
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;

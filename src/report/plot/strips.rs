@@ -7,7 +7,8 @@ use crate::report::speed::nearest_rank;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// A histogram for every category over one common logarithmic axis, with median, percentiles and maximum.
+/// A histogram for every category over one common logarithmic axis, with median, percentiles and
+/// maximum.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Strips {
     pub title: String,
@@ -29,8 +30,14 @@ const RIGHT: i32 = 36;
 const BIN: i32 = 6;
 const SIZE: u32 = TEXT - 2;
 
-/// What is marked of each distribution, above the shares that it does not exceed: name, share, height of the mark.
-const MARKS: [(&str, f64, i32); 4] = [("p50", 0.50, 48), ("p95", 0.95, 32), ("p99", 0.99, 20), ("max", 1.0, 10)];
+/// What is marked of each distribution, above the shares that it does not exceed: name, share,
+/// height of the mark.
+const MARKS: [(&str, f64, i32); 4] = [
+    ("p50", 0.50, 48),
+    ("p95", 0.95, 32),
+    ("p99", 0.99, 20),
+    ("max", 1.0, 10),
+];
 
 impl Strips {
     /// The plot as an SVG document.
@@ -42,11 +49,19 @@ impl Strips {
         let height = head + STRIP * self.strips.len() as i32 + FOOT;
         svg(height as u32, &self.title, |canvas| {
             let title = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
-            canvas.draw(&Text::new(self.title.clone(), (WIDTH as i32 / 2, 16), title))?;
+            canvas.draw(&Text::new(
+                self.title.clone(),
+                (WIDTH as i32 / 2, 16),
+                title,
+            ))?;
             let mut x = 4;
             for (k, (name, ..)) in MARKS.iter().enumerate() {
                 mark(canvas, k, (x, head - KEY + 32))?;
-                canvas.draw(&Text::new(*name, (x + 14, head - KEY + 12), beside(HPos::Left)))?;
+                canvas.draw(&Text::new(
+                    *name,
+                    (x + 14, head - KEY + 12),
+                    beside(HPos::Left),
+                ))?;
                 x += 52 + text_width(name, SIZE);
             }
             self.draw(canvas, head)
@@ -54,8 +69,20 @@ impl Strips {
     }
 
     fn draw(&self, canvas: &Canvas, head: i32) -> std::result::Result<(), Failure> {
-        let names = self.strips.iter().map(|(name, _)| text_width(name, SIZE) + 16).max().unwrap_or(0).min(NAMES);
-        let values = || self.strips.iter().flat_map(|(_, values)| values).copied().filter(|v| *v > 0.0);
+        let names = self
+            .strips
+            .iter()
+            .map(|(name, _)| text_width(name, SIZE) + 16)
+            .max()
+            .unwrap_or(0)
+            .min(NAMES);
+        let values = || {
+            self.strips
+                .iter()
+                .flat_map(|(_, values)| values)
+                .copied()
+                .filter(|v| *v > 0.0)
+        };
         let low = values().fold(f64::INFINITY, f64::min) / 1.15;
         let high = values().fold(0.0, f64::max) * 1.15;
         let (low, high) = if low < high { (low, high) } else { (0.1, 1.0) };
@@ -65,22 +92,36 @@ impl Strips {
 
         for tick in ticks(low, high) {
             let x = place(tick);
-            canvas.draw(&PathElement::new([(x, head), (x, foot + 8)], AXIS.mix(0.25)))?;
+            canvas.draw(&PathElement::new(
+                [(x, head), (x, foot + 8)],
+                AXIS.mix(0.25),
+            ))?;
             let below = text(SIZE - 2).pos(Pos::new(HPos::Center, VPos::Top));
             canvas.draw(&Text::new(number(tick), (x, foot + 14), below))?;
         }
         for (i, (name, values)) in self.strips.iter().enumerate() {
             let base = head + STRIP * (i as i32 + 1) - 4;
-            canvas.draw(&Text::new(name.clone(), (names - 16, base - STRIP / 2 + 4), beside(HPos::Right)))?;
-            canvas.draw(&PathElement::new([(names, base), (WIDTH as i32 - RIGHT, base)], AXIS.mix(0.5)))?;
+            canvas.draw(&Text::new(
+                name.clone(),
+                (names - 16, base - STRIP / 2 + 4),
+                beside(HPos::Right),
+            ))?;
+            canvas.draw(&PathElement::new(
+                [(names, base), (WIDTH as i32 - RIGHT, base)],
+                AXIS.mix(0.5),
+            ))?;
             let mut sorted: Vec<f64> = values.iter().copied().filter(|v| *v > 0.0).collect();
             sorted.sort_by(f64::total_cmp);
             let bins = sorted.chunk_by(|a, b| place(*a) / BIN == place(*b) / BIN);
             let fullest = bins.clone().map(<[_]>::len).max().unwrap_or(1);
             for bin in bins {
                 let x = place(bin[0]) / BIN * BIN;
-                let height = (f64::from(STRIP - 10) * bin.len() as f64 / fullest as f64).ceil() as i32;
-                canvas.draw(&Rectangle::new([(x, base - height), (x + BIN, base)], color(5).filled()))?;
+                let height =
+                    (f64::from(STRIP - 10) * bin.len() as f64 / fullest as f64).ceil() as i32;
+                canvas.draw(&Rectangle::new(
+                    [(x, base - height), (x + BIN, base)],
+                    color(5).filled(),
+                ))?;
             }
             for (k, (_, share, _)) in MARKS.iter().enumerate() {
                 if let Some(value) = nearest_rank(&sorted, *share) {
@@ -89,13 +130,20 @@ impl Strips {
             }
         }
         let middle = text(TEXT).pos(Pos::new(HPos::Center, VPos::Top));
-        canvas.draw(&Text::new(self.label.clone(), ((names + WIDTH as i32 - RIGHT) / 2, foot + 56), middle))
+        canvas.draw(&Text::new(
+            self.label.clone(),
+            ((names + WIDTH as i32 - RIGHT) / 2, foot + 56),
+            middle,
+        ))
     }
 }
 
 /// Draws mark `k` of [`MARKS`] with its foot at that place.
 fn mark(canvas: &Canvas, k: usize, (x, base): (i32, i32)) -> std::result::Result<(), Failure> {
-    canvas.draw(&Rectangle::new([(x - 3, base - MARKS[k].2), (x + 3, base)], color([1, 3, 2, 0][k]).filled()))
+    canvas.draw(&Rectangle::new(
+        [(x - 3, base - MARKS[k].2), (x + 3, base)],
+        color([1, 3, 2, 0][k]).filled(),
+    ))
 }
 
 fn beside<'a>(h: HPos) -> TextStyle<'a> {
@@ -105,7 +153,11 @@ fn beside<'a>(h: HPos) -> TextStyle<'a> {
 /// The 1, 2 and 5 of every power of ten in that range; the powers alone where it spans many.
 fn ticks(low: f64, high: f64) -> Vec<f64> {
     let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
-    let steps: &[f64] = if decades.clone().count() > 4 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let steps: &[f64] = if decades.clone().count() > 4 {
+        &[1.0]
+    } else {
+        &[1.0, 2.0, 5.0]
+    };
     let ticks = decades.flat_map(|d| steps.iter().map(move |step| step * 10f64.powi(d)));
     ticks.filter(|t| (low..=high).contains(t)).collect()
 }
@@ -116,12 +168,24 @@ mod tests {
 
     #[test]
     fn every_value_counts_and_the_marks_are_ranks() {
-        let strips = vec![("v3".to_owned(), (1..=100).map(f64::from).collect()), ("bm".to_owned(), vec![0.0, 10.0])];
-        let svg = Strips { title: "t".into(), label: "ms".into(), strips }.svg().unwrap();
+        let strips = vec![
+            ("v3".to_owned(), (1..=100).map(f64::from).collect()),
+            ("bm".to_owned(), vec![0.0, 10.0]),
+        ];
+        let svg = Strips {
+            title: "t".into(),
+            label: "ms".into(),
+            strips,
+        }
+        .svg()
+        .unwrap();
         assert!(svg.contains("\nv3\n") && svg.contains("\nms\n"));
         // One for the key, one per strip.
         let marks = |color: &str| svg.matches(&format!("fill=\"{color}\"")).count();
-        assert_eq!(["#D55E00", "#CC79A7", "#009E73", "#0072B2"].map(marks), [3; 4]);
+        assert_eq!(
+            ["#D55E00", "#CC79A7", "#009E73", "#0072B2"].map(marks),
+            [3; 4]
+        );
     }
 
     #[test]
@@ -133,6 +197,11 @@ mod tests {
     #[test]
     fn nothing_and_one_value_are_drawn() {
         Strips::default().svg().unwrap();
-        Strips { strips: vec![("a".into(), vec![]), ("b".into(), vec![3.0])], ..Strips::default() }.svg().unwrap();
+        Strips {
+            strips: vec![("a".into(), vec![]), ("b".into(), vec![3.0])],
+            ..Strips::default()
+        }
+        .svg()
+        .unwrap();
     }
 }

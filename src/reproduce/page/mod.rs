@@ -1,4 +1,5 @@
-//! What experiments leave to read: `index.html`, one file without scripts or anything to fetch, Markdown and JSON.
+//! What experiments leave to read: `index.html`, one file without scripts or anything to fetch,
+//! Markdown and JSON.
 
 use super::{Drawn, Exhibit, Experiment, Finding, Quantity, Table, Value, Verdict};
 use crate::error::{Error, Result};
@@ -91,13 +92,22 @@ struct PageView<'a> {
 impl Page<'_> {
     /// How many experiments came to which verdict, in words.
     pub fn tally(&self) -> String {
-        let count = |verdict| self.entries.iter().filter(|e| e.finding.verdict() == verdict).count();
+        let count = |verdict| {
+            self.entries
+                .iter()
+                .filter(|e| e.finding.verdict() == verdict)
+                .count()
+        };
         let words = |verdict: Verdict| match count(verdict) {
             0 => None,
             1 => Some(format!("1 {}", verdict.words())),
             n => Some(format!("{n} {}", verdict.plural())),
         };
-        Verdict::ALL.into_iter().filter_map(words).collect::<Vec<_>>().join(", ")
+        Verdict::ALL
+            .into_iter()
+            .filter_map(words)
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 
     /// The report as JSON values.
@@ -105,17 +115,36 @@ impl Page<'_> {
     /// # Errors
     /// None in fact: it is numbers and text.
     pub fn json(&self) -> Result<serde_json::Value> {
-        let Self { incomplete, identity, scenes, .. } = self;
+        let Self {
+            incomplete,
+            identity,
+            scenes,
+            ..
+        } = self;
         let experiments = self.entries.iter().map(Entry::view).collect();
-        let report = ReportView { incomplete, identity, scenes, experiments };
+        let report = ReportView {
+            incomplete,
+            identity,
+            scenes,
+            experiments,
+        };
         serde_json::to_value(report).map_err(|e| Error::Invalid(format!("report: {e}")))
     }
 
     /// The report without its figures.
     pub fn markdown(&self) -> String {
         let mut text = format!("# The thesis's experiments\n\n{}.\n", self.tally());
-        for Entry { experiment, finding } in self.entries {
-            let Experiment { title, claim, method, .. } = experiment;
+        for Entry {
+            experiment,
+            finding,
+        } in self.entries
+        {
+            let Experiment {
+                title,
+                claim,
+                method,
+                ..
+            } = experiment;
             let verdict = finding.verdict().words();
             // Writing to a String cannot fail.
             let _ = write!(
@@ -125,10 +154,20 @@ impl Page<'_> {
                 finding.why
             );
             for condition in &finding.conditions {
-                let _ = writeln!(text, "- {} {}", if condition.met { "met:" } else { "not met:" }, condition.says);
+                let _ = writeln!(
+                    text,
+                    "- {} {}",
+                    if condition.met { "met:" } else { "not met:" },
+                    condition.says
+                );
             }
             for TableView { heads, rows } in numbers(finding) {
-                let _ = writeln!(text, "\n| {} |\n|---|{}", heads.join(" | "), "---:|".repeat(heads.len() - 1));
+                let _ = writeln!(
+                    text,
+                    "\n| {} |\n|---|{}",
+                    heads.join(" | "),
+                    "---:|".repeat(heads.len() - 1)
+                );
                 for (name, cells) in rows {
                     let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
                 }
@@ -143,19 +182,46 @@ impl Page<'_> {
     /// # Errors
     /// [`Error::Invalid`] with what the template engine says.
     pub fn html(&self) -> Result<String> {
-        let Self { incomplete, identity, scenes, .. } = self;
+        let Self {
+            incomplete,
+            identity,
+            scenes,
+            ..
+        } = self;
         let sections = self.entries.iter().map(Entry::section).collect();
-        let view = PageView { incomplete, identity, scenes: scenes.join(", "), tally: self.tally(), sections };
-        fill(include_str!("page.html"), &[("page.css", include_str!("page.css"))], view)
-            .map_err(|e| Error::Invalid(format!("page of experiments: {e:#}")))
+        let view = PageView {
+            incomplete,
+            identity,
+            scenes: scenes.join(", "),
+            tally: self.tally(),
+            sections,
+        };
+        fill(
+            include_str!("page.html"),
+            &[("page.css", include_str!("page.css"))],
+            view,
+        )
+        .map_err(|e| Error::Invalid(format!("page of experiments: {e:#}")))
     }
 }
 
 impl Entry {
     fn view(&self) -> EntryView<'_> {
-        let Experiment { title, claim, method, .. } = *self.experiment;
+        let Experiment {
+            title,
+            claim,
+            method,
+            ..
+        } = *self.experiment;
         let verdict = self.finding.verdict();
-        EntryView { figure: self.experiment.figure(), title, claim, method, verdict, finding: &self.finding }
+        EntryView {
+            figure: self.experiment.figure(),
+            title,
+            claim,
+            method,
+            verdict,
+            finding: &self.finding,
+        }
     }
 
     fn section(&self) -> SectionView<'_> {
@@ -163,7 +229,12 @@ impl Entry {
         for exhibit in &self.finding.exhibits {
             match exhibit {
                 Exhibit::Plot(svg) => plots.push(svg.as_str()),
-                Exhibit::Picture { caption, png, size: (width, height), marks } => pictures.push(PictureView {
+                Exhibit::Picture {
+                    caption,
+                    png,
+                    size: (width, height),
+                    marks,
+                } => pictures.push(PictureView {
                     caption,
                     base64: STANDARD.encode(png),
                     width: *width,
@@ -174,14 +245,25 @@ impl Entry {
         }
         let words = self.finding.verdict().words();
         let numbers = numbers(&self.finding);
-        SectionView { heading: heading(self.experiment), words, numbers, plots, pictures, entry: self.view() }
+        SectionView {
+            heading: heading(self.experiment),
+            words,
+            numbers,
+            plots,
+            pictures,
+            entry: self.view(),
+        }
     }
 }
 
 fn mark(drawn: &Drawn) -> MarkView {
     let cell = drawn.mark.cell;
     let radius = cell.width.min(cell.height) / 16.0;
-    MarkView { drawn: *drawn, center: cell.center(), radius }
+    MarkView {
+        drawn: *drawn,
+        center: cell.center(),
+        radius,
+    }
 }
 
 /// `Figure 5.1`, `Table 5.1`; the speeds stand in the text of chapter 7.
@@ -196,17 +278,40 @@ fn heading(experiment: &Experiment) -> String {
 
 /// The quantities beside the thesis's, then the other tables.
 fn numbers(finding: &Finding) -> Vec<TableView<'_>> {
-    let beside =
-        || TableView { heads: vec!["", "thesis", "here"], rows: finding.quantities.iter().map(quantity).collect() };
+    let beside = || TableView {
+        heads: vec!["", "thesis", "here"],
+        rows: finding.quantities.iter().map(quantity).collect(),
+    };
     let others = finding.tables.iter().map(table_view);
-    (!finding.quantities.is_empty()).then(beside).into_iter().chain(others).collect()
+    (!finding.quantities.is_empty())
+        .then(beside)
+        .into_iter()
+        .chain(others)
+        .collect()
 }
 
 fn quantity(quantity: &Quantity) -> (&str, Vec<String>) {
-    let Quantity { name, unit, thesis, ours } = quantity;
-    let with_unit = |number: String| if unit.is_empty() { number } else { format!("{number}\u{a0}{unit}") };
+    let Quantity {
+        name,
+        unit,
+        thesis,
+        ours,
+    } = quantity;
+    let with_unit = |number: String| {
+        if unit.is_empty() {
+            number
+        } else {
+            format!("{number}\u{a0}{unit}")
+        }
+    };
     let thesis = thesis.clone().map_or_else(String::new, with_unit);
-    (name, vec![thesis, ours.map_or_else(|| "–".to_owned(), |v| with_unit(number(v)))])
+    (
+        name,
+        vec![
+            thesis,
+            ours.map_or_else(|| "–".to_owned(), |v| with_unit(number(v))),
+        ],
+    )
 }
 
 fn table_view(table: &Table) -> TableView<'_> {
@@ -215,8 +320,14 @@ fn table_view(table: &Table) -> TableView<'_> {
         Value::Text(text) => text.clone(),
         Value::Nothing => "–".to_owned(),
     };
-    let rows = table.rows.iter().map(|(name, values)| (name.as_str(), values.iter().map(cell).collect()));
-    TableView { heads: table.heads.iter().map(String::as_str).collect(), rows: rows.collect() }
+    let rows = table
+        .rows
+        .iter()
+        .map(|(name, values)| (name.as_str(), values.iter().map(cell).collect()));
+    TableView {
+        heads: table.heads.iter().map(String::as_str).collect(),
+        rows: rows.collect(),
+    }
 }
 
 /// Three digits or so.
@@ -233,19 +344,37 @@ mod tests {
     use super::*;
 
     fn page(entries: &[Entry]) -> Page<'_> {
-        Page { entries, scenes: vec!["tsukuba <&>".into()], identity: Vec::new(), incomplete: None }
+        Page {
+            entries,
+            scenes: vec!["tsukuba <&>".into()],
+            identity: Vec::new(),
+            incomplete: None,
+        }
     }
 
     #[test]
     fn everything_is_there_and_escaped() {
-        let mut finding = Finding { why: "a < b".into(), ..Finding::default() };
+        let mut finding = Finding {
+            why: "a < b".into(),
+            ..Finding::default()
+        };
         finding.condition(true, "x > 1");
         finding.quantity("share <i>", "%", "35", 33.333);
         finding.quantity("nothing", "", "", f64::NAN);
-        finding.table(["scene", "share, %"]).row("cones & co", [Value::from(12.34)]);
+        finding
+            .table(["scene", "share, %"])
+            .row("cones & co", [Value::from(12.34)]);
         let marks = Vec::new();
-        finding.exhibits.push(Exhibit::Picture { caption: "c & d".into(), png: vec![1, 2, 3], size: (4, 2), marks });
-        let entries = [Entry { experiment: &super::super::EXPERIMENTS[0], finding }];
+        finding.exhibits.push(Exhibit::Picture {
+            caption: "c & d".into(),
+            png: vec![1, 2, 3],
+            size: (4, 2),
+            marks,
+        });
+        let entries = [Entry {
+            experiment: &super::super::EXPERIMENTS[0],
+            finding,
+        }];
         let html = page(&entries).html().unwrap();
         for text in [
             "a &lt; b",
@@ -261,10 +390,17 @@ mod tests {
             assert!(html.contains(text), "{text}");
         }
         assert_eq!(page(&entries).tally(), "1 holds");
-        assert!(page(&entries).markdown().contains("| share <i> | 35\u{a0}% | 33.3\u{a0}% |"));
+        assert!(
+            page(&entries)
+                .markdown()
+                .contains("| share <i> | 35\u{a0}% | 33.3\u{a0}% |")
+        );
         let json = page(&entries).json().unwrap();
         assert_eq!(
-            (json["experiments"][0]["verdict"].as_str(), json["experiments"][0]["figure"].as_str()),
+            (
+                json["experiments"][0]["verdict"].as_str(),
+                json["experiments"][0]["figure"].as_str()
+            ),
             (Some("holds"), Some("5.1"))
         );
         assert!(json["experiments"][0]["quantities"][1]["ours"].is_null());
@@ -272,6 +408,9 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        assert_eq!([0.0, 6.0, 1800.4, 35.26, 0.456].map(number), ["0", "6", "1800", "35.3", "0.46"]);
+        assert_eq!(
+            [0.0, 6.0, 1800.4, 35.26, 0.456].map(number),
+            ["0", "6", "1800", "35.3", "0.46"]
+        );
     }
 }

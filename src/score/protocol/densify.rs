@@ -2,9 +2,10 @@
 
 use crate::stereo::Plane;
 
-/// The map with its holes (`+∞`) filled: along each row a gap between two disparities takes the smaller of the two, and
-/// both ends the nearest one; then the tops and bottoms of columns take the nearest one. So an empty row between others
-/// stays empty, as it does in the kits (`interpolateBackground` of `io_disparity.h`).
+/// The map with its holes (`+∞`) filled: along each row a gap between two disparities takes the
+/// smaller of the two, and both ends the nearest one; then the tops and bottoms of columns take the
+/// nearest one. So an empty row between others stays empty, as it does in the kits
+/// (`interpolateBackground` of `io_disparity.h`).
 pub fn densify(map: &Plane<f32>) -> Plane<f32> {
     let mut dense = map.clone();
     let (width, height) = dense.size();
@@ -13,7 +14,8 @@ pub fn densify(map: &Plane<f32>) -> Plane<f32> {
     }
     for x in 0..width {
         let known = |y: &usize| dense.get(x, *y).is_finite();
-        if let (Some(top), Some(bottom)) = ((0..height).find(known), (0..height).rev().find(known)) {
+        if let (Some(top), Some(bottom)) = ((0..height).find(known), (0..height).rev().find(known))
+        {
             (0..top).for_each(|y| dense.set(x, y, dense.get(x, top)));
             (bottom + 1..height).for_each(|y| dense.set(x, y, dense.get(x, bottom)));
         }

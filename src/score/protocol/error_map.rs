@@ -13,13 +13,21 @@ pub(super) fn plain(image: &Image) -> Plane<[u8; 3]> {
     let mut rgb = image.truth.map(|_| NO_TRUTH);
     each(image, |x, y, truth, dimmed| {
         let d = image.estimate.get(x, y);
-        rgb.set(x, y, dimmed(if d.is_finite() { colour(truth, d) } else { NO_ESTIMATE }));
+        rgb.set(
+            x,
+            y,
+            dimmed(if d.is_finite() {
+                colour(truth, d)
+            } else {
+                NO_ESTIMATE
+            }),
+        );
     });
     rgb
 }
 
-/// As the kit draws: the densified map, each pixel but those of the image's border over its eight neighbours, the later
-/// over the earlier.
+/// As the kit draws: the densified map, each pixel but those of the image's border over its eight
+/// neighbours, the later over the earlier.
 pub(super) fn kitti(image: &Image) -> Plane<[u8; 3]> {
     let dense = Maps::of(image).dense;
     let mut rgb = image.truth.map(|_| NO_TRUTH);
@@ -33,12 +41,28 @@ pub(super) fn kitti(image: &Image) -> Plane<[u8; 3]> {
     rgb
 }
 
-/// Calls `paint` for the pixels with a truth in raster order, with what halves the colours of those the mask leaves out.
+/// Calls `paint` for the pixels with a truth in raster order, with what halves the colours of those
+/// the mask leaves out.
 fn each(image: &Image, mut paint: impl FnMut(usize, usize, f32, fn([u8; 3]) -> [u8; 3])) {
     for (y, row) in image.truth.rows().enumerate() {
-        for (x, &truth) in row.iter().enumerate().filter(|(_, truth)| truth.is_finite()) {
-            let seen = image.mask.is_none_or(|mask| mask.get(x, y) == Visibility::Visible);
-            paint(x, y, truth, if seen { |rgb| rgb } else { |rgb| rgb.map(|c| c / 2) });
+        for (x, &truth) in row
+            .iter()
+            .enumerate()
+            .filter(|(_, truth)| truth.is_finite())
+        {
+            let seen = image
+                .mask
+                .is_none_or(|mask| mask.get(x, y) == Visibility::Visible);
+            paint(
+                x,
+                y,
+                truth,
+                if seen {
+                    |rgb| rgb
+                } else {
+                    |rgb| rgb.map(|c| c / 2)
+                },
+            );
         }
     }
 }
@@ -54,8 +78,8 @@ mod tests {
     #[test]
     fn bins_begin_where_the_last_ends() {
         // At a truth of 60 the two thresholds are one: 3 px.
-        let colours =
-            [0.0, 0.1875, 0.375, 0.75, 1.5, 3.0, 6.0, 12.0, 24.0, 48.0].map(|error| colour(60.0, 60.0 + error));
+        let colours = [0.0, 0.1875, 0.375, 0.75, 1.5, 3.0, 6.0, 12.0, 24.0, 48.0]
+            .map(|error| colour(60.0, 60.0 + error));
         assert_eq!(colours, BINS.map(|(_, colour)| colour));
         assert_eq!(colour(60.0, 62.999), BINS[4].1);
         // Far off in pixels, but not in parts of the truth: the smaller counts.
@@ -63,8 +87,18 @@ mod tests {
         assert_eq!((colour(0.0, 0.0), colour(0.0, 3.0)), (BINS[0].1, BINS[5].1));
     }
 
-    fn image<'a>(estimate: &'a Plane<f32>, truth: &'a Plane<f32>, mask: Option<&'a Plane<Visibility>>) -> Image<'a> {
-        Image { estimate, truth, mask, foreground: None, max_disparity: None }
+    fn image<'a>(
+        estimate: &'a Plane<f32>,
+        truth: &'a Plane<f32>,
+        mask: Option<&'a Plane<Visibility>>,
+    ) -> Image<'a> {
+        Image {
+            estimate,
+            truth,
+            mask,
+            foreground: None,
+            max_disparity: None,
+        }
     }
 
     #[test]
@@ -81,11 +115,20 @@ mod tests {
     #[test]
     fn kitti_fills_holes_and_draws_nine_pixels_for_one() {
         let inf = f32::INFINITY;
-        let at =
-            |x: usize, y: usize, d: f32| Plane::from_fn(6, 3, |u, v| if (u, v) == (x, y) { d } else { inf }).unwrap();
+        let at = |x: usize, y: usize, d: f32| {
+            Plane::from_fn(6, 3, |u, v| if (u, v) == (x, y) { d } else { inf }).unwrap()
+        };
         let rgb = kitti(&image(&at(0, 0, 60.0), &at(2, 1, 60.0), None));
         for (x, y) in (0..3).flat_map(|y| (0..6).map(move |x| (x, y))) {
-            assert_eq!(rgb.get(x, y), if (1..=3).contains(&x) { BINS[0].1 } else { NO_TRUTH }, "({x}, {y})");
+            assert_eq!(
+                rgb.get(x, y),
+                if (1..=3).contains(&x) {
+                    BINS[0].1
+                } else {
+                    NO_TRUTH
+                },
+                "({x}, {y})"
+            );
         }
         let border = kitti(&image(&at(0, 0, 60.0), &at(0, 1, 60.0), None));
         assert!(border.pixels().all(|rgb| rgb == NO_TRUTH));

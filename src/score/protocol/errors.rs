@@ -16,10 +16,14 @@ impl Errors {
     /// [`Error::Invalid`] when there is none.
     pub(super) fn collect(judged: impl Iterator<Item = (f32, f32)>) -> Result<Self> {
         let mut pixels = 0;
-        let estimated = judged.inspect(|_| pixels += 1).filter(|(_, d)| d.is_finite());
+        let estimated = judged
+            .inspect(|_| pixels += 1)
+            .filter(|(_, d)| d.is_finite());
         let mut sorted: Vec<f32> = estimated.map(|(truth, d)| (d - truth).abs()).collect();
         if pixels == 0 {
-            return Err(Error::Invalid("no pixel has a truth that the mask leaves: nothing to judge".into()));
+            return Err(Error::Invalid(
+                "no pixel has a truth that the mask leaves: nothing to judge".into(),
+            ));
         }
         sorted.sort_unstable_by(f32::total_cmp);
         Ok(Self { sorted, pixels })
@@ -60,21 +64,46 @@ impl Errors {
         (!self.sorted.is_empty()).then(|| sum / self.sorted.len() as f64)
     }
 
-    /// The table that Middlebury and ETH3D share: `bad` in percent by threshold, and A_q, the error of rank
-    /// `rank(q · 100)` from 0.
-    pub(super) fn table(&self, bad: impl Fn(f32) -> Option<f64>, rank: impl Fn(u8) -> usize) -> Numbers {
+    /// The table that Middlebury and ETH3D share: `bad` in percent by threshold, and A_q, the error
+    /// of rank `rank(q · 100)` from 0.
+    pub(super) fn table(
+        &self,
+        bad: impl Fn(f32) -> Option<f64>,
+        rank: impl Fn(u8) -> usize,
+    ) -> Numbers {
         let mut table = Numbers::default();
-        for (name, threshold_px) in [("bad0.5", 0.5), ("bad1.0", 1.0), ("bad2.0", 2.0), ("bad4.0", 4.0)] {
+        for (name, threshold_px) in [
+            ("bad0.5", 0.5),
+            ("bad1.0", 1.0),
+            ("bad2.0", 2.0),
+            ("bad4.0", 4.0),
+        ] {
             table.add(name, Unit::Percent, bad(threshold_px));
         }
-        table.add("invalid", Unit::Percent, percent(self.invalid(), self.pixels));
-        table.add("totbad2.0", Unit::Percent, percent(self.over(2.0) + self.invalid(), self.pixels));
+        table.add(
+            "invalid",
+            Unit::Percent,
+            percent(self.invalid(), self.pixels),
+        );
+        table.add(
+            "totbad2.0",
+            Unit::Percent,
+            percent(self.over(2.0) + self.invalid(), self.pixels),
+        );
         table.add("avgerr", Unit::Px, self.mean());
         table.add("rms", Unit::Px, self.rms());
         for (name, q) in [("a50", 50), ("a90", 90), ("a95", 95), ("a99", 99)] {
-            table.add(name, Unit::Px, self.sorted.get(rank(q)).map(|&error| error.into()));
+            table.add(
+                name,
+                Unit::Px,
+                self.sorted.get(rank(q)).map(|&error| error.into()),
+            );
         }
-        table.add("coverage", Unit::Percent, percent(self.estimated(), self.pixels));
+        table.add(
+            "coverage",
+            Unit::Percent,
+            percent(self.estimated(), self.pixels),
+        );
         table.add("pixels", Unit::Count, Some(self.pixels as f64));
         table
     }

@@ -1,8 +1,10 @@
-//! ETH3D's two-view benchmark (T. Schöps et al., *A multi-view stereo benchmark with high-resolution images and
-//! multi-camera videos*, CVPR 2017), as its program `two-view-evaluation` judges.
+//! ETH3D's two-view benchmark (T. Schöps et al., *A multi-view stereo benchmark with
+//! high-resolution images and multi-camera videos*, CVPR 2017), as its program
+//! `two-view-evaluation` judges.
 //!
-//! Its quirks: a disparity beyond the image's width either way is none; all numbers but coverage are of the estimated
-//! pixels; without any, all of them are bad and the errors infinite (`None` here).
+//! Its quirks: a disparity beyond the image's width either way is none; all numbers but coverage
+//! are of the estimated pixels; without any, all of them are bad and the errors infinite (`None`
+//! here).
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
@@ -10,9 +12,12 @@ use super::{Image, judged};
 use crate::error::Result;
 
 pub(super) fn numbers(image: &Image) -> Result<Numbers> {
-    let errors = Errors::collect(judged(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))))?;
+    let errors = Errors::collect(
+        judged(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))),
+    )?;
     let bad = |t| percent(errors.over(t), errors.estimated()).or(Some(100.0));
-    // The program multiplies in single precision, which tells where there are some hundred thousand pixels.
+    // The program multiplies in single precision, which tells where there are some hundred thousand
+    // pixels.
     let rank = |q| (errors.estimated() as f32 * (f32::from(q) / 100.0)).floor() as usize;
     Ok(errors.table(bad, rank))
 }
@@ -20,5 +25,9 @@ pub(super) fn numbers(image: &Image) -> Result<Numbers> {
 /// The estimate, `+∞` for none.
 pub(super) fn estimate(image: &Image, x: usize, y: usize) -> f32 {
     let d = image.estimate.get(x, y);
-    if d.abs() <= image.truth.width() as f32 { d } else { f32::INFINITY }
+    if d.abs() <= image.truth.width() as f32 {
+        d
+    } else {
+        f32::INFINITY
+    }
 }

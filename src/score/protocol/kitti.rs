@@ -1,9 +1,11 @@
-//! What both development kits of KITTI share (A. Geiger, P. Lenz and R. Urtasun, CVPR 2012; M. Menze and A. Geiger,
-//! CVPR 2015): which disparities are valid, and the map before and after densifying.
+//! What both development kits of KITTI share (A. Geiger, P. Lenz and R. Urtasun, CVPR 2012; M.
+//! Menze and A. Geiger, CVPR 2015): which disparities are valid, and the map before and after
+//! densifying.
 //!
-//! The kits judge thrice. Their Matlab half takes the map as it is, and a pixel without disparity there is −1, nearly
-//! always an outlier. Their C++ half, which makes the web page's tables, judges the densified map (`_dense` here, the
-//! page's column *All*) and the estimated pixels alone (`_est`, its column *Est*).
+//! The kits judge thrice. Their Matlab half takes the map as it is, and a pixel without disparity
+//! there is −1, nearly always an outlier. Their C++ half, which makes the web page's tables, judges
+//! the densified map (`_dense` here, the page's column *All*) and the estimated pixels alone
+//! (`_est`, its column *Est*).
 
 use super::{Image, densify};
 use crate::stereo::Plane;
@@ -17,12 +19,21 @@ pub(super) struct Maps {
 impl Maps {
     /// Disparities below 0 are none.
     pub(super) fn of(image: &Image) -> Self {
-        let sparse = image.estimate.map(|d| if d >= 0.0 { d } else { f32::INFINITY });
-        Self { dense: densify(&sparse), sparse }
+        let sparse = image
+            .estimate
+            .map(|d| if d >= 0.0 { d } else { f32::INFINITY });
+        Self {
+            dense: densify(&sparse),
+            sparse,
+        }
     }
 }
 
 /// The disparity as the kits store it.
 pub(super) fn stored(disparity: f32) -> f32 {
-    if disparity.is_finite() { disparity } else { -1.0 }
+    if disparity.is_finite() {
+        disparity
+    } else {
+        -1.0
+    }
 }

@@ -1,4 +1,5 @@
-//! KITTI 2012: outliers beyond 1 … 5 px and the mean error, of each image; over several the mean of the images.
+//! KITTI 2012: outliers beyond 1 … 5 px and the mean error, of each image; over several the mean of
+//! the images.
 
 use super::errors::Errors;
 use super::kitti::{Maps, stored};
@@ -19,26 +20,42 @@ const OUTLIERS: [(f32, [&str; 3]); 5] = [
 pub(super) fn numbers(image: &Image) -> Result<Numbers> {
     let Maps { sparse, dense } = Maps::of(image);
     let errors = |map: &Plane<f32>, read: fn(f32) -> f32| {
-        Errors::collect(judged(image.truth, image.mask).map(|(x, y, truth)| (truth, read(map.get(x, y)))))
+        Errors::collect(
+            judged(image.truth, image.mask).map(|(x, y, truth)| (truth, read(map.get(x, y)))),
+        )
     };
     let as_is = errors(&sparse, stored)?;
     let densified = errors(&dense, stored)?;
     let estimated = errors(&sparse, |d| d)?;
-    let filled = judged(image.truth, image.mask).filter(|&(x, y, _)| dense.get(x, y).is_finite()).count();
+    let filled = judged(image.truth, image.mask)
+        .filter(|&(x, y, _)| dense.get(x, y).is_finite())
+        .count();
 
     let mut numbers = Numbers::default();
     let outliers = |numbers: &mut Numbers, column: usize, errors: &Errors| {
         for (threshold_px, names) in OUTLIERS {
-            numbers.add(names[column], Unit::Percent, percent(errors.over(threshold_px), errors.estimated()));
+            numbers.add(
+                names[column],
+                Unit::Percent,
+                percent(errors.over(threshold_px), errors.estimated()),
+            );
         }
     };
     outliers(&mut numbers, 0, &as_is);
     // A hole has no error to average.
     numbers.add("avgerr", Unit::Px, estimated.mean());
-    numbers.add("density", Unit::Percent, percent(estimated.estimated(), estimated.pixels()));
+    numbers.add(
+        "density",
+        Unit::Percent,
+        percent(estimated.estimated(), estimated.pixels()),
+    );
     outliers(&mut numbers, 1, &densified);
     numbers.add("avgerr_dense", Unit::Px, densified.mean());
-    numbers.add("density_dense", Unit::Percent, percent(filled, estimated.pixels()));
+    numbers.add(
+        "density_dense",
+        Unit::Percent,
+        percent(filled, estimated.pixels()),
+    );
     outliers(&mut numbers, 2, &estimated);
     numbers.add("pixels", Unit::Count, Some(as_is.pixels() as f64));
     Ok(numbers)

@@ -1,5 +1,6 @@
-//! KITTI 2015: D1, the outliers by more than 3 px and more than 5 % of the truth, of background, foreground and all;
-//! over several images the pixels of all are counted, not their shares averaged.
+//! KITTI 2015: D1, the outliers by more than 3 px and more than 5 % of the truth, of background,
+//! foreground and all; over several images the pixels of all are counted, not their shares
+//! averaged.
 
 use super::kitti::{Maps, stored};
 use super::numbers::{Numbers, Unit, percent};
@@ -29,8 +30,9 @@ struct Share {
     pixels: usize,
 }
 
-/// Whether `|e| > 3 px` and `|e| > 5 %` of the truth, both strictly. The C++ kit divides in single precision and so counts
-/// an error of exactly a twentieth; the Matlab kit does not, and nor does this.
+/// Whether `|e| > 3 px` and `|e| > 5 %` of the truth, both strictly. The C++ kit divides in single
+/// precision and so counts an error of exactly a twentieth; the Matlab kit does not, and nor does
+/// this.
 fn is_outlier(truth: f32, d: f32) -> bool {
     let error = (d - truth).abs();
     error > 3.0 && f64::from(error) / f64::from(truth.abs()) > 0.05
@@ -41,9 +43,19 @@ impl Counts {
         let Maps { sparse, dense } = Maps::of(image);
         let none = [Share::default(); REGIONS];
         let regions_known = image.foreground.is_some();
-        let mut counts = Self { as_is: none, dense: none, estimated: none, filled: 0, regions_known };
+        let mut counts = Self {
+            as_is: none,
+            dense: none,
+            estimated: none,
+            filled: 0,
+            regions_known,
+        };
         for (x, y, truth) in judged(image.truth, image.mask) {
-            let region = usize::from(image.foreground.is_some_and(|foreground| foreground.get(x, y)));
+            let region = usize::from(
+                image
+                    .foreground
+                    .is_some_and(|foreground| foreground.get(x, y)),
+            );
             let (d, filled) = (sparse.get(x, y), dense.get(x, y));
             counts.filled += usize::from(filled.is_finite());
             for region in [region, ALL] {
@@ -55,25 +67,44 @@ impl Counts {
             }
         }
         match counts.as_is[ALL].pixels {
-            0 => Err(Error::Invalid("no pixel has a truth that the mask leaves: nothing to judge".into())),
+            0 => Err(Error::Invalid(
+                "no pixel has a truth that the mask leaves: nothing to judge".into(),
+            )),
             _ => Ok(counts),
         }
     }
 
     pub(super) fn numbers(&self) -> Numbers {
         let mut numbers = Numbers::default();
-        let d1 = |numbers: &mut Numbers, names: [&'static str; REGIONS], shares: [Share; REGIONS]| {
-            for (region, (name, share)) in names.into_iter().zip(shares).enumerate() {
-                let known = self.regions_known || region == ALL;
-                numbers.add(name, Unit::Percent, percent(share.outliers, share.pixels).filter(|_| known));
-            }
-        };
+        let d1 =
+            |numbers: &mut Numbers, names: [&'static str; REGIONS], shares: [Share; REGIONS]| {
+                for (region, (name, share)) in names.into_iter().zip(shares).enumerate() {
+                    let known = self.regions_known || region == ALL;
+                    numbers.add(
+                        name,
+                        Unit::Percent,
+                        percent(share.outliers, share.pixels).filter(|_| known),
+                    );
+                }
+            };
         let pixels = self.as_is[ALL].pixels;
         d1(&mut numbers, ["d1_bg", "d1_fg", "d1_all"], self.as_is);
-        numbers.add("density", Unit::Percent, percent(self.estimated[ALL].pixels, pixels));
-        d1(&mut numbers, ["d1_bg_dense", "d1_fg_dense", "d1_all_dense"], self.dense);
+        numbers.add(
+            "density",
+            Unit::Percent,
+            percent(self.estimated[ALL].pixels, pixels),
+        );
+        d1(
+            &mut numbers,
+            ["d1_bg_dense", "d1_fg_dense", "d1_all_dense"],
+            self.dense,
+        );
         numbers.add("density_dense", Unit::Percent, percent(self.filled, pixels));
-        d1(&mut numbers, ["d1_bg_est", "d1_fg_est", "d1_all_est"], self.estimated);
+        d1(
+            &mut numbers,
+            ["d1_bg_est", "d1_fg_est", "d1_all_est"],
+            self.estimated,
+        );
         numbers.add("pixels", Unit::Count, Some(pixels as f64));
         numbers
     }
@@ -90,7 +121,10 @@ impl Add for Share {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        Self { outliers: self.outliers + other.outliers, pixels: self.pixels + other.pixels }
+        Self {
+            outliers: self.outliers + other.outliers,
+            pixels: self.pixels + other.pixels,
+        }
     }
 }
 
@@ -98,7 +132,9 @@ impl Add for Counts {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        let sum = |a: [Share; REGIONS], b: [Share; REGIONS]| std::array::from_fn(|region| a[region] + b[region]);
+        let sum = |a: [Share; REGIONS], b: [Share; REGIONS]| {
+            std::array::from_fn(|region| a[region] + b[region])
+        };
         Self {
             as_is: sum(self.as_is, other.as_is),
             dense: sum(self.dense, other.dense),

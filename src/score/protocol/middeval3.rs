@@ -1,10 +1,11 @@
-//! Middlebury v3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate ground truth*, GCPR
-//! 2014), as `evaldisp` of MiddEval3-SDK judges.
+//! Middlebury v3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate
+//! ground truth*, GCPR 2014), as `evaldisp` of MiddEval3-SDK judges.
 //!
-//! Its quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the factor; estimates are
-//! clipped to 0 ..= the largest disparity, invalid ones are neither filled nor bad, and `bad` is a share of all judged
-//! pixels while `avgerr` and `rms` are means over the estimated ones. For A50 … A99, which the web page shows and
-//! `evaldisp` does not make, ETH3D's rule serves.
+//! Its quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the
+//! factor; estimates are clipped to 0 ..= the largest disparity, invalid ones are neither filled
+//! nor bad, and `bad` is a share of all judged pixels while `avgerr` and `rms` are means over the
+//! estimated ones. For A50 … A99, which the web page shows and `evaldisp` does not make, ETH3D's
+//! rule serves.
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
@@ -14,8 +15,12 @@ use crate::error::{Error, Result};
 pub(super) fn numbers(image: &Image) -> Result<Numbers> {
     let scale = scale(image)?;
     let judged = judged(image.truth, image.mask);
-    let errors = Errors::collect(judged.map(|(x, y, truth)| (truth, estimate(image, scale, x, y))))?;
-    Ok(errors.table(|t| percent(errors.over(t), errors.pixels()), |q| errors.rank(q)))
+    let errors =
+        Errors::collect(judged.map(|(x, y, truth)| (truth, estimate(image, scale, x, y))))?;
+    Ok(errors.table(
+        |t| percent(errors.over(t), errors.pixels()),
+        |q| errors.rank(q),
+    ))
 }
 
 /// By how much the truth is larger than the estimate: 1, 2 or 4.
@@ -24,7 +29,9 @@ pub(super) fn scale(image: &Image) -> Result<usize> {
     let fits = |scale: &usize| (w * scale, h * scale) == (width, height);
     [1, 2, 4].into_iter().find(fits).ok_or_else(|| {
         let rule = "the truth must be exactly 1, 2 or 4 times as large";
-        Error::Invalid(format!("the estimate is {w}x{h}, the truth {width}x{height}: {rule}"))
+        Error::Invalid(format!(
+            "the estimate is {w}x{h}, the truth {width}x{height}: {rule}"
+        ))
     })
 }
 

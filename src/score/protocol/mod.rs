@@ -1,7 +1,8 @@
-//! The metric protocols of the stereo benchmarks, each with its kit's own quirks, so that the numbers equal the kit's.
+//! The metric protocols of the stereo benchmarks, each with its kit's own quirks, so that the
+//! numbers equal the kit's.
 //!
-//! Disparities are pixels, `+∞` where there is none. All shares are percentages; a number that would be divided by
-//! nothing is `None`, never 0.
+//! Disparities are pixels, `+∞` where there is none. All shares are percentages; a number that
+//! would be divided by nothing is `None`, never 0.
 
 mod densify;
 mod error_map;
@@ -37,7 +38,8 @@ pub enum Protocol {
     Kitti15,
 }
 
-/// One image to judge. Mask and foreground are of the truth's size; so is the estimate, but for [`Protocol::Middeval3`].
+/// One image to judge. Mask and foreground are of the truth's size; so is the estimate, but for
+/// [`Protocol::Middeval3`].
 #[derive(Clone, Copy, Debug)]
 pub struct Image<'a> {
     pub estimate: &'a Plane<f32>,
@@ -60,7 +62,13 @@ pub enum Score {
 }
 
 impl Protocol {
-    pub const ALL: [Self; 5] = [Self::Middeval3, Self::MiddleburyV2, Self::Eth3d, Self::Kitti12, Self::Kitti15];
+    pub const ALL: [Self; 5] = [
+        Self::Middeval3,
+        Self::MiddleburyV2,
+        Self::Eth3d,
+        Self::Kitti12,
+        Self::Kitti15,
+    ];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -87,11 +95,12 @@ impl Protocol {
         }
     }
 
-    /// The errors in KITTI's colours as interleaved RGB of the truth's size, from dark blue over white at the threshold
-    /// (3 px or 5 %) to dark red; dimmed where the mask leaves a pixel out, black where there is no truth, grey where
-    /// there is no estimate.
+    /// The errors in KITTI's colours as interleaved RGB of the truth's size, from dark blue over
+    /// white at the threshold (3 px or 5 %) to dark red; dimmed where the mask leaves a pixel out,
+    /// black where there is no truth, grey where there is no estimate.
     ///
-    /// KITTI's protocols draw as their kit does: the densified map, each pixel over its eight neighbours.
+    /// KITTI's protocols draw as their kit does: the densified map, each pixel over its eight
+    /// neighbours.
     ///
     /// # Errors
     /// [`Error::Invalid`] for sizes that do not go together.
@@ -100,7 +109,10 @@ impl Protocol {
         let (width, height) = image.truth.size();
         let plain = |estimate: &dyn Fn(usize, usize) -> f32| {
             let estimate = Plane::from_fn(width, height, estimate)?;
-            Ok::<_, Error>(error_map::plain(&Image { estimate: &estimate, ..*image }))
+            Ok::<_, Error>(error_map::plain(&Image {
+                estimate: &estimate,
+                ..*image
+            }))
         };
         let rgb = match self {
             Self::Middeval3 => {
@@ -119,11 +131,19 @@ impl FromStr for Protocol {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|protocol| protocol.name() == name).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name);
-            let meant = nearest(name, names).map(|n| format!(" (did you mean '{n}'?)")).unwrap_or_default();
-            Error::Invalid(format!("unknown protocol '{name}'{meant}; there are {}", names.join(", ")))
-        })
+        Self::ALL
+            .into_iter()
+            .find(|protocol| protocol.name() == name)
+            .ok_or_else(|| {
+                let names = Self::ALL.map(Self::name);
+                let meant = nearest(name, names)
+                    .map(|n| format!(" (did you mean '{n}'?)"))
+                    .unwrap_or_default();
+                Error::Invalid(format!(
+                    "unknown protocol '{name}'{meant}; there are {}",
+                    names.join(", ")
+                ))
+            })
     }
 }
 
@@ -135,7 +155,8 @@ impl Score {
         }
     }
 
-    /// One protocol's numbers over several images: KITTI 2015 counts the pixels of all, the others average.
+    /// One protocol's numbers over several images: KITTI 2015 counts the pixels of all, the others
+    /// average.
     pub fn over(scores: &[Self]) -> Numbers {
         let pooled = scores.iter().filter_map(|score| match score {
             Self::Pooled(counts) => Some(counts),
@@ -152,7 +173,9 @@ impl Image<'_> {
     fn check(&self, protocol: Protocol) -> Result<()> {
         let (width, height) = self.truth.size();
         let differs = |what: &str, (w, h): (usize, usize)| {
-            Err(Error::Invalid(format!("the {what} is {w}x{h}, the truth {width}x{height}: they must be of one size")))
+            Err(Error::Invalid(format!(
+                "the {what} is {w}x{h}, the truth {width}x{height}: they must be of one size"
+            )))
         };
         if protocol != Protocol::Middeval3 && self.estimate.size() != (width, height) {
             return differs("estimate", self.estimate.size());

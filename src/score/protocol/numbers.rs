@@ -40,13 +40,21 @@ impl Numbers {
         self.iter().find(|number| number.name == name)?.value
     }
 
-    /// The mean of one protocol's numbers over images, counts summed; no value where an image has none.
+    /// The mean of one protocol's numbers over images, counts summed; no value where an image has
+    /// none.
     pub(super) fn mean(images: &[Self]) -> Self {
         let first = images.first().map_or(&[][..], |numbers| &numbers.0);
         let over = |(i, number): (usize, &Number)| {
             let sum: Option<f64> = images.iter().map(|numbers| numbers.0[i].value).sum();
-            let parts = if number.unit == Unit::Count { 1.0 } else { images.len() as f64 };
-            Number { value: sum.map(|sum| sum / parts), ..*number }
+            let parts = if number.unit == Unit::Count {
+                1.0
+            } else {
+                images.len() as f64
+            };
+            Number {
+                value: sum.map(|sum| sum / parts),
+                ..*number
+            }
         };
         Self(first.iter().enumerate().map(over).collect())
     }

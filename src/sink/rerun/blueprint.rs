@@ -1,12 +1,12 @@
 //! A viewer layout as a tree, and how it gets into a stream or a file.
 //!
-//! The SDK's own blueprint types cannot yet set a view's properties (axes, legends, the eye in 3D) nor write a layout
-//! file, so this writes the blueprint's entities itself, as the Python SDK does.
+//! The SDK's own blueprint types cannot yet set a view's properties (axes, legends, the eye in 3D)
+//! nor write a layout file, so this writes the blueprint's entities itself, as the Python SDK does.
 
 use ::rerun::external::re_log_types::BlueprintActivationCommand;
 use ::rerun::external::re_sdk_types::blueprint::archetypes::{
-    ContainerBlueprint, PanelBlueprint, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
-    VisibleTimeRanges,
+    ContainerBlueprint, PanelBlueprint, TimePanelBlueprint, ViewBlueprint, ViewContents,
+    ViewportBlueprint, VisibleTimeRanges,
 };
 use ::rerun::external::re_sdk_types::blueprint::components::{
     ColumnShare, ContainerKind, PanelState, RootContainer, RowShare, VisibleTimeRange,
@@ -16,13 +16,19 @@ use ::rerun::external::re_types_core::datatypes::{
     TimeInt, TimeRange, TimeRangeBoundary, VisibleTimeRange as VisibleTimeRangeOn,
 };
 use ::rerun::{
-    ApplicationId, AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
+    ApplicationId, AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder,
+    RecordingStreamResult,
 };
 use std::path::Path;
 
 /// A container or a view.
 pub(super) enum Node {
-    Container { kind: ContainerKind, name: String, children: Vec<Node>, shares: Vec<f32> },
+    Container {
+        kind: ContainerKind,
+        name: String,
+        children: Vec<Node>,
+        shares: Vec<f32>,
+    },
     View(View),
 }
 
@@ -61,19 +67,33 @@ impl Node {
     }
 
     fn container(kind: ContainerKind, name: &str, children: Vec<Node>, shares: &[f32]) -> Self {
-        Self::Container { kind, name: name.to_owned(), children, shares: shares.to_vec() }
+        Self::Container {
+            kind,
+            name: name.to_owned(),
+            children,
+            shares: shares.to_vec(),
+        }
     }
 
     /// Writes the subtree and gives its root's path and id.
     fn log(&self, stream: &RecordingStream) -> RecordingStreamResult<(EntityPath, Uuid)> {
         let id = Uuid::new_v4();
         let path = match self {
-            Self::Container { kind, name, children, shares } => {
-                let children = children.iter().map(|c| c.log(stream)).collect::<RecordingStreamResult<Vec<_>>>()?;
+            Self::Container {
+                kind,
+                name,
+                children,
+                shares,
+            } => {
+                let children = children
+                    .iter()
+                    .map(|c| c.log(stream))
+                    .collect::<RecordingStreamResult<Vec<_>>>()?;
                 let mut container = ContainerBlueprint::new(*kind)
                     .with_contents(children.iter().map(|(path, _)| path.to_string()))
                     .with_display_name(name.as_str());
-                if let Some((first, _)) = children.first().filter(|_| *kind == ContainerKind::Tabs) {
+                if let Some((first, _)) = children.first().filter(|_| *kind == ContainerKind::Tabs)
+                {
                     container = container.with_active_tab(first.to_string());
                 }
                 if !shares.is_empty() {
@@ -92,8 +112,8 @@ impl Node {
 }
 
 impl View {
-    /// A view of Rerun's class `class` (`2D`, `3D`, `TimeSeries`, `TextDocument`, `TextLog`) showing the entities that
-    /// `contents` lists, relative to `origin`.
+    /// A view of Rerun's class `class` (`2D`, `3D`, `TimeSeries`, `TextDocument`, `TextLog`)
+    /// showing the entities that `contents` lists, relative to `origin`.
     pub(super) fn new<S: Into<String>>(
         class: &'static str,
         name: &str,
@@ -102,11 +122,22 @@ impl View {
     ) -> Self {
         let contents = contents.into_iter().map(Into::into).collect();
         let (name, origin) = (name.to_owned(), origin.to_owned());
-        Self { class, name, origin, contents, properties: Vec::new(), pasts: Vec::new() }
+        Self {
+            class,
+            name,
+            origin,
+            contents,
+            properties: Vec::new(),
+            pasts: Vec::new(),
+        }
     }
 
     /// Sets a property archetype of the view, under Rerun's name for it.
-    pub(super) fn with(mut self, name: &'static str, property: impl AsComponents + 'static) -> Self {
+    pub(super) fn with(
+        mut self,
+        name: &'static str,
+        property: impl AsComponents + 'static,
+    ) -> Self {
         self.properties.push((name, Box::new(property)));
         self
     }
@@ -130,7 +161,10 @@ impl View {
         }
         for entity in &self.pasts {
             let past = VisibleTimeRanges::new(super::TIMELINES.map(until_now));
-            let path = ViewContents::blueprint_base_visualizer_path_for_entity(id, &EntityPath::from(entity.as_str()));
+            let path = ViewContents::blueprint_base_visualizer_path_for_entity(
+                id,
+                &EntityPath::from(entity.as_str()),
+            );
             stream.log(path, &past)?;
         }
         Ok(path.into())
@@ -138,8 +172,14 @@ impl View {
 }
 
 fn until_now(timeline: &str) -> VisibleTimeRange {
-    let range = TimeRange { start: TimeRangeBoundary::Infinite, end: TimeRangeBoundary::CursorRelative(TimeInt(0)) };
-    VisibleTimeRange(VisibleTimeRangeOn { timeline: timeline.into(), range })
+    let range = TimeRange {
+        start: TimeRangeBoundary::Infinite,
+        end: TimeRangeBoundary::CursorRelative(TimeInt(0)),
+    };
+    VisibleTimeRange(VisibleTimeRangeOn {
+        timeline: timeline.into(),
+        range,
+    })
 }
 
 impl From<View> for Node {
@@ -148,7 +188,8 @@ impl From<View> for Node {
     }
 }
 
-/// Writes the layout `root`, its panels folded, its time cursor on `timeline`, into a blueprint's stream.
+/// Writes the layout `root`, its panels folded, its time cursor on `timeline`, into a blueprint's
+/// stream.
 fn log(root: &Node, timeline: &str, stream: &RecordingStream) -> RecordingStreamResult<()> {
     // The viewer reads a blueprint at its latest moment of this timeline.
     stream.set_time_sequence("blueprint", 0);
@@ -158,18 +199,28 @@ fn log(root: &Node, timeline: &str, stream: &RecordingStream) -> RecordingStream
         .with_auto_layout(false)
         .with_auto_views(false);
     stream.log("viewport", &viewport)?;
-    stream.log("blueprint_panel", &PanelBlueprint::new().with_state(PanelState::Collapsed))?;
-    stream.log("selection_panel", &PanelBlueprint::new().with_state(PanelState::Collapsed))?;
-    let time = TimePanelBlueprint::new().with_state(PanelState::Collapsed).with_timeline(timeline);
+    stream.log(
+        "blueprint_panel",
+        &PanelBlueprint::new().with_state(PanelState::Collapsed),
+    )?;
+    stream.log(
+        "selection_panel",
+        &PanelBlueprint::new().with_state(PanelState::Collapsed),
+    )?;
+    let time = TimePanelBlueprint::new()
+        .with_state(PanelState::Collapsed)
+        .with_timeline(timeline);
     stream.log("time_panel", &time)
 }
 
 fn builder(app: ApplicationId) -> RecordingStreamBuilder {
-    RecordingStreamBuilder::new(app).recording_id(Uuid::new_v4().to_string()).blueprint()
+    RecordingStreamBuilder::new(app)
+        .recording_id(Uuid::new_v4().to_string())
+        .blueprint()
 }
 
-/// Sends the layout to whoever gets the recording `stream` of `app`. It becomes the active one: the layout left over
-/// from a run with other algorithms would show empty views.
+/// Sends the layout to whoever gets the recording `stream` of `app`. It becomes the active one: the
+/// layout left over from a run with other algorithms would show empty views.
 pub(super) fn send(
     root: &Node,
     app: ApplicationId,
@@ -179,13 +230,20 @@ pub(super) fn send(
     let (blueprint, storage) = builder(app).memory()?;
     log(root, timeline, &blueprint)?;
     let messages = storage.take();
-    let Some(id) = messages.first().map(|message| message.store_id().clone()) else { return Ok(()) };
+    let Some(id) = messages.first().map(|message| message.store_id().clone()) else {
+        return Ok(());
+    };
     stream.send_blueprint(messages, BlueprintActivationCommand::make_active(id));
     Ok(())
 }
 
 /// Writes the layout to the file `path`, by custom `*.rbl`, for recordings of `app`.
-pub(super) fn save(root: &Node, app: ApplicationId, timeline: &str, path: &Path) -> RecordingStreamResult<()> {
+pub(super) fn save(
+    root: &Node,
+    app: ApplicationId,
+    timeline: &str,
+    path: &Path,
+) -> RecordingStreamResult<()> {
     let blueprint = builder(app).save(path)?;
     log(root, timeline, &blueprint)?;
     // The viewer activates what it has read so far. A failure shows again below.

@@ -13,7 +13,8 @@ use crate::error::Result;
 use crate::overlay::viridis;
 use crate::stereo::StereoPair;
 use ::rerun::{
-    Clear, LineStrips2D, Points2D, RecordingStream, RecordingStreamBuilder, RecordingStreamError, Rgba32, TextDocument,
+    Clear, LineStrips2D, Points2D, RecordingStream, RecordingStreamBuilder, RecordingStreamError,
+    Rgba32, TextDocument,
 };
 use nalgebra::Point2;
 
@@ -33,27 +34,59 @@ impl BoardView {
     /// # Errors
     /// As [`super::RerunSink::new`].
     pub fn new(target: RerunTarget, columns: usize) -> Result<Self> {
-        let stream = target.open(RecordingStreamBuilder::new(APPLICATION).recording_name("board"))?;
-        let image = |side: &str| View::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into();
+        let stream =
+            target.open(RecordingStreamBuilder::new(APPLICATION).recording_name("board"))?;
+        let image =
+            |side: &str| View::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into();
         let images = Node::row("images", SIDES.map(image).into(), &[]);
-        let words = View::new("TextDocument", "what is there", "board/state", ["+ $origin"]).into();
+        let words = View::new(
+            "TextDocument",
+            "what is there",
+            "board/state",
+            ["+ $origin"],
+        )
+        .into();
         let root = Node::column("board", vec![images, words], &[7.0, 1.0]);
-        let view = Self { stream, target, columns };
-        view.done(blueprint::send(&root, APPLICATION.into(), TIMELINES[0], &view.stream))?;
+        let view = Self {
+            stream,
+            target,
+            columns,
+        };
+        view.done(blueprint::send(
+            &root,
+            APPLICATION.into(),
+            TIMELINES[0],
+            &view.stream,
+        ))?;
         Ok(view)
     }
 
-    /// Shows pair `sequence`, the corners of its images row by row where they were found, and `state`, as Markdown.
+    /// Shows pair `sequence`, the corners of its images row by row where they were found, and
+    /// `state`, as Markdown.
     ///
     /// # Errors
     /// The viewer is gone, or the file cannot be written.
-    pub fn show(&self, sequence: u64, pair: &StereoPair, corners: [&[Point2<f64>]; 2], state: &str) -> Result<()> {
-        self.stream.set_time_sequence(TIMELINES[0], i64::try_from(sequence).unwrap_or(i64::MAX));
-        for ((side, image), corners) in SIDES.into_iter().zip([pair.left(), pair.right()]).zip(corners) {
+    pub fn show(
+        &self,
+        sequence: u64,
+        pair: &StereoPair,
+        corners: [&[Point2<f64>]; 2],
+        state: &str,
+    ) -> Result<()> {
+        self.stream
+            .set_time_sequence(TIMELINES[0], i64::try_from(sequence).unwrap_or(i64::MAX));
+        for ((side, image), corners) in SIDES
+            .into_iter()
+            .zip([pair.left(), pair.right()])
+            .zip(corners)
+        {
             let path = |part: &str| format!("board/{side}{part}");
             self.done(self.stream.log(path(""), &gray(image)))?;
             // Rerun's pixels begin at integers.
-            let points: Vec<[f32; 2]> = corners.iter().map(|p| [p.x as f32 + 0.5, p.y as f32 + 0.5]).collect();
+            let points: Vec<[f32; 2]> = corners
+                .iter()
+                .map(|p| [p.x as f32 + 0.5, p.y as f32 + 0.5])
+                .collect();
             let Some(first) = points.first() else {
                 self.done(self.stream.log(path("/rows"), &Clear::flat()))?;
                 self.done(self.stream.log(path("/first"), &Clear::flat()))?;
@@ -61,12 +94,28 @@ impl BoardView {
             };
             let rows: Vec<_> = points.chunks(self.columns).map(<[_]>::to_vec).collect();
             let color = |row: usize| viridis(1.0 - 0.8 * row as f32 / rows.len() as f32);
-            let colors: Vec<_> = (0..rows.len()).map(color).map(|[r, g, b]| Rgba32::from_rgb(r, g, b)).collect();
-            self.done(self.stream.log(path("/rows"), &LineStrips2D::new(rows).with_colors(colors).with_radii([0.4])))?;
+            let colors: Vec<_> = (0..rows.len())
+                .map(color)
+                .map(|[r, g, b]| Rgba32::from_rgb(r, g, b))
+                .collect();
+            self.done(
+                self.stream.log(
+                    path("/rows"),
+                    &LineStrips2D::new(rows)
+                        .with_colors(colors)
+                        .with_radii([0.4]),
+                ),
+            )?;
             let red = Rgba32::from_rgb(230, 60, 40);
-            self.done(self.stream.log(path("/first"), &Points2D::new([*first]).with_colors([red]).with_radii([3.0])))?;
+            self.done(self.stream.log(
+                path("/first"),
+                &Points2D::new([*first]).with_colors([red]).with_radii([3.0]),
+            ))?;
         }
-        self.done(self.stream.log("board/state", &TextDocument::from_markdown(state)))
+        self.done(
+            self.stream
+                .log("board/state", &TextDocument::from_markdown(state)),
+        )
     }
 
     /// Waits until all is written or sent.
@@ -74,7 +123,9 @@ impl BoardView {
     /// # Errors
     /// As [`BoardView::show`].
     pub fn finish(&self) -> Result<()> {
-        self.stream.flush_blocking().map_err(|error| self.target.broken(&error.to_string()))
+        self.stream
+            .flush_blocking()
+            .map_err(|error| self.target.broken(&error.to_string()))
     }
 
     fn done<T>(&self, result: std::result::Result<T, RecordingStreamError>) -> Result<T> {

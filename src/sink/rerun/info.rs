@@ -41,16 +41,26 @@ impl Algorithm {
     }
 }
 
-/// The labels as parts of entity paths, which have their own meaning for `/ : = ,` and spaces: letters, digits, `_` and
-/// `.` stay, the rest becomes `-`. Labels that would become equal are numbered.
+/// The labels as parts of entity paths, which have their own meaning for `/ : = ,` and spaces:
+/// letters, digits, `_` and `.` stay, the rest becomes `-`. Labels that would become equal are
+/// numbered.
 pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<Algorithm> {
-    let safe = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '_' | '.') { c } else { '-' };
+    let safe = |c: char| {
+        if c.is_ascii_alphanumeric() || matches!(c, '_' | '.') {
+            c
+        } else {
+            '-'
+        }
+    };
     let mut made: Vec<Algorithm> = Vec::new();
     for label in labels {
         let stem: String = label.chars().map(safe).collect();
         let names = std::iter::once(stem.clone()).chain((2..).map(|n| format!("{stem}-{n}")));
         // The numbers never end, so one of them is free.
-        let part = names.into_iter().find(|name| made.iter().all(|a| a.part != *name)).unwrap_or(stem);
+        let part = names
+            .into_iter()
+            .find(|name| made.iter().all(|a| a.part != *name))
+            .unwrap_or(stem);
         made.push(Algorithm { label, part });
     }
     made
@@ -58,13 +68,19 @@ pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<Algorithm>
 
 /// The run's head line and its parameters.
 pub(super) fn parameters(run: &RunInfo) -> String {
-    let rows = run.algorithms.iter().map(|(label, parameters)| format!("\n### {label}\n{parameters}\n"));
+    let rows = run
+        .algorithms
+        .iter()
+        .map(|(label, parameters)| format!("\n### {label}\n{parameters}\n"));
     format!("# {}\n{}", run.scenario, rows.collect::<String>())
 }
 
 /// What stands for the verdicts until there are some.
 pub(super) fn awaiting(run: &RunInfo) -> String {
-    format!("# {}\n\nNo checkpoint has been judged: verdicts come at the end of a scored run.\n", run.scenario)
+    format!(
+        "# {}\n\nNo checkpoint has been judged: verdicts come at the end of a scored run.\n",
+        run.scenario
+    )
 }
 
 #[cfg(test)]
@@ -73,8 +89,24 @@ mod tests {
 
     #[test]
     fn labels_become_parts_of_paths() {
-        let labels = ["v3", "v3:max_disparity=64", "v3:max_disparity,64", "exec:a b/c"];
-        let parts: Vec<_> = algorithms(labels.into_iter().map(str::to_owned)).into_iter().map(|a| a.part).collect();
-        assert_eq!(parts, ["v3", "v3-max_disparity-64", "v3-max_disparity-64-2", "exec-a-b-c"]);
+        let labels = [
+            "v3",
+            "v3:max_disparity=64",
+            "v3:max_disparity,64",
+            "exec:a b/c",
+        ];
+        let parts: Vec<_> = algorithms(labels.into_iter().map(str::to_owned))
+            .into_iter()
+            .map(|a| a.part)
+            .collect();
+        assert_eq!(
+            parts,
+            [
+                "v3",
+                "v3-max_disparity-64",
+                "v3-max_disparity-64-2",
+                "exec-a-b-c"
+            ]
+        );
     }
 }

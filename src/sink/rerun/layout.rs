@@ -7,13 +7,15 @@ use super::{CAMERA, IMAGE, LEGEND, RerunTarget};
 use crate::error::Result;
 use ::rerun::datatypes::Range2D;
 use ::rerun::external::re_sdk_types::blueprint::archetypes::{
-    Background, EyeControls3D, LineGrid3D, PlotLegend, ScalarAxis, SpatialInformation, VisualBounds2D,
+    Background, EyeControls3D, LineGrid3D, PlotLegend, ScalarAxis, SpatialInformation,
+    VisualBounds2D,
 };
 use ::rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corner2D};
 use ::rerun::{ApplicationId, Rgba32, components::Color};
 use std::path::Path;
 
-/// What the first frame shows there is to see. A view without data would only be a hole in the layout.
+/// What the first frame shows there is to see. A view without data would only be a hole in the
+/// layout.
 pub(super) struct Facts {
     pub truth: bool,
     pub rig: bool,
@@ -24,43 +26,73 @@ pub(super) struct Facts {
     pub eye: [[f32; 3]; 2],
 }
 
-/// The layout of a run: the world and the overlays above, the maps below them, plots and text at the bottom.
+/// The layout of a run: the world and the overlays above, the maps below them, plots and text at
+/// the bottom.
 pub(super) fn run(algorithms: &[Algorithm], facts: &Facts) -> Node {
     let one = algorithms.len() == 1;
     let truth_overlay = facts.truth.then(|| picture("truth", "truth/overlay"));
-    let overlays: Vec<Node> =
-        algorithms.iter().map(|a| picture(&a.label, &a.path("overlay"))).chain(truth_overlay).collect();
-    let overlays =
-        if overlays.len() <= 2 { Node::row("overlays", overlays, &[]) } else { Node::grid("overlays", overlays) };
+    let overlays: Vec<Node> = algorithms
+        .iter()
+        .map(|a| picture(&a.label, &a.path("overlay")))
+        .chain(truth_overlay)
+        .collect();
+    let overlays = if overlays.len() <= 2 {
+        Node::row("overlays", overlays, &[])
+    } else {
+        Node::grid("overlays", overlays)
+    };
     let worlds: Vec<Node> = algorithms.iter().map(|a| world(a, facts, one)).collect();
     let top = match facts.rig {
-        true => Node::row("scene", vec![Node::tabs("worlds", worlds), overlays], &[if one { 0.7 } else { 0.5 }, 1.0]),
+        true => Node::row(
+            "scene",
+            vec![Node::tabs("worlds", worlds), overlays],
+            &[if one { 0.7 } else { 0.5 }, 1.0],
+        ),
         false => overlays,
     };
-    let shares: &[f32] = if algorithms.len() > 2 { &[5.0, 3.0, 2.0] } else { &[4.0, 3.0, 2.0] };
-    Node::column("svl", vec![top, maps(algorithms, facts), bottom(algorithms, facts)], shares)
+    let shares: &[f32] = if algorithms.len() > 2 {
+        &[5.0, 3.0, 2.0]
+    } else {
+        &[4.0, 3.0, 2.0]
+    };
+    Node::column(
+        "svl",
+        vec![top, maps(algorithms, facts), bottom(algorithms, facts)],
+        shares,
+    )
 }
 
-/// The maps: side by side for one algorithm, a tab per kind for several, so that like stands beside like.
+/// The maps: side by side for one algorithm, a tab per kind for several, so that like stands beside
+/// like.
 fn maps(algorithms: &[Algorithm], facts: &Facts) -> Node {
-    let kinds = ["depth", "disparity", "why", "ssdpi"].into_iter().filter(|&kind| kind != "depth" || facts.rig);
+    let kinds = ["depth", "disparity", "why", "ssdpi"]
+        .into_iter()
+        .filter(|&kind| kind != "depth" || facts.rig);
     let one = algorithms.len() == 1;
     let mut nodes = Vec::new();
     for kind in kinds {
         let views = algorithms.iter().map(|algorithm| {
             let name = if one { kind } else { &algorithm.label };
             let path = algorithm.path(kind);
-            if kind == "why" { reasons(name, &path, facts) } else { map(name, &path) }
+            if kind == "why" {
+                reasons(name, &path, facts)
+            } else {
+                map(name, &path)
+            }
         });
-        let truth =
-            (kind == "depth" && facts.truth).then(|| map(if one { "true depth" } else { "truth" }, "truth/depth"));
+        let truth = (kind == "depth" && facts.truth)
+            .then(|| map(if one { "true depth" } else { "truth" }, "truth/depth"));
         let views: Vec<Node> = views.chain(truth).collect();
         match one {
             true => nodes.extend(views),
             false => nodes.push(Node::row(kind, views, &[])),
         }
     }
-    if one { Node::row("maps", nodes, &[]) } else { Node::tabs("maps", nodes) }
+    if one {
+        Node::row("maps", nodes, &[])
+    } else {
+        Node::tabs("maps", nodes)
+    }
 }
 
 fn bottom(algorithms: &[Algorithm], facts: &Facts) -> Node {
@@ -68,16 +100,39 @@ fn bottom(algorithms: &[Algorithm], facts: &Facts) -> Node {
     let latency = match algorithms {
         [only] => plot("latency, ms", stages(only), true).into(),
         _ => {
-            let totals = plot("latency, ms", algorithms.iter().map(|a| a.path("latency/total")), true);
-            let each = algorithms.iter().map(|a| plot(&format!("{}, ms", a.label), stages(a), true));
-            Node::tabs("latency", std::iter::once(totals).chain(each).map(Node::from).collect())
+            let totals = plot(
+                "latency, ms",
+                algorithms.iter().map(|a| a.path("latency/total")),
+                true,
+            );
+            let each = algorithms
+                .iter()
+                .map(|a| plot(&format!("{}, ms", a.label), stages(a), true));
+            Node::tabs(
+                "latency",
+                std::iter::once(totals)
+                    .chain(each)
+                    .map(Node::from)
+                    .collect(),
+            )
         }
     };
-    let coverage = plot("coverage, %", algorithms.iter().map(|a| a.path("coverage")), false)
-        .with("ScalarAxis", ScalarAxis::new().with_range([0.0, 100.0]));
+    let coverage = plot(
+        "coverage, %",
+        algorithms.iter().map(|a| a.path("coverage")),
+        false,
+    )
+    .with("ScalarAxis", ScalarAxis::new().with_range([0.0, 100.0]));
     let mut nodes = vec![latency, coverage.into()];
     if facts.truth && facts.rig {
-        nodes.push(plot("wrong cells", algorithms.iter().map(|a| a.path("wrong_cells")), false).into());
+        nodes.push(
+            plot(
+                "wrong cells",
+                algorithms.iter().map(|a| a.path("wrong_cells")),
+                false,
+            )
+            .into(),
+        );
     }
     let mut texts: Vec<Node> = vec![
         View::new("TextDocument", "verdicts", "run/verdicts", ["$origin"]).into(),
@@ -90,24 +145,38 @@ fn bottom(algorithms: &[Algorithm], facts: &Facts) -> Node {
     Node::row("numbers", nodes, &[])
 }
 
-/// A recording with these topics, which the viewer names as the recording does: both images, the true depth, and the
-/// cameras in the frame `world`. Nothing where no image has a place svl knows.
+/// A recording with these topics, which the viewer names as the recording does: both images, the
+/// true depth, and the cameras in the frame `world`. Nothing where no image has a place svl knows.
 fn recording(topics: &[String]) -> Option<Node> {
     let view = |(name, topic): (&str, &str)| {
         let known = topics.iter().any(|t| t == topic);
-        known.then(|| View::new("2D", name, topic, ["$origin"]).with("Background", dark()).into())
+        known.then(|| {
+            View::new("2D", name, topic, ["$origin"])
+                .with("Background", dark())
+                .into()
+        })
     };
-    let images: Vec<Node> =
-        [("left", "/stereo/left/image"), ("right", "/stereo/right/image")].into_iter().filter_map(view).collect();
+    let images: Vec<Node> = [
+        ("left", "/stereo/left/image"),
+        ("right", "/stereo/right/image"),
+    ]
+    .into_iter()
+    .filter_map(view)
+    .collect();
     if images.is_empty() {
         return None;
     }
     let mut rows = vec![Node::row("pair", images, &[])];
     let mut scene: Vec<Node> = view(("true depth", "/truth/depth")).into_iter().collect();
     if topics.iter().any(|topic| topic == "/rig/pose") {
-        let world = View::new("3D", "world", "/", ["+ /rig/**", "+ /stereo/left/**", "+ /truth/depth"])
-            .with("SpatialInformation", SpatialInformation::new("world"))
-            .with("Background", dark());
+        let world = View::new(
+            "3D",
+            "world",
+            "/",
+            ["+ /rig/**", "+ /stereo/left/**", "+ /truth/depth"],
+        )
+        .with("SpatialInformation", SpatialInformation::new("world"))
+        .with("Background", dark());
         scene.push(world.into());
     }
     if !scene.is_empty() {
@@ -116,14 +185,18 @@ fn recording(topics: &[String]) -> Option<Node> {
     Some(Node::column("svl", rows, &[]))
 }
 
-/// Writes a viewer layout for the recording `file` (MCAP) with these topics to `layout`, by custom `*.rbl`, and says
-/// whether it did: a recording without svl's topics is left to the viewer's own judgement.
+/// Writes a viewer layout for the recording `file` (MCAP) with these topics to `layout`, by custom
+/// `*.rbl`, and says whether it did: a recording without svl's topics is left to the viewer's own
+/// judgement.
 ///
 /// # Errors
 /// The layout cannot be written.
 pub fn save_recording_layout(file: &Path, topics: &[String], layout: &Path) -> Result<bool> {
-    let Some(root) = recording(topics) else { return Ok(false) };
-    // The viewer takes the file's name for the application's, and a layout belongs to an application.
+    let Some(root) = recording(topics) else {
+        return Ok(false);
+    };
+    // The viewer takes the file's name for the application's, and a layout belongs to an
+    // application.
     let app = ApplicationId::new_or_unknown(file.file_stem().unwrap_or_default().to_string_lossy());
     blueprint::save(&root, app, "message_log_time", layout)
         .map_err(|error| RerunTarget::File(layout.to_owned()).failed(error))?;
@@ -132,20 +205,36 @@ pub fn save_recording_layout(file: &Path, topics: &[String], layout: &Path) -> R
 
 /// The left image with an entity over it.
 fn picture(name: &str, over: &str) -> Node {
-    View::new("2D", name, CAMERA, [IMAGE, over].map(|path| format!("+ /{path}/**"))).with("Background", dark()).into()
+    View::new(
+        "2D",
+        name,
+        CAMERA,
+        [IMAGE, over].map(|path| format!("+ /{path}/**")),
+    )
+    .with("Background", dark())
+    .into()
 }
 
 /// The reasons on the left image, and below it their legend, if all frames are of one size.
 fn reasons(name: &str, path: &str, facts: &Facts) -> Node {
     let contents = [Some(IMAGE), Some(path), facts.size.map(|_| LEGEND)];
-    let contents = contents.into_iter().flatten().map(|path| format!("+ /{path}/**"));
+    let contents = contents
+        .into_iter()
+        .flatten()
+        .map(|path| format!("+ /{path}/**"));
     let view = View::new("2D", name, CAMERA, contents).with("Background", dark());
     match facts.size {
         Some((width, height)) => {
-            let (x_range, y_range) = ([0.0, width as f64], [0.0, height as f64 * (1.0 + LEGEND_SHARE)]);
+            let (x_range, y_range) = (
+                [0.0, width as f64],
+                [0.0, height as f64 * (1.0 + LEGEND_SHARE)],
+            );
             view.with(
                 "VisualBounds2D",
-                VisualBounds2D::new(Range2D { x_range: x_range.into(), y_range: y_range.into() }),
+                VisualBounds2D::new(Range2D {
+                    x_range: x_range.into(),
+                    y_range: y_range.into(),
+                }),
             )
         }
         None => view,
@@ -155,24 +244,54 @@ fn reasons(name: &str, path: &str, facts: &Facts) -> Node {
 
 /// A map alone.
 fn map(name: &str, path: &str) -> Node {
-    View::new("2D", name, CAMERA, [format!("+ /{path}/**")]).with("Background", dark()).into()
-}
-
-fn world(algorithm: &Algorithm, facts: &Facts, one: bool) -> Node {
-    let name = if one { "world".to_owned() } else { format!("world, {}", algorithm.label) };
-    let [position, target] = facts.eye;
-    View::new("3D", &name, "world", ["+ $origin/**".to_owned(), format!("+ /{}/**", algorithm.path("points"))])
-        .with("EyeControls3D", EyeControls3D::new().with_position(position).with_look_target(target))
-        .with("LineGrid3D", LineGrid3D::new().with_visible(false))
+    View::new("2D", name, CAMERA, [format!("+ /{path}/**")])
         .with("Background", dark())
-        .with_past("world/trail")
         .into()
 }
 
-/// Lines over time. One legend is enough for all plots of the algorithms, whose colours are the same everywhere.
+fn world(algorithm: &Algorithm, facts: &Facts, one: bool) -> Node {
+    let name = if one {
+        "world".to_owned()
+    } else {
+        format!("world, {}", algorithm.label)
+    };
+    let [position, target] = facts.eye;
+    View::new(
+        "3D",
+        &name,
+        "world",
+        [
+            "+ $origin/**".to_owned(),
+            format!("+ /{}/**", algorithm.path("points")),
+        ],
+    )
+    .with(
+        "EyeControls3D",
+        EyeControls3D::new()
+            .with_position(position)
+            .with_look_target(target),
+    )
+    .with("LineGrid3D", LineGrid3D::new().with_visible(false))
+    .with("Background", dark())
+    .with_past("world/trail")
+    .into()
+}
+
+/// Lines over time. One legend is enough for all plots of the algorithms, whose colours are the
+/// same everywhere.
 fn plot(name: &str, entities: impl IntoIterator<Item = String>, legend: bool) -> View {
-    View::new("TimeSeries", name, "/", entities.into_iter().map(|path| format!("+ /{path}")))
-        .with("PlotLegend", PlotLegend::new().with_visible(legend).with_corner(Corner2D::LeftTop))
+    View::new(
+        "TimeSeries",
+        name,
+        "/",
+        entities.into_iter().map(|path| format!("+ /{path}")),
+    )
+    .with(
+        "PlotLegend",
+        PlotLegend::new()
+            .with_visible(legend)
+            .with_corner(Corner2D::LeftTop),
+    )
 }
 
 fn dark() -> Background {

@@ -1,4 +1,5 @@
-//! A run as it is watched: every algorithm's maps, grid and numbers beside each other in the Rerun viewer.
+//! A run as it is watched: every algorithm's maps, grid and numbers beside each other in the Rerun
+//! viewer.
 //!
 //! ```text
 //! world                        z up
@@ -40,7 +41,8 @@ use crate::score::CellRule;
 use crate::stereo::{Estimate, Frame, GridShape, Pose, Rig};
 use crate::timing::Stage;
 use ::rerun::{
-    Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell, ViewCoordinates,
+    Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
+    ViewCoordinates,
 };
 use info::Algorithm;
 use scale::Scale;
@@ -52,10 +54,12 @@ const TIMELINES: [&str; 2] = ["pair", "time"];
 const CAMERA: &str = "world/rig/left";
 const IMAGE: &str = "world/rig/left/image";
 const LEGEND: &str = "legend/why";
-/// Stamps from here on are taken for time since 1970, smaller ones for time since the start: 2001 in nanoseconds.
+/// Stamps from here on are taken for time since 1970, smaller ones for time since the start: 2001
+/// in nanoseconds.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
 
-/// Colours of the algorithms' lines, told apart by most eyes (after Okabe and Ito), on a dark ground.
+/// Colours of the algorithms' lines, told apart by most eyes (after Okabe and Ito), on a dark
+/// ground.
 const COLORS: [Rgba32; 8] = [
     Rgba32::from_rgb(86, 180, 233),
     Rgba32::from_rgb(230, 159, 0),
@@ -102,11 +106,12 @@ struct Moment {
 }
 
 impl RerunSink {
-    /// Opens `target` and writes what holds for the whole run. The layout follows with the first frame.
+    /// Opens `target` and writes what holds for the whole run. The layout follows with the first
+    /// frame.
     ///
     /// # Errors
-    /// The file exists (it is never overwritten: remove it first) or cannot be made; no viewer to spawn, or none at the
-    /// URL. Always one line.
+    /// The file exists (it is never overwritten: remove it first) or cannot be made; no viewer to
+    /// spawn, or none at the URL. Always one line.
     pub fn new(target: RerunTarget, run: &RunInfo) -> Result<Self> {
         let builder = RecordingStreamBuilder::new(APPLICATION)
             .recording_id(run.recording_id.as_str())
@@ -131,12 +136,23 @@ impl RerunSink {
         if !run.wireframe.is_empty() {
             sink.log_static("world/arena", &world::wireframe(&run.wireframe))?;
         }
-        sink.log_static("run/parameters", &TextDocument::from_markdown(info::parameters(run)))?;
-        sink.log_static("run/verdicts", &TextDocument::from_markdown(info::awaiting(run)))?;
+        sink.log_static(
+            "run/parameters",
+            &TextDocument::from_markdown(info::parameters(run)),
+        )?;
+        sink.log_static(
+            "run/verdicts",
+            &TextDocument::from_markdown(info::awaiting(run)),
+        )?;
         for root in ["algo", "truth", "legend"] {
             sink.log_static(root, &picture::classes())?;
         }
-        for path in ["truth/overlay", "truth/overlay/percentiles", "truth/depth", LEGEND] {
+        for path in [
+            "truth/overlay",
+            "truth/overlay/percentiles",
+            "truth/depth",
+            LEGEND,
+        ] {
             sink.log_static(path, &world::on_image())?;
         }
         for (algorithm, color) in sink.algorithms.iter().zip(COLORS.into_iter().cycle()) {
@@ -145,14 +161,21 @@ impl RerunSink {
         Ok(sink)
     }
 
-    /// The frames that follow are another run: the timelines place it after the one before, with a second between. The
-    /// algorithms' maps and clouds are kept of the first run alone, which is what a viewer's memory holds; images,
-    /// overlays and numbers of all.
+    /// The frames that follow are another run: the timelines place it after the one before, with a
+    /// second between. The algorithms' maps and clouds are kept of the first run alone, which is
+    /// what a viewer's memory holds; images, overlays and numbers of all.
     pub fn begin_run(&mut self) {
         if let Some(last) = self.last {
-            self.start = Moment { pair: last.pair + 1, time_ns: last.time_ns + 1_000_000_000 };
+            self.start = Moment {
+                pair: last.pair + 1,
+                time_ns: last.time_ns + 1_000_000_000,
+            };
             self.last_pose = None;
-            self.maps = if self.maps == Maps::Shown { Maps::ToClear } else { Maps::Gone };
+            self.maps = if self.maps == Maps::Shown {
+                Maps::ToClear
+            } else {
+                Maps::Gone
+            };
         }
     }
 
@@ -167,13 +190,28 @@ impl RerunSink {
 
     /// Frames of reference, names and colours of an algorithm's entities.
     fn style(&self, algorithm: &Algorithm, color: Rgba32) -> Result<()> {
-        for map in ["overlay", "overlay/percentiles", "disparity", "depth", "why", "ssdpi"] {
+        for map in [
+            "overlay",
+            "overlay/percentiles",
+            "disparity",
+            "depth",
+            "why",
+            "ssdpi",
+        ] {
             self.log_static(&algorithm.path(map), &world::on_image())?;
         }
         self.log_static(&algorithm.path("points"), &world::in_camera())?;
-        let line = |name: &str, color| SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]);
+        let line = |name: &str, color| {
+            SeriesLines::new()
+                .with_names([name])
+                .with_colors([color])
+                .with_widths([1.5])
+        };
         for (stage, color) in Stage::ALL.into_iter().zip(COLORS.into_iter().skip(1)) {
-            self.log_static(&algorithm.path(&format!("latency/{}", stage.name())), &line(stage.name(), color))?;
+            self.log_static(
+                &algorithm.path(&format!("latency/{}", stage.name())),
+                &line(stage.name(), color),
+            )?;
         }
         for number in ["latency/total", "coverage", "wrong_cells"] {
             self.log_static(&algorithm.path(number), &line(&algorithm.label, color))?;
@@ -195,7 +233,8 @@ impl RerunSink {
             .map_err(|error| self.target.failed(error))
     }
 
-    /// The scale of the frame's camera: set by its first frame, kept as long as it takes the pictures.
+    /// The scale of the frame's camera: set by its first frame, kept as long as it takes the
+    /// pictures.
     fn scale(&mut self, frame: &Frame) -> Result<Scale> {
         let size = frame.pair.size();
         match self.camera {
@@ -224,7 +263,8 @@ impl Sink for RerunSink {
         };
         self.last = Some(now);
         let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
-        self.stream.set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
+        self.stream
+            .set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
         self.stream.set_time(
             TIMELINES[1],
             if frame.stamp_ns < EPOCH_NS {
@@ -234,11 +274,18 @@ impl Sink for RerunSink {
             },
         );
         self.push_scene(frame, &scale)?;
-        let shape = estimates.first().map_or(self.grid, |estimate| estimate.grid.shape());
+        let shape = estimates
+            .first()
+            .map_or(self.grid, |estimate| estimate.grid.shape());
         let truth = self.push_truth(frame, &scale, shape)?;
         for algorithm in &self.algorithms {
-            match estimates.iter().find(|estimate| estimate.algorithm == algorithm.label) {
-                Some(estimate) => self.push_estimate(algorithm, estimate, frame, &scale, truth.as_ref())?,
+            match estimates
+                .iter()
+                .find(|estimate| estimate.algorithm == algorithm.label)
+            {
+                Some(estimate) => {
+                    self.push_estimate(algorithm, estimate, frame, &scale, truth.as_ref())?
+                }
                 None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
             }
         }
@@ -248,11 +295,16 @@ impl Sink for RerunSink {
         Ok(())
     }
 
-    /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink is dropped.
+    /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink
+    /// is dropped.
     fn finish(&mut self) -> Result<()> {
-        self.stream.flush_blocking().map_err(|error| match &self.target {
-            RerunTarget::File(path) => Error::format(path, "could not be written to its end; is the disk full?"),
-            viewer => viewer.broken(&error.to_string()),
-        })
+        self.stream
+            .flush_blocking()
+            .map_err(|error| match &self.target {
+                RerunTarget::File(path) => {
+                    Error::format(path, "could not be written to its end; is the disk full?")
+                }
+                viewer => viewer.broken(&error.to_string()),
+            })
     }
 }

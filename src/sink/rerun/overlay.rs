@@ -1,8 +1,9 @@
-//! The thesis's picture of a depth grid (figures 5.8d and 7.3, table 5.1): squares on the left image.
+//! The thesis's picture of a depth grid (figures 5.8d and 7.3, table 5.1): squares on the left
+//! image.
 //!
-//! In every cell a red square, centred, as large as the cell's median is near ([`overlay::Nearness`]). A yellow square
-//! shows the 20th percentile and a violet one the 80th in the same way: the closer the three, the surer the depth. A red
-//! dot: unknown.
+//! In every cell a red square, centred, as large as the cell's median is near
+//! ([`overlay::Nearness`]). A yellow square shows the 20th percentile and a violet one the 80th in
+//! the same way: the closer the three, the surer the depth. A red dot: unknown.
 
 use super::scale::Scale;
 use crate::overlay::{self, Rect};
@@ -45,7 +46,9 @@ impl Overlay {
         let unit = size.0 as f32 / 320.0;
         Self {
             medians: boxes(&medians, 1.4 * unit).with_draw_order(31.0),
-            unknown: Points2D::new(unknown).with_colors([RED]).with_radii([3.5 * unit]),
+            unknown: Points2D::new(unknown)
+                .with_colors([RED])
+                .with_radii([3.5 * unit]),
             lines: LineStrips2D::new(lines(grid.shape(), size))
                 .with_colors([WHITE])
                 .with_radii([Radius::new_ui_points(0.5)]),
@@ -56,7 +59,9 @@ impl Overlay {
 
 fn boxes(squares: &[(Rect, Rgba32)], radius: f32) -> Boxes2D {
     let centers = squares.iter().map(|(rect, _)| point(rect.center()));
-    let half_sizes = squares.iter().map(|(rect, _)| point((rect.width / 2.0, rect.height / 2.0)));
+    let half_sizes = squares
+        .iter()
+        .map(|(rect, _)| point((rect.width / 2.0, rect.height / 2.0)));
     Boxes2D::from_centers_and_half_sizes(centers, half_sizes)
         .with_colors(squares.iter().map(|s| s.1))
         .with_radii([radius])
@@ -69,8 +74,12 @@ fn point((x, y): (f64, f64)) -> [f32; 2] {
 /// Borders between the cells and around them.
 fn lines(shape: GridShape, (width, height): (usize, usize)) -> Vec<[[f32; 2]; 2]> {
     let (right, bottom) = (width as f32, height as f32);
-    let vertical = (0..=shape.columns).map(|i| (i * width / shape.columns) as f32).map(|x| [[x, 0.0], [x, bottom]]);
-    let horizontal = (0..=shape.rows).map(|i| (i * height / shape.rows) as f32).map(|y| [[0.0, y], [right, y]]);
+    let vertical = (0..=shape.columns)
+        .map(|i| (i * width / shape.columns) as f32)
+        .map(|x| [[x, 0.0], [x, bottom]]);
+    let horizontal = (0..=shape.rows)
+        .map(|i| (i * height / shape.rows) as f32)
+        .map(|y| [[0.0, y], [right, y]]);
     vertical.chain(horizontal).collect()
 }
 
@@ -80,8 +89,17 @@ mod tests {
 
     #[test]
     fn lines_enclose_every_cell() {
-        let lines = lines(GridShape { columns: 5, rows: 3 }, (320, 240));
+        let lines = lines(
+            GridShape {
+                columns: 5,
+                rows: 3,
+            },
+            (320, 240),
+        );
         assert_eq!(lines.len(), 6 + 4);
-        assert!(lines.contains(&[[320.0, 0.0], [320.0, 240.0]]) && lines.contains(&[[0.0, 80.0], [320.0, 80.0]]));
+        assert!(
+            lines.contains(&[[320.0, 0.0], [320.0, 240.0]])
+                && lines.contains(&[[0.0, 80.0], [320.0, 80.0]])
+        );
     }
 }

@@ -15,9 +15,15 @@ impl RerunSink {
     pub(super) fn push_scene(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
         self.log(IMAGE, &picture::gray(frame.pair.left()))?;
         let pose = frame.pose.unwrap_or_else(world::resting);
-        let camera = frame.rig.as_ref().map(|rig| world::pinhole(rig, frame, scale));
+        let camera = frame
+            .rig
+            .as_ref()
+            .map(|rig| world::pinhole(rig, frame, scale));
         match camera {
-            Some(pinhole) => self.log(CAMERA, &[&world::transform(&pose) as &dyn AsComponents, &pinhole])?,
+            Some(pinhole) => self.log(
+                CAMERA,
+                &[&world::transform(&pose) as &dyn AsComponents, &pinhole],
+            )?,
             None => self.log(CAMERA, &Clear::flat())?,
         }
         if let (Some(from), Some(to)) = (&self.last_pose, &frame.pose) {
@@ -31,7 +37,12 @@ impl RerunSink {
     }
 
     /// Draws the truth and gives its grid.
-    pub(super) fn push_truth(&self, frame: &Frame, scale: &Scale, shape: GridShape) -> Result<Option<DepthGrid>> {
+    pub(super) fn push_truth(
+        &self,
+        frame: &Frame,
+        scale: &Scale,
+        shape: GridShape,
+    ) -> Result<Option<DepthGrid>> {
         let (Some(truth), Some(grid)) = (&frame.truth, true_grid(frame, shape)) else {
             self.log("truth", &Clear::recursive())?;
             return Ok(None);
@@ -62,40 +73,94 @@ impl RerunSink {
 
         let millis = |time: std::time::Duration| Scalars::single(time.as_secs_f64() * 1e3);
         for stage in Stage::ALL {
-            self.log(&algorithm.path(&format!("latency/{}", stage.name())), &millis(estimate.times.get(stage)))?;
+            self.log(
+                &algorithm.path(&format!("latency/{}", stage.name())),
+                &millis(estimate.times.get(stage)),
+            )?;
         }
-        self.log(&algorithm.path("latency/total"), &millis(estimate.times.total()))?;
-        self.log(&algorithm.path("coverage"), &Scalars::single(100.0 * map.coverage()))?;
-        let tally = truth.map(|truth| CellTally::of(&judge_cells(truth, &estimate.grid, self.rule)));
-        self.log_or_clear(&algorithm.path("wrong_cells"), tally.map(|tally| Scalars::single(tally.wrong as f64)))
+        self.log(
+            &algorithm.path("latency/total"),
+            &millis(estimate.times.total()),
+        )?;
+        self.log(
+            &algorithm.path("coverage"),
+            &Scalars::single(100.0 * map.coverage()),
+        )?;
+        let tally =
+            truth.map(|truth| CellTally::of(&judge_cells(truth, &estimate.grid, self.rule)));
+        self.log_or_clear(
+            &algorithm.path("wrong_cells"),
+            tally.map(|tally| Scalars::single(tally.wrong as f64)),
+        )
     }
 
-    fn push_maps(&self, algorithm: &Algorithm, map: &DisparityMap, frame: &Frame, scale: &Scale) -> Result<()> {
-        self.log(&algorithm.path("disparity"), &picture::disparity(map.disparity(), scale))?;
+    fn push_maps(
+        &self,
+        algorithm: &Algorithm,
+        map: &DisparityMap,
+        frame: &Frame,
+        scale: &Scale,
+    ) -> Result<()> {
+        self.log(
+            &algorithm.path("disparity"),
+            &picture::disparity(map.disparity(), scale),
+        )?;
         self.log(&algorithm.path("why"), &picture::why(map.why()))?;
         self.log(&algorithm.path("ssdpi"), &picture::ssdpi(map.ssdpi()))?;
         self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
-        let points = frame.rig.as_ref().map(|rig| world::points(map, frame.pair.left(), rig, scale));
+        let points = frame
+            .rig
+            .as_ref()
+            .map(|rig| world::points(map, frame.pair.left(), rig, scale));
         self.log_or_clear(&algorithm.path("points"), points)
     }
 
-    fn log_overlay(&self, path: &str, grid: &DepthGrid, frame: &Frame, scale: &Scale) -> Result<()> {
-        let Overlay { medians, unknown, lines, percentiles } = Overlay::new(grid, frame.pair.size(), scale);
+    fn log_overlay(
+        &self,
+        path: &str,
+        grid: &DepthGrid,
+        frame: &Frame,
+        scale: &Scale,
+    ) -> Result<()> {
+        let Overlay {
+            medians,
+            unknown,
+            lines,
+            percentiles,
+        } = Overlay::new(grid, frame.pair.size(), scale);
         self.log(path, &[&lines as &dyn AsComponents, &medians, &unknown])?;
         self.log(&format!("{path}/percentiles"), &percentiles)
     }
 
-    fn log_depth(&self, path: &str, disparity: &Plane<f32>, frame: &Frame, scale: &Scale) -> Result<()> {
-        let depth = frame.rig.as_ref().map(|rig| picture::depth(disparity, rig, scale));
-        self.log_or_clear(path, depth.as_ref().map(|(depth, mask)| [depth as &dyn AsComponents, mask]))
+    fn log_depth(
+        &self,
+        path: &str,
+        disparity: &Plane<f32>,
+        frame: &Frame,
+        scale: &Scale,
+    ) -> Result<()> {
+        let depth = frame
+            .rig
+            .as_ref()
+            .map(|rig| picture::depth(disparity, rig, scale));
+        self.log_or_clear(
+            path,
+            depth
+                .as_ref()
+                .map(|(depth, mask)| [depth as &dyn AsComponents, mask]),
+        )
     }
 
     pub(super) fn log(&self, path: &str, what: &(impl AsComponents + ?Sized)) -> Result<()> {
-        self.stream.log(path, what).map_err(|error| self.target.failed(error))
+        self.stream
+            .log(path, what)
+            .map_err(|error| self.target.failed(error))
     }
 
     pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> Result<()> {
-        self.stream.log_static(path, what).map_err(|error| self.target.failed(error))
+        self.stream
+            .log_static(path, what)
+            .map_err(|error| self.target.failed(error))
     }
 
     /// Without the clearing, the viewer would go on showing the last that there was.

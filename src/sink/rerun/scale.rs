@@ -6,7 +6,8 @@ use crate::stereo::Frame;
 /// Colours end at this many times the near distance: 3 m in the arena.
 const FAR: f64 = 15.0;
 
-/// Scale of all pictures of one camera, so that a colour and a size mean the same in every frame of a run.
+/// Scale of all pictures of one camera, so that a colour and a size mean the same in every frame of
+/// a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
     /// What fills a cell, and has the last colour.
@@ -16,14 +17,30 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// Far is 15 times as far as near, or the farthest point of a still scene with truth where that is nearer.
+    /// Far is 15 times as far as near, or the farthest point of a still scene with truth where that
+    /// is nearer.
     pub(super) fn of(frame: &Frame) -> Self {
         let nearness = Nearness::of_frame(frame);
-        let near_m = frame.rig.and_then(|rig| rig.depth_m(nearness.near_px())).unwrap_or(NEAR_M);
+        let near_m = frame
+            .rig
+            .and_then(|rig| rig.depth_m(nearness.near_px()))
+            .unwrap_or(NEAR_M);
         let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
-        let lowest = still.and_then(|truth| truth.disparity.pixels().filter(|d| d.is_finite()).reduce(f32::min));
-        let farthest_m = frame.rig.zip(lowest).and_then(|(rig, lowest)| rig.depth_m(lowest.into()));
-        Self { nearness, far_m: farthest_m.map_or(FAR * near_m, |far| far.min(FAR * near_m)) }
+        let lowest = still.and_then(|truth| {
+            truth
+                .disparity
+                .pixels()
+                .filter(|d| d.is_finite())
+                .reduce(f32::min)
+        });
+        let farthest_m = frame
+            .rig
+            .zip(lowest)
+            .and_then(|(rig, lowest)| rig.depth_m(lowest.into()));
+        Self {
+            nearness,
+            far_m: farthest_m.map_or(FAR * near_m, |far| far.min(FAR * near_m)),
+        }
     }
 }
 
@@ -44,11 +61,17 @@ mod tests {
             pair: StereoPair::new(image.clone(), image).unwrap(),
             rig: Some(rig),
             pose: Some(Pose::identity()),
-            truth: Some(Truth { disparity: truth, visibility: None }),
+            truth: Some(Truth {
+                disparity: truth,
+                visibility: None,
+            }),
             exposure: Exposure::default(),
         };
         assert!((Scale::of(&arena).far_m - 3.0).abs() < 1e-6);
-        let scene = Frame { pose: None, ..arena };
+        let scene = Frame {
+            pose: None,
+            ..arena
+        };
         assert!((Scale::of(&scene).far_m - 2.0).abs() < 1e-6);
     }
 }

@@ -7,8 +7,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// What to tell a user who has no viewer. Viewer and library must be of one version: the protocol changes.
-pub const VIEWER_HINT: &str = "the Rerun viewer comes with `pip install rerun-sdk==0.36.3` (the program `rerun`)";
+/// What to tell a user who has no viewer. Viewer and library must be of one version: the protocol
+/// changes.
+pub const VIEWER_HINT: &str =
+    "the Rerun viewer comes with `pip install rerun-sdk==0.36.3` (the program `rerun`)";
 
 /// How long a viewer that should be running may take to answer.
 const CONNECT: Duration = Duration::from_secs(3);
@@ -27,7 +29,8 @@ pub enum RerunTarget {
 impl FromStr for RerunTarget {
     type Err = Error;
 
-    /// `spawn`, a URL (`rerun+http://HOST:PORT/proxy`, or `http://HOST:PORT` for short), or a file ending in `.rrd`.
+    /// `spawn`, a URL (`rerun+http://HOST:PORT/proxy`, or `http://HOST:PORT` for short), or a file
+    /// ending in `.rrd`.
     fn from_str(text: &str) -> Result<Self> {
         if text == "spawn" {
             return Ok(Self::Spawn);
@@ -43,7 +46,9 @@ impl FromStr for RerunTarget {
         let scheme = scheme.trim_start_matches("rerun+");
         let address = address.trim_end_matches('/').trim_end_matches("/proxy");
         if !matches!(scheme, "http" | "https") || address.is_empty() {
-            return Err(Error::Invalid(format!("{text}: a viewer's URL looks like rerun+http://127.0.0.1:9876/proxy")));
+            return Err(Error::Invalid(format!(
+                "{text}: a viewer's URL looks like rerun+http://127.0.0.1:9876/proxy"
+            )));
         }
         Ok(Self::Url(format!("rerun+{scheme}://{address}/proxy")))
     }
@@ -63,14 +68,22 @@ impl RerunTarget {
     /// Opens the stream. An existing file is an error: whoever wants it gone removes it first.
     pub(super) fn open(&self, builder: RecordingStreamBuilder) -> Result<RecordingStream> {
         match self {
-            Self::File(path) if path.exists() => Err(Error::format(path, "already exists, and is not overwritten")),
+            Self::File(path) if path.exists() => Err(Error::format(
+                path,
+                "already exists, and is not overwritten",
+            )),
             Self::File(path) => builder.save(path).map_err(|error| self.failed(error)),
             Self::Spawn => builder.spawn().map_err(|error| self.failed(error)),
             Self::Url(url) => {
-                let stream = builder.connect_grpc_opts(url.as_str()).map_err(|error| self.failed(error))?;
-                // Connecting happens in the background and never gives up: ask once whether anyone is there.
+                let stream = builder
+                    .connect_grpc_opts(url.as_str())
+                    .map_err(|error| self.failed(error))?;
+                // Connecting happens in the background and never gives up: ask once whether anyone
+                // is there.
                 stream.flush_with_timeout(CONNECT).map_err(|_| {
-                    Error::Invalid(format!("{url}: no Rerun viewer answers there; start `rerun` first, or use `spawn`"))
+                    Error::Invalid(format!(
+                        "{url}: no Rerun viewer answers there; start `rerun` first, or use `spawn`"
+                    ))
                 })?;
                 Ok(stream)
             }
@@ -80,9 +93,12 @@ impl RerunTarget {
     /// The SDK's error in one line.
     pub(super) fn failed(&self, error: RecordingStreamError) -> Error {
         match error {
-            RecordingStreamError::FileSink(FileSinkError::CreateFile { source, path }) => Error::io(path, source),
+            RecordingStreamError::FileSink(FileSinkError::CreateFile { source, path }) => {
+                Error::io(path, source)
+            }
             RecordingStreamError::SpawnViewer(
-                ::rerun::SpawnError::ExecutableNotFoundInPath { .. } | ::rerun::SpawnError::ExecutableNotFound { .. },
+                ::rerun::SpawnError::ExecutableNotFoundInPath { .. }
+                | ::rerun::SpawnError::ExecutableNotFound { .. },
             ) => Error::Invalid(format!("no program `rerun` on the PATH; {VIEWER_HINT}")),
             other => self.broken(&other.to_string()),
         }
@@ -90,7 +106,10 @@ impl RerunTarget {
 
     /// `reason`, which may have many lines, as an error of one.
     pub(super) fn broken(&self, reason: &str) -> Error {
-        Error::Invalid(format!("{self}: {}", reason.lines().next().unwrap_or_default()))
+        Error::Invalid(format!(
+            "{self}: {}",
+            reason.lines().next().unwrap_or_default()
+        ))
     }
 }
 
@@ -103,9 +122,18 @@ mod tests {
         let url = |text: &str| Ok(RerunTarget::Url(text.to_owned()));
         let parse = |text: &str| text.parse::<RerunTarget>().map_err(|e| e.to_string());
         assert_eq!(parse("spawn"), Ok(RerunTarget::Spawn));
-        assert_eq!(parse("out/run.rrd"), Ok(RerunTarget::File("out/run.rrd".into())));
-        assert_eq!(parse("http://host:9876"), url("rerun+http://host:9876/proxy"));
-        assert_eq!(parse("rerun+https://host:1/proxy"), url("rerun+https://host:1/proxy"));
+        assert_eq!(
+            parse("out/run.rrd"),
+            Ok(RerunTarget::File("out/run.rrd".into()))
+        );
+        assert_eq!(
+            parse("http://host:9876"),
+            url("rerun+http://host:9876/proxy")
+        );
+        assert_eq!(
+            parse("rerun+https://host:1/proxy"),
+            url("rerun+https://host:1/proxy")
+        );
         assert!(parse("ftp://host").is_err() && parse("").is_err());
     }
 }

@@ -1,8 +1,9 @@
 //! The scene in 3D: camera, trail, arena, points.
 //!
-//! Frames of reference: `world` (z up) and [`CAMERA_FRAME`], the left camera's optical frame, placed by the pose. The
-//! left image's plane is the pinhole's own frame, that of the entity `world/rig/left`; whatever is drawn on the image
-//! is put into it by [`on_image`], wherever its entity stands in the tree.
+//! Frames of reference: `world` (z up) and [`CAMERA_FRAME`], the left camera's optical frame,
+//! placed by the pose. The left image's plane is the pinhole's own frame, that of the entity
+//! `world/rig/left`; whatever is drawn on the image is put into it by [`on_image`], wherever its
+//! entity stands in the tree.
 
 use super::{CAMERA, Edges, scale::Scale};
 use crate::stereo::{DisparityMap, Frame, Gray, Pose, Rig};
@@ -12,7 +13,8 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 /// Name of the left camera's optical frame.
 const CAMERA_FRAME: &str = "left_camera";
 
-/// A cloud has at most about so many points: enough to see the shape, small enough for hundreds of frames.
+/// A cloud has at most about so many points: enough to see the shape, small enough for hundreds of
+/// frames.
 const MAX_POINTS: f64 = 10_000.0;
 
 /// Puts an entity onto the left image.
@@ -35,9 +37,12 @@ pub(super) fn resting() -> Pose {
 /// The camera's place in the world.
 pub(super) fn transform(pose: &Pose) -> Transform3D {
     let q = pose.rotation.coords.map(|v| v as f32);
-    Transform3D::from_translation_rotation(position(pose), ::rerun::Quaternion::from_xyzw([q.x, q.y, q.z, q.w]))
-        .with_parent_frame("tf#/world")
-        .with_child_frame(CAMERA_FRAME)
+    Transform3D::from_translation_rotation(
+        position(pose),
+        ::rerun::Quaternion::from_xyzw([q.x, q.y, q.z, q.w]),
+    )
+    .with_parent_frame("tf#/world")
+    .with_child_frame(CAMERA_FRAME)
 }
 
 /// The left camera's projection.
@@ -62,7 +67,9 @@ pub(super) fn step(from: &Pose, to: &Pose) -> LineStrips3D {
 /// The arena's edges, named.
 pub(super) fn wireframe(things: &[Edges]) -> LineStrips3D {
     let strips = things.iter().flat_map(|thing| thing.strips.iter().cloned());
-    let names = things.iter().flat_map(|thing| thing.strips.iter().map(|_| thing.name.as_str()));
+    let names = things
+        .iter()
+        .flat_map(|thing| thing.strips.iter().map(|_| thing.name.as_str()));
     LineStrips3D::new(strips)
         .with_labels(names)
         .with_show_labels(false)
@@ -70,8 +77,8 @@ pub(super) fn wireframe(things: &[Edges]) -> LineStrips3D {
         .with_radii([Radius::new_ui_points(0.8)])
 }
 
-/// The points of a disparity map in the camera's optical frame, grey as in the image: every n-th column and row, none
-/// beyond the scale's far end, where a pixel of disparity is metres of depth.
+/// The points of a disparity map in the camera's optical frame, grey as in the image: every n-th
+/// column and row, none beyond the scale's far end, where a pixel of disparity is metres of depth.
 pub(super) fn points(map: &DisparityMap, image: &Gray, rig: &Rig, scale: &Scale) -> Points3D {
     let (width, height) = map.size();
     let step = ((width * height) as f64 / MAX_POINTS).sqrt().ceil() as usize;
@@ -80,31 +87,48 @@ pub(super) fn points(map: &DisparityMap, image: &Gray, rig: &Rig, scale: &Scale)
     let mut colors = Vec::new();
     for y in (0..height).step_by(step) {
         for x in (0..width).step_by(step) {
-            let depth = map.at(x, y).ok().and_then(|d| rig.depth_m(d.into())).filter(|&z| z <= scale.far_m);
+            let depth = map
+                .at(x, y)
+                .ok()
+                .and_then(|d| rig.depth_m(d.into()))
+                .filter(|&z| z <= scale.far_m);
             let Some(z) = depth else { continue };
             let along = z / rig.focal_px();
-            positions.push([((x as f64 - cx) * along) as f32, ((y as f64 - cy) * along) as f32, z as f32]);
+            positions.push([
+                ((x as f64 - cx) * along) as f32,
+                ((y as f64 - cy) * along) as f32,
+                z as f32,
+            ]);
             let grey = image.get(x, y);
             colors.push(Rgba32::from_rgb(grey, grey, grey));
         }
     }
-    Points3D::new(positions).with_colors(colors).with_radii([Radius::new_ui_points(1.2)])
+    Points3D::new(positions)
+        .with_colors(colors)
+        .with_radii([Radius::new_ui_points(1.2)])
 }
 
-/// Where to look at the scene from: over all of the arena, else over the camera's shoulder. Position and target.
+/// Where to look at the scene from: over all of the arena, else over the camera's shoulder.
+/// Position and target.
 pub(super) fn eye(things: &[Edges], scale: &Scale) -> [[f32; 3]; 2] {
     let far = scale.far_m as f32;
-    let mut corners = things.iter().flat_map(|thing| thing.strips.iter().flatten());
+    let mut corners = things
+        .iter()
+        .flat_map(|thing| thing.strips.iter().flatten());
     let Some(&first) = corners.next() else {
         return [[-0.25 * far, 0.3 * far, 0.25 * far], [0.4 * far, 0.0, 0.0]];
     };
     let (low, high) = corners.fold((first, first), |(low, high), p| {
-        let pick = |a: [f32; 3], f: fn(f32, f32) -> f32| [f(a[0], p[0]), f(a[1], p[1]), f(a[2], p[2])];
+        let pick =
+            |a: [f32; 3], f: fn(f32, f32) -> f32| [f(a[0], p[0]), f(a[1], p[1]), f(a[2], p[2])];
         (pick(low, f32::min), pick(high, f32::max))
     });
     let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, 0.0];
     let side = (high[0] - low[0]).max(high[1] - low[1]);
-    [[middle[0] - 0.7 * side, middle[1] - 0.7 * side, 0.7 * side], middle]
+    [
+        [middle[0] - 0.7 * side, middle[1] - 0.7 * side, 0.7 * side],
+        middle,
+    ]
 }
 
 fn position(pose: &Pose) -> [f32; 3] {

@@ -33,8 +33,9 @@ pub struct Part {
     pub folder: &'static str,
 }
 
-/// The names that files have. In each, `*` is the scene's number where one folder holds many scenes, `{}` the name of
-/// the scene's own folder where it has one; what has no ending may have that of any image.
+/// The names that files have. In each, `*` is the scene's number where one folder holds many
+/// scenes, `{}` the name of the scene's own folder where it has one; what has no ending may have
+/// that of any image.
 #[derive(Debug)]
 pub(super) struct Files {
     pub pairs: &'static [PairFiles],
@@ -57,7 +58,11 @@ pub(super) enum Calib {
     /// `calib.txt` beside the images, where there is one.
     Middlebury,
     /// A file of named 3 x 4 projection matrices, with the names of the left and the right one.
-    Projections { file: &'static str, left: &'static str, right: &'static str },
+    Projections {
+        file: &'static str,
+        left: &'static str,
+        right: &'static str,
+    },
 }
 
 /// The true disparities of the left image.
@@ -101,10 +106,19 @@ impl Dataset {
         if names.is_empty() {
             return Ok(self.parts.iter().filter(|p| p.usual).collect());
         }
-        let known = || self.parts.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+        let known = || {
+            self.parts
+                .iter()
+                .map(|p| p.name)
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
         let part = |name: &String| {
             let unknown = || format!("{} has no part '{name}'; it has {}", self.name, known());
-            self.parts.iter().find(|p| p.name.eq_ignore_ascii_case(name)).ok_or_else(unknown)
+            self.parts
+                .iter()
+                .find(|p| p.name.eq_ignore_ascii_case(name))
+                .ok_or_else(unknown)
         };
         names.iter().map(part).collect()
     }
@@ -112,7 +126,11 @@ impl Dataset {
 
 impl PairFiles {
     pub(super) const fn beside(left: &'static str, right: &'static str) -> Self {
-        Self { left, right, calib: Calib::Middlebury }
+        Self {
+            left,
+            right,
+            calib: Calib::Middlebury,
+        }
     }
 
     /// Whether one folder holds many such pairs.

@@ -2,7 +2,8 @@
 
 use super::entry::{Dataset, Files, Form, PairFiles, Part, Seen, TruthFile};
 
-/// The archives hold the scenes at their top, so each is unpacked into a folder of its own name, as its users do.
+/// The archives hold the scenes at their top, so each is unpacked into a folder of its own name, as
+/// its users do.
 pub(super) const ETH3D: Dataset = Dataset {
     name: "eth3d",
     title: "ETH3D two-view, 27 training pairs, laser-scanned",
@@ -11,8 +12,18 @@ pub(super) const ETH3D: Dataset = Dataset {
     citation: "T. Schöps, J. L. Schönberger, S. Galliani, T. Sattler, K. Schindler, M. Pollefeys, A. Geiger, A multi-view \
                stereo benchmark with high-resolution images and multi-camera videos, CVPR 2017",
     parts: &[
-        part("images", true, &["two_view_training.7z"], "two_view_training"),
-        part("truth", true, &["two_view_training_gt.7z"], "two_view_training_gt"),
+        part(
+            "images",
+            true,
+            &["two_view_training.7z"],
+            "two_view_training",
+        ),
+        part(
+            "truth",
+            true,
+            &["two_view_training_gt.7z"],
+            "two_view_training_gt",
+        ),
         part("test", false, &["two_view_test.7z"], "two_view_test"),
     ],
     files: Files {
@@ -26,6 +37,18 @@ pub(super) const ETH3D: Dataset = Dataset {
     },
 };
 
-const fn part(name: &'static str, usual: bool, files: &'static [&'static str], folder: &'static str) -> Part {
-    Part { name, usual, megabytes: 14, base: "https://www.eth3d.net/data/", files, folder }
+const fn part(
+    name: &'static str,
+    usual: bool,
+    files: &'static [&'static str],
+    folder: &'static str,
+) -> Part {
+    Part {
+        name,
+        usual,
+        megabytes: 14,
+        base: "https://www.eth3d.net/data/",
+        files,
+        folder,
+    }
 }

@@ -1,4 +1,5 @@
-//! A folder of many pairs: `left/` and `right/` subfolders, or `left*` and `right*` files side by side.
+//! A folder of many pairs: `left/` and `right/` subfolders, or `left*` and `right*` files side by
+//! side.
 
 use super::scene::ENDINGS;
 use crate::calibrate::files::read_calib;
@@ -9,7 +10,8 @@ use crate::stereo::{Exposure, Frame, Rig, StereoPair};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Names of the subfolders, of the files' beginnings: plain, KITTI 2015's, KITTI 2012's, KITTI odometry's, EuRoC's.
+/// Names of the subfolders, of the files' beginnings: plain, KITTI 2015's, KITTI 2012's, KITTI
+/// odometry's, EuRoC's.
 const SIDES: &[(&str, &str)] = &[
     ("left", "right"),
     ("image_2", "image_3"),
@@ -37,14 +39,27 @@ impl FolderSource {
         let (left, right) = sides(folder)?;
         let unpaired = left.keys().filter(|k| !right.contains_key(*k)).count()
             + right.keys().filter(|k| !left.contains_key(*k)).count();
-        let pairs: Vec<_> = left.into_iter().filter_map(|(k, l)| right.get(&k).map(|r| (k, l, r.clone()))).collect();
+        let pairs: Vec<_> = left
+            .into_iter()
+            .filter_map(|(k, l)| right.get(&k).map(|r| (k, l, r.clone())))
+            .collect();
         if pairs.is_empty() {
             let cure = "expected im0.png and im1.png, or left/ and right/ with equally named images, or left01.png, right01.png, ...";
-            return Err(Error::format(folder, format!("holds no stereo pair: {cure}")));
+            return Err(Error::format(
+                folder,
+                format!("holds no stereo pair: {cure}"),
+            ));
         }
         let calib = folder.join("calib.txt");
         let rig = calib.is_file().then(|| read_calib(&calib)).transpose()?;
-        Ok(Self { folder: folder.to_owned(), pairs, unpaired, period_ns: (1e9 / rate_hz) as u64, rig, next: 0 })
+        Ok(Self {
+            folder: folder.to_owned(),
+            pairs,
+            unpaired,
+            period_ns: (1e9 / rate_hz) as u64,
+            rig,
+            next: 0,
+        })
     }
 
     /// Images without a partner, which are left out.
@@ -70,8 +85,15 @@ fn images(folder: &Path, prefix: &str) -> Result<Images> {
     let mut images = Images::new();
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
         let path = entry.map_err(|e| Error::io(folder, e))?.path();
-        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-        let key = path.file_stem().and_then(|s| s.to_str()).and_then(|s| s.strip_prefix(prefix));
+        let ending = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
+        let key = path
+            .file_stem()
+            .and_then(|s| s.to_str())
+            .and_then(|s| s.strip_prefix(prefix));
         let key = key.filter(|_| ENDINGS.contains(&ending.as_str()));
         if let Some(other) = key.and_then(|key| images.insert(key.to_owned(), path.clone())) {
             let both = format!("and {} have one name; leave one of them", other.display());
@@ -87,11 +109,13 @@ impl Source for FolderSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let Some((name, left, right)) = self.pairs.get(self.next) else { return Ok(None) };
+        let Some((name, left, right)) = self.pairs.get(self.next) else {
+            return Ok(None);
+        };
         let sequence = self.next as u64;
         self.next += 1;
-        let pair =
-            StereoPair::new(read_gray(left)?, read_gray(right)?).map_err(|e| Error::format(left, e.to_string()))?;
+        let pair = StereoPair::new(read_gray(left)?, read_gray(right)?)
+            .map_err(|e| Error::format(left, e.to_string()))?;
         Ok(Some(Frame {
             sequence,
             stamp_ns: sequence * self.period_ns,
@@ -100,7 +124,11 @@ impl Source for FolderSource {
             rig: self.rig,
             pose: None,
             truth: None,
-            exposure: Exposure { trigger_id: sequence, drops: self.unpaired as u64, ..Exposure::default() },
+            exposure: Exposure {
+                trigger_id: sequence,
+                drops: self.unpaired as u64,
+                ..Exposure::default()
+            },
         }))
     }
 

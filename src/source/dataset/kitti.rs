@@ -1,13 +1,18 @@
-//! KITTI's stereo benchmarks of 2012 and 2015, and the names of plain folders that are no published data set.
+//! KITTI's stereo benchmarks of 2012 and 2015, and the names of plain folders that are no published
+//! data set.
 
 use super::entry::{Calib, Dataset, Files, Form, PairFiles, Part, Seen, TruthFile};
 
 const LICENCE: &str = "CC BY-NC-SA 3.0";
 
 /// 16-bit PNG, 0 where the laser scanner saw nothing.
-pub(super) const KITTI_PNG: Form = Form::Scaled { scale: 256.0, zero_unknown: true };
+pub(super) const KITTI_PNG: Form = Form::Scaled {
+    scale: 256.0,
+    zero_unknown: true,
+};
 
-/// Cameras 0 and 1 are grey, 2 and 3 coloured; the truth is that of camera 0. Of each scene only the pair `_10` has truth.
+/// Cameras 0 and 1 are grey, 2 and 3 coloured; the truth is that of camera 0. Of each scene only
+/// the pair `_10` has truth.
 pub(super) const KITTI2012: Dataset = Dataset {
     name: "kitti2012",
     title: "KITTI stereo 2012, 194 training and 195 test pairs from a car",
@@ -25,10 +30,22 @@ pub(super) const KITTI2012: Dataset = Dataset {
     }],
     files: Files {
         pairs: &[
-            PairFiles { left: "image_0/*_10", right: "image_1/*_10", calib: calib("calib/*.txt", "P0", "P1") },
-            PairFiles { left: "colored_0/*_10", right: "colored_1/*_10", calib: calib("calib/*.txt", "P2", "P3") },
+            PairFiles {
+                left: "image_0/*_10",
+                right: "image_1/*_10",
+                calib: calib("calib/*.txt", "P0", "P1"),
+            },
+            PairFiles {
+                left: "colored_0/*_10",
+                right: "colored_1/*_10",
+                calib: calib("calib/*.txt", "P2", "P3"),
+            },
         ],
-        truths: &[TruthFile { name: "disp_occ/*_10.png", form: KITTI_PNG, seen: Seen::Alone("disp_noc/*_10.png") }],
+        truths: &[TruthFile {
+            name: "disp_occ/*_10.png",
+            form: KITTI_PNG,
+            seen: Seen::Alone("disp_noc/*_10.png"),
+        }],
         masks: &[],
     },
 };
@@ -54,7 +71,11 @@ pub(super) const KITTI2015: Dataset = Dataset {
             right: "image_3/*_10",
             calib: calib("calib_cam_to_cam/*.txt", "P_rect_02", "P_rect_03"),
         }],
-        truths: &[TruthFile { name: "disp_occ_0/*_10.png", form: KITTI_PNG, seen: Seen::Alone("disp_noc_0/*_10.png") }],
+        truths: &[TruthFile {
+            name: "disp_occ_0/*_10.png",
+            form: KITTI_PNG,
+            seen: Seen::Alone("disp_noc_0/*_10.png"),
+        }],
         masks: &[],
     },
 };

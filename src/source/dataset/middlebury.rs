@@ -14,7 +14,10 @@ macro_rules! eval3 {
             usual: $usual,
             megabytes: $megabytes,
             base: "https://vision.middlebury.edu/stereo/submit3/zip/",
-            files: &[concat!("MiddEval3-data-", $name, ".zip"), concat!("MiddEval3-GT0-", $name, ".zip")],
+            files: &[
+                concat!("MiddEval3-data-", $name, ".zip"),
+                concat!("MiddEval3-GT0-", $name, ".zip"),
+            ],
             folder: "",
         }
     };
@@ -27,10 +30,18 @@ pub(super) const MIDDEVAL3: Dataset = Dataset {
     home: "https://vision.middlebury.edu/stereo/submit3/",
     licence: LICENCE,
     citation: GCPR2014,
-    parts: &[eval3!("Q", true, 45), eval3!("H", false, 165), eval3!("F", false, 640)],
+    parts: &[
+        eval3!("Q", true, 45),
+        eval3!("H", false, 165),
+        eval3!("F", false, 640),
+    ],
     files: Files {
         pairs: IM0_IM1,
-        truths: &[TruthFile { name: "disp0GT.pfm", form: Form::Pfm, seen: Seen::RightTruth("disp1GT.pfm") }],
+        truths: &[TruthFile {
+            name: "disp0GT.pfm",
+            form: Form::Pfm,
+            seen: Seen::RightTruth("disp1GT.pfm"),
+        }],
         masks: &["mask0nocc.png"],
     },
 };
@@ -50,7 +61,11 @@ pub(super) const MIDDLEBURY2021: Dataset = Dataset {
         files: &["all.zip"],
         folder: "",
     }],
-    files: Files { pairs: IM0_IM1, truths: DISP0, masks: &[] },
+    files: Files {
+        pairs: IM0_IM1,
+        truths: DISP0,
+        masks: &[],
+    },
 };
 
 macro_rules! scenes2014 {
@@ -96,13 +111,21 @@ pub(super) const MIDDLEBURY2014: Dataset = Dataset {
         "Piano" "Pipes" "Playroom" "Playtable" "Recycle" "Shelves" "Shopvac" "Sticks" "Storage" "Sword1" "Sword2"
         "Umbrella" "Vintage"
     ),
-    files: Files { pairs: IM0_IM1, truths: DISP0, masks: &[] },
+    files: Files {
+        pairs: IM0_IM1,
+        truths: DISP0,
+        masks: &[],
+    },
 };
 
 const GCPR2014: &str = "D. Scharstein, H. Hirschmüller, Y. Kitajima, G. Krathwohl, N. Nesic, X. Wang, P. Westling, \
                         High-resolution stereo datasets with subpixel-accurate ground truth, GCPR 2014";
 
-const DISP0: &[TruthFile] = &[TruthFile { name: "disp0.pfm", form: Form::Pfm, seen: Seen::RightTruth("disp1.pfm") }];
+const DISP0: &[TruthFile] = &[TruthFile {
+    name: "disp0.pfm",
+    form: Form::Pfm,
+    seen: Seen::RightTruth("disp1.pfm"),
+}];
 
 macro_rules! views {
     ($name:literal, $usual:literal, $megabytes:literal, $year:literal, $size:literal, $($scene:literal)*) => {
@@ -154,12 +177,21 @@ pub(super) const MIDDLEBURY2005: Dataset = Dataset {
 const CVPR2007: &str = "D. Scharstein, C. Pal, Learning conditional random fields for stereo, CVPR 2007; \
                         H. Hirschmüller, D. Scharstein, Evaluation of cost functions for stereo matching, CVPR 2007";
 
-/// The archives of seven views hold the exposures two folders below the truth: `Art/Illum2/Exp1/view1.png`.
+/// The archives of seven views hold the exposures two folders below the truth:
+/// `Art/Illum2/Exp1/view1.png`.
 const VIEWS: Files = Files {
     pairs: &[PairFiles::beside("view1", "view5")],
     truths: &[
-        TruthFile { name: "disp1.png", form: THIRDS, seen: Seen::RightTruth("disp5.png") },
-        TruthFile { name: "../../disp1.png", form: THIRDS, seen: Seen::RightTruth("../../disp5.png") },
+        TruthFile {
+            name: "disp1.png",
+            form: THIRDS,
+            seen: Seen::RightTruth("disp5.png"),
+        },
+        TruthFile {
+            name: "../../disp1.png",
+            form: THIRDS,
+            seen: Seen::RightTruth("../../disp5.png"),
+        },
     ],
     masks: &[],
 };
@@ -195,8 +227,16 @@ pub(super) const MIDDLEBURY2003: Dataset = Dataset {
     files: Files {
         pairs: &[PairFiles::beside("im2", "im6")],
         truths: &[
-            TruthFile { name: "disp2.png", form: QUARTERS, seen: Seen::RightTruth("disp6.png") },
-            TruthFile { name: "disp2.pgm", form: QUARTERS, seen: Seen::RightTruth("disp6.pgm") },
+            TruthFile {
+                name: "disp2.png",
+                form: QUARTERS,
+                seen: Seen::RightTruth("disp6.png"),
+            },
+            TruthFile {
+                name: "disp2.pgm",
+                form: QUARTERS,
+                seen: Seen::RightTruth("disp6.pgm"),
+            },
         ],
         masks: &[],
     },
@@ -240,17 +280,38 @@ pub(super) const MIDDLEBURY2001: Dataset = Dataset {
         folder: "",
     }],
     files: Files {
-        pairs: &[PairFiles::beside("im2", "im6"), PairFiles::beside("scene1.row3.col3", "scene1.row3.col4")],
+        pairs: &[
+            PairFiles::beside("im2", "im6"),
+            PairFiles::beside("scene1.row3.col3", "scene1.row3.col4"),
+        ],
         truths: &[
-            TruthFile { name: "disp2.pgm", form: EIGHTHS, seen: Seen::RightTruth("disp6.pgm") },
-            TruthFile { name: "disp0.pgm", form: EIGHTHS, seen: Seen::RightTruth("disp1.pgm") },
-            TruthFile { name: "truedisp.row3.col3.pgm", form: SIXTEENTHS, seen: Seen::Unknown },
+            TruthFile {
+                name: "disp2.pgm",
+                form: EIGHTHS,
+                seen: Seen::RightTruth("disp6.pgm"),
+            },
+            TruthFile {
+                name: "disp0.pgm",
+                form: EIGHTHS,
+                seen: Seen::RightTruth("disp1.pgm"),
+            },
+            TruthFile {
+                name: "truedisp.row3.col3.pgm",
+                form: SIXTEENTHS,
+                seen: Seen::Unknown,
+            },
         ],
         masks: &[],
     },
 };
 
-const EIGHTHS: Form = Form::Scaled { scale: 8.0, zero_unknown: false };
+const EIGHTHS: Form = Form::Scaled {
+    scale: 8.0,
+    zero_unknown: false,
+};
 
 /// An 18-pixel border of tsukuba has no truth.
-pub(super) const SIXTEENTHS: Form = Form::Scaled { scale: 16.0, zero_unknown: true };
+pub(super) const SIXTEENTHS: Form = Form::Scaled {
+    scale: 16.0,
+    zero_unknown: true,
+};

@@ -1,7 +1,7 @@
 //! Scenes of stereo data sets and plain folders of pairs, as users have them on disk.
 //!
-//! [`DATASETS`] says all there is to say of a data set: whence it is fetched, under which terms, and how its files are
-//! called. One more is one more entry there.
+//! [`DATASETS`] says all there is to say of a data set: whence it is fetched, under which terms,
+//! and how its files are called. One more is one more entry there.
 
 mod entry;
 mod eth3d;
@@ -34,10 +34,21 @@ pub const DATASETS: &[Dataset] = &[
 
 /// Names that stand in nobody's archives but on many a disk.
 const OTHERS: Files = Files {
-    pairs: &[PairFiles::beside("left", "right"), PairFiles::beside("imL", "imR")],
+    pairs: &[
+        PairFiles::beside("left", "right"),
+        PairFiles::beside("imL", "imR"),
+    ],
     truths: &[
-        TruthFile { name: "truedisp.pgm", form: middlebury::SIXTEENTHS, seen: Seen::Unknown },
-        TruthFile { name: "disp_occ.png", form: kitti::KITTI_PNG, seen: Seen::Alone("disp_noc.png") },
+        TruthFile {
+            name: "truedisp.pgm",
+            form: middlebury::SIXTEENTHS,
+            seen: Seen::Unknown,
+        },
+        TruthFile {
+            name: "disp_occ.png",
+            form: kitti::KITTI_PNG,
+            seen: Seen::Alone("disp_noc.png"),
+        },
     ],
     masks: &["mask_nonocc.png"],
 };
@@ -49,7 +60,9 @@ const OTHERS: Files = Files {
 pub fn find(name: &str) -> Result<&'static Dataset, String> {
     DATASETS.iter().find(|d| d.name == name).ok_or_else(|| {
         let near = nearest(name, DATASETS.iter().map(|d| d.name));
-        let hint = near.map(|near| format!(" (did you mean '{near}'?)")).unwrap_or_default();
+        let hint = near
+            .map(|near| format!(" (did you mean '{near}'?)"))
+            .unwrap_or_default();
         format!("unknown data set '{name}'{hint}; `svl datasets` lists them")
     })
 }

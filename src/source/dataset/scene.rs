@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 /// Image formats, the usual one first.
 pub(super) const ENDINGS: &[&str] = &["png", "ppm", "pgm", "jpg", "jpeg"];
 
-/// A left and a right image, and where they exist, truth, mask and calibration: a folder of its own, or one of many
-/// numbered scenes that share a folder, as in KITTI.
+/// A left and a right image, and where they exist, truth, mask and calibration: a folder of its
+/// own, or one of many numbered scenes that share a folder, as in KITTI.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scene {
     name: String,
@@ -26,13 +26,24 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene in `folder`, called `name`; nothing when the folder holds no pair by a name svl knows.
+    /// The scene in `folder`, called `name`; nothing when the folder holds no pair by a name svl
+    /// knows.
     pub fn find(folder: &Path, name: &str) -> Option<Self> {
         let image = |name| image(folder, name, "");
-        files().flat_map(|f| f.pairs).filter(|pair| !pair.numbered()).find_map(|pair| {
-            let (left, right) = (image(pair.left)?, image(pair.right)?);
-            Some(Self { name: name.to_owned(), folder: folder.to_owned(), number: None, pair, left, right })
-        })
+        files()
+            .flat_map(|f| f.pairs)
+            .filter(|pair| !pair.numbered())
+            .find_map(|pair| {
+                let (left, right) = (image(pair.left)?, image(pair.right)?);
+                Some(Self {
+                    name: name.to_owned(),
+                    folder: folder.to_owned(),
+                    number: None,
+                    pair,
+                    left,
+                    right,
+                })
+            })
     }
 
     /// What it is called.
@@ -40,8 +51,8 @@ impl Scene {
         &self.name
     }
 
-    /// All scenes in `folder`, each called `prefix` and its own name: the numbered ones that share it, or those in its
-    /// subfolders, in the order of their names; none when it holds neither.
+    /// All scenes in `folder`, each called `prefix` and its own name: the numbered ones that share
+    /// it, or those in its subfolders, in the order of their names; none when it holds neither.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a numbered image without a partner.
@@ -53,14 +64,27 @@ impl Scene {
                 return numbers.into_iter().map(scene).collect();
             }
         }
-        let names = names(folder)?.into_iter().filter(|name| folder.join(name).is_dir());
-        Ok(names.filter_map(|name| Self::find(&folder.join(&name), &format!("{prefix}{name}"))).collect())
+        let names = names(folder)?
+            .into_iter()
+            .filter(|name| folder.join(name).is_dir());
+        Ok(names
+            .filter_map(|name| Self::find(&folder.join(&name), &format!("{prefix}{name}")))
+            .collect())
     }
 
-    fn numbered(folder: &Path, pair: &'static PairFiles, prefix: &str, number: String) -> Result<Self> {
+    fn numbered(
+        folder: &Path,
+        pair: &'static PairFiles,
+        prefix: &str,
+        number: String,
+    ) -> Result<Self> {
         let image = |name: &str| {
-            let missing =
-                || Error::format(folder.join(name.replace('*', &number)), "no such image; its partner exists");
+            let missing = || {
+                Error::format(
+                    folder.join(name.replace('*', &number)),
+                    "no such image; its partner exists",
+                )
+            };
             image(folder, name, &number).ok_or_else(missing)
         };
         let (left, right) = (image(pair.left)?, image(pair.right)?);
@@ -74,8 +98,8 @@ impl Scene {
         })
     }
 
-    /// Scenes `names` below `root`: `cones`, a folder; `kitti2015/training/000000`, a numbered scene;
-    /// `kitti2015/training/*`, all scenes in that folder.
+    /// Scenes `names` below `root`: `cones`, a folder; `kitti2015/training/000000`, a numbered
+    /// scene; `kitti2015/training/*`, all scenes in that folder.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] naming the folder that is missing or holds no pair.
@@ -85,7 +109,11 @@ impl Scene {
             let found = match name.rsplit_once('/').unwrap_or(("", name)) {
                 (folder, "*") => {
                     let below = root.join(folder);
-                    if below.is_dir() { Self::all_in(&below, &prefix(folder))? } else { Vec::new() }
+                    if below.is_dir() {
+                        Self::all_in(&below, &prefix(folder))?
+                    } else {
+                        Vec::new()
+                    }
                 }
                 (folder, own) => Self::find(&root.join(name), name).map_or_else(
                     || Self::of_number(&root.join(folder), &prefix(folder), own),
@@ -96,20 +124,33 @@ impl Scene {
                 return Err(nothing(root, name));
             }
             // A scene counts once, however often it is named.
-            scenes.extend(found.into_iter().filter(|scene| !scenes.contains(scene)).collect::<Vec<_>>());
+            scenes.extend(
+                found
+                    .into_iter()
+                    .filter(|scene| !scenes.contains(scene))
+                    .collect::<Vec<_>>(),
+            );
         }
         Ok(scenes)
     }
 
     fn of_number(folder: &Path, prefix: &str, number: &str) -> Result<Vec<Self>> {
         let pairs = files().flat_map(|f| f.pairs).filter(|pair| pair.numbered());
-        let pair = pairs.into_iter().find(|pair| image(folder, pair.left, number).is_some());
-        pair.map(|pair| Self::numbered(folder, pair, prefix, number.to_owned())).into_iter().collect()
+        let pair = pairs
+            .into_iter()
+            .find(|pair| image(folder, pair.left, number).is_some());
+        pair.map(|pair| Self::numbered(folder, pair, prefix, number.to_owned()))
+            .into_iter()
+            .collect()
     }
 
     /// The file of the scene that a data set calls so, where it exists.
     pub(super) fn file(&self, name: &str) -> Option<PathBuf> {
-        let own = self.folder.file_name().and_then(|n| n.to_str()).unwrap_or(&self.name);
+        let own = self
+            .folder
+            .file_name()
+            .and_then(|n| n.to_str())
+            .unwrap_or(&self.name);
         let name = match &self.number {
             Some(number) => name.replace('*', number),
             None => name.replace("{}", own),
@@ -132,35 +173,50 @@ impl Scene {
             pair,
             rig: self.rig()?,
             pose: None,
-            exposure: Exposure { trigger_id: sequence, ..Exposure::default() },
+            exposure: Exposure {
+                trigger_id: sequence,
+                ..Exposure::default()
+            },
         })
     }
 
     fn rig(&self) -> Result<Option<Rig>> {
         match self.pair.calib {
-            Calib::Middlebury => self.file("calib.txt").map(|path| read_calib(&path)).transpose(),
-            Calib::Projections { file, left, right } => {
-                self.file(file).map(|path| read_projections(&path, left, right)).transpose()
-            }
+            Calib::Middlebury => self
+                .file("calib.txt")
+                .map(|path| read_calib(&path))
+                .transpose(),
+            Calib::Projections { file, left, right } => self
+                .file(file)
+                .map(|path| read_projections(&path, left, right))
+                .transpose(),
         }
     }
 }
 
 /// What stands before the names of a folder's scenes.
 fn prefix(folder: &str) -> String {
-    if folder.is_empty() { String::new() } else { format!("{folder}/") }
+    if folder.is_empty() {
+        String::new()
+    } else {
+        format!("{folder}/")
+    }
 }
 
 /// The image of that name, whatever its format.
 fn image(folder: &Path, name: &str, number: &str) -> Option<PathBuf> {
     let name = name.replace('*', number);
-    ENDINGS.iter().map(|ending| folder.join(format!("{name}.{ending}"))).find(|p| p.is_file())
+    ENDINGS
+        .iter()
+        .map(|ending| folder.join(format!("{name}.{ending}")))
+        .find(|p| p.is_file())
 }
 
 /// What stands for `*` in the images that `pattern` names, in order.
 fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
-    let Some((subfolder, (before, after))) =
-        pattern.rsplit_once('/').and_then(|(folder, name)| Some((folder, name.split_once('*')?)))
+    let Some((subfolder, (before, after))) = pattern
+        .rsplit_once('/')
+        .and_then(|(folder, name)| Some((folder, name.split_once('*')?)))
     else {
         return Ok(BTreeSet::new());
     };
@@ -179,8 +235,14 @@ fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
 /// The names in a folder, in order; what is not text is none of a data set's.
 fn names(folder: &Path) -> Result<BTreeSet<String>> {
     let io = |e| Error::io(folder, e);
-    let entries = std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>().map_err(io)?;
-    Ok(entries.into_iter().filter_map(|entry| entry.file_name().into_string().ok()).collect())
+    let entries = std::fs::read_dir(folder)
+        .map_err(io)?
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(io)?;
+    Ok(entries
+        .into_iter()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect())
 }
 
 /// Why there is no scene `name` below `root`, with the cure.
@@ -193,7 +255,10 @@ fn nothing(root: &Path, name: &str) -> Error {
         "no such scene"
     };
     let cure = match name.split('/').next().map(find) {
-        Some(Ok(dataset)) => format!("`svl datasets fetch {} --data {shown}` gets it", dataset.name),
+        Some(Ok(dataset)) => format!(
+            "`svl datasets fetch {} --data {shown}` gets it",
+            dataset.name
+        ),
         _ => format!("is '{shown}' the folder of the data sets?"),
     };
     Error::format(path, format!("{what}; {cure}"))
@@ -220,7 +285,9 @@ impl Source for SceneSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let Some(scene) = self.scenes.get(self.next) else { return Ok(None) };
+        let Some(scene) = self.scenes.get(self.next) else {
+            return Ok(None);
+        };
         self.next += 1;
         scene.read(self.next as u64 - 1).map(Some)
     }

@@ -65,10 +65,15 @@ pub(super) fn measurements(
     let mut found = Vec::new();
     for text in named {
         match text.split_once('=') {
-            Some((_, "")) => return Err(usage::wrong(format!("{text}: name the recording after ="))),
-            Some((distance, recording)) => {
-                found.push(measure(length_cm(distance)?, recording.into(), algorithm, cells)?)
+            Some((_, "")) => {
+                return Err(usage::wrong(format!("{text}: name the recording after =")));
             }
+            Some((distance, recording)) => found.push(measure(
+                length_cm(distance)?,
+                recording.into(),
+                algorithm,
+                cells,
+            )?),
             None => found.extend(table(Path::new(text), algorithm, cells)?),
         }
     }
@@ -78,7 +83,11 @@ pub(super) fn measurements(
     Ok(found)
 }
 
-fn table(path: &Path, algorithm: &Algorithm, cells: &[(usize, usize)]) -> anyhow::Result<Vec<Measurement>> {
+fn table(
+    path: &Path,
+    algorithm: &Algorithm,
+    cells: &[(usize, usize)],
+) -> anyhow::Result<Vec<Measurement>> {
     let shown = path.display();
     if path.extension().is_some_and(|e| e == "mcap") {
         return Err(usage::wrong(format!(
@@ -88,23 +97,43 @@ fn table(path: &Path, algorithm: &Algorithm, cells: &[(usize, usize)]) -> anyhow
     let file = std::fs::File::open(path)
         .ok()
         .filter(|file| file.metadata().is_ok_and(|found| found.is_file()))
-        .with_context(|| format!("{shown}: no such table; name a CSV, or recordings as 130cm=a.mcap"))?;
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file.take(MAX_BYTES));
+        .with_context(|| {
+            format!("{shown}: no such table; name a CSV, or recordings as 130cm=a.mcap")
+        })?;
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(file.take(MAX_BYTES));
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut found = Vec::new();
     for (number, line) in reader.deserialize().take(MOST + 1).enumerate() {
-        let Line { distance_cm, disparity_px, recording } = line.map_err(|e| {
+        let Line {
+            distance_cm,
+            disparity_px,
+            recording,
+        } = line.map_err(|e| {
             let cure = "expected the columns distance_cm, and disparity_px or recording";
             anyhow::anyhow!("{shown}: measurement {}: {e}; {cure}", number + 1)
         })?;
         if distance_cm > MOST_CM || disparity_px.is_some_and(|px| px > MAX_SIDE as f64) {
-            bail!("{shown}: measurement {}: a distance is {MOST_CM} cm at most, a disparity {MAX_SIDE} px", number + 1);
+            bail!(
+                "{shown}: measurement {}: a distance is {MOST_CM} cm at most, a disparity {MAX_SIDE} px",
+                number + 1
+            );
         }
         found.push(match (disparity_px, recording) {
-            (Some(disparity_px), None) => Measurement { distance_cm, disparity_px, seen: None },
-            (None, Some(recording)) => measure(distance_cm, folder.join(recording), algorithm, cells)?,
-            _ => bail!("{shown}: measurement {}: give its disparity_px or its recording, one of both", number + 1),
+            (Some(disparity_px), None) => Measurement {
+                distance_cm,
+                disparity_px,
+                seen: None,
+            },
+            (None, Some(recording)) => {
+                measure(distance_cm, folder.join(recording), algorithm, cells)?
+            }
+            _ => bail!(
+                "{shown}: measurement {}: give its disparity_px or its recording, one of both",
+                number + 1
+            ),
         });
     }
     Ok(found)
@@ -120,9 +149,13 @@ fn length_cm(text: &str) -> anyhow::Result<f64> {
         _ => None,
     };
     let length = factor.and_then(|factor| Some(digits.parse::<f64>().ok()? * factor));
-    length.filter(|cm| *cm > 0.0 && *cm <= MOST_CM).ok_or_else(|| {
-        usage::wrong(format!("'{text}' is no distance up to 10 km; write it as 130cm, 1.3m or 1300mm before ="))
-    })
+    length
+        .filter(|cm| *cm > 0.0 && *cm <= MOST_CM)
+        .ok_or_else(|| {
+            usage::wrong(format!(
+                "'{text}' is no distance up to 10 km; write it as 130cm, 1.3m or 1300mm before ="
+            ))
+        })
 }
 
 fn measure(
@@ -139,12 +172,31 @@ fn measure(
         let (width, height) = frame.pair.size();
         let mut map = DisparityMap::new(width, height)?;
         matcher.compute(&frame.pair, &mut map, &mut Clock::start())?;
-        grids.push(depth::grid(map.disparity(), settings.shape(), settings.min_valid, None));
+        grids.push(depth::grid(
+            map.disparity(),
+            settings.shape(),
+            settings.min_valid,
+            None,
+        ));
         rig = frame.rig.or(rig);
     }
     let target = Target::measure(&grids, cells).with_context(|| recording.display().to_string())?;
-    let Target { disparity_px, cells, spread_px } = target;
+    let Target {
+        disparity_px,
+        cells,
+        spread_px,
+    } = target;
     let focal_baseline_cm_px = rig.map(|rig| 100.0 * rig.focal_px() * rig.baseline_m());
-    let seen = Some(Seen { recording, frames: grids.len(), cells, spread_px, focal_baseline_cm_px });
-    Ok(Measurement { distance_cm, disparity_px, seen })
+    let seen = Some(Seen {
+        recording,
+        frames: grids.len(),
+        cells,
+        spread_px,
+        focal_baseline_cm_px,
+    });
+    Ok(Measurement {
+        distance_cm,
+        disparity_px,
+        seen,
+    })
 }

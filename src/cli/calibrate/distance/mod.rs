@@ -16,9 +16,10 @@ use svl::stereo::GridShape;
 
 /// Fit the distance that belongs to a disparity, from a target at known distances
 ///
-/// The thesis's annex B: a target is put at measured distances and the disparity of each is the median of the cells that
-/// show it, three at least. Through these goes its polynomial of degree 5, which knows nothing beyond them, and beside it
-/// the physical curve Z = a / (d + b), with how far it may be trusted.
+/// The thesis's annex B: a target is put at measured distances and the disparity of each is the
+/// median of the cells that show it, three at least. Through these goes its polynomial of degree 5,
+/// which knows nothing beyond them, and beside it the physical curve Z = a / (d + b), with how far
+/// it may be trusted.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -38,7 +39,8 @@ pub(super) struct Args {
     /// Algorithm that matches the recordings, as `svl algos` lists them
     #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3", value_parser = usage::algorithm)]
     algo: Algorithm,
-    /// Cells of the 5 x 3 grid that show the target [default: those that agree with the middle one, joined to it]
+    /// Cells of the 5 x 3 grid that show the target [default: those that agree with the middle one,
+    /// joined to it]
     #[arg(long, value_name = "COLUMN,ROW", num_args = 1.., value_parser = cell)]
     cells: Vec<(usize, usize)>,
     /// Draw both curves with the measurements (figure 5.1)
@@ -57,25 +59,43 @@ pub(super) struct Args {
 
 fn cell(text: &str) -> Result<(usize, usize), String> {
     let GridShape { columns, rows } = GridSettings::default().shape();
-    let place = text.split_once(',').and_then(|(column, row)| Some((column.parse().ok()?, row.parse().ok()?)));
+    let place = text
+        .split_once(',')
+        .and_then(|(column, row)| Some((column.parse().ok()?, row.parse().ok()?)));
     place
         .filter(|(column, row)| *column < columns && *row < rows)
-        .ok_or_else(|| format!("expected COLUMN,ROW of {columns}x{rows} cells, counted from 0 at the top left"))
+        .ok_or_else(|| {
+            format!("expected COLUMN,ROW of {columns}x{rows} cells, counted from 0 at the top left")
+        })
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs: Vec<_> = [args.figure.as_deref(), args.table.as_deref()].into_iter().flatten().collect();
-    let inputs = args.measurements.iter().map(|text| Path::new(text.rsplit('=').next().unwrap_or(text)));
+    let outputs: Vec<_> = [args.figure.as_deref(), args.table.as_deref()]
+        .into_iter()
+        .flatten()
+        .collect();
+    let inputs = args
+        .measurements
+        .iter()
+        .map(|text| Path::new(text.rsplit('=').next().unwrap_or(text)));
     distinct(inputs.chain(outputs.iter().copied()))?;
-    outputs.iter().try_for_each(|path| may_write(path, args.force))?;
+    outputs
+        .iter()
+        .try_for_each(|path| may_write(path, args.force))?;
     let found = measurements(&args.measurements, &args.algo, &args.cells)?;
     let report = Report::of(found).with_context(|| args.measurements.join(" "))?;
-    let write = |path: &Path, text: String| std::fs::write(path, text).with_context(|| path.display().to_string());
+    let write = |path: &Path, text: String| {
+        std::fs::write(path, text).with_context(|| path.display().to_string())
+    };
     if let Some(path) = &args.figure {
         write(path, report.figure()?)?;
     }
     if let Some(path) = &args.table {
         write(path, report.table()?)?;
     }
-    if args.json { print_json(&report.json()) } else { print(&report.text()?) }
+    if args.json {
+        print_json(&report.json())
+    } else {
+        print(&report.text()?)
+    }
 }

@@ -23,21 +23,36 @@ pub(super) struct Report {
 
 impl Report {
     pub(super) fn of(measurements: Vec<Measurement>) -> anyhow::Result<Self> {
-        let pairs: Vec<_> = measurements.iter().map(|m| (m.distance_cm, m.disparity_px)).collect();
+        let pairs: Vec<_> = measurements
+            .iter()
+            .map(|m| (m.distance_cm, m.disparity_px))
+            .collect();
         let pinhole = PinholeFit::fit(&pairs)?;
         let polynomial = DistanceCurve::fit(&pairs).map_err(|e| e.to_string());
-        Ok(Self { measurements, pairs, pinhole, polynomial })
+        Ok(Self {
+            measurements,
+            pairs,
+            pinhole,
+            polynomial,
+        })
     }
 
     /// Curve less measurement, centimetres: the polynomial's and the pinhole's.
     fn residuals_cm(&self, (cm, px): (f64, f64)) -> [Option<f64>; 2] {
-        let polynomial = self.polynomial.as_ref().ok().and_then(|curve| curve.distance_cm(px));
+        let polynomial = self
+            .polynomial
+            .as_ref()
+            .ok()
+            .and_then(|curve| curve.distance_cm(px));
         [polynomial, self.pinhole.distance_cm(px)].map(|told| Some(told? - cm))
     }
 
     fn rms_cm(&self, which: usize) -> Option<f64> {
-        let squares: Option<Vec<f64>> =
-            self.pairs.iter().map(|&pair| Some(self.residuals_cm(pair)[which]?.powi(2))).collect();
+        let squares: Option<Vec<f64>> = self
+            .pairs
+            .iter()
+            .map(|&pair| Some(self.residuals_cm(pair)[which]?.powi(2)))
+            .collect();
         squares.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 
@@ -45,36 +60,69 @@ impl Report {
     fn focal_baseline(&self) -> Option<f64> {
         let of = |m: &Measurement| m.seen.as_ref()?.focal_baseline_cm_px;
         let first = of(self.measurements.first()?)?;
-        self.measurements.iter().all(|m| of(m) == Some(first)).then_some(first)
+        self.measurements
+            .iter()
+            .all(|m| of(m) == Some(first))
+            .then_some(first)
     }
 
     /// Where the polynomial may be used.
     fn usable_px(&self) -> Vec<(f64, f64)> {
-        self.polynomial.as_ref().map(|curve| curve.usable_px(&self.pairs, SHARE)).unwrap_or_default()
+        self.polynomial
+            .as_ref()
+            .map(|curve| curve.usable_px(&self.pairs, SHARE))
+            .unwrap_or_default()
     }
 
     /// The polynomial's distance, where it may be used.
     fn polynomial_cm(&self, px: f64) -> Option<f64> {
-        let usable = self.usable_px().iter().any(|(from, to)| (*from..=*to).contains(&px));
-        self.polynomial.as_ref().ok().filter(|_| usable)?.distance_cm(px)
+        let usable = self
+            .usable_px()
+            .iter()
+            .any(|(from, to)| (*from..=*to).contains(&px));
+        self.polynomial
+            .as_ref()
+            .ok()
+            .filter(|_| usable)?
+            .distance_cm(px)
     }
 
     /// The farthest distance that may be used, and its disparity.
     fn farthest(&self) -> Option<(f64, f64)> {
-        self.pinhole.farthest_cm(SHARE).map(|cm| (cm, self.pinhole.disparity_px(cm)))
+        self.pinhole
+            .farthest_cm(SHARE)
+            .map(|cm| (cm, self.pinhole.disparity_px(cm)))
     }
 
     pub(super) fn text(&self) -> Result<String, fmt::Error> {
         let mut text = String::from("  distance  disparity   degree 5    a/(d+b)\n");
-        let told = |residual: Option<f64>| residual.map_or("-".to_owned(), |cm| format!("{cm:+.1} cm"));
-        for ((measurement, weight), &pair) in self.measurements.iter().zip(self.pinhole.weights()).zip(&self.pairs) {
+        let told =
+            |residual: Option<f64>| residual.map_or("-".to_owned(), |cm| format!("{cm:+.1} cm"));
+        for ((measurement, weight), &pair) in self
+            .measurements
+            .iter()
+            .zip(self.pinhole.weights())
+            .zip(&self.pairs)
+        {
             let [polynomial, pinhole] = self.residuals_cm(pair).map(told);
             let (cm, px) = pair;
-            write!(text, "{cm:>7.1} cm {px:>7.2} px {polynomial:>10} {pinhole:>10}")?;
+            write!(
+                text,
+                "{cm:>7.1} cm {px:>7.2} px {polynomial:>10} {pinhole:>10}"
+            )?;
             if let Some(seen) = &measurement.seen {
-                write!(text, "   cells {}, {:.2} px apart", shown(&seen.cells), seen.spread_px)?;
+                write!(
+                    text,
+                    "   cells {}, {:.2} px apart",
+                    shown(&seen.cells),
+                    seen.spread_px
+                )?;
             }
-            text.push_str(if *weight < ASIDE { "   left aside\n" } else { "\n" });
+            text.push_str(if *weight < ASIDE {
+                "   left aside\n"
+            } else {
+                "\n"
+            });
         }
         let pinhole = &self.pinhole;
         let (of_a, of_b) = pinhole.standard_deviations();
@@ -83,15 +131,31 @@ impl Report {
                 let rms = self.rms_cm(0).unwrap_or_default();
                 let (from, to) = curve.measured_px().into_inner();
                 let usable = self.usable_px();
-                let ranges: Vec<_> = usable.iter().map(|(from, to)| format!("{from:.1} to {to:.1} px")).collect();
-                let ranges = if ranges.is_empty() { "nowhere".to_owned() } else { ranges.join(", ") };
-                let swings = if usable == [(from, to)] { "" } else { "; elsewhere it swings between the measurements" };
-                writeln!(text, "degree 5: rms {rms:.1} cm, measured from {from:.1} to {to:.1} px")?;
+                let ranges: Vec<_> = usable
+                    .iter()
+                    .map(|(from, to)| format!("{from:.1} to {to:.1} px"))
+                    .collect();
+                let ranges = if ranges.is_empty() {
+                    "nowhere".to_owned()
+                } else {
+                    ranges.join(", ")
+                };
+                let swings = if usable == [(from, to)] {
+                    ""
+                } else {
+                    "; elsewhere it swings between the measurements"
+                };
+                writeln!(
+                    text,
+                    "degree 5: rms {rms:.1} cm, measured from {from:.1} to {to:.1} px"
+                )?;
                 writeln!(text, "  use it: {ranges}{swings}")?;
             }
             Err(why) => writeln!(text, "degree 5: none, {why}")?,
         }
-        let rms = self.rms_cm(1).map_or("unknown".to_owned(), |rms| format!("{rms:.1} cm"));
+        let rms = self
+            .rms_cm(1)
+            .map_or("unknown".to_owned(), |rms| format!("{rms:.1} cm"));
         writeln!(
             text,
             "a/(d+b): a = {:.1} ± {of_a:.1} cm·px, b = {:.2} ± {of_b:.2} px, rms {rms}, {:.2} px",
@@ -105,11 +169,17 @@ impl Report {
                 text,
                 "  use it: up to {cm:.0} cm ({px:.1} px), where a distance is known to {percent:.0} % in 95 of 100 cases"
             )?,
-            None => writeln!(text, "  use it: nowhere, as no distance is known to {percent:.0} % in 95 of 100 cases")?,
+            None => writeln!(
+                text,
+                "  use it: nowhere, as no distance is known to {percent:.0} % in 95 of 100 cases"
+            )?,
         }
         if let Some(f_b) = self.focal_baseline() {
             let off = 100.0 * (pinhole.a_cm_px() / f_b - 1.0);
-            writeln!(text, "  the recordings' calibration says f·B = {f_b:.1} cm·px: a is {off:+.2} % off")?;
+            writeln!(
+                text,
+                "  the recordings' calibration says f·B = {f_b:.1} cm·px: a is {off:+.2} % off"
+            )?;
         }
         Ok(text)
     }
@@ -123,7 +193,12 @@ impl Report {
             value["pinhole_weight"] = json!(weight);
             value
         };
-        let rows = self.measurements.iter().zip(self.pinhole.weights()).zip(&self.pairs).map(measurement);
+        let rows = self
+            .measurements
+            .iter()
+            .zip(self.pinhole.weights())
+            .zip(&self.pairs)
+            .map(measurement);
         let polynomial = self.polynomial.as_ref().map(|curve| {
             let (from_px, to_px) = curve.measured_px().into_inner();
             json!({
@@ -163,7 +238,13 @@ impl Report {
             let polynomial = self.polynomial_cm(px);
             let pinhole = self.pinhole.distance_cm(px).filter(|_| px >= farthest);
             let deviation = pinhole.and_then(|cm| Some(cm * self.pinhole.relative_deviation(px)?));
-            writeln!(text, "{px},{},{},{}", shown(polynomial), shown(pinhole), shown(deviation))?;
+            writeln!(
+                text,
+                "{px},{},{},{}",
+                shown(polynomial),
+                shown(pinhole),
+                shown(deviation)
+            )?;
         }
         Ok(text)
     }
@@ -171,10 +252,19 @@ impl Report {
     pub(super) fn figure(&self) -> anyhow::Result<String> {
         let largest = self.pairs.iter().map(|(_, px)| *px).fold(0.0, f64::max);
         let farthest = self.farthest().map_or(f64::INFINITY, |(_, px)| px);
-        let steps = (1..=(2.0 * 1.1 * largest).ceil() as u32).map(|i| 0.5 * f64::from(i)).filter(|px| *px >= farthest);
-        let pinhole = steps.filter_map(|px| Some((px, self.pinhole.distance_cm(px)?))).collect();
+        let steps = (1..=(2.0 * 1.1 * largest).ceil() as u32)
+            .map(|i| 0.5 * f64::from(i))
+            .filter(|px| *px >= farthest);
+        let pinhole = steps
+            .filter_map(|px| Some((px, self.pinhole.distance_cm(px)?)))
+            .collect();
         let mut curves = Vec::new();
-        curves.extend(self.polynomial.as_ref().ok().map(|curve| ("degree 5".to_owned(), curve.points())));
+        curves.extend(
+            self.polynomial
+                .as_ref()
+                .ok()
+                .map(|curve| ("degree 5".to_owned(), curve.points())),
+        );
         curves.push(("a/(d + b)".to_owned(), pinhole));
         let chart = distance_chart(curves, vec![("measured".into(), self.pairs.clone())]);
         Ok(chart.svg()?)
