@@ -244,19 +244,30 @@ impl SourceTable {
         match (self.kind, self.seeds, self.scenes, arena) {
             (SourceKind::Arena, seeds, None, config) => {
                 let seeds = seeds.unwrap_or_else(|| vec![1]);
-                let distinct = seeds.iter().collect::<std::collections::BTreeSet<_>>().len() == seeds.len();
+                let distinct = seeds
+                    .iter()
+                    .collect::<std::collections::BTreeSet<_>>()
+                    .len()
+                    == seeds.len();
                 if seeds.is_empty() || !distinct {
                     return invalid("source.seeds: at least one, each once".into());
                 }
-                Ok(ScenarioSource::Arena { config: Box::new(config.unwrap_or_default()), seeds })
+                Ok(ScenarioSource::Arena {
+                    config: Box::new(config.unwrap_or_default()),
+                    seeds,
+                })
             }
-            (SourceKind::Arena, _, Some(_), _) => invalid("source.scenes belongs to kind = \"dataset\"".into()),
+            (SourceKind::Arena, _, Some(_), _) => {
+                invalid("source.scenes belongs to kind = \"dataset\"".into())
+            }
             (SourceKind::Dataset, None, Some(scenes), None) if !scenes.is_empty() => {
                 Ok(ScenarioSource::Dataset { scenes })
             }
-            (SourceKind::Dataset, ..) => {
-                invalid("kind = \"dataset\" takes source.scenes, at least one, and neither seeds nor [arena]".into())
-            }
+            (SourceKind::Dataset, ..) => invalid(
+                "kind = \"dataset\" takes source.scenes, at least one, and neither seeds nor \
+                 [arena]"
+                    .into(),
+            ),
         }
     }
 }
@@ -290,7 +301,8 @@ mod tests {
         Scenario::parse(text, Path::new("s.toml"))
     }
 
-    const MINIMAL: &str = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"distance\"\n[source]\nkind = \"arena\"\n";
+    const MINIMAL: &str = "name = \"m\"\ndescription = \"\"\nalgorithms = \
+                           [\"v3\"]\n[cells]\njudge = \"distance\"\n[source]\nkind = \"arena\"\n";
 
     #[test]
     fn what_is_left_out_has_the_thesis_defaults() {

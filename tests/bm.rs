@@ -32,8 +32,9 @@ impl Bm {
         } = self;
         let prefilter = if *log { "log" } else { "xsobel" };
         format!(
-            "bm:min_disparity={min},max_disparity={max},prefilter={prefilter},block_size={block_size},\
-             texture_threshold={texture_threshold},uniqueness={uniqueness},symmetry_tolerance={symmetry_tolerance},\
+            "bm:min_disparity={min},max_disparity={max},prefilter={prefilter},\
+             block_size={block_size},texture_threshold={texture_threshold},\
+             uniqueness={uniqueness},symmetry_tolerance={symmetry_tolerance},\
              speckle_size={speckle_size},speckle_range={speckle_range}"
         )
     }
@@ -156,7 +157,8 @@ fn equals_opencv() {
         .output();
     let Some(version) = asked.ok().filter(|output| output.status.success()) else {
         println!(
-            "skipped: `{python}` has no cv2; set SVL_PYTHON to a Python with opencv-python-headless"
+            "skipped: `{python}` has no cv2; set SVL_PYTHON to a Python with \
+             opencv-python-headless"
         );
         return;
     };

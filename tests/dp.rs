@@ -31,8 +31,9 @@ impl Dp {
             highly,
         } = self;
         format!(
-            "dp:max_disparity={max},occlusion={occlusion},reward={reward},slightly_reliable={slightly},\
-             moderately_reliable={moderately},highly_reliable={highly}"
+            "dp:max_disparity={max},occlusion={occlusion},reward={reward},\
+             slightly_reliable={slightly},moderately_reliable={moderately},\
+             highly_reliable={highly}"
         )
     }
 }

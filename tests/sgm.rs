@@ -25,8 +25,8 @@ impl Sgm {
             median,
         } = self;
         format!(
-            "sgm:min_disparity={min},max_disparity={max},p1={p1},p2={p2},edge={edge},uniqueness={uniqueness},\
-             symmetry_tolerance={symmetry_tolerance},median={median}"
+            "sgm:min_disparity={min},max_disparity={max},p1={p1},p2={p2},edge={edge},\
+             uniqueness={uniqueness},symmetry_tolerance={symmetry_tolerance},median={median}"
         )
     }
 }

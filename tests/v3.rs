@@ -22,7 +22,8 @@ impl oracle::V3 {
         } = self;
         format!(
             "v3:min_disparity={min},max_disparity={max},smoothing_sigma={smoothing_sigma},\
-             texture_sigma={texture_sigma},texture_delta={texture_delta},subpixel={subpixel},back_check={back_check}"
+             texture_sigma={texture_sigma},texture_delta={texture_delta},subpixel={subpixel},\
+             back_check={back_check}"
         )
     }
 }

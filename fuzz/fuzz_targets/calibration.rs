@@ -24,7 +24,11 @@ fn read_kitti(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     svl_fuzz::on_file("calib.txt", bytes, |path| {
         if let Ok(rig) = read_calib(path) {
-            assert!(rig.focal_px() > 0.0 && rig.baseline_m() > 0.0 && rig.projection(true).iter().all(|v| !v.is_nan()));
+            assert!(
+                rig.focal_px() > 0.0
+                    && rig.baseline_m() > 0.0
+                    && rig.projection(true).iter().all(|v| !v.is_nan())
+            );
         }
     });
     if bytes.starts_with(b"P") {

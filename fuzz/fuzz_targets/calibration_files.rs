@@ -12,21 +12,44 @@ fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
     };
     std::fs::write(folder.join("a"), first)?;
     std::fs::write(folder.join("b"), second.unwrap_or_default())?;
-    let name = |names: &[&str]| names.iter().map(|n| folder.join(n).display().to_string()).collect::<Vec<_>>().join(",");
+    let name = |names: &[&str]| {
+        names
+            .iter()
+            .map(|n| folder.join(n).display().to_string())
+            .collect::<Vec<_>>()
+            .join(",")
+    };
     let both = ["a", "b"];
     let named = name(&both[..1 + usize::from(second.is_some())]);
-    let hints = Hints { format: None, unit: Some(Unit::Metres(1.0)), size: Some((640, 480)) };
+    let hints = Hints {
+        format: None,
+        unit: Some(Unit::Metres(1.0)),
+        size: Some((640, 480)),
+    };
     for hints in [Hints::default(), hints] {
-        let Ok(found) = files::read_with(named.as_ref(), &hints) else { continue };
+        let Ok(found) = files::read_with(named.as_ref(), &hints) else {
+            continue;
+        };
         let c = found.calibration;
         assert!(c.baseline() > 0.0 && c.left().focal_px().0 > 0.0);
         for format in FORMATS.iter().filter(|format| format.is_written()) {
-            let names = if format.pairs == [["left.yaml", "right.yaml"]] { &["c", "d"][..] } else { &["c"] };
+            let names = if format.pairs == [["left.yaml", "right.yaml"]] {
+                &["c", "d"][..]
+            } else {
+                &["c"]
+            };
             let path = name(names);
             // `c,d` is two files where none is called so.
             if files::write_as(path.as_ref(), format, &c).is_ok() {
                 let size = Some((640, 480)).filter(|_| format.name == "kitti");
-                let again = files::read_with(path.as_ref(), &Hints { format: Some(format), size, unit: None });
+                let again = files::read_with(
+                    path.as_ref(),
+                    &Hints {
+                        format: Some(format),
+                        size,
+                        unit: None,
+                    },
+                );
                 // Numbers near the ends of what there are may leave it when they are multiplied.
                 if let Ok(again) = again {
                     assert!((again.calibration.baseline() / c.baseline() - 1.0).abs() < 0.05);

@@ -14,13 +14,18 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     svl_fuzz::on_file("a.mcap", &file, |path| {
         let summary = Summary::of(path).expect("a whole file");
         assert!(summary.is_whole(), "{:?}", summary.damage);
-        let named = [("/l", "/r"), ("/stereo/left/image", "/stereo/right/image")].map(|(left, right)| Selection {
-            left: Some(left.to_owned()),
-            right: Some(right.to_owned()),
-            max_skew_ns: 3,
-        });
+        let named =
+            [("/l", "/r"), ("/stereo/left/image", "/stereo/right/image")].map(|(left, right)| {
+                Selection {
+                    left: Some(left.to_owned()),
+                    right: Some(right.to_owned()),
+                    max_skew_ns: 3,
+                }
+            });
         for selection in [Selection::default()].iter().chain(&named) {
-            let Ok(mut reader) = Reader::open_selection(path, selection) else { continue };
+            let Ok(mut reader) = Reader::open_selection(path, selection) else {
+                continue;
+            };
             let mut images = 2 * u64::from(reader.next_pair().is_ok());
             loop {
                 match reader.next_pair() {
@@ -30,7 +35,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                 }
             }
             let messages: u64 = summary.topics.iter().map(|topic| topic.messages).sum();
-            assert!(images + reader.unpaired() <= messages, "more images than messages");
+            assert!(
+                images + reader.unpaired() <= messages,
+                "more images than messages"
+            );
         }
     });
 });
@@ -38,17 +46,31 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
 fn file_of(mut bytes: &[u8]) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
     // Where chunks have no CRC, the one that mcap 0.25 writes of the whole is wrong.
-    let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
+    let options = mcap::WriteOptions::new()
+        .compression(None)
+        .calculate_chunk_crcs(false);
     let options = options.calculate_data_section_crc(false);
     let mut writer = options.create(&mut file).expect("memory");
     while let [kind, time, low, high, rest @ ..] = bytes {
-        let (data, rest) = rest.split_at((usize::from(*high) << 8 | usize::from(*low)).min(rest.len()));
+        let (data, rest) =
+            rest.split_at((usize::from(*high) << 8 | usize::from(*low)).min(rest.len()));
         let (topic, schema, encoding) = svl_fuzz::KINDS[usize::from(*kind) % svl_fuzz::KINDS.len()];
-        let schema = writer.add_schema(schema, encoding, b"").expect("few schemas");
-        let channel_id = writer.add_channel(schema, topic, encoding, &Default::default()).expect("few channels");
+        let schema = writer
+            .add_schema(schema, encoding, b"")
+            .expect("few schemas");
+        let channel_id = writer
+            .add_channel(schema, topic, encoding, &Default::default())
+            .expect("few channels");
         let log_time = u64::from(*time);
-        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
-        writer.write_to_known_channel(&header, data).expect("memory");
+        let header = MessageHeader {
+            channel_id,
+            sequence: 0,
+            log_time,
+            publish_time: log_time,
+        };
+        writer
+            .write_to_known_channel(&header, data)
+            .expect("memory");
         bytes = rest;
     }
     writer.finish().expect("memory");

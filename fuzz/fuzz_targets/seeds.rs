@@ -55,7 +55,10 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
     let images = [
         ("grey", DynamicImage::from(grey.clone())),
         ("rgb", DynamicImage::from(grey.clone()).to_rgb8().into()),
-        ("grey16", DynamicImage::from(grey.clone()).to_luma16().into()),
+        (
+            "grey16",
+            DynamicImage::from(grey.clone()).to_luma16().into(),
+        ),
         ("rgba", DynamicImage::from(grey).to_rgba8().into()),
     ];
     for (name, image) in &images {
@@ -69,7 +72,13 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
     }
     for (order, scale) in [("little", "-1.0"), ("big", "2.5")] {
         let values = [0.0f32, 1.5, f32::INFINITY, f32::NAN, -3.0, 1e9];
-        let bytes = values.iter().flat_map(|v| if order == "big" { v.to_be_bytes() } else { v.to_le_bytes() });
+        let bytes = values.iter().flat_map(|v| {
+            if order == "big" {
+                v.to_be_bytes()
+            } else {
+                v.to_le_bytes()
+            }
+        });
         let pfm: Vec<u8> = format!("Pf\n3 2\n{scale}\n").bytes().chain(bytes).collect();
         seed("pfm", order, &pfm)?;
     }
@@ -86,16 +95,34 @@ fn calibrations() -> Result<(), Box<dyn std::error::Error>> {
     let calibration = files::read_with(&path, &Hints::default())?.calibration;
     for format in FORMATS.iter().filter(|format| format.is_written()) {
         let one = folder.path().join("b").display().to_string();
-        let path = if format.pairs == [["left.yaml", "right.yaml"]] { format!("{one}l,{one}r") } else { one };
+        let path = if format.pairs == [["left.yaml", "right.yaml"]] {
+            format!("{one}l,{one}r")
+        } else {
+            one
+        };
         files::write_as(path.as_ref(), format, &calibration)?;
-        let texts = path.split(',').map(std::fs::read).collect::<Result<Vec<_>, _>>()?;
+        let texts = path
+            .split(',')
+            .map(std::fs::read)
+            .collect::<Result<Vec<_>, _>>()?;
         seed("calibration_files", format.name, &texts.join(&0))?;
     }
-    let euroc = "T_BS:\n  data: [1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\ncamera_model: pinhole\nresolution: [752, 480]\n\
-                 intrinsics: [458, 457, 367, 248]\ndistortion_model: radial-tangential\n\
-                 distortion_coefficients: [-0.2, 0.07, 0, 0]\n";
-    seed("calibration_files", "euroc", [euroc.replace("0.1", "0"), euroc.to_owned()].join("\0").as_bytes())?;
-    seed("calibration_files", "annex-e", include_bytes!("../../tests/calibration_files/annex_e.xml"))?;
+    let euroc = "T_BS:\n  data: [1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\ncamera_model: \
+                 pinhole\nresolution: [752, 480]\nintrinsics: [458, 457, 367, \
+                 248]\ndistortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.07, \
+                 0, 0]\n";
+    seed(
+        "calibration_files",
+        "euroc",
+        [euroc.replace("0.1", "0"), euroc.to_owned()]
+            .join("\0")
+            .as_bytes(),
+    )?;
+    seed(
+        "calibration_files",
+        "annex-e",
+        include_bytes!("../../tests/calibration_files/annex_e.xml"),
+    )?;
     Ok(())
 }
 
@@ -103,7 +130,10 @@ fn calibrations() -> Result<(), Box<dyn std::error::Error>> {
 fn mcap() -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("a.mcap");
-    for (name, format) in [("raw", recording::ImageFormat::Raw), ("png", recording::ImageFormat::Png)] {
+    for (name, format) in [
+        ("raw", recording::ImageFormat::Raw),
+        ("png", recording::ImageFormat::Png),
+    ] {
         let mut writer = recording::Writer::create(&path, &recording::Header::new("seed"), format)?;
         writer.attach(recording::SCENARIO, "application/toml", b"name = 'seed'")?;
         (0..3).try_for_each(|i| frame(i).and_then(|frame| writer.write(&frame)))?;
@@ -112,13 +142,19 @@ fn mcap() -> Result<(), Box<dyn std::error::Error>> {
         std::fs::remove_file(&path)?;
         seed("mcap", name, &bytes)?;
         let mut plain = Cursor::new(Vec::new());
-        let options = mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
-        let mut copy = options.calculate_data_section_crc(false).create(&mut plain)?;
+        let options = mcap::WriteOptions::new()
+            .compression(None)
+            .calculate_chunk_crcs(false);
+        let mut copy = options
+            .calculate_data_section_crc(false)
+            .create(&mut plain)?;
         let mut messages = Vec::new();
         for message in mcap::MessageStream::new(&bytes)? {
             let message = message?;
             copy.write(&message)?;
-            let kind = svl_fuzz::KINDS.iter().position(|kind| kind.0 == message.channel.topic);
+            let kind = svl_fuzz::KINDS
+                .iter()
+                .position(|kind| kind.0 == message.channel.topic);
             let length = (message.data.len() as u16).to_le_bytes();
             if let Some(kind) = kind {
                 messages.extend([kind as u8, message.log_time as u8, length[0], length[1]]);
@@ -133,13 +169,22 @@ fn mcap() -> Result<(), Box<dyn std::error::Error>> {
     for (kind, (_, schema, encoding)) in svl_fuzz::KINDS.iter().enumerate().take(12) {
         let data = foreign(schema, encoding);
         let length = (data.len() as u16).to_le_bytes();
-        seed("messages", &format!("kind{kind}"), &[&[kind as u8, 7, length[0], length[1]], &data[..]].concat())?;
+        seed(
+            "messages",
+            &format!("kind{kind}"),
+            &[&[kind as u8, 7, length[0], length[1]], &data[..]].concat(),
+        )?;
     }
     // A pair of ROS images with its calibration.
     let pair = [0, 1, 9].map(|kind: usize| {
         let (_, schema, encoding) = svl_fuzz::KINDS[kind];
         let data = foreign(schema, encoding);
-        [&[kind as u8, 7], &(data.len() as u16).to_le_bytes()[..], &data].concat()
+        [
+            &[kind as u8, 7],
+            &(data.len() as u16).to_le_bytes()[..],
+            &data,
+        ]
+        .concat()
     });
     seed("messages", "ros-pair", &pair.concat())?;
     Ok(())
@@ -155,7 +200,10 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
         pair: stereo::StereoPair::new(image(0)?, image(1)?)?,
         rig: Some(stereo::Rig::new(328.0, (3.0, 2.0), 0.044, 0.0)?),
         pose: Some(stereo::Pose::translation(1.0, 2.0, 3.0)),
-        truth: Some(stereo::Truth { disparity: stereo::Plane::filled(6, 4, 2.5)?, visibility: None }),
+        truth: Some(stereo::Truth {
+            disparity: stereo::Plane::filled(6, 4, 2.5)?,
+            visibility: None,
+        }),
         exposure: stereo::Exposure::default(),
     })
 }
@@ -163,7 +211,9 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
 /// The body of a message of another program: little-endian CDR, JSON, or for protobuf what comes to
 /// the fuzzer's mind.
 fn foreign(schema: &str, encoding: &str) -> Vec<u8> {
-    let mut cdr: Vec<u8> = vec![0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 4, 0, 0, 0, b'c', b'a', b'm', 0];
+    let mut cdr: Vec<u8> = vec![
+        0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 4, 0, 0, 0, b'c', b'a', b'm', 0,
+    ];
     let mut word = |v: u32| cdr.extend(v.to_le_bytes());
     match (schema, encoding) {
         ("sensor_msgs/msg/Image", "cdr") => {
@@ -203,18 +253,32 @@ fn foreign(schema: &str, encoding: &str) -> Vec<u8> {
 fn npz() -> Result<(), Box<dyn std::error::Error>> {
     for (kind, order) in [("<f4", "False"), ("<f8", "False"), (">f4", "True")] {
         let bytes = kind[2..].parse::<usize>()? * 6;
-        let mut header = format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': (2, 3), }}");
+        let mut header =
+            format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': (2, 3), }}");
         while (header.len() + 11) % 64 != 0 {
             header.push(' ');
         }
         header.push('\n');
         let length = (header.len() as u16).to_le_bytes();
-        let array = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes(), &vec![0x40; bytes]].concat();
+        let array = [
+            b"\x93NUMPY\x01\0",
+            &length[..],
+            header.as_bytes(),
+            &vec![0x40; bytes],
+        ]
+        .concat();
         for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
             let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-            zip.start_file("arr_0.npy", SimpleFileOptions::default().compression_method(method))?;
+            zip.start_file(
+                "arr_0.npy",
+                SimpleFileOptions::default().compression_method(method),
+            )?;
             std::io::Write::write_all(&mut zip, &array)?;
-            seed("npz", &format!("{}{method}", &kind[1..]), zip.finish()?.get_ref())?;
+            seed(
+                "npz",
+                &format!("{}{method}", &kind[1..]),
+                zip.finish()?.get_ref(),
+            )?;
         }
     }
     Ok(())

@@ -14,7 +14,11 @@ thread_local! {
 /// # Panics
 /// When there is no such folder.
 pub fn in_folder(read: impl FnOnce(&Path)) {
-    let make = || tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder");
+    let make = || {
+        tempfile::tempdir_in("/dev/shm")
+            .or_else(|_| tempfile::tempdir())
+            .expect("a folder")
+    };
     FOLDER.with(|folder| read(folder.get_or_init(make).path()));
 }
 
@@ -46,8 +50,16 @@ pub const KINDS: [(&str, &str, &str); 20] = [
     ("/info", "foxglove.CameraCalibration", "json"),
     ("/stereo/left/image", "foxglove.RawImage", "protobuf"),
     ("/stereo/right/image", "foxglove.RawImage", "protobuf"),
-    ("/stereo/left/calibration", "foxglove.CameraCalibration", "protobuf"),
-    ("/stereo/right/calibration", "foxglove.CameraCalibration", "protobuf"),
+    (
+        "/stereo/left/calibration",
+        "foxglove.CameraCalibration",
+        "protobuf",
+    ),
+    (
+        "/stereo/right/calibration",
+        "foxglove.CameraCalibration",
+        "protobuf",
+    ),
     ("/rig/pose", "foxglove.FrameTransform", "protobuf"),
     ("/truth/depth", "sensor_msgs/msg/Image", "cdr"),
     ("/truth/disparity", "sensor_msgs/msg/Image", "cdr"),

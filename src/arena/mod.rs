@@ -204,7 +204,8 @@ fn check_clearance(config: &ArenaConfig, walk: &Walk, objects: &Objects) -> Resu
             .find(|(_, solid)| f64::from(solid.distance(&head)) < half_width_m)
         {
             return Err(Error::Invalid(format!(
-                "arena: robot.path comes nearer than robot.half_width_m = {half_width_m} to '{name}' at {place}"
+                "arena: robot.path comes nearer than robot.half_width_m = {half_width_m} to \
+                 '{name}' at {place}"
             )));
         }
         let (x, y) = (0.0..=config.world.width_m, 0.0..=config.world.length_m);

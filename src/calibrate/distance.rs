@@ -68,8 +68,8 @@ impl Target {
         }
         if cells.len() < LEAST_CELLS {
             return Err(Error::Invalid(format!(
-                "the target is in {}, at least {LEAST_CELLS} are needed: {}; take a larger one, or name its cells \
-                 with --cells",
+                "the target is in {}, at least {LEAST_CELLS} are needed: {}; take a larger one, \
+                 or name its cells with --cells",
                 counted(cells.len() as u64, "cell"),
                 shown(&cells)
             )));
@@ -103,8 +103,8 @@ fn agreeing(
     let target = known(middle).ok_or_else(|| {
         let (column, row) = middle;
         Error::Invalid(format!(
-            "the cell in the middle, {column},{row}, has no disparity: put the target there, or name its cells with \
-             --cells; is it nearer than the algorithm's max_disparity sees?"
+            "the cell in the middle, {column},{row}, has no disparity: put the target there, or \
+             name its cells with --cells; is it nearer than the algorithm's max_disparity sees?"
         ))
     })?;
     let holds = |&place: &(usize, usize)| {

@@ -218,7 +218,8 @@ fn table(figures: &[Figures]) -> Result<String, std::fmt::Error> {
         } = f;
         writeln!(
             text,
-            "{algo:<name$}  {disparities:>11} {runs:>6} {median_ms:>10.3} {p95_ms:>8.3} {p99_ms:>8.3} {mde_per_s:>8.0}"
+            "{algo:<name$}  {disparities:>11} {runs:>6} {median_ms:>10.3} {p95_ms:>8.3} \
+             {p99_ms:>8.3} {mde_per_s:>8.0}"
         )?;
     }
     Ok(text)

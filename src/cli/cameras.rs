@@ -171,7 +171,8 @@ impl Wanted {
     #[cfg(not(all(feature = "v4l2", target_os = "linux")))]
     fn v4l2(&self, settings: &str) -> anyhow::Result<Cameras> {
         bail!(
-            "v4l2:{settings}: this svl was built without V4L2 cameras; on Linux, cargo install --path . --features v4l2"
+            "v4l2:{settings}: this svl was built without V4L2 cameras; on Linux, cargo install \
+             --path . --features v4l2"
         )
     }
 
@@ -208,8 +209,8 @@ impl Wanted {
     #[cfg(not(feature = "genicam"))]
     fn genicam(&self, names: &str) -> anyhow::Result<Cameras> {
         bail!(
-            "genicam:{names}: this svl was built without GenICam cameras; with aravis installed (Debian: libaravis-dev, \
-             libusb-1.0-0-dev), cargo install --path . --features genicam"
+            "genicam:{names}: this svl was built without GenICam cameras; with aravis installed \
+             (Debian: libaravis-dev, libusb-1.0-0-dev), cargo install --path . --features genicam"
         )
     }
 

@@ -48,9 +48,12 @@ enum Command {
 #[command(after_help = "\
 Examples:
   svl datasets fetch middlebury2003 --data DATASETS
-  svl datasets fetch middlebury2014 Piano Motorcycle --data DATASETS
-  svl datasets fetch kitti2015 --from ~/Downloads --data DATASETS
-  svl datasets fetch eth3d --from https://mirror.example/eth3d --data DATASETS")]
+  svl datasets \
+                        fetch middlebury2014 Piano Motorcycle --data DATASETS
+  svl datasets fetch \
+                        kitti2015 --from ~/Downloads --data DATASETS
+  svl datasets fetch eth3d --from \
+                        https://mirror.example/eth3d --data DATASETS")]
 struct FetchArgs {
     /// Data set, as `svl datasets` lists them
     #[arg(value_name = "NAME", value_parser = dataset::find)]
@@ -254,7 +257,8 @@ impl Fetching {
                 let _ = std::fs::remove_file(&path);
             }
             bail!(
-                "{from}: is a web page and not {file}; is the address right, and this machine let through?"
+                "{from}: is a web page and not {file}; is the address right, and this machine let \
+                 through?"
             );
         }
         let (sha256, bytes) = self.with_bar("check", &path, |bar| fetch::sha256(&path, bar))?;

@@ -150,7 +150,8 @@ impl LiveArgs {
     ) -> anyhow::Result<()> {
         let wrong = match (self.pairing, trigger) {
             (_, TriggerChoice::Software | TriggerChoice::Fixed(_)) if !has_trigger(kind) => {
-                "V4L2 has no way to fire a camera; leave --trigger out, or use serial:DEVICE if a controller fires both"
+                "V4L2 has no way to fire a camera; leave --trigger out, or use serial:DEVICE if a \
+                 controller fires both"
             }
             (Some(PairingChoice::Trigger), TriggerChoice::Free) => {
                 "free-running cameras have no trigger to be paired by; use --pairing stamp"

@@ -115,7 +115,8 @@ impl Rectify {
                 let (calibration, files) = read(path)?;
                 let rectifier = Rectifier::new(&self.framed(calibration)?)?;
                 if rectifier.rig().is_none() {
-                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how large they are";
+                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how \
+                                large they are";
                     tracing::warn!(
                         "{}: is in squares of its board, so there are no distances; {cure}",
                         path.display()
@@ -147,7 +148,8 @@ impl Rectify {
             (None, Some(own)) => {
                 if !quiet {
                     eprintln!(
-                        "{name}: raw images, rectified by what it says of its cameras; --calib none leaves them"
+                        "{name}: raw images, rectified by what it says of its cameras; --calib \
+                         none leaves them"
                     );
                 }
                 let source = RectifiedSource::new(source, Rectifier::new(own)?)?;

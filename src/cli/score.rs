@@ -196,7 +196,8 @@ fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result
         ScenarioSource::Dataset { scenes } => {
             let Some(data) = data else {
                 bail!(
-                    "scenario '{}' reads scenes of data sets: name their folder with --data DIR or SVL_DATASETS",
+                    "scenario '{}' reads scenes of data sets: name their folder with --data DIR \
+                     or SVL_DATASETS",
                     scenario.name
                 );
             };

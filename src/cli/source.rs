@@ -110,8 +110,8 @@ pub(super) fn tell_left_out(source: &dyn Source) {
     }
     if late > 0 {
         tracing::warn!(
-            "{name}: not in the order of time: {} came too late for a partner; `mcap sort FILE -o SORTED.mcap` makes a file \
-             with all pairs",
+            "{name}: not in the order of time: {} came too late for a partner; `mcap sort FILE -o \
+             SORTED.mcap` makes a file with all pairs",
             counted(late, "image")
         );
     }
@@ -152,8 +152,9 @@ pub(super) fn open_any(
 }
 
 /// What can be recorded.
-const SOURCES: &str = "arena, board, a scenario (.toml), a folder of images, a recording (.mcap), the folder of a \
-                       ROS 2 bag, or cameras: sim, v4l2:LEFT,RIGHT or genicam:LEFT,RIGHT";
+const SOURCES: &str = "arena, board, a scenario (.toml), a folder of images, a recording (.mcap), \
+                       the folder of a ROS 2 bag, or cameras: sim, v4l2:LEFT,RIGHT or \
+                       genicam:LEFT,RIGHT";
 
 /// The files that a source named so reads, as far as it is one.
 pub(super) fn inputs(source: &Path) -> Vec<PathBuf> {
@@ -172,7 +173,8 @@ pub(super) fn open(
     // A scene may have a recording beside its images.
     let is_bag = is_bag(path) && Scene::find(path, name).is_none();
     if topics.are_given() && !is_bag && path.extension().is_none_or(|e| e != "mcap") {
-        let words = "--left, --right and --max-skew-ms choose topics of a recording (.mcap, or the folder of a bag)";
+        let words = "--left, --right and --max-skew-ms choose topics of a recording (.mcap, or \
+                     the folder of a bag)";
         return Err(usage::wrong(format!("{name}: {words}")));
     }
     if name == "arena" {

@@ -54,7 +54,8 @@ impl Earlier {
             ),
         }
         if earlier.hashes.is_empty() {
-            let cure = "`svl replay -o RESULT.mcap`, `svl replay --rows ROWS.csv` and `svl score` leave some";
+            let cure = "`svl replay -o RESULT.mcap`, `svl replay --rows ROWS.csv` and `svl score` \
+                        leave some";
             bail!(
                 "{}: holds no results of that recording to compare with; {cure}",
                 path.display()
@@ -115,7 +116,8 @@ impl Earlier {
             if algorithm.spec().name == "exec" {
                 let shown = self.path.display();
                 bail!(
-                    "{shown}: names a program, which is not started unasked; name it yourself with --algo '{label}'"
+                    "{shown}: names a program, which is not started unasked; name it yourself \
+                     with --algo '{label}'"
                 );
             }
             Ok(algorithm)
@@ -144,7 +146,8 @@ impl Earlier {
             {
                 let label = &row.algorithm;
                 bail!(
-                    "{label}: its parameters are not those of {}; give them all, as `{label}:key=value`",
+                    "{label}: its parameters are not those of {}; give them all, as \
+                     `{label}:key=value`",
                     self.path.display()
                 );
             }
@@ -200,7 +203,8 @@ impl Verification {
         if self.only_now + self.only_then > 0 {
             let (now, then, equal) = (self.only_now, self.only_then, self.equal);
             bail!(
-                "{now} results have no counterpart in {against}, {then} of its results none here; {equal} are equal"
+                "{now} results have no counterpart in {against}, {then} of its results none here; \
+                 {equal} are equal"
             );
         }
         Ok(format!(

@@ -114,11 +114,20 @@ impl PinholeFit {
             .try_inverse()
             .map(|inverse| inverse * (scale * scale));
         match covariance {
-            Some(covariance) if line.x > 0.0 && line.iter().chain(covariance.iter()).all(|v| v.is_finite()) => {
-                Ok(Self { a_cm_px: line.x, b_px: line.y, covariance, noise_px, weights })
+            Some(covariance)
+                if line.x > 0.0 && line.iter().chain(covariance.iter()).all(|v| v.is_finite()) =>
+            {
+                Ok(Self {
+                    a_cm_px: line.x,
+                    b_px: line.y,
+                    covariance,
+                    noise_px,
+                    weights,
+                })
             }
             _ => Err(Error::Invalid(
-                "disparities must grow as the target comes nearer; are distances and disparities in their columns?"
+                "disparities must grow as the target comes nearer; are distances and disparities \
+                 in their columns?"
                     .into(),
             )),
         }

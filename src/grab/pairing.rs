@@ -65,7 +65,8 @@ impl Unpaired {
     pub(super) fn cure(self) -> &'static str {
         match self {
             Unpaired::Missed | Unpaired::Overdue => {
-                "--trigger software or serial:DEVICE waits until both cameras are ready, a lower rate gives them time"
+                "--trigger software or serial:DEVICE waits until both cameras are ready, a lower \
+                 rate gives them time"
             }
             Unpaired::Skew => "fire both with one --trigger, or allow more with --max-skew-ms",
             Unpaired::Damaged => "check the cables",

@@ -22,8 +22,10 @@ use crate::timing::{Clock, Stage};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "bm",
     aliases: &["svs"],
-    summary: "block matching of edges in square windows, the Small Vision System's and OpenCV's: fast and dense",
-    paper: "Konolige, Small Vision Systems: Hardware and Implementation, ISRR 1997; OpenCV's StereoBM",
+    summary: "block matching of edges in square windows, the Small Vision System's and OpenCV's: \
+              fast and dense",
+    paper: "Konolige, Small Vision Systems: Hardware and Implementation, ISRR 1997; OpenCV's \
+            StereoBM",
     parameters: &[
         DisparityRange::MIN,
         DisparityRange::MAX,

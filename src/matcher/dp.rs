@@ -29,8 +29,10 @@ use crate::timing::{Clock, Stage};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "dp",
     aliases: &[],
-    summary: "dynamic programming along rows: dense and often wrong, the base line that the thesis gave up",
-    paper: "Birchfield and Tomasi, Depth Discontinuities by Pixel-to-Pixel Stereo, ICCV 1998; OpenCV 1.0, cvaux",
+    summary: "dynamic programming along rows: dense and often wrong, the base line that the \
+              thesis gave up",
+    paper: "Birchfield and Tomasi, Depth Discontinuities by Pixel-to-Pixel Stereo, ICCV 1998; \
+            OpenCV 1.0, cvaux",
     parameters: &[
         Parameter {
             name: "max_disparity",
@@ -40,7 +42,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
                 min: 0,
                 max: 255,
             },
-            description: "highest disparity tried, from 0 on: the nearest obstacle that can be seen",
+            description: "highest disparity tried, from 0 on: the nearest obstacle that can be \
+                          seen",
         },
         Parameter {
             name: "occlusion",
@@ -50,7 +53,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
                 min: 0,
                 max: 1000,
             },
-            description: "cost of a change of disparity by one pixel, in grey levels (OpenCV's parameter 1)",
+            description: "cost of a change of disparity by one pixel, in grey levels (OpenCV's \
+                          parameter 1)",
         },
         Parameter {
             name: "reward",
@@ -60,7 +64,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
                 min: 0,
                 max: 1000,
             },
-            description: "reward of a pixel that keeps its disparity, in grey levels (OpenCV's parameter 2)",
+            description: "reward of a pixel that keeps its disparity, in grey levels (OpenCV's \
+                          parameter 2)",
         },
         run(
             "slightly_reliable",

@@ -22,8 +22,10 @@ use crate::timing::{Clock, Stage};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "sgm",
     aliases: &[],
-    summary: "semi-global matching of censuses along eight paths: the densest and most exact, and the slowest",
-    paper: "Hirschmüller, Stereo Processing by Semiglobal Matching and Mutual Information, PAMI 30(2), 2008",
+    summary: "semi-global matching of censuses along eight paths: the densest and most exact, and \
+              the slowest",
+    paper: "Hirschmüller, Stereo Processing by Semiglobal Matching and Mutual Information, PAMI \
+            30(2), 2008",
     parameters: &[
         DisparityRange::MIN,
         DisparityRange::MAX,
@@ -55,7 +57,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
                 min: 1,
                 max: 256,
             },
-            description: "difference of neighbours beyond which p2 falls in proportion, 256 = never",
+            description: "difference of neighbours beyond which p2 falls in proportion, 256 = \
+                          never",
         },
         Parameter {
             name: "uniqueness",
@@ -162,7 +165,8 @@ impl Sgm {
         let bytes = shape.stride() * height * PathSums::BYTES;
         if bytes > Self::MEMORY {
             return Err(Error::Invalid(format!(
-                "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow the range",
+                "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow \
+                 the range",
                 count,
                 bytes >> 20,
                 Self::MEMORY >> 20

@@ -15,8 +15,10 @@ use super::symmetric::Symmetric;
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v1",
     aliases: &[],
-    summary: "block matching of every pixel with an error filter and a symmetric check: dense, and wrong where flat",
-    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL 2007, section 5.3.1",
+    summary: "block matching of every pixel with an error filter and a symmetric check: dense, \
+              and wrong where flat",
+    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
+            2007, section 5.3.1",
     parameters: &[
         DisparityRange::MIN,
         DisparityRange::MAX,

@@ -17,8 +17,10 @@ use super::symmetric::Symmetric;
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v2",
     aliases: &[],
-    summary: "block matching of contrasty pixels with a spread filter and a symmetric check: sparse and careful",
-    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL 2007, section 5.3.2",
+    summary: "block matching of contrasty pixels with a spread filter and a symmetric check: \
+              sparse and careful",
+    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
+            2007, section 5.3.2",
     parameters: &[
         DisparityRange::MIN,
         DisparityRange::MAX,

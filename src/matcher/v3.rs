@@ -20,8 +20,10 @@ use crate::timing::{Clock, Stage};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v3",
     aliases: &[],
-    summary: "block matching on textured pixels with a self check: fast and robust, made for obstacle avoidance",
-    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL 2007, section 5.3.3",
+    summary: "block matching on textured pixels with a self check: fast and robust, made for \
+              obstacle avoidance",
+    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
+            2007, section 5.3.3",
     parameters: &[
         DisparityRange::MIN,
         DisparityRange::MAX,

@@ -38,7 +38,8 @@ impl Append {
     pub(super) fn create(path: PathBuf, profile: &str, library: &str) -> Result<Self> {
         let file = File::create_new(&path).map_err(|e| match e.kind() {
             io::ErrorKind::AlreadyExists => {
-                let cure = "exists already, and a recording is never overwritten: remove it or choose another name";
+                let cure = "exists already, and a recording is never overwritten: remove it or \
+                            choose another name";
                 Error::io(&path, io::Error::new(e.kind(), cure))
             }
             _ => Error::io(&path, e),

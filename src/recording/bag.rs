@@ -15,8 +15,8 @@ const MAX_BYTES: u64 = 1 << 22;
 /// Files that are named in a message.
 const LISTED: usize = 5;
 /// What makes a bag that svl reads of any other: SQLite, and what is compressed.
-pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes a bag that svl reads \
-                                  (pip install rosbags)";
+pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes \
+                                  a bag that svl reads (pip install rosbags)";
 
 /// Whether `path` is the folder of a bag: one with its metadata, or with MCAP files and no folders.
 pub fn is_bag(path: &Path) -> bool {

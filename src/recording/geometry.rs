@@ -63,7 +63,8 @@ pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Projection
 pub(super) fn rig(left: &Projection, right: &Projection) -> Result<Rig, String> {
     if (left.focal_px, left.cy_px) != (right.focal_px, right.cy_px) {
         return Err(format!(
-            "the cameras are not rectified to each other: focal lengths {} and {} px, rows of the centres {} and {} px",
+            "the cameras are not rectified to each other: focal lengths {} and {} px, rows of the \
+             centres {} and {} px",
             left.focal_px, right.focal_px, left.cy_px, right.cy_px
         ));
     }

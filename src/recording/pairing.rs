@@ -133,7 +133,8 @@ impl Pairing {
             (n, m) => {
                 let sync = Kind::Sync.topic();
                 format!(
-                    "has no stereo pairs: no {sync} says which of its images, {n} left and {m} right, belong together"
+                    "has no stereo pairs: no {sync} says which of its images, {n} left and {m} \
+                     right, belong together"
                 )
             }
         }

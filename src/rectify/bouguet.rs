@@ -32,7 +32,8 @@ pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rec
     let apart = half * motion.translation.vector;
     if apart.x.abs() <= apart.y.abs().max(apart.z.abs()) {
         let [x, y, z] = [apart.x, apart.y, apart.z].map(|v| -v);
-        let cure = "turn the images of cameras that stand one above the other by 90 degrees and calibrate these";
+        let cure = "turn the images of cameras that stand one above the other by 90 degrees and \
+                    calibrate these";
         return Err(Error::Rig(format!(
             "the right camera is at ({x:.3}, {y:.3}, {z:.3}), not beside the left: {cure}"
         )));

@@ -47,7 +47,8 @@ pub fn uncalibrated(
 ) -> Result<Homographies> {
     if matches.len() < LEAST {
         return Err(Error::Invalid(format!(
-            "{} points found in both images, at least {LEAST} are needed: show something textured, or calibrate",
+            "{} points found in both images, at least {LEAST} are needed: show something \
+             textured, or calibrate",
             matches.len()
         )));
     }

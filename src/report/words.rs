@@ -201,7 +201,8 @@ const NOTES: &[(&str, &str)] = &[
     ),
     (
         "s/MP, s/GD",
-        "seconds per million pixels, and per 10⁹ pixels times disparities tried: of the median pair",
+        "seconds per million pixels, and per 10⁹ pixels times disparities tried: of the median \
+         pair",
     ),
     (
         "MDE/s",
@@ -253,7 +254,8 @@ fn digits(number: Option<f64>) -> String {
 pub(super) const NEVER_SEEN: &str = "never seen";
 
 /// How the cells of the table of checkpoints are read.
-pub(super) const VERDICTS: &str = "✓ passes, ✗ fails: best, then worst frame of all runs; number: share of the frames that pass, %";
+pub(super) const VERDICTS: &str = "✓ passes, ✗ fails: best, then worst frame of all runs; number: \
+                                   share of the frames that pass, %";
 
 /// A mark for a frame that passed or failed.
 pub(super) fn mark(passed: bool) -> char {

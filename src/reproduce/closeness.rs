@@ -10,12 +10,13 @@ use crate::stereo::Frame;
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.7", "5.6"],
     title: "SSDPI of a close and a far object",
-    claim: "The closer an object, the more its two images differ: mean and median SSDPI are higher for a close object than \
-            for the same one far away (section 5.3.3).",
-    method: "A block turned by 35° and a ball, with forest pictures, 0.25 m and 1 m before the arena's stereo head. SSDPI, as \
-             ln(SSDPI + 1), is of all of v3's matches on the subject before any check of them; what belongs to the subject \
-             the truth tells. Real scenes stand still, so there the nearer half of the matches, by the truth, is compared \
-             with the farther half, which shows other things.",
+    claim: "The closer an object, the more its two images differ: mean and median SSDPI are \
+            higher for a close object than for the same one far away (section 5.3.3).",
+    method: "A block turned by 35° and a ball, with forest pictures, 0.25 m and 1 m before the \
+             arena's stereo head. SSDPI, as ln(SSDPI + 1), is of all of v3's matches on the \
+             subject before any check of them; what belongs to the subject the truth tells. Real \
+             scenes stand still, so there the nearer half of the matches, by the truth, is \
+             compared with the farther half, which shows other things.",
     records: false,
     run,
 };
@@ -110,12 +111,14 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         finding.condition(
             2 * higher > scenes,
             format!(
-                "In most real scenes the nearer half of the matches has the higher median: in {higher} of {scenes}."
+                "In most real scenes the nearer half of the matches has the higher median: in \
+                 {higher} of {scenes}."
             ),
         );
     }
     finding.why = format!(
-        "Close, the subject's ln SSDPI is {:.2} in the median and {:.2} in the mean, far {:.2} and {:.2}{real}.",
+        "Close, the subject's ln SSDPI is {:.2} in the median and {:.2} in the mean, far {:.2} \
+         and {:.2}{real}.",
         close.median, close.mean, far.median, far.mean
     );
     let series = |(name, points): (&str, Vec<(f64, f64)>)| Series {

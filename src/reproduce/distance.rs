@@ -12,11 +12,12 @@ use crate::stereo::{Cell, DepthGrid, Frame, GridShape};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.1"],
     title: "Distance at disparity",
-    claim: "A polynomial of degree 5 through the disparities of a target, measured from 130 cm to 16 cm, tells the \
-            distance of every disparity (section 5.1, annex B).",
-    method: "A target with a forest picture stands at the thirteen distances of table B.1 before the arena's stereo \
-             head, whose baseline is chosen so that f·B fits that table best. A measurement is the median of v3's cells \
-             (6 x 3) that show the target, of three at least, as in the thesis.",
+    claim: "A polynomial of degree 5 through the disparities of a target, measured from 130 cm to \
+            16 cm, tells the distance of every disparity (section 5.1, annex B).",
+    method: "A target with a forest picture stands at the thirteen distances of table B.1 before \
+             the arena's stereo head, whose baseline is chosen so that f·B fits that table best. \
+             A measurement is the median of v3's cells (6 x 3) that show the target, of three at \
+             least, as in the thesis.",
     records: false,
     run,
 };
@@ -66,24 +67,31 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     finding.condition(
         at_points.0 <= TOLERANCE,
         format!(
-            "The thesis's curve passes within 10 % of each of its own measurements: at worst {:.1} %, at {:.0} px.",
+            "The thesis's curve passes within 10 % of each of its own measurements: at worst \
+             {:.1} %, at {:.0} px.",
             100.0 * at_points.0,
             at_points.1
         ),
     );
     finding.condition(
         rise_cm <= 1.0,
-        format!("A larger disparity is never farther, by more than 1 cm: the thesis's curve rises by {rise_cm:.1} cm."),
+        format!(
+            "A larger disparity is never farther, by more than 1 cm: the thesis's curve rises by \
+             {rise_cm:.1} cm."
+        ),
     );
     finding.condition(
         off_px <= 1.0,
-        format!("The simulated target is measured within 1 px at every distance: at worst {off_px:.2} px off."),
+        format!(
+            "The simulated target is measured within 1 px at every distance: at worst {off_px:.2} \
+             px off."
+        ),
     );
     finding.condition(
         between.0 <= TOLERANCE,
         format!(
-            "The curve through the simulated measurements is within 10 % of the true distance between them too: at \
-             worst {:.0} % off, at {:.0} px.",
+            "The curve through the simulated measurements is within 10 % of the true distance \
+             between them too: at worst {:.0} % off, at {:.0} px.",
             100.0 * between.0,
             between.1
         ),
@@ -129,10 +137,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         );
     }
     finding.why = format!(
-        "A target's disparity fixes its distance to within {off_px:.1} px, but degree 5 swings between the near \
-         measurements: the thesis's own curve rises by {rise_cm:.0} cm where it should fall, and the one through the \
-         simulated target is {:.0} % off at {:.0} px. f·B/d cannot swing, and is at most {:.0} % off at the thesis's own \
-         measurements.",
+        "A target's disparity fixes its distance to within {off_px:.1} px, but degree 5 swings \
+         between the near measurements: the thesis's own curve rises by {rise_cm:.0} cm where it \
+         should fall, and the one through the simulated target is {:.0} % off at {:.0} px. f·B/d \
+         cannot swing, and is at most {:.0} % off at the thesis's own measurements.",
         100.0 * between.0,
         between.1,
         100.0 * pinhole

@@ -11,12 +11,13 @@ use crate::stereo::{Gray, Plane, StereoPair};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.11"],
     title: "Hash occupancy",
-    claim: "In a table of the left windows, keyed by the sum of their nine pixels, a value holds six windows in the mean; \
-            a look-up within ±150 meets 1800, 20 % of them close by, so v4 compares 360 windows where a scan compares 81 \
-            (section 5.3.4).",
-    method: "Smoothing and texture filter as v4 has them, then the sums of all textured windows. Windows are close by when \
-             v4 would compare them: disparity 0 to 80, at most 2 rows apart; the thesis gives no such numbers. The view is \
-             as the thesis asks for, neither dark nor bright and full of texture: a forest wall 0.6 m ahead.",
+    claim: "In a table of the left windows, keyed by the sum of their nine pixels, a value holds \
+            six windows in the mean; a look-up within ±150 meets 1800, 20 % of them close by, so \
+            v4 compares 360 windows where a scan compares 81 (section 5.3.4).",
+    method: "Smoothing and texture filter as v4 has them, then the sums of all textured windows. \
+             Windows are close by when v4 would compare them: disparity 0 to 80, at most 2 rows \
+             apart; the thesis gives no such numbers. The view is as the thesis asks for, neither \
+             dark nor bright and full of texture: a forest wall 0.6 m ahead.",
     records: false,
     run,
 };
@@ -53,8 +54,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     finding.condition(
         (2.0..=8.0).contains(&times),
         format!(
-            "v4 compares about four times as many windows as a scan of 81, within a factor of two: {compared:.1}, {times:.2} \
-             times as many."
+            "v4 compares about four times as many windows as a scan of 81, within a factor of \
+             two: {compared:.1}, {times:.2} times as many."
         ),
     );
     finding.quantity("windows per hash value, mean", "", "6", mean);
@@ -95,9 +96,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     rows.into_iter()
         .for_each(|(name, values)| table.row(name, values));
     finding.why = format!(
-        "A value holds {mean:.1} windows in the mean (thesis: 6, as if {:.0} % of them were textured; here {:.0} % are) and a \
-         look-up meets {met:.0} (1800), but close by are {:.2} % of them and not 20 %: v4 compares {compared:.1} windows, \
-         {times:.2} times those of a scan and not 4.",
+        "A value holds {mean:.1} windows in the mean (thesis: 6, as if {:.0} % of them were \
+         textured; here {:.0} % are) and a look-up meets {met:.0} (1800), but close by are {:.2} \
+         % of them and not 20 %: v4 compares {compared:.1} windows, {times:.2} times those of a \
+         scan and not 4.",
         6.0 / mean * wall.textured_percent,
         wall.textured_percent,
         100.0 * compared / met

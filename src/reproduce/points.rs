@@ -18,14 +18,16 @@ use crate::stereo::{DepthGrid, Estimate, Frame};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
     title: "The arena through v3 and the SVS",
-    claim: "v3 and the Small Vision System give near results; v3 is wrong on rare occasions only (point 2), which is not so of \
-            the SVS, but the SVS handles close objects better (points 2 and 6), and its first column is always unknown \
-            (chapter 7).",
-    method: "One run of the simulated arena instead of three of the real one. bm stands for the SVS, whose published relative \
-             it is, with the thesis's window of nine and defaults otherwise. The thesis judged the best and the worst frame of \
-             each point by eye; here every frame that shows a point is judged by the exact truth, and passes when the cells \
-             that matter are right, none of those that an exact matcher could tell is wrong and the distances are in the \
-             scene's order, which the SVS cannot see where it needs the first column. A cross marks any wrong cell.",
+    claim: "v3 and the Small Vision System give near results; v3 is wrong on rare occasions only \
+            (point 2), which is not so of the SVS, but the SVS handles close objects better \
+            (points 2 and 6), and its first column is always unknown (chapter 7).",
+    method: "One run of the simulated arena instead of three of the real one. bm stands for the \
+             SVS, whose published relative it is, with the thesis's window of nine and defaults \
+             otherwise. The thesis judged the best and the worst frame of each point by eye; here \
+             every frame that shows a point is judged by the exact truth, and passes when the \
+             cells that matter are right, none of those that an exact matcher could tell is wrong \
+             and the distances are in the scene's order, which the SVS cannot see where it needs \
+             the first column. A cross marks any wrong cell.",
     records: true,
     run,
 };
@@ -251,8 +253,8 @@ fn conclude(
     finding.condition(
         (right[0] - right[1]).abs() <= NEAR,
         format!(
-            "The results are near: the shares of right cells, over all frames, differ by at most {NEAR} percentage points, {:.1} \
-             % of v3's and {:.1} % of the SVS's.",
+            "The results are near: the shares of right cells, over all frames, differ by at most \
+             {NEAR} percentage points, {:.1} % of v3's and {:.1} % of the SVS's.",
             right[0], right[1]
         ),
     );
@@ -302,7 +304,8 @@ fn conclude(
             finding.condition(
                 right[1] > right[0],
                 format!(
-                    "The SVS handles point {number}, {}, better: {:.0} % of all its cells are right against v3's {:.0} %.",
+                    "The SVS handles point {number}, {}, better: {:.0} % of all its cells are \
+                     right against v3's {:.0} %.",
                     checkpoint.name, right[1], right[0]
                 ),
             );
@@ -317,7 +320,8 @@ fn conclude(
     );
     let passed = [0, 1].map(|a| sum(|p| p.tally.passed, a));
     finding.why = format!(
-        "Of the {frames} frames of the six points v3 passes {} and the SVS {}; v3 is wrong somewhere in {} of them, the SVS in {}.",
+        "Of the {frames} frames of the six points v3 passes {} and the SVS {}; v3 is wrong \
+         somewhere in {} of them, the SVS in {}.",
         passed[0], passed[1], wrong[0], wrong[1]
     );
 }

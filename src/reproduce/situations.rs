@@ -13,12 +13,14 @@ use crate::stereo::{Frame, GridShape};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["table5.1", "A.1", "A.2"],
     title: "Eight situations through dynamic programming",
-    claim: "Dynamic programming as OpenCV has it answers a normal view as expected, but misses a small escape and makes a \
-            completely wrong depth map where little light leaves an even texture (section 5.2, annex A).",
-    method: "The thesis shows frames of a walk, most without a word; here each situation of its tables is a still view with \
-             exact truth, and v3 answers beside dp. 6 x 3 cells; a cell is right within 0.10 m or 20 % of the true distance, \
-             and unknown when the algorithm says so. In the pictures red squares are as large as things are near, a dot is \
-             unknown, a cross is wrong.",
+    claim: "Dynamic programming as OpenCV has it answers a normal view as expected, but misses a \
+            small escape and makes a completely wrong depth map where little light leaves an even \
+            texture (section 5.2, annex A).",
+    method: "The thesis shows frames of a walk, most without a word; here each situation of its \
+             tables is a still view with exact truth, and v3 answers beside dp. 6 x 3 cells; a \
+             cell is right within 0.10 m or 20 % of the true distance, and unknown when the \
+             algorithm says so. In the pictures red squares are as large as things are near, a \
+             dot is unknown, a cross is wrong.",
     records: false,
     run,
 };
@@ -230,8 +232,8 @@ fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
     finding.condition(
         4 * wrong(normal, 0) <= cells,
         format!(
-            "In the normal view at most a quarter of dp's {cells} cells is wrong: {} are, {} of them in the lowest row, on plain \
-             floor.",
+            "In the normal view at most a quarter of dp's {cells} cells is wrong: {} are, {} of \
+             them in the lowest row, on plain floor.",
             wrong(normal, 0),
             lowest.count()
         ),
@@ -268,8 +270,9 @@ fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
             .sum::<usize>()
     };
     finding.why = format!(
-        "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in low light, {} in all eight \
-         situations; v3 has {}, and of {} of the {} it says that it does not know.",
+        "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in \
+         low light, {} in all eight situations; v3 has {}, and of {} of the {} it says that it \
+         does not know.",
         wrong(normal, 0),
         wrong(escape, 0),
         wrong(low, 0),

@@ -10,12 +10,13 @@ use crate::stereo::{DisparityMap, Frame, Gray, StereoPair};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.3"],
     title: "Vertical smoothing",
-    claim: "Smoothing both images vertically lowers the median SSDPI of a pair whose rows are not aligned, and so makes a \
-            better disparity map (section 5.3.1).",
-    method: "Four views of the arena of chapter 7, the right image rendered 0, 0.5, 1 and 2 px too low, through v3 with its \
-             vertical Gaussian (σ 1 px) and without. Real scenes: the right image moved down by 1 px. SSDPI is of valid \
-             pixels, as ln(SSDPI + 1). It falls by smoothing alone, whether that helps or not, as the row at 0 px shows; \
-             so the truth is asked too: a match is wrong when it is off by more than 2 px.",
+    claim: "Smoothing both images vertically lowers the median SSDPI of a pair whose rows are not \
+            aligned, and so makes a better disparity map (section 5.3.1).",
+    method: "Four views of the arena of chapter 7, the right image rendered 0, 0.5, 1 and 2 px \
+             too low, through v3 with its vertical Gaussian (σ 1 px) and without. Real scenes: \
+             the right image moved down by 1 px. SSDPI is of valid pixels, as ln(SSDPI + 1). It \
+             falls by smoothing alone, whether that helps or not, as the row at 0 px shows; so \
+             the truth is asked too: a match is wrong when it is off by more than 2 px.",
     records: false,
     run,
 };
@@ -69,14 +70,16 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     finding.condition(
         smooth.right_percent > sharp.right_percent,
         format!(
-            "1 px too low, smoothing finds more right matches: {:.1} % of all pixels without, {:.1} % with.",
+            "1 px too low, smoothing finds more right matches: {:.1} % of all pixels without, \
+             {:.1} % with.",
             sharp.right_percent, smooth.right_percent
         ),
     );
     finding.condition(
         smooth.wrong_percent < sharp.wrong_percent,
         format!(
-            "1 px too low, smoothing makes fewer of the matches wrong: {:.1} % without, {:.1} % with.",
+            "1 px too low, smoothing makes fewer of the matches wrong: {:.1} % without, {:.1} % \
+             with.",
             sharp.wrong_percent, smooth.wrong_percent
         ),
     );
@@ -86,8 +89,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         rows.row(format!("arena, {offset_px} px, with"), smooth.values());
     }
     finding.why = format!(
-        "With the right image 1 px too low, smoothing lowers the median ln SSDPI from {:.2} to {:.2} and the share of wrong \
-         matches from {:.1} % to {:.1} %; an aligned pair's goes from {:.2} to {:.2} and from {:.1} % to {:.1} %.",
+        "With the right image 1 px too low, smoothing lowers the median ln SSDPI from {:.2} to \
+         {:.2} and the share of wrong matches from {:.1} % to {:.1} %; an aligned pair's goes \
+         from {:.2} to {:.2} and from {:.1} % to {:.1} %.",
         lower[0],
         lower[1],
         sharp.wrong_percent,
@@ -146,8 +150,8 @@ fn real(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     finding.condition(
         smooth.ssdpi.median < sharp.ssdpi.median && smooth.wrong_percent < sharp.wrong_percent,
         format!(
-            "So it is on {} real scenes moved by 1 px: median ln SSDPI {:.2} without and {:.2} with smoothing, wrong matches \
-             {:.1} % and {:.1} %.",
+            "So it is on {} real scenes moved by 1 px: median ln SSDPI {:.2} without and {:.2} \
+             with smoothing, wrong matches {:.1} % and {:.1} %.",
             frames.len(),
             sharp.ssdpi.median,
             smooth.ssdpi.median,

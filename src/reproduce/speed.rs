@@ -13,11 +13,13 @@ use std::time::{Duration, Instant};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["fps"],
     title: "Frames a second",
-    claim: "On pairs of 320 x 240 pixels, without MMX, the Small Vision System is slightly faster than v3: 8 to 9 frames a \
-            second against 6 to 8, on a 3 GHz personal computer; a robot needs 5 to 7 (chapter 7, section 5.1).",
-    method: "Matching alone, one thread, disparities 0 to 80, a pair of the arena of 320 x 240 pixels, in turns, by the median; \
-             bm stands for the SVS. Portable is the code as compiled for any processor of this kind, which is as near as \
-             svl comes to the thesis's \"without MMX\"; beside it the instruction set that svl picks here.",
+    claim: "On pairs of 320 x 240 pixels, without MMX, the Small Vision System is slightly faster \
+            than v3: 8 to 9 frames a second against 6 to 8, on a 3 GHz personal computer; a robot \
+            needs 5 to 7 (chapter 7, section 5.1).",
+    method: "Matching alone, one thread, disparities 0 to 80, a pair of the arena of 320 x 240 \
+             pixels, in turns, by the median; bm stands for the SVS. Portable is the code as \
+             compiled for any processor of this kind, which is as near as svl comes to the \
+             thesis's \"without MMX\"; beside it the instruction set that svl picks here.",
     records: false,
     run,
 };
@@ -66,8 +68,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     conclude(rates[0], &mut finding);
     finding.why = format!(
-        "On {}, one thread, v3 matches {:.0} and the SVS's relative {:.0} pairs a second in portable code, {:.0} and {:.0} with \
-         {}; the thesis's 3 GHz PC 6 to 8 and 8 to 9.",
+        "On {}, one thread, v3 matches {:.0} and the SVS's relative {:.0} pairs a second in \
+         portable code, {:.0} and {:.0} with {}; the thesis's 3 GHz PC 6 to 8 and 8 to 9.",
         context.machine,
         rates[0][0],
         rates[0][1],

@@ -12,11 +12,14 @@ use crate::stereo::{Gray, Plane};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.5", "5.4"],
     title: "Texture quality filter",
-    claim: "Where the coarser of two differences of Gaussians answers more strongly, the image is too homogeneous to match; \
-            the answer depends less on how bright the image is than the standard deviation's (section 5.3.3).",
-    method: "σ 0.4, Δ 3.35, 24 taps, as in figure 5.5, on a vertically smoothed view of the arena's first checkpoint. The row \
-             crosses blocks, the gap between them and the arena's wall. Contrast is the standard deviation of a pixel's 1 x 9 \
-             window; \"half as bright\" halves every grey level; the standard deviation's threshold is v2's, 4 grey levels.",
+    claim: "Where the coarser of two differences of Gaussians answers more strongly, the image is \
+            too homogeneous to match; the answer depends less on how bright the image is than the \
+            standard deviation's (section 5.3.3).",
+    method: "σ 0.4, Δ 3.35, 24 taps, as in figure 5.5, on a vertically smoothed view of the \
+             arena's first checkpoint. The row crosses blocks, the gap between them and the \
+             arena's wall. Contrast is the standard deviation of a pixel's 1 x 9 window; \"half \
+             as bright\" halves every grey level; the standard deviation's threshold is v2's, 4 \
+             grey levels.",
     records: false,
     run,
 };
@@ -58,16 +61,16 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         finding.condition(
             filtered.dropped_contrast <= 0.5 * filtered.kept_contrast,
             format!(
-                "In the {name} what is dropped has at most half the contrast of what is kept, by their medians: {:.1} and {:.1} grey \
-                 levels.",
+                "In the {name} what is dropped has at most half the contrast of what is kept, by \
+                 their medians: {:.1} and {:.1} grey levels.",
                 filtered.dropped_contrast, filtered.kept_contrast
             ),
         );
         finding.condition(
             filtered.dog_changes < filtered.deviation_changes,
             format!(
-                "In the {name} half the brightness changes fewer answers than the standard deviation's: {:.1} % \
-                 against {:.1} % of the pixels.",
+                "In the {name} half the brightness changes fewer answers than the standard \
+                 deviation's: {:.1} % against {:.1} % of the pixels.",
                 filtered.dog_changes, filtered.deviation_changes
             ),
         );
@@ -86,15 +89,17 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         finding.condition(
             2 * flatter > real.len() && 2 * steadier > real.len(),
             format!(
-                "So it is in most real scenes: the contrast in {flatter}, the brightness in {steadier} of {}.",
+                "So it is in most real scenes: the contrast in {flatter}, the brightness in \
+                 {steadier} of {}.",
                 real.len()
             ),
         );
     }
     let arena = &all[0].1;
     finding.why = format!(
-        "The filter drops {:.0} % of the row and {:.0} % of the image, where the median contrast is {:.1} grey levels against \
-         {:.1} in what it keeps; half the brightness changes {:.1} % of its answers, and {:.1} % of the standard deviation's.",
+        "The filter drops {:.0} % of the row and {:.0} % of the image, where the median contrast \
+         is {:.1} grey levels against {:.1} in what it keeps; half the brightness changes {:.1} % \
+         of its answers, and {:.1} % of the standard deviation's.",
         row_percent.unwrap_or(0.0),
         arena.dropped_percent,
         arena.dropped_contrast,

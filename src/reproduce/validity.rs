@@ -11,14 +11,15 @@ use crate::stereo::{DisparityMap, Frame};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.9", "5.8"],
     title: "Self check against symmetric check",
-    claim: "Before a close object the symmetric check drops 55 % of all matches and the self check 35 %, and the mean and \
-            median SSDPI are comparable (section 5.3.3).",
-    method: "The close object is a block turned by 35° with a ball beside it, 0.2 m before the arena's stereo head (the \
-             thesis held a hand there), a forest wall 1.5 m away. Both checks see the same matches, v3's. As v1 has it, the \
-             symmetric check lets the right image's disparity be 1 px off; to the letter both disparities are the same, and \
+    claim: "Before a close object the symmetric check drops 55 % of all matches and the self \
+            check 35 %, and the mean and median SSDPI are comparable (section 5.3.3).",
+    method: "The close object is a block turned by 35° with a ball beside it, 0.2 m before the \
+             arena's stereo head (the thesis held a hand there), a forest wall 1.5 m away. Both \
+             checks see the same matches, v3's. As v1 has it, the symmetric check lets the right \
+             image's disparity be 1 px off; to the letter both disparities are the same, and \
              right pixels that the texture filter drops are not matched back. The SSDPI, as \
-             ln(SSDPI + 1), is of what each check keeps: comparable is within 0.5, a factor of 1.65. Which matches were \
-             right, within 2 px, the truth tells; the thesis could not.",
+             ln(SSDPI + 1), is of what each check keeps: comparable is within 0.5, a factor of \
+             1.65. Which matches were right, within 2 px, the truth tells; the thesis could not.",
     records: false,
     run,
 };
@@ -128,7 +129,8 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
         finding.condition(
             near[2] > far[2],
             format!(
-                "The nearer the object, the more the symmetric check drops, to the letter: {:.1} % at {far_m} m and {:.1} % at {near_m} m.",
+                "The nearer the object, the more the symmetric check drops, to the letter: {:.1} \
+                 % at {far_m} m and {:.1} % at {near_m} m.",
                 far[2], near[2]
             ),
         );
@@ -308,8 +310,9 @@ impl Contest {
         let wrong = [&self.own, &self.symmetric, &self.variants[LETTER]];
         let wrong = wrong.map(|kept| kept.wrong_percent().unwrap_or(f64::NAN));
         format!(
-            "the self check drops {own:.0} % of the matches, the symmetric check {symmetric:.0} % as v1 has it and {letter:.0} % to \
-             the letter; of the rest {:.0} %, {:.0} % and {:.0} % are wrong",
+            "the self check drops {own:.0} % of the matches, the symmetric check {symmetric:.0} % \
+             as v1 has it and {letter:.0} % to the letter; of the rest {:.0} %, {:.0} % and {:.0} \
+             % are wrong",
             wrong[0], wrong[1], wrong[2]
         )
     }
@@ -346,14 +349,16 @@ fn conditions(place: &str, contest: &Contest, finding: &mut Finding) {
         finding.condition(
             own < dropped,
             format!(
-                "{place} the self check drops fewer matches than the symmetric check {check}: {own:.1} % and {dropped:.1} %."
+                "{place} the self check drops fewer matches than the symmetric check {check}: \
+                 {own:.1} % and {dropped:.1} %."
             ),
         );
     }
     finding.condition(
         (medians[0] - medians[1]).abs() <= COMPARABLE,
         format!(
-            "{place} the median ln SSDPIs of what they keep are within {COMPARABLE}: {:.2} and {:.2}.",
+            "{place} the median ln SSDPIs of what they keep are within {COMPARABLE}: {:.2} and \
+             {:.2}.",
             medians[0], medians[1]
         ),
     );

@@ -42,8 +42,8 @@ impl<'a> Watched<'a> {
         };
         if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
             tracing::warn!(
-                "{}: rows of left and right are {:.1} px apart (median of {} points in {} pairs), which costs matches: \
-                 rectify with --calib; `svl calibrate check` says more",
+                "{}: rows of left and right are {:.1} px apart (median of {} points in {} pairs), \
+                 which costs matches: rectify with --calib; `svl calibrate check` says more",
                 self.source.name(),
                 found.median_abs_px,
                 found.matches,

@@ -44,8 +44,9 @@ impl Intrinsics {
             })
         } else {
             Err(Error::Rig(format!(
-                "image of {}x{} pixels, focal lengths {focal_px:?} px, principal point {center_px:?} px, distortion \
-                 {distortion:?} (all must be finite, size and focal lengths positive)",
+                "image of {}x{} pixels, focal lengths {focal_px:?} px, principal point \
+                 {center_px:?} px, distortion {distortion:?} (all must be finite, size and focal \
+                 lengths positive)",
                 size.0, size.1
             )))
         }

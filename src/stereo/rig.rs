@@ -42,8 +42,9 @@ impl Rig {
             })
         } else {
             Err(Error::Rig(format!(
-                "focal length {focal_px} px, principal point ({cx_px}, {cy_px}) px, baseline {baseline_m} m, \
-                 doffs {doffs_px} px (all must be finite, the first and the baseline positive)"
+                "focal length {focal_px} px, principal point ({cx_px}, {cy_px}) px, baseline \
+                 {baseline_m} m, doffs {doffs_px} px (all must be finite, the first and the \
+                 baseline positive)"
             )))
         }
     }

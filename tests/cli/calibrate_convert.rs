@@ -92,7 +92,8 @@ fn opencv_reads_the_same_numbers() {
         .output();
     if !asked.is_ok_and(|output| output.status.success()) {
         println!(
-            "skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with opencv-python-headless"
+            "skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with \
+             opencv-python-headless"
         );
         return;
     }

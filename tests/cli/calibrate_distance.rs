@@ -80,12 +80,13 @@ fn bad_input_is_one_line_that_names_it() {
 /// A target of 0.8 m x 1 m that stands at this distance before the arena's stereo head.
 fn scenario(distance_m: f64) -> String {
     format!(
-        "name = \"target\"\ndescription = \"a target\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"distance\"\n[source]\n\
-         kind = \"arena\"\n[arena]\nframes = 3\nrate_hz = 3.0\n[arena.rig]\nabove_floor_m = 0.5\n[arena.robot]\n\
-         half_width_m = 0.0\nyaw_sway_deg = 0.0\nroll_sway_deg = 0.0\npitch_sway_deg = 0.0\ndeviation_m = 0.0\n\
-         path = [{{ at_m = [2.0, 1.0], heading_deg = 90.0 }}, {{ at_m = [2.0, 1.002], heading_deg = 90.0 }}]\n\
-         [arena.world]\nwidth_m = 4.0\nlength_m = 8.0\nballs = []\nblocks = [{{ name = \"target\", at_m = [2.0, {}], \
-         size_m = [0.8, 0.1, 1.0] }}]\n",
+        "name = \"target\"\ndescription = \"a target\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \
+         \"distance\"\n[source]\nkind = \"arena\"\n[arena]\nframes = 3\nrate_hz = \
+         3.0\n[arena.rig]\nabove_floor_m = 0.5\n[arena.robot]\nhalf_width_m = 0.0\nyaw_sway_deg = \
+         0.0\nroll_sway_deg = 0.0\npitch_sway_deg = 0.0\ndeviation_m = 0.0\npath = [{{ at_m = \
+         [2.0, 1.0], heading_deg = 90.0 }}, {{ at_m = [2.0, 1.002], heading_deg = 90.0 \
+         }}]\n[arena.world]\nwidth_m = 4.0\nlength_m = 8.0\nballs = []\nblocks = [{{ name = \
+         \"target\", at_m = [2.0, {}], size_m = [0.8, 0.1, 1.0] }}]\n",
         1.0 + distance_m + 0.05
     )
 }

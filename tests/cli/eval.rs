@@ -361,7 +361,8 @@ fn in_numpy(args: &[&str]) -> Option<Value> {
         .output();
     if !can.is_ok_and(|output| output.status.success()) {
         println!(
-            "skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with opencv-python-headless"
+            "skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with \
+             opencv-python-headless"
         );
         return None;
     }

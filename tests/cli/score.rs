@@ -274,7 +274,9 @@ fn what_fails_leaves_the_earlier_report() {
     let fixture = Fixture::new();
     std::fs::create_dir_all(fixture.path("d/s")).unwrap();
     fixture.write_pair("d/s/im0.pgm", "d/s/im1.pgm", (64, 48), 4);
-    let text = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"disparity\"\ntolerance_px = 2.0\n[source]\nkind = \"dataset\"\nscenes = [\"s\"]\n";
+    let text = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \
+                \"disparity\"\ntolerance_px = 2.0\n[source]\nkind = \"dataset\"\nscenes = \
+                [\"s\"]\n";
     fixture.write("m.toml", text);
     let score = || fixture.svl(&["score", "m.toml", "--data", "d", "-q"]);
     score().done();

@@ -1,8 +1,8 @@
 use crate::tree::{DISPARITY, Tree, WIDTH, expect_truth};
 use svl::stereo::{Frame, Visibility};
 
-const CALIB: &str = "cam0=[1000 0 11; 0 1000 2; 0 0 1]\ncam1=[1000 0 13; 0 1000 2; 0 0 1]\ndoffs=2\nbaseline=160\n\
-                     width=24\nheight=6\nndisp=16\n";
+const CALIB: &str = "cam0=[1000 0 11; 0 1000 2; 0 0 1]\ncam1=[1000 0 13; 0 1000 2; 0 0 \
+                     1]\ndoffs=2\nbaseline=160\nwidth=24\nheight=6\nndisp=16\n";
 
 #[track_caller]
 fn expect_rig(frame: &Frame, focal_px: f64, baseline_m: f64, doffs_px: f64) {
@@ -178,8 +178,9 @@ fn kitti_2012() {
         }
         let truth = |folder: &str| format!("kitti2012/training/{folder}/{number}_10.png");
         tree.kitti(&truth("disp_occ"), &truth("disp_noc"));
-        let matrices = "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP1: 700 0 600 -350 0 700 180 0 0 0 1 0\n\
-                        P2: 700 0 600 35 0 700 180 0 0 0 1 0\nP3: 700 0 600 -280 0 700 180 0 0 0 1 0\n";
+        let matrices = "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP1: 700 0 600 -350 0 700 180 0 0 0 1 \
+                        0\nP2: 700 0 600 35 0 700 180 0 0 0 1 0\nP3: 700 0 600 -280 0 700 180 0 0 \
+                        0 1 0\n";
         tree.text(&format!("kitti2012/training/calib/{number}.txt"), matrices);
     }
     let frames = tree.frames(&["kitti2012/training/*"]).unwrap();
@@ -210,8 +211,8 @@ fn kitti_2015() {
         &file("disp_occ_0", "_10.png"),
         &file("disp_noc_0", "_10.png"),
     );
-    let matrices = "P_rect_00: 1 0 0 0 0 1 0 0 0 0 1 0\nP_rect_02: 720 0 600 36 0 720 170 0 0 0 1 0\n\
-                    P_rect_03: 720 0 600 -360 0 720 170 0 0 0 1 0\n";
+    let matrices = "P_rect_00: 1 0 0 0 0 1 0 0 0 0 1 0\nP_rect_02: 720 0 600 36 0 720 170 0 0 0 1 \
+                    0\nP_rect_03: 720 0 600 -360 0 720 170 0 0 0 1 0\n";
     tree.text(&file("calib_cam_to_cam", ".txt"), matrices);
     let frame = tree.frame("kitti2015/training/*");
     expect_truth(&frame, true);

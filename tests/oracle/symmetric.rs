@@ -50,8 +50,9 @@ impl Symmetric {
             ),
         };
         format!(
-            "{name}:min_disparity={min},max_disparity={max},smoothing_sigma={smoothing_sigma},{filter},\
-             symmetry_tolerance={symmetry_tolerance},subpixel={subpixel},back_check={back_check}"
+            "{name}:min_disparity={min},max_disparity={max},smoothing_sigma={smoothing_sigma},\
+             {filter},symmetry_tolerance={symmetry_tolerance},subpixel={subpixel},\
+             back_check={back_check}"
         )
     }
 

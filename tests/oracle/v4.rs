@@ -28,7 +28,8 @@ impl V4 {
         } = self;
         format!(
             "v4:min_disparity={min},max_disparity={max},smoothing_sigma={smoothing_sigma},\
-             hash_tolerance={hash_tolerance},row_tolerance={row_tolerance},subpixel={subpixel},back_check={back_check}"
+             hash_tolerance={hash_tolerance},row_tolerance={row_tolerance},subpixel={subpixel},\
+             back_check={back_check}"
         )
     }
 

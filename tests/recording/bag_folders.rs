@@ -26,9 +26,11 @@ fn bag_of(parts: &[&[bag::Message]]) -> (tempfile::TempDir, PathBuf) {
 
 fn describe(folder: &Path, storage: &str, compression: &str, names: &str) {
     let metadata = format!(
-        "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: {storage}\n  compression_mode: \"{compression}\"\n  \
-         relative_file_paths:\n{names}  topics_with_message_count:\n    - topic_metadata:\n        name: /a\n        \
-         offered_qos_profiles:\n          - history: keep_last\n            deadline: {{sec: 1, nsec: 2}}\n"
+        "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: {storage}\n  \
+         compression_mode: \"{compression}\"\n  relative_file_paths:\n{names}  \
+         topics_with_message_count:\n    - topic_metadata:\n        name: /a\n        \
+         offered_qos_profiles:\n          - history: keep_last\n            deadline: {{sec: 1, \
+         nsec: 2}}\n"
     );
     std::fs::write(folder.join("metadata.yaml"), metadata).unwrap();
 }

@@ -99,7 +99,8 @@ fn kill_many(seed: u64, times: usize, longest: Duration) {
     let mean = lost.iter().sum::<u64>() as f64 / times as f64;
     let (median, most) = (lost[times / 2], lost[times - 1]);
     println!(
-        "{times} kills at {RATE_HZ} pairs a second: lost {mean:.1} pairs on average, median {median}, most {most}"
+        "{times} kills at {RATE_HZ} pairs a second: lost {mean:.1} pairs on average, median \
+         {median}, most {most}"
     );
 }
 

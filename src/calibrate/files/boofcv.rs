@@ -13,8 +13,9 @@ use nalgebra::Vector3;
 pub(super) const FORMAT: Format = Format {
     name: "boofcv",
     title: "BoofCV's stereo YAML",
-    conventions: "pinhole_radial_tangential, radial = k1 k2 k3, t1 t2 = p1 p2; rightToLeft: x_left = R x_right + T; the \
-                  unit under length_unit, a key of svl's; no rectification",
+    conventions: "pinhole_radial_tangential, radial = k1 k2 k3, t1 t2 = p1 p2; rightToLeft: \
+                  x_left = R x_right + T; the unit under length_unit, a key of svl's; no \
+                  rectification",
     endings: &["yaml"],
     pairs: &[],
     single: true,
@@ -106,12 +107,19 @@ fn write(calibration: &StereoCalibration) -> Writing {
     let rotation = rows(left_from_right.rotation.to_rotation_matrix().matrix());
     let [x, y, z] = left_from_right.translation.vector.into();
     let text = [
-        "# Intrinsic and extrinsic parameters for a stereo camera pair\nmodel: stereo_camera\nversion: 0\n".to_owned(),
+        "# Intrinsic and extrinsic parameters for a stereo camera pair\nmodel: \
+         stereo_camera\nversion: 0\n"
+            .to_owned(),
         format!("length_unit: {}\n", unit::name(calibration.unit())),
         one_side("left", calibration.left()),
         one_side("right", calibration.right()),
         format!("rightToLeft:\n  rotation:\n{}", items("  ", &rotation)),
-        format!("  x: {}\n  y: {}\n  z: {}\n", number(x), number(y), number(z)),
+        format!(
+            "  x: {}\n  y: {}\n  z: {}\n",
+            number(x),
+            number(y),
+            number(z)
+        ),
     ];
     let left_out = calibration
         .rectification()
@@ -136,9 +144,9 @@ fn one_side(side: &str, camera: &Intrinsics) -> String {
     };
     let [fx, fy, cx, cy, p1, p2] = [fx, fy, cx, cy, p1, p2].map(number);
     format!(
-        "{side}:\n  model: pinhole_radial_tangential\n  version: 0\n  pinhole:\n    fx: {fx}\n    fy: {fy}\n    cx: {cx}\n    \
-         cy: {cy}\n    width: {width}\n    height: {height}\n    skew: 0.0\n  radial_tangential:\n    radial:\n{}    \
-         t1: {p1}\n    t2: {p2}\n",
+        "{side}:\n  model: pinhole_radial_tangential\n  version: 0\n  pinhole:\n    fx: {fx}\n    \
+         fy: {fy}\n    cx: {cx}\n    cy: {cy}\n    width: {width}\n    height: {height}\n    \
+         skew: 0.0\n  radial_tangential:\n    radial:\n{}    t1: {p1}\n    t2: {p2}\n",
         items("    ", &radial)
     )
 }

@@ -10,8 +10,8 @@ use nalgebra::{Isometry3, Matrix4};
 pub(super) const FORMAT: Format = Format {
     name: "euroc",
     title: "EuRoC's sensor.yaml",
-    conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2; T_BS: x_body = T_BS x_camera, metres; no \
-                  rectification; cam0 is the left camera",
+    conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2; T_BS: x_body = T_BS \
+                  x_camera, metres; no rectification; cam0 is the left camera",
     endings: &["yaml"],
     pairs: &[
         ["cam0/sensor.yaml", "cam1/sensor.yaml"],

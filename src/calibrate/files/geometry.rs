@@ -52,8 +52,8 @@ impl Cameras {
         let off = (implied.translation.vector - said.translation.vector).norm() / baseline;
         if off > AGREES || implied.rotation.angle_to(&said.rotation) > AGREES {
             return Err(document.wrong(format!(
-                "its rectification is of other cameras than its R and T: a baseline of {} and of {baseline}; take both \
-                 from one calibration",
+                "its rectification is of other cameras than its R and T: a baseline of {} and of \
+                 {baseline}; take both from one calibration",
                 rectification.rig.baseline_m()
             )));
         }
@@ -114,7 +114,8 @@ pub(super) fn lens(document: &Document, key: &str) -> Result<[f64; 5]> {
     let (first, rest) = numbers.split_at(numbers.len().min(5));
     if let Some(value) = rest.iter().find(|v| **v != 0.0) {
         return Err(document.wrong(format!(
-            "'{key}' has {} coefficients, one beyond k1 k2 p1 p2 k3 being {value}; calibrate with five",
+            "'{key}' has {} coefficients, one beyond k1 k2 p1 p2 k3 being {value}; calibrate with \
+             five",
             numbers.len()
         )));
     }
@@ -184,7 +185,9 @@ pub(super) fn only_rectified(
 ) -> std::result::Result<&Rectification, String> {
     in_metres(calibration)?;
     calibration.rectification().ok_or_else(|| {
-        "holds rectified cameras only, and this calibration has no rectification; compute one with `svl calibrate convert --rectify`".into()
+        "holds rectified cameras only, and this calibration has no rectification; compute one with \
+         `svl calibrate convert --rectify`"
+            .into()
     })
 }
 
@@ -192,11 +195,11 @@ pub(super) fn only_rectified(
 pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<(), String> {
     match calibration.unit() {
         LengthUnit::Metres => Ok(()),
-        LengthUnit::Squares => {
-            Err("is in metres and this calibration in squares of its board; say how large they are with \
-                                    --unit squares=SIDE_IN_METRES"
-                .into())
-        }
+        LengthUnit::Squares => Err(
+            "is in metres and this calibration in squares of its board; say how large they are \
+             with --unit squares=SIDE_IN_METRES"
+                .into(),
+        ),
     }
 }
 

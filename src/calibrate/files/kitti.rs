@@ -15,8 +15,9 @@ use std::path::Path;
 pub(super) const FORMAT: Format = Format {
     name: "kitti",
     title: "KITTI's calib.txt",
-    conventions: "rectified cameras only: projections P0 P1 (grey) and P2 P3 (colour), row by row, metres; the grey pair \
-                  is read where it is there, and both are written alike; no image size",
+    conventions: "rectified cameras only: projections P0 P1 (grey) and P2 P3 (colour), row by \
+                  row, metres; the grey pair is read where it is there, and both are written \
+                  alike; no image size",
     endings: &["txt"],
     pairs: &[],
     single: true,
@@ -29,8 +30,8 @@ pub(super) const FORMAT: Format = Format {
 pub(super) const RAW_FORMAT: Format = Format {
     name: "kitti-raw",
     title: "KITTI's calib_cam_to_cam.txt",
-    conventions: "cameras 00 and 01 (grey): S K D before and S_rect R_rect P_rect after rectification, D = k1 k2 p1 p2 k3, \
-                  x_01 = R_01 x_00 + T_01, metres",
+    conventions: "cameras 00 and 01 (grey): S K D before and S_rect R_rect P_rect after \
+                  rectification, D = k1 k2 p1 p2 k3, x_01 = R_01 x_00 + T_01, metres",
     endings: &["txt"],
     pairs: &[],
     single: true,
@@ -166,8 +167,8 @@ mod tests {
 
     #[test]
     fn projections_are_relative_to_camera_0() {
-        let text = "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 7e2 0 600 35 0 7e2 180 0 0 0 1 0\n\
-                    P3: 700 0 602 -350 0 700 180 0 0 0 1 0\n";
+        let text = "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 7e2 0 600 35 0 7e2 180 0 0 0 1 \
+                    0\nP3: 700 0 602 -350 0 700 180 0 0 0 1 0\n";
         let rig = |text: &str, left, right| {
             let document = Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap();
             projections(&document, left, right).map_err(|e| e.to_string())

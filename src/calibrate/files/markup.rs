@@ -115,7 +115,8 @@ mod tests {
 
     #[test]
     fn attributes_elements_and_texts() {
-        let text = "<?xml version=\"1.0\"?>\n<r><c a=\"1\"/><c a=\"2\"/><!-- --><d x(0,0)=\"3\"y=\"4\"/><e> 5 6 </e></r>\n";
+        let text = "<?xml version=\"1.0\"?>\n<r><c a=\"1\"/><c a=\"2\"/><!-- --><d \
+                    x(0,0)=\"3\"y=\"4\"/><e> 5 6 </e></r>\n";
         let Node::Table(root) = parse(text).unwrap() else {
             panic!()
         };

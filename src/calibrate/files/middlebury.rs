@@ -11,7 +11,8 @@ use std::path::Path;
 pub(super) const FORMAT: Format = Format {
     name: "middlebury",
     title: "Middlebury's calib.txt",
-    conventions: "rectified cameras only: cam0, cam1 = K, doffs = cx1 - cx0, baseline in millimetres; Z = f B / (d + doffs)",
+    conventions: "rectified cameras only: cam0, cam1 = K, doffs = cx1 - cx0, baseline in \
+                  millimetres; Z = f B / (d + doffs)",
     endings: &["txt"],
     pairs: &[],
     single: true,
@@ -82,7 +83,8 @@ mod tests {
 
     #[test]
     fn middlebury_form() {
-        let text = "cam0=[ 1038.018 0 322.037 ; 0 1038.018 243.393 ; 0 0 1 ] \n doffs= 53.271 \nbaseline= 176.252\n";
+        let text = "cam0=[ 1038.018 0 322.037 ; 0 1038.018 243.393 ; 0 0 1 ] \n doffs= 53.271 \
+                    \nbaseline= 176.252\n";
         let rig = parse(text).unwrap();
         assert_eq!((rig.focal_px(), rig.doffs_px()), (1038.018, 53.271));
         assert!((rig.baseline_m() - 0.176252).abs() < 1e-12);

@@ -16,8 +16,8 @@ use std::fmt::Write;
 pub(super) const FORMAT: Format = Format {
     name: "opencv",
     title: "OpenCV's FileStorage",
-    conventions: "K1 D1 K2 D2 (or M1 D1 M2 D2), D = k1 k2 p1 p2 k3; x_right = R x_left + T; R1 R2 P1 P2 as of \
-                  stereoRectify; the unit under length_unit, a key of svl's",
+    conventions: "K1 D1 K2 D2 (or M1 D1 M2 D2), D = k1 k2 p1 p2 k3; x_right = R x_left + T; R1 R2 \
+                  P1 P2 as of stereoRectify; the unit under length_unit, a key of svl's",
     endings: &["yml", "yaml"],
     pairs: &[["intrinsics.yml", "extrinsics.yml"]],
     single: true,
@@ -42,8 +42,10 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
         None if document.has("image_size|imageSize") => document.size_of("image_size|imageSize")?,
         None if document.has("image_width") => document.size("image_width", "image_height")?,
         None => {
-            return Err(document
-                .wrong("has no 'image_width' and 'image_height'; say them with `svl calibrate convert --size WxH`"));
+            return Err(document.wrong(
+                "has no 'image_width' and 'image_height'; say them with `svl calibrate convert \
+                 --size WxH`",
+            ));
         }
     };
     let right_size = if document.has("image_size2") {
@@ -135,7 +137,8 @@ fn write(calibration: &StereoCalibration) -> Writing {
         // A text cannot fail to be written to.
         let _ = write!(
             text,
-            "{name}: !!opencv-matrix\n   rows: {height}\n   cols: {width}\n   dt: d\n   data: [ {} ]\n",
+            "{name}: !!opencv-matrix\n   rows: {height}\n   cols: {width}\n   dt: d\n   data: [ \
+             {} ]\n",
             data.join(",\n       ")
         );
     }

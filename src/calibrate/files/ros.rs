@@ -12,8 +12,9 @@ use nalgebra::{Matrix3x4, Rotation3};
 pub(super) const FORMAT: Format = Format {
     name: "ros",
     title: "ROS's camera_info",
-    conventions: "camera_matrix K, plumb_bob k1 k2 p1 p2 k3, rectification_matrix R, projection_matrix P, metres; how the \
-                  cameras stand to each other is in R and P alone",
+    conventions: "camera_matrix K, plumb_bob k1 k2 p1 p2 k3, rectification_matrix R, \
+                  projection_matrix P, metres; how the cameras stand to each other is in R and P \
+                  alone",
     endings: &["yaml"],
     pairs: &[["left.yaml", "right.yaml"]],
     single: false,
@@ -77,8 +78,8 @@ fn write(calibration: &StereoCalibration) -> Writing {
     in_metres(calibration)?;
     let Some(rectification) = calibration.rectification() else {
         return Err(
-            "says how the cameras stand to each other only by their rectification, and this calibration has none; \
-                    compute one with `svl calibrate convert --rectify`"
+            "says how the cameras stand to each other only by their rectification, and this \
+             calibration has none; compute one with `svl calibrate convert --rectify`"
                 .into(),
         );
     };

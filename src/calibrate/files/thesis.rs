@@ -29,8 +29,9 @@ use std::fmt::Write;
 pub(super) const FORMAT: Format = Format {
     name: "xml",
     title: "the thesis's XML",
-    conventions: "annex E: dist0 ... dist4 = k1 k2 p1 p2 k3; each camera's pose of the board, x_camera = R x_board + T; \
-                  homographies from raw to rectified pixels; the unit as an attribute of the root",
+    conventions: "annex E: dist0 ... dist4 = k1 k2 p1 p2 k3; each camera's pose of the board, \
+                  x_camera = R x_board + T; homographies from raw to rectified pixels; the unit \
+                  as an attribute of the root",
     endings: &["xml"],
     pairs: &[],
     single: true,
@@ -54,8 +55,8 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     let Some(warps) = warps(document, [&left, &right])? else {
         if by_poses.rotation.angle() > std::f64::consts::FRAC_PI_4 {
             return Err(document.wrong(format!(
-                "the cameras are turned by {:.0}° to each other: their boards were numbered in different directions; \
-                 calibrate again",
+                "the cameras are turned by {:.0}° to each other: their boards were numbered in \
+                 different directions; calibrate again",
                 by_poses.rotation.angle().to_degrees()
             )));
         }
@@ -76,8 +77,9 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     let apart = by_warps.rotation.angle_to(&by_poses.rotation);
     let (right_from_left, unit) = if apart > CONTRADICTS {
         remarks.push(format!(
-            "its two boards were numbered in different directions: its poses and its Coeffs are {:.0}° apart. Rotation and \
-             direction of the baseline are those of the Coeffs; its length is not in the file, 1 stands for it",
+            "its two boards were numbered in different directions: its poses and its Coeffs are \
+             {:.0}° apart. Rotation and direction of the baseline are those of the Coeffs; its \
+             length is not in the file, 1 stands for it",
             apart.to_degrees()
         ));
         (by_warps, Unit::Squares)
@@ -294,6 +296,7 @@ fn stereo(
     }
     let (width, height) = rectification.size;
     Ok(format!(
-        "  <Stereo width=\"{width}\" height=\"{height}\">\n    <Quad{quad}/>\n    <Coeffs{coeffs}/>\n  </Stereo>\n"
+        "  <Stereo width=\"{width}\" height=\"{height}\">\n    <Quad{quad}/>\n    \
+         <Coeffs{coeffs}/>\n  </Stereo>\n"
     ))
 }

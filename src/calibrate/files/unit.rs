@@ -42,13 +42,14 @@ impl Unit {
             .transpose()?;
         match (said, named) {
             (None, None) => Err(document.wrong(format!(
-                "does not say what its lengths are in; say it with `svl calibrate convert --unit`: {UNITS}"
+                "does not say what its lengths are in; say it with `svl calibrate convert \
+                 --unit`: {UNITS}"
             ))),
             (None, Some(unit)) | (Some(Self::Squares), Some(unit)) | (Some(unit), None) => Ok(unit),
             (Some(unit), Some(named)) if unit == named => Ok(unit),
-            (Some(_), Some(_)) => {
-                Err(document.wrong(format!("says itself what its lengths are in, at '{key}'; leave --unit out")))
-            }
+            (Some(_), Some(_)) => Err(document.wrong(format!(
+                "says itself what its lengths are in, at '{key}'; leave --unit out"
+            ))),
         }
     }
 

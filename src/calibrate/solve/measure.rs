@@ -123,8 +123,8 @@ fn parallel(scene: &Scene, focal: Option<(&str, f64, f64)>) -> Error {
         },
     );
     Error::Invalid(format!(
-        "{what}: the board's directions in the {} views differ by {widest:.0}° at most; add views with the board tilted by \
-         20° to 45° to the left, right, up and down",
+        "{what}: the board's directions in the {} views differ by {widest:.0}° at most; add views \
+         with the board tilted by 20° to 45° to the left, right, up and down",
         scene.shots.len()
     ))
 }

@@ -59,7 +59,8 @@ impl Sieve<'_> {
             if counts != (corners, corners) {
                 let (left, right) = counts;
                 return Err(Error::Invalid(format!(
-                    "view {} has {left} corners on the left and {right} on the right, the board has {corners}",
+                    "view {} has {left} corners on the left and {right} on the right, the board \
+                     has {corners}",
                     id + 1
                 )));
             }
@@ -109,8 +110,8 @@ impl Sieve<'_> {
             format!(" ({})", reasons.join("; "))
         };
         Err(Error::Invalid(format!(
-            "{alive} of {all} views of the board can be used, at least {LEAST_VIEWS} are needed{why}; add views with the \
-             board tilted differently"
+            "{alive} of {all} views of the board can be used, at least {LEAST_VIEWS} are \
+             needed{why}; add views with the board tilted differently"
         )))
     }
 }
@@ -249,6 +250,7 @@ fn middle(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
 
 fn lost(what: &str) -> Error {
     Error::Invalid(format!(
-        "the views tell nothing about the {what}: add views with the board tilted in different directions, by 20° to 45°"
+        "the views tell nothing about the {what}: add views with the board tilted in different \
+         directions, by 20° to 45°"
     ))
 }

@@ -32,7 +32,10 @@ pub(super) fn words(motion: &Isometry3<f64>, board: &[Point3<f64>]) -> Option<St
     let centre = board.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / board.len() as f64;
     let away = (motion * Point3::from(centre) - Point3::from(centre)).norm() / square;
     (away > 0.02 || turn > 0.2).then(|| {
-        format!("between the images the board moved by {away:.2} squares and turned by {turn:.1}°; hold it still, check the trigger")
+        format!(
+            "between the images the board moved by {away:.2} squares and turned by {turn:.1}°; \
+             hold it still, check the trigger"
+        )
     })
 }
 

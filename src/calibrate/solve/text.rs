@@ -56,11 +56,13 @@ impl Display for Solution {
         } = self;
         writeln!(
             f,
-            "\nRMS of both images {rms_px:.3} px: {corner_deviation_px:.3} px of noise in x and in y."
+            "\nRMS of both images {rms_px:.3} px: {corner_deviation_px:.3} px of noise in x and \
+             in y."
         )?;
         writeln!(
             f,
-            "Rows of rectified corners: |Δy| is {:.3} px in the mean, {:.3} px rms, {:.2} px at most.",
+            "Rows of rectified corners: |Δy| is {:.3} px in the mean, {:.3} px rms, {:.2} px at \
+             most.",
             epipolar.mean_px, epipolar.rms_px, epipolar.worst_px
         )?;
         writeln!(

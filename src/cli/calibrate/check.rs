@@ -62,7 +62,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let name = source.name();
     let Some(alignment) = meter.alignment() else {
         bail!(
-            "{name}: too few points are seen in both images to tell ({}): show the cameras something textured",
+            "{name}: too few points are seen in both images to tell ({}): show the cameras \
+             something textured",
             meter.matches().len()
         );
     };
@@ -110,7 +111,8 @@ fn text(name: &str, alignment: &Alignment) -> String {
             Misfit::Turn { degrees, scale } => {
                 let percent = (scale - 1.0) * 100.0;
                 format!(
-                    "looks like  one image turned by {degrees:.2} degrees or scaled by {percent:.2} % against the other"
+                    "looks like  one image turned by {degrees:.2} degrees or scaled by \
+                     {percent:.2} % against the other"
                 )
             }
             Misfit::Bent => "looks like  lenses, or cameras turned towards each other".to_owned(),

@@ -212,7 +212,8 @@ impl Collected {
         if (width, height) != (w, h) {
             let name = name(frame);
             bail!(
-                "pair {name} is {w}x{h} pixels, those before {width}x{height}; a calibration is of one size"
+                "pair {name} is {w}x{h} pixels, those before {width}x{height}; a calibration is \
+                 of one size"
             );
         }
         Ok(())
@@ -238,11 +239,12 @@ impl Collected {
         let most = self.refused.iter().max_by_key(|(_, times)| **times);
         let why = match (self.views.len(), other, most) {
             (_, Some(((long, short), times)), _) if *times > self.pairs / 4 => format!(
-                "{source}: shows a board of {long}x{short} inner corners, not {columns}x{rows}; try --squares {long}x{short}"
+                "{source}: shows a board of {long}x{short} inner corners, not {columns}x{rows}; \
+                 try --squares {long}x{short}"
             ),
             (0, _, _) if !self.views_were_offered() => format!(
-                "{source}: no whole board of {columns}x{rows} inner corners in both images of any of {} pairs ({}); \
-                 {counted}",
+                "{source}: no whole board of {columns}x{rows} inner corners in both images of any \
+                 of {} pairs ({}); {counted}",
                 self.pairs,
                 self.reasons()
             ),

@@ -193,7 +193,8 @@ fn said(path: &Path, found: &Found) -> Result<String, std::fmt::Error> {
             let (cx, cy) = rig.center_px();
             writeln!(
                 text,
-                "  rectified {width}x{height}: focal length {:.3} px, centre ({cx:.3}, {cy:.3}), doffs {:.3} px",
+                "  rectified {width}x{height}: focal length {:.3} px, centre ({cx:.3}, {cy:.3}), \
+                 doffs {:.3} px",
                 rig.focal_px(),
                 rig.doffs_px()
             )?;
@@ -210,7 +211,7 @@ fn camera_line(camera: &Intrinsics) -> String {
         (camera.size(), camera.focal_px(), camera.center_px());
     let [k1, k2, p1, p2, k3] = camera.distortion();
     format!(
-        "{width}x{height}, focal lengths {fx:.3} {fy:.3} px, centre ({cx:.3}, {cy:.3}), k1 {k1:.5} k2 {k2:.5} p1 {p1:.6} \
-         p2 {p2:.6} k3 {k3:.5}"
+        "{width}x{height}, focal lengths {fx:.3} {fy:.3} px, centre ({cx:.3}, {cy:.3}), k1 \
+         {k1:.5} k2 {k2:.5} p1 {p1:.6} p2 {p2:.6} k3 {k3:.5}"
     )
 }

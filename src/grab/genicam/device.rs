@@ -60,7 +60,9 @@ pub fn found() -> Vec<Found> {
 fn unknown(name: &str, error: &glib::Error) -> Error {
     let answering: Vec<_> = found().into_iter().map(|found| found.id).collect();
     let cure = match answering.is_empty() {
-        true => "no camera answers: check its power, its cable, and that this computer is in its network".to_owned(),
+        true => "no camera answers: check its power, its cable, and that this computer is in its \
+                 network"
+            .to_owned(),
         false => format!("those that answer: {}", answering.join(", ")),
     };
     Error::camera(

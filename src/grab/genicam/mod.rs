@@ -39,7 +39,8 @@ pub fn open(names: [&str; 2], drive: Drive, clock: &Arc<Clock>) -> Result<[Genic
     let ([width, height], [other_width, other_height]) = (a.size(), b.size());
     if a.size() != b.size() {
         return Err(Error::Invalid(format!(
-            "{} takes images of {width}x{height}, {} of {other_width}x{other_height}; set both alike",
+            "{} takes images of {width}x{height}, {} of {other_width}x{other_height}; set both \
+             alike",
             a.name(),
             b.name()
         )));

@@ -58,7 +58,8 @@ fn reason(cause: &io::Error, group: Option<&str>) -> String {
         (PermissionDenied, None) => "permission denied; change its permissions",
         _ => {
             return format!(
-                "is no serial port of {BAUD} baud ({cause}); `svl record --list` shows the serial ports there are"
+                "is no serial port of {BAUD} baud ({cause}); `svl record --list` shows the serial \
+                 ports there are"
             );
         }
     };
@@ -128,7 +129,8 @@ mod tests {
         let denied = io::Error::from(io::ErrorKind::PermissionDenied);
         assert_eq!(
             reason(&denied, Some("dialout")),
-            "cannot be opened: it is for the group dialout; `sudo usermod -aG dialout $USER`, then log in again"
+            "cannot be opened: it is for the group dialout; `sudo usermod -aG dialout $USER`, \
+             then log in again"
         );
         assert_eq!(
             reason(&denied, None),

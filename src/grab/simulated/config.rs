@@ -32,8 +32,9 @@ impl Default for SimulatedConfig {
     }
 }
 
-const KEYS: &str = "size=WxH, scene=arena|board, pictures=N, light=X; for both cameras or after left. or right.: arm_ms, jitter_ms, \
-                    transfer_ms, phase_ms, drift_ppm, damage_at, hang_at, disconnect_at";
+const KEYS: &str = "size=WxH, scene=arena|board, pictures=N, light=X; for both cameras or after \
+                    left. or right.: arm_ms, jitter_ms, transfer_ms, phase_ms, drift_ppm, \
+                    damage_at, hang_at, disconnect_at";
 
 /// Sides, number and bytes of all pictures: they have to fit into a computer.
 const SIDES: RangeInclusive<usize> = 16..=4096;
@@ -57,7 +58,8 @@ impl FromStr for SimulatedConfig {
         let bytes = 2 * width * height * config.pictures;
         if bytes > MAX_BYTES {
             let reason = format!(
-                "sim: {} pictures of {width}x{height} are {bytes} bytes, at most {MAX_BYTES}: take fewer or smaller ones",
+                "sim: {} pictures of {width}x{height} are {bytes} bytes, at most {MAX_BYTES}: \
+                 take fewer or smaller ones",
                 config.pictures
             );
             return Err(Error::Invalid(reason));
@@ -146,10 +148,10 @@ mod tests {
 
     #[test]
     fn keys_are_of_both_cameras_or_of_one() {
-        let config: SimulatedConfig =
-            "size=320x240,arm_ms=5,right.arm_ms=40,left.hang_at=3,light=0.5"
-                .parse()
-                .unwrap();
+        let config: SimulatedConfig = "size=320x240,arm_ms=5,right.arm_ms=40,left.hang_at=3,\
+                                       light=0.5"
+            .parse()
+            .unwrap();
         assert_eq!((config.size, config.light), ((320, 240), 0.5));
         assert_eq!(config.tempers.clone().map(|t| t.arm_ms), [5.0, 40.0]);
         assert_eq!(config.tempers.map(|t| t.hang_at), [Some(3), None]);

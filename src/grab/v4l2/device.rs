@@ -228,7 +228,8 @@ pub(super) fn trouble(errno: Errno) -> String {
             "is no video device; `svl record --list` shows those"
         }
         Errno::NOSPC => {
-            "the USB bus has no room for its images; use another port, a smaller size= or format=MJPG"
+            "the USB bus has no room for its images; use another port, a smaller size= or \
+             format=MJPG"
         }
         Errno::IO => "its driver gave up; unplug it, plug it in and record again",
         _ => return format!("{errno}; unplug it, plug it in and record again"),

@@ -99,13 +99,19 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(Format, (usize,
             .then(a.size.cmp(&b.size))
             .then(a.format.cmp(&b.format))
     });
-    best.map(|(_, _, mode)| (mode.format, mode.size)).ok_or_else(|| {
-        let size = wish.size.map_or(String::new(), |(width, height)| format!(" of {width}x{height}"));
-        let format = wish.format.map_or("GREY, YUYV or MJPG".to_owned(), |format| format.to_string());
-        Error::Invalid(format!(
-            "v4l2: the cameras have no {format} mode{size} in common; `svl record --list` shows them"
-        ))
-    })
+    best.map(|(_, _, mode)| (mode.format, mode.size))
+        .ok_or_else(|| {
+            let size = wish.size.map_or(String::new(), |(width, height)| {
+                format!(" of {width}x{height}")
+            });
+            let format = wish
+                .format
+                .map_or("GREY, YUYV or MJPG".to_owned(), |format| format.to_string());
+            Error::Invalid(format!(
+                "v4l2: the cameras have no {format} mode{size} in common; `svl record --list` \
+                 shows them"
+            ))
+        })
 }
 
 #[cfg(test)]

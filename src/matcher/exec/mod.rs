@@ -40,7 +40,8 @@ use std::time::Duration;
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "exec",
     aliases: &[],
-    summary: "any program, over its standard input and output: how to compare what svl does not know",
+    summary: "any program, over its standard input and output: how to compare what svl does not \
+              know",
     paper: "whatever the program does; adapters/opencv.py explains the protocol and is an example",
     parameters: &[
         Parameter {

@@ -117,7 +117,8 @@ fn read_disparities(from: &mut impl Read, width: usize, height: usize) -> Result
     read.map_err(|error| format!("cannot be read from: {error}"))?;
     if bytes.len() < expected {
         return Err(format!(
-            "closed its output after {} bytes of disparities; {width}x{height} pixels are {expected}",
+            "closed its output after {} bytes of disparities; {width}x{height} pixels are \
+             {expected}",
             bytes.len()
         ));
     }

@@ -44,7 +44,8 @@ impl ErrorFilter {
             min: 0.0,
             max: 10.0,
         },
-        description: "share by which the next cost, not beside the winner's, must exceed the winner's",
+        description: "share by which the next cost, not beside the winner's, must exceed the \
+                      winner's",
     };
 
     /// A `uniqueness` of 0.10 asks for 10 %; it is taken to thousandths.
@@ -90,7 +91,8 @@ impl SpreadFilter {
             min: 0.0,
             max: 2048.0,
         },
-        description: "standard deviation of the disparities of low cost from which a match is ambiguous",
+        description: "standard deviation of the disparities of low cost from which a match is \
+                      ambiguous",
     };
 
     /// With that threshold.

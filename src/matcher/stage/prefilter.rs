@@ -26,7 +26,8 @@ impl Prefilter {
             default: "xsobel",
             options: &["xsobel", "log"],
         },
-        description: "edges to match: horizontal ones, or the Laplacian of a Gaussian of the Small Vision System",
+        description: "edges to match: horizontal ones, or the Laplacian of a Gaussian of the \
+                      Small Vision System",
     };
 
     /// The one that an option of [`Prefilter::CHOICE`] names.

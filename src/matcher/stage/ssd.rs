@@ -55,7 +55,8 @@ impl DisparityRange {
             Ok(Self { min, max })
         } else {
             Err(Error::Invalid(format!(
-                "min_disparity={min}, max_disparity={max}: the first must not exceed the second, nor either ±{}",
+                "min_disparity={min}, max_disparity={max}: the first must not exceed the second, \
+                 nor either ±{}",
                 Self::LIMIT
             )))
         }

@@ -10,7 +10,8 @@ pub const SUBPIXEL: Parameter = Parameter {
     name: "subpixel",
     unit: "",
     range: Range::Flag { default: false },
-    description: "refine to fractions of a pixel, by a parabola through the SSDs at the winner and beside it",
+    description: "refine to fractions of a pixel, by a parabola through the SSDs at the winner \
+                  and beside it",
 };
 
 /// Moves the disparity `d` of each valid pixel of `row` to the lowest point of the parabola through

@@ -26,8 +26,10 @@ use claims::{Claims, Tolerance};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v4",
     aliases: &[],
-    summary: "windows in a hash table, matched across rows: for cameras out of line, and measures by how much they are",
-    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL 2007, section 5.3.4",
+    summary: "windows in a hash table, matched across rows: for cameras out of line, and measures \
+              by how much they are",
+    paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
+            2007, section 5.3.4",
     parameters: &[
         DisparityRange::MIN,
         DisparityRange::MAX,

@@ -189,7 +189,8 @@ pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String
     let close = |a: f64, b: f64, tolerance: f64| (a - b).abs() <= tolerance;
     if !close(l.focal, r.focal, FOCAL_TOLERANCE * l.focal) || !close(l.cy, r.cy, ROW_TOLERANCE_PX) {
         return Err(format!(
-            "their projections are not rectified to each other: focal lengths {} and {} px, rows of the centres {} and {} px",
+            "their projections are not rectified to each other: focal lengths {} and {} px, rows \
+             of the centres {} and {} px",
             l.focal, r.focal, l.cy, r.cy
         ));
     }

@@ -214,7 +214,8 @@ impl Foreign {
             None => String::new(),
         };
         format!(
-            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} ms of each other{miss}",
+            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
+             ms of each other{miss}",
             counted(lefts, "image")
         )
     }

@@ -47,7 +47,8 @@ pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
     if step < row_bytes || raw.data.len() < expected || row_bytes == 0 {
         let (encoding, got) = (raw.encoding, raw.data.len());
         return Err(format!(
-            "a {width}x{height} {encoding} image with rows of {step} bytes does not fit its {got} bytes"
+            "a {width}x{height} {encoding} image with rows of {step} bytes does not fit its {got} \
+             bytes"
         ));
     }
     let rows = raw

@@ -130,8 +130,8 @@ fn unread(channels: &[Channel]) -> Option<String> {
     } = first;
     Some(match (encoding.as_str(), name(first).as_str()) {
         ("ros1", _) => format!(
-            "{topics}: {schema} of ROS 1; `rosbags-convert --src FILE.bag --dst FOLDER --dst-storage mcap` makes a ROS 2 bag of \
-             a .bag file"
+            "{topics}: {schema} of ROS 1; `rosbags-convert --src FILE.bag --dst FOLDER \
+             --dst-storage mcap` makes a ROS 2 bag of a .bag file"
         ),
         (_, "CompressedVideo") => {
             format!("{topics}: {schema}, a video; record images, as they are or as PNG or JPEG")

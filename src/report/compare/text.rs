@@ -15,7 +15,8 @@ impl Display for Comparison {
         if !self.same_scenario {
             writeln!(
                 f,
-                "The scenarios differ, and with them what counts as right: nothing is called better or worse."
+                "The scenarios differ, and with them what counts as right: nothing is called \
+                 better or worse."
             )?;
         }
         self.algorithms

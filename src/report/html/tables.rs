@@ -136,7 +136,8 @@ impl CellView {
             } => {
                 let share = percent(Some(share));
                 let words = format!(
-                    "best frames of {best} of {seen} checkpoints pass, worst of {worst}, {share} % in all"
+                    "best frames of {best} of {seen} checkpoints pass, worst of {worst}, {share} \
+                     % in all"
                 );
                 Self {
                     marks: Vec::new(),

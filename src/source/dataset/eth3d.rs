@@ -9,8 +9,9 @@ pub(super) const ETH3D: Dataset = Dataset {
     title: "ETH3D two-view, 27 training pairs, laser-scanned",
     home: "https://www.eth3d.net/datasets#low-res-two-view",
     licence: "CC BY-NC-SA 4.0",
-    citation: "T. Schöps, J. L. Schönberger, S. Galliani, T. Sattler, K. Schindler, M. Pollefeys, A. Geiger, A multi-view \
-               stereo benchmark with high-resolution images and multi-camera videos, CVPR 2017",
+    citation: "T. Schöps, J. L. Schönberger, S. Galliani, T. Sattler, K. Schindler, M. Pollefeys, \
+               A. Geiger, A multi-view stereo benchmark with high-resolution images and \
+               multi-camera videos, CVPR 2017",
     parts: &[
         part(
             "images",

@@ -44,7 +44,8 @@ impl FolderSource {
             .filter_map(|(k, l)| right.get(&k).map(|r| (k, l, r.clone())))
             .collect();
         if pairs.is_empty() {
-            let cure = "expected im0.png and im1.png, or left/ and right/ with equally named images, or left01.png, right01.png, ...";
+            let cure = "expected im0.png and im1.png, or left/ and right/ with equally named \
+                        images, or left01.png, right01.png, ...";
             return Err(Error::format(
                 folder,
                 format!("holds no stereo pair: {cure}"),

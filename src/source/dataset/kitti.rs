@@ -18,8 +18,8 @@ pub(super) const KITTI2012: Dataset = Dataset {
     title: "KITTI stereo 2012, 194 training and 195 test pairs from a car",
     home: "https://www.cvlibs.net/datasets/kitti/eval_stereo_flow.php?benchmark=stereo",
     licence: LICENCE,
-    citation: "A. Geiger, P. Lenz, R. Urtasun, Are we ready for autonomous driving? The KITTI vision benchmark suite, \
-               CVPR 2012",
+    citation: "A. Geiger, P. Lenz, R. Urtasun, Are we ready for autonomous driving? The KITTI \
+               vision benchmark suite, CVPR 2012",
     parts: &[Part {
         name: "all",
         usual: true,

@@ -52,7 +52,8 @@ pub(super) const MIDDLEBURY2021: Dataset = Dataset {
     title: "Middlebury 2021 mobile, 24 pairs of a mobile phone's camera",
     home: "https://vision.middlebury.edu/stereo/data/scenes2021/",
     licence: LICENCE,
-    citation: "G. Pan, T. Sun, T. Weed, D. Scharstein, 2021 Mobile stereo datasets with ground truth, Middlebury College",
+    citation: "G. Pan, T. Sun, T. Weed, D. Scharstein, 2021 Mobile stereo datasets with ground \
+               truth, Middlebury College",
     parts: &[Part {
         name: "all",
         usual: true,
@@ -118,8 +119,9 @@ pub(super) const MIDDLEBURY2014: Dataset = Dataset {
     },
 };
 
-const GCPR2014: &str = "D. Scharstein, H. Hirschmüller, Y. Kitajima, G. Krathwohl, N. Nesic, X. Wang, P. Westling, \
-                        High-resolution stereo datasets with subpixel-accurate ground truth, GCPR 2014";
+const GCPR2014: &str = "D. Scharstein, H. Hirschmüller, Y. Kitajima, G. Krathwohl, N. Nesic, X. \
+                        Wang, P. Westling, High-resolution stereo datasets with subpixel-accurate \
+                        ground truth, GCPR 2014";
 
 const DISP0: &[TruthFile] = &[TruthFile {
     name: "disp0.pfm",
@@ -174,8 +176,9 @@ pub(super) const MIDDLEBURY2005: Dataset = Dataset {
     files: VIEWS,
 };
 
-const CVPR2007: &str = "D. Scharstein, C. Pal, Learning conditional random fields for stereo, CVPR 2007; \
-                        H. Hirschmüller, D. Scharstein, Evaluation of cost functions for stereo matching, CVPR 2007";
+const CVPR2007: &str = "D. Scharstein, C. Pal, Learning conditional random fields for stereo, \
+                        CVPR 2007; H. Hirschmüller, D. Scharstein, Evaluation of cost functions \
+                        for stereo matching, CVPR 2007";
 
 /// The archives of seven views hold the exposures two folders below the truth:
 /// `Art/Illum2/Exp1/view1.png`.
@@ -218,7 +221,8 @@ pub(super) const MIDDLEBURY2003: Dataset = Dataset {
     title: "Middlebury 2003, cones and teddy",
     home: "https://vision.middlebury.edu/stereo/data/scenes2003/",
     licence: LICENCE,
-    citation: "D. Scharstein, R. Szeliski, High-accuracy stereo depth maps using structured light, CVPR 2003",
+    citation: "D. Scharstein, R. Szeliski, High-accuracy stereo depth maps using structured \
+               light, CVPR 2003",
     parts: &[
         scenes2003!("quarter", true, 2, "cones/cones-png-2.zip" "teddy/teddy-png-2.zip"),
         scenes2003!("half", false, 7, "full/conesH-ppm-2.zip" "full/teddyH-ppm-2.zip"),
@@ -264,9 +268,9 @@ pub(super) const MIDDLEBURY2001: Dataset = Dataset {
     title: "Middlebury 2001, tsukuba, map and six planar scenes",
     home: "https://vision.middlebury.edu/stereo/data/scenes2001/",
     licence: LICENCE,
-    citation: "D. Scharstein, R. Szeliski, A taxonomy and evaluation of dense two-frame stereo correspondence \
-               algorithms, IJCV 47, 2002; tsukuba: Y. Nakamura, T. Matsuura, K. Satoh, Y. Ohta, Occlusion detectable \
-               stereo, CVPR 1996",
+    citation: "D. Scharstein, R. Szeliski, A taxonomy and evaluation of dense two-frame stereo \
+               correspondence algorithms, IJCV 47, 2002; tsukuba: Y. Nakamura, T. Matsuura, K. \
+               Satoh, Y. Ohta, Occlusion detectable stereo, CVPR 1996",
     parts: &[Part {
         name: "all",
         usual: true,

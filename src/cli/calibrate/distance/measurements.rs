@@ -117,7 +117,8 @@ fn table(
         })?;
         if distance_cm > MOST_CM || disparity_px.is_some_and(|px| px > MAX_SIDE as f64) {
             bail!(
-                "{shown}: measurement {}: a distance is {MOST_CM} cm at most, a disparity {MAX_SIDE} px",
+                "{shown}: measurement {}: a distance is {MOST_CM} cm at most, a disparity \
+                 {MAX_SIDE} px",
                 number + 1
             );
         }

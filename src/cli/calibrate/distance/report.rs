@@ -167,7 +167,8 @@ impl Report {
         match self.farthest() {
             Some((cm, px)) => writeln!(
                 text,
-                "  use it: up to {cm:.0} cm ({px:.1} px), where a distance is known to {percent:.0} % in 95 of 100 cases"
+                "  use it: up to {cm:.0} cm ({px:.1} px), where a distance is known to \
+                 {percent:.0} % in 95 of 100 cases"
             )?,
             None => writeln!(
                 text,
