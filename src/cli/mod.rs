@@ -1,36 +1,11 @@
-//! The command line: one file per subcommand, its arguments beside its run.
+//! The command line: global options, and from an error to the exit code.
 
-mod algos;
-mod bench;
-mod cache;
-mod calibrate;
-mod cameras;
-mod compare;
-mod completions;
-mod datasets;
-mod devices;
-mod eval;
-mod folder;
-mod gate;
-mod info;
-mod live;
-mod matching;
-mod output;
-mod progress;
-mod record;
-mod recover;
-mod rectify;
-mod replay;
-mod reproduce;
-mod run_info;
-mod score;
-mod source;
-mod sweep;
-mod usage;
-mod verify;
-mod view;
+mod commands;
+mod shared;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, Parser};
+use commands::Command;
+use shared::usage;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
@@ -68,28 +43,6 @@ Examples:
 
 Exit codes: 0 done, 1 failed or below a gate, 2 wrong usage.";
 
-#[derive(Subcommand)]
-enum Command {
-    Record(record::Args),
-    Replay(replay::Args),
-    Score(score::Args),
-    Compare(compare::Args),
-    Reproduce(reproduce::Args),
-    Match(matching::Args),
-    Eval(eval::Args),
-    Bench(bench::Args),
-    Calibrate(calibrate::Args),
-    View(view::Args),
-    Info(info::Args),
-    Recover(recover::Args),
-    Algos(algos::Args),
-    Datasets(datasets::Args),
-    Completions(completions::Args),
-    /// Print the man page
-    #[command(after_help = "Example:\n  svl man > /usr/share/man/man1/svl.1")]
-    Man,
-}
-
 impl Cli {
     /// Parses, runs, and turns the result into the exit code: 0 done, 1 failed, 2 wrong usage.
     pub(crate) fn main() -> ExitCode {
@@ -105,7 +58,7 @@ impl Cli {
             Err(error) => match error.downcast_ref() {
                 Some(error) => usage::tell(error),
                 None => {
-                    eprintln!("error: {}", one_line(&error));
+                    eprintln!("error: {}", usage::one_line(&error));
                     ExitCode::FAILURE
                 }
             },
@@ -128,8 +81,7 @@ impl Cli {
         tracing_subscriber::registry()
             .with(lines.with_filter(ours))
             .init();
-        let own = matches!(self.command, Command::Bench(_)).then_some(bench::THREADS);
-        if let Some(threads) = self.threads.or(own)
+        if let Some(threads) = self.threads.or(self.command.threads())
             && let Err(error) = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads.into())
                 .build_global()
@@ -137,37 +89,6 @@ impl Cli {
             tracing::warn!("--threads {threads}: {error}");
         }
     }
-}
-
-impl Command {
-    fn run(self, quiet: bool) -> anyhow::Result<()> {
-        match self {
-            Self::Record(args) => record::run(&args, quiet),
-            Self::Replay(args) => replay::run(&args, quiet),
-            Self::Score(args) => score::run(&args, quiet),
-            Self::Compare(args) => compare::run(&args),
-            Self::Reproduce(args) => reproduce::run(&args, quiet),
-            Self::Match(args) => matching::run(&args),
-            Self::Eval(args) => eval::run(&args),
-            Self::Bench(args) => bench::run(&args),
-            Self::Calibrate(args) => calibrate::run(&args, quiet),
-            Self::View(args) => view::run(&args),
-            Self::Info(args) => info::run(&args),
-            Self::Recover(args) => recover::run(&args),
-            Self::Algos(args) => algos::run(&args),
-            Self::Datasets(args) => datasets::run(&args, quiet),
-            Self::Completions(args) => completions::run(&args),
-            Self::Man => completions::man(),
-        }
-    }
-}
-
-/// The error and its causes in one line.
-fn one_line(error: &anyhow::Error) -> String {
-    format!("{error:#}")
-        .split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ")
 }
 
 /// The program's full description, for completions and the man page.

@@ -1,0 +1,141 @@
+//! `svl algos`: the registry, printed.
+
+use crate::cli::shared::output::{print, print_json};
+use serde::Serialize;
+use std::fmt::Write;
+use svl::matcher::{self, MATCHERS, MatcherSpec, Range};
+
+/// List the algorithms, or one with its parameters
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  svl algos\n  svl algos v3\n  svl algos --json")]
+pub(crate) struct Args {
+    /// Show this one
+    #[arg(value_parser = matcher::find)]
+    name: Option<&'static MatcherSpec>,
+
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Entry {
+    name: &'static str,
+    aliases: &'static [&'static str],
+    summary: &'static str,
+    paper: &'static str,
+    parameters: Vec<ParameterEntry>,
+}
+
+#[derive(Serialize)]
+struct ParameterEntry {
+    name: &'static str,
+    unit: &'static str,
+    default: serde_json::Value,
+    min: serde_json::Value,
+    max: serde_json::Value,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    options: &'static [&'static str],
+    description: &'static str,
+}
+
+impl Entry {
+    fn of(spec: &MatcherSpec) -> Self {
+        let parameters = spec.parameters.iter().map(|p| {
+            let (default, min, max) = match p.range {
+                Range::Int { default, min, max } => (default.into(), min.into(), max.into()),
+                Range::Real { default, min, max } => (default.into(), min.into(), max.into()),
+                Range::Flag { default } => (default.into(), false.into(), true.into()),
+                Range::Text { default } => (
+                    default.into(),
+                    serde_json::Value::Null,
+                    serde_json::Value::Null,
+                ),
+                Range::Choice { default, .. } => (
+                    default.into(),
+                    serde_json::Value::Null,
+                    serde_json::Value::Null,
+                ),
+            };
+            let options = if let Range::Choice { options, .. } = p.range {
+                options
+            } else {
+                &[]
+            };
+            ParameterEntry {
+                name: p.name,
+                unit: p.unit,
+                default,
+                min,
+                max,
+                options,
+                description: p.description,
+            }
+        });
+        Self {
+            name: spec.name,
+            aliases: spec.aliases,
+            summary: spec.summary,
+            paper: spec.paper,
+            parameters: parameters.collect(),
+        }
+    }
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let specs = args
+        .name
+        .map_or_else(|| MATCHERS.iter().collect(), |spec| vec![spec]);
+    if args.json {
+        return print_json(&specs.iter().map(|spec| Entry::of(spec)).collect::<Vec<_>>());
+    }
+    let mut text = String::new();
+    for spec in specs {
+        describe(&mut text, spec)?;
+    }
+    text.push_str("Use as NAME:key=value,key=value, for instance --algo v3:max_disparity=64\n");
+    print(&text)
+}
+
+fn describe(text: &mut String, spec: &MatcherSpec) -> std::fmt::Result {
+    writeln!(
+        text,
+        "{:<6} {}\n       {}",
+        spec.name, spec.summary, spec.paper
+    )?;
+    if !spec.aliases.is_empty() {
+        writeln!(text, "       also called {}", spec.aliases.join(", "))?;
+    }
+    text.push('\n');
+    let width =
+        |f: fn(&matcher::Parameter) -> usize| spec.parameters.iter().map(f).max().unwrap_or(0);
+    let (names, values) = (width(|p| p.name.len()), width(|p| setting(p).len()));
+    for p in spec.parameters {
+        writeln!(
+            text,
+            "       {:<names$}  {:<values$}  {}",
+            p.name,
+            setting(p),
+            p.description
+        )?;
+    }
+    text.push('\n');
+    Ok(())
+}
+
+/// Default and range of a parameter with its unit: `80 px (-512..=512)`.
+fn setting(p: &matcher::Parameter) -> String {
+    let unit = if p.unit.is_empty() {
+        String::new()
+    } else {
+        format!(" {}", p.unit)
+    };
+    let range = match p.range {
+        Range::Int { min, max, .. } => format!("{min}..={max}"),
+        Range::Real { min, max, .. } => format!("{min}..={max}"),
+        Range::Flag { .. } => "true, false".to_owned(),
+        Range::Text { .. } => return "text".to_owned(),
+        Range::Choice { options, .. } => options.join(", "),
+    };
+    format!("{}{unit} ({range})", p.range.default())
+}

@@ -1,0 +1,226 @@
+//! `svl bench`: how fast the algorithms are, side by side.
+
+use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::{progress, usage};
+use anyhow::{Context, bail};
+use serde::Serialize;
+use std::fmt::Write;
+use std::time::{Duration, Instant};
+use svl::arena::{Arena, ArenaConfig};
+use svl::matcher::{Algorithm, MATCHERS, Matcher};
+use svl::stereo::{DisparityMap, StereoPair};
+use svl::timing::Clock;
+
+/// Measure the speed of algorithms, matching only
+///
+/// Every algorithm matches the same pair of the arena, in turns, so that a slow moment of the
+/// machine meets all of them. Times are of one machine at one moment: compare them within a run, by
+/// their medians.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl bench
+  svl bench --algo v3 --algo v3:smoothing_sigma=0 --size 640x480
+  svl bench --max-disparity 128 --threads 2 --json")]
+pub(crate) struct Args {
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: all of svl's
+    /// own]
+    #[arg(long, value_name = "NAME[:key=value,…]")]
+    algo: Vec<Algorithm>,
+    /// Size of the images
+    #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
+    size: (usize, usize),
+    /// Disparities 0..=N, for algorithms that do not set their own
+    #[arg(long, value_name = "N", default_value_t = 80, allow_negative_numbers = true, value_parser = usage::within(0..=1024u16))]
+    max_disparity: u16,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Threads where none are asked for: speeds are compared per core.
+pub(super) const THREADS: u16 = 1;
+
+/// Time spent on each algorithm.
+const BUDGET: Duration = Duration::from_secs(2);
+/// Fewest and most matchings of each.
+const ROUNDS: std::ops::RangeInclusive<usize> = 5..=1000;
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let sides = text
+        .split_once('x')
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    sides
+        .filter(|(w, h)| (32..=4096).contains(w) && (32..=4096).contains(h))
+        .ok_or("expected WxH, each 32..=4096".into())
+}
+
+/// An algorithm's figures. Times in milliseconds, by nearest rank.
+#[derive(Serialize)]
+struct Figures {
+    algo: String,
+    width: usize,
+    height: usize,
+    disparities: u32,
+    threads: usize,
+    isa: &'static str,
+    runs: usize,
+    min_ms: f64,
+    median_ms: f64,
+    p95_ms: f64,
+    p99_ms: f64,
+    /// Million disparity evaluations a second: width · height · disparities over the median time.
+    mde_per_s: f64,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let algorithms = match &args.algo[..] {
+        // Programs are measured only when they are named.
+        [] => MATCHERS
+            .iter()
+            .filter(|spec| spec.name != "exec")
+            .map(|spec| spec.name.parse())
+            .collect::<Result<_, _>>()?,
+        named => named.to_vec(),
+    };
+    let algorithms = algorithms
+        .iter()
+        .map(|a| with_range(a, args.max_disparity))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let pair = pair(args.size)?;
+    let figures = measure(&algorithms, &pair)?;
+    if args.json {
+        print_json(&figures)
+    } else {
+        print(&table(&figures)?)
+    }
+}
+
+/// The algorithm with that range of disparities, unless it sets its own.
+fn with_range(algorithm: &Algorithm, max_disparity: u16) -> anyhow::Result<Algorithm> {
+    let label = algorithm.label();
+    if label.contains("max_disparity=") {
+        return Ok(algorithm.clone());
+    }
+    let joint = if label.contains(':') { ',' } else { ':' };
+    format!("{label}{joint}max_disparity={max_disparity}")
+        .parse()
+        .map_err(usage::of_words)
+}
+
+/// A pair of the arena at that size: textured walls, a plain floor, noise.
+fn pair((width, height): (usize, usize)) -> anyhow::Result<StereoPair> {
+    let mut config = ArenaConfig::default();
+    (config.rig.width_px, config.rig.height_px) = (width, height);
+    let arena = Arena::new(&config, 1).context("the pair to be measured on")?;
+    Ok(arena.frame(config.frames / 2)?.pair)
+}
+
+fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Figures>> {
+    progress::listen_for_interrupt();
+    let (width, height) = pair.size();
+    let mut map = DisparityMap::new(width, height)?;
+    let mut contestants = Vec::new();
+    for algorithm in algorithms {
+        let mut matcher = algorithm.build().map_err(usage::of_words)?;
+        // Warm-up: memory is allocated, caches and branches know the pair.
+        (0..3).try_for_each(|_| time(&mut *matcher, pair, &mut map).map(drop))?;
+        contestants.push((algorithm, matcher, Vec::new()));
+    }
+    for round in 0..*ROUNDS.end() {
+        for (_, matcher, times) in &mut contestants {
+            let spent: Duration = times.iter().sum();
+            if spent < BUDGET || round < *ROUNDS.start() {
+                times.push(time(&mut **matcher, pair, &mut map)?);
+            }
+            if progress::interrupted() {
+                bail!("stopped by Ctrl-C");
+            }
+        }
+    }
+    let isa = svl::kernel::isa()?.name();
+    Ok(contestants
+        .into_iter()
+        .map(|(algorithm, _, times)| figures(algorithm, (width, height), isa, times))
+        .collect())
+}
+
+fn time(
+    matcher: &mut dyn Matcher,
+    pair: &StereoPair,
+    map: &mut DisparityMap,
+) -> svl::Result<Duration> {
+    let began = Instant::now();
+    matcher.compute(pair, map, &mut Clock::start())?;
+    Ok(began.elapsed())
+}
+
+fn figures(
+    algorithm: &Algorithm,
+    (width, height): (usize, usize),
+    isa: &'static str,
+    mut times: Vec<Duration>,
+) -> Figures {
+    times.sort_unstable();
+    let rank = |percent: usize| {
+        times[(percent * times.len()).div_ceil(100).max(1) - 1].as_secs_f64() * 1e3
+    };
+    let disparities = algorithm.disparities().unwrap_or(1);
+    Figures {
+        algo: algorithm.label().to_owned(),
+        width,
+        height,
+        disparities,
+        threads: rayon::current_num_threads(),
+        isa,
+        runs: times.len(),
+        min_ms: rank(0),
+        median_ms: rank(50),
+        p95_ms: rank(95),
+        p99_ms: rank(99),
+        mde_per_s: (width * height) as f64 * f64::from(disparities) / rank(50) / 1e3,
+    }
+}
+
+fn table(figures: &[Figures]) -> Result<String, std::fmt::Error> {
+    let mut text = String::new();
+    let Some(first) = figures.first() else {
+        return Ok(text);
+    };
+    let Figures {
+        width,
+        height,
+        threads,
+        isa,
+        ..
+    } = first;
+    writeln!(
+        text,
+        "{width}x{height}, {threads} thread{}, {isa}",
+        if *threads == 1 { "" } else { "s" }
+    )?;
+    let name = figures.iter().map(|f| f.algo.len()).max().unwrap_or(0);
+    writeln!(
+        text,
+        "{:<name$}  disparities   runs  median ms      p95      p99    MDE/s",
+        "algorithm"
+    )?;
+    for f in figures {
+        let Figures {
+            algo,
+            disparities,
+            runs,
+            median_ms,
+            p95_ms,
+            p99_ms,
+            mde_per_s,
+            ..
+        } = f;
+        writeln!(
+            text,
+            "{algo:<name$}  {disparities:>11} {runs:>6} {median_ms:>10.3} {p95_ms:>8.3} \
+             {p99_ms:>8.3} {mde_per_s:>8.0}"
+        )?;
+    }
+    Ok(text)
+}

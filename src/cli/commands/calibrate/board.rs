@@ -1,0 +1,183 @@
+//! `svl calibrate board`: from pictures of a chessboard to a calibration.
+
+use super::ask::{Answers, Judge};
+use super::collect::{Collected, collect};
+use super::report::Folder;
+use crate::cli::shared::live::LiveArgs;
+use crate::cli::shared::output::{Aside, distinct, may_write, print, print_json};
+use crate::cli::shared::source::{self, Topics};
+use crate::cli::shared::usage;
+use anyhow::{anyhow, bail};
+use clap::builder::NonEmptyStringValueParser;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
+use svl::rectify::{Framing, bouguet};
+use svl::sink::RerunTarget;
+
+/// Calibrate two cameras from pictures of a chessboard
+///
+/// Looks for the board in every pair and keeps those that help: the board whole in both images,
+/// sharp, held still, in a pose that adds something. Each of them is shown and asked about (or
+/// taken, with --yes) until there are enough; then lenses, places and directions of both cameras
+/// are computed, and how sure they are. Move the board through the whole image, near and far,
+/// tilted to all sides, and hold it still for a moment in each place.
+///
+/// Ctrl-C ends the search and calibrates from what was accepted. The accepted pairs are kept as PNG
+/// files.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Sources are those of `svl record`: a folder with left01.png, right01.png, ...
+or left/ and right/, a recording (.mcap), cameras, or `board`, a simulated
+board.
+
+Examples:
+  svl calibrate board pictures/ --squares 9x6 --square-m 0.025 -o calib.xml
+  svl calibrate board run.mcap --yes -o calib.yaml
+      a recording of the board, without questions
+  svl calibrate board v4l2:/dev/video0,/dev/video2 -o calib.xml
+  svl calibrate board calib-report --yes -o again.xml
+      once more, from the pairs that were accepted
+  svl calibrate board board --square-m 0.03 --yes -o simulated.xml
+      without any camera")]
+pub(super) struct Args {
+    /// Where the pairs come from
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
+    source: String,
+    /// Inner corners of the board along its sides, where four squares meet: one less than its
+    /// squares
+    #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = squares)]
+    squares: (usize, usize),
+    /// Side of a square, metres, as measured [default: unknown, and lengths are in squares]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(1e-4..=100.0))]
+    square_m: Option<f64>,
+    /// Take every pair that helps, without asking
+    #[arg(short, long)]
+    yes: bool,
+    /// Calibration to write; the report and the accepted pairs go into a folder beside it,
+    /// OUT-report
+    #[arg(short, long, value_name = "OUT.xml|.yaml", value_parser = usage::ending(&["xml", "yaml", "yml"]))]
+    output: PathBuf,
+    /// Show the pairs in Rerun: a new viewer, a running one, or a file [default: spawn, with --yes
+    /// nowhere]
+    #[arg(long, value_name = "spawn|URL|FILE.rrd")]
+    rerun: Option<RerunTarget>,
+    #[command(flatten)]
+    topics: Topics,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    live: LiveArgs,
+}
+
+fn squares(text: &str) -> Result<(usize, usize), String> {
+    let sides = text
+        .split_once('x')
+        .and_then(|(columns, rows)| Some((columns.parse().ok()?, rows.parse().ok()?)));
+    let sides = sides.ok_or("expected inner corners along both sides, as 9x6")?;
+    Board::new(sides, None).map_err(|e| e.to_string())?;
+    Ok(sides)
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let board = Board::new(args.squares, args.square_m)?;
+    let rrd = match &args.rerun {
+        Some(RerunTarget::File(path)) => Some(path.as_path()),
+        _ => None,
+    };
+    let outputs: Vec<_> = [Some(args.output.as_path()), rrd]
+        .into_iter()
+        .flatten()
+        .collect();
+    distinct(outputs.iter().copied().chain([Path::new(&args.source)]))?;
+    outputs
+        .iter()
+        .try_for_each(|path| may_write(path, args.force))?;
+    let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+    if !args.yes && !can_ask {
+        bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
+    }
+    let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
+    let folder = Folder::new(&args.output, Path::new(&args.source), args.force)?;
+    let earlier = rrd.map(Aside::new).transpose()?;
+    let answers = if args.yes {
+        Answers::Yes
+    } else {
+        Answers::asked()
+    };
+    let target = args
+        .rerun
+        .clone()
+        .or((!args.yes).then_some(RerunTarget::Spawn));
+    let judge = Judge::new(
+        answers,
+        target,
+        args.rerun.is_some(),
+        &board,
+        folder.picture(),
+    )?;
+
+    let (folder, collected) = collect(opened, board, judge, folder, quiet)?;
+    earlier.into_iter().for_each(Aside::replaced);
+    let report = folder.path().to_owned();
+    let kept = |error: anyhow::Error| match folder.pairs() {
+        0 => error,
+        _ => anyhow!("{error:#}; the accepted pairs are in {}", report.display()),
+    };
+    if collected.views.len() < LEAST_VIEWS {
+        return Err(kept(collected.too_few(&args.source, &board)));
+    }
+    let solution = solve(&board, collected.size, &collected.views);
+    let mut solution = solution.map_err(|error| kept(error.into()))?;
+    let rectification = bouguet(&solution.calibration, &Framing::default());
+    match rectification {
+        Ok(rectification) => {
+            solution.calibration = solution.calibration.with_rectification(rectification)
+        }
+        Err(error) => tracing::warn!("not rectified: {error}"),
+    }
+    for left_out in files::write(&args.output, &solution.calibration)? {
+        tracing::warn!("{}: {left_out}", args.output.display());
+    }
+    folder.finish(&args.source, &collected, &solution)?;
+    tell(args, &collected, &solution, &report)
+}
+
+/// What `--json` prints.
+#[derive(serde::Serialize)]
+struct Answer<'a> {
+    file: &'a Path,
+    report: &'a Path,
+    #[serde(flatten)]
+    collected: &'a Collected,
+    solution: &'a Solution,
+}
+
+fn tell(
+    args: &Args,
+    collected: &Collected,
+    solution: &Solution,
+    report: &Path,
+) -> anyhow::Result<()> {
+    if args.json {
+        return print_json(&Answer {
+            file: &args.output,
+            report,
+            collected,
+            solution,
+        });
+    }
+    let unit = match args.square_m {
+        Some(_) => "",
+        None => "\nLengths are in squares of the board: add --square-m for metres.",
+    };
+    print(&format!(
+        "{collected}\n{solution}{unit}\n{}: calibration\n{}: report\n",
+        args.output.display(),
+        report.display()
+    ))
+}

@@ -1,0 +1,127 @@
+//! `svl calibrate check`: how far the rows of a recording's pairs are apart.
+
+use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::rectify::Rectify;
+use crate::cli::shared::source::{self, Topics};
+use crate::cli::shared::usage;
+use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
+use svl::counted;
+use svl::rectify::{Alignment, AlignmentMeter, Misfit};
+
+/// Measure how well the pairs of a recording are rectified, from the pictures alone
+///
+/// Finds points that both images show and says by how many rows they are apart: in all, and by the
+/// part of the image, which tells a shift from a turn and from a lens. Fails when it is more than
+/// half a pixel.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl calibrate check run.mcap
+  svl calibrate check raw.mcap --calib calibration.xml
+      how well that calibration rectifies it
+  svl calibrate check bag.mcap --calib none
+      how far its raw images are apart
+  svl calibrate check FOLDER --json")]
+pub(super) struct Args {
+    /// Recording, or folder of pairs
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
+    recording: String,
+    #[command(flatten)]
+    topics: Topics,
+    #[command(flatten)]
+    rectify: Rectify,
+    /// Look at so many pairs, spread over all
+    #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true, value_parser = usage::within(1..=1_000_000u32))]
+    pairs: u32,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let expected = "a recording (.mcap) or a folder of pairs";
+    let opened = source::open(&args.recording, None, &args.topics, expected)?;
+    let mut source = args.rectify.opened(opened, quiet)?.source;
+    // Of a source that does not know its length, pairs from its first ten seconds or so.
+    let step = source
+        .pairs()
+        .map_or(10, |pairs| pairs.div_ceil(args.pairs.into()))
+        .max(1);
+    let mut meter = AlignmentMeter::new();
+    let mut taken = 0;
+    while let Some(frame) = source.next()? {
+        if taken % step == 0 {
+            meter.add(&frame.pair);
+        }
+        taken += 1;
+        if taken >= step * u64::from(args.pairs) {
+            break;
+        }
+    }
+    let name = source.name();
+    let Some(alignment) = meter.alignment() else {
+        bail!(
+            "{name}: too few points are seen in both images to tell ({}): show the cameras \
+             something textured",
+            meter.matches().len()
+        );
+    };
+    if args.json {
+        print_json(&alignment)?
+    } else {
+        print(&text(&name, &alignment))?
+    }
+    if alignment.is_off() {
+        let off = alignment.median_abs_px;
+        bail!(
+            "{name}: rows of left and right are {off:.1} px apart; {}",
+            args.rectify.cure()
+        );
+    }
+    Ok(())
+}
+
+fn text(name: &str, alignment: &Alignment) -> String {
+    let Alignment {
+        pairs,
+        matches,
+        median_abs_px,
+        p90_abs_px,
+        median_px,
+        misfit,
+        parts_px,
+    } = alignment;
+    let mut lines = vec![
+        format!(
+            "{name}: {} in {}",
+            counted(*matches, "point"),
+            counted(*pairs, "pair")
+        ),
+        format!("rows apart  {median_abs_px:.2} px (median), {p90_abs_px:.2} px (90th percentile)"),
+        format!(
+            "right image {:.2} px {}",
+            median_px.abs(),
+            if *median_px < 0.0 { "higher" } else { "lower" }
+        ),
+    ];
+    if alignment.is_off() {
+        lines.push(match misfit {
+            Misfit::Shift => "looks like  one image shifted against the other".to_owned(),
+            Misfit::Turn { degrees, scale } => {
+                let percent = (scale - 1.0) * 100.0;
+                format!(
+                    "looks like  one image turned by {degrees:.2} degrees or scaled by \
+                     {percent:.2} % against the other"
+                )
+            }
+            Misfit::Bent => "looks like  lenses, or cameras turned towards each other".to_owned(),
+        });
+    }
+    lines.push("by part of the left image, px, + is lower in the right image:".to_owned());
+    let part =
+        |part: &Option<f64>| part.map_or_else(|| format!("{:>8}", "-"), |px| format!("{px:>+8.2}"));
+    lines.extend(parts_px.iter().map(|row| row.iter().map(part).collect()));
+    lines.push(String::new());
+    lines.join("\n")
+}

@@ -1,0 +1,217 @@
+//! `svl calibrate convert`: a calibration from one program's file to another's.
+
+use crate::cli::shared::output::{distinct, may_write, print};
+use crate::cli::shared::usage;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use svl::calibrate::files::{self, FORMATS, Format, Found, Hints, Unit};
+use svl::rectify::{Framing, bouguet};
+use svl::stereo::{Intrinsics, LengthUnit};
+
+/// Write a calibration in the format of another program
+///
+/// Says what it read, and what of it the new file cannot hold. Lengths become metres; a calibration
+/// in squares of its board stays so until you say how large they are.
+#[derive(clap::Args)]
+#[command(after_help = after_help())]
+pub(super) struct Args {
+    /// Calibration to read: a file, two with a comma between, or the folder of the two
+    #[arg(value_name = "A")]
+    input: PathBuf,
+    /// Calibration to write, likewise
+    #[arg(value_name = "B")]
+    output: PathBuf,
+    /// Format of A [default: known by its content]
+    #[arg(long, value_name = "FORMAT", value_parser = files::format)]
+    from: Option<&'static Format>,
+    /// Format of B [default: by its ending; .yaml and .yml are opencv]
+    #[arg(long, value_name = "FORMAT", value_parser = written)]
+    to: Option<&'static Format>,
+    /// What A's lengths are in, where A does not say it: m, cm, mm, squares, squares=SIDE_IN_METRES
+    #[arg(long)]
+    unit: Option<Unit>,
+    /// Width and height of A's images in pixels, where A does not say them
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(usize, usize)>,
+    /// Compute the rectification (Bouguet's method), for formats that need one and an A without or
+    /// with another
+    #[arg(long)]
+    rectify: bool,
+    /// Replace a file that exists
+    #[arg(long)]
+    force: bool,
+}
+
+fn after_help() -> String {
+    let mut text = "\
+Examples:
+  svl calibrate convert opencv.yml calibration.xml --unit squares=0.025
+  svl calibrate convert calibration.xml left.yaml,right.yaml
+  svl calibrate convert mav0 left.yaml,right.yaml --rectify
+  svl calibrate convert calibration.xml calib.txt --to kitti
+
+Formats, by the endings of their files:
+"
+    .to_owned();
+    for format in FORMATS {
+        let endings = format.endings.join(", .");
+        let only = if format.is_written() {
+            ""
+        } else {
+            ", read only"
+        };
+        text += &format!(
+            "  {:<11} {} (.{endings}{only}):\n",
+            format.name, format.title
+        );
+        text += &paragraph(format.conventions, 14);
+    }
+    text
+}
+
+/// Lines that fit below the options of a help, which clap does not break again.
+fn paragraph(words: &str, indent: usize) -> String {
+    const COLUMNS: usize = 78;
+    let (mut text, mut column) = (String::new(), COLUMNS);
+    for word in words.split_whitespace() {
+        let width = word.chars().count();
+        if column + 1 + width > COLUMNS {
+            text += &format!(
+                "{}{:indent$}{word}",
+                if text.is_empty() { "" } else { "\n" },
+                ""
+            );
+            column = indent + width;
+        } else {
+            text += &format!(" {word}");
+            column += 1 + width;
+        }
+    }
+    text + "\n"
+}
+
+fn written(name: &str) -> Result<&'static Format, String> {
+    let format = files::format(name).map_err(|e| e.to_string())?;
+    if format.is_written() {
+        Ok(format)
+    } else {
+        Err(format!("{} is read only; choose another", format.title))
+    }
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let side = |text: &str| {
+        text.parse()
+            .ok()
+            .filter(|side| (1..=svl::stereo::MAX_SIDE).contains(side))
+    };
+    let sides = text
+        .split_once('x')
+        .and_then(|(width, height)| Some((side(width)?, side(height)?)));
+    sides.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, as 640x480".into())
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let to = match args.to {
+        Some(format) => format,
+        None => files::written_as(&args.output).map_err(usage::wrong)?,
+    };
+    let outputs = files::outputs(&args.output, to).map_err(usage::wrong)?;
+    let inputs = files::inputs(&args.input)?;
+    if inputs
+        .iter()
+        .chain(&outputs)
+        .any(|path| path.as_os_str().is_empty())
+    {
+        return Err(usage::wrong(
+            "two files with a comma between are left.yaml,right.yaml: one has no name",
+        ));
+    }
+    let endings = &["xml", "yaml", "yml", "txt"];
+    outputs
+        .iter()
+        .try_for_each(|output| usage::ends_in(output, endings))
+        .map_err(usage::wrong)?;
+    let hints = Hints {
+        format: args.from,
+        unit: args.unit,
+        size: args.size,
+    };
+    distinct(inputs.iter().chain(&outputs).map(PathBuf::as_path))?;
+    outputs
+        .iter()
+        .try_for_each(|output| may_write(output, args.force))?;
+    let mut found = files::read_with(&args.input, &hints)?;
+    if args.rectify {
+        let rectification = bouguet(&found.calibration, &Framing::default())?;
+        found.calibration = found.calibration.with_rectification(rectification);
+    }
+    print(&said(&args.input, &found)?)?;
+    let left_out = files::write_as(&args.output, to, &found.calibration)?;
+    let mut text = format!(
+        "{}: written as {}\n  {}\n",
+        args.output.display(),
+        to.title,
+        to.conventions
+    );
+    for what in left_out {
+        writeln!(text, "  left out, as it has no place: {what}")?;
+    }
+    print(&text)
+}
+
+/// What a calibration says, for a person.
+fn said(path: &Path, found: &Found) -> Result<String, std::fmt::Error> {
+    let Found {
+        format,
+        calibration,
+        remarks,
+    } = found;
+    let mut text = format!(
+        "{}: {}\n  {}\n",
+        path.display(),
+        format.title,
+        format.conventions
+    );
+    for (side, camera) in [("left", calibration.left()), ("right", calibration.right())] {
+        writeln!(text, "  {side:<5} {}", camera_line(camera))?;
+    }
+    let unit = match calibration.unit() {
+        LengthUnit::Metres => "m",
+        LengthUnit::Squares => "squares of an unknown size",
+    };
+    let turned = calibration.right_from_left().rotation.angle().to_degrees();
+    writeln!(
+        text,
+        "  baseline {:.6} {unit}, cameras turned by {turned:.3}° to each other",
+        calibration.baseline()
+    )?;
+    match calibration.rectification() {
+        None => writeln!(text, "  no rectification")?,
+        Some(rectification) => {
+            let (rig, (width, height)) = (rectification.rig, rectification.size);
+            let (cx, cy) = rig.center_px();
+            writeln!(
+                text,
+                "  rectified {width}x{height}: focal length {:.3} px, centre ({cx:.3}, {cy:.3}), \
+                 doffs {:.3} px",
+                rig.focal_px(),
+                rig.doffs_px()
+            )?;
+        }
+    }
+    for remark in remarks {
+        writeln!(text, "  note: {remark}")?;
+    }
+    Ok(text)
+}
+
+fn camera_line(camera: &Intrinsics) -> String {
+    let ((width, height), (fx, fy), (cx, cy)) =
+        (camera.size(), camera.focal_px(), camera.center_px());
+    let [k1, k2, p1, p2, k3] = camera.distortion();
+    format!(
+        "{width}x{height}, focal lengths {fx:.3} {fy:.3} px, centre ({cx:.3}, {cy:.3}), k1 \
+         {k1:.5} k2 {k2:.5} p1 {p1:.6} p2 {p2:.6} k3 {k3:.5}"
+    )
+}

@@ -1,0 +1,101 @@
+//! `svl calibrate distance`: from a target at known distances to the distance of every disparity.
+
+mod measurements;
+mod report;
+
+use crate::cli::shared::output::{distinct, may_write, print, print_json};
+use crate::cli::shared::usage;
+use anyhow::Context;
+use clap::builder::NonEmptyStringValueParser;
+use measurements::measurements;
+use report::Report;
+use std::path::{Path, PathBuf};
+use svl::matcher::Algorithm;
+use svl::scenario::GridSettings;
+use svl::stereo::GridShape;
+
+/// Fit the distance that belongs to a disparity, from a target at known distances
+///
+/// The thesis's annex B: a target is put at measured distances and the disparity of each is the
+/// median of the cells that show it, three at least. Through these goes its polynomial of degree 5,
+/// which knows nothing beyond them, and beside it the physical curve Z = a / (d + b), with how far
+/// it may be trusted.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl calibrate distance scenarios/annex-b.csv       the thesis's table B.1
+  svl calibrate distance 130cm=far.mcap 80cm=middle.mcap 30cm=near.mcap
+  svl calibrate distance target.csv --figure curve.svg --table curve.csv
+  svl calibrate distance 1.3m=a.mcap 0.8m=b.mcap 0.3m=c.mcap \\
+      --algo v3 --cells 1,1 2,1 3,1
+
+A CSV has the columns distance_cm and disparity_px, or distance_cm and
+recording (paths from the CSV's folder). In a recording the target stands
+still before both cameras, which must be rectified.")]
+pub(super) struct Args {
+    /// A CSV of measurements, or recordings of the target with its distance before each
+    #[arg(required = true, value_name = "TABLE.csv|DISTANCE=RECORDING", value_parser = NonEmptyStringValueParser::new())]
+    measurements: Vec<String>,
+    /// Algorithm that matches the recordings, as `svl algos` lists them
+    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3", value_parser = usage::algorithm)]
+    algo: Algorithm,
+    /// Cells of the 5 x 3 grid that show the target [default: those that agree with the middle one,
+    /// joined to it]
+    #[arg(long, value_name = "COLUMN,ROW", num_args = 1.., value_parser = cell)]
+    cells: Vec<(usize, usize)>,
+    /// Draw both curves with the measurements (figure 5.1)
+    #[arg(long, value_name = "FIGURE.svg", value_parser = usage::ending(&["svg"]))]
+    figure: Option<PathBuf>,
+    /// Write the distance of every disparity
+    #[arg(long, value_name = "TABLE.csv", value_parser = usage::ending(&["csv"]))]
+    table: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn cell(text: &str) -> Result<(usize, usize), String> {
+    let GridShape { columns, rows } = GridSettings::default().shape();
+    let place = text
+        .split_once(',')
+        .and_then(|(column, row)| Some((column.parse().ok()?, row.parse().ok()?)));
+    place
+        .filter(|(column, row)| *column < columns && *row < rows)
+        .ok_or_else(|| {
+            format!("expected COLUMN,ROW of {columns}x{rows} cells, counted from 0 at the top left")
+        })
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let outputs: Vec<_> = [args.figure.as_deref(), args.table.as_deref()]
+        .into_iter()
+        .flatten()
+        .collect();
+    let inputs = args
+        .measurements
+        .iter()
+        .map(|text| Path::new(text.rsplit('=').next().unwrap_or(text)));
+    distinct(inputs.chain(outputs.iter().copied()))?;
+    outputs
+        .iter()
+        .try_for_each(|path| may_write(path, args.force))?;
+    let found = measurements(&args.measurements, &args.algo, &args.cells)?;
+    let report = Report::of(found).with_context(|| args.measurements.join(" "))?;
+    let write = |path: &Path, text: String| {
+        std::fs::write(path, text).with_context(|| path.display().to_string())
+    };
+    if let Some(path) = &args.figure {
+        write(path, report.figure()?)?;
+    }
+    if let Some(path) = &args.table {
+        write(path, report.table()?)?;
+    }
+    if args.json {
+        print_json(&report.json())
+    } else {
+        print(&report.text()?)
+    }
+}

@@ -1,0 +1,55 @@
+//! `svl compare`: reports side by side.
+
+use crate::cli::shared::output::{print, print_json};
+use anyhow::bail;
+use std::path::PathBuf;
+use svl::report::compare::{Comparison, Run};
+
+/// Compare reports: what changed, and how sure that is
+///
+/// Every report is compared with the first, algorithm by algorithm, over the pairs that both took.
+/// A change comes with its 95 % bootstrap interval over the pairs, drawn in blocks, as neighbours
+/// resemble each other; it is called better or worse only where that interval leaves no doubt, and
+/// never for fewer than eight blocks or scenes. Times are shown as ratios and not judged: the
+/// machine may have been slower that day.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl compare reports/before reports/after
+  svl compare reports/v1 reports/v3     one algorithm each: v1 → v3
+  svl compare reports/arena reports/range --json \\
+      | jq '.[0].algorithms[0].metrics'")]
+pub(crate) struct Args {
+    /// Folders that `svl score` wrote; the first is what the others are compared with
+    #[arg(required = true, num_args = 2.., value_name = "REPORT")]
+    reports: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let runs = args
+        .reports
+        .iter()
+        .map(|folder| Run::read(folder))
+        .collect::<Result<Vec<_>, _>>()?;
+    let [base, others @ ..] = &runs[..] else {
+        bail!("name two reports or more")
+    };
+    let comparisons = others
+        .iter()
+        .map(|other| Comparison::of(base, other))
+        .collect::<Result<Vec<_>, _>>()?;
+    if args.json {
+        print_json(&comparisons)
+    } else {
+        print(
+            &comparisons
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>()
+                .join("\n"),
+        )
+    }
+}

@@ -1,0 +1,180 @@
+//! `svl eval`: disparity maps against their truth, by a benchmark's protocol.
+
+mod files;
+mod report;
+
+use crate::cli::shared::output::{distinct, may_write};
+use crate::cli::shared::usage;
+use files::Files;
+use std::path::PathBuf;
+use svl::files as on_disk;
+use svl::score::protocol::{Image, Protocol, Score};
+use svl::stereo::{Plane, Visibility, cross_check};
+
+/// Judge disparity maps as a benchmark does, number for number
+///
+/// Both may be folders of equally named files: KITTI 2015 then counts the pixels of all images, the
+/// others average.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl eval disparity.pfm disp0GT.pfm --protocol middeval3 --mask mask0nocc.png
+  svl eval cones.pfm disp2.png --scale 4 --protocol middlebury-v2 \\
+      --right-truth disp6.png
+  svl eval disparity.png truth.png --protocol kitti12 --error-map errors.png
+  svl eval results/disp_0 training/disp_occ_0 --protocol kitti15 \\
+      --object-map training/obj_map
+
+Protocols:
+  middeval3      Middlebury v3: bad is of all judged pixels, holes are neither
+                 bad nor filled
+  middlebury-v2  tsukuba, venus, cones, teddy: holes are bad; a --mask for
+                 each column wanted
+  eth3d          ETH3D two-view: bad and errors are of the estimated pixels
+  kitti12        beyond 1 to 5 px
+  kitti15        D1: beyond 3 px and 5 % of the truth
+
+KITTI's numbers are of the map as it is, a hole being -1; those in _dense of
+the map filled as the kit does (the web page's All); those in _est of the
+estimated pixels alone (its Est).
+
+Shares are percent, errors pixels of disparity. What would be divided by
+nothing is null, and - in the table. A hole of DISPARITY is +inf in .pfm and
+.npz, 0 in .png.")]
+pub(crate) struct Args {
+    /// Disparities to judge: .pfm, .npz, 16-bit .png (256·d); or a folder of them
+    disparity: PathBuf,
+    /// True disparities: .pfm, .npz, .png, .pgm; or a folder of them
+    ground_truth: PathBuf,
+    /// Whose numbers: middeval3, middlebury-v2, eth3d, kitti12 or kitti15
+    #[arg(long)]
+    protocol: Protocol,
+    /// Judge only where this image is 255; may be given more than once, for a column each
+    #[arg(long, value_name = "M.png")]
+    mask: Vec<PathBuf>,
+    /// Judge only what both cameras see, by the truth of the right image (cross-check at 1 px)
+    #[arg(long, value_name = "FILE", conflicts_with = "mask")]
+    right_truth: Option<PathBuf>,
+    /// KITTI 2015's objects, 0 being the background: without it there is only d1_all
+    #[arg(long, value_name = "FILE")]
+    object_map: Option<PathBuf>,
+    /// Clip to this disparity, as middeval3 does to `ndisp` of calib.txt (pixels of DISPARITY)
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
+    max_disparity: Option<f64>,
+    /// By how much the images of truth multiply disparities; 8-bit ones need it (and 8-bit
+    /// DISPARITY has the same) [default: 256 for 16 bits]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
+    scale: Option<f64>,
+    /// Where the errors in KITTI's colours go
+    #[arg(long, value_name = "OUT.png", value_parser = usage::ending(&["png"]))]
+    error_map: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Replace the error map when it exists
+    #[arg(long)]
+    force: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    args.check()?;
+    let images = Files::find(args)?;
+    if args.scale.is_some() && !images.iter().any(Files::has_images) {
+        return Err(usage::wrong(
+            "--scale belongs to images; .pfm and .npz hold disparities as they are",
+        ));
+    }
+    if let Some(path) = &args.error_map {
+        for input in images.iter().flat_map(Files::inputs) {
+            distinct([path.as_path(), input])?;
+        }
+        may_write(path, args.force)?;
+    }
+    let columns = args.mask.len().max(1);
+    let mut scores: Vec<Vec<Score>> = vec![Vec::new(); columns];
+    for files in &images {
+        let loaded = Loaded::read(files, args)?;
+        for (column, scores) in scores.iter_mut().enumerate() {
+            scores.push(
+                args.protocol
+                    .score(&loaded.image(column, args))
+                    .map_err(|e| files.explain(&e))?,
+            );
+        }
+        if let Some(path) = &args.error_map {
+            let rgb = args
+                .protocol
+                .error_map(&loaded.image(0, args))
+                .map_err(|e| files.explain(&e))?;
+            let (width, height) = loaded.truth.size();
+            on_disk::write_png(path, width, height, &rgb)?;
+        }
+    }
+    report::print_scores(args, &images, &scores)
+}
+
+impl Args {
+    /// Refuses options that the protocol has no use for: they would be believed to have counted.
+    fn check(&self) -> anyhow::Result<()> {
+        let name = self.protocol.name();
+        let wrong = if self.max_disparity.is_some() && self.protocol != Protocol::Middeval3 {
+            format!("--max-disparity belongs to middeval3, not {name}")
+        } else if self.object_map.is_some() && self.protocol != Protocol::Kitti15 {
+            format!("--object-map belongs to kitti15, not {name}")
+        } else if self.error_map.is_some() && self.disparity.is_dir() {
+            "--error-map draws one image; name a file, not a folder of them".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(usage::wrong(wrong))
+    }
+}
+
+/// One image's files, read.
+struct Loaded {
+    estimate: Plane<f32>,
+    truth: Plane<f32>,
+    masks: Vec<Plane<Visibility>>,
+    foreground: Option<Plane<bool>>,
+}
+
+impl Loaded {
+    fn read(files: &Files, args: &Args) -> anyhow::Result<Self> {
+        let scale = args.scale.map(|scale| scale as f32);
+        let truth = on_disk::read_truth(&files.truth, scale)?;
+        let mut masks = files
+            .masks
+            .iter()
+            .map(|path| on_disk::read_mask(path))
+            .collect::<Result<Vec<_>, _>>()?;
+        if let Some(path) = &files.right_truth {
+            let right = on_disk::read_truth(path, scale)?;
+            masks.push(
+                cross_check(&truth, &right)
+                    .map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?,
+            );
+        }
+        let foreground = files
+            .object_map
+            .as_deref()
+            .map(on_disk::read_object_map)
+            .transpose()?;
+        Ok(Self {
+            estimate: on_disk::read_estimate(&files.disparity, scale)?,
+            truth,
+            masks,
+            foreground,
+        })
+    }
+
+    /// What is judged in a column of the table.
+    fn image(&self, column: usize, args: &Args) -> Image<'_> {
+        Image {
+            estimate: &self.estimate,
+            truth: &self.truth,
+            mask: self.masks.get(column),
+            foreground: self.foreground.as_ref(),
+            max_disparity: args.max_disparity.map(|max| max as f32),
+        }
+    }
+}

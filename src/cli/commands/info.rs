@@ -1,0 +1,255 @@
+//! `svl info`: what a recording holds, and whether it is whole.
+
+use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::tables::{LISTED, losses, missing, size};
+use std::path::PathBuf;
+use svl::counted;
+use svl::manifest::Manifest;
+use svl::recording::{Skew, Summary, Topic, only_file};
+
+/// Show what a recording holds, and whether it is whole
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl info recordings/arena.mcap
+  svl info bag.mcap     which topics of a ROS 2 bag svl would take
+  svl info recordings/arena.mcap --json | jq '.gaps | length'")]
+pub(crate) struct Args {
+    /// The recording; any other MCAP file will do, or the folder of a ROS 2 bag of one file
+    file: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let summary = Summary::of(&only_file(&args.file)?)?;
+    if args.json {
+        print_json(&summary)
+    } else {
+        print(&table(&summary))
+    }
+}
+
+fn table(summary: &Summary) -> String {
+    let mut lines = vec![
+        format!(
+            "{}: {}, {}",
+            summary.path.display(),
+            size(summary.bytes),
+            seconds(summary.duration_ns())
+        ),
+        match &summary.damage {
+            None if !summary.checksums => {
+                "whole      as far as can be told: it has no checksums".to_owned()
+            }
+            None => "whole      yes".to_owned(),
+            Some(damage) => format!("whole      NO: {damage}"),
+        },
+        match &summary.header {
+            None => format!("writer     {}", summary.library),
+            Some(header) => {
+                let seed = header
+                    .seed
+                    .map(|seed| format!(", seed {seed}"))
+                    .unwrap_or_default();
+                let scenario = header
+                    .scenario
+                    .as_ref()
+                    .map(|name| format!(", scenario {name}"))
+                    .unwrap_or_default();
+                format!(
+                    "writer     {}, from {}{scenario}{seed}",
+                    summary.library, header.source
+                )
+            }
+        },
+        pairs(summary),
+    ];
+    if let Some(Manifest {
+        run_id,
+        began,
+        machine,
+        ..
+    }) = &summary.manifest
+    {
+        lines.insert(
+            3,
+            format!(
+                "run        {run_id}, began {began} on {}",
+                machine.processor
+            ),
+        );
+    }
+    if let Some(calibration) = summary
+        .header
+        .as_ref()
+        .and_then(|header| header.calibration.as_ref())
+    {
+        lines.push(format!("rectified  by {calibration}"));
+    }
+    lines.extend(
+        summary
+            .grabber
+            .get("counts")
+            .map(|counts| format!("grabbed    {counts}")),
+    );
+    lines.extend(
+        summary
+            .grabber
+            .get("error")
+            .map(|error| format!("ended      by an error: {error}")),
+    );
+    lines.extend(summary.skew.iter().flat_map(skew));
+    lines.extend(gaps(summary));
+    lines.extend(missing(&summary.missing));
+    if !summary.is_whole() {
+        lines.extend(losses(&summary.losses));
+        lines.push(format!(
+            "to save    svl recover {} -o OUT.mcap",
+            summary.path.display()
+        ));
+    }
+    lines.extend(
+        summary
+            .attachments
+            .iter()
+            .map(|(name, bytes)| format!("attached   {name}, {bytes} bytes")),
+    );
+    lines.push(String::new());
+    lines.extend(topics(&summary.topics));
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+fn pairs(summary: &Summary) -> String {
+    let rate = summary
+        .period_ns
+        .filter(|&period| period > 0)
+        .map(|period| 1e9 / period as f64);
+    let rate = rate
+        .map(|hz| format!(", {hz:.2} a second"))
+        .unwrap_or_default();
+    if let Some([left, right]) = &summary.stereo {
+        return format!(
+            "pairs      those of {left}{rate}, and {right}, by their stamps: svl replay counts them"
+        );
+    }
+    let missing = match summary.missing_pairs {
+        0 => String::new(),
+        n => format!(", {n} missing between the first and the last"),
+    };
+    // The grabber's own counts say more.
+    let dropped = match summary.grabber.is_empty() {
+        true => format!(", {} dropped", counted(summary.drops, "frame")),
+        false => String::new(),
+    };
+    format!("pairs      {}{rate}{dropped}{missing}", summary.pairs)
+}
+
+/// Columns of the longest bar.
+const BAR: u64 = 30;
+
+/// The skew, and where it varies how many pairs have how much.
+fn skew(skew: &Skew) -> Vec<String> {
+    // A unit for all, in which the range has some digits before the point.
+    let range_ns = skew.min_ns.unsigned_abs().max(skew.max_ns.unsigned_abs());
+    let (unit_ns, unit) = if range_ns < 1_000_000 {
+        (1e3, "µs")
+    } else {
+        (1e6, "ms")
+    };
+    let number = |ns: i64| format!("{:.1}", ns as f64 / unit_ns);
+    let [min, median, max] = [skew.min_ns, skew.median_ns, skew.max_ns].map(number);
+    let mut lines = vec![format!(
+        "skew       {min} .. {max} {unit}, median {median} {unit}"
+    )];
+    let most = skew
+        .histogram
+        .iter()
+        .map(|bin| bin.pairs)
+        .max()
+        .unwrap_or(0);
+    if skew.histogram.len() > 1 {
+        // Edges are multiples of a bin's width.
+        let width_ns = skew.histogram[0]
+            .to_ns
+            .abs_diff(skew.histogram[0].from_ns)
+            .max(1) as f64;
+        let digits = (unit_ns / width_ns).log10().ceil().max(0.0) as usize;
+        let edge = |ns: i64| format!("{:.digits$}", ns as f64 / unit_ns);
+        lines.extend(skew.histogram.iter().map(|bin| {
+            let bar = "#".repeat((bin.pairs * BAR).div_ceil(most) as usize);
+            format!(
+                "           {:>7} .. {:>7} {unit} {bar:<width$} {}",
+                edge(bin.from_ns),
+                edge(bin.to_ns),
+                bin.pairs,
+                width = BAR as usize
+            )
+        }));
+    }
+    lines
+}
+
+fn gaps(summary: &Summary) -> Vec<String> {
+    let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else {
+        return summary
+            .period_ns
+            .map(|_| "gaps       none".to_owned())
+            .into_iter()
+            .collect();
+    };
+    let mut lines = vec![format!(
+        "gaps       {}, the longest {}",
+        summary.gaps.len(),
+        seconds(longest)
+    )];
+    let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
+    let listed = summary.gaps.iter().take(LISTED);
+    lines.extend(listed.map(|gap| {
+        format!(
+            "           {} after {}",
+            seconds(gap.length_ns),
+            after(gap.after_ns)
+        )
+    }));
+    if summary.gaps.len() > LISTED {
+        lines.push(format!(
+            "           and {} more; --json lists them",
+            summary.gaps.len() - LISTED
+        ));
+    }
+    lines
+}
+
+fn topics(topics: &[Topic]) -> Vec<String> {
+    let width = topics
+        .iter()
+        .map(|topic| topic.name.len())
+        .max()
+        .unwrap_or(0)
+        .max(5);
+    let row = |name: &str, messages: &str, rate: &str, size: &str, schema: &str| {
+        format!("{name:width$}  {messages:>8}  {rate:>7}  {size:>9}  {schema}")
+    };
+    let head = row("topic", "messages", "Hz", "size", "schema");
+    let rows = topics.iter().map(|topic| {
+        let rate = topic
+            .rate_hz
+            .map(|hz| format!("{hz:.2}"))
+            .unwrap_or_default();
+        row(
+            &topic.name,
+            &topic.messages.to_string(),
+            &rate,
+            &size(topic.bytes),
+            &topic.schema,
+        )
+    });
+    std::iter::once(head).chain(rows).collect()
+}
+
+fn seconds(ns: u64) -> String {
+    format!("{:.3} s", ns as f64 / 1e9)
+}

@@ -1,0 +1,186 @@
+//! `svl match`: one pair of image files through one algorithm.
+
+use crate::cli::shared::output::{distinct, may_write, print, print_json};
+use crate::cli::shared::usage;
+use anyhow::Context;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+use svl::calibrate::files::read_calib;
+use svl::matcher::Algorithm;
+use svl::scenario::GridSettings;
+use svl::stereo::{DepthGrid, DisparityMap, Reason, StereoPair};
+use svl::timing::{Clock, Stage};
+use svl::{depth, files, overlay};
+
+/// Match one rectified pair of images
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl match im0.png im1.png --algo v3 -o disparity.pfm
+  svl match im0.png im1.png --algo v3:max_disparity=64 -o d.png \\
+      --why why.png --preview p.png
+  svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
+
+OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
+for none. WHY.png holds reason codes: 0 valid, 1 border, 2 untextured,
+3 ambiguous, 4 inconsistent, 5 self-check, 6 unmatched.")]
+pub(crate) struct Args {
+    /// Left image, the reference (PNG, JPEG, PNM; colour becomes grey)
+    left: PathBuf,
+    /// Right image, of the same size
+    right: PathBuf,
+    /// Algorithm, as `svl algos` lists them
+    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3", value_parser = usage::algorithm)]
+    algo: Algorithm,
+    /// Where the disparities go
+    #[arg(short, long, value_name = "OUT.pfm|OUT.png", value_parser = usage::ending(&["pfm", "png"]))]
+    output: PathBuf,
+    /// Where the reason of each missing pixel goes
+    #[arg(long, value_name = "WHY.png", value_parser = usage::ending(&["png"]))]
+    why: Option<PathBuf>,
+    /// Where a picture of the disparities goes
+    #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
+    preview: Option<PathBuf>,
+    /// Middlebury's calibration, for distances
+    #[arg(long, value_name = "calib.txt")]
+    calib: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    algorithm: &'a str,
+    parameters: String,
+    width: usize,
+    height: usize,
+    coverage: f64,
+    pixels: Vec<(&'static str, usize)>,
+    total_ms: f64,
+    stages_ms: Vec<(&'static str, f64)>,
+    hash: String,
+    distances_m: Option<Vec<Vec<Option<f64>>>>,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let outputs = [Some(&args.output), args.why.as_ref(), args.preview.as_ref()];
+    let outputs: Vec<_> = outputs
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
+    for input in [&args.left, &args.right] {
+        distinct(outputs.iter().copied().chain([input.as_path()]))?;
+    }
+    outputs
+        .iter()
+        .try_for_each(|path| may_write(path, args.force))?;
+    let mut matcher = args.algo.build().map_err(usage::of_words)?;
+    let rig = args.calib.as_deref().map(read_calib).transpose()?;
+    let pair = StereoPair::new(
+        files::read_gray(&args.left)?,
+        files::read_gray(&args.right)?,
+    )
+    .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
+    let (width, height) = pair.size();
+    let mut map = DisparityMap::new(width, height)?;
+    let mut clock = Clock::start();
+    matcher.compute(&pair, &mut map, &mut clock)?;
+
+    files::write_disparity(&args.output, &map)?;
+    if let Some(path) = &args.why {
+        files::write_why(path, &map)?;
+    }
+    if let Some(path) = &args.preview {
+        let max_px = map
+            .disparity()
+            .pixels()
+            .filter(|d| d.is_finite())
+            .fold(1.0, f32::max);
+        files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
+    }
+    let settings = GridSettings::default();
+    let grid = rig.map(|rig| {
+        depth::grid(
+            map.disparity(),
+            settings.shape(),
+            settings.min_valid,
+            Some(&rig),
+        )
+    });
+    let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
+    let report = Report {
+        algorithm: args.algo.label(),
+        parameters: args.algo.parameters().to_string(),
+        width,
+        height,
+        coverage: map.coverage(),
+        pixels: Reason::ALL
+            .iter()
+            .map(|r| (r.name(), map.tally()[*r as usize]))
+            .collect(),
+        total_ms: ms(clock.times().total()),
+        stages_ms: Stage::ALL
+            .iter()
+            .map(|s| (s.name(), ms(clock.times().get(*s))))
+            .collect(),
+        hash: format!("{:032x}", map.hash()),
+        distances_m: grid.as_ref().map(distances),
+    };
+    if args.json {
+        print_json(&report)
+    } else {
+        print(&report.text()?)
+    }
+}
+
+/// Distances row by row, nothing where unknown.
+fn distances(grid: &DepthGrid) -> Vec<Vec<Option<f64>>> {
+    let cells: Vec<_> = grid
+        .iter()
+        .map(|(_, cell)| cell.depth.and_then(|d| d.distance_m))
+        .collect();
+    cells
+        .chunks(grid.shape().columns)
+        .map(<[_]>::to_vec)
+        .collect()
+}
+
+impl Report<'_> {
+    fn text(&self) -> Result<String, std::fmt::Error> {
+        let mut text = String::new();
+        let Self {
+            algorithm,
+            width,
+            height,
+            ..
+        } = self;
+        writeln!(
+            text,
+            "{algorithm} on {width}x{height}: {:.1} % of the pixels, {:.2} ms",
+            100.0 * self.coverage,
+            self.total_ms
+        )?;
+        for (reason, pixels) in self.pixels.iter().filter(|(_, pixels)| *pixels > 0) {
+            writeln!(
+                text,
+                "  {reason:<12} {:>6.2} %  {pixels}",
+                100.0 * *pixels as f64 / (width * height) as f64
+            )?;
+        }
+        for row in self.distances_m.iter().flatten() {
+            let cells: Vec<_> = row
+                .iter()
+                .map(|d| d.map_or("     ?".to_owned(), |d| format!("{d:6.2}")))
+                .collect();
+            writeln!(text, "  {} m", cells.join(" "))?;
+        }
+        writeln!(text, "  hash {}", self.hash)?;
+        Ok(text)
+    }
+}

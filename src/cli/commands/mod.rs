@@ -1,0 +1,69 @@
+//! The subcommands: one file each, its arguments beside its run. They do not import each other.
+
+mod algos;
+mod bench;
+mod calibrate;
+mod compare;
+mod completions;
+mod datasets;
+mod eval;
+mod info;
+mod matching;
+mod record;
+mod recover;
+mod replay;
+mod reproduce;
+mod score;
+mod view;
+
+use clap::Subcommand;
+
+#[derive(Subcommand)]
+pub(super) enum Command {
+    Record(record::Args),
+    Replay(replay::Args),
+    Score(score::Args),
+    Compare(compare::Args),
+    Reproduce(reproduce::Args),
+    Match(matching::Args),
+    Eval(eval::Args),
+    Bench(bench::Args),
+    Calibrate(calibrate::Args),
+    View(view::Args),
+    Info(info::Args),
+    Recover(recover::Args),
+    Algos(algos::Args),
+    Datasets(datasets::Args),
+    Completions(completions::Args),
+    /// Print the man page
+    #[command(after_help = "Example:\n  svl man > /usr/share/man/man1/svl.1")]
+    Man,
+}
+
+impl Command {
+    /// Threads where the user asks for none; nothing stands for one per core.
+    pub(super) fn threads(&self) -> Option<u16> {
+        matches!(self, Self::Bench(_)).then_some(bench::THREADS)
+    }
+
+    pub(super) fn run(self, quiet: bool) -> anyhow::Result<()> {
+        match self {
+            Self::Record(args) => record::run(&args, quiet),
+            Self::Replay(args) => replay::run(&args, quiet),
+            Self::Score(args) => score::run(&args, quiet),
+            Self::Compare(args) => compare::run(&args),
+            Self::Reproduce(args) => reproduce::run(&args, quiet),
+            Self::Match(args) => matching::run(&args),
+            Self::Eval(args) => eval::run(&args),
+            Self::Bench(args) => bench::run(&args),
+            Self::Calibrate(args) => calibrate::run(&args, quiet),
+            Self::View(args) => view::run(&args),
+            Self::Info(args) => info::run(&args),
+            Self::Recover(args) => recover::run(&args),
+            Self::Algos(args) => algos::run(&args),
+            Self::Datasets(args) => datasets::run(&args, quiet),
+            Self::Completions(args) => completions::run(&args),
+            Self::Man => completions::man(),
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! `svl record`: a source into a recording.
+
+mod devices;
+
+use crate::cli::shared::live::LiveArgs;
+use crate::cli::shared::output::{Aside, distinct, may_write, print};
+use crate::cli::shared::rectify::Rectify;
+use crate::cli::shared::source::{self, RECORDINGS};
+use crate::cli::shared::{recorder, run_info, usage};
+use clap::builder::NonEmptyStringValueParser;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use svl::counted;
+use svl::recording::{Dialect, Format, ImageFormat};
+use svl::run::Outcome;
+use svl::source::Limited;
+
+/// Record pairs to an MCAP file
+///
+/// Ctrl-C ends the recording and leaves it whole.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Sources:
+  arena           the simulated arena of scenarios/arena.toml (default)
+  board           a chessboard that is moved before two cameras with lenses:
+                  for `svl calibrate board`
+  SCENARIO.toml   the arena with other parameters
+  FOLDER          a data-set scene (im0.png, im1.png, truth, calib.txt), a
+                  folder of such scenes, KITTI's training/ (the pairs with
+                  truth), or left/ and right/ with equally named images
+  FILE.mcap, BAG  another recording: svl's, a ROS 2 bag (the folder or a file
+                  of it), Foxglove's; raw, compressed or Bayer images of two
+                  topics
+  sim[:key=value,…]
+                  two simulated cameras that see the arena, in real time:
+                  size=640x480, light=1, pictures=60, scene=board for the
+                  board instead; for both, or after left. or right.: arm_ms=2,
+                  jitter_ms=0, transfer_ms=2 and, to see what then happens,
+                  phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
+  v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]
+                  two cameras of this machine, as /dev/video0,/dev/video2;
+                  paired by their stamps [default: the size nearest to 640x480
+                  in which both hold the rate, in the plainest format]
+  genicam:LEFT,RIGHT
+                  two GigE Vision or USB3 Vision cameras by id or IP address;
+                  needs the feature genicam
+
+Examples:
+  svl record                                 recordings/arena-seed1-1.mcap
+  svl record arena --seed 7 --duration 5 -o five-seconds.mcap
+  svl record datasets/cones -o cones.mcap
+  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw
+  svl record raw.mcap --calib calibration.xml -o rectified.mcap
+  svl record run.mcap --ros2 -o bag.mcap     a recording as a ROS 2 bag
+  svl record --list                          cameras and serial ports
+  svl record sim --rate 60 --duration 60     fired when both are armed
+  svl record v4l2:/dev/video0,/dev/video2    webcams, which run by themselves
+  svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0
+      fired by the trigger controller
+  svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order
+      what a fixed rate does to the phase")]
+pub(crate) struct Args {
+    /// What to record
+    #[arg(default_value = "arena", value_parser = NonEmptyStringValueParser::new())]
+    source: String,
+    /// File to write [default: recordings/SOURCE-N.mcap]
+    #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]
+    output: Option<PathBuf>,
+    /// End after so many pairs
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration", value_parser = usage::within(1..=1_000_000_000_000u64))]
+    frames: Option<u64>,
+    /// End after so many seconds of the source's time
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.001..=1e9))]
+    duration: Option<f64>,
+    /// What the arena's textures, path and noise are drawn from [default: 1]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(0..=u64::MAX))]
+    seed: Option<u64>,
+    #[command(flatten)]
+    topics: source::Topics,
+    #[command(flatten)]
+    rectify: Rectify,
+    /// Store the images as PNG: smaller, slower
+    #[arg(long)]
+    compress: bool,
+    /// Write a ROS 2 bag: sensor_msgs and tf2_msgs in CDR, and as JSON in strings what ROS has no
+    /// message for
+    #[arg(long)]
+    ros2: bool,
+    /// Replace a file that exists
+    #[arg(long)]
+    force: bool,
+    /// List the cameras and serial ports of this machine
+    #[arg(long, exclusive = true)]
+    list: bool,
+    #[command(flatten)]
+    live: LiveArgs,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    if args.list {
+        return devices::list();
+    }
+    if let Some(path) = &args.output {
+        let inputs = source::inputs(Path::new(&args.source));
+        distinct(inputs.iter().chain([path]).map(PathBuf::as_path))?;
+        may_write(path, args.force)?;
+    }
+    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live, quiet)?;
+    opened = args.rectify.opened(opened, quiet)?;
+    let live = opened.live.clone();
+    let output = match &args.output {
+        Some(path) => path.clone(),
+        None => {
+            source::make_recordings_folder()?;
+            source::free_name(Path::new(RECORDINGS), &opened.stem)
+        }
+    };
+    let earlier = Aside::new(&output)?;
+    let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
+    opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
+    let format = Format {
+        dialect: if args.ros2 {
+            Dialect::Ros2
+        } else {
+            Dialect::Svl
+        },
+        images: if args.compress {
+            ImageFormat::Png
+        } else {
+            ImageFormat::Raw
+        },
+    };
+    let began = Instant::now();
+    let written = recorder::write(opened, &output, format, quiet);
+    if let Some(live) = live.filter(|_| !quiet) {
+        let whose = if output.exists() {
+            output.display().to_string()
+        } else {
+            args.source.clone()
+        };
+        print(&format!("{whose}: {}\n", live.get()))?;
+    }
+    let outcome = match written {
+        Ok(outcome) => outcome,
+        Err(error) => {
+            if output.exists() {
+                earlier.keep_both();
+            }
+            return Err(error);
+        }
+    };
+    earlier.replaced();
+    if !quiet {
+        report(&output, outcome, began.elapsed().as_secs_f64())?;
+    }
+    run_info::complete(&outcome)
+}
+
+fn report(path: &Path, outcome: Outcome, seconds: f64) -> anyhow::Result<()> {
+    let bytes = path.metadata()?.len();
+    let rate = outcome.frames as f64 / seconds;
+    let stopped = if outcome.interrupted {
+        ", stopped by Ctrl-C"
+    } else {
+        ""
+    };
+    print(&format!(
+        "{}: {} in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
+        path.display(),
+        counted(outcome.frames, "pair"),
+        bytes as f64 / 1e6
+    ))
+}

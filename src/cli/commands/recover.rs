@@ -1,0 +1,76 @@
+//! `svl recover`: what an unfinished or damaged recording still holds.
+
+use crate::cli::shared::output::{distinct, may_write, print, print_json};
+use crate::cli::shared::tables::{losses, missing, size};
+use crate::cli::shared::usage;
+use std::path::PathBuf;
+use svl::counted;
+use svl::recording::{Recovery, only_file, recover};
+
+/// Save what an unfinished or damaged recording still holds
+///
+/// Everything whole goes into a new file: topics, schemas, messages, attachments and metadata,
+/// chunk by chunk, whoever wrote them. A chunk that is not what its CRC says is passed over; where
+/// the length of one is damaged, the next that can be believed is looked for. The damaged file
+/// stays as it is.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
+pub(crate) struct Args {
+    /// The recording; any other MCAP file will do
+    file: PathBuf,
+    /// File to write, which must not exist
+    #[arg(short, long, value_name = "OUT.mcap", value_parser = usage::ending(&["mcap"]))]
+    output: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let file = only_file(&args.file)?;
+    distinct([file.as_path(), args.output.as_path()])?;
+    may_write(&args.output, false)?;
+    let recovery = recover(&file, &args.output)?;
+    if args.json {
+        print_json(&recovery)
+    } else {
+        print(&table(args, &recovery)?)
+    }
+}
+
+fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
+    let Recovery {
+        messages,
+        pairs,
+        attachments,
+        metadata,
+        ..
+    } = recovery;
+    let bytes = args.output.metadata()?.len();
+    let (topics, messages) = (messages.len(), messages.values().sum::<u64>());
+    let pairs = if *pairs > 0 {
+        format!("{}, ", counted(*pairs, "pair"))
+    } else {
+        String::new()
+    };
+    let mut lines = vec![
+        format!("{}: {}", args.output.display(), size(bytes)),
+        format!(
+            "saved      {pairs}{} of {}, {}, {metadata} metadata",
+            counted(messages, "message"),
+            counted(topics, "topic"),
+            counted(*attachments, "attachment")
+        ),
+    ];
+    let file = args.file.display();
+    match (recovery.losses.is_empty(), recovery.checksums) {
+        (true, true) => lines.push(format!("lost       nothing: {file} is whole")),
+        (true, false) => lines.push(format!(
+            "lost       nothing, as far as can be told: {file} has no checksums"
+        )),
+        (false, _) => {}
+    }
+    lines.extend(losses(&recovery.losses));
+    lines.extend(missing(&recovery.missing));
+    Ok(lines.join("\n") + "\n")
+}

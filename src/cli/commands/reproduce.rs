@@ -1,0 +1,178 @@
+//! `svl reproduce`: the thesis's experiments, run anew.
+
+use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::progress::{self, Progress};
+use crate::cli::shared::source::data_folder;
+use crate::cli::shared::{cache, folder, usage};
+use anyhow::{Context as _, bail};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use svl::manifest::Manifest;
+use svl::reproduce::{Context, EXPERIMENTS, Entry, Experiment, Finding, Page, find, scenes};
+use svl::scenario::Scenario;
+use svl::source::Source;
+use svl::source::dataset::Scene;
+
+/// Repeat the thesis's experiments and tell which of its claims hold
+///
+/// Each experiment runs in the simulated arena and, where a folder of data sets is named, on real
+/// scenes. Prints a verdict per figure, and writes index.html with the figures, the numbers beside
+/// the thesis's and what each verdict follows from.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl reproduce
+  svl reproduce 5.9 7.3
+  svl reproduce --data DATASETS --out reports/thesis")]
+pub(crate) struct Args {
+    /// Figure of the thesis, `fps` for the speeds of its chapter 7; may be given more than once
+    /// [default: all]
+    #[arg(value_name = "FIGURE", value_parser = figure)]
+    figures: Vec<Figure>,
+    /// Folder for the report; a report of svl's that is there is replaced
+    #[arg(long, value_name = "DIR", default_value = "reports/reproduce")]
+    out: PathBuf,
+    /// Folder of the data sets, for experiments on real scenes [default: what SVL_DATASETS names,
+    /// else none]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// An experiment that was asked for.
+#[derive(Clone)]
+struct Figure(&'static Experiment);
+
+fn figure(text: &str) -> svl::Result<Figure> {
+    find(text).map(Figure)
+}
+
+/// The files of a report.
+const REPORT_FILES: &[&str] = &["index.html", "reproduce.md", JSON];
+
+/// The one by which svl knows its own.
+const JSON: &str = "reproduce.json";
+
+const STOPPED: &str = "stopped by Ctrl-C; the report holds what was found before";
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let asked = |e: &&Experiment| {
+        args.figures.is_empty() || args.figures.iter().any(|f| f.0.figure() == e.figure())
+    };
+    let experiments: Vec<&'static Experiment> = EXPERIMENTS.iter().filter(asked).collect();
+    let earlier = folder::earlier_report(&args.out, REPORT_FILES, JSON)?;
+    let data = data_folder(args.data.as_deref());
+    let scenes = data.as_deref().map_or(Ok(Vec::new()), scenes)?;
+    let mut recording = if experiments.iter().any(|e| e.records) {
+        Some(arena_run(quiet)?)
+    } else {
+        None
+    };
+    let manifest = Manifest::new("reproduce", None, &[])?;
+    let mut entries = Vec::new();
+    let ran = experiments.iter().try_for_each(|experiment| {
+        if progress::interrupted() {
+            bail!("{STOPPED}");
+        }
+        let recording = recording.take_if(|_| experiment.records);
+        let processor = &manifest.machine.processor;
+        entries.push(Entry {
+            experiment,
+            finding: repeat(experiment, processor, &scenes, recording, quiet)?,
+        });
+        Ok(())
+    });
+    // What came before an error or Ctrl-C is reported all the same.
+    if entries.is_empty() {
+        return ran;
+    }
+    let page = Page {
+        entries: &entries,
+        scenes: scenes.iter().map(|scene| scene.name().to_owned()).collect(),
+        identity: manifest.entries(),
+        incomplete: ran.as_ref().err().map(usage::one_line),
+    };
+    let earlier = folder::Aside::of(&args.out, earlier)?;
+    write_report(&page, &args.out)?;
+    if ran.is_ok() {
+        earlier.replaced()?;
+    }
+    if args.json {
+        print_json(&page.json()?)?
+    } else {
+        print(&told(&page, &args.out)?)?
+    }
+    ran
+}
+
+/// The arena of chapter 7, one run of it.
+fn arena_run(quiet: bool) -> anyhow::Result<(Scenario, Box<dyn Source>)> {
+    let scenario = Scenario::arena()?;
+    let source = cache::recording(&scenario, 1, quiet)?;
+    Ok((scenario, Box::new(source)))
+}
+
+fn repeat(
+    experiment: &Experiment,
+    processor: &str,
+    scenes: &[Scene],
+    recording: Option<(Scenario, Box<dyn Source>)>,
+    quiet: bool,
+) -> anyhow::Result<Finding> {
+    let mut progress = Progress::new(
+        &format!("{} {}", experiment.figure(), experiment.title),
+        None,
+        quiet,
+    );
+    let found = (experiment.run)(&mut Context::new(
+        processor,
+        scenes,
+        recording,
+        &mut progress,
+    ));
+    progress.clear();
+    match found {
+        Err(_) if progress::interrupted() => bail!("{STOPPED}"),
+        found => found.with_context(|| format!("figure {}", experiment.figure())),
+    }
+}
+
+fn write_report(page: &Page<'_>, out: &Path) -> anyhow::Result<()> {
+    folder::write_json(out, JSON, &page.json()?)?;
+    folder::write(out, "reproduce.md", page.markdown())?;
+    folder::write(out, "index.html", page.html()?)
+}
+
+/// What the terminal shows: a line per figure, and what it came to.
+fn told(page: &Page<'_>, out: &Path) -> Result<String, std::fmt::Error> {
+    let mut text = String::new();
+    for Entry {
+        experiment,
+        finding,
+    } in page.entries
+    {
+        writeln!(
+            text,
+            "{:<9} {:<15} {}",
+            experiment.figure(),
+            finding.verdict().words(),
+            experiment.title
+        )?;
+        writeln!(text, "{:25} {}", "", finding.why)?;
+    }
+    if page.scenes.is_empty() {
+        writeln!(
+            text,
+            "\nOn the arena alone: --data DIR or SVL_DATASETS names a folder of real scenes."
+        )?;
+    }
+    writeln!(
+        text,
+        "\n{}\n{}",
+        page.tally(),
+        out.join("index.html").display()
+    )?;
+    Ok(text)
+}

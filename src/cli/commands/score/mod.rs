@@ -1,0 +1,328 @@
+//! `svl score`: a scenario, judged and reported.
+
+mod gate;
+mod sweep;
+
+use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::progress::Progress;
+use crate::cli::shared::source::data_folder;
+use crate::cli::shared::{cache, folder, run_info, usage};
+use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
+use std::path::{Path, PathBuf};
+use svl::manifest::Manifest;
+use svl::report::html::Page;
+use svl::report::{Ruling, Summary, Tables};
+use svl::run::{Lineup, Outcome, Pace, run as run_loop};
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::sink::{Findings, Identity, Judge, RerunSink, RerunTarget, Sink};
+use svl::source::dataset::{Scene, SceneSource};
+use svl::source::{Source, Watched};
+use sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
+
+/// Score algorithms on a scenario and write a report
+///
+/// Records what is missing (recordings/ is a cache), replays it through the algorithms, judges
+/// every cell and every checkpoint, prints a summary, and writes a report: index.html to read,
+/// summary.md, run.rrd for Rerun, and as .csv and .parquet the tables summary (per algorithm),
+/// verdicts (per checkpoint), rows (per pair), cells and checkpoints (per run).
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl score scenarios/arena.toml
+  svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64
+  svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
+  svl score scenarios/middlebury.toml --data DATASETS --out reports/mine
+  svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
+  svl score scenarios/arena.toml --gate
+      for a CI: exit 1 when a limit of the scenario is broken
+
+A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for
+seven algorithms, uniqueness=0, 10, … 60. The report joins what differs in one
+number by a line, in its plots of accuracy against speed and of coverage
+against error. A run takes at most 32 algorithms.")]
+pub(crate) struct Args {
+    /// Scenario file
+    scenario: PathBuf,
+    /// Algorithm, as `svl algos` lists them, or a sweep; may be given more than once [default: the
+    /// scenario's]
+    #[arg(long, value_name = "NAME[:key=value,…]")]
+    algo: Vec<Algorithms>,
+    /// Folder for the report; a report of svl's that is there is replaced [default:
+    /// reports/SCENARIO]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in
+    /// a folder
+    #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = NonEmptyStringValueParser::new())]
+    scenes: Vec<String>,
+    /// Fail when a limit of the scenario's [[gate]] is broken
+    #[arg(long)]
+    gate: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let mut scenario = Scenario::read(&args.scenario)?;
+    if !args.algo.is_empty() {
+        scenario.algorithms = args
+            .algo
+            .iter()
+            .flat_map(|Algorithms(all)| all.clone())
+            .collect();
+    }
+    if scenario.algorithms.len() > MAX_ALGORITHMS {
+        let many = scenario.algorithms.len();
+        let words =
+            format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps");
+        return Err(usage::wrong(words));
+    }
+    if args.gate && scenario.gate.is_empty() {
+        bail!(
+            "{}: has no [[gate]], so there is nothing to fail; scenarios/arena.toml shows some",
+            args.scenario.display()
+        );
+    }
+    if !args.scenes.is_empty() {
+        let ScenarioSource::Dataset { scenes } = &mut scenario.source else {
+            bail!(
+                "{}: does not read scenes; --scenes is for scenarios that do",
+                args.scenario.display()
+            );
+        };
+        scenes.clone_from(&args.scenes);
+        // The page and the scenario's hash say what was judged.
+        let named = args.scenes.join(", ");
+        scenario.description.push_str(&format!(
+            "\n\nOf other scenes than the scenario's: {named}."
+        ));
+        scenario.text.push_str(&format!("\n# --scenes {named}\n"));
+    }
+    let folder = args
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new("reports").join(&scenario.name));
+    let mut lineup =
+        Lineup::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
+            true => error.into(),
+            false => usage::of_words(error),
+        })?;
+    let earlier = folder::earlier_report(&folder, REPORT_FILES, MANIFEST)?;
+    // Recorded first: Ctrl-C there leaves an earlier report as it is.
+    let data = data_folder(args.data.as_deref());
+    let mut runs = runs(&scenario, data.as_deref(), quiet)?;
+    let earlier = folder::Aside::of(&folder, earlier)?;
+    let mut report = Report::begin(&scenario, &folder)?;
+    let mut outcome = Outcome::default();
+    let ran = runs.iter_mut().try_for_each(|run| {
+        let Outcome {
+            frames,
+            failures,
+            unreadable,
+            ..
+        } = report.take(run, &mut lineup, &scenario, quiet)?;
+        outcome.frames += frames;
+        outcome.failures += failures;
+        outcome.unreadable += unreadable;
+        Ok(())
+    });
+    // What came before an error or Ctrl-C is reported all the same.
+    let incomplete = ran
+        .as_ref()
+        .err()
+        .map(usage::one_line)
+        .or_else(|| outcome.lacks());
+    let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
+        (Err(_), true) => return ran,
+        (finished, _) => finished?,
+    };
+    let limits = if args.gate { &scenario.gate[..] } else { &[] };
+    let rulings: Vec<_> = limits
+        .iter()
+        .flat_map(|limit| limit.judge(&summary, &manifest))
+        .collect();
+    if args.json {
+        print_json(&Answer {
+            summary: &summary,
+            gate: &rulings,
+        })?;
+    } else {
+        let gate: String = rulings.iter().map(gate::line).collect();
+        print(&format!(
+            "{summary}\n{}\n{gate}",
+            folder.join("index.html").display()
+        ))?;
+    }
+    ran?;
+    earlier.replaced()?;
+    run_info::complete(&outcome)?;
+    if args.gate {
+        gate::pass(&rulings)
+    } else {
+        Ok(())
+    }
+}
+
+/// What `--json` prints.
+#[derive(serde::Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    gate: &'a [Ruling],
+}
+
+/// One run of a scenario.
+struct Run {
+    /// Of an arena's run.
+    seed: Option<u64>,
+    source: Box<dyn Source>,
+}
+
+/// The scenario's runs; those of an arena are recorded where the cache does not hold them.
+fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result<Vec<Run>> {
+    match &scenario.source {
+        ScenarioSource::Arena { seeds, .. } => {
+            let run = |&seed| {
+                Ok(Run {
+                    seed: Some(seed),
+                    source: Box::new(cache::recording(scenario, seed, quiet)?),
+                })
+            };
+            seeds.iter().map(run).collect()
+        }
+        ScenarioSource::Dataset { scenes } => {
+            let Some(data) = data else {
+                bail!(
+                    "scenario '{}' reads scenes of data sets: name their folder with --data DIR \
+                     or SVL_DATASETS",
+                    scenario.name
+                );
+            };
+            let source = Box::new(SceneSource::new(Scene::find_all(data, scenes)?));
+            Ok(vec![Run { seed: None, source }])
+        }
+    }
+}
+
+/// The report under way.
+struct Report {
+    folder: PathBuf,
+    manifest: Manifest,
+    judge: Judge,
+    rerun: RerunSink,
+}
+
+impl Report {
+    fn begin(scenario: &Scenario, folder: &Path) -> anyhow::Result<Self> {
+        let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+        let identity = Identity::new(&manifest, scenario.cells, scenario.grid.shape());
+        let labels = scenario.labels().into_iter().map(str::to_owned).collect();
+        let tables = Tables::create(folder)?;
+        let info = run_info::rerun(&manifest, &identity, run_info::wireframe(scenario, None));
+        folder::write_json(folder, MANIFEST, &manifest)?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            judge: Judge::new(identity, labels, scenario.checkpoints.clone(), tables),
+            rerun: RerunSink::new(RerunTarget::File(folder.join("run.rrd")), &info)?,
+        })
+    }
+
+    /// Scores a run.
+    fn take(
+        &mut self,
+        run: &mut Run,
+        lineup: &mut Lineup,
+        scenario: &Scenario,
+        quiet: bool,
+    ) -> anyhow::Result<Outcome> {
+        let source = &mut *run.source;
+        self.judge.begin_run(run.seed);
+        self.rerun.begin_run();
+        let mut progress =
+            Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
+        let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
+        let ran = run_loop(
+            &mut Watched::new(source),
+            lineup,
+            scenario.grid,
+            Pace::Asap,
+            &mut sinks,
+            &mut progress,
+        );
+        progress.clear();
+        self.judge.end_run()?;
+        let outcome = ran?;
+        if outcome.interrupted {
+            bail!("stopped by Ctrl-C; the report holds what was scored before");
+        }
+        Ok(outcome)
+    }
+
+    fn finish(
+        self,
+        scenario: &Scenario,
+        incomplete: Option<String>,
+    ) -> anyhow::Result<(Summary, Manifest)> {
+        let Self {
+            folder,
+            mut manifest,
+            judge,
+            mut rerun,
+        } = self;
+        let Findings {
+            mut summary,
+            times_ms,
+            figures,
+            scenes,
+        } = judge.finish()?;
+        summary.incomplete = incomplete;
+        summary.complete(&mut manifest);
+        summary.write_tables(&folder)?;
+        rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
+        rerun.finish()?;
+        folder::write(&folder, "summary.md", summary.markdown(&scenario.name))?;
+        folder::write_json(&folder, "summary.json", &summary)?;
+        folder::write_json(&folder, MANIFEST, &manifest)?;
+        let page = Page {
+            title: scenario.name.clone(),
+            description: scenario.description.clone(),
+            identity: manifest.entries(),
+            summary: summary.clone(),
+            times_ms,
+            sweeps: sweeps(&scenario.algorithms),
+            figures,
+            scenes,
+        };
+        page.write(&folder.join("index.html"))?;
+        Ok((summary, manifest))
+    }
+}
+
+/// What identifies the run of a report.
+const MANIFEST: &str = "manifest.json";
+
+/// The files of a report, which a later report of the same folder replaces.
+const REPORT_FILES: &[&str] = &[
+    "rows.csv",
+    "rows.parquet",
+    "cells.csv",
+    "cells.parquet",
+    "checkpoints.csv",
+    "checkpoints.parquet",
+    MANIFEST,
+    "summary.csv",
+    "summary.parquet",
+    "verdicts.csv",
+    "verdicts.parquet",
+    "summary.md",
+    "summary.json",
+    "index.html",
+    "run.rrd",
+];

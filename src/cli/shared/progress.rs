@@ -1,0 +1,119 @@
+//! The progress bars of long work, and Ctrl-C.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use svl::run::Monitor;
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+static HANDLER: OnceLock<()> = OnceLock::new();
+
+/// Whether Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
+/// program at once.
+pub(crate) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// Begins to listen for Ctrl-C.
+pub(crate) fn listen_for_interrupt() {
+    HANDLER.get_or_init(|| {
+        let handler = || {
+            if INTERRUPTED.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        };
+        // Without a handler Ctrl-C ends the program at once, which is no worse than a power cut:
+        // files survive that.
+        if let Err(error) = ctrlc::set_handler(handler) {
+            tracing::warn!("Ctrl-C will end svl at once: {error}");
+        }
+    });
+}
+
+/// A bar that counts pairs, with their rate.
+pub(crate) struct Progress(ProgressBar);
+
+impl Progress {
+    /// `pairs`: how many there will be, where known.
+    pub(crate) fn new(what: &str, pairs: Option<u64>, quiet: bool) -> Self {
+        listen_for_interrupt();
+        let bar = if quiet {
+            ProgressBar::hidden()
+        } else {
+            pairs.map_or_else(ProgressBar::no_length, ProgressBar::new)
+        };
+        let form = match pairs {
+            Some(_) => "{prefix:<24} {bar:30} {pos:>6}/{len} pairs {per_sec:>9} {eta:>4} left",
+            None => "{prefix:<24} {spinner} {pos:>6} pairs {per_sec:>9}",
+        };
+        // The templates above are constants; the tests run both.
+        let style = ProgressStyle::with_template(form).expect("a valid template");
+        bar.set_style(style.with_key(
+            "per_sec",
+            |state: &indicatif::ProgressState, w: &mut dyn std::fmt::Write| {
+                let _ = write!(w, "{:.0}/s", state.per_sec());
+            },
+        ));
+        bar.set_prefix(what.to_owned());
+        Self(bar)
+    }
+
+    /// One pair more is done; whether to go on.
+    pub(crate) fn step(&self) -> bool {
+        self.0.inc(1);
+        !interrupted()
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn clear(self) {
+        self.0.finish_and_clear();
+    }
+}
+
+impl Monitor for Progress {
+    fn failed(&mut self, failure: &str) {
+        self.0.suspend(|| tracing::warn!("{failure}"));
+    }
+
+    fn go_on(&mut self, done: u64) -> bool {
+        self.0.set_position(done);
+        !interrupted()
+    }
+}
+
+/// A bar that counts bytes, with their rate.
+pub(crate) struct Bytes(ProgressBar);
+
+impl Bytes {
+    pub(crate) fn new(what: &str, quiet: bool) -> Self {
+        listen_for_interrupt();
+        let bar = if quiet {
+            ProgressBar::hidden()
+        } else {
+            ProgressBar::no_length()
+        };
+        let form =
+            "{prefix:<36} {bar:24} {bytes:>10}/{total_bytes} {bytes_per_sec:>12} {eta:>4} left";
+        // The template above is a constant; the tests run it.
+        bar.set_style(ProgressStyle::with_template(form).expect("a valid template"));
+        bar.set_prefix(what.to_owned());
+        Self(bar)
+    }
+
+    /// `done` bytes of `total`, where that is known; whether to go on.
+    pub(crate) fn go_on(&self, done: u64, total: Option<u64>) -> bool {
+        if let Some(total) = total.filter(|&total| self.0.length() != Some(total)) {
+            self.0.set_length(total);
+            // What an earlier download left is no measure of this one's rate.
+            self.0.set_position(done);
+            self.0.reset_eta();
+        }
+        self.0.set_position(done);
+        !interrupted()
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn clear(self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -1,0 +1,100 @@
+//! What is wrong with the command line itself, whatever files and machines there are: one line, and
+//! exit code 2.
+
+use clap::Error;
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::error::ErrorKind;
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::str::FromStr;
+use svl::matcher::Algorithm;
+
+/// What [`tell`] tells.
+pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
+    Error::raw(ErrorKind::ValueValidation, format!("{words}\n")).into()
+}
+
+/// An error of something that the command line says: of its words it is wrong usage, of files and
+/// machines it is none.
+pub(crate) fn of_words(error: svl::Error) -> anyhow::Error {
+    use svl::Error::{Invalid, ParameterValue, UnknownAlgorithm, UnknownParameter};
+    match error {
+        Invalid(_) | ParameterValue { .. } | UnknownAlgorithm { .. } | UnknownParameter { .. } => {
+            wrong(error)
+        }
+        other => other.into(),
+    }
+}
+
+/// Prints clap's error in one line, without the usage that `--help` shows; help and version as they
+/// are.
+pub(crate) fn tell(error: &Error) -> ExitCode {
+    if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        let text = error.to_string();
+        let end = ["\n\nUsage:", "\n\nFor more information"]
+            .iter()
+            .filter_map(|mark| text.find(mark))
+            .min();
+        let line = text[..end.unwrap_or(text.len())]
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
+        eprintln!("{line}; see --help");
+    } else {
+        // A closed standard output is no reason to panic.
+        let _ = error.print();
+    }
+    ExitCode::from(error.exit_code() as u8)
+}
+
+/// A number in a range.
+pub(crate) fn within<N>(
+    range: RangeInclusive<N>,
+) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync
+where
+    N: FromStr + PartialOrd + Display + Clone + Send + Sync,
+{
+    move |text| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| format!("expected a number, {} to {}", range.start(), range.end()))
+    }
+}
+
+/// An algorithm whose parameters go together. A program is not started to find that out.
+pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
+    let algorithm: Algorithm = text.parse()?;
+    if algorithm.spec().name != "exec" {
+        algorithm.build()?;
+    }
+    Ok(algorithm)
+}
+
+/// The name of a file with one of these endings.
+pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| ends_in(&path, endings).map(|()| path))
+}
+
+/// Refuses the name of a file with none of these endings.
+pub(crate) fn ends_in(path: &Path, endings: &[&str]) -> Result<(), String> {
+    match endings
+        .iter()
+        .any(|ending| path.extension().is_some_and(|e| e == *ending))
+    {
+        true => Ok(()),
+        false => Err(format!(
+            "{}: must end in .{}",
+            path.display(),
+            endings.join(" or .")
+        )),
+    }
+}
+
+/// The error and its causes in one line.
+pub(crate) fn one_line(error: &anyhow::Error) -> String {
+    format!("{error:#}")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
