@@ -37,6 +37,7 @@ mod error;
 pub mod kernel;
 pub mod matcher;
 pub mod rectify;
+pub mod statistics;
 pub mod stereo;
 pub mod timing;
 
@@ -66,11 +67,11 @@ pub mod score;
 pub mod sink;
 #[cfg(feature = "bench")]
 pub mod source;
-#[cfg(feature = "bench")]
+#[cfg(feature = "calibrate")]
 mod words;
 #[cfg(feature = "calibrate")]
 mod yaml;
 
 pub use error::{Error, Result};
-#[cfg(feature = "bench")]
+#[cfg(feature = "calibrate")]
 pub use words::counted;

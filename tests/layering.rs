@@ -8,6 +8,7 @@ use std::path::Path;
 const ALLOWED: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("timing", &[]),
+    ("statistics", &[]),
     ("words", &[]),
     ("stereo", &[]),
     ("kernel", &["stereo"]),
@@ -88,6 +89,7 @@ fn every_import_goes_through_a_door() {
             let everyones = [
                 "error",
                 "timing",
+                "statistics",
                 "Error",
                 "Result",
                 "counted",

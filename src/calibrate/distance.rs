@@ -2,8 +2,8 @@
 //! values of at least three sectors where the target was present".
 
 use crate::counted;
-use crate::depth;
 use crate::error::{Error, Result};
+use crate::statistics::midpoint_median;
 use crate::stereo::{Cell, DepthGrid, GridShape};
 
 /// Least cells that must hold the target.
@@ -45,7 +45,7 @@ impl Target {
                 .iter()
                 .filter_map(|grid| depth(grid.cell(place.0, place.1)))
                 .collect();
-            (2 * seen.len() >= grids.len() && !seen.is_empty()).then(|| depth::median(seen))
+            midpoint_median(seen.iter().copied()).filter(|_| 2 * seen.len() >= grids.len())
         };
         let cells = if named.is_empty() {
             agreeing(shape, known)?
@@ -78,7 +78,7 @@ impl Target {
             .iter()
             .fold((f64::INFINITY, 0.0f64), |(a, b), &d| (a.min(d), b.max(d)));
         Ok(Self {
-            disparity_px: depth::median(disparities),
+            disparity_px: midpoint_median(disparities).unwrap_or_default(),
             cells,
             spread_px: most - least,
         })

@@ -8,8 +8,8 @@
 //! 1968), which bears nearly a third of wrong measurements, and goes on with Tukey's biweight
 //! (Beaton and Tukey 1974).
 
-use super::median;
 use crate::error::{Error, Result};
+use crate::statistics::midpoint_median;
 use nalgebra::{Matrix2, Vector2};
 
 /// Least measurements: with fewer nothing is left over to tell how good they are.
@@ -72,7 +72,8 @@ impl PinholeFit {
                 .iter()
                 .map(|&pair| Row::new(pair, &line))
                 .collect::<Vec<_>>();
-            let scale = 1.4826 * median(rows.iter().map(|row| row.residual(&line).abs()).collect());
+            let off = rows.iter().map(|row| row.residual(&line).abs());
+            let scale = 1.4826 * midpoint_median(off).unwrap_or_default();
             for row in &mut rows {
                 row.weight = biweight(row.residual(&line) / (BIWEIGHT * scale.max(1.0)));
             }
@@ -240,15 +241,10 @@ fn median_line(pairs: &[(f64, f64)]) -> Option<Vector2<f64>> {
             .map(move |q| (p.1 - q.1) / (p.0 - q.0))
             .collect::<Vec<_>>()
     };
-    let slopes: Vec<f64> = points.iter().enumerate().flat_map(slope).collect();
-    if slopes.is_empty() {
-        return None;
-    }
-    let a = median(slopes);
-    Some(Vector2::new(
-        a,
-        median(points.iter().map(|(x, px)| a * x - px).collect()),
-    ))
+    let slopes = points.iter().enumerate().flat_map(slope);
+    let a = midpoint_median(slopes)?;
+    let b = midpoint_median(points.iter().map(|(x, px)| a * x - px))?;
+    Some(Vector2::new(a, b))
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! How far the two images of a pair are apart in time.
 
+use crate::statistics::upper_rank;
+
 /// Right stamps minus left stamps of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Skew {
@@ -27,7 +29,7 @@ impl Skew {
         let (&[min_ns, ..], &[.., max_ns]) = (&*skews_ns, &*skews_ns) else {
             return None;
         };
-        let median_ns = skews_ns[skews_ns.len() / 2];
+        let median_ns = upper_rank(skews_ns, 0.5)?;
         let width = bin_width(i128::from(min_ns), i128::from(max_ns));
         // Hostile stamps may be as far apart as numbers go.
         let edge = |ns: i128| ns.clamp(i64::MIN.into(), i64::MAX.into()) as i64;

@@ -8,6 +8,7 @@ use super::sync::StereoSync;
 use super::{Camera, GRABBER, Header, Kind, MANIFEST, PROFILE};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
+use crate::statistics::upper_rank;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -219,7 +220,7 @@ impl Seen {
             .collect();
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
-        let period_ns = middle(&periods);
+        let period_ns = upper_rank(&periods, 0.5);
         let is_gap =
             |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
@@ -268,9 +269,4 @@ impl Seen {
             drops: self.drops,
         }
     }
-}
-
-/// The median of sorted values.
-fn middle<T: Copy>(sorted: &[T]) -> Option<T> {
-    sorted.get(sorted.len() / 2).copied()
 }

@@ -2,6 +2,7 @@
 
 use super::epipolar::Epipolar;
 use super::features::{Match, matches};
+use crate::statistics::{lower_median, nearest_rank};
 use crate::stereo::{GridShape, StereoPair};
 use nalgebra::{Matrix3, Vector3};
 
@@ -98,7 +99,8 @@ impl AlignmentMeter {
         }
         let offset = |m: &Match| m.right.y - m.left.y;
         let offsets: Vec<_> = self.matches.iter().map(offset).collect();
-        let sizes: Vec<_> = offsets.iter().map(|offset| offset.abs()).collect();
+        let mut sizes: Vec<_> = offsets.iter().map(|offset| offset.abs()).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
         let shape = GridShape {
             columns: 3,
             rows: 3,
@@ -108,14 +110,14 @@ impl AlignmentMeter {
             let inside =
                 |m: &&Match| x.contains(&(m.left.x as usize)) && y.contains(&(m.left.y as usize));
             let offsets: Vec<_> = self.matches.iter().filter(inside).map(offset).collect();
-            (offsets.len() >= LEAST_OF_PART).then(|| quantile(offsets, 0.5))
+            lower_median(offsets.iter().copied()).filter(|_| offsets.len() >= LEAST_OF_PART)
         };
         Some(Alignment {
             pairs: self.pairs,
             matches: self.matches.len(),
-            median_abs_px: quantile(sizes.clone(), 0.5),
-            p90_abs_px: quantile(sizes, 0.9),
-            median_px: quantile(offsets, 0.5),
+            median_abs_px: nearest_rank(&sizes, 0.5)?,
+            p90_abs_px: nearest_rank(&sizes, 0.9)?,
+            median_px: lower_median(offsets)?,
             misfit: self.misfit(),
             parts_px: std::array::from_fn(|row| std::array::from_fn(|column| part(column, row))),
         })
@@ -125,14 +127,12 @@ impl AlignmentMeter {
 impl AlignmentMeter {
     fn misfit(&self) -> Misfit {
         let offset = |m: &Match| m.right.y - m.left.y;
-        let typical =
-            |offsets: Vec<f64>| quantile(offsets.into_iter().map(f64::abs).collect(), 0.5);
-        let all: Vec<_> = self.matches.iter().map(offset).collect();
-        let (shift, explained) = (
-            quantile(all.clone(), 0.5),
-            (typical(all.clone()) / 4.0).max(Alignment::TOLERABLE_PX / 2.0),
-        );
-        if typical(all.iter().map(|offset| offset - shift).collect()) <= explained {
+        let typical = |residual: &dyn Fn(&Match) -> f64| {
+            lower_median(self.matches.iter().map(|m| residual(m).abs())).unwrap_or_default()
+        };
+        let shift = lower_median(self.matches.iter().map(offset)).unwrap_or_default();
+        let explained = (typical(&offset) / 4.0).max(Alignment::TOLERABLE_PX / 2.0);
+        if typical(&|m| offset(m) - shift) <= explained {
             return Misfit::Shift;
         }
         let (width, height) = self.size;
@@ -158,13 +158,7 @@ impl AlignmentMeter {
             };
             plane = cholesky.solve(&sums);
         }
-        if typical(
-            self.matches
-                .iter()
-                .map(|m| offset(m) - plane.dot(&terms(m)))
-                .collect(),
-        ) > explained
-        {
+        if typical(&|m| offset(m) - plane.dot(&terms(m))) > explained {
             return Misfit::Bent;
         }
         Misfit::Turn {
@@ -172,12 +166,6 @@ impl AlignmentMeter {
             scale: 1.0 + plane.z / height as f64,
         }
     }
-}
-
-/// The value that a share of all `values`, of which there is one, is not above.
-fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[((values.len() as f64 * share).ceil() as usize).saturating_sub(1)]
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The times of one algorithm.
 
+use crate::statistics::nearest_rank;
 use polars::prelude::{DataFrame, PolarsResult};
 
 /// What the pairs of one algorithm took.
@@ -76,13 +77,6 @@ impl Speed {
     pub(super) fn time_per_gd_s(&self) -> Option<f64> {
         nearest_rank(&self.per_disparity, 0.5).map(|us| 1e3 * us)
     }
-}
-
-/// The nearest rank: the smallest of the `sorted` values that at least `share` of them do not
-/// exceed; nothing without values.
-pub(super) fn nearest_rank<T: Copy>(sorted: &[T], share: f64) -> Option<T> {
-    let rank = (share * sorted.len() as f64).ceil() as usize;
-    sorted.get(rank.max(1) - 1).or(sorted.last()).copied()
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! Figure 5.1: the distance curve, from the thesis's measurements and from a simulated target.
 
-use super::measure::Spread;
 use super::{Context, Experiment, Finding, Value, stage};
 use crate::arena::ArenaConfig;
 use crate::depth::{self, DistanceCurve, MIN_VALID};
 use crate::error::Result;
 use crate::report::plot::distance_chart;
 use crate::score::true_grid;
+use crate::statistics::lower_median;
 use crate::stereo::{Cell, DepthGrid, Frame, GridShape};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -191,9 +191,7 @@ fn target_px(frame: &Frame, grid: &DepthGrid, true_px: f64) -> Option<f64> {
     let medians: Vec<f64> = cells
         .filter_map(|((_, cell), _)| Some(f64::from(cell.depth?.median_px)))
         .collect();
-    (medians.len() >= 3)
-        .then(|| Spread::of(medians))?
-        .map(|s| s.median)
+    (medians.len() >= 3).then(|| lower_median(medians))?
 }
 
 /// The largest relative error of the curve over pairs of true distance and disparity, and the

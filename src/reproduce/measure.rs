@@ -4,6 +4,7 @@ use super::Exhibit;
 use crate::error::Result;
 use crate::files::encode_png;
 use crate::overlay::viridis;
+use crate::statistics::lower_median;
 use crate::stereo::{DisparityMap, Gray, Truth};
 
 /// Mean and median.
@@ -16,10 +17,9 @@ pub(super) struct Spread {
 impl Spread {
     /// Of values that are finite; nothing of none. The median is by nearest rank.
     pub(super) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
-        let mut values: Vec<f64> = values.into_iter().collect();
-        let middle = values.len().checked_sub(1)? / 2;
+        let values: Vec<f64> = values.into_iter().collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let median = lower_median(values)?;
         Some(Self { mean, median })
     }
 }

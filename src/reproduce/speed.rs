@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::kernel::{Isa, isa};
 use crate::matcher::{Algorithm, Matcher};
 use crate::report::plot::Bars;
+use crate::statistics::nearest_rank;
 use crate::stereo::{DisparityMap, StereoPair};
 use crate::timing::Clock;
 use std::time::{Duration, Instant};
@@ -144,7 +145,7 @@ fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
     Ok(std::array::from_fn(|i| {
         let times = &mut matchers[i].1;
         times.sort_unstable();
-        1.0 / times[times.len() / 2].as_secs_f64()
+        nearest_rank(times, 0.5).map_or(f64::NAN, |median| 1.0 / median.as_secs_f64())
     }))
 }
 

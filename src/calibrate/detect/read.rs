@@ -6,6 +6,7 @@ use super::place::{diagonal, readings};
 use super::refine::{Fitted, refine};
 use super::{Edge, Seen, Sighting};
 use crate::calibrate::Board;
+use crate::statistics::upper_median;
 use crate::stereo::Gray;
 use nalgebra::{Point2, Vector2};
 use std::collections::{BTreeMap, BTreeSet};
@@ -140,9 +141,7 @@ impl Fit {
     }
 
     fn median(&self, value: impl Fn(&Fitted) -> f64) -> f64 {
-        let mut values: Vec<_> = self.corners.values().map(value).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
+        upper_median(self.corners.values().map(value)).unwrap_or_default()
     }
 }
 

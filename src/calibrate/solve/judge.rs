@@ -5,6 +5,7 @@
 
 use super::adjust::adjust;
 use super::scene::{Loss, Scene, Shot};
+use crate::statistics::upper_median;
 use nalgebra::Vector2;
 
 /// A view is refused whose corners scatter this many times as much as usual ...
@@ -130,8 +131,7 @@ fn wrong_image(
             .map(|r| r.map_or(f64::INFINITY, |r| r.norm()))
             .collect(),
     )?;
-    let middle =
-        |i: usize| median(seen.iter().flatten().map(|r| r[i]).collect()).unwrap_or_default();
+    let middle = |i: usize| upper_median(seen.iter().flatten().map(|r| r[i])).unwrap_or_default();
     let shift = Vector2::new(middle(0), middle(1));
     let wrong = used.iter().filter(|used| !**used).count() as f64 / used.len() as f64;
     let chance = CHANCE / (used.len() as f64).sqrt();
@@ -211,11 +211,5 @@ fn usual_px(scene: &Scene) -> Option<f64> {
 
 /// Standard deviation per coordinate that the median of distances tells.
 fn scatter_px(distances: Vec<f64>) -> Option<f64> {
-    median(distances).map(|middle| middle / MEDIAN)
-}
-
-/// The upper one of two in the middle.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    upper_median(distances).map(|middle| middle / MEDIAN)
 }

@@ -19,6 +19,7 @@ pub use solution::{Camera, Corner, Correlation, Epipolar, Estimate, Fit, Solutio
 
 use super::{Board, View};
 use crate::error::{Error, Result};
+use crate::statistics::upper_median;
 use judge::{Refusal, settle};
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use scene::{Image, Scene, Shot};
@@ -138,8 +139,7 @@ fn single(
     }
     // A lens bends a board by a few pixels; corners in disorder are off by a good part of the
     // board.
-    let usual =
-        judge::median(homographies.iter().map(|(.., off)| *off).collect()).unwrap_or_default();
+    let usual = upper_median(homographies.iter().map(|(.., off)| *off)).unwrap_or_default();
     let limit = 4.0 * usual + 0.03 * (size.0 as f64).hypot(size.1 as f64);
     homographies.retain(|(id, _, off)| {
         if *off > limit {
@@ -238,7 +238,7 @@ fn together(left: Scene, mut right: Scene, sieve: &mut Sieve<'_>) -> Result<Scen
 fn middle(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
     let median = |value: fn(&Isometry3<f64>) -> Vector3<f64>| {
         Vector3::from_fn(|i, _| {
-            judge::median(motions.iter().map(|m| value(m)[i]).collect()).unwrap_or_default()
+            upper_median(motions.iter().map(|m| value(m)[i])).unwrap_or_default()
         })
     };
     let shift = Translation3::from(median(|motion| motion.translation.vector));

@@ -8,6 +8,7 @@ use std::fmt::Write;
 use std::time::{Duration, Instant};
 use svl::arena::{Arena, ArenaConfig};
 use svl::matcher::{Algorithm, MATCHERS, Matcher};
+use svl::statistics::nearest_rank;
 use svl::stereo::{DisparityMap, StereoPair};
 use svl::timing::Clock;
 
@@ -162,8 +163,11 @@ fn figures(
     mut times: Vec<Duration>,
 ) -> Figures {
     times.sort_unstable();
-    let rank = |percent: usize| {
-        times[(percent * times.len()).div_ceil(100).max(1) - 1].as_secs_f64() * 1e3
+    let rank = |share| {
+        nearest_rank(&times, share)
+            .unwrap_or_default()
+            .as_secs_f64()
+            * 1e3
     };
     let disparities = algorithm.disparities().unwrap_or(1);
     Figures {
@@ -174,11 +178,11 @@ fn figures(
         threads: rayon::current_num_threads(),
         isa,
         runs: times.len(),
-        min_ms: rank(0),
-        median_ms: rank(50),
-        p95_ms: rank(95),
-        p99_ms: rank(99),
-        mde_per_s: (width * height) as f64 * f64::from(disparities) / rank(50) / 1e3,
+        min_ms: rank(0.0),
+        median_ms: rank(0.5),
+        p95_ms: rank(0.95),
+        p99_ms: rank(0.99),
+        mde_per_s: (width * height) as f64 * f64::from(disparities) / rank(0.5) / 1e3,
     }
 }
 

@@ -5,6 +5,8 @@
 //! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
 //! root of the drive's length, in which the arena's pairs forget each other.
 
+use crate::statistics::upper_rank;
+
 /// Resamples drawn. Equal data give equal intervals: the generator begins with a fixed number.
 const DRAWS: usize = 1000;
 const SEED: u64 = 2007;
@@ -96,12 +98,7 @@ pub(super) fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
 
 fn middle(mut values: Vec<f64>) -> Option<Interval> {
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        values
-            .get(((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1)))
-            .copied()
-    };
-    Some((at(0.025)?, at(0.975)?))
+    Some((upper_rank(&values, 0.025)?, upper_rank(&values, 0.975)?))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::super::metric::Metric;
 use super::super::rows::Row;
+use crate::statistics::lower_median;
 
 /// A metric's part in every pair of a run.
 pub(super) enum Sample {
@@ -74,11 +75,7 @@ impl Sample {
                 (denominator > 0.0).then(|| numerator / denominator)
             }
             Self::Count(values) => Some(items.iter().map(|&i| values[i]).sum()),
-            Self::Median(values) => {
-                let mut drawn: Vec<_> = items.iter().map(|&i| values[i]).collect();
-                let rank = drawn.len().div_ceil(2).checked_sub(1)?;
-                Some(*drawn.select_nth_unstable_by(rank, f64::total_cmp).1)
-            }
+            Self::Median(values) => lower_median(items.iter().map(|&i| values[i])),
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::chart::number;
 use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text, text_width};
 use crate::error::Result;
-use crate::report::speed::nearest_rank;
+use crate::statistics::nearest_rank;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
