@@ -13,9 +13,8 @@
 use criterion::{Criterion, Throughput};
 use svl::arena::{Arena, ArenaConfig};
 use svl::kernel::Isa;
-use svl::matcher::{Algorithm, MATCHERS};
-use svl::stereo::{DisparityMap, StereoPair};
-use svl::timing::Clock;
+use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput};
+use svl::stereo::{RectifiedPair, StereoPair};
 
 /// Sizes with their disparities `0..=N`.
 const SIZES: [(usize, usize, u16); 2] = [(320, 240, 80), (640, 480, 128)];
@@ -88,13 +87,17 @@ fn bench(
         .build_on(isa)
         .expect("the instruction set is available");
     let (width, height) = pair.size();
-    let mut map = DisparityMap::new(width, height).expect("the size of a pair");
+    let mut output = MatchOutput::new().expect("one pixel");
     let mut group = criterion.benchmark_group(group);
     group.throughput(Throughput::Elements((width * height) as u64));
     group.bench_function(name, |bencher| {
         bencher.iter(|| {
             matcher
-                .compute(pair, &mut map, &mut Clock::start())
+                .compute(
+                    RectifiedPair::assume(pair),
+                    &MatchContext::default(),
+                    &mut output,
+                )
                 .expect("the pair can be matched")
         });
     });

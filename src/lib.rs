@@ -13,15 +13,15 @@
 //! [`depth`], [`rectify`].
 //!
 //! ```
-//! use svl::stereo::{DisparityMap, Gray, GridShape, StereoPair};
-//! use svl::{depth, matcher::Algorithm, timing::Clock};
+//! use svl::depth::{self, GridSettings};
+//! use svl::matcher::Algorithm;
+//! use svl::stereo::{Gray, RectifiedPair, StereoPair};
 //!
 //! let left = Gray::filled(320, 240, 90)?;
 //! let pair = StereoPair::new(left.clone(), left)?;
-//! let mut matcher = "v3:max_disparity=64".parse::<Algorithm>()?.build()?;
-//! let mut map = DisparityMap::new(320, 240)?;
-//! matcher.compute(&pair, &mut map, &mut Clock::start())?;
-//! let grid = depth::grid(map.disparity(), GridShape::default(), 0.2, None);
+//! let v3: Algorithm = "v3:max_disparity=64".parse()?;
+//! let output = v3.match_pair(RectifiedPair::assume(&pair), None)?;
+//! let grid = depth::grid(output.disparity.disparity(), GridSettings::default(), None);
 //! assert!(grid.cell(2, 1).depth.is_none(), "a grey wall has no texture to match");
 //! # Ok::<(), svl::Error>(())
 //! ```

@@ -57,6 +57,11 @@ pub struct Machine {
 }
 
 impl Manifest {
+    /// The labels of the algorithms.
+    pub fn labels(&self) -> impl Iterator<Item = &str> {
+        self.algorithms.iter().map(|a| a.label.as_str())
+    }
+
     /// A run of `algorithms` on `scenario` that begins now, on this machine.
     ///
     /// # Errors

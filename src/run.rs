@@ -1,23 +1,26 @@
-//! The only loop: frames from a source through the matchers into the sinks.
+//! The one loop: frames from a source through the algorithms and the judge into the sinks.
+//!
+//! Replay, score, record and the experiments are this loop with other sources and sinks. What does
+//! not iterate frames (`svl match`, `svl bench`) calls a matcher directly.
 
 use crate::counted;
 use crate::depth;
 use crate::error::{Error, Result};
-use crate::matcher::{Algorithm, Matcher};
-use crate::scenario::GridSettings;
-use crate::sink::Sink;
+use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use crate::score::{Judge, Judged};
+use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;
-use crate::stereo::{DisparityMap, Estimate, Frame};
-use crate::timing::{Clock, StageTimes};
+use crate::stereo::{DisparityMap, Estimate, Frame, Losses};
+use crate::timing::StageTimes;
 use std::sync::mpsc::{channel, sync_channel};
 use std::time::{Duration, Instant};
 
 /// Watches a run and may end it.
 pub trait Monitor {
-    /// Called after every frame; `false` ends the run, orderly.
+    /// Called after every frame; `false` ends the run without an error.
     fn go_on(&mut self, done: u64) -> bool;
 
-    /// Told what an algorithm did not match and why.
+    /// Reports that an algorithm failed on a pair, and why.
     fn failed(&mut self, failure: &str) {
         tracing::warn!("{failure}");
     }
@@ -26,41 +29,40 @@ pub trait Monitor {
 /// How fast frames are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// As soon as the one before is done.
+    /// As soon as the previous one is done.
     Asap,
-    /// At their stamps, this many times faster.
+    /// At their stamps, that many times faster.
     Times(f64),
 }
 
 /// What a run did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// Frames taken from the source, all of which went to every sink.
+    /// Frames that every sink took.
     pub frames: u64,
     /// Estimates that are missing because their algorithm failed on that frame.
     pub failures: u64,
-    /// Pairs that the source left out as they cannot be read.
-    pub unreadable: u64,
     /// Whether the monitor ended it.
     pub interrupted: bool,
+    /// What of the source is in no frame.
+    pub losses: Losses,
 }
 
 impl Outcome {
-    /// What is missing, in words; nothing of a complete run.
-    pub fn lacks(&self) -> Option<String> {
-        let unreadable = (self.unreadable > 0)
-            .then(|| format!("{} could not be read", counted(self.unreadable, "pair")));
-        let failures = (self.failures > 0)
-            .then(|| format!("algorithms failed on {}", counted(self.failures, "pair")));
-        let lacks: Vec<_> = unreadable.into_iter().chain(failures).collect();
-        (!lacks.is_empty()).then(|| lacks.join(" and "))
+    /// What is missing, in words; nothing for a complete run.
+    pub fn missing(&self) -> Option<String> {
+        let pairs = |n: u64, words: &str| (n > 0).then(|| format!("{words}{}", counted(n, "pair")));
+        let unreadable = pairs(self.losses.unreadable, "").map(|n| n + " could not be read");
+        let failures = pairs(self.failures, "algorithms failed on ");
+        let missing: Vec<_> = unreadable.into_iter().chain(failures).collect();
+        (!missing.is_empty()).then(|| missing.join(" and "))
     }
 }
 
 /// The algorithms of a run, ready to match.
-pub struct Lineup(Vec<Contestant>);
+pub struct Matchers(Vec<Entry>);
 
-struct Contestant {
+struct Entry {
     label: String,
     matcher: Box<dyn Matcher>,
     last_failure: String,
@@ -68,13 +70,13 @@ struct Contestant {
     spent: Vec<DisparityMap>,
 }
 
-impl Lineup {
-    /// Builds the algorithms; each may stand once, as its label names its rows and topics.
+impl Matchers {
+    /// Builds the algorithms; each label may occur once, as it names rows and topics.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the algorithm that stands twice or cannot be built.
+    /// [`Error::Invalid`] naming the algorithm that occurs twice or cannot be built.
     pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
-        let contestant = |(i, algorithm): (usize, &Algorithm)| {
+        let entry = |(i, algorithm): (usize, &Algorithm)| {
             let label = algorithm.label().to_owned();
             if algorithms[..i].iter().any(|other| other.label() == label) {
                 return Err(Error::Invalid(format!(
@@ -85,7 +87,7 @@ impl Lineup {
                 Error::Invalid(reason) => Error::Invalid(format!("{label}: {reason}")),
                 other => other,
             })?;
-            Ok(Contestant {
+            Ok(Entry {
                 label,
                 matcher,
                 last_failure: String::new(),
@@ -95,80 +97,107 @@ impl Lineup {
         algorithms
             .iter()
             .enumerate()
-            .map(contestant)
+            .map(entry)
             .collect::<Result<_>>()
             .map(Self)
     }
 
+    /// No algorithms: the frames go to the sinks as they are.
+    pub fn none() -> Self {
+        Self(Vec::new())
+    }
+
     /// Keeps the maps of estimates for later frames.
-    fn take_back(&mut self, estimates: Vec<Estimate>) {
-        for estimate in estimates {
-            if let Some(contestant) = self
-                .0
-                .iter_mut()
-                .find(|contestant| contestant.label == estimate.algorithm)
-            {
-                contestant.spent.push(estimate.disparity);
+    fn take_back(&mut self, spent: Spent) {
+        for (label, map) in spent {
+            if let Some(entry) = self.0.iter_mut().find(|entry| entry.label == label) {
+                entry.spent.push(map);
             }
         }
     }
 }
 
-/// Runs every frame of `source` through the algorithms into `sinks`.
-///
-/// The sinks are finished by the caller, who may have more to say to them: also after an error, so
-/// that what came before it is kept.
+/// Maps that the sinks are done with, with the labels of their algorithms.
+type Spent = Vec<(String, DisparityMap)>;
+
+/// Runs every frame of `source` through the algorithms into `sinks`, between their
+/// [`Sink::begin_run`] and [`Sink::end_run`]. Both are called also when the run fails, so that what
+/// came before the error is kept. The caller finishes the sinks.
 ///
 /// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads
-/// of their own, in the same order; else all happens in turn, lest the threads disturb the times
-/// that are being measured. A source or sink that computes on rayon's own pool, as the arena does,
-/// must then not be run from within a pool of one thread: it would wait for the thread that waits
-/// for it. Recordings and svl's sinks do not.
+/// of their own, in the same order; else all happens in turn, so that other threads do not disturb
+/// the times that are measured. From a thread of a rayon pool, and with a source that listens, all
+/// happens in turn too: no thread ever waits for another one of its own pool, so a pool of one
+/// thread cannot deadlock.
 ///
-/// An algorithm that fails on a frame leaves no estimate of it, and the others go on. The monitor
+/// An algorithm that fails on a frame leaves no estimate for it, and the others go on. The monitor
 /// is told, but not again while the algorithm fails for the same reason frame after frame.
 ///
-/// # Errors
-/// The first of the source or of a sink.
+/// The outcome holds also for a run that failed, with the first error of the source, of a raw pair
+/// for an algorithm, or of a sink.
 pub fn run(
     source: &mut dyn Source,
-    lineup: &mut Lineup,
-    grid: GridSettings,
+    matchers: &mut Matchers,
+    start: &RunStart<'_>,
     pace: Pace,
-    sinks: &mut [&mut dyn Sink],
+    sinks: &mut [Box<dyn Sink>],
     monitor: &mut dyn Monitor,
-) -> Result<Outcome> {
+) -> (Outcome, Result<()>) {
     let mut matching = Matching {
-        lineup,
-        grid,
+        matchers,
+        judge: start.judge,
         pacer: Pacer { pace, start: None },
         monitor,
-        outcome: Outcome::default(),
+        frames: 0,
+        failures: 0,
+        interrupted: false,
     };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let ran = if !matching.lineup.0.is_empty() && cores > rayon::current_num_threads() {
-        side_by_side(source, &mut matching, sinks)
-    } else {
-        in_turn(source, &mut matching, sinks)
+    let has_free_core = cores > rayon::current_num_threads();
+    let is_alone = rayon::current_thread_index().is_none() && !source.listens();
+    let mut taken = 0;
+    let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_run(start));
+    let ran = begun.and_then(|()| {
+        if !matching.matchers.0.is_empty() && has_free_core && is_alone {
+            side_by_side(source, &mut matching, sinks, &mut taken)
+        } else {
+            in_turn(source, &mut matching, sinks, &mut taken)
+        }
+    });
+    let outcome = Outcome {
+        frames: taken,
+        failures: matching.failures,
+        interrupted: matching.interrupted,
+        losses: source.finish(taken),
     };
-    let unreadable = source.left_out().unreadable;
-    ran.map(|()| Outcome {
-        unreadable,
-        ..matching.outcome
-    })
+    let error = ran.as_ref().err().map(ToString::to_string);
+    let end = RunEnd {
+        losses: &outcome.losses,
+        error: error.as_deref(),
+    };
+    let ended = sinks
+        .iter_mut()
+        .map(|sink| sink.end_run(&end))
+        .fold(Ok(()), Result::and);
+    (outcome, ran.and(ended))
 }
 
+/// Everything in the calling thread, frame by frame.
 fn in_turn(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
-    sinks: &mut [&mut dyn Sink],
+    sinks: &mut [Box<dyn Sink>],
+    taken: &mut u64,
 ) -> Result<()> {
-    let grid = matching.grid;
     while let Some(frame) = source.next()? {
         let matched = matching.matched(&frame)?;
-        matching
-            .lineup
-            .take_back(push(sinks, grid, &frame, matched)?);
+        let judged = judged(matching.judge, frame, matched);
+        push(sinks, &judged)?;
+        *taken += 1;
+        if source.listens() {
+            source.hear(&judged);
+        }
+        matching.matchers.take_back(spent(judged));
         if !matching.go_on() {
             break;
         }
@@ -179,15 +208,17 @@ fn in_turn(
 /// Frames that wait between two threads: enough that neither waits for a single slow one.
 const BETWEEN: usize = 2;
 
+/// Reading, matching, and judging with the sinks in a thread each.
 fn side_by_side(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
-    sinks: &mut [&mut dyn Sink],
+    sinks: &mut [Box<dyn Sink>],
+    taken: &mut u64,
 ) -> Result<()> {
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
         scope.spawn(move || {
-            // Ends with the source, its first error, or when nobody wants more.
+            // Ends with the source, its first error, or when nobody receives any more.
             while let Some(next) = source.next().transpose() {
                 let failed = next.is_err();
                 if read.send(next).is_err() || failed {
@@ -195,13 +226,16 @@ fn side_by_side(
                 }
             }
         });
-        let grid = matching.grid;
-        let (send, taken) = sync_channel::<(Frame, Vec<Matched>)>(BETWEEN);
-        let (spend, spent) = channel();
+        let judge = matching.judge;
+        let (send, received) = sync_channel::<(Frame, Vec<Matched>)>(BETWEEN);
+        let (give_back, given_back) = channel();
         let pushing = scope.spawn(move || {
-            for (frame, matched) in taken {
-                // At the end nobody wants them back.
-                let _ = spend.send(push(sinks, grid, &frame, matched)?);
+            for (frame, matched) in received {
+                let judged = judged(judge, frame, matched);
+                push(sinks, &judged)?;
+                *taken += 1;
+                // At the end nobody receives them.
+                let _ = give_back.send(spent(judged));
             }
             Ok(())
         });
@@ -210,9 +244,9 @@ fn side_by_side(
             let matched =
                 next.and_then(|frame| matching.matched(&frame).map(|matched| (frame, matched)));
             let sent = matched.map(|matched| send.send(matched).is_ok());
-            spent
+            given_back
                 .try_iter()
-                .for_each(|estimates| matching.lineup.take_back(estimates));
+                .for_each(|spent| matching.matchers.take_back(spent));
             match sent {
                 Ok(true) if matching.go_on() => {}
                 Ok(_) => break,
@@ -234,29 +268,22 @@ fn side_by_side(
 /// What an algorithm made of a frame.
 struct Matched {
     algorithm: String,
-    disparity: DisparityMap,
+    output: MatchOutput,
     times: StageTimes,
 }
 
-/// Gives the sinks a frame with its estimates, and those back.
-fn push(
-    sinks: &mut [&mut dyn Sink],
-    settings: GridSettings,
-    frame: &Frame,
-    matched: Vec<Matched>,
-) -> Result<Vec<Estimate>> {
-    let estimate = |Matched {
-                        algorithm,
-                        disparity,
-                        times,
-                    }| {
-        let rig = frame.rig.as_ref();
-        let grid = depth::grid(
-            disparity.disparity(),
-            settings.shape(),
-            settings.min_valid,
-            rig,
-        );
+/// Completes the estimates of a frame with their grids and scores them.
+fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
+    let estimate = |matched: Matched| {
+        let Matched {
+            algorithm,
+            output,
+            times,
+        } = matched;
+        let disparity = output.disparity;
+        let grid = output
+            .grid
+            .unwrap_or_else(|| depth::grid(disparity.disparity(), judge.grid, frame.rig()));
         Estimate {
             algorithm,
             disparity,
@@ -264,62 +291,79 @@ fn push(
             times,
         }
     };
-    let estimates: Vec<Estimate> = matched.into_iter().map(estimate).collect();
-    sinks
-        .iter_mut()
-        .try_for_each(|sink| sink.push(frame, &estimates))?;
-    Ok(estimates)
+    let estimates = matched.into_iter().map(estimate).collect();
+    judge.judge(frame, estimates)
 }
 
-/// What is between source and sinks.
+fn push(sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
+    sinks.iter_mut().try_for_each(|sink| sink.take(judged))
+}
+
+fn spent(judged: Judged) -> Spent {
+    let estimates = judged.estimates.into_iter();
+    estimates
+        .map(|scored| (scored.estimate.algorithm, scored.estimate.disparity))
+        .collect()
+}
+
+/// What stands between source and sinks.
 struct Matching<'a> {
-    lineup: &'a mut Lineup,
-    grid: GridSettings,
+    matchers: &'a mut Matchers,
+    judge: &'a Judge,
     pacer: Pacer,
     monitor: &'a mut dyn Monitor,
-    outcome: Outcome,
+    frames: u64,
+    failures: u64,
+    interrupted: bool,
 }
 
 impl Matching<'_> {
     fn matched(&mut self, frame: &Frame) -> Result<Vec<Matched>> {
         self.pacer.wait_for(frame);
-        let mut matched = Vec::with_capacity(self.lineup.0.len());
-        for Contestant {
-            label,
-            matcher,
-            last_failure,
-            spent,
-        } in &mut self.lineup.0
-        {
-            let (width, height) = frame.pair.size();
-            let mut disparity = spent
-                .pop()
-                .map_or_else(|| DisparityMap::new(width, height), Ok)?;
-            let mut clock = Clock::start();
-            if let Err(error) = matcher.compute(&frame.pair, &mut disparity, &mut clock) {
-                self.outcome.failures += 1;
+        let mut matched = Vec::with_capacity(self.matchers.0.len());
+        if self.matchers.0.is_empty() {
+            // A recording of raw pairs needs no rectified ones.
+            return Ok(matched);
+        }
+        let pair = frame.rectified()?;
+        let context = MatchContext {
+            rig: frame.rig().copied(),
+            grid: self.judge.grid,
+            cells: self.judge.cells,
+            ..MatchContext::default()
+        };
+        for entry in &mut self.matchers.0 {
+            let mut output = match entry.spent.pop() {
+                Some(map) => MatchOutput::with_memory(map),
+                None => MatchOutput::new()?,
+            };
+            output.begin();
+            if let Err(error) = entry.matcher.compute(pair, &context, &mut output) {
+                self.failures += 1;
                 let failure = error.to_string();
-                if failure != *last_failure {
+                if failure != entry.last_failure {
+                    let label = &entry.label;
                     self.monitor
                         .failed(&format!("{label} on pair {}: {failure}", frame.sequence));
                 }
-                *last_failure = failure;
+                entry.last_failure = failure;
                 continue;
             }
-            last_failure.clear();
+            entry.last_failure.clear();
+            let times = output.clock.times();
             matched.push(Matched {
-                algorithm: label.clone(),
-                disparity,
-                times: clock.times(),
+                algorithm: entry.label.clone(),
+                output,
+                times,
             });
         }
         Ok(matched)
     }
 
     fn go_on(&mut self) -> bool {
-        self.outcome.frames += 1;
-        self.outcome.interrupted = !self.monitor.go_on(self.outcome.frames);
-        !self.outcome.interrupted
+        self.frames += 1;
+        self.interrupted = !self.monitor.go_on(self.frames);
+        !self.interrupted
     }
 }
 
@@ -343,10 +387,28 @@ impl Pacer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Gray, StereoPair};
+    use crate::manifest::Manifest;
+    use crate::stereo::{Geometry, Gray, StereoPair};
+    use std::sync::{Arc, Mutex};
 
-    /// So many frames, then an error.
-    struct Failing(u64);
+    /// That many frames, then an error.
+    struct Failing {
+        left: u64,
+        geometry: Geometry,
+        listens: bool,
+        heard: Vec<u64>,
+    }
+
+    impl Failing {
+        fn new(left: u64) -> Self {
+            Self {
+                left,
+                geometry: Geometry::Rectified(None),
+                listens: false,
+                heard: Vec::new(),
+            }
+        }
+    }
 
     impl Source for Failing {
         fn name(&self) -> String {
@@ -354,45 +416,71 @@ mod tests {
         }
 
         fn next(&mut self) -> Result<Option<Frame>> {
-            self.0 = self
-                .0
+            self.left = self
+                .left
                 .checked_sub(1)
                 .ok_or_else(|| Error::Invalid("source failed".into()))?;
-            let image = Gray::filled(40, 20, self.0 as u8)?;
-            let pair = StereoPair::new(image.clone(), image)?;
-            let (exposure, stamp_ns) = Default::default();
-            let (name, rig, pose, truth) = (None, None, None, None);
+            let image = Gray::filled(40, 20, self.left as u8)?;
             Ok(Some(Frame {
-                sequence: self.0,
-                stamp_ns,
-                name,
-                pair,
-                rig,
-                pose,
-                truth,
-                exposure,
+                sequence: self.left,
+                stamp_ns: 0,
+                name: None,
+                pair: StereoPair::new(image.clone(), image)?,
+                geometry: self.geometry,
+                pose: None,
+                truth: None,
+                exposure: Default::default(),
             }))
         }
 
         fn pairs(&self) -> Option<u64> {
             None
         }
+
+        fn listens(&self) -> bool {
+            self.listens
+        }
+
+        fn hear(&mut self, judged: &Judged) {
+            assert_eq!(judged.frame.sequence, self.left, "before the next frame");
+            self.heard.push(judged.frame.sequence);
+        }
     }
 
-    /// Takes so many frames, then fails.
-    struct Full(usize, Vec<u64>);
+    /// What happened to a sink, in order.
+    type Log = Arc<Mutex<Vec<String>>>;
+
+    /// Takes that many frames, then fails.
+    struct Full(usize, Log);
+
+    impl Full {
+        fn note(&self, what: String) {
+            self.1.lock().unwrap().push(what);
+        }
+    }
 
     impl Sink for Full {
-        fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
-            assert_eq!(estimates.len(), 1);
-            if self.1.len() == self.0 {
-                return Err(Error::Invalid("sink failed".into()));
-            }
-            self.1.push(frame.sequence);
+        fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
+            self.note("begin".into());
             Ok(())
         }
 
-        fn finish(&mut self) -> Result<()> {
+        fn take(&mut self, judged: &Judged) -> Result<()> {
+            assert_eq!(judged.estimates.len(), 1);
+            if self.0 == 0 {
+                return Err(Error::Invalid("sink failed".into()));
+            }
+            self.0 -= 1;
+            self.note(judged.frame.sequence.to_string());
+            Ok(())
+        }
+
+        fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
+            self.note(format!("end {}", end.error.unwrap_or("well")));
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<()> {
             Ok(())
         }
     }
@@ -405,49 +493,67 @@ mod tests {
         }
     }
 
-    type Flow = fn(&mut dyn Source, &mut Matching<'_>, &mut [&mut dyn Sink]) -> Result<()>;
+    /// What the sink saw and how the run ended.
+    fn ran(source: &mut Failing, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
+        let algorithms = ["v3:max_disparity=8".parse().unwrap()];
+        let manifest = Manifest::new("test", None, &algorithms).unwrap();
+        let judge = Judge::default();
+        let start = RunStart {
+            manifest: &manifest,
+            seed: None,
+            judge: &judge,
+        };
+        let log = Log::default();
+        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Full(sink_takes, Arc::clone(&log)))];
+        let mut matchers = Matchers::new(&algorithms).unwrap();
+        let (asap, until) = (Pace::Asap, &mut Until(last));
+        let (outcome, ended) = run(source, &mut matchers, &start, asap, &mut sinks, until);
+        (log.lock().unwrap().join(" "), outcome, ended)
+    }
 
-    /// What the sink took and how it ended, of 20 frames that end in an error.
-    fn ran(flow: Flow, sink_takes: usize, monitor_wants: u64) -> (Vec<u64>, Result<()>, Outcome) {
-        let mut lineup = Lineup::new(&["v3:max_disparity=8".parse().unwrap()]).unwrap();
-        let (mut sink, mut monitor) = (Full(sink_takes, Vec::new()), Until(monitor_wants));
-        let pacer = Pacer {
-            pace: Pace::Asap,
-            start: None,
-        };
-        let (grid, outcome) = (GridSettings::default(), Outcome::default());
-        let mut matching = Matching {
-            lineup: &mut lineup,
-            grid,
-            pacer,
-            monitor: &mut monitor,
-            outcome,
-        };
-        let ended = flow(&mut Failing(20), &mut matching, &mut [&mut sink]);
-        let outcome = matching.outcome;
-        (sink.1, ended, outcome)
+    fn pool(threads: usize) -> rayon::ThreadPool {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap()
     }
 
     #[test]
-    fn both_flows_take_every_frame_in_order_until_the_same_end() {
-        let all: Vec<u64> = (0..20).rev().collect();
-        for flow in [in_turn as Flow, side_by_side] {
-            let (taken, ended, _) = ran(flow, 100, 100);
-            assert_eq!(
-                (taken, ended.unwrap_err().to_string().as_str()),
-                (all.clone(), "source failed")
-            );
-            let (taken, ended, _) = ran(flow, 6, 100);
-            assert_eq!(
-                (&taken[..], ended.unwrap_err().to_string().as_str()),
-                (&all[..6], "sink failed")
-            );
-            let (taken, ended, outcome) = ran(flow, 100, 4);
-            assert_eq!(
-                (&taken[..], outcome.frames, outcome.interrupted),
-                (&all[..4], 4, true)
-            );
-            ended.unwrap();
+    fn every_frame_is_taken_in_order_until_the_same_end() {
+        // In turn from within a pool, and as this machine has it.
+        let in_pool = |work: &mut (dyn FnMut() + Send)| pool(1).install(work);
+        let outside = |work: &mut (dyn FnMut() + Send)| work();
+        for with in [&in_pool as &dyn Fn(&mut (dyn FnMut() + Send)), &outside] {
+            with(&mut || {
+                let (log, _, ended) = ran(&mut Failing::new(4), 100, 100);
+                assert_eq!(log, "begin 3 2 1 0 end source failed");
+                assert_eq!(ended.unwrap_err().to_string(), "source failed");
+                let (log, _, ended) = ran(&mut Failing::new(9), 3, 100);
+                assert_eq!(log, "begin 8 7 6 end sink failed");
+                assert_eq!(ended.unwrap_err().to_string(), "sink failed");
+                let (log, outcome, ended) = ran(&mut Failing::new(20), 100, 4);
+                assert_eq!(log, "begin 19 18 17 16 end well");
+                ended.unwrap();
+                assert_eq!((outcome.frames, outcome.interrupted), (4, true));
+            });
         }
+    }
+
+    #[test]
+    fn a_source_that_listens_hears_each_frame_before_the_next() {
+        let mut source = Failing {
+            listens: true,
+            ..Failing::new(20)
+        };
+        ran(&mut source, 100, 3).2.unwrap();
+        assert_eq!(source.heard, [19, 18, 17]);
+    }
+
+    #[test]
+    fn raw_pairs_are_not_matched() {
+        let mut source = Failing {
+            geometry: Geometry::Raw,
+            ..Failing::new(20)
+        };
+        let error = ran(&mut source, 100, 3).2.unwrap_err().to_string();
+        assert!(error.contains("--calib"), "{error}");
     }
 }

@@ -1,13 +1,13 @@
 //! Scenarios: one TOML file says where the frames come from and what is expected of them.
 
 use crate::arena::ArenaConfig;
-use crate::depth::MIN_VALID;
+use crate::depth::GridSettings;
 use crate::error::{Error, Result};
 use crate::files::read_text;
 use crate::matcher::Algorithm;
 use crate::report::Limit;
-use crate::score::{CellRule, Checkpoint};
-use crate::stereo::GridShape;
+use crate::score::{Checkpoint, Judge};
+use crate::stereo::CellRule;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -45,37 +45,6 @@ pub enum ScenarioSource {
     /// them: folders, numbered scenes of a folder, or with `*` as their last part all scenes of a
     /// folder.
     Dataset { scenes: Vec<String> },
-}
-
-/// Shape of the depth grid and when a cell is known.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct GridSettings {
-    pub columns: usize,
-    pub rows: usize,
-    /// Least share of a cell's pixels with a disparity, 0..=1.
-    pub min_valid: f64,
-}
-
-impl Default for GridSettings {
-    /// The thesis's 5 x 3 cells and its share of pixels.
-    fn default() -> Self {
-        let GridShape { columns, rows } = GridShape::default();
-        Self {
-            columns,
-            rows,
-            min_valid: MIN_VALID,
-        }
-    }
-}
-
-impl GridSettings {
-    pub fn shape(&self) -> GridShape {
-        GridShape {
-            columns: self.columns,
-            rows: self.rows,
-        }
-    }
 }
 
 /// The file's form.
@@ -140,6 +109,15 @@ impl Scenario {
         let file: File = toml::from_str(text).map_err(|e| toml_error(&e, text, path))?;
         file.check(text)
             .map_err(|e| Error::format(path, e.to_string()))
+    }
+
+    /// What the scenario expects of the frames.
+    pub fn judge(&self) -> Judge {
+        Judge {
+            grid: self.grid,
+            cells: self.cells,
+            checkpoints: self.checkpoints.clone(),
+        }
     }
 
     /// The algorithms' labels.

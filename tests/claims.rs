@@ -5,9 +5,9 @@
 
 mod common;
 
-use svl::depth;
+use svl::depth::{self, GridSettings};
 use svl::kernel::Isa;
-use svl::stereo::{DisparityMap, Gray, GridShape, Plane, Reason, StereoPair};
+use svl::stereo::{DisparityMap, Gray, Plane, Reason, StereoPair};
 
 /// Scene, file of the true disparities, and by what these are divided.
 const SCENES: [(&str, &str, f32); 8] = [
@@ -168,15 +168,16 @@ fn the_self_check_keeps_more_of_what_is_close() {
 /// Section 5.3.3: what v3 reports is what an obstacle avoider can trust.
 #[test]
 fn v3_reports_fewer_wrong_cells_than_v1() {
-    let shape = GridShape {
+    let settings = |min_valid| GridSettings {
         columns: 6,
         rows: 3,
+        min_valid,
     };
     let (mut v1, mut v3) = (0, 0);
     for (_, pair, truth) in scenes() {
-        let truth = depth::grid(&truth, shape, 0.5, None);
+        let truth = depth::grid(&truth, settings(0.5), None);
         let wrong = |algorithm: &str| {
-            let grid = depth::grid(run(algorithm, &pair).disparity(), shape, 0.2, None);
+            let grid = depth::grid(run(algorithm, &pair).disparity(), settings(0.2), None);
             let cells = grid
                 .iter()
                 .zip(truth.iter())

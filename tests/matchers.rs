@@ -5,12 +5,11 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use svl::kernel::Isa;
-use svl::matcher::{Algorithm, MATCHERS, Matcher, MatcherSpec, Parameters, Range, find};
-use svl::rectify::Rectifier;
-use svl::stereo::{
-    DisparityMap, Gray, Intrinsics, LengthUnit, Reason, StereoCalibration, StereoPair,
+use svl::matcher::{
+    Algorithm, MATCHERS, MatchOutput, Matcher, MatcherSpec, Parameters, Range, find,
 };
-use svl::timing::Clock;
+use svl::rectify::Rectifier;
+use svl::stereo::{Gray, Intrinsics, LengthUnit, Reason, StereoCalibration, StereoPair};
 
 /// Counts the allocations of each thread.
 struct Counting;
@@ -70,7 +69,7 @@ fn pair(width: usize, height: usize) -> StereoPair {
 fn sizes_from_one_pixel_up_fill_the_whole_map() {
     for spec in matchers() {
         let mut matcher = build(spec.name);
-        let mut map = DisparityMap::new(1, 1).unwrap();
+        let mut output = MatchOutput::new().unwrap();
         for size in [
             (1, 1),
             (1, 7),
@@ -83,9 +82,8 @@ fn sizes_from_one_pixel_up_fill_the_whole_map() {
             (128, 16),
             (3, 3),
         ] {
-            matcher
-                .compute(&pair(size.0, size.1), &mut map, &mut Clock::start())
-                .unwrap();
+            common::compute(&mut *matcher, &pair(size.0, size.1), &mut output).unwrap();
+            let map = &output.disparity;
             assert_eq!(map.size(), size, "{}", spec.name);
             for (d, why) in map.disparity().pixels().zip(map.why().pixels()) {
                 assert_eq!(
@@ -105,11 +103,9 @@ fn results_repeat_whatever_was_matched_before() {
     for spec in matchers() {
         let mut matcher = build(spec.name);
         let mut result = |pair: &StereoPair| {
-            let mut map = DisparityMap::new(1, 1).unwrap();
-            matcher
-                .compute(pair, &mut map, &mut Clock::start())
-                .unwrap();
-            map
+            let mut output = MatchOutput::new().unwrap();
+            common::compute(&mut *matcher, pair, &mut output).unwrap();
+            output.disparity
         };
         let first = result(&large);
         result(&small);
@@ -143,15 +139,11 @@ fn nothing_is_allocated_after_the_first_pair() {
     for spec in matchers() {
         let allocations = one_thread().install(|| {
             let mut matcher = build(spec.name);
-            let mut map = DisparityMap::new(1, 1).unwrap();
-            matcher
-                .compute(&pairs[0], &mut map, &mut Clock::start())
-                .unwrap();
+            let mut output = MatchOutput::new().unwrap();
+            common::compute(&mut *matcher, &pairs[0], &mut output).unwrap();
             let before = ALLOCATIONS.get();
             for pair in &pairs {
-                matcher
-                    .compute(pair, &mut map, &mut Clock::start())
-                    .unwrap();
+                common::compute(&mut *matcher, pair, &mut output).unwrap();
             }
             ALLOCATIONS.get() - before
         });

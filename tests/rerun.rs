@@ -10,11 +10,11 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::time::Duration;
-use svl::score::CellRule;
+use svl::score::Judge;
 use svl::sink::{Edges, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
 use svl::stereo::{
-    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, Frame, Gray, GridShape, Plane,
-    Pose, Reason, Rig, StereoPair, Truth,
+    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, Frame, Geometry, Gray, GridShape,
+    Plane, Pose, Reason, Rig, StereoPair, Truth,
 };
 use svl::timing::{Stage, StageTimes};
 
@@ -36,7 +36,9 @@ fn frame(sequence: u64, rig: bool) -> Frame {
         stamp_ns: 40_000_000 * sequence,
         name: (!rig).then(|| format!("scene {sequence}")),
         pair: StereoPair::new(image.clone(), image).unwrap(),
-        rig: rig.then(|| Rig::new(40.0, (19.5, 14.5), 0.05, 0.0).unwrap()),
+        geometry: Geometry::Rectified(
+            rig.then(|| Rig::new(40.0, (19.5, 14.5), 0.05, 0.0).unwrap()),
+        ),
         pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
         truth: Some(Truth {
             disparity: truth,
@@ -47,7 +49,7 @@ fn frame(sequence: u64, rig: bool) -> Frame {
 }
 
 /// 20 px in the right half; the left one is untextured and its cell unknown.
-fn estimate(label: &str, rig: Option<Rig>) -> Estimate {
+fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
     let mut disparity = DisparityMap::new(SIZE.0, SIZE.1).unwrap();
     for mut row in disparity.rows_mut() {
         (0..20).for_each(|x| row.reject(x, Reason::Untextured, DisparityMap::NO_SSDPI));
@@ -100,16 +102,22 @@ fn write(path: &Path, rig: bool) {
             .map(|label| (label.to_owned(), "window 9 px".to_owned()))
             .into(),
         wireframe: if rig { vec![edges] } else { Vec::new() },
-        grid: GridShape::default(),
-        rule: CellRule::Distance,
     };
-    let mut sink = RerunSink::new(RerunTarget::File(path.to_owned()), &run).unwrap();
+    let sink = RerunSink::new(RerunTarget::File(path.to_owned()), &run).unwrap();
+    let mut sink = Box::new(sink.with_verdicts(|| Some("# all passed".to_owned())));
+    let judge = Judge {
+        grid: GridShape {
+            columns: 2,
+            rows: 1,
+        }
+        .into(),
+        ..Judge::default()
+    };
     for sequence in 0..3 {
         let frame = frame(sequence, rig);
-        sink.push(&frame, &LABELS.map(|label| estimate(label, frame.rig)))
-            .unwrap();
+        let estimates = LABELS.map(|label| estimate(label, frame.rig()));
+        sink.take(&judge.judge(frame, estimates.to_vec())).unwrap();
     }
-    sink.verdicts("# all passed").unwrap();
     sink.finish().unwrap();
 }
 

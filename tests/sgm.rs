@@ -126,10 +126,9 @@ fn contradictions_are_one_clear_line() {
 
     let grey = svl::stereo::Gray::filled(16_000, 1_000, 0).unwrap();
     let pair = svl::stereo::StereoPair::new(grey.clone(), grey).unwrap();
-    let mut map = svl::stereo::DisparityMap::new(1, 1).unwrap();
     let mut matcher = build("sgm:max_disparity=255").unwrap();
-    let error = matcher
-        .compute(&pair, &mut map, &mut svl::timing::Clock::start())
+    let mut output = svl::matcher::MatchOutput::new().unwrap();
+    let error = common::compute(&mut *matcher, &pair, &mut output)
         .unwrap_err()
         .to_string();
     assert!(

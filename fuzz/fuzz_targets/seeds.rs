@@ -198,7 +198,12 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
         stamp_ns: 20 + i,
         name: Some("seed".to_owned()),
         pair: stereo::StereoPair::new(image(0)?, image(1)?)?,
-        rig: Some(stereo::Rig::new(328.0, (3.0, 2.0), 0.044, 0.0)?),
+        geometry: stereo::Geometry::Rectified(Some(stereo::Rig::new(
+            328.0,
+            (3.0, 2.0),
+            0.044,
+            0.0,
+        )?)),
         pose: Some(stereo::Pose::translation(1.0, 2.0, 3.0)),
         truth: Some(stereo::Truth {
             disparity: stereo::Plane::filled(6, 4, 2.5)?,

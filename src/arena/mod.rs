@@ -33,7 +33,7 @@ pub use config::{
 pub use wireframe::Wire;
 
 use crate::error::{Error, Result};
-use crate::stereo::{Exposure, Frame, Pose, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Pose, Rig, StereoPair};
 use nalgebra::{Translation3, Vector3};
 use noise::{Dice, Stream, mix};
 use objects::Objects;
@@ -168,7 +168,7 @@ impl Arena {
             stamp_ns: (self.time_s(index) * 1.0e9).round() as u64,
             name: None,
             pair: StereoPair::new(left, right?)?,
-            rig: Some(self.rig),
+            geometry: Geometry::Rectified(Some(self.rig)),
             pose: Some(pose),
             truth: Some(truth),
             exposure: Exposure {

@@ -9,6 +9,43 @@ use crate::stereo::{Cell, CellDepth, DepthGrid, GridShape, Plane, Rig};
 /// section 5.3.1).
 pub const MIN_VALID: f64 = 0.20;
 
+/// Shape of the depth grid and when a cell is known.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GridSettings {
+    pub columns: usize,
+    pub rows: usize,
+    /// Least share of a cell's pixels with a disparity, 0..=1.
+    pub min_valid: f64,
+}
+
+impl Default for GridSettings {
+    /// The thesis's 5 x 3 cells and its share of pixels.
+    fn default() -> Self {
+        GridShape::default().into()
+    }
+}
+
+impl From<GridShape> for GridSettings {
+    /// That shape with the thesis's share of pixels.
+    fn from(GridShape { columns, rows }: GridShape) -> Self {
+        Self {
+            columns,
+            rows,
+            min_valid: MIN_VALID,
+        }
+    }
+}
+
+impl GridSettings {
+    pub fn shape(&self) -> GridShape {
+        GridShape {
+            columns: self.columns,
+            rows: self.rows,
+        }
+    }
+}
+
 /// The grid of a plane of disparities, of a matcher or of the truth: per cell the median, 20th and
 /// 80th percentile of those that are finite, and the distance of the median.
 ///
@@ -17,12 +54,8 @@ pub const MIN_VALID: f64 = 0.20;
 ///
 /// # Panics
 /// When `shape` has no cells.
-pub fn grid(
-    disparity: &Plane<f32>,
-    shape: GridShape,
-    min_valid: f64,
-    rig: Option<&Rig>,
-) -> DepthGrid {
+pub fn grid(disparity: &Plane<f32>, settings: GridSettings, rig: Option<&Rig>) -> DepthGrid {
+    let (shape, min_valid) = (settings.shape(), settings.min_valid);
     let mut keys = Vec::new();
     let cells = shape
         .iter()
@@ -145,7 +178,16 @@ mod tests {
             columns: 2,
             rows: 1,
         };
-        let grid_at = |min_valid| grid(&disparities, shape, min_valid, None);
+        let grid_at = |min_valid| {
+            grid(
+                &disparities,
+                GridSettings {
+                    min_valid,
+                    ..shape.into()
+                },
+                None,
+            )
+        };
         assert_eq!(grid_at(MIN_VALID).cell(0, 0).depth.unwrap().median_px, 12.0);
         assert_eq!(grid_at(MIN_VALID).cell(0, 0).valid_share, 0.2);
         assert_eq!(grid_at(0.21).cell(0, 0).depth, None);
@@ -161,8 +203,8 @@ mod tests {
                 GridShape {
                     columns: 1,
                     rows: 1,
-                },
-                MIN_VALID,
+                }
+                .into(),
                 Some(&rig),
             )
         };
@@ -183,8 +225,8 @@ mod tests {
             GridShape {
                 columns: 5,
                 rows: 1,
-            },
-            MIN_VALID,
+            }
+            .into(),
             None,
         );
         let medians: Vec<f32> = grid
@@ -201,8 +243,8 @@ mod tests {
             GridShape {
                 columns: 5,
                 rows: 3,
-            },
-            MIN_VALID,
+            }
+            .into(),
             None,
         );
         assert_eq!(

@@ -5,5 +5,5 @@ mod grid;
 mod pinhole;
 
 pub use curve::DistanceCurve;
-pub use grid::{MIN_VALID, grid};
+pub use grid::{GridSettings, MIN_VALID, grid};
 pub use pinhole::PinholeFit;

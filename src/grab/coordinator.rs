@@ -13,7 +13,7 @@ use super::queue::{Pushed, Queue};
 use super::tally::Tally;
 use super::watch::{CameraState, Phase};
 use crate::error::Result;
-use crate::stereo::{Exposure, Frame, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Rig, StereoPair};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The grabber's main thread.
@@ -273,7 +273,9 @@ impl Coordinator {
             stamp_ns: left.stamp_ns,
             name: None,
             pair: StereoPair::new(left.image, right.image)?,
-            rig: self.rig,
+            geometry: self
+                .rig
+                .map_or(Geometry::Raw, |rig| Geometry::Rectified(Some(rig))),
             pose: None,
             truth: None,
             exposure: Exposure {

@@ -13,11 +13,11 @@
 //! *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
 
 use super::stage::{Claims, DisparityRange, Edges, Prefilter, SadSearch, Speckles, both};
-use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
-use crate::stereo::{DisparityMap, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::stereo::RectifiedPair;
+use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "bm",
@@ -149,10 +149,15 @@ impl Bm {
 impl Matcher for Bm {
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()> {
+        let MatchOutput {
+            disparity: map,
+            clock,
+            ..
+        } = output;
         let (isa, size) = (self.isa, pair.size());
         map.resize(size.0, size.1)?;
         let mut scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {

@@ -20,11 +20,11 @@
 use super::stage::{
     Blocks, PathCosts, Scanlines, Spread, SpreadPixel, both, bridge, each_band, each_row,
 };
-use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
-use crate::stereo::{DisparityMap, Gray, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::stereo::{DisparityMap, Gray, RectifiedPair, StereoPair};
+use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "dp",
@@ -258,17 +258,22 @@ impl Scratch {
 impl Matcher for Dp {
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()> {
+        let MatchOutput {
+            disparity: map,
+            clock,
+            ..
+        } = output;
         let size = pair.size();
         map.resize(size.0, size.1)?;
         self.scratch.take_if(|scratch| scratch.size != size);
         let scratch = self
             .scratch
             .get_or_insert_with(|| Scratch::new(size, self.max_disparity, self.costs));
-        scratch.match_rows(self.isa, pair);
+        scratch.match_rows(self.isa, &pair);
         clock.lap(Stage::Matching);
         scratch.refine_columns(self.spread);
         scratch.refine_rows(self.spread, pair.left(), map);

@@ -16,24 +16,84 @@ mod v4;
 
 pub use parameter::{Parameter, Parameters, Range, Value};
 
+use crate::depth::GridSettings;
 use crate::error::{Error, Result, nearest};
 use crate::kernel::{Isa, isa};
-use crate::stereo::{DisparityMap, StereoPair};
+use crate::stereo::{CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig};
 use crate::timing::Clock;
 
 /// A stereo correspondence algorithm, with its scratch memory.
 pub trait Matcher: Send {
-    /// Matches `pair` into `map`, which is resized to the pair. Allocates nothing after the first
-    /// pair of a size; on several threads rayon keeps a small job for each.
+    /// Matches `pair` into `output`, whose disparity map is resized to the pair. Allocates nothing
+    /// after the first pair of a size; on several threads rayon keeps a small job for each.
     ///
     /// # Errors
     /// Whatever keeps this pair from being matched; the matcher stays usable.
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        context: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()>;
+}
+
+/// What a matcher may know besides the pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MatchContext {
+    /// The rig of a calibrated pair.
+    pub rig: Option<Rig>,
+    /// Shape of the depth grid, and when a cell is known.
+    pub grid: GridSettings,
+    /// When a reported cell counts as right.
+    pub cells: CellRule,
+    /// Threads that the matcher may use.
+    pub threads: usize,
+}
+
+impl Default for MatchContext {
+    /// No rig, the thesis's grid, the default cell rule, the threads of rayon's current pool.
+    fn default() -> Self {
+        Self {
+            rig: None,
+            grid: GridSettings::default(),
+            cells: CellRule::default(),
+            threads: rayon::current_num_threads(),
+        }
+    }
+}
+
+/// What a matcher makes of a pair. Kept between pairs, it keeps its memory.
+pub struct MatchOutput {
+    pub disparity: DisparityMap,
+    /// The depth grid, from an algorithm that answers cells itself.
+    pub grid: Option<DepthGrid>,
+    /// Attributes the time since [`MatchOutput::begin`] to stages.
+    pub clock: Clock,
+}
+
+impl MatchOutput {
+    /// An output without a grid; its map takes the size of the first pair.
+    ///
+    /// # Errors
+    /// None: a map of one pixel is always possible.
+    pub fn new() -> Result<Self> {
+        DisparityMap::new(1, 1).map(Self::with_memory)
+    }
+
+    /// An output that writes its disparities into the memory of `disparity`.
+    pub fn with_memory(disparity: DisparityMap) -> Self {
+        Self {
+            disparity,
+            grid: None,
+            clock: Clock::start(),
+        }
+    }
+
+    /// Starts the clock for the next pair and forgets the last grid.
+    pub fn begin(&mut self) {
+        self.grid = None;
+        self.clock = Clock::start();
+    }
 }
 
 /// An entry of [`MATCHERS`].
@@ -151,6 +211,20 @@ impl Algorithm {
     /// lacks.
     pub fn build(&self) -> Result<Box<dyn Matcher>> {
         self.build_on(isa()?)
+    }
+
+    /// Matches one pair with a matcher made for it: the short way, for a single pair.
+    ///
+    /// # Errors
+    /// As [`Algorithm::build`] and [`Matcher::compute`].
+    pub fn match_pair(&self, pair: RectifiedPair<'_>, rig: Option<Rig>) -> Result<MatchOutput> {
+        let context = MatchContext {
+            rig,
+            ..MatchContext::default()
+        };
+        let mut output = MatchOutput::new()?;
+        self.build()?.compute(pair, &context, &mut output)?;
+        Ok(output)
     }
 
     /// A matcher on a given instruction set; the result is the same on all of them.

@@ -13,11 +13,11 @@
 //! stay inside the right image.
 
 use super::stage::{Chosen, CostVolume, DisparityRange, PathSums, Speckles};
-use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::{ChosenRow, Isa, Paths, Penalties, VolumeShape, median_row};
-use crate::stereo::{DisparityMap, Reason, RowMut, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::stereo::{DisparityMap, Reason, RectifiedPair, RowMut};
+use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "sgm",
@@ -215,10 +215,15 @@ impl Sgm {
 impl Matcher for Sgm {
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()> {
+        let MatchOutput {
+            disparity: map,
+            clock,
+            ..
+        } = output;
         let (isa, size) = (self.isa, pair.size());
         map.resize(size.0, size.1)?;
         let scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {

@@ -5,10 +5,10 @@ use super::stage::{
     BACK_CHECK, Bands, Blocks, CostFilter, CostSearch, DeviationTexture, DisparityRange, SUBPIXEL,
     Strip, SymmetricCheck, VerticalSmoothing, back_check, refine,
 };
-use super::{Matcher, Parameters};
+use super::{MatchContext, MatchOutput, Matcher, Parameters};
 use crate::error::Result;
 use crate::kernel::Isa;
-use crate::stereo::{BandMut, DisparityMap, Plane, StereoPair};
+use crate::stereo::{BandMut, Plane, RectifiedPair, StereoPair};
 use crate::timing::{Clock, Stage};
 
 /// A matcher that matches both ways.
@@ -128,15 +128,20 @@ impl<F: CostFilter + Copy> Symmetric<F> {
 impl<F: CostFilter + Copy + Send> Matcher for Symmetric<F> {
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()> {
+        let MatchOutput {
+            disparity: map,
+            clock,
+            ..
+        } = output;
         let size = pair.size();
         map.resize(size.0, size.1)?;
         let mut bands = Bands::fitting(self.scratch.take(), size, || self.scratch(size.0))?;
         bands.each_block(map, clock, |top, rows, scratch, clock| {
-            self.match_rows(pair, top, rows, scratch, clock)
+            self.match_rows(&pair, top, rows, scratch, clock)
         });
         self.scratch = Some(bands);
         Ok(())

@@ -11,10 +11,10 @@ use super::stage::{
     BACK_CHECK, Bands, BlockSearch, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, Strip,
     VerticalSmoothing, back_check, refine,
 };
-use super::{Matcher, MatcherSpec, Parameters};
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::Isa;
-use crate::stereo::{BandMut, DisparityMap, Plane, StereoPair};
+use crate::stereo::{BandMut, Plane, RectifiedPair, StereoPair};
 use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -137,15 +137,20 @@ impl V3 {
 impl Matcher for V3 {
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()> {
+        let MatchOutput {
+            disparity: map,
+            clock,
+            ..
+        } = output;
         let size = pair.size();
         map.resize(size.0, size.1)?;
         let mut bands = Bands::fitting(self.scratch.take(), size, || self.scratch(size.0))?;
         bands.each_block(map, clock, |top, rows, scratch, clock| {
-            self.match_rows(pair, top, rows, scratch, clock)
+            self.match_rows(&pair, top, rows, scratch, clock)
         });
         self.scratch = Some(bands);
         Ok(())

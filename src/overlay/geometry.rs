@@ -1,6 +1,6 @@
 //! From cells to squares.
 
-use crate::stereo::{CellDepth, DepthGrid, Frame};
+use crate::stereo::{CellDepth, DepthGrid, Frame, Rig};
 use serde::Serialize;
 
 /// Distance at which an obstacle fills its cell where the camera moves, metres.
@@ -31,12 +31,12 @@ impl Nearness {
                 .reduce(f32::max)
         });
         let quarter_px = frame.pair.size().0 as f64 / 4.0;
-        let near_px = match (nearest, frame.rig) {
+        let near_px = match (nearest, frame.rig()) {
             (Some(nearest), _) => f64::from(nearest).max(1.0),
             (None, Some(rig)) => rig.disparity_px(NEAR_M).min(quarter_px),
             (None, None) => NEAR_PX,
         };
-        Self::new(near_px, frame.rig.map_or(0.0, |rig| rig.doffs_px()))
+        Self::new(near_px, frame.rig().map_or(0.0, Rig::doffs_px))
     }
 
     /// The scale in which the disparity `near_px` fills a cell; `doffs_px` as in
@@ -140,7 +140,9 @@ pub fn marks(grid: &DepthGrid, size: (usize, usize), nearness: Nearness) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Cell, Exposure, Gray, GridShape, Plane, Pose, Rig, StereoPair, Truth};
+    use crate::stereo::{
+        Cell, Exposure, Geometry, Gray, GridShape, Plane, Pose, StereoPair, Truth,
+    };
 
     const CELL: Rect = Rect {
         x: 64.0,
@@ -161,7 +163,7 @@ mod tests {
             stamp_ns: 0,
             name: None,
             pair,
-            rig,
+            geometry: Geometry::Rectified(rig),
             pose,
             truth,
             exposure: Exposure::default(),

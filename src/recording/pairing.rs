@@ -4,7 +4,7 @@ use super::geometry::{self, Projection};
 use super::sync::StereoSync;
 use super::{Camera, Kind, float_image, gray_image, truth};
 use crate::counted;
-use crate::stereo::{Frame, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
+use crate::stereo::{Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
 use std::collections::BTreeMap;
 
 /// Stamps that may wait for their partners at the same time. In svl's own recordings it is one.
@@ -243,7 +243,7 @@ fn frame(left: Left, right: Right) -> Result<Frame, String> {
         stamp_ns,
         name,
         pair,
-        rig,
+        geometry: Geometry::Rectified(rig),
         pose: left.pose,
         truth,
         exposure,

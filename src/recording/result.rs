@@ -27,12 +27,12 @@ pub struct AlgorithmResult {
 }
 
 impl AlgorithmResult {
-    pub(super) fn of(frame: &Frame, estimate: &Estimate) -> Self {
+    pub(super) fn new(frame: &Frame, estimate: &Estimate, [pair, result]: [u128; 2]) -> Self {
         Self {
             sequence: frame.sequence,
             algorithm: estimate.algorithm.clone(),
-            hash: format!("{:032x}", estimate.disparity.hash()),
-            pair_hash: format!("{:032x}", frame.pair.hash()),
+            hash: format!("{:032x}", result),
+            pair_hash: format!("{:032x}", pair),
             coverage: estimate.disparity.coverage(),
         }
     }

@@ -105,7 +105,7 @@ impl Writer {
         let sequence = frame.sequence as u32;
         let size = frame.pair.size();
         let Format { dialect, images } = self.format;
-        if let Some(rig) = &frame.rig {
+        if let Some(rig) = frame.rig() {
             for (camera, stamp) in [(Camera::Left, left), (Camera::Right, right)] {
                 self.put(
                     dialect.calibration(rig, size, camera, stamp),
@@ -124,7 +124,7 @@ impl Writer {
             (Camera::Left, frame.pair.left(), left),
             (Camera::Right, frame.pair.right(), right),
         ] {
-            let rectified = frame.rig.is_some();
+            let rectified = frame.rig().is_some();
             self.put(
                 dialect.image(image, camera, rectified, images, stamp)?,
                 stamp,
@@ -141,8 +141,7 @@ impl Writer {
     fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: Stamp) -> Result<()> {
         let sequence = frame.sequence as u32;
         let said = match frame
-            .rig
-            .as_ref()
+            .rig()
             .and_then(|rig| truth::depths(&truth.disparity, rig))
         {
             Some(depth) => (
@@ -171,7 +170,12 @@ impl Writer {
     ///
     /// # Errors
     /// As [`Writer::write`].
-    pub fn write_estimate(&mut self, frame: &Frame, estimate: &Estimate) -> Result<()> {
+    pub fn write_estimate(
+        &mut self,
+        frame: &Frame,
+        estimate: &Estimate,
+        hashes: [u128; 2],
+    ) -> Result<()> {
         let stamp = Stamp::new(frame.stamp_ns)?;
         let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
         let disparity = truth::to_file(estimate.disparity.disparity());
@@ -184,7 +188,7 @@ impl Writer {
         let result = self
             .format
             .dialect
-            .json(AlgorithmResult::of(frame, estimate).encode());
+            .json(AlgorithmResult::new(frame, estimate, hashes).encode());
         self.put((topic("result"), result), stamp, sequence)
     }
 

@@ -29,4 +29,4 @@ pub use metric::Metric;
 pub use read::read_rows;
 pub use rows::{CellRow, CheckpointRow, Record, Row};
 pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
-pub use tables::{Table, Tables};
+pub use tables::Table;

@@ -1,6 +1,6 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
-use super::rows::{Record, Row, record};
+use super::rows::{CheckpointRow, Record, Row, record};
 use super::speed::Speed;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
@@ -93,12 +93,15 @@ impl CheckpointSummary {
 }
 
 impl Summary {
-    /// Sums up the rows of a run without checkpoints.
+    /// Sums up the rows of a run.
     ///
     /// # Errors
     /// [`Error::Invalid`] with what polars says.
-    pub fn of_rows(rows: &[Row]) -> Result<Self> {
-        let summary = Row::frame(rows).and_then(|rows| Self::of(&rows, &DataFrame::default()));
+    pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
+        let summary = Row::frame(rows).and_then(|rows| {
+            let checkpoints = CheckpointRow::frame(checkpoints)?;
+            Self::of(&rows, &checkpoints)
+        });
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
 
@@ -115,7 +118,7 @@ impl Summary {
     }
 
     /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
-    pub(super) fn of(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
+    fn of(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
         let algorithms: Vec<_> = groups(rows, &["algorithm"])?
             .iter()
             .map(algorithm)

@@ -1,9 +1,9 @@
 //! Tables on disk: CSV while the run goes, Parquet when it is over.
 
-use super::rows::{CellRow, CheckpointRow, Record, Row};
+use super::rows::Record;
 use super::summary::Summary;
 use crate::error::{Error, Result};
-use polars::prelude::{DataFrame, ParquetWriter, PolarsError};
+use polars::prelude::{ParquetWriter, PolarsError};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,27 @@ struct Parquet<R> {
 }
 
 impl<R: Record> Table<R> {
+    /// A table without a file, for rows that are only counted.
+    pub fn in_memory() -> Self {
+        Self {
+            csv: None,
+            parquet: None,
+        }
+    }
+
+    /// A table in a folder, which is made where there is none, as `name.csv` and `name.parquet`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the file that cannot be written.
+    pub fn create_both(folder: &Path, name: &str) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let path = folder.join(name);
+        Ok(Self {
+            csv: Some(Csv::create::<R>(&path.with_extension("csv"))?),
+            parquet: Some(Parquet::create(&path.with_extension("parquet"))?),
+        })
+    }
+
     /// A table in one file, `.csv` or `.parquet`.
     ///
     /// # Errors
@@ -75,13 +96,7 @@ impl<R: Record> Table<R> {
     /// # Errors
     /// [`Error::Io`] with the file.
     pub fn finish(self) -> Result<()> {
-        self.into_frame().map(drop)
-    }
-
-    /// The complete table, empty where it is CSV alone.
-    fn into_frame(self) -> Result<DataFrame> {
-        self.parquet
-            .map_or_else(|| Ok(DataFrame::default()), Parquet::finish)
+        self.parquet.map_or(Ok(()), Parquet::finish)
     }
 }
 
@@ -112,7 +127,7 @@ impl<R: Record> Parquet<R> {
         })
     }
 
-    fn finish(mut self) -> Result<DataFrame> {
+    fn finish(mut self) -> Result<()> {
         let mut frame = R::frame(&self.rows).map_err(|e| polars_error(&self.path, e))?;
         // Encoded in memory: polars tells a full disk as a fault of the format.
         let mut bytes = Vec::new();
@@ -121,62 +136,7 @@ impl<R: Record> Parquet<R> {
             .map_err(|e| polars_error(&self.path, e))?;
         self.file
             .write_all(&bytes)
-            .map_err(|e| Error::io(&self.path, e))?;
-        Ok(frame)
-    }
-}
-
-/// The three tables of a scored run in one folder.
-pub struct Tables {
-    folder: PathBuf,
-    rows: Table<Row>,
-    cells: Table<CellRow>,
-    checkpoints: Table<CheckpointRow>,
-}
-
-impl Tables {
-    /// Makes the folder where there is none and begins `rows`, `cells` and `checkpoints`, each as
-    /// `.csv` and `.parquet`.
-    ///
-    /// # Errors
-    /// [`Error::Io`] with the folder or file that cannot be written.
-    pub fn create(folder: &Path) -> Result<Self> {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        Ok(Self {
-            folder: folder.to_owned(),
-            rows: both(folder, "rows")?,
-            cells: both(folder, "cells")?,
-            checkpoints: both(folder, "checkpoints")?,
-        })
-    }
-
-    /// Takes one pair through one algorithm. The CSV files hold it when this returns, the cells
-    /// before their row.
-    ///
-    /// # Errors
-    /// [`Error::Io`] with the file.
-    pub fn push(&mut self, row: Row, cells: impl IntoIterator<Item = CellRow>) -> Result<()> {
-        self.cells.push(cells)?;
-        self.rows.push([row])
-    }
-
-    /// Takes a checkpoint of a run.
-    ///
-    /// # Errors
-    /// As [`Tables::push`].
-    pub fn push_checkpoint(&mut self, row: CheckpointRow) -> Result<()> {
-        self.checkpoints.push([row])
-    }
-
-    /// Writes the Parquet files and sums the run up.
-    ///
-    /// # Errors
-    /// As [`Tables::push`].
-    pub fn finish(self) -> Result<Summary> {
-        let rows = self.rows.into_frame()?;
-        self.cells.finish()?;
-        let checkpoints = self.checkpoints.into_frame()?;
-        Summary::of(&rows, &checkpoints).map_err(|e| polars_error(&self.folder, e))
+            .map_err(|e| Error::io(&self.path, e))
     }
 }
 
@@ -185,24 +145,15 @@ impl Summary {
     /// each as `.csv` and `.parquet`, into a folder that exists.
     ///
     /// # Errors
-    /// As [`Tables::push`].
+    /// As [`Table::push`].
     pub fn write_tables(&self, folder: &Path) -> Result<()> {
-        let mut algorithms = both(folder, "summary")?;
+        let mut algorithms = Table::create_both(folder, "summary")?;
         algorithms.push(self.algorithms.iter().cloned())?;
         algorithms.finish()?;
-        let mut checkpoints = both(folder, "verdicts")?;
+        let mut checkpoints = Table::create_both(folder, "verdicts")?;
         checkpoints.push(self.checkpoints.iter().cloned())?;
         checkpoints.finish()
     }
-}
-
-fn both<R: Record>(folder: &Path, name: &str) -> Result<Table<R>> {
-    let csv = Csv::create::<R>(&folder.join(name).with_extension("csv"))?;
-    let parquet = Parquet::create(&folder.join(name).with_extension("parquet"))?;
-    Ok(Table {
-        csv: Some(csv),
-        parquet: Some(parquet),
-    })
 }
 
 pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {

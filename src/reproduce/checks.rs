@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use crate::arena::{Arena, ArenaConfig};
     use crate::matcher::Algorithm;
-    use crate::timing::Clock;
+    use crate::stereo::RectifiedPair;
 
     #[test]
     fn with_the_self_check_it_is_v3() {
@@ -144,13 +144,11 @@ mod tests {
             .frame(40)
             .unwrap()
             .pair;
-        let mut v3 = DisparityMap::new(1, 1).unwrap();
         let algorithm: Algorithm = "v3".parse().unwrap();
-        algorithm
-            .build()
+        let v3 = algorithm
+            .match_pair(RectifiedPair::assume(&pair), None)
             .unwrap()
-            .compute(&pair, &mut v3, &mut Clock::start())
-            .unwrap();
+            .disparity;
         let correlated = Correlated::of(&pair).unwrap();
         assert_eq!(correlated.self_checked().hash(), v3.hash());
         assert!(correlated.symmetric(0).valid() < correlated.symmetric(1).valid());

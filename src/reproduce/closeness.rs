@@ -36,7 +36,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let matches = Correlated::of(&frame.pair)?.matches;
         // The rig is the arena's: it is always there.
         let farthest_px = frame
-            .rig
+            .rig()
             .map_or(0.0, |rig| rig.disparity_px(ahead_m + DEPTH_M))
             as f32;
         let on_subject = |v: &Valid| {

@@ -2,7 +2,7 @@
 
 use super::{Context, Experiment, Finding, Value, stage};
 use crate::arena::ArenaConfig;
-use crate::depth::{self, DistanceCurve, MIN_VALID};
+use crate::depth::{self, DistanceCurve};
 use crate::error::Result;
 use crate::report::plot::distance_chart;
 use crate::score::true_grid;
@@ -43,7 +43,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let true_px = product / cm;
         match target_px(
             &frame,
-            &depth::grid(map.disparity(), SHAPE, MIN_VALID, frame.rig.as_ref()),
+            &depth::grid(map.disparity(), SHAPE.into(), frame.rig()),
             true_px,
         ) {
             Some(px) => {

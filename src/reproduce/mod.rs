@@ -33,8 +33,7 @@ use crate::run::Monitor;
 use crate::scenario::Scenario;
 use crate::source::Source;
 use crate::source::dataset::Scene;
-use crate::stereo::{DisparityMap, Frame, StereoPair};
-use crate::timing::Clock;
+use crate::stereo::{DisparityMap, Frame, RectifiedPair, StereoPair};
 
 /// One of the thesis's figures or tables, and what svl does in its place.
 pub struct Experiment {
@@ -167,14 +166,11 @@ impl<'a> Context<'a> {
 
     /// What an algorithm, `NAME[:key=value,...]`, makes of a pair.
     fn matched(&mut self, algorithm: &str, pair: &StereoPair) -> Result<DisparityMap> {
-        let (width, height) = pair.size();
-        let mut map = DisparityMap::new(width, height)?;
-        algorithm
+        let output = algorithm
             .parse::<Algorithm>()?
-            .build()?
-            .compute(pair, &mut map, &mut Clock::start())?;
+            .match_pair(RectifiedPair::assume(pair), None)?;
         self.step()?;
-        Ok(map)
+        Ok(output.disparity)
     }
 
     /// The real scenes as frames.

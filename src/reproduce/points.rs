@@ -4,16 +4,17 @@ use super::measure::percent;
 use super::{Context, Drawn, Exhibit, Experiment, Finding, Value};
 use crate::error::{Error, Result};
 use crate::files::encode_png;
+use crate::manifest::Manifest;
 use crate::matcher::Algorithm;
 use crate::overlay::{Nearness, marks};
 use crate::report::plot::Bars;
-use crate::run::{Lineup, Pace, run as run_loop};
+use crate::run::{Matchers, Pace, run as run_loop};
 use crate::scenario::Scenario;
 use crate::score::{
-    CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Verdict, judge_cells, true_grid,
+    CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, Verdict,
 };
-use crate::sink::Sink;
-use crate::stereo::{DepthGrid, Estimate, Frame};
+use crate::sink::{self, Outbox, RunStart, Sink};
+use crate::stereo::{DepthGrid, Frame};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
@@ -46,21 +47,35 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         .map(str::parse::<Algorithm>)
         .into_iter()
         .collect::<Result<Vec<_>>>()?;
-    let mut lineup = Lineup::new(&algorithms)?;
-    let mut points = Points::new(&scenario);
-    let (grid, monitor) = (scenario.grid, &mut *context.monitor);
-    let outcome = run_loop(
+    let mut matchers = Matchers::new(&algorithms)?;
+    let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &algorithms)?;
+    let judge = scenario.judge();
+    let start = RunStart {
+        manifest: &manifest,
+        seed: None,
+        judge: &judge,
+    };
+    let points = Points::new(&scenario);
+    let outbox = points.outbox.clone();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(points)];
+    let monitor = &mut *context.monitor;
+    let (outcome, ran) = run_loop(
         &mut *source,
-        &mut lineup,
-        grid,
+        &mut matchers,
+        &start,
         Pace::Asap,
-        &mut [&mut points],
+        &mut sinks,
         monitor,
-    )?;
+    );
+    ran?;
     if outcome.interrupted {
         return Err(Error::Invalid("stopped".into()));
     }
-    points.finding()
+    sink::finish(sinks)?;
+    // The sink leaves its points when it is finished.
+    outbox
+        .take()
+        .map_or_else(|| Ok(Finding::default()), Points::finding)
 }
 
 /// What the frames of the six points come to.
@@ -68,6 +83,7 @@ struct Points {
     scenario: Scenario,
     points: Vec<[Point; 2]>,
     cells: [Cells; 2],
+    outbox: Outbox<Points>,
 }
 
 #[derive(Default)]
@@ -135,6 +151,7 @@ impl Points {
             scenario: scenario.clone(),
             points,
             cells: Default::default(),
+            outbox: Outbox::default(),
         }
     }
 
@@ -143,6 +160,7 @@ impl Points {
             scenario,
             points,
             cells,
+            ..
         } = self;
         let mut finding = Finding::default();
         let share = |p: &Point| percent(p.tally.passed, p.tally.frames).unwrap_or(f64::NAN);
@@ -327,43 +345,38 @@ fn conclude(
 }
 
 impl Sink for Points {
-    fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
-        let shape = self.scenario.grid.shape();
-        let (Some(truth), Some(pose)) = (true_grid(frame, shape), &frame.pose) else {
-            return Ok(());
-        };
-        for (a, estimate) in estimates.iter().enumerate() {
-            let judgements = judge_cells(&truth, &estimate.grid, self.scenario.cells);
-            self.cells[a].add(&estimate.grid, &judgements);
-            for (checkpoint, point) in self.scenario.checkpoints.iter().zip(&mut self.points) {
-                if checkpoint.covers(pose) {
-                    let verdict = checkpoint.judge(&estimate.grid, &judgements);
-                    let exhibit =
-                        exhibit(frame, estimate, &judgements, checkpoint, NAMES[a], &verdict)?;
-                    point[a].tally.add(verdict, || exhibit.clone());
-                    point[a].wrong += usize::from(verdict.wrong > 0);
-                    point[a].cells.add(&estimate.grid, &judgements);
-                }
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        for (a, scored) in judged.estimates.iter().enumerate() {
+            let Some(cells) = &scored.cells else { continue };
+            let grid = &scored.estimate.grid;
+            self.cells[a].add(grid, cells);
+            for (c, verdict) in &scored.checkpoints {
+                let (checkpoint, point) = (&self.scenario.checkpoints[*c], &mut self.points[*c][a]);
+                let exhibit = exhibit(&judged.frame, scored, cells, checkpoint, NAMES[a], verdict)?;
+                point.tally.add(*verdict, || exhibit.clone());
+                point.wrong += usize::from(verdict.wrong > 0);
+                point.cells.add(grid, cells);
             }
         }
         Ok(())
     }
 
-    fn finish(&mut self) -> Result<()> {
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.outbox.clone().put(*self);
         Ok(())
     }
 }
 
 fn exhibit(
     frame: &Frame,
-    estimate: &Estimate,
+    scored: &JudgedEstimate,
     judgements: &[CellJudgement],
     checkpoint: &Checkpoint,
     name: &str,
     verdict: &CheckpointFrame,
 ) -> Result<Exhibit> {
     let size = frame.pair.size();
-    let drawn = marks(&estimate.grid, size, Nearness::of_frame(frame))
+    let drawn = marks(&scored.estimate.grid, size, Nearness::of_frame(frame))
         .into_iter()
         .zip(judgements);
     let outcome = verdict.reasons().map_or_else(

@@ -2,13 +2,13 @@
 
 use super::{Context, Drawn, Exhibit, Experiment, Finding, Value, stage};
 use crate::arena::{Arena, ArenaConfig};
-use crate::depth::{self, MIN_VALID};
+use crate::depth;
 use crate::error::Result;
 use crate::files::encode_png;
 use crate::overlay::{Nearness, marks};
 use crate::report::plot::Bars;
-use crate::score::{CellJudgement, CellRule, CellTally, Verdict, judge_cells, true_grid};
-use crate::stereo::{Frame, GridShape};
+use crate::score::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
+use crate::stereo::{CellRule, Frame, GridShape};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["table5.1", "A.1", "A.2"],
@@ -323,7 +323,7 @@ fn judged(
     frame: &Frame,
 ) -> Result<Judged> {
     let map = context.matched(algorithm, &frame.pair)?;
-    let grid = depth::grid(map.disparity(), SHAPE, MIN_VALID, frame.rig.as_ref());
+    let grid = depth::grid(map.disparity(), SHAPE.into(), frame.rig());
     let truth = true_grid(frame, SHAPE);
     let judgements = truth.map_or_else(Vec::new, |truth| {
         judge_cells(&truth, &grid, CellRule::Distance)

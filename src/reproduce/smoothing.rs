@@ -256,7 +256,7 @@ impl Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Exposure, Plane, Truth};
+    use crate::stereo::{Exposure, Geometry, Plane, Truth};
 
     #[test]
     fn outcomes_pool_pixels() {
@@ -266,7 +266,7 @@ mod tests {
             stamp_ns: 0,
             name: None,
             pair: StereoPair::new(image.clone(), image).unwrap(),
-            rig: None,
+            geometry: Geometry::Rectified(None),
             pose: None,
             truth: Some(Truth {
                 disparity: Plane::filled(4, 1, 3.0).unwrap(),

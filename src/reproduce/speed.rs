@@ -4,11 +4,10 @@ use super::{Context, Experiment, Finding};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, isa};
-use crate::matcher::{Algorithm, Matcher};
+use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use crate::report::plot::Bars;
 use crate::statistics::nearest_rank;
-use crate::stereo::{DisparityMap, StereoPair};
-use crate::timing::Clock;
+use crate::stereo::{RectifiedPair, StereoPair};
 use std::time::{Duration, Instant};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -121,10 +120,10 @@ fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
 
 /// Of the contestants, by their median times.
 fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
-    let mut map = DisparityMap::new(pair.size().0, pair.size().1)?;
+    let (context, mut output) = (MatchContext::default(), MatchOutput::new()?);
     let mut time = |matcher: &mut dyn Matcher| {
         let began = Instant::now();
-        matcher.compute(pair, &mut map, &mut Clock::start())?;
+        matcher.compute(RectifiedPair::assume(pair), &context, &mut output)?;
         Ok::<_, Error>(began.elapsed())
     };
     let mut matchers = Vec::new();

@@ -1,36 +1,7 @@
 //! Cells of the depth grid against the truth: what an obstacle avoider would have believed.
 
-use crate::depth;
-use crate::error::{Error, Result};
-use crate::stereo::{CellDepth, DepthGrid, Frame, GridShape};
-
-/// When a reported cell counts as right.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize, serde::Serialize)]
-#[serde(tag = "judge", rename_all = "lowercase", deny_unknown_fields)]
-pub enum CellRule {
-    /// `|Z - Z_true| <= max(0.10 m, 20 % of Z_true)`; needs a rig.
-    #[default]
-    Distance,
-    /// `|d - d_true| <= tolerance_px`; for scenes without calibration.
-    Disparity { tolerance_px: f64 },
-}
-
-impl CellRule {
-    /// # Errors
-    /// [`Error::Invalid`] for a tolerance that is not a positive number.
-    pub fn validate(&self) -> Result<()> {
-        match *self {
-            Self::Disparity { tolerance_px }
-                if !(tolerance_px > 0.0 && tolerance_px.is_finite()) =>
-            {
-                Err(Error::Invalid(format!(
-                    "cells.tolerance_px = {tolerance_px} is not a positive number"
-                )))
-            }
-            _ => Ok(()),
-        }
-    }
-}
+use crate::depth::{self, GridSettings};
+use crate::stereo::{CellDepth, CellRule, DepthGrid, Frame, GridShape};
 
 /// True distance below which something is an obstacle, metres.
 const OBSTACLE_M: f64 = 0.5;
@@ -115,12 +86,11 @@ const MIN_KNOWN: f64 = 0.5;
 /// cell has a truth when at least half of its pixels do. Nothing for a frame without truth.
 pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
     let truth = frame.truth.as_ref()?;
-    Some(depth::grid(
-        &truth.disparity,
-        shape,
-        MIN_KNOWN,
-        frame.rig.as_ref(),
-    ))
+    let settings = GridSettings {
+        min_valid: MIN_KNOWN,
+        ..shape.into()
+    };
+    Some(depth::grid(&truth.disparity, settings, frame.rig()))
 }
 
 /// Judges every cell of `reported` by the true grid, which has the same shape, in raster order.

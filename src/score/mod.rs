@@ -4,9 +4,11 @@
 mod cells;
 mod checkpoint;
 mod disparity;
+mod judge;
 mod judged;
 pub mod protocol;
 
-pub use cells::{CellJudgement, CellRule, CellTally, Verdict, judge_cells, true_grid};
+pub use cells::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
 pub use checkpoint::{Checkpoint, CheckpointFrame, CheckpointTally};
 pub use disparity::DisparityScore;
+pub use judge::{Judge, Judged, JudgedEstimate};

@@ -1,42 +1,45 @@
 //! Frames and estimates into a recording.
 
-use super::Sink;
+use super::{RunEnd, Sink};
 use crate::error::Result;
-use crate::recording::Writer;
-use crate::stereo::{Estimate, Frame};
+use crate::recording::{GRABBER, Writer};
+use crate::score::Judged;
 
-/// A recording as a sink: what came from the source, and beside it every algorithm's disparities.
+/// A recording as a sink: the pairs of the source, and beside them every algorithm's disparities.
 pub struct RecordingSink {
     writer: Writer,
-    pairs: u64,
 }
 
 impl RecordingSink {
     pub fn new(writer: Writer) -> Self {
-        Self { writer, pairs: 0 }
-    }
-
-    /// The recording, to keep more in it than pairs.
-    pub fn writer(&mut self) -> &mut Writer {
-        &mut self.writer
-    }
-
-    /// Pairs written so far.
-    pub fn pairs(&self) -> u64 {
-        self.pairs
+        Self { writer }
     }
 }
 
 impl Sink for RecordingSink {
-    fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
-        self.writer.write(frame)?;
-        self.pairs += 1;
-        estimates
-            .iter()
-            .try_for_each(|estimate| self.writer.write_estimate(frame, estimate))
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        self.writer.write(&judged.frame)?;
+        judged.estimates.iter().try_for_each(|scored| {
+            let hashes = [judged.pair_hash, scored.hash];
+            self.writer
+                .write_estimate(&judged.frame, &scored.estimate, hashes)
+        })
     }
 
-    fn finish(&mut self) -> Result<()> {
+    /// Keeps what a grabber counted, and why a run ended early.
+    fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
+        let Some(grabber) = &end.losses.grabber else {
+            return Ok(());
+        };
+        let mut facts = grabber.facts.clone();
+        facts.extend(
+            end.error
+                .map(|error| ("error".to_owned(), error.to_owned())),
+        );
+        self.writer.remember(GRABBER, facts)
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<()> {
         self.writer.finish()
     }
 }

@@ -3,7 +3,7 @@
 use super::Source;
 use crate::calibrate::simulated::{MovingBoard, RATE_HZ};
 use crate::error::Result;
-use crate::stereo::{Exposure, Frame};
+use crate::stereo::{Exposure, Frame, Geometry};
 
 /// Renders a board that is moved before two cameras whose images are not rectified: the frames have
 /// no rig.
@@ -41,7 +41,7 @@ impl Source for BoardSource {
             stamp_ns: (sequence as f64 / RATE_HZ * 1e9).round() as u64,
             name: None,
             pair: self.board.pair(sequence)?,
-            rig: None,
+            geometry: Geometry::Raw,
             pose: None,
             truth: None,
             exposure: Exposure {

@@ -1,8 +1,8 @@
 //! The beginning of another source.
 
-use super::{LeftOut, Source};
+use super::Source;
 use crate::error::Result;
-use crate::stereo::Frame;
+use crate::stereo::{Frame, Losses};
 
 /// Ends a source after so many frames or so much of its time.
 pub struct Limited {
@@ -56,7 +56,7 @@ impl Source for Limited {
         }
     }
 
-    fn left_out(&self) -> LeftOut {
-        self.source.left_out()
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
     }
 }

@@ -2,9 +2,8 @@
 
 use super::Source;
 use crate::error::{Error, Result};
-use crate::grab::{Grabber, Tally};
-use crate::stereo::Frame;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use crate::grab::Grabber;
+use crate::stereo::{Frame, GrabberReport, Losses};
 
 /// A running grabber as a source that ends when it is told to.
 ///
@@ -14,27 +13,6 @@ pub struct LiveSource {
     grabber: Grabber,
     stopped: fn() -> bool,
     pairs: u64,
-    last: LastTally,
-}
-
-/// What a source did, to be read after it was dropped.
-#[derive(Clone, Default)]
-pub struct LastTally(Arc<Mutex<Tally>>);
-
-impl LastTally {
-    pub fn get(&self) -> Tally {
-        self.lock().clone()
-    }
-
-    /// Says how many pairs were used of those that the source gave.
-    pub fn used(&self, pairs: u64) {
-        let mut tally = self.lock();
-        tally.unread = tally.pairs.saturating_sub(tally.dropped + pairs);
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Tally> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl LiveSource {
@@ -45,13 +23,7 @@ impl LiveSource {
             grabber,
             stopped,
             pairs: 0,
-            last: LastTally::default(),
         }
-    }
-
-    /// Where the tally will be when this is dropped.
-    pub fn tally(&self) -> LastTally {
-        self.last.clone()
     }
 }
 
@@ -78,10 +50,16 @@ impl Source for LiveSource {
     fn pairs(&self) -> Option<u64> {
         None
     }
-}
 
-impl Drop for LiveSource {
-    fn drop(&mut self) {
-        *self.last.lock() = self.grabber.stop();
+    fn finish(&mut self, taken: u64) -> Losses {
+        let mut tally = self.grabber.stop();
+        tally.unread = tally.pairs.saturating_sub(tally.dropped + taken);
+        Losses {
+            grabber: Some(GrabberReport {
+                facts: tally.facts(),
+                text: tally.to_string(),
+            }),
+            ..Losses::default()
+        }
     }
 }

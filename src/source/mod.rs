@@ -12,13 +12,14 @@ mod watched;
 pub use arena::ArenaSource;
 pub use board::BoardSource;
 pub use limited::Limited;
-pub use live::{LastTally, LiveSource};
+pub use live::LiveSource;
 pub use recording::RecordingSource;
-pub use rectified::RectifiedSource;
+pub use rectified::{AssumeRectified, RectifiedSource};
 pub use watched::Watched;
 
 use crate::error::Result;
-use crate::stereo::Frame;
+use crate::score::Judged;
+use crate::stereo::{Frame, Losses};
 
 /// A sequence of frames, pulled one by one.
 pub trait Source: Send {
@@ -35,20 +36,16 @@ pub trait Source: Send {
     /// How many frames there are in all, where that is known.
     fn pairs(&self) -> Option<u64>;
 
-    /// What was left out so far.
-    fn left_out(&self) -> LeftOut {
-        LeftOut::default()
+    /// Ends the source and says what of it is in no frame. `taken`: frames that were used.
+    fn finish(&mut self, _taken: u64) -> Losses {
+        Losses::default()
     }
-}
 
-/// What of a source is in no frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LeftOut {
-    /// Images that found no partner.
-    pub unpaired: u64,
-    /// Images that came when those of their time had been given up, as the file is not in the order
-    /// of their times.
-    pub late: u64,
-    /// Pairs that cannot be read.
-    pub unreadable: u64,
+    /// Whether the next frame depends on what the algorithms made of the last one.
+    fn listens(&self) -> bool {
+        false
+    }
+
+    /// Hears what was made of the frame given out last; only a source that listens is asked.
+    fn hear(&mut self, _: &Judged) {}
 }

@@ -1,9 +1,9 @@
 //! Frames from a recording.
 
-use super::{LeftOut, Source};
+use super::Source;
 use crate::error::{Error, Result};
 use crate::recording::{self, Reader, SCENARIO, Selection};
-use crate::stereo::Frame;
+use crate::stereo::{Frame, Losses};
 use std::path::PathBuf;
 
 /// A recording as a source.
@@ -79,11 +79,12 @@ impl Source for RecordingSource {
         self.reader.pairs()
     }
 
-    fn left_out(&self) -> LeftOut {
-        LeftOut {
+    fn finish(&mut self, _: u64) -> Losses {
+        Losses {
             unpaired: self.reader.unpaired(),
             late: self.reader.late(),
             unreadable: self.unreadable,
+            grabber: None,
         }
     }
 }

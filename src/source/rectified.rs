@@ -1,9 +1,9 @@
 //! Raw pairs, rectified on their way.
 
-use super::{LeftOut, Source};
+use super::Source;
 use crate::error::{Error, Result};
 use crate::rectify::{Epipolar, Framing, Rectifier, matches, uncalibrated};
-use crate::stereo::{Frame, Gray, StereoPair};
+use crate::stereo::{Frame, Geometry, Gray, Losses, StereoPair};
 use std::collections::VecDeque;
 
 /// A source whose pairs are rectified; its frames have the rectified rig.
@@ -76,7 +76,7 @@ impl RectifiedSource {
 
     fn rectified(&mut self, frame: Frame) -> Result<Frame> {
         // Both would be wrong after it, and say that the pair is rectified.
-        if frame.rig.is_some() || frame.truth.is_some() {
+        if frame.rig().is_some() || frame.truth.is_some() {
             let why =
                 "its pairs come with the rig or the truth of rectified images: leave --calib out";
             return Err(Error::Invalid(format!("{}: {why}", self.source.name())));
@@ -95,7 +95,7 @@ impl RectifiedSource {
         let [left, right] = std::mem::replace(&mut self.spare, frame.pair.into_images());
         Ok(Frame {
             pair: StereoPair::new(left, right)?,
-            rig: self.rectifier.rig().copied(),
+            geometry: Geometry::Rectified(self.rectifier.rig().copied()),
             // That of the left camera, which is turned.
             pose: frame
                 .pose
@@ -122,7 +122,40 @@ impl Source for RectifiedSource {
         self.source.pairs()
     }
 
-    fn left_out(&self) -> LeftOut {
-        self.source.left_out()
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
+    }
+}
+
+/// A source whose raw pairs are taken as rectified, as their user wants it.
+pub struct AssumeRectified<'a>(&'a mut dyn Source);
+
+impl<'a> AssumeRectified<'a> {
+    pub fn new(source: &'a mut dyn Source) -> Self {
+        Self(source)
+    }
+}
+
+impl Source for AssumeRectified<'_> {
+    fn name(&self) -> String {
+        self.0.name()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let mut frame = self.0.next()?;
+        if let Some(Frame { geometry, .. }) = &mut frame
+            && *geometry == Geometry::Raw
+        {
+            *geometry = Geometry::Rectified(None);
+        }
+        Ok(frame)
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        self.0.pairs()
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.0.finish(taken)
     }
 }

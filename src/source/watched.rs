@@ -1,9 +1,9 @@
 //! Pairs that somebody keeps an eye on.
 
-use super::{LeftOut, Source};
+use super::Source;
 use crate::error::Result;
 use crate::rectify::AlignmentMeter;
-use crate::stereo::Frame;
+use crate::stereo::{Frame, Losses};
 
 /// A source that looks at a few of its pairs, and warns once when their rows are apart.
 pub struct Watched<'a> {
@@ -68,7 +68,7 @@ impl Source for Watched<'_> {
         self.source.pairs()
     }
 
-    fn left_out(&self) -> LeftOut {
-        self.source.left_out()
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
     }
 }

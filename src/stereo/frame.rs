@@ -1,7 +1,9 @@
 //! What flows from a source through the matchers into the sinks.
 
-use super::{DepthGrid, DisparityMap, Plane, Rig, StereoPair};
+use super::{DepthGrid, DisparityMap, Plane, RectifiedPair, Rig, StereoPair};
+use crate::error::{Error, Result};
 use crate::timing::StageTimes;
+use std::collections::BTreeMap;
 
 /// Pose of the left camera's optical frame (x right, y down, z forward) in the world (z up),
 /// metres.
@@ -17,10 +19,51 @@ pub struct Frame {
     /// What the source calls it, where it has a name of its own (a data set's scene).
     pub name: Option<String>,
     pub pair: StereoPair,
-    pub rig: Option<Rig>,
+    pub geometry: Geometry,
     pub pose: Option<Pose>,
     pub truth: Option<Truth>,
     pub exposure: Exposure,
+}
+
+impl Frame {
+    /// The rig of a rectified pair, where it is calibrated.
+    pub fn rig(&self) -> Option<&Rig> {
+        self.geometry.rig()
+    }
+
+    /// The pair, for a matcher.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a raw pair.
+    pub fn rectified(&self) -> Result<RectifiedPair<'_>> {
+        match self.geometry {
+            Geometry::Rectified(_) => Ok(RectifiedPair::assume(&self.pair)),
+            Geometry::Raw => Err(Error::Invalid(format!(
+                "pair {} is raw: rectify it with --calib FILE, or take it as rectified with \
+                 --calib none",
+                self.sequence
+            ))),
+        }
+    }
+}
+
+/// Whether a pair is as the cameras saw it or rectified.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Geometry {
+    /// Lens distortion and misalignment are still in the images: rows do not correspond.
+    Raw,
+    /// Rows correspond; distances are known where there is a rig.
+    Rectified(Option<Rig>),
+}
+
+impl Geometry {
+    /// The rig of a rectified pair, where it is calibrated.
+    pub fn rig(&self) -> Option<&Rig> {
+        match self {
+            Self::Raw => None,
+            Self::Rectified(rig) => rig.as_ref(),
+        }
+    }
 }
 
 /// How and when a pair was exposed.
@@ -74,9 +117,32 @@ impl Visibility {
 /// One algorithm's answer to one frame.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The algorithm as it was asked for, e.g. `v3` or `v3:max_disparity=64`.
+    /// The algorithm as the user wrote it, e.g. `v3` or `v3:max_disparity=64`.
     pub algorithm: String,
     pub disparity: DisparityMap,
     pub grid: DepthGrid,
     pub times: StageTimes,
+}
+
+/// What of a source is in no frame, each with its reason.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Losses {
+    /// Images without a partner.
+    pub unpaired: u64,
+    /// Images that came after those of their time had been given up: the file is not in the order
+    /// of its stamps.
+    pub late: u64,
+    /// Pairs that cannot be read.
+    pub unreadable: u64,
+    /// What a synchronized grabber counted.
+    pub grabber: Option<GrabberReport>,
+}
+
+/// The counts of a synchronized grabber at its end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct GrabberReport {
+    /// For the metadata of a recording.
+    pub facts: BTreeMap<String, String>,
+    /// For the terminal.
+    pub text: String,
 }

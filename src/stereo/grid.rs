@@ -104,3 +104,31 @@ impl DepthGrid {
         self.shape.iter().zip(&self.cells)
     }
 }
+
+/// When a reported cell counts as right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize, serde::Serialize)]
+#[serde(tag = "judge", rename_all = "lowercase", deny_unknown_fields)]
+pub enum CellRule {
+    /// `|Z - Z_true| <= max(0.10 m, 20 % of Z_true)`; needs a rig.
+    #[default]
+    Distance,
+    /// `|d - d_true| <= tolerance_px`; for scenes without calibration.
+    Disparity { tolerance_px: f64 },
+}
+
+impl CellRule {
+    /// # Errors
+    /// [`Error::Invalid`] for a tolerance that is not a positive number.
+    pub fn validate(&self) -> Result<()> {
+        match *self {
+            Self::Disparity { tolerance_px }
+                if !(tolerance_px > 0.0 && tolerance_px.is_finite()) =>
+            {
+                Err(Error::Invalid(format!(
+                    "cells.tolerance_px = {tolerance_px} is not a positive number"
+                )))
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -24,12 +24,14 @@ mod row;
 
 pub use calibration::{LengthUnit, Rectification, StereoCalibration, motion, rotation};
 pub use disparity::DisparityMap;
-pub use frame::{Estimate, Exposure, Frame, Pose, Truth, Visibility};
-pub use grid::{Cell, CellDepth, DepthGrid, GridShape};
+pub use frame::{
+    Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, Pose, Truth, Visibility,
+};
+pub use grid::{Cell, CellDepth, CellRule, DepthGrid, GridShape};
 pub use image::{Gray, MAX_SIDE, Plane};
 pub use intrinsics::Intrinsics;
 pub use occlusion::cross_check;
-pub use pair::StereoPair;
+pub use pair::{RectifiedPair, Side, StereoPair};
 pub use reason::Reason;
 pub use rig::Rig;
 pub use row::{BandMut, RowMut};

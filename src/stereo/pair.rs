@@ -1,9 +1,35 @@
-//! A rectified pair.
+//! Stereo pairs: any synchronized pair, and one that a matcher takes.
 
 use super::Gray;
 use crate::error::{Error, Result};
 
-/// A rectified stereo pair: both images of one size, rows aligned.
+/// One of the two cameras of a rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Side {
+    Left,
+    Right,
+}
+
+impl Side {
+    pub const BOTH: [Side; 2] = [Side::Left, Side::Right];
+
+    pub fn other(self) -> Self {
+        match self {
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+        }
+    }
+
+    /// `left` or `right`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+}
+
+/// A synchronized pair: two images of equal size, raw or rectified.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StereoPair {
     left: Gray,
@@ -54,5 +80,27 @@ impl StereoPair {
     /// `(width, height)` of both images.
     pub fn size(&self) -> (usize, usize) {
         self.left.size()
+    }
+}
+
+/// A pair whose epipolar lines are the image rows: a left pixel `(x, y)` matches `(x - d, y)`.
+///
+/// Only rectified pairs can be matched, so [`crate::matcher::Matcher`] takes this type. It comes
+/// from [`super::Frame::rectified`], or from a caller who knows: [`RectifiedPair::assume`].
+#[derive(Clone, Copy, Debug)]
+pub struct RectifiedPair<'a>(&'a StereoPair);
+
+impl<'a> RectifiedPair<'a> {
+    /// Takes the caller's word that the pair is rectified.
+    pub fn assume(pair: &'a StereoPair) -> Self {
+        Self(pair)
+    }
+}
+
+impl std::ops::Deref for RectifiedPair<'_> {
+    type Target = StereoPair;
+
+    fn deref(&self) -> &StereoPair {
+        self.0
     }
 }

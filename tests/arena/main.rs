@@ -59,7 +59,7 @@ fn ray(rig: &Rig, pose: &Pose, x: usize, y: usize) -> Vector3<f64> {
 
 /// Depth and world point of what the left pixel (`x`, `y`) sees, from the truth.
 fn seen(frame: &Frame, x: usize, y: usize) -> (f64, Vector3<f64>) {
-    let (rig, pose) = (frame.rig.unwrap(), frame.pose.unwrap());
+    let (rig, pose) = (frame.rig().unwrap(), frame.pose.unwrap());
     let disparity = frame.truth.as_ref().unwrap().disparity.get(x, y);
     let depth = rig.depth_m(f64::from(disparity)).unwrap();
     (

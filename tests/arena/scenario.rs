@@ -97,7 +97,7 @@ impl Cells {
             let median = values
                 .get(values.len() / 2)
                 .filter(|_| values.len() as f64 >= least)?;
-            frame.rig.unwrap().depth_m(f64::from(*median))
+            frame.rig().unwrap().depth_m(f64::from(*median))
         };
         Self(shape.iter().map(cell).collect())
     }

@@ -88,7 +88,7 @@ fn floor_and_ball_lie_where_their_equations_say() {
     };
     config.world.balls = vec![ball.clone()];
     let frame = Arena::new(&config, 4).unwrap().frame(3).unwrap();
-    let (rig, pose) = (frame.rig.unwrap(), frame.pose.unwrap());
+    let (rig, pose) = (frame.rig().unwrap(), frame.pose.unwrap());
     let right = pose.translation.vector + pose.rotation * Vector3::x() * rig.baseline_m();
     let visibility = frame.truth.as_ref().unwrap().visibility.as_ref().unwrap();
     let (mut on_ball, mut on_floor, mut hidden) = (0, 0, 0);

@@ -48,7 +48,7 @@ fn cameras_are_recorded_and_what_was_done_is_told() {
             (i as u64, i as u64, 0)
         );
         assert!(
-            frame.exposure.shutter_us > 0 && frame.rig.is_some() && frame.pair.size() == (64, 48)
+            frame.exposure.shutter_us > 0 && frame.rig().is_some() && frame.pair.size() == (64, 48)
         );
     }
     assert!(

@@ -1,6 +1,6 @@
 use crate::fixture::{Fixture, pgm};
 use svl::source::{RecordingSource, Source};
-use svl::stereo::{Rig, StereoPair};
+use svl::stereo::{Geometry, StereoPair};
 
 #[test]
 fn records_the_arena_and_says_how_much() {
@@ -13,7 +13,7 @@ fn records_the_arena_and_says_how_much() {
     assert_eq!(source.pairs(), Some(5));
     let frame = source.next().unwrap().unwrap();
     assert_eq!(frame.pair.size(), (320, 240));
-    assert!(frame.truth.is_some() && frame.rig.is_some() && frame.pose.is_some());
+    assert!(frame.truth.is_some() && frame.rig().is_some() && frame.pose.is_some());
 }
 
 #[test]
@@ -131,11 +131,11 @@ fn bad_input_is_one_line_that_names_it() {
 }
 
 /// Stamps, pairs and rigs of a recording.
-fn pairs(fixture: &Fixture, name: &str) -> Vec<(u64, StereoPair, Option<Rig>)> {
+fn pairs(fixture: &Fixture, name: &str) -> Vec<(u64, StereoPair, Geometry)> {
     let mut source = RecordingSource::open(fixture.path(name)).unwrap();
     let frames = std::iter::from_fn(|| source.next().unwrap());
     frames
-        .map(|frame| (frame.stamp_ns, frame.pair, frame.rig))
+        .map(|frame| (frame.stamp_ns, frame.pair, frame.geometry))
         .collect()
 }
 

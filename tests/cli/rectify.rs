@@ -61,7 +61,7 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
         .next()
         .unwrap()
         .unwrap();
-    let rig = frame.rig.unwrap();
+    let rig = frame.rig().unwrap();
     assert_eq!((rig.baseline_m(), rig.doffs_px()), (0.1, 0.0));
     // A line of half of 6 rows is lost above and below: the focal length grows by as much.
     assert!(
@@ -181,7 +181,7 @@ fn without_a_calibration_the_pictures_are_enough_for_rows() {
         .done();
     let mut source = RecordingSource::open(fixture.path("estimated.mcap")).unwrap();
     assert!(
-        source.next().unwrap().unwrap().rig.is_none(),
+        source.next().unwrap().unwrap().rig().is_none(),
         "distances stay unknown"
     );
     assert_eq!(source.pairs(), Some(3));
@@ -259,7 +259,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
             .next()
             .unwrap()
             .unwrap();
-        assert!((frame.rig.unwrap().baseline_m() - 0.11008).abs() < 1e-4);
+        assert!((frame.rig().unwrap().baseline_m() - 0.11008).abs() < 1e-4);
         let raw = fixture.svl(&["replay", &bag, "--calib", "none"]);
         assert!(
             raw.stderr.contains("not rectified") && raw.stderr.contains("px apart"),
@@ -303,7 +303,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
             pair("later.mcap").pair == pair("rectified.mcap").pair,
             "to the bit"
         );
-        assert_eq!(pair("later.mcap").rig, pair("rectified.mcap").rig);
+        assert_eq!(pair("later.mcap").geometry, pair("rectified.mcap").geometry);
         let without = fixture.svl(&[
             "record",
             "copy.mcap",

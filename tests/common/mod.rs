@@ -2,9 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use svl::kernel::Isa;
-use svl::matcher::Algorithm;
-use svl::stereo::{DisparityMap, Gray, StereoPair};
-use svl::timing::Clock;
+use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use svl::stereo::{DisparityMap, Gray, RectifiedPair, StereoPair};
 
 /// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there
 /// are none.
@@ -45,14 +44,27 @@ pub(crate) fn pair(folder: &Path, left: &str, right: &str) -> StereoPair {
 /// The result of `algorithm`, written as on the command line, on `isa`.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 pub(crate) fn run(algorithm: &str, isa: Isa, pair: &StereoPair) -> DisparityMap {
-    let mut map = DisparityMap::new(1, 1).unwrap();
+    let mut output = MatchOutput::new().unwrap();
     let mut matcher = algorithm
         .parse::<Algorithm>()
         .unwrap()
         .build_on(isa)
         .unwrap();
-    matcher
-        .compute(pair, &mut map, &mut Clock::start())
-        .unwrap();
-    map
+    compute(&mut *matcher, pair, &mut output).unwrap();
+    output.disparity
+}
+
+/// Matches a pair that needs no context.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub(crate) fn compute(
+    matcher: &mut dyn Matcher,
+    pair: &StereoPair,
+    output: &mut MatchOutput,
+) -> svl::Result<()> {
+    output.begin();
+    matcher.compute(
+        RectifiedPair::assume(pair),
+        &MatchContext::default(),
+        output,
+    )
 }

@@ -6,7 +6,7 @@ const CALIB: &str = "cam0=[1000 0 11; 0 1000 2; 0 0 1]\ncam1=[1000 0 13; 0 1000 
 
 #[track_caller]
 fn expect_rig(frame: &Frame, focal_px: f64, baseline_m: f64, doffs_px: f64) {
-    let rig = frame.rig.unwrap();
+    let rig = frame.rig().unwrap();
     assert_eq!((rig.focal_px(), rig.doffs_px()), (focal_px, doffs_px));
     assert!(
         (rig.baseline_m() - baseline_m).abs() < 1e-9,
@@ -219,7 +219,7 @@ fn kitti_2015() {
     expect_rig(&frame, 720.0, 0.55, 0.0);
     // Without the archive of calibrations.
     tree.remove(&file("calib_cam_to_cam", ".txt"));
-    assert_eq!(tree.frame("kitti2015/training/*").rig, None);
+    assert_eq!(tree.frame("kitti2015/training/*").rig(), None);
     tree.remove(&file("image_3", "_10.png"));
     let error = tree
         .frames(&["kitti2015/training/*"])

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 use svl::Error;
-use svl::matcher::{Algorithm, Matcher};
-use svl::stereo::{DisparityMap, Gray, StereoPair};
+use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use svl::stereo::{Gray, RectifiedPair, StereoPair};
 use svl::timing::Clock;
 
 /// What every program below begins with: it reads a pair as `line` and `images`.
@@ -27,7 +27,7 @@ def answer(line, values=None, **other):
 /// A matcher that is a program of the test.
 pub(crate) struct Plugin {
     matcher: Box<dyn Matcher>,
-    pub(crate) map: DisparityMap,
+    pub(crate) output: MatchOutput,
     // Last, so that the program is ended before its file goes.
     _folder: tempfile::TempDir,
 }
@@ -58,7 +58,7 @@ pub(crate) fn start(body: &str, settings: &str) -> Option<Plugin> {
     let matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
     Some(Plugin {
         matcher,
-        map: DisparityMap::new(1, 1).unwrap(),
+        output: MatchOutput::new().unwrap(),
         _folder: folder,
     })
 }
@@ -71,10 +71,13 @@ pub(crate) fn pair(width: usize, height: usize) -> StereoPair {
 
 impl Plugin {
     pub(crate) fn compute(&mut self, pair: &StereoPair) -> svl::Result<Clock> {
-        let mut clock = Clock::start();
-        self.matcher
-            .compute(pair, &mut self.map, &mut clock)
-            .map(|()| clock)
+        self.output.begin();
+        self.matcher.compute(
+            RectifiedPair::assume(pair),
+            &MatchContext::default(),
+            &mut self.output,
+        )?;
+        Ok(std::mem::replace(&mut self.output.clock, Clock::start()))
     }
 
     /// It fails within a few seconds, in one line with all these words.

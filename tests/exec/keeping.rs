@@ -4,9 +4,8 @@ use crate::fixture::{pair, python, start};
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
-use svl::matcher::Algorithm;
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
-use svl::timing::Clock;
+use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::stereo::{Gray, Reason, RectifiedPair, StereoPair};
 
 #[test]
 fn pixels_go_and_disparities_come() {
@@ -24,7 +23,7 @@ while True:
     for (width, height) in [(12, 5), (1, 1), (33, 40), (12, 5)] {
         let pair = pair(width, height);
         let clock = plugin.compute(&pair).unwrap();
-        assert_eq!(plugin.map.size(), (width, height));
+        assert_eq!(plugin.output.disparity.size(), (width, height));
         for (x, y) in (0..width).flat_map(|x| (0..height).map(move |y| (x, y))) {
             let (left, right) = (pair.left().get(x, y), pair.right().get(x, y));
             let expected = if right == 8 {
@@ -33,7 +32,7 @@ while True:
                 Ok(f32::from(left) + 0.25)
             };
             assert_eq!(
-                plugin.map.at(x, y),
+                plugin.output.disparity.at(x, y),
                 expected,
                 "({x}, {y}) of {width}x{height}"
             );
@@ -52,7 +51,7 @@ fn a_large_pair_fits_through_the_pipes() {
         return;
     };
     plugin.compute(&pair(1500, 1000)).unwrap();
-    assert_eq!(plugin.map.valid(), 1_500_000);
+    assert_eq!(plugin.output.disparity.valid(), 1_500_000);
 }
 
 #[test]
@@ -98,7 +97,10 @@ fn dropping_ends_the_program() {
         return;
     };
     plugin.compute(&pair(12, 5)).unwrap();
-    let process = PathBuf::from(format!("/proc/{}", plugin.map.at(0, 0).unwrap()));
+    let process = PathBuf::from(format!(
+        "/proc/{}",
+        plugin.output.disparity.at(0, 0).unwrap()
+    ));
     assert!(process.exists());
     drop(plugin);
     assert!(!process.exists());
@@ -121,6 +123,7 @@ fn the_example_adapter_matches() {
     let side =
         |shift: usize| Gray::from_fn(160, 60, |x, y| (texture(x + shift, y) >> 56) as u8).unwrap();
     let pair = StereoPair::new(side(0), side(11)).unwrap();
+    let rectified = RectifiedPair::assume(&pair);
     let adapter = concat!(env!("CARGO_MANIFEST_DIR"), "/adapters/opencv.py");
     for method in [
         "bm",
@@ -132,12 +135,13 @@ fn the_example_adapter_matches() {
             "exec:command={} '{adapter}' {method},max_disparity=40",
             python.display()
         );
-        let mut map = DisparityMap::new(1, 1).unwrap();
+        let mut output = MatchOutput::new().unwrap();
         let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
         for _ in 0..2 {
             matcher
-                .compute(&pair, &mut map, &mut Clock::start())
+                .compute(rectified, &MatchContext::default(), &mut output)
                 .unwrap();
+            let map = &output.disparity;
             let right = map
                 .disparity()
                 .pixels()
@@ -154,9 +158,9 @@ fn the_example_adapter_matches() {
     let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
     let error = matcher
         .compute(
-            &pair,
-            &mut DisparityMap::new(1, 1).unwrap(),
-            &mut Clock::start(),
+            rectified,
+            &MatchContext::default(),
+            &mut MatchOutput::new().unwrap(),
         )
         .unwrap_err();
     assert!(error.to_string().contains("answered: OpenCV"), "{error}");

@@ -79,7 +79,7 @@ fn the_files_of_a_bag_are_one_recording() {
             (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1))
         );
         assert!(
-            frame.rig.is_some(),
+            frame.rig().is_some(),
             "the calibration of the first file holds for the others"
         );
     }

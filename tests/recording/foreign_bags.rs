@@ -5,7 +5,8 @@ use crate::frames::{PERIOD_NS, image, read};
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
 use svl::recording::{Reader, Selection};
-use svl::source::{LeftOut, RecordingSource, Source};
+use svl::source::{RecordingSource, Source};
+use svl::stereo::Losses;
 use svl::stereo::{Frame, Gray};
 
 const SIZE: (usize, usize) = (24, 16);
@@ -71,7 +72,7 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
             sequence,
             stamp_ns,
             pair,
-            rig,
+            geometry,
             exposure,
             ..
         } = source.next().unwrap().unwrap();
@@ -84,13 +85,13 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
             (pair.left(), pair.right()),
             (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1))
         );
-        let rig = rig.unwrap();
+        let rig = geometry.rig().unwrap();
         assert!(
             (rig.focal_px(), rig.center_px()) == (328.0, (12.0, 8.0))
                 && (rig.baseline_m() - 0.044).abs() < 1e-12
         );
     }
-    assert!(source.next().unwrap().is_none() && source.left_out() == LeftOut::default());
+    assert!(source.next().unwrap().is_none() && source.finish(0) == Losses::default());
 }
 
 #[test]
@@ -104,7 +105,7 @@ fn raw_images_are_called_so() {
     ];
     let (_folder, path) = of(infos.into_iter().chain([left, right]));
     let mut reader = Reader::open(&path).unwrap();
-    assert_eq!(reader.next_pair().unwrap().unwrap().rig, None);
+    assert_eq!(reader.next_pair().unwrap().unwrap().rig().copied(), None);
     let remarks = reader.remarks();
     assert!(
         remarks.len() == 1 && remarks[0].contains("not rectified"),
@@ -123,7 +124,10 @@ fn a_calibration_is_of_the_images_that_it_says() {
     let distances = |infos: [Message; 2]| {
         let (_folder, path) = of(infos.into_iter().chain(pair(0, 0)));
         let mut reader = Reader::open(&path).unwrap();
-        (reader.remarks(), reader.next_pair().unwrap().unwrap().rig)
+        (
+            reader.remarks(),
+            reader.next_pair().unwrap().unwrap().rig().copied(),
+        )
     };
     let infos = |size, binning, roi| {
         let camera = |tx| Camera {
@@ -204,7 +208,7 @@ fn raw_images_are_known_by_the_last_part_of_their_topics() {
         let mut reader = Reader::open(&path).unwrap();
         (
             reader.calibration().is_some(),
-            reader.next_pair().unwrap().unwrap().rig.is_some(),
+            reader.next_pair().unwrap().unwrap().rig().is_some(),
         )
     };
     assert_eq!(
@@ -433,7 +437,7 @@ fn one_camera_after_the_other_loses_no_pair() {
             (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1))
         );
     }
-    assert!(source.next().unwrap().is_none() && source.left_out() == LeftOut::default());
+    assert!(source.next().unwrap().is_none() && source.finish(0) == Losses::default());
 }
 
 #[test]
@@ -454,11 +458,9 @@ fn a_pair_that_cannot_be_read_costs_only_itself() {
         let mut source = RecordingSource::open(&path)?;
         let stamps = std::iter::from_fn(|| source.next().unwrap())
             .map(|frame| (frame.stamp_ns - START_NS) / PERIOD_NS);
-        Ok::<_, svl::Error>((
-            stamps.collect::<Vec<_>>(),
-            source.left_out().unreadable,
-            source.left_out().unpaired,
-        ))
+        let stamps = stamps.collect::<Vec<_>>();
+        let losses = source.finish(0);
+        Ok::<_, svl::Error>((stamps, losses.unreadable, losses.unpaired))
     };
     assert_eq!(
         left_out(&[6]).unwrap(),

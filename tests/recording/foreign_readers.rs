@@ -14,7 +14,7 @@ fn pixel_sum(image: &Gray) -> f64 {
 
 /// What a foreign reader should find under each topic, summed over all frames.
 fn expected(topic: &str, frame: &Frame) -> f64 {
-    let (rig, truth) = (frame.rig.unwrap(), frame.truth.as_ref().unwrap());
+    let (rig, truth) = (frame.rig().unwrap(), frame.truth.as_ref().unwrap());
     let pose = frame.pose.unwrap();
     let calibration = |right| rig.intrinsics(right).sum() + rig.projection(right).sum() + 3.0;
     match topic {

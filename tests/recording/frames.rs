@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use svl::Error;
 use svl::recording::{Format, Header, Reader, Writer};
-use svl::stereo::{Exposure, Frame, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
+use svl::stereo::{
+    Exposure, Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility,
+};
 
 /// Time from one pair to the next.
 pub(crate) const PERIOD_NS: u64 = 66_666_667;
@@ -25,7 +27,7 @@ pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
         stamp_ns: 1_700_000_000_000_000_000 + i * PERIOD_NS,
         name: None,
         pair: StereoPair::new(image(size, 2 * i), image(size, 2 * i + 1)).unwrap(),
-        rig: None,
+        geometry: Geometry::Rectified(None),
         pose: None,
         truth: None,
         exposure: Exposure::default(),
@@ -49,7 +51,7 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
     };
     Frame {
         name: Some(format!("szene-{i} \"ä\"")),
-        rig: Some(Rig::new(328.0, (159.5, 119.5), 0.044, 1.25).unwrap()),
+        geometry: Geometry::Rectified(Some(Rig::new(328.0, (159.5, 119.5), 0.044, 1.25).unwrap())),
         pose: Some(Pose::from_parts(
             nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3),
             turn,

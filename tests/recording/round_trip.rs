@@ -2,9 +2,12 @@
 
 use crate::frames::{bare, full, read, record};
 use svl::recording::{Dialect, Format, Header, ImageFormat, Writer, attachment, header};
+use svl::score::Judge;
 use svl::sink::{RecordingSink, Sink};
 use svl::source::{RecordingSource, Source};
-use svl::stereo::{Cell, DepthGrid, DisparityMap, Estimate, Frame, GridShape, Plane, Rig, Truth};
+use svl::stereo::{
+    Cell, DepthGrid, DisparityMap, Estimate, Frame, Geometry, GridShape, Plane, Rig, Truth,
+};
 
 const SIZE: (usize, usize) = (61, 47);
 
@@ -80,10 +83,10 @@ fn a_ros_2_bag_gives_back_pairs_and_rig() {
             );
             assert_eq!(read.exposure.skew_ns, written.exposure.skew_ns);
             assert_eq!(
-                read.rig.map(|rig| rig.intrinsics(true)),
-                written.rig.map(|rig| rig.intrinsics(true))
+                read.rig().map(|rig| rig.intrinsics(true)),
+                written.rig().map(|rig| rig.intrinsics(true))
             );
-            let baseline = |frame: &Frame| frame.rig.map_or(0.0, |rig| rig.baseline_m());
+            let baseline = |frame: &Frame| frame.rig().map_or(0.0, |rig| rig.baseline_m());
             assert!((baseline(read) - baseline(written)).abs() < 1e-12);
         }
     }
@@ -91,7 +94,10 @@ fn a_ros_2_bag_gives_back_pairs_and_rig() {
 
 #[test]
 fn a_recording_may_change_what_it_knows_and_its_size() {
-    let exact = |frame: Frame| Frame { rig: None, ..frame };
+    let exact = |frame: Frame| Frame {
+        geometry: Geometry::Rectified(None),
+        ..frame
+    };
     let no_truth = |frame: Frame| Frame {
         truth: None,
         ..frame
@@ -110,7 +116,7 @@ fn a_recording_may_change_what_it_knows_and_its_size() {
 fn truth_without_a_rig_is_exact() {
     let frames: Vec<_> = (0..3)
         .map(|i| Frame {
-            rig: None,
+            geometry: Geometry::Rectified(None),
             ..full(i, SIZE)
         })
         .collect();
@@ -122,7 +128,7 @@ fn truth_beyond_infinity_is_exact() {
     let rig = Rig::new(1000.0, (30.0, 20.0), 0.1, -10.0).unwrap();
     let disparity = Plane::from_fn(SIZE.0, SIZE.1, |x, y| x as f32 + y as f32 / 3.0).unwrap();
     let frame = Frame {
-        rig: Some(rig),
+        geometry: Geometry::Rectified(Some(rig)),
         truth: Some(Truth {
             disparity,
             visibility: None,
@@ -199,10 +205,17 @@ fn results_stand_beside_the_pairs() {
         times: Default::default(),
     };
     let estimates = [estimate("v3"), estimate("exec:command=/bin/elas")];
-    let mut sink = RecordingSink::new(
+    let mut sink = Box::new(RecordingSink::new(
         Writer::create(&path, &Header::new("replay"), ImageFormat::Raw).unwrap(),
-    );
-    (0..4).for_each(|i| sink.push(&full(i, SIZE), &estimates).unwrap());
+    ));
+    let judge = Judge {
+        grid: grid.shape().into(),
+        ..Judge::default()
+    };
+    for i in 0..4 {
+        let judged = judge.judge(full(i, SIZE), estimates.to_vec());
+        sink.take(&judged).unwrap();
+    }
     sink.finish().unwrap();
     let summary = svl::recording::Summary::of(&path).unwrap();
     for topic in [

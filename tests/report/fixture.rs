@@ -3,7 +3,7 @@
 use polars::prelude::{DataFrame, ParquetReader, SerReader};
 use std::fs::File;
 use std::path::Path;
-use svl::report::{CellRow, CheckpointRow, Record, Row, Summary, Tables};
+use svl::report::{CellRow, CheckpointRow, Record, Row, Summary};
 use svl::score::Verdict;
 
 /// A pair with truth that took `total_us`.
@@ -104,14 +104,7 @@ pub fn checkpoint(
 }
 
 pub fn summary(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Summary {
-    let folder = tempfile::tempdir().unwrap();
-    let mut tables = Tables::create(folder.path()).unwrap();
-    rows.into_iter()
-        .for_each(|row| tables.push(row, []).unwrap());
-    checkpoints
-        .into_iter()
-        .for_each(|row| tables.push_checkpoint(row).unwrap());
-    tables.finish().unwrap()
+    Summary::from_rows(&rows, &checkpoints).unwrap()
 }
 
 /// Two algorithms, one with a long name and no truth, on three checkpoints.

@@ -4,7 +4,6 @@ use crate::fixture::{blind, cell, checkpoint, csv_rows, example, parquet, row};
 use svl::Error;
 use svl::report::{
     AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, Record, Row, Summary, Table,
-    Tables,
 };
 use svl::score::Verdict;
 
@@ -21,13 +20,14 @@ fn csv_and_parquet_hold_what_was_pushed() {
         checkpoint(1, "opening", "v3", (3, 4)),
         checkpoint(2, "corner", "v3", (0, 0)),
     ];
-    let mut tables = Tables::create(folder.path()).unwrap();
-    tables.push(rows[0].clone(), cells.clone()).unwrap();
-    tables.push(rows[1].clone(), []).unwrap();
-    checkpoints
-        .iter()
-        .for_each(|row| tables.push_checkpoint(row.clone()).unwrap());
-    tables.finish().unwrap();
+    fn write<R: Record + Clone>(folder: &std::path::Path, name: &str, rows: &[R]) {
+        let mut table = Table::create_both(folder, name).unwrap();
+        table.push(rows.iter().cloned()).unwrap();
+        table.finish().unwrap();
+    }
+    write(folder.path(), "rows", &rows);
+    write(folder.path(), "cells", &cells);
+    write(folder.path(), "checkpoints", &checkpoints);
 
     let file = |name: &str| folder.path().join(name);
     assert_eq!(csv_rows::<Row>(&file("rows.csv")), rows);
@@ -105,12 +105,12 @@ fn a_single_table_goes_by_its_extension() {
 #[test]
 fn a_crash_keeps_the_rows() {
     let folder = tempfile::tempdir().unwrap();
-    let mut tables = Tables::create(folder.path()).unwrap();
-    tables
-        .push(row("v3", 0, 5_000), [cell("v3", 0, Verdict::Wrong)])
-        .unwrap();
+    let mut rows = Table::create_both(folder.path(), "rows").unwrap();
+    let mut cells = Table::create_both(folder.path(), "cells").unwrap();
+    rows.push([row("v3", 0, 5_000)]).unwrap();
+    cells.push([cell("v3", 0, Verdict::Wrong)]).unwrap();
     // Not even dropped: what is on disk now is all there is after a kill.
-    std::mem::forget(tables);
+    std::mem::forget((rows, cells));
     assert_eq!(
         csv_rows::<Row>(&folder.path().join("rows.csv")),
         [row("v3", 0, 5_000)]
@@ -126,7 +126,9 @@ fn a_folder_that_cannot_be_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
-    let error = Tables::create(&file.join("report")).err().unwrap();
+    let error = Table::<Row>::create_both(&file.join("report"), "rows")
+        .err()
+        .unwrap();
     assert!(
         matches!(&error, Error::Io { path, .. } if path == &file.join("report")),
         "{error}"
@@ -162,7 +164,11 @@ fn a_full_disk_is_an_error_with_the_file() {
 #[test]
 fn an_empty_run_has_tables_and_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let summary = Tables::create(folder.path()).unwrap().finish().unwrap();
+    let table = Table::<Row>::create_both(folder.path(), "rows").unwrap();
+    table.finish().unwrap();
+    let table = Table::<CellRow>::create_both(folder.path(), "cells").unwrap();
+    table.finish().unwrap();
+    let summary = Summary::from_rows(&[], &[]).unwrap();
     assert_eq!(summary, Summary::default());
     assert_eq!(summary.to_string(), "No pairs.\n");
     assert_eq!(

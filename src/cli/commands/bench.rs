@@ -7,10 +7,9 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 use svl::arena::{Arena, ArenaConfig};
-use svl::matcher::{Algorithm, MATCHERS, Matcher};
+use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher};
 use svl::statistics::nearest_rank;
-use svl::stereo::{DisparityMap, StereoPair};
-use svl::timing::Clock;
+use svl::stereo::{RectifiedPair, StereoPair};
 
 /// Measure the speed of algorithms, matching only
 ///
@@ -119,20 +118,19 @@ fn pair((width, height): (usize, usize)) -> anyhow::Result<StereoPair> {
 
 fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Figures>> {
     progress::listen_for_interrupt();
-    let (width, height) = pair.size();
-    let mut map = DisparityMap::new(width, height)?;
+    let mut output = MatchOutput::new()?;
     let mut contestants = Vec::new();
     for algorithm in algorithms {
         let mut matcher = algorithm.build().map_err(usage::of_words)?;
         // Warm-up: memory is allocated, caches and branches know the pair.
-        (0..3).try_for_each(|_| time(&mut *matcher, pair, &mut map).map(drop))?;
+        (0..3).try_for_each(|_| time(&mut *matcher, pair, &mut output).map(drop))?;
         contestants.push((algorithm, matcher, Vec::new()));
     }
     for round in 0..*ROUNDS.end() {
         for (_, matcher, times) in &mut contestants {
             let spent: Duration = times.iter().sum();
             if spent < BUDGET || round < *ROUNDS.start() {
-                times.push(time(&mut **matcher, pair, &mut map)?);
+                times.push(time(&mut **matcher, pair, &mut output)?);
             }
             if progress::interrupted() {
                 bail!("stopped by Ctrl-C");
@@ -142,17 +140,18 @@ fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Fi
     let isa = svl::kernel::isa()?.name();
     Ok(contestants
         .into_iter()
-        .map(|(algorithm, _, times)| figures(algorithm, (width, height), isa, times))
+        .map(|(algorithm, _, times)| figures(algorithm, pair.size(), isa, times))
         .collect())
 }
 
 fn time(
     matcher: &mut dyn Matcher,
     pair: &StereoPair,
-    map: &mut DisparityMap,
+    output: &mut MatchOutput,
 ) -> svl::Result<Duration> {
+    let context = MatchContext::default();
     let began = Instant::now();
-    matcher.compute(pair, map, &mut Clock::start())?;
+    matcher.compute(RectifiedPair::assume(pair), &context, output)?;
     Ok(began.elapsed())
 }
 

@@ -7,10 +7,10 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 use svl::calibrate::files::read_calib;
-use svl::matcher::Algorithm;
-use svl::scenario::GridSettings;
-use svl::stereo::{DepthGrid, DisparityMap, Reason, StereoPair};
-use svl::timing::{Clock, Stage};
+use svl::depth::GridSettings;
+use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::stereo::{DepthGrid, Reason, RectifiedPair, StereoPair};
+use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
 /// Match one rectified pair of images
@@ -81,6 +81,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .iter()
         .try_for_each(|path| may_write(path, args.force))?;
     let mut matcher = args.algo.build().map_err(usage::of_words)?;
+    let mut output = MatchOutput::new()?;
     let rig = args.calib.as_deref().map(read_calib).transpose()?;
     let pair = StereoPair::new(
         files::read_gray(&args.left)?,
@@ -88,9 +89,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     )
     .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
     let (width, height) = pair.size();
-    let mut map = DisparityMap::new(width, height)?;
-    let mut clock = Clock::start();
-    matcher.compute(&pair, &mut map, &mut clock)?;
+    let context = MatchContext {
+        rig,
+        ..MatchContext::default()
+    };
+    output.begin();
+    matcher.compute(RectifiedPair::assume(&pair), &context, &mut output)?;
+    let MatchOutput {
+        disparity: map,
+        clock,
+        ..
+    } = output;
 
     files::write_disparity(&args.output, &map)?;
     if let Some(path) = &args.why {
@@ -105,14 +114,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
     }
     let settings = GridSettings::default();
-    let grid = rig.map(|rig| {
-        depth::grid(
-            map.disparity(),
-            settings.shape(),
-            settings.min_valid,
-            Some(&rig),
-        )
-    });
+    let grid = rig.map(|rig| depth::grid(map.disparity(), settings, Some(&rig)));
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     let report = Report {
         algorithm: args.algo.label(),

@@ -32,14 +32,14 @@ pub(crate) fn recording(
         remove_abandoned();
         let partial = path.with_extension(format!("{}.partial", std::process::id()));
         match recorder::write(opened, &partial, Format::default(), quiet) {
-            Ok(outcome) if !outcome.interrupted => {
+            Ok((outcome, Ok(()))) if !outcome.interrupted => {
                 std::fs::rename(&partial, &path)
                     .with_context(|| format!("{}: cannot be named so", path.display()))?;
             }
             other => {
                 // An unfinished entry of a cache is of no use to anyone.
                 let _ = std::fs::remove_file(&partial);
-                other?;
+                other?.1?;
                 bail!("stopped by Ctrl-C while recording {}", path.display());
             }
         }

@@ -130,14 +130,13 @@ impl LiveArgs {
             seed,
             ..Header::new(name)
         };
-        let (live, recorded) = (Some(source.tally()), Recorded::default());
         Ok(Opened {
-            live,
+            is_live: true,
             source: Box::new(source),
             header,
             scenario: None,
             stem: kind.into(),
-            recorded,
+            recorded: Recorded::default(),
         })
     }
 

@@ -8,7 +8,7 @@ pub(crate) mod output;
 pub(crate) mod progress;
 pub(crate) mod recorder;
 pub(crate) mod rectify;
-pub(crate) mod run_info;
+pub(crate) mod runner;
 pub(crate) mod source;
 pub(crate) mod tables;
 pub(crate) mod usage;

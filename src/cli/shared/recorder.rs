@@ -1,63 +1,58 @@
 //! Records a source: for `svl record`, and for the cache of simulated runs.
 
 use super::progress::{Progress, listen_for_interrupt};
-use super::source::{self, Opened};
+use super::runner::report_losses;
+use super::source::Opened;
 use std::path::Path;
 use svl::manifest::Manifest;
-use svl::recording::{Format, GRABBER, SCENARIO, Writer};
-use svl::run::{Lineup, Outcome, Pace, run as run_loop};
-use svl::scenario::GridSettings;
-use svl::sink::{RecordingSink, Sink};
+use svl::recording::{Format, SCENARIO, Writer};
+use svl::run::{Matchers, Outcome, Pace, run};
+use svl::score::Judge;
+use svl::sink::{self, RecordingSink, RunStart, Sink};
 
-/// Records all of a source into `path`, which does not exist yet.
+/// Records all of a source into `path`, which does not exist yet. The outcome holds also for a run
+/// that failed.
 pub(crate) fn write(
     mut opened: Opened,
     path: &Path,
     format: Format,
     quiet: bool,
-) -> anyhow::Result<Outcome> {
+) -> anyhow::Result<(Outcome, svl::Result<()>)> {
     // From here on Ctrl-C leaves a whole file.
     listen_for_interrupt();
     let mut writer = Writer::create(path, &opened.header, format)?;
     let scenario = opened.header.scenario.as_deref().unwrap_or(&opened.stem);
-    writer.identify(&Manifest::new(scenario, opened.scenario.as_deref(), &[])?)?;
+    let manifest = Manifest::new(scenario, opened.scenario.as_deref(), &[])?;
+    writer.identify(&manifest)?;
     if let Some(text) = &opened.scenario {
         writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
     }
     opened.recorded.attach(&mut writer)?;
-    let mut sink = RecordingSink::new(writer);
-    let mut progress = Progress::new(&opened.source.name(), opened.source.pairs(), quiet);
-    let grid = GridSettings::default();
-    let mut lineup = Lineup::new(&[])?;
-    let ran = run_loop(
-        &mut *opened.source,
-        &mut lineup,
-        grid,
+    let judge = Judge::default();
+    let start = RunStart {
+        manifest: &manifest,
+        seed: opened.header.seed,
+        judge: &judge,
+    };
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(RecordingSink::new(writer))];
+    let source = &mut *opened.source;
+    let mut progress = Progress::new(&source.name(), source.pairs(), quiet);
+    let mut matchers = Matchers::none();
+    let (outcome, ran) = run(
+        source,
+        &mut matchers,
+        &start,
         Pace::Asap,
-        &mut [&mut sink],
+        &mut sinks,
         &mut progress,
     );
     progress.clear();
-    source::tell_left_out(&*opened.source);
-    // A grabber's counts are complete when it has ended.
-    drop(opened.source);
-    let remembered = opened.live.map_or(Ok(()), |live| {
-        live.used(sink.pairs());
-        let mut facts = live.get().facts();
-        facts.extend(
-            ran.as_ref()
-                .err()
-                .map(|error| ("error".to_owned(), error.to_string())),
-        );
-        sink.writer().remember(GRABBER, facts)
-    });
-    // What came before an error is kept: the file is completed first, the error told after.
-    let finished = sink.finish();
-    if ran.is_err() && sink.pairs() == 0 {
+    report_losses(&source.name(), &outcome.losses);
+    // What came before an error is kept: the file is completed first, then the error is returned.
+    let finished = sink::finish(sinks);
+    if ran.is_err() && outcome.frames == 0 {
         // A file without a pair is of no use, and would stand in the way of the next attempt.
         let _ = std::fs::remove_file(path);
     }
-    let outcome = ran?;
-    remembered.and(finished)?;
-    Ok(outcome)
+    Ok((outcome, ran.and(finished)))
 }

@@ -8,11 +8,10 @@ use anyhow::{Context, bail};
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
-use svl::counted;
 use svl::recording::{Header, Selection, files, is_bag};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
-use svl::source::{ArenaSource, BoardSource, LastTally, LeftOut, RecordingSource, Source};
+use svl::source::{ArenaSource, BoardSource, RecordingSource, Source};
 
 /// Where recordings are kept.
 pub(crate) const RECORDINGS: &str = "recordings";
@@ -28,8 +27,8 @@ pub(crate) struct Opened {
     pub scenario: Option<String>,
     /// A file stem for its recording.
     pub stem: String,
-    /// What the grabber did, when it comes from cameras.
-    pub live: Option<LastTally>,
+    /// Whether it comes from cameras, in real time.
+    pub is_live: bool,
     /// What it says of its pairs, when it is a recording.
     pub recorded: Recorded,
 }
@@ -90,41 +89,6 @@ pub(crate) fn is_recorded(path: &Path) -> anyhow::Result<()> {
         )));
     }
     Ok(())
-}
-
-/// Says what of a source is in no frame.
-pub(crate) fn tell_left_out(source: &dyn Source) {
-    let (
-        name,
-        LeftOut {
-            unpaired,
-            late,
-            unreadable,
-        },
-    ) = (source.name(), source.left_out());
-    if unreadable > 0 {
-        tracing::warn!(
-            "{name}: left out, as they cannot be read: {}",
-            counted(unreadable, "pair")
-        );
-    }
-    if late > 0 {
-        tracing::warn!(
-            "{name}: not in the order of time: {} came too late for a partner; `mcap sort FILE -o \
-             SORTED.mcap` makes a file with all pairs",
-            counted(late, "image")
-        );
-    }
-    tell_unpaired(&name, unpaired);
-}
-
-fn tell_unpaired(name: &str, images: u64) {
-    if images > 0 {
-        tracing::warn!(
-            "{name}: left out, without a partner: {}",
-            counted(images, "image")
-        );
-    }
 }
 
 /// Starts the cameras that `name` says, or opens what [`open`] does.
@@ -224,7 +188,7 @@ pub(crate) fn arena(scenario: &Scenario, seed: u64) -> anyhow::Result<Opened> {
             ..Header::new("arena")
         },
         scenario: Some(scenario.text.clone()),
-        live: None,
+        is_live: false,
         recorded: Recorded::default(),
     })
 }
@@ -239,7 +203,7 @@ fn board(seed: u64) -> anyhow::Result<Opened> {
             ..Header::new("board")
         },
         scenario: None,
-        live: None,
+        is_live: false,
         recorded: Recorded::default(),
     })
 }
@@ -267,9 +231,7 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
         None => Scene::all_in(path, "")?,
     };
     let source: Box<dyn Source> = if scenes.is_empty() {
-        let source = FolderSource::new(path, FOLDER_RATE_HZ)?;
-        tell_unpaired(&path.display().to_string(), source.unpaired() as u64);
-        Box::new(source)
+        Box::new(FolderSource::new(path, FOLDER_RATE_HZ)?)
     } else {
         Box::new(SceneSource::new(scenes))
     };
@@ -282,7 +244,7 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
         header,
         scenario: None,
         stem,
-        live: None,
+        is_live: false,
         recorded: Recorded::default(),
     })
 }
@@ -306,7 +268,7 @@ fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
         header,
         scenario,
         stem,
-        live: None,
+        is_live: false,
         recorded,
     })
 }

@@ -30,10 +30,10 @@ mod protocol;
 
 use super::quotes::words;
 use super::stage::DisparityRange;
-use super::{Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
-use crate::stereo::{DisparityMap, Reason, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::stereo::{DisparityMap, Reason, RectifiedPair, StereoPair};
+use crate::timing::Stage;
 use program::{Failure, Program};
 use std::time::Duration;
 
@@ -132,13 +132,18 @@ impl Exec {
 impl Matcher for Exec {
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()> {
+        let MatchOutput {
+            disparity: map,
+            clock,
+            ..
+        } = output;
         self.sequence += 1;
         map.resize(pair.size().0, pair.size().1)?;
-        let reply = self.ask(pair).map_err(|failure| {
+        let reply = self.ask(&pair).map_err(|failure| {
             // Dropped, so ended.
             self.program = None;
             failure.of(&self.command)

@@ -16,11 +16,11 @@ use super::stage::{
     BACK_CHECK, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, VerticalSmoothing,
     back_check, each_row, refine,
 };
-use super::{Matcher, MatcherSpec, Parameters};
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::{Claim, Isa};
-use crate::stereo::{DisparityMap, Gray, Plane, Reason, RowMut, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::stereo::{DisparityMap, Gray, Plane, Reason, RectifiedPair, RowMut};
+use crate::timing::Stage;
 use claims::{Claims, Tolerance};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -119,10 +119,15 @@ impl V4 {
 impl Matcher for V4 {
     fn compute(
         &mut self,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
     ) -> Result<()> {
+        let MatchOutput {
+            disparity: map,
+            clock,
+            ..
+        } = output;
         let (isa, size) = (self.isa, pair.size());
         let offsets = map.take_row_offset().filter(|plane| plane.size() == size);
         let mut offsets = offsets.map_or_else(|| Plane::filled(size.0, size.1, 0), Ok)?;

@@ -15,7 +15,7 @@ use super::Camera;
 use super::messages::{Channel, Event, Messages};
 use crate::counted;
 use crate::error::{Error, Result};
-use crate::stereo::{Exposure, Frame, Gray, Rig, StereoCalibration, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Gray, Rig, StereoCalibration, StereoPair};
 use camera::Calibration;
 use partners::Partners;
 use std::path::{Path, PathBuf};
@@ -143,12 +143,13 @@ impl Foreign {
             self.size = pair.size();
         }
         let rig = self.rig().ok();
+        let geometry = rig.map_or(Geometry::Raw, |rig| Geometry::Rectified(Some(rig)));
         let frame = pair.map(|pair| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,
             pair,
-            rig,
+            geometry,
             pose: None,
             truth: None,
             exposure,

@@ -1,8 +1,5 @@
 //! What is known of a run before its first frame.
 
-use crate::score::CellRule;
-use crate::stereo::GridShape;
-
 /// The run: who takes part, and where.
 #[derive(Clone, Debug, Default)]
 pub struct RunInfo {
@@ -14,10 +11,6 @@ pub struct RunInfo {
     pub algorithms: Vec<(String, String)>,
     /// True geometry, empty where unknown.
     pub wireframe: Vec<Edges>,
-    /// Shape of the true grid; the estimates bring their own.
-    pub grid: GridShape,
-    /// When a cell counts as wrong.
-    pub rule: CellRule,
 }
 
 /// The edges of a thing in the world.

@@ -35,10 +35,10 @@ pub use info::{Edges, RunInfo};
 pub use layout::save_recording_layout;
 pub use target::{RerunTarget, VIEWER_HINT};
 
-use super::Sink;
+use super::{RunStart, Sink};
 use crate::error::{Error, Result};
-use crate::score::CellRule;
-use crate::stereo::{Estimate, Frame, GridShape, Pose, Rig};
+use crate::score::Judged;
+use crate::stereo::{Frame, Pose, Rig};
 use crate::timing::Stage;
 use ::rerun::{
     Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
@@ -77,9 +77,7 @@ pub struct RerunSink {
     target: RerunTarget,
     algorithms: Vec<Algorithm>,
     wireframe: Vec<Edges>,
-    grid: GridShape,
     begun: bool,
-    rule: CellRule,
     camera: Option<(Scale, Option<Rig>, (usize, usize))>,
     last_pose: Option<Pose>,
     /// Where the run under way begins on the timelines.
@@ -87,6 +85,7 @@ pub struct RerunSink {
     /// The last frame's place on them.
     last: Option<Moment>,
     maps: Maps,
+    verdicts: Option<Box<dyn FnOnce() -> Option<String> + Send>>,
 }
 
 /// What becomes of the algorithms' maps and clouds.
@@ -123,14 +122,13 @@ impl RerunSink {
             target,
             algorithms: info::algorithms(run.algorithms.iter().map(|(label, _)| label.clone())),
             wireframe: run.wireframe.clone(),
-            grid: run.grid,
             begun: false,
-            rule: run.rule,
             camera: None,
             last_pose: None,
             start: Moment::default(),
             last: None,
             maps: Maps::Shown,
+            verdicts: None,
         };
         sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
         if !run.wireframe.is_empty() {
@@ -161,31 +159,13 @@ impl RerunSink {
         Ok(sink)
     }
 
-    /// The frames that follow are another run: the timelines place it after the one before, with a
-    /// second between. The algorithms' maps and clouds are kept of the first run alone, which is
-    /// what a viewer's memory holds; images, overlays and numbers of all.
-    pub fn begin_run(&mut self) {
-        if let Some(last) = self.last {
-            self.start = Moment {
-                pair: last.pair + 1,
-                time_ns: last.time_ns + 1_000_000_000,
-            };
-            self.last_pose = None;
-            self.maps = if self.maps == Maps::Shown {
-                Maps::ToClear
-            } else {
-                Maps::Gone
-            };
+    /// Shows the verdicts of the checkpoints when the sink is finished, from Markdown made then.
+    #[must_use]
+    pub fn with_verdicts(self, markdown: impl FnOnce() -> Option<String> + Send + 'static) -> Self {
+        Self {
+            verdicts: Some(Box::new(markdown)),
+            ..self
         }
-    }
-
-    /// Shows the checkpoints' verdicts, once they are known: before or after [`Sink::finish`].
-    ///
-    /// # Errors
-    /// As [`Sink::finish`].
-    pub fn verdicts(&mut self, markdown: &str) -> Result<()> {
-        self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;
-        self.finish()
     }
 
     /// Frames of reference, names and colours of an algorithm's entities.
@@ -223,7 +203,7 @@ impl RerunSink {
     fn begin(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
         let facts = layout::Facts {
             truth: frame.truth.is_some(),
-            rig: frame.rig.is_some(),
+            rig: frame.rig().is_some(),
             named: frame.name.is_some(),
             size: frame.name.is_none().then(|| frame.pair.size()),
             eye: world::eye(&self.wireframe, scale),
@@ -238,10 +218,10 @@ impl RerunSink {
     fn scale(&mut self, frame: &Frame) -> Result<Scale> {
         let size = frame.pair.size();
         match self.camera {
-            Some((scale, rig, of)) if rig == frame.rig && of == size => Ok(scale),
+            Some((scale, rig, of)) if rig.as_ref() == frame.rig() && of == size => Ok(scale),
             _ => {
                 let scale = Scale::of(frame);
-                self.camera = Some((scale, frame.rig, size));
+                self.camera = Some((scale, frame.rig().copied(), size));
                 self.log_static(LEGEND, &picture::legend(size))?;
                 Ok(scale)
             }
@@ -250,8 +230,28 @@ impl RerunSink {
 }
 
 impl Sink for RerunSink {
+    /// The timelines place a further run after the one before, with a second between. The
+    /// algorithms' maps and clouds are kept of the first run alone, which is what a viewer's memory
+    /// holds; images, overlays and numbers of all.
+    fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
+        if let Some(last) = self.last {
+            self.start = Moment {
+                pair: last.pair + 1,
+                time_ns: last.time_ns + 1_000_000_000,
+            };
+            self.last_pose = None;
+            self.maps = if self.maps == Maps::Shown {
+                Maps::ToClear
+            } else {
+                Maps::Gone
+            };
+        }
+        Ok(())
+    }
+
     /// Shows a frame. An algorithm without an estimate for it shows nothing there.
-    fn push(&mut self, frame: &Frame, estimates: &[Estimate]) -> Result<()> {
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        let frame = &judged.frame;
         let scale = self.scale(frame)?;
         if !self.begun {
             self.begin(frame, &scale)?;
@@ -274,18 +274,11 @@ impl Sink for RerunSink {
             },
         );
         self.push_scene(frame, &scale)?;
-        let shape = estimates
-            .first()
-            .map_or(self.grid, |estimate| estimate.grid.shape());
-        let truth = self.push_truth(frame, &scale, shape)?;
+        self.push_truth(judged, &scale)?;
         for algorithm in &self.algorithms {
-            match estimates
-                .iter()
-                .find(|estimate| estimate.algorithm == algorithm.label)
-            {
-                Some(estimate) => {
-                    self.push_estimate(algorithm, estimate, frame, &scale, truth.as_ref())?
-                }
+            let mut estimates = judged.estimates.iter();
+            match estimates.find(|scored| scored.estimate.algorithm == algorithm.label) {
+                Some(scored) => self.push_estimate(algorithm, scored, frame, &scale)?,
                 None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
             }
         }
@@ -297,7 +290,10 @@ impl Sink for RerunSink {
 
     /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink
     /// is dropped.
-    fn finish(&mut self) -> Result<()> {
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        if let Some(markdown) = self.verdicts.take().and_then(|markdown| markdown()) {
+            self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;
+        }
         self.stream
             .flush_blocking()
             .map_err(|error| match &self.target {

@@ -5,8 +5,8 @@ use super::overlay::Overlay;
 use super::scale::Scale;
 use super::{CAMERA, IMAGE, Maps, RerunSink, picture, world};
 use crate::error::Result;
-use crate::score::{CellTally, judge_cells, true_grid};
-use crate::stereo::{DepthGrid, DisparityMap, Estimate, Frame, GridShape, Plane};
+use crate::score::{Judged, JudgedEstimate};
+use crate::stereo::{DepthGrid, DisparityMap, Frame, Plane};
 use crate::timing::Stage;
 use ::rerun::{AsComponents, Clear, Scalars, TextLog};
 
@@ -15,10 +15,7 @@ impl RerunSink {
     pub(super) fn push_scene(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
         self.log(IMAGE, &picture::gray(frame.pair.left()))?;
         let pose = frame.pose.unwrap_or_else(world::resting);
-        let camera = frame
-            .rig
-            .as_ref()
-            .map(|rig| world::pinhole(rig, frame, scale));
+        let camera = frame.rig().map(|rig| world::pinhole(rig, frame, scale));
         match camera {
             Some(pinhole) => self.log(
                 CAMERA,
@@ -36,31 +33,24 @@ impl RerunSink {
         Ok(())
     }
 
-    /// Draws the truth and gives its grid.
-    pub(super) fn push_truth(
-        &self,
-        frame: &Frame,
-        scale: &Scale,
-        shape: GridShape,
-    ) -> Result<Option<DepthGrid>> {
-        let (Some(truth), Some(grid)) = (&frame.truth, true_grid(frame, shape)) else {
-            self.log("truth", &Clear::recursive())?;
-            return Ok(None);
+    /// Draws the truth.
+    pub(super) fn push_truth(&self, judged: &Judged, scale: &Scale) -> Result<()> {
+        let (Some(truth), Some(grid)) = (&judged.frame.truth, &judged.true_grid) else {
+            return self.log("truth", &Clear::recursive());
         };
-        self.log_overlay("truth/overlay", &grid, frame, scale)?;
-        self.log_depth("truth/depth", &truth.disparity, frame, scale)?;
-        Ok(Some(grid))
+        self.log_overlay("truth/overlay", grid, &judged.frame, scale)?;
+        self.log_depth("truth/depth", &truth.disparity, &judged.frame, scale)
     }
 
     /// Everything of an algorithm.
     pub(super) fn push_estimate(
         &self,
         algorithm: &Algorithm,
-        estimate: &Estimate,
+        scored: &JudgedEstimate,
         frame: &Frame,
         scale: &Scale,
-        truth: Option<&DepthGrid>,
     ) -> Result<()> {
+        let estimate = &scored.estimate;
         let map = &estimate.disparity;
         self.log_overlay(&algorithm.path("overlay"), &estimate.grid, frame, scale)?;
         match self.maps {
@@ -84,10 +74,9 @@ impl RerunSink {
         )?;
         self.log(
             &algorithm.path("coverage"),
-            &Scalars::single(100.0 * map.coverage()),
+            &Scalars::single(100.0 * scored.coverage),
         )?;
-        let tally =
-            truth.map(|truth| CellTally::of(&judge_cells(truth, &estimate.grid, self.rule)));
+        let tally = scored.tally();
         self.log_or_clear(
             &algorithm.path("wrong_cells"),
             tally.map(|tally| Scalars::single(tally.wrong as f64)),
@@ -109,8 +98,7 @@ impl RerunSink {
         self.log(&algorithm.path("ssdpi"), &picture::ssdpi(map.ssdpi()))?;
         self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
         let points = frame
-            .rig
-            .as_ref()
+            .rig()
             .map(|rig| world::points(map, frame.pair.left(), rig, scale));
         self.log_or_clear(&algorithm.path("points"), points)
     }
@@ -139,10 +127,7 @@ impl RerunSink {
         frame: &Frame,
         scale: &Scale,
     ) -> Result<()> {
-        let depth = frame
-            .rig
-            .as_ref()
-            .map(|rig| picture::depth(disparity, rig, scale));
+        let depth = frame.rig().map(|rig| picture::depth(disparity, rig, scale));
         self.log_or_clear(
             path,
             depth

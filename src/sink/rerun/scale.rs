@@ -22,7 +22,7 @@ impl Scale {
     pub(super) fn of(frame: &Frame) -> Self {
         let nearness = Nearness::of_frame(frame);
         let near_m = frame
-            .rig
+            .rig()
             .and_then(|rig| rig.depth_m(nearness.near_px()))
             .unwrap_or(NEAR_M);
         let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
@@ -34,7 +34,7 @@ impl Scale {
                 .reduce(f32::min)
         });
         let farthest_m = frame
-            .rig
+            .rig()
             .zip(lowest)
             .and_then(|(rig, lowest)| rig.depth_m(lowest.into()));
         Self {
@@ -47,7 +47,7 @@ impl Scale {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Exposure, Gray, Plane, Pose, Rig, StereoPair, Truth};
+    use crate::stereo::{Exposure, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth};
 
     #[test]
     fn the_arena_goes_to_3_m_and_a_scene_to_its_farthest_point() {
@@ -59,7 +59,7 @@ mod tests {
             stamp_ns: 0,
             name: None,
             pair: StereoPair::new(image.clone(), image).unwrap(),
-            rig: Some(rig),
+            geometry: Geometry::Rectified(Some(rig)),
             pose: Some(Pose::identity()),
             truth: Some(Truth {
                 disparity: truth,

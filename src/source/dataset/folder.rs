@@ -6,7 +6,7 @@ use crate::calibrate::files::read_calib;
 use crate::error::{Error, Result};
 use crate::files::read_gray;
 use crate::source::Source;
-use crate::stereo::{Exposure, Frame, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Losses, Rig, StereoPair};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -61,11 +61,6 @@ impl FolderSource {
             rig,
             next: 0,
         })
-    }
-
-    /// Images without a partner, which are left out.
-    pub fn unpaired(&self) -> usize {
-        self.unpaired
     }
 }
 
@@ -122,7 +117,7 @@ impl Source for FolderSource {
             stamp_ns: sequence * self.period_ns,
             name: Some(name.clone()),
             pair,
-            rig: self.rig,
+            geometry: Geometry::Rectified(self.rig),
             pose: None,
             truth: None,
             exposure: Exposure {
@@ -135,5 +130,12 @@ impl Source for FolderSource {
 
     fn pairs(&self) -> Option<u64> {
         Some(self.pairs.len() as u64)
+    }
+
+    fn finish(&mut self, _: u64) -> Losses {
+        Losses {
+            unpaired: self.unpaired as u64,
+            ..Losses::default()
+        }
     }
 }

@@ -6,7 +6,7 @@ use crate::calibrate::files::{read_calib, read_projections};
 use crate::error::{Error, Result};
 use crate::files::read_gray;
 use crate::source::Source;
-use crate::stereo::{Exposure, Frame, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Rig, StereoPair};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -171,7 +171,7 @@ impl Scene {
             name: Some(self.name.clone()),
             truth: truth::read(self, pair.size())?,
             pair,
-            rig: self.rig()?,
+            geometry: Geometry::Rectified(self.rig()?),
             pose: None,
             exposure: Exposure {
                 trigger_id: sequence,

@@ -3,7 +3,8 @@
 use super::ask::{Answer, Judge, Offer};
 use super::report::Folder;
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
-use crate::cli::shared::source::{self, Opened};
+use crate::cli::shared::runner::report_losses;
+use crate::cli::shared::source::Opened;
 use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeMap;
@@ -47,7 +48,7 @@ pub(super) fn collect(
     listen_for_interrupt();
     let bar = bar(&opened, quiet);
     let mut detector = PairDetector::new(board)?;
-    let mut lag = opened.live.is_some().then(Lag::default);
+    let mut lag = opened.is_live.then(Lag::default);
     let mut chooser: Option<Chooser> = None;
     let mut found = Collected::new();
     while !interrupted() {
@@ -63,7 +64,7 @@ pub(super) fn collect(
             continue;
         }
         let chooser = chooser.get_or_insert_with(|| {
-            if frame.rig.is_some() {
+            if frame.rig().is_some() {
                 bar.suspend(|| {
                     tracing::warn!(
                         "{} says that its images are rectified already",
@@ -83,7 +84,7 @@ pub(super) fn collect(
         // Pictures with names are no stream.
         let stamp_ns = frame.name.is_none().then_some(frame.stamp_ns);
         let verdict = chooser.judge(stamp_ns, &seen);
-        if opened.live.is_some() {
+        if opened.is_live {
             judge.show(
                 &frame,
                 &seen,
@@ -142,7 +143,7 @@ pub(super) fn collect(
         tracing::warn!("{failure:#}; calibrating from what came before");
     }
     judge.finish()?;
-    source::tell_left_out(&*opened.source);
+    report_losses(&opened.source.name(), &opened.source.finish(found.pairs));
     if let Some(chooser) = chooser {
         found.lacks = chooser.lacks();
         found.views = chooser.views().to_vec();

@@ -6,7 +6,7 @@ use crate::cli::shared::live::LiveArgs;
 use crate::cli::shared::output::{Aside, distinct, may_write, print};
 use crate::cli::shared::rectify::Rectify;
 use crate::cli::shared::source::{self, RECORDINGS};
-use crate::cli::shared::{recorder, run_info, usage};
+use crate::cli::shared::{recorder, runner, usage};
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -107,7 +107,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live, quiet)?;
     opened = args.rectify.opened(opened, quiet)?;
-    let live = opened.live.clone();
     let output = match &args.output {
         Some(path) => path.clone(),
         None => {
@@ -132,31 +131,36 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let began = Instant::now();
     let written = recorder::write(opened, &output, format, quiet);
-    if let Some(live) = live.filter(|_| !quiet) {
-        let whose = if output.exists() {
-            output.display().to_string()
-        } else {
-            args.source.clone()
-        };
-        print(&format!("{whose}: {}\n", live.get()))?;
-    }
-    let outcome = match written {
-        Ok(outcome) => outcome,
+    let (outcome, ran) = match written {
+        Ok(written) => written,
         Err(error) => {
+            // Also a file without a pair was begun.
             if output.exists() {
                 earlier.keep_both();
             }
             return Err(error);
         }
     };
+    if let Some(grabber) = outcome.losses.grabber.as_ref().filter(|_| !quiet) {
+        let whose = match output.exists() {
+            true => output.display().to_string(),
+            false => args.source.clone(),
+        };
+        print(&format!("{whose}: {}\n", grabber.text))?;
+    }
+    if ran.is_err() && output.exists() {
+        earlier.keep_both();
+        return Ok(ran?);
+    }
+    ran?;
     earlier.replaced();
     if !quiet {
-        report(&output, outcome, began.elapsed().as_secs_f64())?;
+        report(&output, &outcome, began.elapsed().as_secs_f64())?;
     }
-    run_info::complete(&outcome)
+    runner::complete(&outcome)
 }
 
-fn report(path: &Path, outcome: Outcome, seconds: f64) -> anyhow::Result<()> {
+fn report(path: &Path, outcome: &Outcome, seconds: f64) -> anyhow::Result<()> {
     let bytes = path.metadata()?.len();
     let rate = outcome.frames as f64 / seconds;
     let stopped = if outcome.interrupted {

@@ -3,22 +3,21 @@
 mod verify;
 
 use crate::cli::shared::output::{Aside, distinct, may_write, print, print_json};
-use crate::cli::shared::progress::Progress;
 use crate::cli::shared::rectify::{Recorded, Rectify};
 use crate::cli::shared::source::{self, RECORDINGS};
-use crate::cli::shared::{cache, run_info, usage};
+use crate::cli::shared::{cache, runner, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{Header, ImageFormat, SCENARIO, Writer};
-use svl::report::{Row, Summary, Table};
-use svl::run::{Lineup, Outcome, Pace, run as run_loop};
-use svl::scenario::{GridSettings, Scenario};
-use svl::score::CellRule;
-use svl::sink::{Identity, RecordingSink, RerunSink, RerunTarget, RowSink, Sink};
-use svl::source::{RecordingSource, Watched};
+use svl::report::Summary;
+use svl::run::{Matchers, Pace};
+use svl::scenario::Scenario;
+use svl::score::Judge;
+use svl::sink::{self, RecordingSink, RerunSink, RerunTarget, RunStart, Sink, TableSink};
+use svl::source::RecordingSource;
 use verify::{Earlier, Verification};
 
 /// Replay a recording through algorithms
@@ -138,65 +137,53 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ([], None) => vec!["v3".parse()?],
         (named, _) => named.to_vec(),
     };
-    let mut lineup = Lineup::new(&algorithms).map_err(usage::of_words)?;
+    let mut matchers = Matchers::new(&algorithms).map_err(usage::of_words)?;
 
     let earlier = outputs
         .iter()
         .map(|path| Aside::new(path))
         .collect::<anyhow::Result<Vec<_>>>()?;
     let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
-    let settings = GridSettings::default();
-    let mut identity = Identity::new(&manifest, CellRule::Distance, settings.shape());
-    identity.seed = header.seed;
-    let table = args.rows.as_deref().map(Table::<Row>::create).transpose()?;
-    let mut rows = RowSink::new(identity.clone(), table);
-    let mut rerun = match &args.rerun {
-        Some(target) => {
-            let parsed = scenario_text
-                .as_deref()
-                .and_then(|text| Scenario::parse(text, &recording).ok());
-            let wireframe = parsed.map_or_else(Vec::new, |s| run_info::wireframe(&s, header.seed));
-            Some(RerunSink::new(
-                target.clone(),
-                &run_info::rerun(&manifest, &identity, wireframe),
-            )?)
+    let table = TableSink::new(args.rows.as_deref())?;
+    let kept = table.outbox();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(table)];
+    if let Some(target) = &args.rerun {
+        let parsed = scenario_text
+            .as_deref()
+            .and_then(|text| Scenario::parse(text, &recording).ok());
+        let wireframe = parsed.map_or_else(Vec::new, |s| runner::wireframe(&s, header.seed));
+        let info = runner::rerun_info(&manifest, wireframe);
+        sinks.push(Box::new(RerunSink::new(target.clone(), &info)?));
+    }
+    if let Some(path) = &args.output {
+        let mut writer = Writer::create(path, &header, ImageFormat::Raw)?;
+        writer.identify(&manifest)?;
+        if let Some(text) = &scenario_text {
+            writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
         }
-        None => None,
+        recorded.attach(&mut writer)?;
+        sinks.push(Box::new(RecordingSink::new(writer)));
+    }
+    let judge = Judge::default();
+    let start = RunStart {
+        manifest: &manifest,
+        seed: header.seed,
+        judge: &judge,
     };
-    let mut result = match &args.output {
-        Some(path) => {
-            let mut writer = Writer::create(path, &header, ImageFormat::Raw)?;
-            writer.identify(&manifest)?;
-            if let Some(text) = &scenario_text {
-                writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
-            }
-            recorded.attach(&mut writer)?;
-            Some(RecordingSink::new(writer))
-        }
-        None => None,
-    };
-    let mut sinks: Vec<&mut dyn Sink> = vec![&mut rows];
-    sinks.extend(rerun.as_mut().map(|sink| sink as &mut dyn Sink));
-    sinks.extend(result.as_mut().map(|sink| sink as &mut dyn Sink));
-
-    let mut progress = Progress::new(&source.name(), source.pairs(), quiet);
-    let mut watched = Watched::new(&mut *source);
-    let ran = run_loop(
-        &mut watched,
-        &mut lineup,
-        settings,
+    let title = source.name();
+    let (outcome, ran) = runner::run_through(
+        &mut *source,
+        &mut matchers,
+        &start,
         args.rate,
         &mut sinks,
-        &mut progress,
+        &title,
+        quiet,
     );
-    progress.clear();
-    // Everything that came before an error is kept and told, so the sinks are finished first.
-    let finished = sinks
-        .iter_mut()
-        .map(|sink| sink.finish())
-        .fold(Ok(()), Result::and);
-    drop(sinks);
-    let pairs = rows.pairs();
+    // Everything that came before an error is kept and reported, so the sinks are finished first.
+    let finished = sink::finish(sinks);
+    let rows = kept.take().unwrap_or_default();
+    let pairs = outcome.frames;
     let mut verification = None;
     if pairs > 0 || ran.is_ok() {
         let whole = ran.is_ok() && finished.is_ok();
@@ -207,15 +194,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         });
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
-        let incomplete = ran
-            .as_ref()
-            .map_or_else(|error| Some(error.to_string()), Outcome::lacks);
+        let incomplete = match &ran {
+            Err(error) => Some(error.to_string()),
+            Ok(()) => outcome.missing(),
+        };
         let summary = Summary {
             incomplete,
-            ..Summary::of_rows(rows.rows())?
+            ..Summary::from_rows(&rows, &[])?
         };
         verification = before
-            .map(|before| before.compare(rows.rows(), &algorithms))
+            .map(|before| before.compare(&rows, &algorithms))
             .transpose()?;
         let text = || {
             format!(
@@ -233,9 +221,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print(&text())?
         }
     }
-    let outcome = ran?;
+    ran?;
     finished?;
-    source::tell_left_out(&*source);
     if outcome.interrupted {
         bail!(
             "stopped by Ctrl-C after {}; what was written is kept",
@@ -248,7 +235,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print(&proved)?;
         }
     }
-    run_info::complete(&outcome)
+    runner::complete(&outcome)
 }
 
 /// What `--json` prints.

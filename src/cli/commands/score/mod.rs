@@ -4,20 +4,23 @@ mod gate;
 mod sweep;
 
 use crate::cli::shared::output::{print, print_json};
-use crate::cli::shared::progress::Progress;
 use crate::cli::shared::source::data_folder;
-use crate::cli::shared::{cache, folder, run_info, usage};
+use crate::cli::shared::{cache, folder, runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::report::html::Page;
-use svl::report::{Ruling, Summary, Tables};
-use svl::run::{Lineup, Outcome, Pace, run as run_loop};
+use svl::report::{CheckpointRow, Row, Ruling, Summary};
+use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
-use svl::sink::{Findings, Identity, Judge, RerunSink, RerunTarget, Sink};
+use svl::score::Judge;
+use svl::sink::{
+    self, CheckpointSink, Outbox, PictureSink, Pictures, RerunSink, RerunTarget, RunStart, Sink,
+    TableSink,
+};
+use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
-use svl::source::{Source, Watched};
 use sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
 
 /// Score algorithms on a scenario and write a report
@@ -107,8 +110,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .out
         .clone()
         .unwrap_or_else(|| Path::new("reports").join(&scenario.name));
-    let mut lineup =
-        Lineup::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
+    let mut matchers =
+        Matchers::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
             true => error.into(),
             false => usage::of_words(error),
         })?;
@@ -118,25 +121,23 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
     let earlier = folder::Aside::of(&folder, earlier)?;
     let mut report = Report::begin(&scenario, &folder)?;
-    let mut outcome = Outcome::default();
+    let mut total = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
-        let Outcome {
-            frames,
-            failures,
-            unreadable,
-            ..
-        } = report.take(run, &mut lineup, &scenario, quiet)?;
-        outcome.frames += frames;
-        outcome.failures += failures;
-        outcome.unreadable += unreadable;
+        let (outcome, ran) = report.take(run, &mut matchers, quiet);
+        total.frames += outcome.frames;
+        total.failures += outcome.failures;
+        total.losses.unreadable += outcome.losses.unreadable;
+        ran?;
+        if outcome.interrupted {
+            bail!("stopped by Ctrl-C; the report holds what was scored before");
+        }
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let incomplete = ran
-        .as_ref()
-        .err()
-        .map(usage::one_line)
-        .or_else(|| outcome.lacks());
+    let incomplete = match &ran {
+        Err(error) => Some(usage::one_line(error)),
+        Ok(()) => total.missing(),
+    };
     let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
@@ -160,7 +161,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     ran?;
     earlier.replaced()?;
-    run_info::complete(&outcome)?;
+    runner::complete(&total)?;
     if args.gate {
         gate::pass(&rulings)
     } else {
@@ -215,22 +216,42 @@ struct Report {
     folder: PathBuf,
     manifest: Manifest,
     judge: Judge,
-    rerun: RerunSink,
+    sinks: Vec<Box<dyn Sink>>,
+    rows: Outbox<Vec<Row>>,
+    checkpoints: Outbox<Vec<CheckpointRow>>,
+    pictures: Outbox<Pictures>,
 }
 
 impl Report {
     fn begin(scenario: &Scenario, folder: &Path) -> anyhow::Result<Self> {
         let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
-        let identity = Identity::new(&manifest, scenario.cells, scenario.grid.shape());
-        let labels = scenario.labels().into_iter().map(str::to_owned).collect();
-        let tables = Tables::create(folder)?;
-        let info = run_info::rerun(&manifest, &identity, run_info::wireframe(scenario, None));
+        let table = TableSink::in_folder(folder)?;
+        let checkpoints = CheckpointSink::in_folder(folder)?;
+        let pictures = PictureSink::default();
+        let info = runner::rerun_info(&manifest, runner::wireframe(scenario, None));
         folder::write_json(folder, MANIFEST, &manifest)?;
+        let (rows, verdicts) = (table.outbox(), checkpoints.outbox());
+        let (name, of_rows, of_checkpoints) =
+            (scenario.name.clone(), rows.clone(), verdicts.clone());
+        // Finished last, when the tables are known.
+        let rerun = RerunSink::new(RerunTarget::File(folder.join("run.rrd")), &info)?
+            .with_verdicts(move || {
+                let summary = summary(&of_rows, &of_checkpoints).ok()?;
+                Some(summary.verdicts_markdown(&name))
+            });
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
-            judge: Judge::new(identity, labels, scenario.checkpoints.clone(), tables),
-            rerun: RerunSink::new(RerunTarget::File(folder.join("run.rrd")), &info)?,
+            judge: scenario.judge(),
+            rows,
+            checkpoints: verdicts,
+            pictures: pictures.outbox(),
+            sinks: vec![
+                Box::new(table),
+                Box::new(checkpoints),
+                Box::new(pictures),
+                Box::new(rerun),
+            ],
         })
     }
 
@@ -238,31 +259,24 @@ impl Report {
     fn take(
         &mut self,
         run: &mut Run,
-        lineup: &mut Lineup,
-        scenario: &Scenario,
+        matchers: &mut Matchers,
         quiet: bool,
-    ) -> anyhow::Result<Outcome> {
-        let source = &mut *run.source;
-        self.judge.begin_run(run.seed);
-        self.rerun.begin_run();
-        let mut progress =
-            Progress::new(&format!("score {}", source.name()), source.pairs(), quiet);
-        let mut sinks: [&mut dyn Sink; 2] = [&mut self.judge, &mut self.rerun];
-        let ran = run_loop(
-            &mut Watched::new(source),
-            lineup,
-            scenario.grid,
+    ) -> (Outcome, svl::Result<()>) {
+        let start = RunStart {
+            manifest: &self.manifest,
+            seed: run.seed,
+            judge: &self.judge,
+        };
+        let title = format!("score {}", run.source.name());
+        runner::run_through(
+            &mut *run.source,
+            matchers,
+            &start,
             Pace::Asap,
-            &mut sinks,
-            &mut progress,
-        );
-        progress.clear();
-        self.judge.end_run()?;
-        let outcome = ran?;
-        if outcome.interrupted {
-            bail!("stopped by Ctrl-C; the report holds what was scored before");
-        }
-        Ok(outcome)
+            &mut self.sinks,
+            &title,
+            quiet,
+        )
     }
 
     fn finish(
@@ -273,20 +287,14 @@ impl Report {
         let Self {
             folder,
             mut manifest,
-            judge,
-            mut rerun,
+            ..
         } = self;
-        let Findings {
-            mut summary,
-            times_ms,
-            figures,
-            scenes,
-        } = judge.finish()?;
+        sink::finish(self.sinks)?;
+        let mut summary = summary(&self.rows, &self.checkpoints)?;
+        let Pictures { figures, scenes } = self.pictures.take().unwrap_or_default();
         summary.incomplete = incomplete;
         summary.complete(&mut manifest);
         summary.write_tables(&folder)?;
-        rerun.verdicts(&summary.verdicts_markdown(&scenario.name))?;
-        rerun.finish()?;
         folder::write(&folder, "summary.md", summary.markdown(&scenario.name))?;
         folder::write_json(&folder, "summary.json", &summary)?;
         folder::write_json(&folder, MANIFEST, &manifest)?;
@@ -294,8 +302,10 @@ impl Report {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
             identity: manifest.entries(),
+            times_ms: self
+                .rows
+                .with(|rows| times_ms(rows.map_or(&[], Vec::as_slice))),
             summary: summary.clone(),
-            times_ms,
             sweeps: sweeps(&scenario.algorithms),
             figures,
             scenes,
@@ -303,6 +313,38 @@ impl Report {
         page.write(&folder.join("index.html"))?;
         Ok((summary, manifest))
     }
+}
+
+/// The summary of the rows that the sinks left.
+fn summary(
+    rows: &Outbox<Vec<Row>>,
+    checkpoints: &Outbox<Vec<CheckpointRow>>,
+) -> svl::Result<Summary> {
+    rows.with(|rows| {
+        checkpoints.with(|checkpoints| {
+            let (rows, checkpoints) = (
+                rows.map_or(&[][..], |r| r),
+                checkpoints.map_or(&[][..], |c| c),
+            );
+            Summary::from_rows(rows, checkpoints)
+        })
+    })
+}
+
+/// Per algorithm the time of each pair, ms.
+fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
+    let mut times: Vec<(String, Vec<f64>)> = Vec::new();
+    for row in rows {
+        let ms = row.total_us as f64 / 1e3;
+        match times
+            .iter_mut()
+            .find(|(algorithm, _)| *algorithm == row.algorithm)
+        {
+            Some((_, of_algorithm)) => of_algorithm.push(ms),
+            None => times.push((row.algorithm.clone(), vec![ms])),
+        }
+    }
+    times
 }
 
 /// What identifies the run of a report.

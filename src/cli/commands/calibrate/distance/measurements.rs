@@ -8,11 +8,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::calibrate::distance::Target;
 use svl::depth;
-use svl::matcher::Algorithm;
-use svl::scenario::GridSettings;
+use svl::depth::GridSettings;
+use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::source::Source;
-use svl::stereo::{DisparityMap, MAX_SIDE};
-use svl::timing::Clock;
+use svl::stereo::{MAX_SIDE, RectifiedPair};
 
 /// More make no better curve.
 const MOST: usize = 1000;
@@ -168,18 +167,15 @@ fn measure(
     let mut source = open_recording(&recording, &Topics::default())?;
     let mut matcher = algorithm.build().map_err(usage::of_words)?;
     let settings = GridSettings::default();
-    let (mut grids, mut rig) = (Vec::new(), None);
+    let (mut grids, mut rig, mut output) = (Vec::new(), None, MatchOutput::new()?);
     while let Some(frame) = source.next()?.filter(|_| grids.len() < FRAMES) {
-        let (width, height) = frame.pair.size();
-        let mut map = DisparityMap::new(width, height)?;
-        matcher.compute(&frame.pair, &mut map, &mut Clock::start())?;
-        grids.push(depth::grid(
-            map.disparity(),
-            settings.shape(),
-            settings.min_valid,
-            None,
-        ));
-        rig = frame.rig.or(rig);
+        matcher.compute(
+            RectifiedPair::assume(&frame.pair),
+            &MatchContext::default(),
+            &mut output,
+        )?;
+        grids.push(depth::grid(output.disparity.disparity(), settings, None));
+        rig = frame.rig().copied().or(rig);
     }
     let target = Target::measure(&grids, cells).with_context(|| recording.display().to_string())?;
     let Target {

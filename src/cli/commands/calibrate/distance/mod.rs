@@ -10,8 +10,8 @@ use clap::builder::NonEmptyStringValueParser;
 use measurements::measurements;
 use report::Report;
 use std::path::{Path, PathBuf};
+use svl::depth::GridSettings;
 use svl::matcher::Algorithm;
-use svl::scenario::GridSettings;
 use svl::stereo::GridShape;
 
 /// Fit the distance that belongs to a disparity, from a target at known distances

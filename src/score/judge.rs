@@ -1,0 +1,109 @@
+//! Scores a frame once: hashes, true grid, cells, checkpoints and metrics, for every sink alike.
+
+use super::{
+    CellJudgement, CellTally, Checkpoint, CheckpointFrame, DisparityScore, judge_cells, true_grid,
+};
+use crate::depth::GridSettings;
+use crate::stereo::{CellRule, DepthGrid, Estimate, Frame};
+
+/// What a scenario expects of the frames.
+#[derive(Clone, Debug, Default)]
+pub struct Judge {
+    /// Shape of the depth grid, and when a cell is known.
+    pub grid: GridSettings,
+    /// When a reported cell counts as right.
+    pub cells: CellRule,
+    pub checkpoints: Vec<Checkpoint>,
+}
+
+/// A frame with all that is known of its estimates. Every sink reads this one.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    pub frame: Frame,
+    /// Hash of the pair's pixels.
+    pub pair_hash: u128,
+    /// In the order of the run's algorithms. An algorithm that failed on the frame is missing.
+    pub estimates: Vec<JudgedEstimate>,
+    /// The depth grid of the truth; absent without truth or without estimates.
+    pub true_grid: Option<DepthGrid>,
+}
+
+/// One algorithm's estimate with its score.
+#[derive(Clone, Debug)]
+pub struct JudgedEstimate {
+    pub estimate: Estimate,
+    /// Hash of the disparity map.
+    pub hash: u128,
+    /// Share of all pixels with a disparity, 0..=1.
+    pub coverage: f64,
+    /// Errors of the disparities; absent without truth.
+    pub score: Option<DisparityScore>,
+    /// The cells in raster order; absent without truth.
+    pub cells: Option<Vec<CellJudgement>>,
+    /// The checkpoints that the frame shows, as indices of [`Judge::checkpoints`].
+    pub checkpoints: Vec<(usize, CheckpointFrame)>,
+}
+
+impl JudgedEstimate {
+    /// Counts of the cells; absent without truth.
+    pub fn tally(&self) -> Option<CellTally> {
+        self.cells.as_deref().map(CellTally::of)
+    }
+}
+
+impl Judge {
+    /// Scores the estimates of a frame.
+    pub fn judge(&self, frame: Frame, estimates: Vec<Estimate>) -> Judged {
+        let true_grid = match estimates.is_empty() {
+            true => None,
+            false => true_grid(&frame, self.grid.shape()),
+        };
+        let estimates = estimates
+            .into_iter()
+            .map(|estimate| self.judge_estimate(&frame, true_grid.as_ref(), estimate))
+            .collect();
+        Judged {
+            pair_hash: frame.pair.hash(),
+            frame,
+            estimates,
+            true_grid,
+        }
+    }
+
+    fn judge_estimate(
+        &self,
+        frame: &Frame,
+        true_grid: Option<&DepthGrid>,
+        estimate: Estimate,
+    ) -> JudgedEstimate {
+        let map = &estimate.disparity;
+        let cells = true_grid.map(|truth| judge_cells(truth, &estimate.grid, self.cells));
+        JudgedEstimate {
+            hash: map.hash(),
+            coverage: map.coverage(),
+            score: frame
+                .truth
+                .as_ref()
+                .map(|truth| DisparityScore::of(map, truth)),
+            checkpoints: self.checkpoints_of(frame, &estimate.grid, cells.as_deref()),
+            cells,
+            estimate,
+        }
+    }
+
+    fn checkpoints_of(
+        &self,
+        frame: &Frame,
+        grid: &DepthGrid,
+        cells: Option<&[CellJudgement]>,
+    ) -> Vec<(usize, CheckpointFrame)> {
+        let (Some(pose), Some(cells)) = (&frame.pose, cells) else {
+            return Vec::new();
+        };
+        let shown = self.checkpoints.iter().enumerate();
+        shown
+            .filter(|(_, checkpoint)| checkpoint.covers(pose))
+            .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells)))
+            .collect()
+    }
+}

@@ -1,0 +1,97 @@
+//! Rows of the checkpoints: in how many frames each passes, per run and algorithm.
+
+use super::table::Identity;
+use super::{Outbox, RunEnd, RunStart, Sink};
+use crate::error::Result;
+use crate::report::{CheckpointRow, Table};
+use crate::score::{Checkpoint, CheckpointTally, Judged};
+use std::path::Path;
+
+/// Writes one row per run, checkpoint and algorithm.
+pub struct CheckpointSink {
+    table: Table<CheckpointRow>,
+    identity: Identity,
+    algorithms: Vec<String>,
+    checkpoints: Vec<Checkpoint>,
+    /// Of the run under way, by checkpoint and algorithm, with the sequences of the leading frames.
+    tallies: Vec<Vec<CheckpointTally<u64>>>,
+    kept: Vec<CheckpointRow>,
+    outbox: Outbox<Vec<CheckpointRow>>,
+}
+
+impl CheckpointSink {
+    /// Writes `checkpoints` into a folder, as `.csv` and `.parquet`.
+    ///
+    /// # Errors
+    /// As [`Table::create`].
+    pub fn in_folder(folder: &Path) -> Result<Self> {
+        Ok(Self {
+            table: Table::create_both(folder, "checkpoints")?,
+            identity: Identity::default(),
+            algorithms: Vec::new(),
+            checkpoints: Vec::new(),
+            tallies: Vec::new(),
+            kept: Vec::new(),
+            outbox: Outbox::default(),
+        })
+    }
+
+    /// Where all rows are once the sink is finished.
+    pub fn outbox(&self) -> Outbox<Vec<CheckpointRow>> {
+        self.outbox.clone()
+    }
+}
+
+impl Sink for CheckpointSink {
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        self.identity = Identity::new(start);
+        self.algorithms = start.manifest.labels().map(str::to_owned).collect();
+        self.checkpoints.clone_from(&start.judge.checkpoints);
+        let tallies = vec![CheckpointTally::default(); self.algorithms.len()];
+        self.tallies = vec![tallies; self.checkpoints.len()];
+        Ok(())
+    }
+
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        for scored in &judged.estimates {
+            let mut labels = self.algorithms.iter();
+            let Some(a) = labels.position(|label| *label == scored.estimate.algorithm) else {
+                continue;
+            };
+            for (c, verdict) in &scored.checkpoints {
+                self.tallies[*c][a].add(*verdict, || judged.frame.sequence);
+            }
+        }
+        Ok(())
+    }
+
+    fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
+        for (checkpoint, tallies) in self.checkpoints.iter().zip(&self.tallies) {
+            for (algorithm, tally) in self.algorithms.iter().zip(tallies) {
+                let row = CheckpointRow {
+                    run_id: self.identity.run_id.clone(),
+                    scenario: self.identity.scenario.clone(),
+                    seed: self.identity.seed,
+                    checkpoint: checkpoint.number,
+                    name: checkpoint.name.clone(),
+                    algorithm: algorithm.clone(),
+                    frames: tally.frames as u64,
+                    passed: tally.passed as u64,
+                    share: tally.share(),
+                    best_sequence: tally.best.as_ref().map(|(sequence, _)| *sequence),
+                    best_passed: tally.best.as_ref().map(|(_, frame)| frame.passed),
+                    worst_sequence: tally.worst.as_ref().map(|(sequence, _)| *sequence),
+                    worst_passed: tally.worst.as_ref().map(|(_, frame)| frame.passed),
+                };
+                self.table.push([row.clone()])?;
+                self.kept.push(row);
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.outbox.put(self.kept);
+        self.table.finish()
+    }
+}

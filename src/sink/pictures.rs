@@ -1,0 +1,208 @@
+//! Pictures for the report page: the best and the worst frame of each checkpoint, or the scenes.
+
+use super::table::Identity;
+use super::{Outbox, RunStart, Sink};
+use crate::error::Result;
+use crate::files;
+use crate::overlay::{self, Nearness, Picture};
+use crate::report::html::{Figure, Rank, Scene, SceneShot, Shot};
+use crate::score::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
+use crate::stereo::{DepthGrid, Plane};
+
+/// Widest picture of a frame, pixels: as wide as the arena's.
+const WIDTH: usize = 320;
+/// Widest picture of a scene: nineteen scenes through seven algorithms are a page of 5 MB, which
+/// mail still takes.
+const SCENE_WIDTH: usize = 288;
+
+/// Limit of the algorithms with pictures, spread over those of the run: a page is to be sent
+/// around.
+const PICTURED: usize = 8;
+
+/// What a report page shows.
+#[derive(Default)]
+pub struct Pictures {
+    /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3).
+    pub figures: Vec<Figure>,
+    /// One per frame where there are no checkpoints and frames have names.
+    pub scenes: Vec<Scene>,
+}
+
+/// Collects the pictures over all runs.
+#[derive(Default)]
+pub struct PictureSink {
+    identity: Identity,
+    algorithms: Vec<String>,
+    checkpoints: Vec<Checkpoint>,
+    /// By checkpoint and algorithm, with the pictures of the leading frames of all runs.
+    tallies: Vec<Vec<CheckpointTally<Shot>>>,
+    scenes: Vec<Scene>,
+    outbox: Outbox<Pictures>,
+}
+
+impl PictureSink {
+    /// Where the pictures are once the sink is finished.
+    pub fn outbox(&self) -> Outbox<Pictures> {
+        self.outbox.clone()
+    }
+
+    /// Whether the page has room for the algorithm at that place.
+    fn is_pictured(&self, algorithm: &str) -> bool {
+        pictured(&self.algorithms).contains(&algorithm)
+    }
+}
+
+impl Sink for PictureSink {
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        self.identity = Identity::new(start);
+        // All runs of a report have the same algorithms and checkpoints.
+        if self.algorithms.is_empty() {
+            self.algorithms = start.manifest.labels().map(str::to_owned).collect();
+            self.checkpoints.clone_from(&start.judge.checkpoints);
+            let tallies = vec![CheckpointTally::default(); self.algorithms.len()];
+            self.tallies = vec![tallies; self.checkpoints.len()];
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        for scored in &judged.estimates {
+            let label = &scored.estimate.algorithm;
+            let Some(a) = self.algorithms.iter().position(|l| l == label) else {
+                continue;
+            };
+            if !self.is_pictured(label) {
+                continue;
+            }
+            for &(c, verdict) in &scored.checkpoints {
+                let tally = &self.tallies[c][a];
+                let (best, worst) = tally.would_lead(&verdict);
+                let shot = match best || worst {
+                    true => Some(shot(&self.identity, judged, scored, verdict)?),
+                    false => None,
+                };
+                // The shot is there exactly when the frame leads, which is when it is asked for.
+                self.tallies[c][a].add(verdict, || shot.clone().expect("a leading frame"));
+            }
+        }
+        if let (true, Some(name)) = (self.checkpoints.is_empty(), &judged.frame.name) {
+            let scene = self.scene(name, judged)?;
+            self.scenes.push(scene);
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let figure = |(checkpoint, tallies): (Checkpoint, Vec<CheckpointTally<Shot>>)| Figure {
+            title: format!("{}. {}", checkpoint.number, checkpoint.name),
+            about: checkpoint.description,
+            shots: tallies.into_iter().flat_map(leading_shots).collect(),
+        };
+        self.outbox.put(Pictures {
+            figures: self
+                .checkpoints
+                .into_iter()
+                .zip(self.tallies)
+                .map(figure)
+                .collect(),
+            scenes: self.scenes,
+        });
+        Ok(())
+    }
+}
+
+impl PictureSink {
+    /// A scene with what the pictured algorithms make of it.
+    fn scene(&self, name: &str, judged: &Judged) -> Result<Scene> {
+        let frame = &judged.frame;
+        let max_px = Nearness::of_frame(frame).near_px();
+        let disparities =
+            |plane: &Plane<f32>| png(overlay::disparities(plane, max_px as f32), SCENE_WIDTH);
+        let shot = |scored: &JudgedEstimate| {
+            let map = &scored.estimate.disparity;
+            let errors = frame
+                .truth
+                .as_ref()
+                .map(|truth| png(overlay::errors::errors(map, truth), SCENE_WIDTH));
+            Ok(SceneShot {
+                row: self.identity.row(judged, scored),
+                disparities: disparities(map.disparity())?,
+                errors: errors.transpose()?,
+            })
+        };
+        let shown = judged
+            .estimates
+            .iter()
+            .filter(|scored| self.is_pictured(&scored.estimate.algorithm));
+        Ok(Scene {
+            title: name.to_owned(),
+            size: frame.pair.size(),
+            left: files::encode_jpeg(frame.pair.left(), SCENE_WIDTH)?,
+            max_px,
+            truth: frame
+                .truth
+                .as_ref()
+                .map(|truth| disparities(&truth.disparity))
+                .transpose()?,
+            shots: shown.map(shot).collect::<Result<_>>()?,
+        })
+    }
+}
+
+/// The algorithms whose pictures are shown: the first, the last, and what stands evenly between.
+fn pictured(algorithms: &[String]) -> Vec<&str> {
+    let count = algorithms.len().min(PICTURED);
+    let place = |i: usize| i * (algorithms.len() - 1) / (count - 1).max(1);
+    (0..count).map(|i| algorithms[place(i)].as_str()).collect()
+}
+
+fn leading_shots(tally: CheckpointTally<Shot>) -> impl Iterator<Item = (Rank, Shot)> {
+    let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)];
+    leading
+        .into_iter()
+        .filter_map(|(rank, lead)| Some((rank, lead?.0)))
+}
+
+fn shot(
+    identity: &Identity,
+    judged: &Judged,
+    scored: &JudgedEstimate,
+    verdict: CheckpointFrame,
+) -> Result<Shot> {
+    let (frame, estimate) = (&judged.frame, &scored.estimate);
+    let size = frame.pair.size();
+    let nearness = Nearness::of_frame(frame);
+    let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
+    let preview = overlay::disparities(estimate.disparity.disparity(), nearness.near_px() as f32);
+    Ok(Shot {
+        row: identity.row(judged, scored),
+        cells: identity.cells(judged, scored),
+        passed: verdict.passed,
+        left: files::encode_jpeg(frame.pair.left(), WIDTH)?,
+        size,
+        estimate: marks(&estimate.grid),
+        truth: judged.true_grid.as_ref().map(marks),
+        preview: png(preview, WIDTH)?,
+    })
+}
+
+fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
+    let Picture { codes, palette } = picture.at_most(width);
+    files::encode_palette_png(&codes, &palette)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_spread_over_the_algorithms() {
+        let names = |n: usize| (0..n).map(|i| i.to_string()).collect::<Vec<_>>();
+        assert_eq!(pictured(&names(3)), ["0", "1", "2"]);
+        assert_eq!(
+            pictured(&names(32)),
+            ["0", "4", "8", "13", "17", "22", "26", "31"]
+        );
+        assert!(pictured(&[]).is_empty());
+    }
+}

@@ -1,0 +1,186 @@
+//! Rows of the tables: one per pair and algorithm, one per cell.
+
+use super::{Outbox, RunStart, Sink};
+use crate::error::Result;
+use crate::manifest::Contestant;
+use crate::report::{CellRow, Row, Table};
+use crate::score::{CellJudgement, DisparityScore, Judged, JudgedEstimate};
+use crate::stereo::CellRule;
+use crate::timing::Stage;
+use std::path::Path;
+use std::time::Duration;
+
+/// Writes the rows of a run, and keeps them for its summary.
+pub struct TableSink {
+    rows: Table<Row>,
+    cells: Option<Table<CellRow>>,
+    identity: Identity,
+    kept: Vec<Row>,
+    outbox: Outbox<Vec<Row>>,
+}
+
+impl TableSink {
+    /// Writes the rows to a file where one is given, `.csv` or `.parquet`.
+    ///
+    /// # Errors
+    /// As [`Table::create`].
+    pub fn new(path: Option<&Path>) -> Result<Self> {
+        let rows = path.map_or_else(|| Ok(Table::in_memory()), Table::create)?;
+        Ok(Self::with_tables(rows, None))
+    }
+
+    /// Writes `rows` and `cells` into a folder, each as `.csv` and `.parquet`.
+    ///
+    /// # Errors
+    /// As [`Table::create`].
+    pub fn in_folder(folder: &Path) -> Result<Self> {
+        let rows = Table::create_both(folder, "rows")?;
+        Ok(Self::with_tables(
+            rows,
+            Some(Table::create_both(folder, "cells")?),
+        ))
+    }
+
+    fn with_tables(rows: Table<Row>, cells: Option<Table<CellRow>>) -> Self {
+        Self {
+            rows,
+            cells,
+            identity: Identity::default(),
+            kept: Vec::new(),
+            outbox: Outbox::default(),
+        }
+    }
+
+    /// Where all rows are once the sink is finished.
+    pub fn outbox(&self) -> Outbox<Vec<Row>> {
+        self.outbox.clone()
+    }
+}
+
+impl Sink for TableSink {
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        self.identity = Identity::new(start);
+        Ok(())
+    }
+
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        for estimate in &judged.estimates {
+            // The cells first: a row in the file means that its cells are there too.
+            if let Some(cells) = &mut self.cells {
+                cells.push(self.identity.cells(judged, estimate))?;
+            }
+            let row = self.identity.row(judged, estimate);
+            self.rows.push([row.clone()])?;
+            self.kept.push(row);
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        // Also of an incomplete table the rows are known.
+        self.outbox.put(self.kept);
+        let cells = self.cells.map_or(Ok(()), Table::finish);
+        self.rows.finish().and(cells)
+    }
+}
+
+/// What all rows of a run share.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Identity {
+    pub run_id: String,
+    pub scenario: String,
+    pub seed: Option<u64>,
+    algorithms: Vec<Contestant>,
+    rule: CellRule,
+}
+
+impl Identity {
+    pub(super) fn new(start: &RunStart<'_>) -> Self {
+        Self {
+            run_id: start.manifest.run_id.clone(),
+            scenario: start.manifest.scenario.clone(),
+            seed: start.seed,
+            algorithms: start.manifest.algorithms.clone(),
+            rule: start.judge.cells,
+        }
+    }
+
+    /// An estimate as a row.
+    pub(super) fn row(&self, judged: &Judged, scored: &JudgedEstimate) -> Row {
+        let (frame, estimate) = (&judged.frame, &scored.estimate);
+        let algorithm = self
+            .algorithms
+            .iter()
+            .find(|algorithm| algorithm.label == estimate.algorithm);
+        let (width, height) = frame.pair.size();
+        let tally = scored.tally();
+        let count = |n: usize| n as u64;
+        // Obstacles are a matter of distance: without distances, none missed would be said of none
+        // looked for.
+        let obstacles = tally
+            .filter(|_| matches!(self.rule, CellRule::Distance { .. }) && frame.rig().is_some());
+        let us = |time: Duration| time.as_micros() as u64;
+        let stage = |stage| us(estimate.times.get(stage));
+        Row {
+            run_id: self.run_id.clone(),
+            scenario: self.scenario.clone(),
+            sequence: frame.sequence,
+            stamp_ns: frame.stamp_ns,
+            name: frame.name.clone().unwrap_or_default(),
+            seed: self.seed,
+            pair_hash: format!("{:032x}", judged.pair_hash),
+            algorithm: estimate.algorithm.clone(),
+            parameters_hash: algorithm.map_or_else(String::new, |a| a.parameters_hash.clone()),
+            width: width as u32,
+            height: height as u32,
+            disparities: algorithm.and_then(|a| a.disparities),
+            smoothing_us: stage(Stage::Smoothing),
+            texture_us: stage(Stage::Texture),
+            matching_us: stage(Stage::Matching),
+            checks_us: stage(Stage::Checks),
+            total_us: us(estimate.times.total()),
+            coverage: scored.coverage,
+            bad1: scored.score.as_ref().and_then(DisparityScore::bad1),
+            bad2: scored.score.as_ref().and_then(DisparityScore::bad2),
+            invalid: scored.score.as_ref().and_then(DisparityScore::invalid),
+            cells_right: tally.map(|t| count(t.right)),
+            cells_wrong: tally.map(|t| count(t.wrong)),
+            cells_unknown: tally.map(|t| count(t.unknown)),
+            missed_obstacles: obstacles.map(|t| count(t.missed_obstacles)),
+            false_obstacles: obstacles.map(|t| count(t.false_obstacles)),
+            result_hash: format!("{:032x}", scored.hash),
+        }
+    }
+
+    /// The cells of an estimate as rows, in raster order.
+    pub(super) fn cells(&self, judged: &Judged, scored: &JudgedEstimate) -> Vec<CellRow> {
+        let estimate = &scored.estimate;
+        let judgement = |i: usize| {
+            let cells = scored.cells.as_ref();
+            cells.map_or(CellJudgement::NO_TRUTH, |cells| cells[i])
+        };
+        let row = |(i, ((column, row), cell)): (usize, ((usize, usize), &crate::stereo::Cell))| {
+            let judgement = judgement(i);
+            CellRow {
+                run_id: self.run_id.clone(),
+                scenario: self.scenario.clone(),
+                sequence: judged.frame.sequence,
+                seed: self.seed,
+                algorithm: estimate.algorithm.clone(),
+                column: column as u32,
+                row: row as u32,
+                valid_share: cell.valid_share,
+                median_px: cell.depth.map(|d| d.median_px.into()),
+                p20_px: cell.depth.map(|d| d.p20_px.into()),
+                p80_px: cell.depth.map(|d| d.p80_px.into()),
+                distance_m: cell.depth.and_then(|d| d.distance_m),
+                true_median_px: judgement.true_px,
+                true_distance_m: judgement.true_m,
+                verdict: judgement.verdict,
+                missed_obstacle: judgement.missed_obstacle,
+                false_obstacle: judgement.false_obstacle,
+            }
+        };
+        estimate.grid.iter().enumerate().map(row).collect()
+    }
+}
