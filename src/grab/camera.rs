@@ -76,16 +76,15 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// What both cameras can be set to.
+    /// The settings that both cameras have.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when there is nothing.
+    /// [`Error::Camera`] when there are none.
     pub fn common(&self, other: &Self) -> Result<Self> {
         let (a, b) = (self, other);
         let nothing = |what: &str, a: String, b: String| {
-            Err(Error::Invalid(format!(
-                "the cameras have no {what} in common: left {a}, right {b}; use two alike"
-            )))
+            let reason = format!("no {what} in common: left {a}, right {b}; use two alike");
+            Err(Error::camera("the cameras", reason))
         };
         let shutter_us = *a.shutter_us.start().max(b.shutter_us.start())
             ..=*a.shutter_us.end().min(b.shutter_us.end());

@@ -327,7 +327,7 @@ mod tests {
         let coordinator = Coordinator {
             orders: [Mailbox::new(&clock), Mailbox::new(&clock)],
             reports: reports.clone(),
-            firing: Policy::Free { period_ns: 1 }.into(),
+            firing: Policy::FreeRunning { period_ns: 1 }.into(),
             pairing: Pairing::new(Rule::Arrival),
             pairless: Pairless::default(),
             balance: Balance::new(limits, settings, 1),

@@ -46,7 +46,7 @@ impl From<Policy> for Firing {
                 pulses: VecDeque::new(),
             },
             Policy::FixedRate { trigger, period_ns } => Self::FixedRate { trigger, period_ns },
-            Policy::Free { period_ns } => Self::Elsewhere {
+            Policy::FreeRunning { period_ns } => Self::Elsewhere {
                 period_ns,
                 _pulser: None,
             },
@@ -79,7 +79,7 @@ impl Firing {
                 *due_ns = was_due_ns
                     .max(now_ns.saturating_sub(*period_ns))
                     .saturating_add(*period_ns);
-                let pulse = trigger.fire()?;
+                let pulse = trigger.pulse()?;
                 let strays = pulses
                     .back()
                     .map_or(0, |last| pulse.id.saturating_sub(last.id + 1));

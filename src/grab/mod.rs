@@ -22,209 +22,105 @@ mod camera;
 mod clock;
 mod coordinator;
 mod device_clock;
+mod driver;
 mod exposure;
 mod firing;
-#[cfg(feature = "genicam")]
 pub mod genicam;
+mod grabber;
 mod mailbox;
 mod pairing;
 mod pairless;
 mod pulser;
 mod queue;
+mod request;
 mod serial;
 pub mod simulated;
 mod tally;
 mod trigger;
-#[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub mod v4l2;
 mod watch;
 
 pub use camera::{Camera, Capture, Limits, Settings, Side, Taken};
 pub use clock::{Clock, Participant};
 pub use device_clock::DeviceClock;
+pub use driver::{CameraPair, CameraRequest, Driver, DriverFunctions, Host, ListedCamera};
 pub use exposure::Balance;
+pub use grabber::{Grabber, Setup};
 pub use pairing::{ARRIVAL_BYTES, Pairing, Rule, Unpaired, WAITING};
 pub use queue::{Pushed, Queue, WhenFull};
+pub use request::{GrabRequest, PairBy};
 pub use serial::SerialTrigger;
 pub use tally::Tally;
-pub use trigger::{Policy, Pulse, Trigger};
+pub use trigger::{Policy, Pulse, RATES_HZ, Trigger, TriggerSource};
 
 use crate::error::{Error, Result};
-use crate::stereo::{Frame, Rig};
-use acquire::{Report, acquire};
-use coordinator::Coordinator;
-use mailbox::Mailbox;
-use pairless::Pairless;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
-use watch::CameraState;
 
-/// Two cameras and how to grab from them.
-pub struct Setup {
-    pub clock: Arc<Clock>,
-    /// Left, right.
-    pub cameras: [Box<dyn Camera>; 2],
-    pub policy: Policy,
-    pub rule: Rule,
-    /// What both cameras are exposed with at first, within the limits that they have in common.
-    pub settings: Settings,
-    /// Longest shutter of the exposure balance, so that the rate can be held.
-    pub max_shutter_us: u32,
-    /// Pairs from one look of the exposure balance to the next.
-    pub balance_every: u32,
-    /// How long a camera may take for what it has to do, beyond its shutter time, and beyond the
-    /// period where nothing of svl's fires it. The third time in a row that it does not is an
-    /// error.
-    pub timeout: Duration,
-    /// Pairs that may wait for the writer.
-    pub queue: usize,
-    pub when_full: WhenFull,
-    pub rig: Option<Rig>,
+/// Every camera driver svl knows. A new one is its folder and one line here.
+pub const DRIVERS: &[Driver] = &[simulated::DRIVER, v4l2::DRIVER, genicam::DRIVER];
+
+/// The driver whose cameras `source` names, as `v4l2:/dev/video0,/dev/video2`.
+pub fn driver(source: &str) -> Option<&'static Driver> {
+    let name = source.split(':').next();
+    DRIVERS.iter().find(|driver| Some(driver.name) == name)
 }
 
-/// A running grabber. Dropping it ends its threads.
-pub struct Grabber {
-    clock: Arc<Clock>,
-    reports: Arc<Mailbox<Report>>,
-    queue: Arc<Queue<Frame>>,
-    tally: Arc<Mutex<Tally>>,
-    threads: Vec<JoinHandle<()>>,
-    last_stamp_ns: Option<u64>,
-}
+/// Settings of both cameras before the exposure balance has seen a pair.
+const FIRST: Settings = Settings {
+    shutter_us: 4_000,
+    gain_mdb: 0,
+};
+/// Pairs from one step of the exposure balance to the next.
+const BALANCE_EVERY: u32 = 10;
 
-impl Grabber {
-    /// Starts the threads.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] when the cameras have no settings in common; [`Error::Io`] when there can
-    /// be no more threads.
-    pub fn start(setup: Setup) -> Result<Self> {
-        let Setup {
-            clock,
-            cameras,
-            policy,
-            rule,
-            settings,
-            rig,
-            ..
-        } = setup;
-        let mut limits = cameras[0].limits().common(&cameras[1].limits())?;
-        let (shortest, longest) = (*limits.shutter_us.start(), *limits.shutter_us.end());
-        limits.shutter_us = shortest..=longest.min(setup.max_shutter_us).max(shortest);
-        let settings = Settings {
-            shutter_us: settings
-                .shutter_us
-                .clamp(shortest, *limits.shutter_us.end()),
-            gain_mdb: settings
-                .gain_mdb
-                .clamp(*limits.gain_mdb.start(), *limits.gain_mdb.end()),
-        };
-        let reports = Mailbox::new(&clock);
-        let orders = [Mailbox::new(&clock), Mailbox::new(&clock)];
-        let queue = Arc::new(Queue::new(setup.queue, setup.when_full));
-        let tally = Arc::new(Mutex::new(Tally::default()));
-        let states = Side::BOTH.map(|side| CameraState::new(side, cameras[side as usize].name()));
-        let coordinator = Coordinator {
-            clock: clock.clone(),
-            orders: orders.clone(),
-            reports: reports.clone(),
-            firing: policy.into(),
-            pairing: Pairing::new(rule),
-            pairless: Pairless::default(),
-            balance: Balance::new(limits, settings, setup.balance_every.max(1)),
-            queue: queue.clone(),
-            tally: tally.clone(),
-            rig,
-            timeout_ns: setup.timeout.as_nanos().min(u64::MAX.into()) as u64,
-            cameras: states,
-            planned: (0, settings),
-            told_apart: false,
-        };
-        // All are reckoned with before the first begins.
-        let mut work: Vec<(String, Box<dyn FnOnce() + Send>)> = Vec::new();
-        for ((side, camera), orders) in Side::BOTH.into_iter().zip(cameras).zip(orders) {
-            let (reports, participant) = (reports.clone(), clock.enter());
-            let thread = move || {
-                acquire(side, camera, &orders, &reports);
-                drop(participant);
-            };
-            work.push((format!("{} camera", side.name()), Box::new(thread)));
-        }
-        let participant = clock.enter();
-        work.push((
-            "coordinator".to_owned(),
-            Box::new(move || {
-                coordinator.run();
-                drop(participant);
-            }),
-        ));
-        let mut grabber = Self {
-            clock,
-            reports,
-            queue,
-            tally,
-            threads: Vec::new(),
-            last_stamp_ns: None,
-        };
-        for (name, work) in work {
-            let thread = std::thread::Builder::new().name(name.clone()).spawn(work);
-            grabber.threads.push(thread.map_err(|e| {
-                Error::Invalid(format!("cannot start a thread for the {name}: {e}"))
-            })?);
-        }
-        Ok(grabber)
-    }
-
-    /// The next pair, waiting for it. Asking for it says that the one before was written.
-    ///
-    /// # Errors
-    /// [`Error::Camera`] when a camera or the trigger failed, once, after all pairs from before.
-    pub fn next_pair(&mut self) -> Result<Option<Frame>> {
-        self.next_pair_unless(|| false)
-    }
-
-    /// As [`Grabber::next_pair`], but nothing once `stopped`, which is asked again and again.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn next_pair_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
-        if let Some(stamp_ns) = self.last_stamp_ns.take() {
-            let lateness_ns = self.clock.now_ns().saturating_sub(stamp_ns);
-            // Saturates at an hour.
-            self.tally
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .lateness_ns
-                .saturating_record(lateness_ns);
-        }
-        let frame = self.queue.pop_unless(stopped)?;
-        self.last_stamp_ns = frame.as_ref().map(|frame| frame.stamp_ns);
-        Ok(frame)
-    }
-
-    /// Ends the threads, and says what was done.
-    pub fn stop(&mut self) -> Tally {
-        self.reports.close();
-        let unread = self.queue.abandon();
-        // A driver that never returns cannot be waited for.
-        let began = Instant::now();
-        while began.elapsed() < STOPPING && self.threads.iter().any(|thread| !thread.is_finished())
-        {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        self.threads.clear();
-        let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
-        tally.unread += unread as u64;
-        tally.clone()
-    }
-}
-
-/// How long threads may take to end; cameras look for orders several times in it.
-const STOPPING: Duration = Duration::from_millis(500);
-
-impl Drop for Grabber {
-    fn drop(&mut self) {
-        self.stop();
-    }
+/// Opens the two cameras that `source` names and grabs from them.
+///
+/// # Errors
+/// [`Error::Invalid`] and [`Error::ParameterValue`] for a request that contradicts itself or its
+/// driver, [`Error::Camera`] for the state of cameras and triggers, or when [`Host::stopped`].
+pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabber> {
+    let driver = driver(source).ok_or_else(|| {
+        let sources: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
+        Error::Invalid(format!(
+            "{source}: no such cameras; expected {}",
+            sources.join(" or ")
+        ))
+    })?;
+    let trigger = request.trigger_source(driver, source)?;
+    let functions = driver.functions.as_ref();
+    let functions = functions.map_err(|cure| {
+        Error::camera(
+            source,
+            format!("this svl was built without {}; {cure}", driver.name),
+        )
+    })?;
+    let clock = Clock::real();
+    let pair = (functions.open)(&CameraRequest {
+        driver,
+        text: source.split_once(':').map_or("", |(_, text)| text),
+        trigger: &trigger,
+        rate_hz: request.rate_hz(&trigger),
+        clock: &clock,
+        seed: request.seed.or(driver.default_seed).unwrap_or(0),
+        host,
+    })?;
+    let period_ns = driver::period_ns(pair.rate_hz);
+    let policy = match (pair.trigger, &trigger) {
+        (None, _) => Policy::FreeRunning { period_ns },
+        (Some(trigger), TriggerSource::FixedRate(_)) => Policy::FixedRate { trigger, period_ns },
+        (Some(trigger), _) => Policy::Coordinated { trigger, period_ns },
+    };
+    Grabber::start(Setup {
+        clock,
+        cameras: pair.cameras,
+        policy,
+        rule: request.rule(driver, &trigger, period_ns),
+        settings: FIRST,
+        // The other half of a period is for arming and transfer.
+        max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
+        balance_every: BALANCE_EVERY,
+        timeout: request.timeout,
+        queue: request.queue,
+        when_full: request.when_full,
+        rig: pair.rig,
+    })
 }

@@ -30,7 +30,7 @@ impl Pulser {
         std::thread::spawn(move || {
             let mut due_ns = clock.now_ns();
             while stop.receive(due_ns) == Received::Nothing {
-                if let Err(error) = trigger.fire() {
+                if let Err(error) = trigger.pulse() {
                     // Whatever the side, it ends the run.
                     reports.send(Report {
                         side: Side::Left,

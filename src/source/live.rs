@@ -2,7 +2,7 @@
 
 use super::Source;
 use crate::error::{Error, Result};
-use crate::grab::Grabber;
+use crate::grab::{self, GrabRequest, Grabber, Host};
 use crate::stereo::{Frame, GrabberReport, Losses};
 
 /// A running grabber as a source that ends when it is told to.
@@ -13,9 +13,27 @@ pub struct LiveSource {
     grabber: Grabber,
     stopped: fn() -> bool,
     pairs: u64,
+    seed: Option<u64>,
 }
 
 impl LiveSource {
+    /// Opens the two cameras that `name` names, as `v4l2:/dev/video0,/dev/video2`, and starts to
+    /// grab.
+    ///
+    /// # Errors
+    /// Those of [`grab::open`].
+    pub fn open(name: &str, request: &GrabRequest, host: Host<'_>) -> Result<Self> {
+        let mut source = Self::new(name, grab::open(name, request, host)?, host.stopped);
+        let default_seed = grab::driver(name).and_then(|driver| driver.default_seed);
+        source.seed = request.seed.or(default_seed);
+        Ok(source)
+    }
+
+    /// The seed that the images depend on, where they do.
+    pub fn seed(&self) -> Option<u64> {
+        self.seed
+    }
+
     /// `stopped`: asked while no pair comes, whether to end.
     pub fn new(name: impl Into<String>, grabber: Grabber, stopped: fn() -> bool) -> Self {
         Self {
@@ -23,6 +41,7 @@ impl LiveSource {
             grabber,
             stopped,
             pairs: 0,
+            seed: None,
         }
     }
 }

@@ -61,9 +61,9 @@ const WRONG: &[(&str, &str)] = &[
     ("calibrate convert a.xml b.yaml --to euroc", "read only"),
     ("completions nosuch", "nosuch | bash"),
     // Cameras.
-    ("record sim:foo=1", "foo=1 | arm_ms"),
+    ("record sim:foo=1", "no option 'foo' | arm_ms"),
     ("record sim:size=8x8", "size=8x8 | 16 to 4096"),
-    ("record sim:arm_ms=abc", "arm_ms=abc | 0 to 60000"),
+    ("record sim:arm_ms=abc", "arm_ms=abc | 0..=60000"),
     ("record sim:scene=board,size=64x48", "640x480 | 64x48"),
     ("record sim:pictures=9999", "9999 pictures of 640x480"),
     ("record /dev/video0", "v4l2:/dev/video0,/dev/video2"),

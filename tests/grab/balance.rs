@@ -274,7 +274,7 @@ fn limits_in_common() {
         ..LIMITS
     };
     let error = LIMITS.common(&short).unwrap_err().to_string();
-    let words = "the cameras have no shutter time in common: left 100 to 10000 µs, right 20000 to \
+    let words = "the cameras: no shutter time in common: left 100 to 10000 µs, right 20000 to \
                  30000 µs; use two alike";
     assert_eq!(error, words);
     let error = LIMITS

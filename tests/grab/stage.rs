@@ -82,7 +82,7 @@ impl Stage {
         let [left, right] = tempers;
         let camera = |side, temper| -> Box<dyn Camera> {
             let drive = match fired {
-                Fired::Freely => Drive::Free { period_ns },
+                Fired::Freely => Drive::FreeRunning { period_ns },
                 _ => Drive::Wire(wire.clone()),
             };
             Box::new(SimulatedCamera::new(
@@ -99,7 +99,7 @@ impl Stage {
         let policy = match fired {
             Fired::WhenArmed => Policy::Coordinated { trigger, period_ns },
             Fired::AtFixedRate => Policy::FixedRate { trigger, period_ns },
-            Fired::Freely => Policy::Free { period_ns },
+            Fired::Freely => Policy::FreeRunning { period_ns },
         };
         Grabber::start(Setup {
             clock,

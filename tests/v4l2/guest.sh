@@ -82,7 +82,7 @@ refused 1 v4l2:/dev/video3,/dev/video0 "/dev/video3: captures no images"
 refused 1 v4l2:/dev/null,/dev/video0 "/dev/null: is no video device"
 refused 1 "$both,size=123x45" "no GREY, YUYV or MJPG mode of 123x45 in common"
 refused 1 "$both,format=MJPG" "no MJPG mode in common"
-refused 2 "$both" "V4L2 has no way to fire a camera" --trigger software
+refused 2 "$both" "svl cannot trigger v4l2 cameras" --trigger software
 refused 2 "$both" "use --pairing stamp" --pairing trigger
 control 1 inject_vidioc_streamon_error=1
 refused 1 "$both" "/dev/video1: "
@@ -128,7 +128,7 @@ for name in gone fatal damaged; do
 done
 
 # Webcams by the kernel's USB driver, with a shutter and a gain to be set, and JPEGs without Huffman tables.
-plug() { python3 "$house/tests/v4l2/webcam.py" "$1" "$house/src/grab/v4l2/webcam.jpg" >"/mnt/webcam$1.set" & }
+plug() { python3 "$house/tests/v4l2/webcam.py" "$1" "$house/src/grab/v4l2/linux/webcam.jpg" >"/mnt/webcam$1.set" & }
 webcams() { grep -lx 0 /dev/null $(grep -l "Test webcam" /sys/class/video4linux/*/name | sed 's/name$/index/') | cut -d/ -f5; }
 plug 0
 left_cord=$!

@@ -1,52 +1,62 @@
-//! What cameras are asked for on the command line: how they are fired, paired and queued.
+//! Options for cameras: trigger, pairing, queue; what the drivers' table adds to help and lists.
 
-use super::cameras::{Cameras, RATES_HZ, TriggerChoice, Wanted, has_trigger};
-use super::progress::{interrupted, listen_for_interrupt};
+use super::output::print;
+use super::progress::{Progress, interrupted, listen_for_interrupt};
 use super::rectify::Recorded;
 use super::source::Opened;
 use super::usage;
+use std::fmt::Write;
+use std::sync::OnceLock;
 use std::time::Duration;
-use svl::grab::{Clock, Grabber, Rule, Settings, Setup, WhenFull};
+use svl::grab::{DRIVERS, Driver, GrabRequest, Host, PairBy, RATES_HZ, TriggerSource, WhenFull};
+use svl::matcher::Value;
 use svl::recording::Header;
 use svl::source::LiveSource;
 
-/// What only cameras take.
+/// Options that only cameras take.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Cameras")]
 pub(crate) struct LiveArgs {
-    /// What fires them: svl when both are armed, the trigger controller at DEVICE then, a fixed
-    /// rate, or each itself [default: software; with v4l2 free]
+    /// Trigger source: svl when both cameras are armed, the trigger controller at DEVICE when both
+    /// are armed, svl at a fixed rate, or none: free-running cameras [default: software where the
+    /// driver can trigger, else free]
     #[arg(long, value_name = "software|serial:DEVICE|fixed:HZ|free")]
-    trigger: Option<TriggerChoice>,
-    /// Pairs a second: at most with software and serial, exactly with free [default: 30]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = usage::within(RATES_HZ))]
+    trigger: Option<TriggerSource>,
+    /// Pairs per second: at most with software and serial, exactly with free [default: 30]
+    #[arg(
+        long,
+        value_name = "HZ",
+        allow_negative_numbers = true,
+        value_parser = usage::within(RATES_HZ)
+    )]
     rate: Option<f64>,
-    /// What makes a pair: one trigger pulse, near stamps, or the order of arrival, which shows what
-    /// goes wrong without either [default: trigger with software and serial, else stamp; with v4l2
-    /// stamp]
+    /// What makes a pair: the same trigger pulse, the nearest stamps, or the order of arrival, which
+    /// shows what goes wrong without either [default: trigger with software and serial where the
+    /// driver can trigger, else stamp]
     #[arg(long, value_name = "trigger|stamp|order")]
     pairing: Option<PairingChoice>,
     /// Pairs that may wait for the disk [default: 64]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(1..=4096u16))]
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        value_parser = usage::within(1..=4096u16)
+    )]
     queue: Option<u16>,
-    /// When so many wait: let the cameras wait too, or drop pairs and count them [default: drop]
+    /// When the queue is full: let the cameras wait (backpressure), or drop pairs and count them
+    /// [default: drop]
     #[arg(long, value_name = "wait|drop")]
     when_full: Option<FullChoice>,
-    /// How long a camera may be silent, beyond the period of one that nobody fires; the third time
-    /// in a row ends the recording [default: 1]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.01..=86_400.0))]
+    /// Watchdog: how long a camera may be silent, beyond the period where svl does not trigger it;
+    /// the third time in a row ends the recording [default: 1]
+    #[arg(
+        long,
+        value_name = "S",
+        allow_negative_numbers = true,
+        value_parser = usage::within(0.01..=86_400.0)
+    )]
     timeout: Option<f64>,
 }
-
-const RATE_HZ: f64 = 30.0;
-const QUEUE: u16 = 64;
-/// What cameras begin with, before the exposure balance has seen anything.
-const FIRST: Settings = Settings {
-    shutter_us: 4_000,
-    gain_mdb: 0,
-};
-/// Pairs between two looks of the exposure balance.
-const BALANCE_EVERY: u32 = 10;
 
 #[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
 enum PairingChoice {
@@ -62,7 +72,7 @@ enum FullChoice {
 }
 
 impl LiveArgs {
-    /// Refuses what was given for cameras when there are none.
+    /// Refuses options for cameras where the source is none.
     pub(crate) fn none_given(&self, source: &str) -> anyhow::Result<()> {
         let given = [
             (self.trigger.is_some(), "--trigger"),
@@ -80,7 +90,7 @@ impl LiveArgs {
         }
     }
 
-    /// Starts the cameras that `name` says.
+    /// Starts the cameras that `name` names.
     pub(crate) fn open(
         &self,
         name: &str,
@@ -88,46 +98,21 @@ impl LiveArgs {
         max_skew_ms: Option<f64>,
         quiet: bool,
     ) -> anyhow::Result<Opened> {
-        let (kind, settings) = name.split_once(':').unwrap_or((name, ""));
-        let trigger = self.trigger(kind);
-        self.check(kind, &trigger, max_skew_ms)?;
         listen_for_interrupt();
-        let clock = Clock::real();
-        let wanted = Wanted {
-            rate_hz: self.rate_hz(&trigger),
-            trigger,
-            clock: clock.clone(),
-            seed,
-            quiet,
-        };
-        let Cameras {
-            cameras,
-            policy,
-            period_ns,
-            rig,
-            seed,
-        } = wanted.cameras(kind, settings)?;
-        let rule = self.rule(kind, &wanted.trigger, period_ns, max_skew_ms);
-        let grabber = Grabber::start(Setup {
-            clock,
-            cameras,
-            policy,
-            rule,
-            settings: FIRST,
-            // Half a period is left for arming and transfer.
-            max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
-            balance_every: BALANCE_EVERY,
-            timeout: Duration::from_secs_f64(self.timeout.unwrap_or(1.0)),
-            queue: self.queue.unwrap_or(QUEUE).into(),
-            when_full: match self.when_full {
-                Some(FullChoice::Wait) => WhenFull::Wait,
-                _ => WhenFull::Drop,
+        // Most cameras begin at once and show no bar.
+        let bar = OnceLock::new();
+        let host = Host {
+            stopped: interrupted,
+            progress: &|count| {
+                bar.get_or_init(|| Progress::new("rendering", count, quiet))
+                    .step();
             },
-            rig,
-        })?;
-        let source = LiveSource::new(name, grabber, interrupted);
+        };
+        let opened = LiveSource::open(name, &self.request(seed, max_skew_ms), host);
+        bar.into_inner().into_iter().for_each(Progress::clear);
+        let source = opened.map_err(usage::of_words)?;
         let header = Header {
-            seed,
+            seed: source.seed(),
             ..Header::new(name)
         };
         Ok(Opened {
@@ -135,85 +120,111 @@ impl LiveArgs {
             source: Box::new(source),
             header,
             scenario: None,
-            stem: kind.into(),
+            stem: name.split(':').next().unwrap_or(name).to_owned(),
             recorded: Recorded::default(),
         })
     }
 
-    /// Refuses what contradicts itself.
-    fn check(
-        &self,
-        kind: &str,
-        trigger: &TriggerChoice,
-        max_skew_ms: Option<f64>,
-    ) -> anyhow::Result<()> {
-        let wrong = match (self.pairing, trigger) {
-            (_, TriggerChoice::Software | TriggerChoice::Fixed(_)) if !has_trigger(kind) => {
-                "V4L2 has no way to fire a camera; leave --trigger out, or use serial:DEVICE if a \
-                 controller fires both"
-            }
-            (Some(PairingChoice::Trigger), TriggerChoice::Free) => {
-                "free-running cameras have no trigger to be paired by; use --pairing stamp"
-            }
-            (Some(PairingChoice::Trigger), _) if !has_trigger(kind) => {
-                "V4L2 cameras do not say which pulse an image is of; use --pairing stamp"
-            }
-            (_, TriggerChoice::Fixed(_)) if self.rate.is_some() => {
-                "--trigger fixed:HZ says the rate already; leave --rate out"
-            }
-            _ if max_skew_ms.is_some()
-                && !matches!(self.rule(kind, trigger, 0, max_skew_ms), Rule::Stamp { .. }) =>
-            {
-                "--max-skew-ms is for --pairing stamp"
-            }
-            _ => return Ok(()),
-        };
-        Err(usage::wrong(wrong))
+    fn request(&self, seed: Option<u64>, max_skew_ms: Option<f64>) -> GrabRequest {
+        let default = GrabRequest::default();
+        GrabRequest {
+            trigger: self.trigger.clone(),
+            rate_hz: self.rate,
+            pairing: self.pairing.map(|pairing| match pairing {
+                PairingChoice::Trigger => PairBy::Pulse,
+                PairingChoice::Stamp => PairBy::Stamp,
+                PairingChoice::Order => PairBy::Order,
+            }),
+            max_skew_ns: max_skew_ms.map(|ms| (ms * 1e6) as u64),
+            queue: self.queue.map_or(default.queue, usize::from),
+            when_full: match self.when_full {
+                Some(FullChoice::Wait) => WhenFull::Wait,
+                Some(FullChoice::Drop) => WhenFull::Drop,
+                None => default.when_full,
+            },
+            timeout: self
+                .timeout
+                .map_or(default.timeout, Duration::from_secs_f64),
+            seed,
+        }
     }
+}
 
-    fn trigger(&self, kind: &str) -> TriggerChoice {
-        let usual = if has_trigger(kind) {
-            TriggerChoice::Software
+/// Prints the cameras of this machine, and the serial ports where a trigger controller may be.
+pub(crate) fn list() -> anyhow::Result<()> {
+    let mut text = String::new();
+    for driver in DRIVERS {
+        match &driver.functions {
+            Ok(functions) => {
+                let cameras = (functions.list)();
+                if cameras.is_empty() {
+                    writeln!(text, "{:<22}  no camera found", driver.name)?;
+                }
+                for camera in cameras {
+                    writeln!(text, "{:<22}  camera: {}", camera.name, camera.description)?;
+                    for mode in &camera.modes {
+                        writeln!(text, "{:<22}  {mode}", "")?;
+                    }
+                }
+            }
+            Err(cure) => writeln!(text, "{:<22}  not built in; {cure}", driver.name)?,
+        }
+    }
+    for port in serial2::SerialPort::available_ports().unwrap_or_default() {
+        writeln!(text, "serial:{:<15}  serial port", port.display())?;
+    }
+    print(&text)
+}
+
+/// Where the explanation of a source begins in the help of `svl record`, that of an option, and the
+/// last column of a line.
+const COLUMN: usize = 18;
+const OPTION_COLUMN: usize = 38;
+const LAST_COLUMN: usize = 78;
+
+/// The drivers with their options, as lines of the help of `svl record`.
+pub(crate) fn drivers_help() -> String {
+    DRIVERS.iter().map(driver_help).collect()
+}
+
+fn driver_help(driver: &Driver) -> String {
+    let has_options = !(driver.options.is_empty() && driver.camera_options.is_empty());
+    let options = match (has_options, driver.cameras) {
+        (false, _) => "",
+        (true, "") => "[:OPTION=VALUE,…]",
+        (true, _) => "[,OPTION=VALUE,…]",
+    };
+    let mut text = format!("  {}{options}\n", driver.source());
+    let missing = driver.functions.as_ref().err();
+    let missing = missing.map_or(String::new(), |cure| format!("; not built in: {cure}"));
+    text += &wrapped("", COLUMN, &format!("{}{missing}", driver.help));
+    for option in driver.options.iter().chain(driver.camera_options) {
+        let default = match option.range.default() {
+            Value::Text(text) => text,
+            default => default.to_string(),
+        };
+        let head = format!("{:COLUMN$}{}={default}", "", option.name);
+        text += &wrapped(&head, OPTION_COLUMN, option.description);
+    }
+    if let Some(option) = driver.camera_options.first() {
+        let words = format!("from {0} on also of one camera, as right.{0}", option.name);
+        text += &wrapped("", COLUMN, &words);
+    }
+    text
+}
+
+/// `head`, and from a column on the words of `text`, broken at the last column.
+fn wrapped(head: &str, column: usize, text: &str) -> String {
+    let mut lines = vec![format!("{head:<column$}")];
+    for word in text.split(' ') {
+        let line = lines.last_mut().expect("one to begin with");
+        let used = line.chars().count();
+        if used > column && used + 1 + word.chars().count() > LAST_COLUMN {
+            lines.push(format!("{:column$}{word}", ""));
         } else {
-            TriggerChoice::Free
-        };
-        self.trigger.clone().unwrap_or(usual)
-    }
-
-    fn rate_hz(&self, trigger: &TriggerChoice) -> f64 {
-        match trigger {
-            TriggerChoice::Fixed(hz) => *hz,
-            _ => self.rate.unwrap_or(RATE_HZ),
+            line.push_str(if used > column { " " } else { "" });
+            line.push_str(word);
         }
     }
-
-    fn rule(
-        &self,
-        kind: &str,
-        trigger: &TriggerChoice,
-        period_ns: u64,
-        max_skew_ms: Option<f64>,
-    ) -> Rule {
-        let usual_ns = match trigger {
-            // Nobody chose the moments at which free cameras began: any are to make pairs.
-            TriggerChoice::Free => period_ns / 2,
-            _ => period_ns / 4,
-        };
-        let max_skew_ns = max_skew_ms.map_or(usual_ns, |ms| (ms * 1e6) as u64);
-        match (self.pairing, trigger) {
-            (Some(PairingChoice::Trigger), _) => Rule::Trigger,
-            (Some(PairingChoice::Stamp), _) => Rule::Stamp {
-                max_skew_ns,
-                period_ns,
-            },
-            (Some(PairingChoice::Order), _) => Rule::Arrival,
-            (None, TriggerChoice::Software | TriggerChoice::Serial(_)) if has_trigger(kind) => {
-                Rule::Trigger
-            }
-            (None, _) => Rule::Stamp {
-                max_skew_ns,
-                period_ns,
-            },
-        }
-    }
+    lines.join("\n") + "\n"
 }

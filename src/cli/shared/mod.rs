@@ -1,7 +1,6 @@
 //! What subcommands share: sources, outputs, progress, wrong usage.
 
 pub(crate) mod cache;
-pub(crate) mod cameras;
 pub(crate) mod folder;
 pub(crate) mod live;
 pub(crate) mod output;

@@ -1,13 +1,13 @@
 //! From what a user names to a source of frames.
 
-use super::cameras::is_live;
 use super::live::LiveArgs;
 use super::rectify::Recorded;
 use super::usage;
 use anyhow::{Context, bail};
-use clap::builder::NonEmptyStringValueParser;
+use clap::builder::{NonEmptyStringValueParser, PossibleValue, TypedValueParser};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
+use svl::grab::{DRIVERS, Driver};
 use svl::recording::{Header, Selection, files, is_bag};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
@@ -105,7 +105,7 @@ pub(crate) fn open_any(
             let cure = "name the left and the right camera, as v4l2:/dev/video0,/dev/video2";
             return Err(usage::wrong(format!("{name}: is no source; {cure}")));
         }
-        return open(name, seed, topics, SOURCES);
+        return open(name, seed, topics, &sources());
     }
     if topics.are_named() {
         return Err(usage::wrong(format!(
@@ -115,10 +115,43 @@ pub(crate) fn open_any(
     live.open(name, seed, topics.max_skew_ms, quiet)
 }
 
+/// Whether a name is of cameras.
+fn is_live(name: &str) -> bool {
+    svl::grab::driver(name).is_some()
+}
+
 /// What can be recorded.
-const SOURCES: &str = "arena, board, a scenario (.toml), a folder of images, a recording (.mcap), \
-                       the folder of a ROS 2 bag, or cameras: sim, v4l2:LEFT,RIGHT or \
-                       genicam:LEFT,RIGHT";
+fn sources() -> String {
+    let cameras: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
+    format!(
+        "arena, board, a scenario (.toml), a folder of images, a recording (.mcap), the folder of \
+         a ROS 2 bag, or cameras: {}",
+        cameras.join(" or ")
+    )
+}
+
+/// The name of a source: any text, for which completion scripts offer what is no file.
+#[derive(Clone)]
+pub(crate) struct SourceParser;
+
+impl TypedValueParser for SourceParser {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &std::ffi::OsStr,
+    ) -> Result<String, clap::Error> {
+        NonEmptyStringValueParser::new().parse_ref(command, argument, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let cameras = DRIVERS.iter().map(|driver| driver.name);
+        let names = ["arena", "board"].into_iter().chain(cameras);
+        Some(Box::new(names.map(PossibleValue::new)))
+    }
+}
 
 /// The files that a source named so reads, as far as it is one.
 pub(crate) fn inputs(source: &Path) -> Vec<PathBuf> {

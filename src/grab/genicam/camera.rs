@@ -2,7 +2,9 @@
 
 use super::device::{Device, Drive};
 use crate::error::Result;
-use crate::grab::{Camera, Capture, Clock, DeviceClock, Limits, Settings, Taken};
+use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
+use crate::grab::clock::Clock;
+use crate::grab::device_clock::DeviceClock;
 use crate::stereo::Gray;
 use aravis::glib::prelude::Cast;
 use aravis::prelude::*;

@@ -1,7 +1,8 @@
 //! One camera's features, and which cameras there are.
 
 use crate::error::{Error, Result};
-use crate::grab::{Limits, Settings};
+use crate::grab::camera::{Limits, Settings};
+use crate::grab::driver::ListedCamera;
 use aravis::glib::prelude::Cast;
 use aravis::prelude::*;
 use aravis::{Aravis, Auto, DeviceError, GcFloat, glib};
@@ -15,28 +16,16 @@ type Answer<T> = std::result::Result<T, glib::Error>;
 /// What fires the exposures of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Drive {
-    /// [`super::SoftwareTrigger`].
+    /// [`super::trigger::SoftwareTrigger`].
     Software,
     /// A rising edge on the first trigger line that the camera has.
     Line,
     /// Its own clock.
-    Free { rate_hz: f64 },
-}
-
-/// A camera that answered.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
-    /// What to call it: vendor, model and serial number.
-    pub id: String,
-    /// Vendor and model.
-    pub model: String,
-    /// `GigEVision` or `USB3Vision`.
-    pub protocol: String,
-    pub address: String,
+    FreeRunning { rate_hz: f64 },
 }
 
 /// The cameras that answer within a second.
-pub fn found() -> Vec<Found> {
+pub(super) fn list() -> Vec<ListedCamera> {
     static ARAVIS: LazyLock<Option<Mutex<Aravis>>> =
         LazyLock::new(|| Aravis::initialize().ok().map(Mutex::new));
     let Some(aravis) = &*ARAVIS else {
@@ -47,18 +36,27 @@ pub fn found() -> Vec<Found> {
         .unwrap_or_else(PoisonError::into_inner)
         .get_device_list();
     let text = |text: std::ffi::CString| text.to_string_lossy().into_owned();
-    let found = devices.into_iter().map(|device| Found {
-        id: text(device.id),
-        model: format!("{} {}", text(device.vendor), text(device.model)),
-        protocol: text(device.protocol),
-        address: text(device.address),
+    let listed = devices.into_iter().map(|device| ListedCamera {
+        name: format!("genicam:{}", text(device.id)),
+        // The protocol is GigEVision or USB3Vision.
+        description: format!(
+            "{} {}, {}, {}",
+            text(device.vendor),
+            text(device.model),
+            text(device.protocol),
+            text(device.address)
+        ),
+        modes: Vec::new(),
     });
-    found.collect()
+    listed.collect()
 }
 
 /// Why a camera that was named cannot be opened.
 fn unknown(name: &str, error: &glib::Error) -> Error {
-    let answering: Vec<_> = found().into_iter().map(|found| found.id).collect();
+    let answering: Vec<_> = list()
+        .into_iter()
+        .map(|camera| camera.name.trim_start_matches("genicam:").to_owned())
+        .collect();
     let cure = match answering.is_empty() {
         true => "no camera answers: check its power, its cable, and that this computer is in its \
                  network"
@@ -128,7 +126,7 @@ impl Device {
         };
         prepared().map_err(|e| self.failed(&e))?;
         let driven = match drive {
-            Drive::Free { rate_hz } => camera
+            Drive::FreeRunning { rate_hz } => camera
                 .clear_triggers()
                 .and_then(|()| camera.set_frame_rate(rate_hz)),
             Drive::Software => camera.set_trigger("Software"),

@@ -8,42 +8,35 @@
 //!
 //! A camera is taken to be ready for its next trigger when its last image has arrived whole.
 
+#[cfg(feature = "genicam")]
 mod camera;
+#[cfg(feature = "genicam")]
 mod device;
+#[cfg(feature = "genicam")]
+mod open;
+#[cfg(feature = "genicam")]
 mod trigger;
 
-pub use camera::GenicamCamera;
-pub use device::{Drive, Found, found};
-pub use trigger::SoftwareTrigger;
+use super::driver::{Driver, DriverFunctions};
 
-use super::{Camera, Clock};
-use crate::error::{Error, Result};
-use std::sync::Arc;
+pub const DRIVER: Driver = Driver {
+    name: "genicam",
+    cameras: "LEFT,RIGHT",
+    help: "two GigE Vision or USB3 Vision cameras, by id or IP address",
+    options: &[],
+    camera_options: &[],
+    can_be_triggered: true,
+    default_seed: None,
+    functions: FUNCTIONS,
+};
 
-/// Opens the left and the right camera, by id or by IP address, and starts them.
-///
-/// # Errors
-/// [`Error::Camera`] when there is no such camera, it is in use, or it cannot do what is needed;
-/// [`Error::Invalid`] when the two are one, or have images of different sizes.
-pub fn open(names: [&str; 2], drive: Drive, clock: &Arc<Clock>) -> Result<[GenicamCamera; 2]> {
-    let [left, right] = names;
-    if left == right {
-        return Err(Error::Invalid(format!(
-            "genicam:{left},{right}: both are the same camera; name two"
-        )));
-    }
-    let [a, b] = [
-        GenicamCamera::open(left, drive, clock)?,
-        GenicamCamera::open(right, drive, clock)?,
-    ];
-    let ([width, height], [other_width, other_height]) = (a.size(), b.size());
-    if a.size() != b.size() {
-        return Err(Error::Invalid(format!(
-            "{} takes images of {width}x{height}, {} of {other_width}x{other_height}; set both \
-             alike",
-            a.name(),
-            b.name()
-        )));
-    }
-    Ok([a, b])
-}
+#[cfg(feature = "genicam")]
+const FUNCTIONS: Result<DriverFunctions, &str> = Ok(DriverFunctions {
+    open: open::open,
+    list: device::list,
+});
+#[cfg(not(feature = "genicam"))]
+const FUNCTIONS: Result<DriverFunctions, &str> = Err(
+    "install aravis (Debian: libaravis-dev, libusb-1.0-0-dev) and cargo install --path . \
+     --features genicam",
+);

@@ -3,7 +3,9 @@
 use super::camera::GenicamCamera;
 use super::device::Device;
 use crate::error::Result;
-use crate::grab::{Clock, Pulse, Side, Trigger};
+use crate::grab::camera::Side;
+use crate::grab::clock::Clock;
+use crate::grab::trigger::{Pulse, Trigger};
 use std::sync::Arc;
 use std::thread;
 
@@ -28,7 +30,7 @@ impl SoftwareTrigger {
 }
 
 impl Trigger for SoftwareTrigger {
-    fn fire(&mut self) -> Result<Pulse> {
+    fn pulse(&mut self) -> Result<Pulse> {
         let pulse = Pulse {
             id: self.next_id,
             stamp_ns: self.clock.now_ns(),

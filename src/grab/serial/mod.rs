@@ -275,7 +275,7 @@ impl SerialTrigger {
 }
 
 impl Trigger for SerialTrigger {
-    fn fire(&mut self) -> Result<Pulse> {
+    fn pulse(&mut self) -> Result<Pulse> {
         self.rest();
         // Pulses that nobody asked for, and resets: their answers must not be taken for those to
         // come.

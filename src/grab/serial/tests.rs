@@ -157,14 +157,14 @@ fn opened_on(
 
 fn ids(script: &'static [&'static str], count: usize) -> Vec<u64> {
     let mut trigger = Fake::open(script, 0).unwrap();
-    (0..count).map(|_| trigger.fire().unwrap().id).collect()
+    (0..count).map(|_| trigger.pulse().unwrap().id).collect()
 }
 
 /// Lost requests, lost answers, garbled lines, overruns, framing errors, unknown bytes.
 fn troubles(script: &'static [&'static str]) -> [u64; 6] {
     let mut trigger = Fake::open(script, 0).unwrap();
     for _ in 0..=script.len() {
-        trigger.fire().unwrap();
+        trigger.pulse().unwrap();
     }
     trigger.line.troubles.counts
 }
@@ -172,7 +172,7 @@ fn troubles(script: &'static [&'static str]) -> [u64; 6] {
 fn failure(script: &'static [&'static str]) -> String {
     let mut trigger = Fake::open(script, 0).unwrap();
     loop {
-        if let Err(error) = trigger.fire() {
+        if let Err(error) = trigger.pulse() {
             return error.to_string();
         }
     }
@@ -242,7 +242,7 @@ fn numbers_go_on_beyond_32_bits() {
     let mut trigger = Fake::open(&["pulse", "pulse, stray"], u32::MAX - 1).unwrap();
     let end = u64::from(u32::MAX);
     assert_eq!(
-        [(); 4].map(|()| trigger.fire().unwrap().id),
+        [(); 4].map(|()| trigger.pulse().unwrap().id),
         [end, end + 1, end + 3, end + 4]
     );
 }

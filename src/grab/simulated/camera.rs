@@ -4,7 +4,8 @@ use super::pictures::Pictures;
 use super::sensor::{REFERENCE, Sensor};
 use super::wire::Wire;
 use crate::error::{Error, Result};
-use crate::grab::{Camera, Capture, Clock, Limits, Settings, Side, Taken};
+use crate::grab::camera::{Camera, Capture, Limits, Settings, Side, Taken};
+use crate::grab::clock::Clock;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -46,7 +47,7 @@ impl Default for Temper {
 pub enum Drive {
     Wire(Arc<Wire>),
     /// Its own clock.
-    Free {
+    FreeRunning {
         period_ns: u64,
     },
 }
@@ -98,7 +99,7 @@ impl SimulatedCamera {
             Drive::Wire(wire) => wire
                 .pulse(self.side, until_ns)
                 .map(|pulse| (pulse.stamp_ns, Some(pulse.id))),
-            Drive::Free { period_ns } => {
+            Drive::FreeRunning { period_ns } => {
                 let period_ns = *period_ns as f64 * (1.0 + self.temper.drift_ppm * 1e-6);
                 let phase_ns = self.temper.phase_ms * NS_PER_MS;
                 let periods = ((self.armed_ns as f64 - phase_ns) / period_ns).ceil();

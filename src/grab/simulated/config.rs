@@ -1,18 +1,19 @@
-//! What simulated cameras are asked for, as text: `size=640x480,right.arm_ms=40`.
+//! Options of the simulated cameras: `size=640x480,right.arm_ms=40`.
 
 use super::camera::Temper;
-use crate::error::Error;
-use crate::grab::Side;
+use crate::error::{Error, Result};
+use crate::grab::driver::{Driver, Setting};
+use crate::matcher::{Parameter, Range, Value};
 use std::ops::RangeInclusive;
-use std::str::FromStr;
 
 /// Two simulated cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedConfig {
+    /// Columns and rows.
     pub size: (usize, usize),
-    /// A calibration board that is moved, instead of the arena.
+    /// Whether they see a moving calibration board instead of the arena.
     pub board: bool,
-    /// Pictures rendered before, a second of them by default.
+    /// Pictures rendered in advance.
     pub pictures: usize,
     /// Brightness of the world, 1 as in the arena.
     pub light: f64,
@@ -32,163 +33,227 @@ impl Default for SimulatedConfig {
     }
 }
 
-const KEYS: &str = "size=WxH, scene=arena|board, pictures=N, light=X; for both cameras or after \
-                    left. or right.: arm_ms, jitter_ms, transfer_ms, phase_ms, drift_ppm, \
-                    damage_at, hang_at, disconnect_at";
-
-/// Sides, number and bytes of all pictures: they have to fit into a computer.
 const SIDES: RangeInclusive<usize> = 16..=4096;
-const PICTURES: RangeInclusive<usize> = 1..=10_000;
+/// Bytes of all pictures, which are kept in memory.
 const MAX_BYTES: usize = 1 << 30;
 
-impl FromStr for SimulatedConfig {
-    type Err = Error;
+pub(super) const OPTIONS: &[Parameter] = &[
+    Parameter {
+        name: "size",
+        unit: "px",
+        range: Range::Text { default: "640x480" },
+        description: "width and height",
+    },
+    Parameter {
+        name: "scene",
+        unit: "",
+        range: Range::Choice {
+            default: "arena",
+            options: &["arena", "board"],
+        },
+        description: "what they see: the arena, or a moving calibration board",
+    },
+    Parameter {
+        name: "pictures",
+        unit: "",
+        range: Range::Int {
+            default: 60,
+            min: 1,
+            max: 10_000,
+        },
+        description: "pictures of the arena rendered in advance",
+    },
+    Parameter {
+        name: "light",
+        unit: "",
+        range: real(1.0, 1000.0),
+        description: "brightness of the world, 1 as in the arena",
+    },
+];
 
-    /// Reads `key=value,…`; nothing is the default.
-    fn from_str(text: &str) -> Result<Self, Error> {
+pub(super) const CAMERA_OPTIONS: &[Parameter] = &[
+    Parameter {
+        name: "arm_ms",
+        unit: "ms",
+        range: real(2.0, 60_000.0),
+        description: "time from the order until it is armed",
+    },
+    Parameter {
+        name: "jitter_ms",
+        unit: "ms",
+        range: real(0.0, 60_000.0),
+        description: "largest random time added to arm_ms",
+    },
+    Parameter {
+        name: "transfer_ms",
+        unit: "ms",
+        range: real(2.0, 60_000.0),
+        description: "time from the end of the exposure to the image",
+    },
+    Parameter {
+        name: "phase_ms",
+        unit: "ms",
+        range: real(0.0, 60_000.0),
+        description: "free-running: start of the first period",
+    },
+    Parameter {
+        name: "drift_ppm",
+        unit: "ppm",
+        range: real(0.0, 1e5),
+        description: "free-running: by how much its period is too long",
+    },
+    Parameter {
+        name: "damage_at",
+        unit: "",
+        range: EXPOSURE,
+        description: "number of the image that is damaged, -1 for none",
+    },
+    Parameter {
+        name: "hang_at",
+        unit: "",
+        range: EXPOSURE,
+        description: "number of the image at which it hangs, -1 for none",
+    },
+    Parameter {
+        name: "disconnect_at",
+        unit: "",
+        range: EXPOSURE,
+        description: "number of the image at which it is unplugged, -1 for none",
+    },
+];
+
+/// Images are counted from 0.
+const EXPOSURE: Range = Range::Int {
+    default: -1,
+    min: -1,
+    max: i32::MAX,
+};
+
+const fn real(default: f64, max: f64) -> Range {
+    Range::Real {
+        default,
+        min: 0.0,
+        max,
+    }
+}
+
+impl SimulatedConfig {
+    /// Reads `option=value,…`; what is not given has its default.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] and [`Error::ParameterValue`].
+    pub(super) fn parse(driver: &Driver, text: &str) -> Result<Self> {
         let mut config = Self::default();
-        for setting in text.split(',').filter(|setting| !setting.is_empty()) {
-            let (key, value) = setting.split_once('=').unwrap_or((setting, ""));
-            let understood = config.set(key.trim(), value.trim());
-            understood.map_err(|expected| {
-                Error::Invalid(format!("sim: {setting}: expected {expected}"))
-            })?;
+        let texts = text.split(',').filter(|text| !text.is_empty());
+        for Setting { name, sides, value } in driver.settings(texts)? {
+            match (name, value) {
+                ("size", Value::Text(size)) => config.size = driver.size(&size, SIDES)?,
+                ("scene", Value::Choice(scene)) => config.board = scene == "board",
+                ("pictures", Value::Int(pictures)) => config.pictures = pictures as usize,
+                ("light", Value::Real(light)) => config.light = light,
+                (name, value) => sides
+                    .iter()
+                    .for_each(|&side| config.tempers[side as usize].set(name, &value)),
+            }
         }
         let (width, height) = config.size;
         let bytes = 2 * width * height * config.pictures;
         if bytes > MAX_BYTES {
-            let reason = format!(
-                "sim: {} pictures of {width}x{height} are {bytes} bytes, at most {MAX_BYTES}: \
-                 take fewer or smaller ones",
+            return Err(Error::Invalid(format!(
+                "sim: {} pictures of {width}x{height} are {bytes} bytes, limit {MAX_BYTES}; use \
+                 fewer or smaller ones",
                 config.pictures
-            );
-            return Err(Error::Invalid(reason));
+            )));
         }
         Ok(config)
     }
 }
 
-impl SimulatedConfig {
-    /// # Errors
-    /// What was expected instead.
-    fn set(&mut self, key: &str, value: &str) -> Result<(), String> {
-        match key {
-            "size" => self.size = size(value)?,
-            "scene" => {
-                let scene = ["arena", "board"].iter().position(|scene| *scene == value);
-                self.board = scene.ok_or("scene=arena or scene=board")? == 1;
-            }
-            "pictures" => {
-                let pictures = value
-                    .parse()
-                    .ok()
-                    .filter(|pictures| PICTURES.contains(pictures));
-                self.pictures = pictures.ok_or_else(|| format!("a number, {}", span(&PICTURES)))?;
-            }
-            "light" => self.light = number(value, "a number", 1000.0)?,
-            _ => {
-                let (sides, key) = match key.split_once('.') {
-                    Some(("left", key)) => (&[Side::Left][..], key),
-                    Some(("right", key)) => (&[Side::Right][..], key),
-                    _ => (&Side::BOTH[..], key),
-                };
-                sides.iter().try_for_each(|&side| {
-                    set_temper(&mut self.tempers[side as usize], key, value)
-                })?;
-            }
+impl Temper {
+    fn set(&mut self, name: &str, value: &Value) {
+        let number = match *value {
+            Value::Real(number) => number,
+            Value::Int(number) => f64::from(number),
+            _ => unreachable!("a camera's options are numbers"),
+        };
+        let exposure = (number >= 0.0).then_some(number as u64);
+        match name {
+            "arm_ms" => self.arm_ms = number,
+            "jitter_ms" => self.jitter_ms = number,
+            "transfer_ms" => self.transfer_ms = number,
+            "phase_ms" => self.phase_ms = number,
+            "drift_ppm" => self.drift_ppm = number,
+            "damage_at" => self.damage_at = exposure,
+            "hang_at" => self.hang_at = exposure,
+            "disconnect_at" => self.disconnect_at = exposure,
+            _ => unreachable!("option {name} has no field"),
         }
-        Ok(())
     }
-}
-
-fn set_temper(temper: &mut Temper, key: &str, value: &str) -> Result<(), String> {
-    let milliseconds = || number(value, "milliseconds", 60_000.0);
-    let exposure = || {
-        value
-            .parse()
-            .map(Some)
-            .map_err(|_| "the number of an exposure, from 0".to_owned())
-    };
-    match key {
-        "arm_ms" => temper.arm_ms = milliseconds()?,
-        "jitter_ms" => temper.jitter_ms = milliseconds()?,
-        "transfer_ms" => temper.transfer_ms = milliseconds()?,
-        "phase_ms" => temper.phase_ms = milliseconds()?,
-        "drift_ppm" => temper.drift_ppm = number(value, "parts in a million", 1e5)?,
-        "damage_at" => temper.damage_at = exposure()?,
-        "hang_at" => temper.hang_at = exposure()?,
-        "disconnect_at" => temper.disconnect_at = exposure()?,
-        _ => return Err(format!("one of {KEYS}")),
-    }
-    Ok(())
-}
-
-fn size(text: &str) -> Result<(usize, usize), String> {
-    let side = |text: &str| text.parse().ok().filter(|side| SIDES.contains(side));
-    let sides = text
-        .split_once('x')
-        .and_then(|(width, height)| Some((side(width)?, side(height)?)));
-    sides.ok_or_else(|| format!("WxH in pixels, each {}", span(&SIDES)))
-}
-
-fn number(text: &str, what: &str, max: f64) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|number| (0.0..=max).contains(number))
-        .ok_or_else(|| format!("{what}, 0 to {max}"))
-}
-
-fn span(range: &RangeInclusive<usize>) -> String {
-    format!("{} to {}", range.start(), range.end())
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::DRIVER;
     use super::*;
 
-    #[test]
-    fn keys_are_of_both_cameras_or_of_one() {
-        let config: SimulatedConfig = "size=320x240,arm_ms=5,right.arm_ms=40,left.hang_at=3,\
-                                       light=0.5"
-            .parse()
-            .unwrap();
-        assert_eq!((config.size, config.light), ((320, 240), 0.5));
-        assert_eq!(config.tempers.clone().map(|t| t.arm_ms), [5.0, 40.0]);
-        assert_eq!(config.tempers.map(|t| t.hang_at), [Some(3), None]);
-        assert_eq!(
-            "".parse::<SimulatedConfig>().unwrap(),
-            SimulatedConfig::default()
-        );
+    fn parse(text: &str) -> Result<SimulatedConfig> {
+        SimulatedConfig::parse(&DRIVER, text)
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_what_was_expected() {
+    fn options_are_of_both_cameras_or_of_one() {
+        let config = parse("size=320x240,arm_ms=5,right.arm_ms=40,left.hang_at=3,light=0.5");
+        let config = config.unwrap();
+        assert_eq!((config.size, config.light), ((320, 240), 0.5));
+        assert_eq!(config.tempers.clone().map(|t| t.arm_ms), [5.0, 40.0]);
+        assert_eq!(config.tempers.map(|t| t.hang_at), [Some(3), None]);
+        assert_eq!(parse("").unwrap(), SimulatedConfig::default());
+    }
+
+    #[test]
+    fn the_table_has_the_defaults() {
+        let options = OPTIONS.iter().chain(CAMERA_OPTIONS);
+        let texts: Vec<_> = options
+            .map(|option| format!("{}={}", option.name, option.range.default()))
+            .collect();
+        assert_eq!(parse(&texts.join(",")).unwrap(), SimulatedConfig::default());
+    }
+
+    #[test]
+    fn errors_say_what_was_expected() {
         for (wrong, expected) in [
-            ("size=8x8", "WxH in pixels, each 16 to 4096"),
+            ("size=8x8", "size=8x8 is not WxH in pixels, each 16 to 4096"),
             ("size=100000x100000", "16 to 4096"),
-            ("arm_ms=abc", "milliseconds, 0 to 60000"),
-            ("right.jitter_ms=-1", "milliseconds, 0 to 60000"),
-            ("drift_ppm=1e9", "parts in a million, 0 to 100000"),
-            ("light=NaN", "a number, 0 to 1000"),
-            ("pictures=99999999", "a number, 1 to 10000"),
-            ("hang_at=-3", "the number of an exposure"),
-            ("scene=moon", "scene=arena or scene=board"),
-            ("arm_ms", "milliseconds"),
-            ("up.arm_ms=3", "one of size=WxH"),
-            ("x=1", "one of size=WxH"),
+            ("arm_ms=abc", "arm_ms=abc is not a number in 0..=60000"),
+            (
+                "right.jitter_ms=-1",
+                "jitter_ms=-1 is not a number in 0..=60000",
+            ),
+            ("drift_ppm=1e9", "a number in 0..=100000"),
+            ("light=NaN", "a number in 0..=1000"),
+            ("pictures=99999999", "a whole number in 1..=10000"),
+            ("hang_at=-3", "a whole number in -1..="),
+            ("scene=moon", "scene=moon is not one of arena, board"),
+            ("arm_ms", "a number in 0..=60000"),
+            ("up.arm_ms=3", "no option 'up.arm_ms'"),
+            ("left.size=64x48", "no option 'left.size'"),
+            (
+                "x=1",
+                "options are size, scene, pictures, light, or of both cameras or after",
+            ),
+            ("arm=1", "no option 'arm'"),
         ] {
-            let error = wrong.parse::<SimulatedConfig>().unwrap_err().to_string();
+            let error = parse(wrong).unwrap_err().to_string();
             assert!(
-                error.starts_with(&format!("sim: {wrong}: expected ")) && error.contains(expected),
+                error.starts_with("sim: ") && error.contains(expected),
                 "{error}"
             );
         }
-        let error = "size=4096x4096,pictures=100"
-            .parse::<SimulatedConfig>()
+        let error = parse("size=4096x4096,pictures=100")
             .unwrap_err()
             .to_string();
         assert!(
-            error.contains("100 pictures of 4096x4096") && error.contains("at most"),
+            error.contains("100 pictures of 4096x4096") && error.contains("limit"),
             "{error}"
         );
     }

@@ -4,7 +4,7 @@ use super::sensor::REFERENCE;
 use crate::arena::{Arena, ArenaConfig};
 use crate::calibrate::simulated::{MovingBoard, RATE_HZ};
 use crate::error::{Error, Result};
-use crate::grab::Side;
+use crate::grab::camera::Side;
 use crate::stereo::{Gray, Rig, StereoPair};
 use rayon::prelude::*;
 

@@ -1,7 +1,7 @@
 //! Light to grey values, quickly: what an exposure makes of a picture without noise.
 
 use crate::error::Result;
-use crate::grab::Settings;
+use crate::grab::camera::Settings;
 use crate::stereo::Gray;
 
 /// What pictures are exposed with before a sensor exposes them again.

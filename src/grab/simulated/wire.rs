@@ -1,7 +1,9 @@
 //! The cable from a simulated trigger to two simulated cameras.
 
 use crate::error::Result;
-use crate::grab::{Clock, Pulse, Side, Trigger};
+use crate::grab::camera::Side;
+use crate::grab::clock::Clock;
+use crate::grab::trigger::{Pulse, Trigger};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Two trigger lines. A pulse reaches the cameras that are armed; for the others it is lost, as on
@@ -71,8 +73,8 @@ impl Cabled {
 }
 
 impl Trigger for Cabled {
-    fn fire(&mut self) -> Result<Pulse> {
-        let pulse = self.trigger.fire()?;
+    fn pulse(&mut self) -> Result<Pulse> {
+        let pulse = self.trigger.pulse()?;
         self.wire.raise(pulse);
         Ok(pulse)
     }
@@ -94,7 +96,7 @@ impl SimulatedTrigger {
 }
 
 impl Trigger for SimulatedTrigger {
-    fn fire(&mut self) -> Result<Pulse> {
+    fn pulse(&mut self) -> Result<Pulse> {
         let pulse = Pulse {
             id: self.next_id,
             stamp_ns: self.wire.clock.now_ns(),

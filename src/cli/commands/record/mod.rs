@@ -1,13 +1,10 @@
 //! `svl record`: a source into a recording.
 
-mod devices;
-
-use crate::cli::shared::live::LiveArgs;
+use crate::cli::shared::live::{self, LiveArgs};
 use crate::cli::shared::output::{Aside, distinct, may_write, print};
 use crate::cli::shared::rectify::Rectify;
 use crate::cli::shared::source::{self, RECORDINGS};
 use crate::cli::shared::{recorder, runner, usage};
-use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
@@ -19,49 +16,10 @@ use svl::source::Limited;
 ///
 /// Ctrl-C ends the recording and leaves it whole.
 #[derive(clap::Args)]
-#[command(after_help = "\
-Sources:
-  arena           the simulated arena of scenarios/arena.toml (default)
-  board           a chessboard that is moved before two cameras with lenses:
-                  for `svl calibrate board`
-  SCENARIO.toml   the arena with other parameters
-  FOLDER          a data-set scene (im0.png, im1.png, truth, calib.txt), a
-                  folder of such scenes, KITTI's training/ (the pairs with
-                  truth), or left/ and right/ with equally named images
-  FILE.mcap, BAG  another recording: svl's, a ROS 2 bag (the folder or a file
-                  of it), Foxglove's; raw, compressed or Bayer images of two
-                  topics
-  sim[:key=value,…]
-                  two simulated cameras that see the arena, in real time:
-                  size=640x480, light=1, pictures=60, scene=board for the
-                  board instead; for both, or after left. or right.: arm_ms=2,
-                  jitter_ms=0, transfer_ms=2 and, to see what then happens,
-                  phase_ms, drift_ppm, damage_at=N, hang_at=N, disconnect_at=N
-  v4l2:LEFT,RIGHT[,size=WxH][,format=GREY|YUYV|MJPG]
-                  two cameras of this machine, as /dev/video0,/dev/video2;
-                  paired by their stamps [default: the size nearest to 640x480
-                  in which both hold the rate, in the plainest format]
-  genicam:LEFT,RIGHT
-                  two GigE Vision or USB3 Vision cameras by id or IP address;
-                  needs the feature genicam
-
-Examples:
-  svl record                                 recordings/arena-seed1-1.mcap
-  svl record arena --seed 7 --duration 5 -o five-seconds.mcap
-  svl record datasets/cones -o cones.mcap
-  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw
-  svl record raw.mcap --calib calibration.xml -o rectified.mcap
-  svl record run.mcap --ros2 -o bag.mcap     a recording as a ROS 2 bag
-  svl record --list                          cameras and serial ports
-  svl record sim --rate 60 --duration 60     fired when both are armed
-  svl record v4l2:/dev/video0,/dev/video2    webcams, which run by themselves
-  svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0
-      fired by the trigger controller
-  svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order
-      what a fixed rate does to the phase")]
+#[command(after_help = format!("{SOURCES}{}{EXAMPLES}", live::drivers_help()))]
 pub(crate) struct Args {
     /// What to record
-    #[arg(default_value = "arena", value_parser = NonEmptyStringValueParser::new())]
+    #[arg(default_value = "arena", value_parser = source::SourceParser, hide_possible_values = true)]
     source: String,
     /// File to write [default: recordings/SOURCE-N.mcap]
     #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]
@@ -96,9 +54,39 @@ pub(crate) struct Args {
     live: LiveArgs,
 }
 
+const SOURCES: &str = "\
+Sources:
+  arena           the simulated arena of scenarios/arena.toml (default)
+  board           a chessboard that is moved before two cameras with lenses:
+                  for `svl calibrate board`
+  SCENARIO.toml   the arena with other parameters
+  FOLDER          a data-set scene (im0.png, im1.png, truth, calib.txt), a
+                  folder of such scenes, KITTI's training/ (the pairs with
+                  truth), or left/ and right/ with equally named images
+  FILE.mcap, BAG  another recording: svl's, a ROS 2 bag (the folder or a file
+                  of it), Foxglove's; raw, compressed or Bayer images of two
+                  topics
+";
+
+const EXAMPLES: &str = "
+Examples:
+  svl record                                 recordings/arena-seed1-1.mcap
+  svl record arena --seed 7 --duration 5 -o five-seconds.mcap
+  svl record datasets/cones -o cones.mcap
+  svl record bag.mcap --left /cam0/image_raw --right /cam1/image_raw
+  svl record raw.mcap --calib calibration.xml -o rectified.mcap
+  svl record run.mcap --ros2 -o bag.mcap     a recording as a ROS 2 bag
+  svl record --list                          cameras and serial ports
+  svl record sim --rate 60 --duration 60     triggered when both are armed
+  svl record v4l2:/dev/video0,/dev/video2    free-running webcams
+  svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0
+      triggered by the trigger controller
+  svl record sim:right.jitter_ms=12 --trigger fixed:60 --pairing order
+      what a fixed rate does to the phase";
+
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.list {
-        return devices::list();
+        return live::list();
     }
     if let Some(path) = &args.output {
         let inputs = source::inputs(Path::new(&args.source));

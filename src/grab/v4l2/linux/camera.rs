@@ -6,7 +6,7 @@ use super::driver::{Driver, Fault};
 use super::pixels::Layout;
 use super::stamp::Times;
 use crate::error::{Error, Result};
-use crate::grab::{Camera, Capture, Limits, Settings, Taken};
+use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
 use rustix::io::Errno;
 use std::time::Duration;
 

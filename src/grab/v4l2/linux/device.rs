@@ -81,7 +81,7 @@ impl Device {
                 .map(|()| listed.pixel_format)
         });
         let mut modes = Vec::new();
-        for format in formats.filter_map(Format::of_code) {
+        for format in formats.filter_map(Format::from_code) {
             for size in self.sizes(format, size) {
                 let max_rate_hz = self.max_rate_hz(format, size);
                 modes.push(Mode {

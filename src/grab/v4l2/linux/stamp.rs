@@ -3,7 +3,7 @@
 use super::abi::{
     FLAG_STAMPED_AT_BEGIN, FLAG_STAMPED_AT_MASK, FLAG_TIMESTAMP_MASK, FLAG_TIMESTAMP_MONOTONIC,
 };
-use crate::grab::Clock;
+use crate::grab::clock::Clock;
 
 /// From the clock that drivers stamp by to the grabber's, the same way for both cameras.
 #[derive(Clone, Copy, Debug)]

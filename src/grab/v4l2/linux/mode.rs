@@ -2,11 +2,10 @@
 
 use crate::error::{Error, Result};
 use std::fmt;
-use std::str::FromStr;
 
 /// Pixel formats that svl reads. The plainest comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Format {
+pub(super) enum Format {
     /// 8 bits of grey.
     Grey,
     /// Brightness and colour by turns; the brightness is taken as it is.
@@ -27,7 +26,12 @@ impl Format {
         })
     }
 
-    pub(super) fn of_code(code: u32) -> Option<Self> {
+    pub(super) fn from_name(name: &str) -> Option<Self> {
+        let mut formats = Self::ALL.into_iter();
+        formats.find(|format| format.to_string() == name)
+    }
+
+    pub(super) fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.code() == code)
     }
 }
@@ -42,20 +46,9 @@ impl fmt::Display for Format {
     }
 }
 
-impl FromStr for Format {
-    type Err = ();
-
-    fn from_str(text: &str) -> std::result::Result<Self, ()> {
-        Self::ALL
-            .into_iter()
-            .find(|format| format.to_string() == text)
-            .ok_or(())
-    }
-}
-
 /// One way to take images.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mode {
+pub(super) struct Mode {
     pub format: Format,
     /// Columns and rows.
     pub size: (usize, usize),
@@ -79,7 +72,7 @@ pub(super) const USUAL: (usize, usize) = (640, 480);
 /// the plainest format.
 ///
 /// # Errors
-/// [`Error::Invalid`] when there is none.
+/// [`Error::Camera`] when there is none.
 pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(Format, (usize, usize))> {
     let rate_hz = |mode: &Mode| mode.max_rate_hz.unwrap_or(wish.rate_hz);
     let common = modes[0].iter().filter_map(|left| {
@@ -107,10 +100,9 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(Format, (usize,
             let format = wish
                 .format
                 .map_or("GREY, YUYV or MJPG".to_owned(), |format| format.to_string());
-            Error::Invalid(format!(
-                "v4l2: the cameras have no {format} mode{size} in common; `svl record --list` \
-                 shows them"
-            ))
+            let cure = "`svl record --list` lists their modes";
+            let reason = format!("the cameras have no {format} mode{size} in common; {cure}");
+            Error::camera("v4l2", reason)
         })
 }
 

@@ -5,7 +5,7 @@ use super::abi::{
     EXPOSURE_MANUAL, GAIN,
 };
 use super::driver::Driver;
-use crate::grab::{Limits, Settings};
+use crate::grab::camera::{Limits, Settings};
 use rustix::io::Errno;
 
 /// What a control can be set to.

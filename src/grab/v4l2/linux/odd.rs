@@ -11,7 +11,7 @@ use super::mode::Format;
 use super::pixels::Layout;
 use super::stamp::{Stamp, Times};
 use crate::error::Error;
-use crate::grab::{Camera, Capture, Limits, Settings, Taken};
+use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
 use rustix::io::Errno;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};

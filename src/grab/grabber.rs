@@ -1,0 +1,188 @@
+//! The running grabber: its threads, and the queue from which pairs are read.
+
+use super::acquire::{Report, acquire};
+use super::camera::{Camera, Settings, Side};
+use super::clock::Clock;
+use super::coordinator::Coordinator;
+use super::exposure::Balance;
+use super::mailbox::Mailbox;
+use super::pairing::{Pairing, Rule};
+use super::pairless::Pairless;
+use super::queue::{Queue, WhenFull};
+use super::tally::Tally;
+use super::trigger::Policy;
+use super::watch::CameraState;
+use crate::error::{Error, Result};
+use crate::stereo::{Frame, Rig};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Two cameras and how to grab from them.
+pub struct Setup {
+    pub clock: Arc<Clock>,
+    /// Left, right.
+    pub cameras: [Box<dyn Camera>; 2],
+    pub policy: Policy,
+    pub rule: Rule,
+    /// What both cameras are exposed with at first, within the limits that they have in common.
+    pub settings: Settings,
+    /// Longest shutter of the exposure balance, so that the rate can be held.
+    pub max_shutter_us: u32,
+    /// Pairs from one look of the exposure balance to the next.
+    pub balance_every: u32,
+    /// How long a camera may take for what it has to do, beyond its shutter time, and beyond the
+    /// period where nothing of svl's fires it. The third time in a row that it does not is an
+    /// error.
+    pub timeout: Duration,
+    /// Pairs that may wait for the writer.
+    pub queue: usize,
+    pub when_full: WhenFull,
+    pub rig: Option<Rig>,
+}
+
+/// A running grabber. Dropping it ends its threads.
+pub struct Grabber {
+    clock: Arc<Clock>,
+    reports: Arc<Mailbox<Report>>,
+    queue: Arc<Queue<Frame>>,
+    tally: Arc<Mutex<Tally>>,
+    threads: Vec<JoinHandle<()>>,
+    last_stamp_ns: Option<u64>,
+}
+
+impl Grabber {
+    /// Starts the threads.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] when the cameras have no settings in common; [`Error::Invalid`] when a
+    /// thread cannot be started.
+    pub fn start(setup: Setup) -> Result<Self> {
+        let Setup {
+            clock,
+            cameras,
+            policy,
+            rule,
+            settings,
+            rig,
+            ..
+        } = setup;
+        let mut limits = cameras[0].limits().common(&cameras[1].limits())?;
+        let (shortest, longest) = (*limits.shutter_us.start(), *limits.shutter_us.end());
+        limits.shutter_us = shortest..=longest.min(setup.max_shutter_us).max(shortest);
+        let settings = Settings {
+            shutter_us: settings
+                .shutter_us
+                .clamp(shortest, *limits.shutter_us.end()),
+            gain_mdb: settings
+                .gain_mdb
+                .clamp(*limits.gain_mdb.start(), *limits.gain_mdb.end()),
+        };
+        let reports = Mailbox::new(&clock);
+        let orders = [Mailbox::new(&clock), Mailbox::new(&clock)];
+        let queue = Arc::new(Queue::new(setup.queue, setup.when_full));
+        let tally = Arc::new(Mutex::new(Tally::default()));
+        let states = Side::BOTH.map(|side| CameraState::new(side, cameras[side as usize].name()));
+        let coordinator = Coordinator {
+            clock: clock.clone(),
+            orders: orders.clone(),
+            reports: reports.clone(),
+            firing: policy.into(),
+            pairing: Pairing::new(rule),
+            pairless: Pairless::default(),
+            balance: Balance::new(limits, settings, setup.balance_every.max(1)),
+            queue: queue.clone(),
+            tally: tally.clone(),
+            rig,
+            timeout_ns: setup.timeout.as_nanos().min(u64::MAX.into()) as u64,
+            cameras: states,
+            planned: (0, settings),
+            told_apart: false,
+        };
+        // All are reckoned with before the first begins.
+        let mut work: Vec<(String, Box<dyn FnOnce() + Send>)> = Vec::new();
+        for ((side, camera), orders) in Side::BOTH.into_iter().zip(cameras).zip(orders) {
+            let (reports, participant) = (reports.clone(), clock.enter());
+            let thread = move || {
+                acquire(side, camera, &orders, &reports);
+                drop(participant);
+            };
+            work.push((format!("{} camera", side.name()), Box::new(thread)));
+        }
+        let participant = clock.enter();
+        work.push((
+            "coordinator".to_owned(),
+            Box::new(move || {
+                coordinator.run();
+                drop(participant);
+            }),
+        ));
+        let mut grabber = Self {
+            clock,
+            reports,
+            queue,
+            tally,
+            threads: Vec::new(),
+            last_stamp_ns: None,
+        };
+        for (name, work) in work {
+            let thread = std::thread::Builder::new().name(name.clone()).spawn(work);
+            grabber.threads.push(thread.map_err(|e| {
+                Error::Invalid(format!("cannot start a thread for the {name}: {e}"))
+            })?);
+        }
+        Ok(grabber)
+    }
+
+    /// The next pair, waiting for it. Asking for it says that the one before was written.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] when a camera or the trigger failed, once, after all pairs from before.
+    pub fn next_pair(&mut self) -> Result<Option<Frame>> {
+        self.next_pair_unless(|| false)
+    }
+
+    /// As [`Grabber::next_pair`], but nothing once `stopped`, which is asked again and again.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn next_pair_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
+        if let Some(stamp_ns) = self.last_stamp_ns.take() {
+            let lateness_ns = self.clock.now_ns().saturating_sub(stamp_ns);
+            // Saturates at an hour.
+            self.tally
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .lateness_ns
+                .saturating_record(lateness_ns);
+        }
+        let frame = self.queue.pop_unless(stopped)?;
+        self.last_stamp_ns = frame.as_ref().map(|frame| frame.stamp_ns);
+        Ok(frame)
+    }
+
+    /// Ends the threads, and says what was done.
+    pub fn stop(&mut self) -> Tally {
+        self.reports.close();
+        let unread = self.queue.abandon();
+        // A driver that never returns cannot be waited for.
+        let began = Instant::now();
+        while began.elapsed() < STOPPING && self.threads.iter().any(|thread| !thread.is_finished())
+        {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.threads.clear();
+        let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+        tally.unread += unread as u64;
+        tally.clone()
+    }
+}
+
+/// How long threads may take to end; cameras look for orders several times in it.
+const STOPPING: Duration = Duration::from_millis(500);
+
+impl Drop for Grabber {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
