@@ -92,7 +92,7 @@ fn v4_keeps_on_shifted_rows_what_v3_loses() {
 
         let maps = [&pair, &shifted].map(|pair| run("v4", pair));
         assert_eq!(
-            maps.each_ref().map(DisparityMap::misalignment),
+            maps.each_ref().map(DisparityMap::median_row_offset),
             [Some(0), Some(2)],
             "{name}"
         );
@@ -132,7 +132,7 @@ fn the_self_check_keeps_more_of_what_is_close() {
             let pixels = matched.zip(
                 truth
                     .pixels()
-                    .zip(map.disparity().pixels().zip(map.ssdpi().pixels())),
+                    .zip(map.disparity().pixels().zip(map.ssdpi().unwrap().pixels())),
             );
             let right = pixels.filter(|&(matched, (truth, (d, _)))| {
                 matched && truth.is_finite() && truth >= close && (d - truth).abs() <= 2.0

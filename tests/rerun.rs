@@ -13,13 +13,13 @@ use std::time::Duration;
 use svl::score::Judge;
 use svl::sink::{Edges, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
 use svl::stereo::{
-    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, Frame, Geometry, Gray, GridShape,
+    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry, Gray, GridShape,
     Plane, Pose, Reason, Rig, StereoPair, Truth,
 };
 use svl::timing::{Stage, StageTimes};
 
 const SIZE: (usize, usize) = (40, 30);
-const LABELS: [&str; 2] = ["v3", "bm:max_disparity=64"];
+const LABELS: [&str; 3] = ["v3", "bm:max_disparity=64", "v4"];
 
 /// A frame with truth; with a rig it also has a pose, without one a name.
 fn frame(sequence: u64, rig: bool) -> Frame {
@@ -50,10 +50,17 @@ fn frame(sequence: u64, rig: bool) -> Frame {
 
 /// 20 px in the right half; the left one is untextured and its cell unknown.
 fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
-    let mut disparity = DisparityMap::new(SIZE.0, SIZE.1).unwrap();
+    let extra = ExtraPlanes {
+        ssdpi: label != "bm:max_disparity=64",
+        row_offset: label == "v4",
+    };
+    let mut disparity = DisparityMap::with_planes(SIZE.0, SIZE.1, extra).unwrap();
     for mut row in disparity.rows_mut() {
-        (0..20).for_each(|x| row.reject(x, Reason::Untextured, DisparityMap::NO_SSDPI));
-        (20..40).for_each(|x| row.accept(x, 20.0, 100));
+        (0..20).for_each(|x| row.reject(x, Reason::Untextured));
+        (20..40).for_each(|x| row.accept(x, 20.0));
+        if extra.ssdpi {
+            (20..40).for_each(|x| row.set_ssdpi(x, 100));
+        }
     }
     let distance_m = rig.and_then(|rig| rig.depth_m(20.0));
     let known = CellDepth {
@@ -182,9 +189,13 @@ fn every_entity_is_there_for_every_algorithm() {
         ("/run/parameters".to_owned(), "TextDocument:text"),
         ("/run/verdicts".to_owned(), "TextDocument:text"),
     ];
-    for name in ["v3", "bm-max_disparity-64"] {
+    for name in ["v3", "bm-max_disparity-64", "v4"] {
         let entity = |path: &str| format!("/algo/{name}/{path}");
-        for map in ["depth", "disparity", "ssdpi"] {
+        let maps = ["depth", "disparity", "ssdpi"];
+        for map in maps
+            .into_iter()
+            .filter(|&map| map != "ssdpi" || name.starts_with('v'))
+        {
             let components = [
                 "DepthImage:buffer",
                 "DepthImage:meter",
@@ -192,6 +203,9 @@ fn every_entity_is_there_for_every_algorithm() {
                 "DepthImage:colormap",
             ];
             expected.extend(components.map(|component| (entity(map), component)));
+        }
+        if name == "v4" {
+            expected.push((entity("row_offset"), "Scalars:scalars"));
         }
         expected.extend([
             (entity("overlay"), "Boxes2D:half_sizes"),
@@ -215,6 +229,14 @@ fn every_entity_is_there_for_every_algorithm() {
         "missing {missing:?} in {:#?}",
         content.components
     );
+    // Nor does an algorithm show what it does not make.
+    for entity in [
+        "/algo/bm-max_disparity-64/ssdpi",
+        "/algo/bm-max_disparity-64/row_offset",
+        "/algo/v3/row_offset",
+    ] {
+        assert!(!content.components.contains_key(entity), "{entity}");
+    }
     assert!(
         ["pair", "time"]
             .iter()

@@ -9,7 +9,7 @@ use oracle::symmetric::{Filter, Symmetric};
 use oracle::v4::V4;
 use proptest::prelude::*;
 use svl::kernel::Isa;
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, StereoPair};
 
 /// Disparity ranges: near zero, and beyond any image.
 fn ends() -> impl Strategy<Value = (i32, i32)> {
@@ -215,10 +215,10 @@ fn the_misalignment_is_the_rows_that_the_right_image_is_too_low() {
     let pair = pair(Scene::Noise, (80, 40), 6, 0, 5);
     for rows in -2..=2 {
         let map = common::run("v4:max_disparity=20", Isa::PORTABLE, &lowered(&pair, rows));
-        assert_eq!(map.misalignment(), Some(rows as i8));
+        assert_eq!(map.median_row_offset(), Some(rows as i8));
     }
     assert_eq!(
-        common::run("v3", Isa::PORTABLE, &pair).misalignment(),
+        common::run("v3", Isa::PORTABLE, &pair).median_row_offset(),
         None,
         "v3 knows of no other row"
     );
@@ -228,7 +228,7 @@ fn the_misalignment_is_the_rows_that_the_right_image_is_too_low() {
         Isa::PORTABLE,
         &StereoPair::new(flat.clone(), flat).unwrap(),
     );
-    assert_eq!((map.valid(), map.misalignment()), (0, None));
+    assert_eq!((map.valid(), map.median_row_offset()), (0, None));
 }
 
 /// A map that had row offsets has none after a matcher that gives none.
@@ -236,7 +236,7 @@ fn the_misalignment_is_the_rows_that_the_right_image_is_too_low() {
 fn row_offsets_do_not_outlive_their_result() {
     let pair = pair(Scene::Noise, (60, 8), 5, 9, 42);
     let map = common::run("v4", Isa::PORTABLE, &pair);
-    assert!(map.row_offset().is_some());
+    assert_eq!(map.extra(), ExtraPlanes::ALL);
     let mut output = svl::matcher::MatchOutput::with_memory(map);
     let mut v3 = "v3"
         .parse::<svl::matcher::Algorithm>()
@@ -244,7 +244,7 @@ fn row_offsets_do_not_outlive_their_result() {
         .build()
         .unwrap();
     common::compute(&mut *v3, &pair, &mut output).unwrap();
-    assert!(output.disparity.row_offset().is_none());
+    assert_eq!(output.disparity.extra(), ExtraPlanes::SSDPI);
 }
 
 /// A window moved by a fraction of a pixel has the lowest point of its parabola near that fraction.

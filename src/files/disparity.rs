@@ -249,8 +249,8 @@ mod tests {
         let path = folder.path().join("d.png");
         let mut map = DisparityMap::new(3, 1).unwrap();
         let mut row = map.rows_mut().next().unwrap();
-        row.accept(1, 12.25, 0);
-        row.accept(2, 80.0, 0);
+        row.accept(1, 12.25);
+        row.accept(2, 80.0);
         write_disparity(&path, &map).unwrap();
         let back = read_scaled_disparity(&path, 256.0, true).unwrap();
         assert_eq!(back.row(0), [f32::INFINITY, 12.25, 80.0]);

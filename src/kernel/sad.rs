@@ -6,7 +6,7 @@
 //! lane, and nothing is reduced across lanes.
 
 use super::PREFILTER_CAP;
-use crate::stereo::{DisparityMap, Reason, RowMut};
+use crate::stereo::{Reason, RowMut};
 
 /// Pixels handled together; rows given to these kernels go on for as many beyond their last pixel.
 pub const PIXELS: usize = 64;
@@ -154,8 +154,7 @@ pub(super) fn accept(
     test: &SadTest,
     row: &mut RowMut<'_>,
 ) {
-    let (disparity, why, ssdpi) = row.planes_mut();
-    ssdpi.fill(DisparityMap::NO_SSDPI);
+    let (disparity, why, _) = row.planes_mut();
     let pixels = disparity
         .chunks_mut(PIXELS)
         .zip(why.chunks_mut(PIXELS))

@@ -16,7 +16,7 @@ use super::stage::{Claims, DisparityRange, Edges, Prefilter, SadSearch, Speckles
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
-use crate::stereo::RectifiedPair;
+use crate::stereo::{ExtraPlanes, RectifiedPair};
 use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -159,7 +159,7 @@ impl Matcher for Bm {
             ..
         } = output;
         let (isa, size) = (self.isa, pair.size());
-        map.resize(size.0, size.1)?;
+        map.resize(size.0, size.1, ExtraPlanes::NONE)?;
         let mut scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {
             Some(scratch) => scratch,
             None => self.scratch(size),

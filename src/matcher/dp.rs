@@ -23,7 +23,7 @@ use super::stage::{
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
-use crate::stereo::{DisparityMap, Gray, RectifiedPair, StereoPair};
+use crate::stereo::{DisparityMap, ExtraPlanes, Gray, RectifiedPair, StereoPair};
 use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -248,7 +248,7 @@ impl Scratch {
                 }
                 spread.apply(line);
                 for (x, pixel) in line.iter().enumerate() {
-                    row.accept(x, f32::from(pixel.disparity), DisparityMap::NO_SSDPI);
+                    row.accept(x, f32::from(pixel.disparity));
                 }
             }
         });
@@ -268,7 +268,7 @@ impl Matcher for Dp {
             ..
         } = output;
         let size = pair.size();
-        map.resize(size.0, size.1)?;
+        map.resize(size.0, size.1, ExtraPlanes::NONE)?;
         self.scratch.take_if(|scratch| scratch.size != size);
         let scratch = self
             .scratch

@@ -16,7 +16,7 @@ use super::stage::{Chosen, CostVolume, DisparityRange, PathSums, Speckles};
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::{ChosenRow, Isa, Paths, Penalties, VolumeShape, median_row};
-use crate::stereo::{DisparityMap, Reason, RectifiedPair, RowMut};
+use crate::stereo::{ExtraPlanes, Reason, RectifiedPair, RowMut};
 use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -202,11 +202,9 @@ impl Sgm {
                     || usize::try_from(match_x).is_ok_and(|x| right.get(x).is_some_and(agrees))
             };
             match why {
-                Reason::Valid if consistent() => {
-                    row.accept(x, f32::from(disparity) / 16.0, DisparityMap::NO_SSDPI)
-                }
-                Reason::Valid => row.reject(x, Reason::Inconsistent, DisparityMap::NO_SSDPI),
-                why => row.reject(x, why, DisparityMap::NO_SSDPI),
+                Reason::Valid if consistent() => row.accept(x, f32::from(disparity) / 16.0),
+                Reason::Valid => row.reject(x, Reason::Inconsistent),
+                why => row.reject(x, why),
             }
         }
     }
@@ -225,7 +223,7 @@ impl Matcher for Sgm {
             ..
         } = output;
         let (isa, size) = (self.isa, pair.size());
-        map.resize(size.0, size.1)?;
+        map.resize(size.0, size.1, ExtraPlanes::NONE)?;
         let scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {
             Some(scratch) => Some(scratch),
             None => self.scratch(size)?,

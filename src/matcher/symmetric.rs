@@ -8,7 +8,7 @@ use super::stage::{
 use super::{MatchContext, MatchOutput, Matcher, Parameters};
 use crate::error::Result;
 use crate::kernel::Isa;
-use crate::stereo::{BandMut, Plane, RectifiedPair, StereoPair};
+use crate::stereo::{BandMut, ExtraPlanes, Plane, RectifiedPair, StereoPair};
 use crate::timing::{Clock, Stage};
 
 /// A matcher that matches both ways.
@@ -138,7 +138,7 @@ impl<F: CostFilter + Copy + Send> Matcher for Symmetric<F> {
             ..
         } = output;
         let size = pair.size();
-        map.resize(size.0, size.1)?;
+        map.resize(size.0, size.1, ExtraPlanes::SSDPI)?;
         let mut bands = Bands::fitting(self.scratch.take(), size, || self.scratch(size.0))?;
         bands.each_block(map, clock, |top, rows, scratch, clock| {
             self.match_rows(&pair, top, rows, scratch, clock)

@@ -96,8 +96,8 @@ mod tests {
     fn what_is_not_judged_is_no_error() {
         let mut map = DisparityMap::new(6, 1).unwrap();
         let mut row = map.rows_mut().next().unwrap();
-        (0..6).for_each(|x| row.accept(x, 40.0, 0));
-        row.reject(1, Reason::Untextured, 0);
+        (0..6).for_each(|x| row.accept(x, 40.0));
+        row.reject(1, Reason::Untextured);
         let truth =
             Plane::from_vec(6, 1, vec![40.0, 40.0, 10.0, f32::INFINITY, 10.0, 10.0]).unwrap();
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();

@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn nothing_is_black() {
         let mut map = DisparityMap::new(2, 1).unwrap();
-        map.rows_mut().next().unwrap().accept(1, 99.0, 0);
+        map.rows_mut().next().unwrap().accept(1, 99.0);
         assert_eq!(preview(&map, 64.0), [[0; 3], viridis(1.0)].concat());
     }
 }

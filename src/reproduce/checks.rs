@@ -5,7 +5,7 @@ use crate::kernel::{Isa, isa};
 use crate::matcher::stage::{
     BlockSearch, Blocks, DisparityRange, DogTexture, SelfCheck, SymmetricCheck, VerticalSmoothing,
 };
-use crate::stereo::{DisparityMap, Gray, Plane, Reason, StereoPair};
+use crate::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, StereoPair};
 
 /// A pair smoothed as v3 does it, with the matches of its textured pixels.
 pub(super) struct Correlated {
@@ -47,7 +47,7 @@ impl Correlated {
             left,
             right,
             right_textured,
-            matches: DisparityMap::new(width, height)?,
+            matches: DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?,
         };
         let (left_blocks, right_blocks) = this.blocks();
         let mut search = BlockSearch::new(width, range);
@@ -113,7 +113,7 @@ impl Correlated {
                     .at(x)
                     .is_ok_and(|d| !self.right_textured.get(x - d as usize, y))
                 {
-                    row.reject(x, Reason::Inconsistent, row.ssdpi(x));
+                    row.reject(x, Reason::Inconsistent);
                 }
             }
         }

@@ -32,11 +32,11 @@ pub(super) const SSDPI_TOP: f64 = 12.0;
 pub(super) struct Valid {
     pub(super) at: (usize, usize),
     pub(super) disparity_px: f32,
-    /// `ln(SSDPI + 1)`.
+    /// `ln(SSDPI + 1)`; NaN where the map has no SSDPIs.
     pub(super) ln_ssdpi: f64,
 }
 
-/// The valid pixels of a map that has SSDPIs, in raster order.
+/// The valid pixels of a map, in raster order.
 pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
     let (width, height) = map.size();
     let places = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
@@ -45,7 +45,9 @@ pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
         Some(Valid {
             at: (x, y),
             disparity_px,
-            ln_ssdpi: f64::from(map.ssdpi().get(x, y)).ln_1p(),
+            ln_ssdpi: map
+                .ssdpi()
+                .map_or(f64::NAN, |plane| f64::from(plane.get(x, y)).ln_1p()),
         })
     })
 }
@@ -102,7 +104,7 @@ fn picture(caption: impl Into<String>, size: (usize, usize), pixels: &[u8]) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Plane, Reason};
+    use crate::stereo::{ExtraPlanes, Plane, Reason};
 
     #[test]
     fn medians_are_nearest_ranks() {
@@ -125,11 +127,14 @@ mod tests {
 
     #[test]
     fn only_valid_pixels_count() {
-        let mut map = DisparityMap::new(4, 1).unwrap();
+        let mut map = DisparityMap::with_planes(4, 1, ExtraPlanes::SSDPI).unwrap();
         let mut row = map.rows_mut().next().unwrap();
-        row.accept(0, 5.0, 0);
-        row.accept(1, 9.0, 99);
-        row.reject(2, Reason::SelfCheck, 5000);
+        row.accept(0, 5.0);
+        row.accept(1, 9.0);
+        row.reject(2, Reason::SelfCheck);
+        for (x, ssdpi) in [0, 99, 5000].into_iter().enumerate() {
+            row.set_ssdpi(x, ssdpi);
+        }
         let spread = ssdpi([&map]).unwrap();
         assert_eq!(
             spread,

@@ -256,7 +256,7 @@ impl Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Exposure, Geometry, Plane, Truth};
+    use crate::stereo::{Exposure, ExtraPlanes, Geometry, Plane, Truth};
 
     #[test]
     fn outcomes_pool_pixels() {
@@ -274,10 +274,11 @@ mod tests {
             }),
             exposure: Exposure::default(),
         };
-        let mut map = DisparityMap::new(4, 1).unwrap();
+        let mut map = DisparityMap::with_planes(4, 1, ExtraPlanes::SSDPI).unwrap();
         let mut row = map.rows_mut().next().unwrap();
-        row.accept(0, 3.0, 0);
-        row.accept(1, 5.5, 6);
+        row.accept(0, 3.0);
+        row.accept(1, 5.5);
+        (row.set_ssdpi(0, 0), row.set_ssdpi(1, 6));
         let outcome = Outcome::of(&[frame], &[map]);
         assert_eq!(
             (

@@ -70,12 +70,12 @@ mod tests {
         let mut map = DisparityMap::new(6, 1).unwrap();
         let mut row = map.rows_mut().next().unwrap();
         // truth 10 everywhere but at 5, where it is unknown; 4 is hidden from the right camera.
-        row.accept(0, 11.0, 0); // off by exactly 1: good
-        row.accept(1, 11.5, 0); // bad1
-        row.accept(2, 13.0, 0); // bad1, bad2
-        row.reject(3, Reason::Untextured, 0); // invalid
-        row.accept(4, 50.0, 0);
-        row.accept(5, 50.0, 0);
+        row.accept(0, 11.0); // off by exactly 1: good
+        row.accept(1, 11.5); // bad1
+        row.accept(2, 13.0); // bad1, bad2
+        row.reject(3, Reason::Untextured); // invalid
+        row.accept(4, 50.0);
+        row.accept(5, 50.0);
         let mut truth = Plane::filled(6, 1, 10.0).unwrap();
         truth.set(5, 0, f32::INFINITY);
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();

@@ -1,10 +1,11 @@
-//! What a matcher returns: disparities, and for each pixel without one, why.
+//! A dense disparity map: disparities, and for each pixel without one the reason.
 
 use super::{BandMut, Plane, Reason, RowMut};
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
 
-/// Disparity, reason and SSDPI for every pixel of the left image.
+/// Disparity and reason for every pixel of the left image; from some matchers also the winner's SSD
+/// and row offset.
 ///
 /// A pixel's disparity is finite exactly when its reason is [`Reason::Valid`]; elsewhere it is
 /// `+∞`.
@@ -12,15 +13,38 @@ use std::sync::{Mutex, PoisonError};
 pub struct DisparityMap {
     disparity: Plane<f32>,
     why: Plane<Reason>,
-    ssdpi: Plane<u32>,
+    ssdpi: Option<Plane<u32>>,
     row_offset: Option<Plane<i8>>,
+}
+
+/// Planes of a [`DisparityMap`] that only some matchers make.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExtraPlanes {
+    pub ssdpi: bool,
+    pub row_offset: bool,
+}
+
+impl ExtraPlanes {
+    pub const NONE: Self = Self {
+        ssdpi: false,
+        row_offset: false,
+    };
+    /// SSDPIs alone.
+    pub const SSDPI: Self = Self {
+        ssdpi: true,
+        row_offset: false,
+    };
+    pub const ALL: Self = Self {
+        ssdpi: true,
+        row_offset: true,
+    };
 }
 
 impl DisparityMap {
     /// SSDPI of a pixel that was never compared.
     pub const NO_SSDPI: u32 = u32::MAX;
 
-    /// A map in which every pixel is [`Reason::Border`].
+    /// A map in which every pixel is [`Reason::Border`], without extra planes.
     ///
     /// # Errors
     /// [`crate::Error::Dimensions`].
@@ -28,26 +52,49 @@ impl DisparityMap {
         Ok(Self {
             disparity: Plane::filled(width, height, f32::INFINITY)?,
             why: Plane::filled(width, height, Reason::Border)?,
-            ssdpi: Plane::filled(width, height, Self::NO_SSDPI)?,
+            ssdpi: None,
             row_offset: None,
         })
     }
 
-    /// Makes the map `width` x `height`, without row offsets, keeping its memory where the size is
-    /// already that.
+    /// As [`DisparityMap::new`], with `extra` planes.
     ///
     /// # Errors
     /// [`crate::Error::Dimensions`].
-    pub fn resize(&mut self, width: usize, height: usize) -> Result<()> {
+    pub fn with_planes(width: usize, height: usize, extra: ExtraPlanes) -> Result<Self> {
+        let mut map = Self::new(width, height)?;
+        map.resize(width, height, extra)?;
+        Ok(map)
+    }
+
+    /// Makes the map `width` x `height` with these `extra` planes alone, keeping the memory and the
+    /// content of what already fits.
+    ///
+    /// # Errors
+    /// [`crate::Error::Dimensions`].
+    pub fn resize(&mut self, width: usize, height: usize, extra: ExtraPlanes) -> Result<()> {
         if self.size() != (width, height) {
             *self = Self::new(width, height)?;
         }
-        self.row_offset = None;
-        Ok(())
+        fit(
+            &mut self.ssdpi,
+            extra.ssdpi,
+            (width, height),
+            Self::NO_SSDPI,
+        )?;
+        fit(&mut self.row_offset, extra.row_offset, (width, height), 0)
     }
 
     pub fn size(&self) -> (usize, usize) {
         self.disparity.size()
+    }
+
+    /// Which extra planes the map has.
+    pub fn extra(&self) -> ExtraPlanes {
+        ExtraPlanes {
+            ssdpi: self.ssdpi.is_some(),
+            row_offset: self.row_offset.is_some(),
+        }
     }
 
     /// Disparities in pixels, `+∞` where there is none.
@@ -60,37 +107,28 @@ impl DisparityMap {
     }
 
     /// The winner's sum of squared differences of pixel intensities (thesis, section 5.3.3), kept
-    /// also where a later check rejected it; [`DisparityMap::NO_SSDPI`] where nothing was compared
-    /// or the matcher has no such cost.
-    pub fn ssdpi(&self) -> &Plane<u32> {
-        &self.ssdpi
+    /// also where a later check rejected it; [`DisparityMap::NO_SSDPI`] where nothing was compared.
+    /// None from matchers without such a cost.
+    pub fn ssdpi(&self) -> Option<&Plane<u32>> {
+        self.ssdpi.as_ref()
     }
 
     /// How many rows lower the match of each pixel lies: `(x, y)` matches `(x − d, y + offset)` in
-    /// the right image. Nothing from matchers that look along the row alone; without meaning where
-    /// a pixel is not valid.
+    /// the right image; without meaning where a pixel is not valid. None from matchers that search
+    /// along the row alone.
     pub fn row_offset(&self) -> Option<&Plane<i8>> {
         self.row_offset.as_ref()
     }
 
-    /// The row offsets, for a matcher that reuses their memory.
-    pub fn take_row_offset(&mut self) -> Option<Plane<i8>> {
-        self.row_offset.take()
+    /// The row offsets, to write; none where the map has no such plane.
+    pub fn row_offset_mut(&mut self) -> Option<&mut Plane<i8>> {
+        self.row_offset.as_mut()
     }
 
-    /// Gives the map its row offsets.
-    ///
-    /// # Panics
-    /// When they are not of the map's size.
-    pub fn set_row_offset(&mut self, row_offset: Plane<i8>) {
-        assert_eq!(row_offset.size(), self.size());
-        self.row_offset = Some(row_offset);
-    }
-
-    /// By how many rows the right image lies too low: the median row offset of the valid pixels (of
-    /// an even number the lower of the two in the middle). 0 for a rectified pair; nothing without
-    /// row offsets or valid pixels.
-    pub fn misalignment(&self) -> Option<i8> {
+    /// The vertical misalignment, in rows that the right image lies too low: the median row offset
+    /// of the valid pixels (of an even number the lower of the two in the middle). 0 for a
+    /// rectified pair; none without row offsets or valid pixels.
+    pub fn median_row_offset(&self) -> Option<i8> {
         let mut counts = [0usize; 256];
         let offsets = self.row_offset.as_ref()?.pixels().zip(self.why.pixels());
         offsets
@@ -114,7 +152,7 @@ impl DisparityMap {
 
     /// The rows as writers, top to bottom, to be filled in any order.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
-        self.whole_mut().into_rows()
+        self.band_mut().into_rows()
     }
 
     /// Cuts the map into bands of `rows` rows and calls `work` with the number of each band's first
@@ -126,45 +164,28 @@ impl DisparityMap {
         scratch: &mut [S],
         work: impl Fn(usize, BandMut<'_>, &mut S) + Sync,
     ) {
-        let (width, height) = self.size();
+        let height = self.size().1;
         assert!(
             rows * scratch.len() >= height,
             "{} bands of {rows} rows do not cover {height}",
             scratch.len()
         );
-        let pixels = width * rows;
-        let BandMut {
-            disparity,
-            why,
-            ssdpi,
-            ..
-        } = self.whole_mut();
-        let work = |(index, (((disparity, why), ssdpi), scratch)): (usize, PlanesAnd<'_, S>)| {
-            work(
-                index * rows,
-                BandMut {
-                    width,
-                    disparity,
-                    why,
-                    ssdpi,
-                },
-                scratch,
-            );
-        };
-        let planes = disparity
-            .chunks_mut(pixels)
-            .zip(why.chunks_mut(pixels))
-            .zip(ssdpi.chunks_mut(pixels));
-        share(planes.zip(scratch).enumerate(), work);
+        let count = height.div_ceil(rows);
+        let bands = self.band_mut().into_bands(rows).zip(scratch);
+        share(bands.enumerate(), count, |(index, (band, scratch))| {
+            work(index * rows, band, scratch);
+        });
     }
 
-    fn whole_mut(&mut self) -> BandMut<'_> {
+    /// All rows as one band.
+    fn band_mut(&mut self) -> BandMut<'_> {
+        let ssdpi = self.ssdpi.as_mut().and_then(Plane::as_mut_slice);
         // Planes of a map are made by `Plane::filled`, so their rows have no gaps.
         BandMut {
             width: self.disparity.width(),
             disparity: self.disparity.as_mut_slice().expect("gapless"),
             why: self.why.as_mut_slice().expect("gapless"),
-            ssdpi: self.ssdpi.as_mut_slice().expect("gapless"),
+            ssdpi: ssdpi.unwrap_or_default(),
         }
     }
 
@@ -211,12 +232,28 @@ impl DisparityMap {
     }
 }
 
-/// Runs `work` on all items. The calling thread takes its share at once, while the others of
-/// rayon's current pool are still waking up: a whole pair takes a fraction of a millisecond.
-fn share<T: Send>(items: impl ExactSizeIterator<Item = T> + Send, work: impl Fn(T) + Sync) {
-    let helpers = rayon::current_num_threads()
-        .min(items.len())
-        .saturating_sub(1);
+/// Adds or removes an extra plane; keeps one that is there.
+fn fit<T: Copy>(
+    plane: &mut Option<Plane<T>>,
+    wanted: bool,
+    (width, height): (usize, usize),
+    none: T,
+) -> Result<()> {
+    match (wanted, &plane) {
+        (false, _) => *plane = None,
+        (true, None) => *plane = Some(Plane::filled(width, height, none)?),
+        (true, Some(_)) => {}
+    }
+    Ok(())
+}
+
+/// Runs `work` on all `count` items, on the threads of rayon's current pool.
+///
+/// The calling thread works too, instead of waiting: a whole pair takes a fraction of a
+/// millisecond, and the pool's other threads need a part of that to wake up. A caller in the pool
+/// needs none of them: it takes every item itself, and helpers that start late find nothing left.
+fn share<T: Send>(items: impl Iterator<Item = T> + Send, count: usize, work: impl Fn(T) + Sync) {
+    let helpers = rayon::current_num_threads().min(count).saturating_sub(1);
     if helpers == 0 {
         return items.for_each(work);
     }
@@ -229,12 +266,6 @@ fn share<T: Send>(items: impl ExactSizeIterator<Item = T> + Send, work: impl Fn(
     });
 }
 
-/// A band's planes and its scratch.
-type PlanesAnd<'a, S> = (
-    ((&'a mut [f32], &'a mut [Reason]), &'a mut [u32]),
-    &'a mut S,
-);
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -242,13 +273,10 @@ mod tests {
     #[test]
     fn a_pixel_is_finite_exactly_when_valid() {
         let mut map = DisparityMap::new(3, 2).unwrap();
-        map.rows_mut().nth(1).unwrap().accept(2, 7.0, 40);
+        map.rows_mut().nth(1).unwrap().accept(2, 7.0);
         assert_eq!(map.at(2, 1), Ok(7.0));
         assert_eq!(map.at(0, 0), Err(Reason::Border));
-        map.rows_mut()
-            .nth(1)
-            .unwrap()
-            .reject(2, Reason::SelfCheck, 40);
+        map.rows_mut().nth(1).unwrap().reject(2, Reason::SelfCheck);
         assert_eq!(
             (map.at(2, 1), map.disparity().get(2, 1)),
             (Err(Reason::SelfCheck), f32::INFINITY)
@@ -260,10 +288,7 @@ mod tests {
     fn hash_sees_reasons() {
         let a = DisparityMap::new(3, 2).unwrap();
         let mut b = a.clone();
-        b.rows_mut()
-            .next()
-            .unwrap()
-            .reject(0, Reason::Untextured, DisparityMap::NO_SSDPI);
+        b.rows_mut().next().unwrap().reject(0, Reason::Untextured);
         assert_ne!(a.hash(), b.hash());
     }
 }

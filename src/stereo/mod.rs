@@ -23,7 +23,7 @@ mod rig;
 mod row;
 
 pub use calibration::{LengthUnit, Rectification, StereoCalibration, motion, rotation};
-pub use disparity::DisparityMap;
+pub use disparity::{DisparityMap, ExtraPlanes};
 pub use frame::{
     Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, Pose, Truth, Visibility,
 };

@@ -1,4 +1,4 @@
-//! Rows of a disparity map, to write.
+//! Row writers of a disparity map: one row, or a band of rows that a thread fills.
 
 use super::{DisparityMap, Reason};
 
@@ -7,6 +7,7 @@ pub struct BandMut<'a> {
     pub(super) width: usize,
     pub(super) disparity: &'a mut [f32],
     pub(super) why: &'a mut [Reason],
+    /// Empty where the map has no SSDPI plane.
     pub(super) ssdpi: &'a mut [u32],
 }
 
@@ -28,42 +29,39 @@ impl<'a> BandMut<'a> {
     }
 
     /// Cuts the band into bands of `rows` rows, top to bottom; the last may have fewer.
-    pub fn into_bands(self, rows: usize) -> impl Iterator<Item = BandMut<'a>> {
-        let (width, pixels) = (self.width, self.width * rows);
-        let planes = self
-            .disparity
-            .chunks_mut(pixels)
-            .zip(self.why.chunks_mut(pixels));
-        let planes = planes.zip(self.ssdpi.chunks_mut(pixels));
-        planes.map(move |((disparity, why), ssdpi)| BandMut {
-            width,
-            disparity,
-            why,
-            ssdpi,
-        })
+    pub fn into_bands(mut self, rows: usize) -> impl Iterator<Item = BandMut<'a>> {
+        std::iter::from_fn(move || self.split_off(rows))
     }
 
     /// The rows as writers, top to bottom.
-    pub fn into_rows(self) -> impl Iterator<Item = RowMut<'a>> {
-        let disparity = self.disparity.chunks_exact_mut(self.width);
-        let why = self.why.chunks_exact_mut(self.width);
-        let ssdpi = self.ssdpi.chunks_exact_mut(self.width);
-        disparity
-            .zip(why)
-            .zip(ssdpi)
-            .map(|((disparity, why), ssdpi)| RowMut {
-                disparity,
-                why,
-                ssdpi,
-            })
+    pub fn into_rows(mut self) -> impl Iterator<Item = RowMut<'a>> {
+        std::iter::from_fn(move || self.split_off(1)).map(|row| RowMut {
+            disparity: row.disparity,
+            why: row.why,
+            ssdpi: row.ssdpi,
+        })
+    }
+
+    /// Takes the first `rows` rows, or what is left of them; none when the band is empty.
+    fn split_off(&mut self, rows: usize) -> Option<Self> {
+        let pixels = (rows * self.width).min(self.why.len());
+        // A missing SSDPI plane is an empty slice, and so are all its parts.
+        let ssdpis = pixels.min(self.ssdpi.len());
+        (pixels > 0).then_some(Self {
+            width: self.width,
+            disparity: self.disparity.split_off_mut(..pixels)?,
+            why: self.why.split_off_mut(..pixels)?,
+            ssdpi: self.ssdpi.split_off_mut(..ssdpis)?,
+        })
     }
 }
 
 /// One row of a [`DisparityMap`], to write.
 pub struct RowMut<'a> {
-    pub(super) disparity: &'a mut [f32],
-    pub(super) why: &'a mut [Reason],
-    pub(super) ssdpi: &'a mut [u32],
+    disparity: &'a mut [f32],
+    why: &'a mut [Reason],
+    /// Empty where the map has no SSDPI plane.
+    ssdpi: &'a mut [u32],
 }
 
 impl RowMut<'_> {
@@ -79,12 +77,13 @@ impl RowMut<'_> {
         }
     }
 
-    /// The winners' SSDs.
-    pub fn ssdpis(&self) -> &[u32] {
+    /// The winners' SSDs; empty where the map has no SSDPI plane.
+    pub fn ssdpi(&self) -> &[u32] {
         self.ssdpi
     }
 
-    /// Disparities, reasons and SSDPIs, to write together: finite exactly where valid.
+    /// Disparities, reasons and SSDPIs, to write together: finite exactly where valid. SSDPIs are
+    /// empty where the map has none.
     pub(crate) fn planes_mut(&mut self) -> (&mut [f32], &mut [Reason], &mut [u32]) {
         (self.disparity, self.why, self.ssdpi)
     }
@@ -94,16 +93,11 @@ impl RowMut<'_> {
         RowMut {
             disparity: &mut self.disparity[columns.clone()],
             why: &mut self.why[columns.clone()],
-            ssdpi: &mut self.ssdpi[columns],
+            ssdpi: self.ssdpi.get_mut(columns).unwrap_or_default(),
         }
     }
 
-    /// The winner's SSD at `x`.
-    pub fn ssdpi(&self, x: usize) -> u32 {
-        self.ssdpi[x]
-    }
-
-    /// Writes that no pixel of the row was compared, and why.
+    /// Rejects the whole row; no pixel of it was compared.
     pub fn clear(&mut self, reason: Reason) {
         debug_assert!(reason != Reason::Valid);
         self.disparity.fill(f32::INFINITY);
@@ -111,19 +105,25 @@ impl RowMut<'_> {
         self.ssdpi.fill(DisparityMap::NO_SSDPI);
     }
 
-    /// Writes a disparity.
-    pub fn accept(&mut self, x: usize, disparity: f32, ssdpi: u32) {
+    /// Writes a disparity; the SSDPI stays.
+    pub fn accept(&mut self, x: usize, disparity: f32) {
         debug_assert!(disparity.is_finite());
         self.disparity[x] = disparity;
         self.why[x] = Reason::Valid;
-        self.ssdpi[x] = ssdpi;
     }
 
-    /// Writes that there is none, and why.
-    pub fn reject(&mut self, x: usize, reason: Reason, ssdpi: u32) {
+    /// Writes that there is no disparity, and why; the SSDPI stays.
+    pub fn reject(&mut self, x: usize, reason: Reason) {
         debug_assert!(reason != Reason::Valid);
         self.disparity[x] = f32::INFINITY;
         self.why[x] = reason;
+    }
+
+    /// Writes the winner's SSD.
+    ///
+    /// # Panics
+    /// When the map has no SSDPI plane.
+    pub fn set_ssdpi(&mut self, x: usize, ssdpi: u32) {
         self.ssdpi[x] = ssdpi;
     }
 }

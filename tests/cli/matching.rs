@@ -39,6 +39,33 @@ fn finds_the_shift_and_writes_what_was_asked_for() {
 }
 
 #[test]
+fn v4_reports_the_vertical_misalignment() {
+    let fixture = Fixture::new();
+    let (width, height) = (80, 40);
+    let noise = |x: usize, y: usize| ((x * x + 7 * y) * (y * y + 3 * x) % 251) as u8;
+    let image = |lower: usize, shift: usize| -> Vec<u8> {
+        let pixels = (0..width * height).map(|i| (i % width + shift, (i / width + 2 - lower)));
+        pixels.map(|(x, y)| noise(x, y)).collect()
+    };
+    fixture.write("l.pgm", pgm(width, height, &image(0, 0)));
+    fixture.write("r.pgm", pgm(width, height, &image(2, 5)));
+    let run = |algorithm: &str, json: &[&str]| {
+        let args = [
+            "match", "l.pgm", "r.pgm", "-o", "d.pfm", "--force", "--algo", algorithm,
+        ];
+        fixture.svl(&[&args[..], json].concat()).done()
+    };
+    let text = run("v4", &[]);
+    assert!(
+        text.contains("vertical misalignment: right image +2 px lower"),
+        "{text}"
+    );
+    let json = |algorithm| serde_json::from_str::<serde_json::Value>(&run(algorithm, &["--json"]));
+    assert_eq!(json("v4").unwrap()["median_row_offset"], 2);
+    assert!(json("v3").unwrap().get("median_row_offset").is_none());
+}
+
+#[test]
 fn png_output_is_kittis() {
     let fixture = Fixture::new();
     fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);

@@ -41,8 +41,8 @@ impl Bm {
         for (mut out, row) in map.rows_mut().zip(rows) {
             for (x, pixel) in row.into_iter().enumerate() {
                 match pixel {
-                    Ok((d, _)) => out.accept(x, d as f32 / 16.0, DisparityMap::NO_SSDPI),
-                    Err(reason) => out.reject(x, reason, DisparityMap::NO_SSDPI),
+                    Ok((d, _)) => out.accept(x, d as f32 / 16.0),
+                    Err(reason) => out.reject(x, reason),
                 }
             }
         }

@@ -60,7 +60,7 @@ impl Dp {
             found
                 .iter()
                 .enumerate()
-                .for_each(|(x, &d)| row.accept(x, d as f32, DisparityMap::NO_SSDPI));
+                .for_each(|(x, &d)| row.accept(x, d as f32));
         }
         map
     }

@@ -6,7 +6,7 @@ pub(crate) mod scenes;
 pub(crate) mod symmetric;
 pub(crate) mod v4;
 
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, RowMut, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct V3 {
@@ -26,13 +26,14 @@ impl V3 {
             smooth(pair.right(), self.smoothing_sigma),
         );
         let (width, height) = pair.size();
-        let mut map = DisparityMap::new(width, height).unwrap();
+        let mut map = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI).unwrap();
         for (y, mut row) in map.rows_mut().enumerate() {
             for x in 0..width as i32 {
-                match self.pixel(&left, &right, x, y) {
-                    Ok((d, ssdpi)) => row.accept(x as usize, d, ssdpi),
-                    Err((reason, ssdpi)) => row.reject(x as usize, reason, ssdpi),
-                }
+                let (disparity, ssdpi) = match self.pixel(&left, &right, x, y) {
+                    Ok((d, ssdpi)) => (Ok(d), ssdpi),
+                    Err((reason, ssdpi)) => (Err(reason), ssdpi),
+                };
+                write(&mut row, x as usize, disparity, ssdpi);
             }
         }
         map
@@ -92,6 +93,15 @@ impl V3 {
             ssdpi as u32,
         ))
     }
+}
+
+/// Writes a pixel with its SSDPI.
+fn write(row: &mut RowMut<'_>, x: usize, disparity: Result<f32, Reason>, ssdpi: u32) {
+    match disparity {
+        Ok(disparity) => row.accept(x, disparity),
+        Err(reason) => row.reject(x, reason),
+    }
+    row.set_ssdpi(x, ssdpi);
 }
 
 /// The lowest point of the parabola through the SSDs at the winner and beside it.

@@ -102,7 +102,7 @@ pub(crate) fn difference(got: &DisparityMap, expected: &DisparityMap) -> Option<
         (
             map.at(x, y),
             map.disparity().get(x, y),
-            map.ssdpi().get(x, y),
+            map.ssdpi().map(|plane| plane.get(x, y)),
         )
     };
     (0..height)

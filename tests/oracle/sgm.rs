@@ -83,14 +83,10 @@ impl Sgm {
                     })
                 };
                 match best(x, y) {
-                    None => row.reject(x, Reason::Border, DisparityMap::NO_SSDPI),
-                    Some(best) if !unique(best) => {
-                        row.reject(x, Reason::Ambiguous, DisparityMap::NO_SSDPI)
-                    }
-                    Some(_) if !consistent => {
-                        row.reject(x, Reason::Inconsistent, DisparityMap::NO_SSDPI)
-                    }
-                    Some(_) => row.accept(x, disparity as f32 / 16.0, DisparityMap::NO_SSDPI),
+                    None => row.reject(x, Reason::Border),
+                    Some(best) if !unique(best) => row.reject(x, Reason::Ambiguous),
+                    Some(_) if !consistent => row.reject(x, Reason::Inconsistent),
+                    Some(_) => row.accept(x, disparity as f32 / 16.0),
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! v1 and v2.
 
-use super::{refine, smooth};
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use super::{refine, smooth, write};
+use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Symmetric {
@@ -62,13 +62,14 @@ impl Symmetric {
             smooth(pair.right(), self.smoothing_sigma),
         );
         let (width, height) = pair.size();
-        let mut map = DisparityMap::new(width, height).unwrap();
+        let mut map = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI).unwrap();
         for (y, mut row) in map.rows_mut().enumerate() {
             for x in 0..width as i32 {
-                match self.pixel(&left, &right, x, y) {
-                    Ok((d, ssdpi)) => row.accept(x as usize, d, ssdpi),
-                    Err((reason, ssdpi)) => row.reject(x as usize, reason, ssdpi),
-                }
+                let (disparity, ssdpi) = match self.pixel(&left, &right, x, y) {
+                    Ok((d, ssdpi)) => (Ok(d), ssdpi),
+                    Err((reason, ssdpi)) => (Err(reason), ssdpi),
+                };
+                write(&mut row, x as usize, disparity, ssdpi);
             }
         }
         map

@@ -1,7 +1,7 @@
 //! v4.
 
-use super::{refine, smooth, textured};
-use svl::stereo::{DisparityMap, Plane, Reason, StereoPair};
+use super::{refine, smooth, textured, write};
+use svl::stereo::{DisparityMap, ExtraPlanes, Plane, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct V4 {
@@ -81,14 +81,15 @@ impl V4 {
         }
 
         let mut offsets = Plane::filled(width as usize, height as usize, 0i8).unwrap();
-        let mut map = DisparityMap::new(width as usize, height as usize).unwrap();
+        let mut map =
+            DisparityMap::with_planes(width as usize, height as usize, ExtraPlanes::ALL).unwrap();
         for (y, mut row) in (0..height).zip(map.rows_mut()) {
             for x in 0..width {
                 let admissible: Vec<i32> = (self.min..=self.max)
                     .filter(|d| inside(x) && inside(x - d))
                     .collect();
                 let claim = claims[(y * width + x) as usize];
-                let mut reject = |reason, ssdpi| row.reject(x as usize, reason, ssdpi);
+                let mut reject = |reason, ssdpi| write(&mut row, x as usize, Err(reason), ssdpi);
                 if admissible.is_empty() {
                     reject(Reason::Border, DisparityMap::NO_SSDPI);
                 } else if !has_texture(x, y) {
@@ -113,13 +114,13 @@ impl V4 {
                     } else {
                         refined
                     };
-                    row.accept(x as usize, checked, ssdpi as u32);
+                    write(&mut row, x as usize, Ok(checked), ssdpi as u32);
                 } else {
                     reject(Reason::Unmatched, DisparityMap::NO_SSDPI);
                 }
             }
         }
-        map.set_row_offset(offsets);
+        *map.row_offset_mut().unwrap() = offsets;
         map
     }
 }

@@ -189,7 +189,7 @@ fn results_stand_beside_the_pairs() {
         rows: 1,
     };
     let mut disparity = DisparityMap::new(SIZE.0, SIZE.1).unwrap();
-    disparity.rows_mut().next().unwrap().accept(5, 17.25, 3);
+    disparity.rows_mut().next().unwrap().accept(5, 17.25);
     let grid = DepthGrid::new(
         shape,
         vec![Cell {

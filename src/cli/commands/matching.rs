@@ -64,6 +64,9 @@ struct Report<'a> {
     total_ms: f64,
     stages_ms: Vec<(&'static str, f64)>,
     hash: String,
+    /// The vertical misalignment, where the algorithm measures it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    median_row_offset: Option<i8>,
     distances_m: Option<Vec<Vec<Option<f64>>>>,
 }
 
@@ -132,6 +135,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             .map(|s| (s.name(), ms(clock.times().get(*s))))
             .collect(),
         hash: format!("{:032x}", map.hash()),
+        median_row_offset: map.median_row_offset(),
         distances_m: grid.as_ref().map(distances),
     };
     if args.json {
@@ -181,6 +185,12 @@ impl Report<'_> {
                 .map(|d| d.map_or("     ?".to_owned(), |d| format!("{d:6.2}")))
                 .collect();
             writeln!(text, "  {} m", cells.join(" "))?;
+        }
+        if let Some(rows) = self.median_row_offset {
+            writeln!(
+                text,
+                "  vertical misalignment: right image {rows:+} px lower"
+            )?;
         }
         writeln!(text, "  hash {}", self.hash)?;
         Ok(text)

@@ -32,7 +32,7 @@ use super::quotes::words;
 use super::stage::DisparityRange;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
-use crate::stereo::{DisparityMap, Reason, RectifiedPair, StereoPair};
+use crate::stereo::{ExtraPlanes, Reason, RectifiedPair, StereoPair};
 use crate::timing::Stage;
 use program::{Failure, Program};
 use std::time::Duration;
@@ -142,7 +142,7 @@ impl Matcher for Exec {
             ..
         } = output;
         self.sequence += 1;
-        map.resize(pair.size().0, pair.size().1)?;
+        map.resize(pair.size().0, pair.size().1, ExtraPlanes::NONE)?;
         let reply = self.ask(&pair).map_err(|failure| {
             // Dropped, so ended.
             self.program = None;
@@ -160,10 +160,10 @@ impl Matcher for Exec {
         for (mut row, disparities) in map.rows_mut().zip(disparities.chunks_exact(pair.size().0)) {
             for (x, &disparity) in disparities.iter().enumerate() {
                 if disparity.is_finite() {
-                    row.accept(x, disparity, DisparityMap::NO_SSDPI);
+                    row.accept(x, disparity);
                 } else {
                     // It does not say why.
-                    row.reject(x, Reason::Unmatched, DisparityMap::NO_SSDPI);
+                    row.reject(x, Reason::Unmatched);
                 }
             }
         }

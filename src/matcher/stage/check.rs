@@ -46,9 +46,9 @@ impl SelfCheck {
             row,
         );
         each_capped(row, |x, row| {
-            let ssdpi = row.ssdpi(x);
+            let ssdpi = row.ssdpi()[x];
             if row.at(x).is_ok() && self.resembles(left, x, ssdpi) {
-                row.reject(x, Reason::SelfCheck, ssdpi);
+                row.reject(x, Reason::SelfCheck);
             }
         });
     }
@@ -70,12 +70,12 @@ fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<
     let capped = |ssd: u32| (u32::from(CAP)..DisparityMap::NO_SSDPI).contains(&ssd);
     for start in (0..row.width()).step_by(CHUNK) {
         let end = row.width().min(start + CHUNK);
-        if row.ssdpis()[start..end]
+        if row.ssdpi()[start..end]
             .iter()
             .fold(false, |any, &ssd| any | capped(ssd))
         {
             (start..end).for_each(|x| {
-                if capped(row.ssdpi(x)) {
+                if capped(row.ssdpi()[x]) {
                     look_up(x, row);
                 }
             });
@@ -99,7 +99,7 @@ pub const BACK_CHECK: Parameter = Parameter {
 pub fn back_check(row: &mut RowMut<'_>) {
     for x in 0..row.width() {
         if row.at(x).is_ok_and(|d| d < 0.0) {
-            row.accept(x, 0.0, row.ssdpi(x));
+            row.accept(x, 0.0);
         }
     }
 }

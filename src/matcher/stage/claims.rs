@@ -56,7 +56,7 @@ impl Claims {
                     }
                 };
                 if denied(x as i32 - d.floor() as i32) && denied(x as i32 - d.ceil() as i32) {
-                    row.reject(x, Reason::Inconsistent, row.ssdpi(x));
+                    row.reject(x, Reason::Inconsistent);
                 }
             }
         }

@@ -3,7 +3,7 @@
 use super::filter::CostFilter;
 use super::ssd::{DisparityRange, search, ssd};
 use crate::kernel::{Doubt, Isa, Lanes, Match, Search};
-use crate::stereo::{DisparityMap, Reason, RowMut};
+use crate::stereo::{Reason, RowMut};
 
 /// Finds the cheapest match of each pixel and asks a filter whether other disparities come close.
 /// It holds one thread's scratch.
@@ -53,17 +53,16 @@ impl<F: CostFilter> CostSearch<F> {
         for x in self.range.columns(row.width()) {
             let (winner, doubt) = (self.matches[start + x], self.doubts[start + x]);
             if !textured[x] {
-                row.reject(x, Reason::Untextured, DisparityMap::NO_SSDPI);
-            } else if doubt == Doubt::Ambiguous
+                row.reject(x, Reason::Untextured);
+                continue;
+            }
+            row.set_ssdpi(x, winner.ssd());
+            if doubt == Doubt::Ambiguous
                 || doubt == Doubt::Open && self.settle(left, right, x, winner)
             {
-                row.reject(x, Reason::Ambiguous, winner.ssd());
+                row.reject(x, Reason::Ambiguous);
             } else {
-                row.accept(
-                    x,
-                    (self.search.first() + winner.index() as i32) as f32,
-                    winner.ssd(),
-                );
+                row.accept(x, (self.search.first() + winner.index() as i32) as f32);
             }
         }
     }

@@ -57,7 +57,7 @@ impl Speckles {
             for x in 0..width {
                 let root = self.root((y * width + x) as u32);
                 if row.at(x).is_ok() && self.sizes[root as usize] <= self.size {
-                    row.reject(x, Reason::Inconsistent, row.ssdpi(x));
+                    row.reject(x, Reason::Inconsistent);
                 }
             }
         }

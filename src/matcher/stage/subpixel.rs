@@ -38,7 +38,7 @@ pub fn refine<'a>(
             let curvature = previous - 2 * middle + next;
             if middle <= previous.min(next) && curvature > 0 {
                 let offset = (previous - next) as f32 / (2 * curvature) as f32;
-                row.accept(x, d as f32 + offset, row.ssdpi(x));
+                row.accept(x, d as f32 + offset);
             }
         }
     }

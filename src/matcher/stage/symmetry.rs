@@ -77,7 +77,7 @@ impl SymmetricCheck {
                 if (self.search.first() + matched.index() as i32).abs_diff(d)
                     > self.tolerance_px as u32
                 {
-                    row.reject(x, Reason::Inconsistent, row.ssdpi(x));
+                    row.reject(x, Reason::Inconsistent);
                 }
             }
         }

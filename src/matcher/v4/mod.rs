@@ -19,7 +19,7 @@ use super::stage::{
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::{Claim, Isa};
-use crate::stereo::{DisparityMap, Gray, Plane, Reason, RectifiedPair, RowMut};
+use crate::stereo::{ExtraPlanes, Gray, Plane, Reason, RectifiedPair, RowMut};
 use crate::timing::Stage;
 use claims::{Claims, Tolerance};
 
@@ -106,11 +106,12 @@ impl V4 {
         row.clear(Reason::Border);
         for x in self.range.columns(row.width()) {
             if !textured[x] {
-                row.reject(x, Reason::Untextured, DisparityMap::NO_SSDPI);
+                row.reject(x, Reason::Untextured);
             } else if granted[x] == Claim::NONE {
-                row.reject(x, Reason::Unmatched, DisparityMap::NO_SSDPI);
+                row.reject(x, Reason::Unmatched);
             } else {
-                row.accept(x, f32::from(granted[x].disparity), granted[x].ssd);
+                row.accept(x, f32::from(granted[x].disparity));
+                row.set_ssdpi(x, granted[x].ssd);
             }
         }
     }
@@ -129,9 +130,7 @@ impl Matcher for V4 {
             ..
         } = output;
         let (isa, size) = (self.isa, pair.size());
-        let offsets = map.take_row_offset().filter(|plane| plane.size() == size);
-        let mut offsets = offsets.map_or_else(|| Plane::filled(size.0, size.1, 0), Ok)?;
-        map.resize(size.0, size.1)?;
+        map.resize(size.0, size.1, ExtraPlanes::ALL)?;
         let fitting = self
             .scratch
             .take()
@@ -160,19 +159,12 @@ impl Matcher for V4 {
                 self.write_row(granted.row(y), textured.row(y), &mut row);
             }
         });
-        // Made by `Plane::filled`, so its rows have no gaps.
-        each_row(
-            offsets.as_mut_slice().expect("gapless"),
-            size.0,
-            64,
-            |y, offsets| {
-                offsets
-                    .iter_mut()
-                    .zip(granted.row(y))
-                    .for_each(|(offset, claim)| *offset = claim.row_offset);
-            },
-        );
-        map.set_row_offset(offsets);
+        // The plane was asked for above, and as all planes of a map its rows have no gaps.
+        let offsets = map.row_offset_mut().and_then(Plane::as_mut_slice);
+        each_row(offsets.expect("gapless"), size.0, 64, |y, offsets| {
+            let claims = offsets.iter_mut().zip(granted.row(y));
+            claims.for_each(|(offset, claim)| *offset = claim.row_offset);
+        });
         clock.lap(Stage::Matching);
 
         left_blocks.load(isa, left);

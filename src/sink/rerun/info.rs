@@ -1,5 +1,7 @@
 //! What is known of a run before its first frame.
 
+use crate::stereo::ExtraPlanes;
+
 /// The run: who takes part, and where.
 #[derive(Clone, Debug, Default)]
 pub struct RunInfo {
@@ -25,6 +27,8 @@ pub struct Edges {
 pub(super) struct Algorithm {
     pub label: String,
     pub part: String,
+    /// What its maps have besides disparities and reasons, known from the first frame on.
+    pub extra: ExtraPlanes,
 }
 
 impl Algorithm {
@@ -54,7 +58,11 @@ pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<Algorithm>
             .into_iter()
             .find(|name| made.iter().all(|a| a.part != *name))
             .unwrap_or(stem);
-        made.push(Algorithm { label, part });
+        made.push(Algorithm {
+            label,
+            part,
+            extra: ExtraPlanes::NONE,
+        });
     }
     made
 }

@@ -71,7 +71,8 @@ fn maps(algorithms: &[Algorithm], facts: &Facts) -> Node {
     let one = algorithms.len() == 1;
     let mut nodes = Vec::new();
     for kind in kinds {
-        let views = algorithms.iter().map(|algorithm| {
+        let shown = |algorithm: &&Algorithm| kind != "ssdpi" || algorithm.extra.ssdpi;
+        let views = algorithms.iter().filter(shown).map(|algorithm| {
             let name = if one { kind } else { &algorithm.label };
             let path = algorithm.path(kind);
             if kind == "why" {
@@ -85,6 +86,7 @@ fn maps(algorithms: &[Algorithm], facts: &Facts) -> Node {
         let views: Vec<Node> = views.chain(truth).collect();
         match one {
             true => nodes.extend(views),
+            false if views.is_empty() => {}
             false => nodes.push(Node::row(kind, views, &[])),
         }
     }
@@ -140,6 +142,11 @@ fn bottom(algorithms: &[Algorithm], facts: &Facts) -> Node {
     ];
     if facts.named {
         texts.push(View::new("TextLog", "frames", "run/frames", ["$origin"]).into());
+    }
+    let measuring = algorithms.iter().filter(|a| a.extra.row_offset);
+    let row_offsets: Vec<String> = measuring.map(|a| a.path("row_offset")).collect();
+    if !row_offsets.is_empty() {
+        nodes.push(plot("vertical misalignment, rows", row_offsets, false).into());
     }
     nodes.push(Node::tabs("text", texts));
     Node::row("numbers", nodes, &[])

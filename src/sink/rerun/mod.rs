@@ -8,11 +8,13 @@
 //!   rig/left                   Transform3D, Pinhole
 //!   rig/left/image
 //! algo/<name>/overlay          the thesis's picture of the depth grid
-//!            /disparity /depth /why /ssdpi
+//!            /disparity /depth /why
+//!            /ssdpi            of algorithms that have one
 //!            /points           the cloud, in the camera's frame
 //!            /latency/<stage>  milliseconds, and /latency/total
 //!            /coverage         percent of the pixels
 //!            /wrong_cells      where truth and rig are known
+//!            /row_offset       rows, of algorithms that measure the vertical misalignment
 //! truth/overlay  truth/depth
 //! run/parameters  run/verdicts  run/frames
 //! legend/why
@@ -38,7 +40,7 @@ pub use target::{RerunTarget, VIEWER_HINT};
 use super::{RunStart, Sink};
 use crate::error::{Error, Result};
 use crate::score::Judged;
-use crate::stereo::{Frame, Pose, Rig};
+use crate::stereo::{ExtraPlanes, Frame, Pose, Rig};
 use crate::timing::Stage;
 use ::rerun::{
     Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
@@ -54,6 +56,8 @@ const TIMELINES: [&str; 2] = ["pair", "time"];
 const CAMERA: &str = "world/rig/left";
 const IMAGE: &str = "world/rig/left/image";
 const LEGEND: &str = "legend/why";
+/// The maps that every algorithm has.
+const MAPS: [&str; 3] = ["disparity", "why", "depth"];
 /// Stamps from here on are taken for time since 1970, smaller ones for time since the start: 2001
 /// in nanoseconds.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
@@ -170,23 +174,10 @@ impl RerunSink {
 
     /// Frames of reference, names and colours of an algorithm's entities.
     fn style(&self, algorithm: &Algorithm, color: Rgba32) -> Result<()> {
-        for map in [
-            "overlay",
-            "overlay/percentiles",
-            "disparity",
-            "depth",
-            "why",
-            "ssdpi",
-        ] {
+        for map in ["overlay", "overlay/percentiles"].iter().chain(&MAPS) {
             self.log_static(&algorithm.path(map), &world::on_image())?;
         }
         self.log_static(&algorithm.path("points"), &world::in_camera())?;
-        let line = |name: &str, color| {
-            SeriesLines::new()
-                .with_names([name])
-                .with_colors([color])
-                .with_widths([1.5])
-        };
         for (stage, color) in Stage::ALL.into_iter().zip(COLORS.into_iter().skip(1)) {
             self.log_static(
                 &algorithm.path(&format!("latency/{}", stage.name())),
@@ -199,8 +190,25 @@ impl RerunSink {
         Ok(())
     }
 
-    /// The layout, as soon as a frame tells what there is to see.
-    fn begin(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
+    /// The layout, as soon as a frame and its estimates tell what there is to see.
+    fn begin(&mut self, judged: &Judged, scale: &Scale) -> Result<()> {
+        let frame = &judged.frame;
+        for algorithm in &mut self.algorithms {
+            let mut estimates = judged.estimates.iter().map(|scored| &scored.estimate);
+            let estimate = estimates.find(|estimate| estimate.algorithm == algorithm.label);
+            algorithm.extra = estimate.map_or(ExtraPlanes::NONE, |e| e.disparity.extra());
+        }
+        for (algorithm, color) in self.algorithms.iter().zip(COLORS.into_iter().cycle()) {
+            if algorithm.extra.ssdpi {
+                self.log_static(&algorithm.path("ssdpi"), &world::on_image())?;
+            }
+            if algorithm.extra.row_offset {
+                self.log_static(
+                    &algorithm.path("row_offset"),
+                    &line(&algorithm.label, color),
+                )?;
+            }
+        }
         let facts = layout::Facts {
             truth: frame.truth.is_some(),
             rig: frame.rig().is_some(),
@@ -229,6 +237,14 @@ impl RerunSink {
     }
 }
 
+/// The look of a line over time.
+fn line(name: &str, color: Rgba32) -> SeriesLines {
+    SeriesLines::new()
+        .with_names([name])
+        .with_colors([color])
+        .with_widths([1.5])
+}
+
 impl Sink for RerunSink {
     /// The timelines place a further run after the one before, with a second between. The
     /// algorithms' maps and clouds are kept of the first run alone, which is what a viewer's memory
@@ -254,7 +270,7 @@ impl Sink for RerunSink {
         let frame = &judged.frame;
         let scale = self.scale(frame)?;
         if !self.begun {
-            self.begin(frame, &scale)?;
+            self.begin(judged, &scale)?;
             self.begun = true;
         }
         let now = Moment {

@@ -55,8 +55,10 @@ impl RerunSink {
         self.log_overlay(&algorithm.path("overlay"), &estimate.grid, frame, scale)?;
         match self.maps {
             Maps::Shown => self.push_maps(algorithm, map, frame, scale)?,
-            Maps::ToClear => ["disparity", "why", "ssdpi", "depth", "points"]
+            Maps::ToClear => MAPS
                 .iter()
+                .chain(map.ssdpi().map(|_| &"ssdpi"))
+                .chain(&["points"])
                 .try_for_each(|map| self.log(&algorithm.path(map), &Clear::flat()))?,
             Maps::Gone => {}
         }
@@ -76,6 +78,10 @@ impl RerunSink {
             &algorithm.path("coverage"),
             &Scalars::single(100.0 * scored.coverage),
         )?;
+        if map.row_offset().is_some() {
+            let rows = map.median_row_offset().map(f64::from);
+            self.log_or_clear(&algorithm.path("row_offset"), rows.map(Scalars::single))?;
+        }
         let tally = scored.tally();
         self.log_or_clear(
             &algorithm.path("wrong_cells"),
@@ -95,7 +101,9 @@ impl RerunSink {
             &picture::disparity(map.disparity(), scale),
         )?;
         self.log(&algorithm.path("why"), &picture::why(map.why()))?;
-        self.log(&algorithm.path("ssdpi"), &picture::ssdpi(map.ssdpi()))?;
+        if let Some(ssdpi) = map.ssdpi() {
+            self.log(&algorithm.path("ssdpi"), &picture::ssdpi(ssdpi))?;
+        }
         self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
         let points = frame
             .rig()
