@@ -26,7 +26,10 @@ pub enum Error {
         max: usize,
     },
     /// Left and right of a pair differ in size.
-    #[error("left image is {}x{}, right image is {}x{}: a rectified pair has equal sizes", left.0, left.1, right.0, right.1)]
+    #[error(
+        "left image is {}x{}, right image is {}x{}: a rectified pair has equal sizes",
+        left.0, left.1, right.0, right.1
+    )]
     PairSize {
         left: (usize, usize),
         right: (usize, usize),
@@ -38,7 +41,10 @@ pub enum Error {
         nearest: Option<String>,
     },
     /// The algorithm has no such parameter.
-    #[error("{algorithm} has no parameter '{name}'{}; `svl algos {algorithm}` lists them", did_you_mean(.nearest))]
+    #[error(
+        "{algorithm} has no parameter '{name}'{}; `svl algos {algorithm}` lists them",
+        did_you_mean(.nearest)
+    )]
     UnknownParameter {
         algorithm: &'static str,
         name: String,

@@ -1,6 +1,5 @@
-//! The numbers of the arena, as they stand in a scenario's `[arena]`.
+//! The arena's configuration: a scenario's `[arena]` table.
 
-use super::layout;
 use serde::{Deserialize, Serialize};
 
 /// An arena, the robot in it and what it carries. The default is the thesis's (chapter 7).
@@ -134,78 +133,4 @@ pub struct Ball {
     pub radius_m: f64,
     /// Height of its centre; on the floor when it equals the radius.
     pub height_m: f64,
-}
-
-impl Default for ArenaConfig {
-    fn default() -> Self {
-        Self {
-            frames: 280,
-            rate_hz: 10.0,
-            rig: RigConfig::default(),
-            sensor: SensorConfig::default(),
-            robot: RobotConfig::default(),
-            world: WorldConfig::default(),
-        }
-    }
-}
-
-impl Default for RigConfig {
-    fn default() -> Self {
-        Self {
-            width_px: 320,
-            height_px: 240,
-            field_of_view_deg: 52.0,
-            baseline_m: 0.044,
-            above_floor_m: 0.07,
-            right_row_offset_px: 0.25,
-            right_roll_deg: 0.05,
-        }
-    }
-}
-
-impl Default for SensorConfig {
-    fn default() -> Self {
-        Self {
-            shutter_us: 8_000,
-            gain_db: 0.0,
-            right_gain_db: 0.15,
-            white_e_per_ms: 1_700.0,
-            full_scale_e: 9_000.0,
-            read_noise_e: 25.0,
-            noise: true,
-            vignetting: 0.25,
-            lens_blur_px: 0.5,
-            aperture_mm: 1.9,
-            focus_m: 0.7,
-        }
-    }
-}
-
-impl Default for RobotConfig {
-    fn default() -> Self {
-        Self {
-            half_width_m: 0.04,
-            sway_hz: 0.6,
-            yaw_sway_deg: 2.0,
-            roll_sway_deg: 1.5,
-            pitch_sway_deg: 0.7,
-            deviation_m: 0.01,
-            path: layout::path(),
-        }
-    }
-}
-
-impl Default for WorldConfig {
-    fn default() -> Self {
-        Self {
-            width_m: 2.0,
-            length_m: 3.0,
-            wall_height_m: 0.2,
-            room_margin_m: 2.5,
-            forest_contrast: 1.0,
-            floor_contrast: 0.02,
-            blocks: layout::blocks(),
-            balls: layout::balls(),
-        }
-    }
 }

@@ -15,7 +15,7 @@
 
 mod check;
 mod config;
-mod layout;
+mod defaults;
 mod noise;
 mod objects;
 mod path;
@@ -30,17 +30,17 @@ mod wireframe;
 pub use config::{
     ArenaConfig, Ball, Block, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
 };
-pub use wireframe::Wire;
+pub use wireframe::WireObject;
 
 use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Geometry, Pose, Rig, StereoPair};
 use nalgebra::{Translation3, Vector3};
-use noise::{Dice, Stream, mix};
+use noise::{Dice, NoiseStream, mix};
 use objects::Objects;
 use path::{Twist, Walk};
-use render::{Lens, Shot};
-use scene::Scene;
-use view::{Skew, View};
+use render::{Lens, SharpImage};
+use scene::ArenaScene;
+use view::{CameraView, ImageSkew};
 
 /// Raised when the same configuration and seed come to give other pixels, so that cached recordings
 /// are made anew.
@@ -50,7 +50,7 @@ pub const REVISION: u32 = 1;
 pub struct Arena {
     config: ArenaConfig,
     rig: Rig,
-    scene: Scene,
+    scene: ArenaScene,
     walk: Walk,
     /// Key of the sensor noise of this run.
     noise: u64,
@@ -77,13 +77,13 @@ impl Arena {
         let walk = Walk::new(config, seed)?;
         let objects = Objects::new(&config.world);
         check_clearance(config, &walk, &objects)?;
-        let scene = Scene::new(&config.world, objects, seed);
+        let scene = ArenaScene::new(&config.world, objects, seed);
         Ok(Self {
             config: config.clone(),
             rig,
             scene,
             walk,
-            noise: Dice::new(seed, Stream::Sensor).bits(),
+            noise: Dice::new(seed, NoiseStream::Sensor).bits(),
         })
     }
 
@@ -132,22 +132,22 @@ impl Arena {
             linear_m_per_s: twist.linear_m_per_s + twist.angular_rad_per_s.cross(&beside),
             angular_rad_per_s: twist.angular_rad_per_s,
         };
-        let skew = Skew {
+        let skew = ImageSkew {
             sin_roll: rig.right_roll_deg.to_radians().sin() as f32,
             row_offset_px: rig.right_row_offset_px as f32,
         };
-        let left_view = View::new(&pose, &self.rig, Skew::NONE);
-        let right_view = View::new(&right_pose, &self.rig, skew);
+        let left_view = CameraView::new(&pose, &self.rig, ImageSkew::NONE);
+        let right_view = CameraView::new(&right_pose, &self.rig, skew);
 
-        let expose = |view: &View, twist: &Twist, gain_db: f64, camera: u64| {
-            let shot = Shot::take(&self.scene, view, &lens, size);
+        let expose = |view: &CameraView, twist: &Twist, gain_db: f64, camera: u64| {
+            let shot = SharpImage::take(&self.scene, view, &lens, size);
             let key = mix(self.noise ^ mix(2 * index + camera));
             sensor::expose(sensor, gain_db, &shot, view, twist, key).map(|image| (shot, image))
         };
         let (left, right) = rayon::join(
             || {
                 let (shot, image) = expose(&left_view, &twist, sensor.gain_db, 0)?;
-                let exact_right = View::new(&right_pose, &self.rig, Skew::NONE);
+                let exact_right = CameraView::new(&right_pose, &self.rig, ImageSkew::NONE);
                 let truth =
                     render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
                 Ok::<_, Error>((image, truth))
@@ -182,7 +182,7 @@ impl Arena {
     }
 
     /// The true geometry and the middle of the robot's way, as line strips for a 3D viewer.
-    pub fn wireframe(&self) -> Vec<Wire> {
+    pub fn wireframe(&self) -> Vec<WireObject> {
         wireframe::wires(&self.scene.objects, &self.walk, &self.config.world)
     }
 

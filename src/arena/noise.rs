@@ -23,7 +23,7 @@ pub(super) struct Dice(u64);
 
 /// What a stream of a run is for; each has its own numbers.
 #[derive(Clone, Copy)]
-pub(super) enum Stream {
+pub(super) enum NoiseStream {
     Gait,
     Sensor,
     Floor,
@@ -34,14 +34,14 @@ pub(super) enum Stream {
 }
 
 impl Dice {
-    pub(super) fn new(seed: u64, stream: Stream) -> Self {
+    pub(super) fn new(seed: u64, stream: NoiseStream) -> Self {
         let number = match stream {
-            Stream::Gait => 0,
-            Stream::Sensor => 1,
-            Stream::Floor => 2,
-            Stream::Room => 3,
-            Stream::Sheets => 4,
-            Stream::Sheet(i) => 5 + i as u64,
+            NoiseStream::Gait => 0,
+            NoiseStream::Sensor => 1,
+            NoiseStream::Floor => 2,
+            NoiseStream::Room => 3,
+            NoiseStream::Sheets => 4,
+            NoiseStream::Sheet(i) => 5 + i as u64,
         };
         Self(mix(mix(seed) ^ number))
     }

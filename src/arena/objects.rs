@@ -1,7 +1,7 @@
 //! What stands in the arena: walls, blocks, balls, with their names.
 
 use super::config::{Block, WorldConfig};
-use super::solid::{Hit, Solid, V3};
+use super::solid::{FaceHit, Solid, Vec3};
 
 /// The four walls, then blocks, then balls, as they are in the configuration.
 pub(super) struct Objects {
@@ -45,15 +45,15 @@ impl Objects {
     /// of those it can meet.
     pub(super) fn enter(
         &self,
-        origin: &V3,
-        direction: &V3,
+        origin: &Vec3,
+        direction: &Vec3,
         candidates: u64,
-    ) -> impl Iterator<Item = (usize, Hit)> {
+    ) -> impl Iterator<Item = (usize, FaceHit)> {
         bits(candidates).filter_map(|i| self.solids[i].enter(origin, direction).map(|hit| (i, hit)))
     }
 
     /// Whether one stands between `origin` and the surface point `origin + direction`.
-    pub(super) fn hide(&self, origin: &V3, direction: &V3, candidates: u64) -> bool {
+    pub(super) fn hide(&self, origin: &Vec3, direction: &Vec3, candidates: u64) -> bool {
         // What the ray meets in the last thousandth is the surface itself.
         self.enter(origin, direction, candidates)
             .any(|(_, (t, _))| t < 0.999)

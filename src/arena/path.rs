@@ -2,13 +2,13 @@
 //! head at any time.
 
 use super::config::{ArenaConfig, RobotConfig, Waypoint};
-use super::noise::{Dice, Stream};
+use super::noise::{Dice, NoiseStream};
 use crate::error::{Error, Result};
 use crate::stereo::Pose;
 use nalgebra::{Point2, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 use std::f64::consts::TAU;
 
-type V2 = Vector2<f64>;
+type Vec2 = Vector2<f64>;
 
 /// One run along the path.
 pub(super) struct Walk {
@@ -35,7 +35,7 @@ const INSTANT_S: f64 = 1.0e-3;
 impl Walk {
     pub(super) fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let spline = Spline::new(&config.robot.path)?;
-        let mut dice = Dice::new(seed, Stream::Gait);
+        let mut dice = Dice::new(seed, NoiseStream::Gait);
         let duration_s = config.frames as f64 / config.rate_hz;
         Ok(Self {
             speed_m_per_s: spline.length_m() / duration_s,
@@ -52,7 +52,7 @@ impl Walk {
     }
 
     /// The middle of the head on the floor, `along_m` metres after the start.
-    pub(super) fn middle(&self, along_m: f64) -> V2 {
+    pub(super) fn middle(&self, along_m: f64) -> Vec2 {
         let (point, direction) = self.spline.at(along_m);
         let wave = |i: usize| (TAU * along_m / DEVIATION_M[i] + self.phases[3 + i]).sin();
         point + left_of(direction) * (0.5 * self.robot.deviation_m * (wave(0) + wave(1)))
@@ -96,8 +96,8 @@ impl Walk {
     }
 }
 
-fn left_of(direction: V2) -> V2 {
-    V2::new(-direction.y, direction.x)
+fn left_of(direction: Vec2) -> Vec2 {
+    Vec2::new(-direction.y, direction.x)
 }
 
 /// Cubic Hermite curves between waypoints, by arc length; straight on beyond both ends.
@@ -108,8 +108,8 @@ struct Spline {
 
 struct Knot {
     along_m: f64,
-    at: V2,
-    direction: V2,
+    at: Vec2,
+    direction: Vec2,
 }
 
 impl Spline {
@@ -134,7 +134,7 @@ impl Spline {
             }
             let [start, end] = [pair[0], pair[1]].map(|p| {
                 let (sin, cos) = p.heading_deg.to_radians().sin_cos();
-                V2::new(cos, sin) * chord_m
+                Vec2::new(cos, sin) * chord_m
             });
             for step in usize::from(i > 0)..=Self::STEPS {
                 let t = step as f64 / Self::STEPS as f64;
@@ -165,7 +165,7 @@ impl Spline {
     }
 
     /// Point and direction `along_m` metres after the start.
-    fn at(&self, along_m: f64) -> (V2, V2) {
+    fn at(&self, along_m: f64) -> (Vec2, Vec2) {
         let next = self
             .knots
             .partition_point(|k| k.along_m <= along_m)

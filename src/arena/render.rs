@@ -1,12 +1,12 @@
 //! Rays to light: one camera's sharp image and its geometry, and the truth between two cameras.
 
-use super::scene::{Hit, Scene};
-use super::view::{Candidates, View};
+use super::scene::{ArenaScene, Hit};
+use super::view::{CameraView, Candidates};
 use crate::stereo::{Plane, Rig, Truth, Visibility};
 use rayon::prelude::*;
 
 /// What a pinhole camera sees at one instant, row-major.
-pub(super) struct Shot {
+pub(super) struct SharpImage {
     pub(super) width: usize,
     /// Light per pixel, 1 from a white surface that faces the lamps.
     pub(super) radiance: Vec<f32>,
@@ -38,11 +38,16 @@ const SAMPLES_PX: [(f32, f32); 4] = [
     (-0.375, 0.125),
 ];
 
-impl Shot {
+impl SharpImage {
     /// Takes it: one ray per pixel, four where surfaces meet. Defocus widens the footprint on the
     /// surface that a pixel sees, so surfaces blur with distance but the outlines of near things do
     /// not.
-    pub(super) fn take(scene: &Scene, view: &View, lens: &Lens, size: (usize, usize)) -> Self {
+    pub(super) fn take(
+        scene: &ArenaScene,
+        view: &CameraView,
+        lens: &Lens,
+        size: (usize, usize),
+    ) -> Self {
         let (width, height) = size;
         let candidates = Candidates::new(view, scene.objects.solids(), size);
         let nothing = Hit {
@@ -109,9 +114,9 @@ impl Shot {
 /// A point is occluded when it falls beside the right image or a solid stands between it and the
 /// right camera.
 pub(super) fn truth(
-    scene: &Scene,
-    left: &Shot,
-    [left_view, right_view]: [&View; 2],
+    scene: &ArenaScene,
+    left: &SharpImage,
+    [left_view, right_view]: [&CameraView; 2],
     rig: &Rig,
 ) -> crate::Result<Truth> {
     let width = left.width;

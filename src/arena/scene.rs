@@ -2,11 +2,11 @@
 
 use super::config::WorldConfig;
 use super::objects::{Objects, WALLS};
-use super::solid::{Solid, V3, nonzero};
+use super::solid::{Solid, Vec3, nonzero};
 use super::texture::{self, Footprint, Texture};
 
 /// Geometry and pictures of one run.
-pub(super) struct Scene {
+pub(super) struct ArenaScene {
     pub(super) objects: Objects,
     /// Where each object's piece of the forest begins.
     pieces_m: Vec<f32>,
@@ -30,7 +30,7 @@ const FLOOR: u16 = u16::MAX;
 /// Less the axis and side of the room's wall.
 const LAB: u16 = u16::MAX - 1;
 
-impl Scene {
+impl ArenaScene {
     /// Paints the pictures of `world`, whose objects are given.
     pub(super) fn new(world: &WorldConfig, objects: Objects, seed: u64) -> Self {
         let solids = objects.solids();
@@ -45,7 +45,8 @@ impl Scene {
         let pieces_m = solids.iter().enumerate().map(piece).collect();
         let margin = world.room_margin_m as f32;
         let light = |x: f32, y: f32| {
-            let near = |solid: &Solid| (1.0 - solid.distance(&V3::new(x, y, 0.0)) / 0.09).max(0.0);
+            let near =
+                |solid: &Solid| (1.0 - solid.distance(&Vec3::new(x, y, 0.0)) / 0.09).max(0.0);
             solids.iter().fold(1.0, |light, solid| {
                 light * (1.0 - 0.45 * near(solid) * near(solid))
             })
@@ -69,7 +70,7 @@ impl Scene {
 
     /// The first thing on the ray `origin + t * direction`. `candidates`: the solids that it can
     /// meet.
-    pub(super) fn cast(&self, origin: &V3, direction: &V3, candidates: u64) -> Hit {
+    pub(super) fn cast(&self, origin: &Vec3, direction: &Vec3, candidates: u64) -> Hit {
         let mut hit = self.lab_or_floor(origin, direction);
         for (i, (t, face)) in self.objects.enter(origin, direction, candidates) {
             if t < hit.t {
@@ -82,7 +83,7 @@ impl Scene {
         hit
     }
 
-    fn lab_or_floor(&self, origin: &V3, direction: &V3) -> Hit {
+    fn lab_or_floor(&self, origin: &Vec3, direction: &Vec3) -> Hit {
         let floor = if direction.z < 0.0 {
             -origin.z / direction.z
         } else {
@@ -112,15 +113,15 @@ impl Scene {
 
     /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle that a pixel
     /// sees, radians, with the lens's blur.
-    pub(super) fn radiance(&self, origin: &V3, direction: &V3, hit: Hit, pixel: f32) -> f32 {
+    pub(super) fn radiance(&self, origin: &Vec3, direction: &Vec3, hit: Hit, pixel: f32) -> f32 {
         let point = origin + direction * hit.t;
         let minor_m = hit.t * pixel;
         match hit.surface {
             FLOOR => {
                 let at = footprint(
                     (point.x, point.y),
-                    (V3::x(), V3::y()),
-                    &V3::z(),
+                    (Vec3::x(), Vec3::y()),
+                    &Vec3::z(),
                     direction,
                     minor_m,
                 );
@@ -129,15 +130,15 @@ impl Scene {
             lab if lab >= LAB - 3 => {
                 let wall = LAB - lab;
                 let (along, normal) = if wall < 2 {
-                    (V3::y(), V3::x())
+                    (Vec3::y(), Vec3::x())
                 } else {
-                    (V3::x(), V3::y())
+                    (Vec3::x(), Vec3::y())
                 };
                 // The four walls are unrolled 10 m apart.
                 let u_m = along.dot(&point) + 10.0 * f32::from(wall);
                 0.8 * self.lab.albedo(&footprint(
                     (u_m, point.z),
-                    (along, V3::z()),
+                    (along, Vec3::z()),
                     &normal,
                     direction,
                     minor_m,
@@ -162,7 +163,7 @@ impl Scene {
 }
 
 /// The light of the ceiling's lamps on a surface: mostly from above, a little more from one side.
-fn lamps(normal: &V3) -> f32 {
+fn lamps(normal: &Vec3) -> f32 {
     0.68 + 0.40 * normal.z + 0.14 * normal.x - 0.10 * normal.y
 }
 
@@ -174,9 +175,9 @@ fn sky(z: f32) -> f32 {
 
 fn footprint(
     (u_m, v_m): (f32, f32),
-    axes: (V3, V3),
-    normal: &V3,
-    direction: &V3,
+    axes: (Vec3, Vec3),
+    normal: &Vec3,
+    direction: &Vec3,
     minor_m: f32,
 ) -> Footprint {
     let facing = normal.dot(direction);

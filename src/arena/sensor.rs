@@ -4,8 +4,8 @@
 use super::config::SensorConfig;
 use super::noise::{gaussian, mix};
 use super::path::Twist;
-use super::render::Shot;
-use super::view::View;
+use super::render::SharpImage;
+use super::view::CameraView;
 use crate::stereo::Gray;
 use rayon::prelude::*;
 
@@ -18,8 +18,8 @@ use rayon::prelude::*;
 pub(super) fn expose(
     config: &SensorConfig,
     gain_db: f64,
-    shot: &Shot,
-    view: &View,
+    shot: &SharpImage,
+    view: &CameraView,
     twist: &Twist,
     key: u64,
 ) -> crate::Result<Gray> {

@@ -2,35 +2,35 @@
 
 use super::config::{Ball, Block};
 
-pub(super) type V3 = nalgebra::Vector3<f32>;
+pub(super) type Vec3 = nalgebra::Vector3<f32>;
 
 /// A convex thing that rays meet.
 pub(super) enum Solid {
     Block(Slab),
-    Ball { center: V3, radius: f32 },
+    Ball { center: Vec3, radius: f32 },
 }
 
 /// A box, turned about the vertical.
 pub(super) struct Slab {
     /// Centre of the box.
-    center: V3,
-    half: V3,
+    center: Vec3,
+    half: Vec3,
     /// Direction of its length.
     along: (f32, f32),
 }
 
 /// A point of a solid's surface, in metres.
 pub(super) struct Surface {
-    pub(super) normal: V3,
+    pub(super) normal: Vec3,
     /// Coordinates on the unrolled surface, and their directions in the world.
     pub(super) u_m: f32,
     pub(super) v_m: f32,
-    pub(super) u_axis: V3,
-    pub(super) v_axis: V3,
+    pub(super) u_axis: Vec3,
+    pub(super) v_axis: Vec3,
 }
 
 /// A hit: the ray's parameter, and a code of the face that was hit.
-pub(super) type Hit = (f32, u8);
+pub(super) type FaceHit = (f32, u8);
 
 impl Solid {
     pub(super) fn block(block: &Block) -> Self {
@@ -38,12 +38,12 @@ impl Solid {
         let [x, y] = block.at_m;
         let (sin, cos) = block.heading_deg.to_radians().sin_cos();
         Self::Block(Slab {
-            center: V3::new(
+            center: Vec3::new(
                 x as f32,
                 y as f32,
                 (block.above_floor_m + 0.5 * height) as f32,
             ),
-            half: V3::new(
+            half: Vec3::new(
                 0.5 * length as f32,
                 0.5 * breadth as f32,
                 0.5 * height as f32,
@@ -55,13 +55,13 @@ impl Solid {
     pub(super) fn ball(ball: &Ball) -> Self {
         let [x, y] = ball.at_m;
         Self::Ball {
-            center: V3::new(x as f32, y as f32, ball.height_m as f32),
+            center: Vec3::new(x as f32, y as f32, ball.height_m as f32),
             radius: ball.radius_m as f32,
         }
     }
 
     /// Where the ray `origin + t * direction`, t > 0, enters the solid; nothing from inside it.
-    pub(super) fn enter(&self, origin: &V3, direction: &V3) -> Option<Hit> {
+    pub(super) fn enter(&self, origin: &Vec3, direction: &Vec3) -> Option<FaceHit> {
         match self {
             Self::Block(slab) => slab.enter(origin, direction),
             Self::Ball { center, radius } => {
@@ -81,16 +81,16 @@ impl Solid {
     }
 
     /// The surface at `point`, which a ray met at `face`.
-    pub(super) fn surface(&self, point: &V3, face: u8) -> Surface {
+    pub(super) fn surface(&self, point: &Vec3, face: u8) -> Surface {
         match self {
             Self::Block(slab) => slab.surface(point, face),
             Self::Ball { center, radius } => {
                 let normal = (point - center) / *radius;
                 // The picture is put on from six sides, through the centre.
                 let (axis, u_axis, v_axis) = match normal.iamax() {
-                    0 => (0, V3::y(), V3::z()),
-                    1 => (1, V3::x(), V3::z()),
-                    _ => (2, V3::x(), V3::y()),
+                    0 => (0, Vec3::y(), Vec3::z()),
+                    1 => (1, Vec3::x(), Vec3::z()),
+                    _ => (2, Vec3::x(), Vec3::y()),
                 };
                 let spread = radius / normal[axis].abs();
                 let (u_m, v_m) = (
@@ -117,8 +117,9 @@ impl Solid {
     }
 
     /// Corners of a box around it, which is itself for a block.
-    pub(super) fn corners(&self) -> [V3; 8] {
-        let corner = |i: usize| V3::from_fn(|axis, _| if i >> axis & 1 == 0 { -1.0 } else { 1.0 });
+    pub(super) fn corners(&self) -> [Vec3; 8] {
+        let corner =
+            |i: usize| Vec3::from_fn(|axis, _| if i >> axis & 1 == 0 { -1.0 } else { 1.0 });
         std::array::from_fn(|i| match self {
             Self::Block(slab) => slab.center + slab.to_world(&corner(i).component_mul(&slab.half)),
             Self::Ball { center, radius } => center + corner(i) * *radius,
@@ -126,7 +127,7 @@ impl Solid {
     }
 
     /// Distance of a point from its surface, 0 inside.
-    pub(super) fn distance(&self, point: &V3) -> f32 {
+    pub(super) fn distance(&self, point: &Vec3) -> f32 {
         match self {
             Self::Block(slab) => {
                 let outside = slab.to_local(&(point - slab.center)).abs() - slab.half;
@@ -148,19 +149,19 @@ pub(super) fn nonzero(component: f32) -> f32 {
 }
 
 impl Slab {
-    fn to_local(&self, v: &V3) -> V3 {
+    fn to_local(&self, v: &Vec3) -> Vec3 {
         let (c, s) = self.along;
-        V3::new(c * v.x + s * v.y, c * v.y - s * v.x, v.z)
+        Vec3::new(c * v.x + s * v.y, c * v.y - s * v.x, v.z)
     }
 
-    fn to_world(&self, v: &V3) -> V3 {
+    fn to_world(&self, v: &Vec3) -> Vec3 {
         let (c, s) = self.along;
-        V3::new(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
+        Vec3::new(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
     }
 
     /// By slabs (Kay and Kajiya, SIGGRAPH 1986). The face is twice the axis, plus one on its
     /// positive side.
-    fn enter(&self, origin: &V3, direction: &V3) -> Option<Hit> {
+    fn enter(&self, origin: &Vec3, direction: &Vec3) -> Option<FaceHit> {
         let from = self.to_local(&(origin - self.center));
         let towards = self.to_local(direction);
         let (mut enter, mut leave, mut face) = (0.0, f32::INFINITY, u8::MAX);
@@ -180,7 +181,7 @@ impl Slab {
         (enter < leave && face != u8::MAX).then_some((enter, face))
     }
 
-    fn surface(&self, point: &V3, face: u8) -> Surface {
+    fn surface(&self, point: &Vec3, face: u8) -> Surface {
         let local = self.to_local(&(point - self.center));
         let sign = if face & 1 == 1 { 1.0 } else { -1.0 };
         let up = local.z + self.half.z;
@@ -189,28 +190,28 @@ impl Slab {
         let turn = if sign > 0.0 { 0.0 } else { 2.0 * quarter };
         let (normal, u_axis, v_axis, u_m, v_m) = match face / 2 {
             0 => (
-                V3::x() * sign,
-                V3::y() * sign,
-                V3::z(),
+                Vec3::x() * sign,
+                Vec3::y() * sign,
+                Vec3::z(),
                 turn + quarter + sign * local.y,
                 up,
             ),
             1 => (
-                V3::y() * sign,
-                V3::x() * -sign,
-                V3::z(),
+                Vec3::y() * sign,
+                Vec3::x() * -sign,
+                Vec3::z(),
                 turn - sign * local.x,
                 up,
             ),
             _ => (
-                V3::z() * sign,
-                V3::x(),
-                V3::y(),
+                Vec3::z() * sign,
+                Vec3::x(),
+                Vec3::y(),
                 4.0 * quarter + local.x,
                 local.y,
             ),
         };
-        let world = |v: V3| self.to_world(&v);
+        let world = |v: Vec3| self.to_world(&v);
         Surface {
             normal: world(normal),
             u_m,

@@ -1,35 +1,35 @@
 //! A camera at one instant: the rays of its pixels, and which solids each of them can meet.
 
-use super::solid::{Solid, V3};
+use super::solid::{Solid, Vec3};
 use crate::stereo::{Pose, Rig};
 use nalgebra::Matrix3;
 
 /// A pinhole camera in the world.
-pub(super) struct View {
-    pub(super) origin: V3,
+pub(super) struct CameraView {
+    pub(super) origin: Vec3,
     /// Columns: right, down, forward.
     axes: Matrix3<f32>,
     pub(super) focal_px: f32,
     center_px: (f32, f32),
-    skew: Skew,
+    skew: ImageSkew,
 }
 
 /// How an image stands off from the rectified one: turned about its centre, then moved down.
 #[derive(Clone, Copy)]
-pub(super) struct Skew {
+pub(super) struct ImageSkew {
     pub(super) sin_roll: f32,
     pub(super) row_offset_px: f32,
 }
 
-impl Skew {
+impl ImageSkew {
     pub(super) const NONE: Self = Self {
         sin_roll: 0.0,
         row_offset_px: 0.0,
     };
 }
 
-impl View {
-    pub(super) fn new(pose: &Pose, rig: &Rig, skew: Skew) -> Self {
+impl CameraView {
+    pub(super) fn new(pose: &Pose, rig: &Rig, skew: ImageSkew) -> Self {
         let (cx, cy) = rig.center_px();
         Self {
             origin: pose.translation.vector.cast(),
@@ -55,7 +55,7 @@ impl View {
     }
 
     /// The ray of a slope in the world; a point at `t` of it has the depth `t`.
-    pub(super) fn ray(&self, (x, y): (f32, f32)) -> V3 {
+    pub(super) fn ray(&self, (x, y): (f32, f32)) -> Vec3 {
         self.axes.column(0) * x + self.axes.column(1) * y + self.axes.column(2)
     }
 
@@ -76,8 +76,12 @@ pub(super) struct Candidates {
 const TILE_PX: usize = 16;
 
 impl Candidates {
-    pub(super) fn new(view: &View, solids: &[Solid], (width, height): (usize, usize)) -> Self {
-        let corners: Vec<[V3; 8]> = (solids.iter())
+    pub(super) fn new(
+        view: &CameraView,
+        solids: &[Solid],
+        (width, height): (usize, usize),
+    ) -> Self {
+        let corners: Vec<[Vec3; 8]> = (solids.iter())
             .map(|solid| {
                 solid
                     .corners()

@@ -3,20 +3,20 @@
 use super::config::WorldConfig;
 use super::objects::Objects;
 use super::path::Walk;
-use super::solid::{Solid, V3};
+use super::solid::{Solid, Vec3};
 
 /// A named thing as line strips in the world, metres.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wire {
+pub struct WireObject {
     pub name: String,
     pub strips: Vec<Vec<[f32; 3]>>,
 }
 
 /// Floor, walls, blocks, balls and the robot's way (`path`).
-pub(super) fn wires(objects: &Objects, walk: &Walk, world: &WorldConfig) -> Vec<Wire> {
+pub(super) fn wires(objects: &Objects, walk: &Walk, world: &WorldConfig) -> Vec<WireObject> {
     let (w, l) = (world.width_m as f32, world.length_m as f32);
     let border = [[0.0, 0.0], [w, 0.0], [w, l], [0.0, l], [0.0, 0.0]];
-    let floor = Wire {
+    let floor = WireObject {
         name: "floor".into(),
         strips: vec![border.map(|[x, y]| [x, y, 0.0]).to_vec()],
     };
@@ -25,11 +25,11 @@ pub(super) fn wires(objects: &Objects, walk: &Walk, world: &WorldConfig) -> Vec<
         let at = walk.middle(walk.length_m() * i as f64 / steps as f64);
         [at.x as f32, at.y as f32, 0.0]
     });
-    let path = Wire {
+    let path = WireObject {
         name: "path".into(),
         strips: vec![way.collect()],
     };
-    let solids = objects.named().map(|(name, solid)| Wire {
+    let solids = objects.named().map(|(name, solid)| WireObject {
         name: name.into(),
         strips: outline(solid),
     });
@@ -49,7 +49,7 @@ fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
             ]
         }
         Solid::Ball { center, radius } => {
-            let circle = |a: V3, b: V3| {
+            let circle = |a: Vec3, b: Vec3| {
                 let point = |i: u8| {
                     let (sin, cos) = (f32::from(i) * std::f32::consts::TAU / 24.0).sin_cos();
                     let p = center + (a * cos + b * sin) * *radius;
@@ -58,9 +58,9 @@ fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
                 (0..=24).map(point).collect()
             };
             vec![
-                circle(V3::x(), V3::y()),
-                circle(V3::y(), V3::z()),
-                circle(V3::z(), V3::x()),
+                circle(Vec3::x(), Vec3::y()),
+                circle(Vec3::y(), Vec3::z()),
+                circle(Vec3::z(), Vec3::x()),
             ]
         }
     }

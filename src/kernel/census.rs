@@ -1,5 +1,5 @@
-//! The census of a pixel, which of its neighbours are darker (Zabih & Woodfill 1994), and in how
-//! many of them two differ.
+//! Census transform (Zabih & Woodfill 1994), which of a pixel's neighbours are darker, and the
+//! Hamming distances between censuses.
 
 use super::{Lanes, VolumeShape};
 

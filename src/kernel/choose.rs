@@ -1,4 +1,5 @@
-//! The best disparity of every pixel from the sums over its paths, in both images.
+//! Winner-takes-all: the disparity of the least aggregated cost of every pixel, in both images, with
+//! uniqueness test and sub-pixel fraction.
 
 use super::{Lanes, VolumeShape};
 use crate::stereo::Reason;
@@ -8,11 +9,11 @@ const N: usize = Lanes::COUNT;
 /// Sum of eight path costs where a disparity is not admissible, or more.
 const OUTSIDE: u16 = 8 * super::volume::OUTSIDE as u16;
 
-/// Sums of eight path costs of a row of pixels.
+/// Aggregated costs of a row of pixels: sums of eight path costs.
 pub struct Totals {
     shape: VolumeShape,
     span: usize,
-    /// By disparity, then pixel, with none for a block of pixels at both ends.
+    /// By disparity, then pixel, padded with a block of [`OUTSIDE`] at both ends.
     sums: Vec<u16>,
 }
 
@@ -106,6 +107,8 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
             };
         }
     }
+    // The right image's winners come from the same sums (Hirschmüller 2008, section 2.3): those on a
+    // diagonal of the volume.
     for (block, right) in row.right.as_chunks_mut::<N>().0.iter_mut().enumerate() {
         // The right pixel x meets the left one x + d.
         let x = (block * N) as i32 + shape.first;
@@ -160,7 +163,8 @@ fn other(totals: &Totals, x: i32, reached: usize, place: &[u16; N]) -> [u16; N] 
     other
 }
 
-/// Where between its neighbours the minimum lies, in 16ths.
+/// Sub-pixel position of the minimum between its neighbours, in 16ths: equiangular, two lines of
+/// opposite slope, as Hamming distances grow linearly.
 #[inline(always)]
 fn fraction(lower: u16, least: u16, higher: u16) -> i32 {
     let between = (lower < OUTSIDE) & (higher < OUTSIDE);

@@ -1,4 +1,4 @@
-//! Which instruction set the kernels run on.
+//! Choice of the instruction set that the kernels run on.
 
 use crate::error::{Error, Result};
 use std::sync::OnceLock;
@@ -7,10 +7,10 @@ use std::sync::OnceLock;
 ///
 /// There is no way to make one for an instruction set the CPU lacks, so kernels may rely on it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Isa(Kind);
+pub struct Isa(IsaKind);
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Kind {
+enum IsaKind {
     Avx512,
     Avx2,
     Portable,
@@ -18,15 +18,15 @@ enum Kind {
 
 impl Isa {
     /// What every CPU of the target runs.
-    pub const PORTABLE: Isa = Isa(Kind::Portable);
+    pub const PORTABLE: Isa = Isa(IsaKind::Portable);
     #[cfg(target_arch = "x86_64")]
-    pub(super) const AVX2: Isa = Isa(Kind::Avx2);
+    pub(super) const AVX2: Isa = Isa(IsaKind::Avx2);
     #[cfg(target_arch = "x86_64")]
-    pub(super) const AVX512: Isa = Isa(Kind::Avx512);
+    pub(super) const AVX512: Isa = Isa(IsaKind::Avx512);
 
     /// All that this CPU has, fastest first.
     pub fn available() -> impl Iterator<Item = Isa> {
-        [Kind::Avx512, Kind::Avx2, Kind::Portable]
+        [IsaKind::Avx512, IsaKind::Avx2, IsaKind::Portable]
             .into_iter()
             .filter(|kind| kind.supported())
             .map(Isa)
@@ -62,12 +62,12 @@ impl std::fmt::Display for Isa {
     }
 }
 
-impl Kind {
+impl IsaKind {
     fn name(self) -> &'static str {
         match self {
-            Kind::Avx512 => "avx512",
-            Kind::Avx2 => "avx2",
-            Kind::Portable => "portable",
+            IsaKind::Avx512 => "avx512",
+            IsaKind::Avx2 => "avx2",
+            IsaKind::Portable => "portable",
         }
     }
 
@@ -75,9 +75,9 @@ impl Kind {
     fn supported(self) -> bool {
         let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         match self {
-            Kind::Portable => true,
-            Kind::Avx2 => avx2,
-            Kind::Avx512 => {
+            IsaKind::Portable => true,
+            IsaKind::Avx2 => avx2,
+            IsaKind::Avx512 => {
                 avx2 && is_x86_feature_detected!("avx512f")
                     && is_x86_feature_detected!("avx512bw")
                     && is_x86_feature_detected!("avx512cd")
@@ -89,7 +89,7 @@ impl Kind {
 
     #[cfg(not(target_arch = "x86_64"))]
     fn supported(self) -> bool {
-        self == Kind::Portable
+        self == IsaKind::Portable
     }
 }
 

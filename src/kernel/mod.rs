@@ -1,55 +1,54 @@
 //! Hot loops: one readable implementation compiled per instruction set and chosen at run time.
 //!
-//! Every function here takes the [`Isa`] it shall run on. Its body is plain Rust over fixed-size
-//! lanes, marked `#[inline(always)]` and pulled into one function per instruction set, where the
-//! compiler turns the lanes into vectors. Arithmetic is on integers, and where it is not (the
-//! spread of v2) each lane's operations are single and in order, so every variant gives the same
-//! bytes; `tests/v3.rs` and `tests/thesis.rs` hold them to it.
+//! Every function here takes the [`Isa`] it runs on. Its body is plain Rust over fixed-size lanes,
+//! marked `#[inline(always)]` and inlined into one function per instruction set, where the compiler
+//! makes vectors of the lanes. Arithmetic is on integers. Where it is not (the spread of v2), each
+//! lane's operations are single and in order, so every variant gives the same bytes; the tests
+//! compare all variants with a slow oracle.
 
-mod along;
-mod block;
+mod capped_ssd;
 mod census;
 mod choose;
-mod deviation;
-mod dog;
-mod exact;
+mod filter;
 mod isa;
-mod median;
+mod lanes;
 mod pairs;
 mod paths;
-mod prefilter;
-mod remap;
+mod row_paths;
 mod sad;
 mod scanline;
-mod slide;
-mod smooth;
-mod ssd;
-mod table;
-mod turn;
+mod sliding_ssd;
+mod ssd_search;
+mod texture;
 mod volume;
+mod window_table;
 mod write;
 
-pub use along::RowPaths;
-pub use block::Lanes;
+pub use capped_ssd::CAP;
 pub use census::{CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH};
 pub use choose::{ChosenRow, Totals};
-pub use dog::DogTaps;
-pub use exact::{Doubt, Match, Search};
+pub use filter::PREFILTER_CAP;
 pub use isa::{Isa, isa};
+pub use lanes::Lanes;
 pub use paths::{Paths, Penalties};
-pub use prefilter::PREFILTER_CAP;
+pub use row_paths::RowPaths;
 pub use sad::{PIXELS, SadTest, SadWinners};
 pub use scanline::{ScanlinePaths, edge, edge_before};
-pub use ssd::CAP;
-pub use table::{Claim, NO_SUM, TableSearch, WindowTable, window_sums};
+pub use sliding_ssd::{Match, REACH, WINDOW, weight};
+pub use ssd_search::{Doubt, SsdSearch};
+pub use texture::DogTaps;
 pub use volume::{OUTSIDE, VolumeShape};
+pub use window_table::{NO_SUM, Proposal, TableSearch, WindowTable, window_sums};
 
 use crate::stereo::{Gray, RowMut};
 
 /// Makes, per kernel, a safe function that runs its body compiled for the given instruction set; a
 /// body with `, pairs` behind it gets that set's [`pairs::Pairs`] as its first argument.
 macro_rules! kernels {
-    ($($(#[$doc:meta])* pub fn $name:ident($($arg:ident: $ty:ty),* $(,)?) = $body:path $(, $pairs:ident)?;)*) => {$(
+    ($(
+        $(#[$doc:meta])*
+        pub fn $name:ident($($arg:ident: $ty:ty),* $(,)?) = $body:path $(, $pairs:ident)?;
+    )*) => {$(
         $(#[$doc])*
         pub fn $name(isa: Isa, $($arg: $ty),*) {
             #[cfg(target_arch = "x86_64")]
@@ -85,45 +84,50 @@ kernels! {
     ///
     /// `weights[k]` belongs to the rows `y - k` and `y + k`; with both sides counted they sum to
     /// 65536.
-    pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) = smooth::row;
+    pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) = filter::smooth;
 
     /// Marks the pixels of `row` where the fine difference of Gaussians answers at least as
     /// strongly as the coarse one.
-    pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = dog::row;
+    pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = texture::dog;
 
-    /// Marks the windows of `row` with `9·ΣI² − (ΣI)²` of at least `least`; where no window fits
-    /// there is none.
-    pub fn deviating_row(row: &[u8], least: u32, out: &mut [bool]) = deviation::row;
+    /// Marks the pixels of `row` whose window has `9·ΣI² − (ΣI)²` of at least `least`; none where no
+    /// window fits.
+    pub fn deviating_row(row: &[u8], least: u32, out: &mut [bool]) = texture::deviation;
 
-    /// Rows `y ..` of `image`, as many as a block has, as columns of lanes: one per pixel of a row.
-    pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = block::transpose;
+    /// Transposes the rows `y ..` of `image`, as many as a block has, into columns of lanes: one per
+    /// pixel of a row. Lanes below the image are zero or stay.
+    pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = lanes::transpose;
 
-    /// For each window of a block of rows the least capped SSD with windows up to `sums.len()`
-    /// pixels to either side, `u16::MAX` where there is none.
-    pub fn least_ssd(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) = ssd::least;
+    /// The least capped SSD of each window of a block of rows with the windows up to `sums.len()`
+    /// pixels to either side in the same image, `u16::MAX` where there is none.
+    pub fn least_ssd(
+        block: &[Lanes<u16>],
+        sums: &mut [Lanes<u16>],
+        out: &mut [Lanes<u16>],
+    ) = capped_ssd::least;
 
-    /// The lanes of a block as rows, one after the other.
-    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = block::transpose_back;
+    /// Transposes the lanes of a block back into rows, one after the other.
+    pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = lanes::transpose_back;
 
     /// For each window of a block of rows the disparity of least cost, ties to the lower one, as
     /// rows one after the other; as many rows as `out` holds.
     pub fn matches(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
-        search: &mut Search,
+        search: &mut SsdSearch,
         out: &mut [Match],
-    ) = exact::matches, pairs;
+    ) = ssd_search::matches, pairs;
 
     /// As [`matches()`], and whether a disparity not beside the winner costs less than
     /// `thousandths` more.
     pub fn matches_and_rivals(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
-        search: &mut Search,
+        search: &mut SsdSearch,
         thousandths: u32,
         out: &mut [Match],
         doubts: &mut [Doubt],
-    ) = exact::matches_and_rivals, pairs;
+    ) = ssd_search::matches_and_rivals, pairs;
 
     /// As [`matches()`], and whether the standard deviation of all disparities, each weighted by
     /// `(cost + 25)⁻²`, is at least `threshold_px`; [`Doubt::Open`] where single precision cannot
@@ -131,17 +135,21 @@ kernels! {
     pub fn matches_and_spread(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
-        search: &mut Search,
+        search: &mut SsdSearch,
         threshold_px: f32,
         out: &mut [Match],
         doubts: &mut [Doubt],
-    ) = exact::matches_and_spread, pairs;
+    ) = ssd_search::matches_and_spread, pairs;
 
-    /// For each window of a row of the right image the cheapest window of the table it may match.
-    /// Ties: the nearest row, then the row above, then the lower disparity.
-    pub fn claim_row(search: &TableSearch<'_>, row: &[u8], out: &mut [Claim]) = table::claim_row, pairs;
+    /// The cheapest window of the table for each window of a row of the right image. Ties: the
+    /// nearest row, then the row above, then the lower disparity.
+    pub fn propose_row(
+        search: &TableSearch<'_>,
+        row: &[u8],
+        out: &mut [Proposal],
+    ) = window_table::propose_row, pairs;
 
-    /// Finds the cheapest paths through the rows `first ..` of a block, as many as
+    /// Finds the cheapest scanline paths through the rows `first ..` of a block, as many as
     /// [`ScanlinePaths::ROWS`]. An occlusion costs `occlusion` per pixel, a match that keeps its
     /// disparity earns `reward`.
     pub fn find_paths(
@@ -155,50 +163,70 @@ kernels! {
 
     /// Writes a row of winners: valid where textured, else untextured. Disparities count from
     /// `first`.
-    pub fn accept_row(first: i32, winners: &[Match], textured: &[bool], row: &mut RowMut<'_>) = write::accept;
+    pub fn accept_row(
+        first: i32,
+        winners: &[Match],
+        textured: &[bool],
+        row: &mut RowMut<'_>,
+    ) = write::accept;
 
     /// Rejects the valid pixels of a row whose SSD is not below its reference, where neither is
     /// capped.
     pub fn self_check_row(references: &[u16], row: &mut RowMut<'_>) = write::self_check;
 
-    /// The x-Sobel response of the middle one of three rows, capped to ±[`PREFILTER_CAP`] and that
-    /// added; the columns at both ends answer nothing.
-    pub fn sobel_row(rows: [&[u8]; 3], out: &mut [u8]) = prefilter::sobel;
+    /// The x-Sobel response of the middle one of three rows, capped to ±[`PREFILTER_CAP`], with
+    /// [`PREFILTER_CAP`] added; 0 in the columns at both ends.
+    pub fn sobel_row(rows: [&[u8]; 3], out: &mut [u8]) = filter::sobel;
 
-    /// The Laplacian of a Gaussian of σ 1 at the middle one of five rows, capped as [`sobel_row`]'s
-    /// response; the two columns at either end answer nothing.
-    pub fn log_row(rows: [&[u8]; 5], out: &mut [u8]) = prefilter::log;
+    /// The Laplacian of a Gaussian of σ 1 at the middle one of five rows, capped as the response of
+    /// [`sobel_row`]; 0 in the two columns at either end.
+    pub fn log_row(rows: [&[u8]; 5], out: &mut [u8]) = filter::log;
 
-    /// Moves column sums of absolute differences on by a row: `left` and `right` hold the row that
-    /// comes in and the one that goes out.
+    /// Slides column sums of absolute differences down by a row: `left` and `right` hold the row
+    /// that enters and the one that leaves.
     ///
-    /// `sums` holds `stride` columns, whole blocks of [`PIXELS`], for each place in the range; at
-    /// place `i` a left pixel meets the right one `i` further on. The rows hold as many pixels as
-    /// are so met.
-    pub fn slide_columns(left: [&[u8]; 2], right: [&[u8]; 2], stride: usize, sums: &mut [u16]) = sad::slide;
+    /// `sums` holds `stride` columns, whole blocks of [`PIXELS`], for each disparity of the range,
+    /// the highest first; at place `i` a left pixel meets the right one `i` further on. The rows
+    /// hold as many pixels as that takes.
+    pub fn slide_columns(
+        left: [&[u8]; 2],
+        right: [&[u8]; 2],
+        stride: usize,
+        sums: &mut [u16],
+    ) = sad::slide;
 
-    /// Moves column sums of the strength of the prefilter's response on by a row, the first of
-    /// `rows`; the second goes.
+    /// Slides column sums of the strength of the prefilter's response down by a row: the first of
+    /// `rows` enters, the second leaves.
     pub fn slide_texture(rows: [&[u8]; 2], sums: &mut [u16]) = sad::slide_texture;
 
     /// Sums of `window` neighbouring columns, from each on; whole blocks of [`PIXELS`].
     pub fn run_sums(columns: &[u16], window: usize, out: &mut [u16]) = sad::run_sums;
 
-    /// For each pixel the least sum of `window` neighbouring columns and its rivals, ties to the
-    /// earlier place.
-    pub fn least_sads(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) = sad::least;
+    /// The disparity of the least sum of `window` neighbouring columns for each pixel, and its
+    /// rivals; ties to the earlier place.
+    pub fn least_sads(
+        sums: &[u16],
+        stride: usize,
+        window: usize,
+        out: &mut [SadWinners],
+    ) = sad::least;
 
-    /// Writes a row of winners with their fractions of a pixel, or why they are none.
-    pub fn accept_sads(winners: &[SadWinners], textures: &[u16], test: &SadTest, row: &mut RowMut<'_>) = sad::accept;
+    /// Writes a row of winners with their fractions of a pixel, or the reason of their rejection.
+    pub fn accept_sads(
+        winners: &[SadWinners],
+        textures: &[u16],
+        test: &SadTest,
+        row: &mut RowMut<'_>,
+    ) = sad::accept;
 
-    /// The censuses of a row: its bytes, in planes that stand `stride` apart.
+    /// The census transform of a row: its bytes, in planes that stand `stride` apart.
     ///
     /// `rows` are the row and the three above and below, each with [`CENSUS_REACH`] further pixels
     /// at both ends.
     pub fn census_row(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) = census::census;
 
     /// Hamming distances between the censuses of a row of the left image and those of the right
-    /// one: a row of the volume.
+    /// one: a row of the cost volume.
     ///
     /// Both and `outside` have [`CENSUS_MARGIN`] places before the first pixel and after the last
     /// block; `outside` has [`OUTSIDE`] where a place is outside the image, else 0.
@@ -210,19 +238,20 @@ kernels! {
         out: &mut [Lanes<u8>],
     ) = census::costs;
 
-    /// Follows the paths along the rows from `top` of `image` on, whose `costs` are given: those of
-    /// a band or less.
+    /// Aggregates costs along both directions of the rows from `top` of `image` on: those of a band
+    /// or less. `costs` are those rows of the cost volume.
     pub fn follow_rows(
         paths: &mut RowPaths,
         costs: &[Lanes<u8>],
         image: &Gray,
         top: usize,
         penalties: &Penalties,
-    ) = along::follow;
+    ) = row_paths::follow;
 
-    /// Moves `paths` on by a row, and writes what they add to its costs.
+    /// Aggregates costs along `paths` over the next row of a sweep, and writes what they add to its
+    /// matching costs.
     ///
-    /// `grey` is the row of the left image and the one before it in the direction of the sweep.
+    /// `grey` is the row of the left image and the previous one in the direction of the sweep.
     pub fn follow_paths(
         paths: &mut Paths,
         costs: &[Lanes<u8>],
@@ -231,8 +260,8 @@ kernels! {
         sums: &mut [Lanes<u8>],
     ) = paths::follow;
 
-    /// As [`follow_paths`], but sums all path costs: `sums` are what the paths of the other sweep
-    /// and those along the row add.
+    /// As [`follow_paths`], but sums all eight path costs: `sums` are what the paths of the other
+    /// sweep and those along the row add.
     pub fn finish_paths(
         paths: &mut Paths,
         costs: &[Lanes<u8>],
@@ -242,16 +271,17 @@ kernels! {
         totals: &mut Totals,
     ) = paths::finish;
 
-    /// The best disparities of a row. Other disparities must be worse by `uniqueness` per cent.
+    /// Winner-takes-all over a row, in both images. Other disparities must be worse by `uniqueness`
+    /// per cent.
     pub fn choose_row(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) = choose::choose;
 
-    /// Medians of nine, three rows by three columns; the outermost columns have no neighbour beyond
-    /// them and count twice.
-    pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = median::row;
+    /// Medians of nine, three rows by three columns; the outermost columns count twice, as they have
+    /// no neighbour beyond them.
+    pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = filter::median;
 
-    /// Pixels from between those of `source`, whose rows stand `stride` apart: of the four from
-    /// `places` on, weighed by how far to the right and below, in 256ths, the two `parts` say that
-    /// the wanted one lies. Rounded to the nearest.
+    /// Bilinear interpolation between the four pixels of `source` from each of `places` on, whose
+    /// rows stand `stride` apart. `parts` are the fractions to the right and downwards, in 256ths.
+    /// Rounded to the nearest.
     ///
     /// `source` reaches a row and a pixel beyond every place.
     pub fn remap_row(
@@ -260,5 +290,5 @@ kernels! {
         places: &[u32],
         parts: [&[u8]; 2],
         out: &mut [u8],
-    ) = remap::row;
+    ) = filter::remap;
 }

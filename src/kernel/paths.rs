@@ -1,38 +1,38 @@
-//! Costs summed along paths (Hirschmüller 2008, equation 13): three directions that come from the
-//! row behind in a sweep over the image.
+//! SGM cost aggregation along paths (Hirschmüller 2008, equation 13): the three directions that come
+//! from the previous row of a sweep over the image.
 //!
-//! A path's costs fit a byte: the matching cost is at most 62 and what a path adds to it at most
-//! P2. What three paths add fits a byte too, with P2 up to [`Paths::LARGEST_PENALTY`].
+//! Path costs fit a byte: the matching cost is at most 62 and what a path adds to it at most P2.
+//! What three paths add fits a byte too, with P2 up to [`Paths::LARGEST_PENALTY`].
 
 use super::volume::OUTSIDE;
 use super::{Lanes, Totals, VolumeShape};
 
 const N: usize = Lanes::COUNT;
 
-/// What a step of disparity costs.
+/// Penalties of a change of disparity between neighbours on a path.
 #[derive(Clone, Debug)]
 pub struct Penalties {
-    /// P1, of a step by one.
+    /// P1, of a change by one.
     pub small: u8,
-    /// P2, of any other step, by the difference of grey level between the two pixels.
+    /// P2, of any other change, by the difference of grey level between the two pixels.
     pub large: [u8; 256],
 }
 
 /// The paths of a sweep, downwards or upwards: along the column and along both diagonals.
 pub struct Paths {
     shape: VolumeShape,
-    /// Rows behind the next one.
+    /// Rows of the sweep so far.
     behind: usize,
-    /// From the pixel before, the same and the next in the row behind.
-    lines: [Line; 3],
+    /// From the previous, the same and the next column of the previous row.
+    lines: [PathLine; 3],
 }
 
-/// Path costs of a row, by disparity and then by pixel: [`OUTSIDE`] where there is no path, as
-/// behind the image.
+/// Path costs of a row in one direction, by disparity and then by pixel: [`OUTSIDE`] where there is
+/// no path, as before the image.
 ///
 /// Costs stay where they are until the path's next pixel replaces them. As a diagonal path moves on
 /// by a column per row, the place of the row's first pixel moves as far the other way.
-struct Line {
+struct PathLine {
     span: usize,
     costs: Vec<u8>,
     least: Vec<u8>,
@@ -48,7 +48,7 @@ impl Paths {
             // An odd number of cache lines, so that neighbouring disparities do not contend for the
             // same ones.
             let span = ((shape.padded() + shape.height).div_ceil(N) | 1) * N;
-            Line {
+            PathLine {
                 span,
                 costs: vec![OUTSIDE; (shape.count + 1) * span],
                 least: vec![OUTSIDE; span],
@@ -70,8 +70,8 @@ impl Paths {
         }
     }
 
-    /// Moves on by a row, and passes what the three paths add, block by block and disparity by
-    /// disparity.
+    /// Aggregates over the next row, and passes on what the three paths add, block by block and
+    /// disparity by disparity.
     #[inline(always)]
     fn advance(
         &mut self,
@@ -116,7 +116,7 @@ impl Paths {
     }
 }
 
-impl Line {
+impl PathLine {
     /// The costs of the block at `place`, and their least.
     #[inline(always)]
     fn at(&mut self, place: usize) -> (impl Iterator<Item = &mut [u8; N]>, &mut [u8; N]) {
@@ -134,7 +134,7 @@ impl Line {
     }
 }
 
-/// P2 of the steps from the three pixels behind to those from `x` on; of none where there are none.
+/// P2 of the steps from three pixels of the previous row to those from `x` on; 0 beyond the image.
 #[inline(always)]
 fn steps(x: usize, grey: &[u8], behind: &[u8], penalties: &Penalties) -> [[u8; N]; 3] {
     let mut large = [[0; N]; 3];
@@ -148,9 +148,11 @@ fn steps(x: usize, grey: &[u8], behind: &[u8], penalties: &Penalties) -> [[u8; N
     large
 }
 
-/// Moves R paths on to a pixel, per lane. `lines` and `least` have the costs of the pixels behind
-/// and get those of this one; they go on beyond its disparities, `costs`. `out` gets what each path
-/// adds to a cost.
+/// Extends R paths by a pixel, per lane: `L(p, d) = C(p, d) + min(L(q, d), L(q, d ± 1) + P1,
+/// min L(q) + P2) − min L(q)` with q the pixel before p on the path.
+///
+/// `lines` and `least` hold L(q) and min L(q), and become those of p; a line has one slot more than
+/// p has disparities, `costs`. `out` gets what each path adds to a cost.
 #[inline(always)]
 pub(super) fn advance<'a, const R: usize, const N: usize>(
     lines: [impl Iterator<Item = &'a mut [u8; N]>; R],
@@ -174,6 +176,8 @@ pub(super) fn advance<'a, const R: usize, const N: usize>(
         }
     }
     let mut fewest = [[OUTSIDE; N]; R];
+    // In place: the slot of a disparity is overwritten once its neighbour above has been read, so
+    // the old costs of the disparity below and of the disparity itself are carried along.
     for (i, cost) in costs.enumerate() {
         let mut added = [[0; N]; R];
         for r in 0..R {
@@ -194,7 +198,7 @@ pub(super) fn advance<'a, const R: usize, const N: usize>(
         out(i, cost, added);
     }
     for (r, least) in least.into_iter().enumerate() {
-        // A diagonal path may have had use for more disparities before.
+        // A diagonal path may have reached more disparities on its previous pixel.
         *slots[r] = [OUTSIDE; N];
         *least = fewest[r];
     }

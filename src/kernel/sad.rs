@@ -1,7 +1,7 @@
-//! Sums of absolute differences over square windows, for a row of pixels at once.
+//! Sums of absolute differences (SAD) over square windows, for a row of pixels at once.
 //!
-//! The columns of the windows are summed first and follow the rows: each takes one difference in
-//! and lets one go. A window then is as many neighbouring columns as it is wide. Pixels are the
+//! The columns of the windows are summed first and slide down with the rows: one difference enters,
+//! one leaves. A window then is as many neighbouring columns as it is wide. Pixels are the
 //! lanes, disparities the loop: minima, runners-up and the neighbours of the minimum are kept per
 //! lane, and nothing is reduced across lanes.
 
@@ -36,7 +36,7 @@ impl SadWinners {
     };
 }
 
-/// What a winner must pass.
+/// Thresholds of the tests of a winner.
 #[derive(Clone, Copy, Debug)]
 pub struct SadTest {
     /// Disparity of the first place; each further place is one less.

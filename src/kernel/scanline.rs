@@ -1,4 +1,4 @@
-//! Dynamic programming along rows, sixteen rows at once.
+//! Scanline matching by dynamic programming (Birchfield and Tomasi 1998), sixteen rows at once.
 //!
 //! A cell of the table waits for the one above it in its own column, so a row alone cannot be cut
 //! into lanes; rows can, as they know nothing of each other. A cell is one number,
@@ -30,7 +30,7 @@ const EDGE: u16 = 5;
 
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-struct Numbers([i32; ScanlinePaths::ROWS]);
+struct CellNumbers([i32; ScanlinePaths::ROWS]);
 
 /// A column of the left image.
 struct LeftColumn {
@@ -59,7 +59,7 @@ pub struct ScanlinePaths {
     right: Vec<RightColumn>,
     /// Of the column before, by disparity from −1 on; while a column is made, what is above is of
     /// that column.
-    cells: Vec<Numbers>,
+    cells: Vec<CellNumbers>,
     /// By column, then disparity.
     steps: Vec<[u8; ScanlinePaths::ROWS]>,
 }
@@ -79,7 +79,7 @@ impl ScanlinePaths {
         Self {
             disparities,
             right: vec![column; width],
-            cells: vec![Numbers([INFINITE; Self::ROWS]); disparities + 1],
+            cells: vec![CellNumbers([INFINITE; Self::ROWS]); disparities + 1],
             steps: vec![[0; Self::ROWS]; width * disparities],
         }
     }
@@ -166,8 +166,8 @@ pub(super) fn find(
     load(right, rows, &mut paths.right);
 
     let costs = [4 * occlusion + UP, 4 * occlusion + DIAG, 4 * reward];
-    paths.cells.fill(Numbers([INFINITE; N]));
-    paths.cells[1] = Numbers([LEFT; N]);
+    paths.cells.fill(CellNumbers([INFINITE; N]));
+    paths.cells[1] = CellNumbers([LEFT; N]);
     for x in 1..width {
         let count = (x + 1).min(paths.disparities);
         let column = LeftColumn {

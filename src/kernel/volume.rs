@@ -1,13 +1,13 @@
-//! How a number per pixel and disparity lies in memory: row by row, in blocks of neighbouring
-//! pixels, which are the lanes, and in a block disparity by disparity. A path that comes from
-//! another row then never looks across lanes.
+//! Memory layout of a cost volume: row by row, in blocks of neighbouring pixels, which are the
+//! lanes, and in a block disparity by disparity. A path that comes from another row then never
+//! looks across lanes.
 
 use super::Lanes;
 
 /// Matching cost of a disparity that leads outside the right image; others are 0 ..= 62.
 pub const OUTSIDE: u8 = u8::MAX;
 
-/// Extent of a volume.
+/// Extent of a cost volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VolumeShape {
     pub width: usize,
@@ -33,8 +33,8 @@ impl VolumeShape {
         self.blocks() * self.count
     }
 
-    /// How many of the disparities lead to a right pixel from column `x` or from one before it.
-    /// What lies beyond them is neither written nor read.
+    /// How many of the disparities lead from column `x`, or from one before it, into the right
+    /// image. Costs beyond them are neither written nor read.
     #[inline(always)]
     pub(super) fn reached(&self, x: usize) -> usize {
         self.count.min((x as i32 + 1 - self.first).max(0) as usize)

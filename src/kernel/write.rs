@@ -1,4 +1,4 @@
-//! Writing results into the rows of a map without branches.
+//! Branch-free writers of block matching's results into the rows of a disparity map with SSDPIs.
 
 use super::{CAP, Match};
 use crate::stereo::{DisparityMap, Reason, RowMut};
@@ -39,7 +39,7 @@ pub(super) fn self_check(references: &[u16], row: &mut RowMut<'_>) {
         disparity.iter_mut().zip(why).zip(ssdpi).zip(references)
     {
         let exact = *ssdpi < u32::from(CAP);
-        // What is not valid has no SSD to compare, so it is not exact.
+        // A pixel that is not valid has the SSDPI `NO_SSDPI`, so it is not exact.
         let rejected = exact & (*ssdpi >= u32::from(reference));
         *disparity = if rejected { f32::INFINITY } else { *disparity };
         *why = if rejected { Reason::SelfCheck } else { *why };

@@ -31,13 +31,13 @@ pub(super) fn clouds(width: usize, height: usize, octaves: u32, dice: &mut Dice)
 }
 
 /// A grey canvas to paint on, bottom row first.
-pub(super) struct Canvas {
+pub(super) struct SheetCanvas {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) tones: Vec<f32>,
 }
 
-impl Canvas {
+impl SheetCanvas {
     /// A leaf: an ellipse with a lit and a shaded half.
     pub(super) fn leaf(
         &mut self,

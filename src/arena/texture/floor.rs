@@ -1,7 +1,7 @@
 //! The arena's floor: grey linoleum, speckled, with scuffs; much weaker than the walls.
 
 use super::{Texture, fabric};
-use crate::arena::noise::{Dice, Stream};
+use crate::arena::noise::{Dice, NoiseStream};
 
 /// 2 m x 4 m with [`TEXEL_M`]; a larger arena's floor repeats.
 const WIDTH: usize = 1024;
@@ -11,7 +11,7 @@ const TEXEL_M: f32 = 0.002;
 /// `contrast` is the standard deviation of the speckles' albedo; `light` the share of light that
 /// reaches a point.
 pub(crate) fn floor(seed: u64, contrast: f32, light: impl Fn(f32, f32) -> f32) -> Texture {
-    let mut dice = Dice::new(seed, Stream::Floor);
+    let mut dice = Dice::new(seed, NoiseStream::Floor);
     let stains = fabric::clouds(WIDTH, HEIGHT, 8, &mut dice);
     let mut speckles: Vec<f32> = (0..WIDTH * HEIGHT)
         .map(|_| dice.between(-1.7, 1.7))

@@ -1,7 +1,7 @@
 //! Forest pictures, side by side like the sheets on the arena's walls (thesis, figure 7.2).
 
 use super::{Texture, fabric};
-use crate::arena::noise::{Dice, Stream};
+use crate::arena::noise::{Dice, NoiseStream};
 use rayon::prelude::*;
 
 /// Texels along the whole row of sheets; with [`TEXEL_M`] 18.8 m, enough that in the default arena
@@ -14,7 +14,7 @@ const TEXEL_M: f32 = 0.00115;
 /// A row of forest pictures, each with its own light, trees and leaves. `contrast` 1 is that of a
 /// good print.
 pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
-    let mut dice = Dice::new(seed, Stream::Sheets);
+    let mut dice = Dice::new(seed, NoiseStream::Sheets);
     let mut widths = Vec::new();
     let mut rest = WIDTH;
     while rest > 0 {
@@ -23,10 +23,10 @@ pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
         widths.push(width);
         rest -= width;
     }
-    let sheets: Vec<fabric::Canvas> = widths
+    let sheets: Vec<fabric::SheetCanvas> = widths
         .par_iter()
         .enumerate()
-        .map(|(i, &width)| sheet(width, contrast, &mut Dice::new(seed, Stream::Sheet(i))))
+        .map(|(i, &width)| sheet(width, contrast, &mut Dice::new(seed, NoiseStream::Sheet(i))))
         .collect();
     let mut albedo = Vec::with_capacity(WIDTH * HEIGHT);
     for row in 0..HEIGHT {
@@ -38,7 +38,7 @@ pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
 }
 
 /// One picture, painted from far to near.
-fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
+fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::SheetCanvas {
     let haze = dice.between(0.45, 0.75);
     let clumps = fabric::clouds(width, HEIGHT, 6, dice);
     let fine = fabric::clouds(width, HEIGHT, 3, dice);
@@ -48,7 +48,7 @@ fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
             haze * (0.30 + 0.85 * up) + 0.09 * clump + 0.03 * fine
         })
         .collect();
-    let mut canvas = fabric::Canvas {
+    let mut canvas = fabric::SheetCanvas {
         width,
         height: HEIGHT,
         tones,
@@ -74,7 +74,7 @@ fn sheet(width: usize, contrast: f32, dice: &mut Dice) -> fabric::Canvas {
 /// Leaves of sizes distributed as r^-3, the dead-leaves model of natural images (Lee, Mumford and
 /// Huang, IJCV 2001), in clumps: `per_texel` of them, `scale` times the usual size.
 fn leaves(
-    canvas: &mut fabric::Canvas,
+    canvas: &mut fabric::SheetCanvas,
     clumps: &[f32],
     (per_texel, scale): (f32, f32),
     haze: f32,
@@ -104,7 +104,7 @@ fn leaves(
 }
 
 /// Paper grain, the print's exposure and contrast, and a pale margin at either end.
-fn expose(canvas: &mut fabric::Canvas, grain: &[f32], contrast: f32, dice: &mut Dice) {
+fn expose(canvas: &mut fabric::SheetCanvas, grain: &[f32], contrast: f32, dice: &mut Dice) {
     let width = canvas.width;
     let mean = canvas.tones.iter().sum::<f32>() / canvas.tones.len() as f32;
     let target = dice.between(0.34, 0.48);

@@ -2,7 +2,7 @@
 //! without texture.
 
 use super::{Texture, fabric};
-use crate::arena::noise::{Dice, Stream};
+use crate::arena::noise::{Dice, NoiseStream};
 
 /// 41 m x 5.1 m with [`TEXEL_M`].
 const WIDTH: usize = 2048;
@@ -11,7 +11,7 @@ const TEXEL_M: f32 = 0.02;
 
 /// The four walls, unrolled.
 pub(crate) fn room(seed: u64) -> Texture {
-    let mut dice = Dice::new(seed, Stream::Room);
+    let mut dice = Dice::new(seed, NoiseStream::Room);
     let paint = fabric::clouds(WIDTH, HEIGHT, 6, &mut dice);
     let mut albedo: Vec<f32> = (paint.iter().enumerate())
         .map(|(i, paint)| 0.52 + 0.10 * ((i / WIDTH) as f32 / HEIGHT as f32) + 0.006 * paint)

@@ -1,7 +1,7 @@
 //! Runs with a progress bar, and what is reported of them.
 
 use super::progress::Progress;
-use svl::arena::{Arena, Wire};
+use svl::arena::{Arena, WireObject};
 use svl::counted;
 use svl::manifest::Manifest;
 use svl::run::{Matchers, Outcome, Pace, run};
@@ -48,7 +48,7 @@ pub(crate) fn report_losses(name: &str, losses: &Losses) {
 }
 
 /// What the Rerun recording of a run shows from the beginning.
-pub(crate) fn rerun_info(manifest: &Manifest, wireframe: Vec<Wire>) -> RunInfo {
+pub(crate) fn rerun_info(manifest: &Manifest, wireframe: Vec<WireObject>) -> RunInfo {
     RunInfo {
         recording_id: manifest.run_id.clone(),
         scenario: manifest.scenario.clone(),
@@ -59,14 +59,14 @@ pub(crate) fn rerun_info(manifest: &Manifest, wireframe: Vec<Wire>) -> RunInfo {
             .collect(),
         wireframe: wireframe
             .into_iter()
-            .map(|Wire { name, strips }| Edges { name, strips })
+            .map(|WireObject { name, strips }| Edges { name, strips })
             .collect(),
     }
 }
 
 /// The outlines of the arena's solids and the path of the run with that seed; none for other
 /// sources.
-pub(crate) fn wireframe(scenario: &Scenario, seed: Option<u64>) -> Vec<Wire> {
+pub(crate) fn wireframe(scenario: &Scenario, seed: Option<u64>) -> Vec<WireObject> {
     match &scenario.source {
         ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))
             .map(|a| a.wireframe())

@@ -2,8 +2,8 @@
 //! checking").
 
 use super::DisparityRange;
-use super::ssd::{REACH, farthest_shift, ssd};
-use crate::kernel::{CAP, Isa, Lanes, least_ssd, self_check_row, transpose_back};
+use super::ssd::{farthest_shift, ssd};
+use crate::kernel::{CAP, Isa, Lanes, REACH, least_ssd, self_check_row, transpose_back};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{DisparityMap, Reason, RowMut};
 

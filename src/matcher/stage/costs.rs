@@ -2,7 +2,7 @@
 
 use super::filter::CostFilter;
 use super::ssd::{DisparityRange, search, ssd};
-use crate::kernel::{Doubt, Isa, Lanes, Match, Search};
+use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, weight};
 use crate::stereo::{Reason, RowMut};
 
 /// Finds the cheapest match of each pixel and asks a filter whether other disparities come close.
@@ -10,7 +10,7 @@ use crate::stereo::{Reason, RowMut};
 pub struct CostSearch<F> {
     filter: F,
     range: DisparityRange,
-    search: Search,
+    search: SsdSearch,
     /// Rows, one after the other, as the doubts.
     matches: Vec<Match>,
     doubts: Vec<Doubt>,
@@ -70,8 +70,7 @@ impl<F: CostFilter> CostSearch<F> {
     fn settle(&self, left: &[u8], right: &[u8], x: usize, winner: Match) -> bool {
         let least = winner.ssd() * self.search.weight(winner.index());
         let admissible = self.range.admissible(x, left.len());
-        let cost =
-            |d: i32| ssd(left, x, right, (x as i32 - d) as usize) * DisparityRange::weight(d);
+        let cost = |d: i32| ssd(left, x, right, (x as i32 - d) as usize) * weight(d);
         self.filter.settle(least, admissible.map(|d| (d, cost(d))))
     }
 }

@@ -1,6 +1,6 @@
 //! Filters that look at all costs of a window and reject a winner that others come close to.
 
-use crate::kernel::{Doubt, Isa, Lanes, Match, Search, matches_and_rivals, matches_and_spread};
+use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, matches_and_rivals, matches_and_spread};
 use crate::matcher::{Parameter, Range};
 
 /// A filter on the costs of a window, run along with the search for the winner.
@@ -11,7 +11,7 @@ pub trait CostFilter: Sync {
         isa: Isa,
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
-        search: &mut Search,
+        search: &mut SsdSearch,
         matches: &mut [Match],
         doubts: &mut [Doubt],
     );
@@ -62,7 +62,7 @@ impl CostFilter for ErrorFilter {
         isa: Isa,
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
-        search: &mut Search,
+        search: &mut SsdSearch,
         matches: &mut [Match],
         doubts: &mut [Doubt],
     ) {
@@ -107,7 +107,7 @@ impl CostFilter for SpreadFilter {
         isa: Isa,
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
-        search: &mut Search,
+        search: &mut SsdSearch,
         matches: &mut [Match],
         doubts: &mut [Doubt],
     ) {

@@ -4,13 +4,10 @@
 //! with |d|, so that it is also a penalty behind the point where the view axes cross.
 
 use crate::error::{Error, Result};
-use crate::kernel::{Isa, Lanes, Match, Search, accept_row, matches};
+use crate::kernel::{Isa, Lanes, Match, REACH, SsdSearch, WINDOW, accept_row, matches, weight};
 use crate::matcher::{Parameter, Parameters, Range};
 use crate::stereo::{Reason, RowMut};
 use std::ops;
-
-/// Half of the one-dimensional window of nine pixels.
-pub(super) const REACH: usize = 4;
 
 /// The disparities a matcher tries, both ends included, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,27 +107,22 @@ impl DisparityRange {
         let (x, reach) = (x as i32, REACH as i32);
         self.min.max(x - (width as i32 - 1 - reach))..=self.max.min(x - reach)
     }
-
-    /// What multiplies an SSD to make it a cost: 25 · (0.16 |d| + 1).
-    pub fn weight(disparity: i32) -> u32 {
-        25 + 4 * disparity.unsigned_abs()
-    }
 }
 
 /// The search for the cheapest of the disparities of `range` in rows of `width` pixels.
-pub(super) fn search(width: usize, range: DisparityRange) -> Search {
+pub(super) fn search(width: usize, range: DisparityRange) -> SsdSearch {
     let disparities = range.within(width);
-    Search::new(
+    SsdSearch::new(
         width,
         *disparities.start(),
-        disparities.map(DisparityRange::weight).collect(),
+        disparities.map(weight).collect(),
     )
 }
 
 /// Finds the cheapest match of each textured pixel. It holds one thread's scratch.
 pub struct BlockSearch {
     range: DisparityRange,
-    search: Search,
+    search: SsdSearch,
     /// Rows, one after the other.
     matches: Vec<Match>,
 }
@@ -181,7 +173,7 @@ pub(super) fn farthest_shift(width: usize) -> i32 {
 
 /// The SSD of the windows around `x` in `left` and `u` in `right`.
 pub(super) fn ssd(left: &[u8], x: usize, right: &[u8], u: usize) -> u32 {
-    let window = |row: &[u8], x: usize| -> [u8; 2 * REACH + 1] {
+    let window = |row: &[u8], x: usize| -> [u8; WINDOW] {
         // Windows lie inside their rows.
         *row[x - REACH..]
             .first_chunk()
@@ -201,8 +193,8 @@ mod tests {
     #[test]
     fn the_largest_cost_fits() {
         assert!(
-            (9u32 * 255 * 255)
-                .checked_mul(DisparityRange::weight(DisparityRange::LIMIT))
+            (WINDOW as u32 * 255 * 255)
+                .checked_mul(weight(DisparityRange::LIMIT))
                 .is_some()
         );
     }

@@ -2,7 +2,7 @@
 //! prefer the same match.
 
 use super::ssd::{DisparityRange, search};
-use crate::kernel::{Isa, Lanes, Match, Search, matches};
+use crate::kernel::{Isa, Lanes, Match, SsdSearch, matches};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Reason, RowMut};
 
@@ -15,7 +15,7 @@ use crate::stereo::{Reason, RowMut};
 /// disparity of every pixel, which takes as long.
 pub struct SymmetricCheck {
     tolerance_px: i32,
-    search: Search,
+    search: SsdSearch,
     left: Vec<Lanes<u16>>,
     right: Vec<Lanes<u16>>,
     /// Rows of the mirrored right image.

@@ -1,6 +1,6 @@
 //! v4's matching: right windows claim left ones, each left one keeps its cheapest claim.
 
-use crate::kernel::{Claim, Isa, NO_SUM, TableSearch, WindowTable, claim_row, window_sums};
+use crate::kernel::{Isa, NO_SUM, Proposal, TableSearch, WindowTable, propose_row, window_sums};
 use crate::matcher::stage::{DisparityRange, each_band, each_row};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Gray, Plane};
@@ -47,9 +47,9 @@ pub(super) struct Claims {
     /// One per band.
     tables: Vec<WindowTable>,
     /// By right pixel.
-    claims: Plane<Claim>,
+    claims: Plane<Proposal>,
     /// By left pixel.
-    granted: Plane<Claim>,
+    granted: Plane<Proposal>,
 }
 
 impl Claims {
@@ -70,8 +70,8 @@ impl Claims {
             sums: Plane::filled(width, height, NO_SUM)?,
             band_rows,
             tables: vec![WindowTable::new(width, tolerance.rows); height.div_ceil(band_rows)],
-            claims: Plane::filled(width, height, Claim::NONE)?,
-            granted: Plane::filled(width, height, Claim::NONE)?,
+            claims: Plane::filled(width, height, Proposal::NONE)?,
+            granted: Plane::filled(width, height, Proposal::NONE)?,
         })
     }
 
@@ -82,7 +82,7 @@ impl Claims {
         left: &Gray,
         right: &Gray,
         textured: &Plane<bool>,
-    ) -> &Plane<Claim> {
+    ) -> &Plane<Proposal> {
         let Self {
             range,
             tolerance,
@@ -116,7 +116,7 @@ impl Claims {
                         max_disparity: range.max(),
                         sum_tolerance: tolerance.sum,
                     };
-                    claim_row(isa, &search, right.row(y), claims);
+                    propose_row(isa, &search, right.row(y), claims);
                 }
             },
         );
@@ -126,7 +126,7 @@ impl Claims {
             width,
             16,
             |y, granted| {
-                granted.fill(Claim::NONE);
+                granted.fill(Proposal::NONE);
                 for row in y.saturating_sub(tolerance.rows)..height.min(y + tolerance.rows + 1) {
                     let row_offset = (row as i32 - y as i32) as i8;
                     let claims = claims.row(row).iter().enumerate();

@@ -18,7 +18,7 @@ use super::stage::{
 };
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameters};
 use crate::error::Result;
-use crate::kernel::{Claim, Isa};
+use crate::kernel::{Isa, Proposal};
 use crate::stereo::{ExtraPlanes, Gray, Plane, Reason, RectifiedPair, RowMut};
 use crate::timing::Stage;
 use claims::{Claims, Tolerance};
@@ -102,12 +102,12 @@ impl V4 {
         })
     }
 
-    fn write_row(&self, granted: &[Claim], textured: &[bool], row: &mut RowMut<'_>) {
+    fn write_row(&self, granted: &[Proposal], textured: &[bool], row: &mut RowMut<'_>) {
         row.clear(Reason::Border);
         for x in self.range.columns(row.width()) {
             if !textured[x] {
                 row.reject(x, Reason::Untextured);
-            } else if granted[x] == Claim::NONE {
+            } else if granted[x] == Proposal::NONE {
                 row.reject(x, Reason::Unmatched);
             } else {
                 row.accept(x, f32::from(granted[x].disparity));

@@ -1,8 +1,11 @@
-//! Costs summed along rows, from both ends, in bands of rows: the blocks of a volume are turned
-//! first, so that neighbours in a column are the lanes, and the sums are turned back.
+//! SGM cost aggregation along the rows, from both ends, in bands of rows.
+//!
+//! A path along a row looks at its neighbour in the row, which is another lane of a volume's block.
+//! So the blocks are transposed first, with the rows of the band as lanes, and the sums are
+//! transposed back.
 
+use super::lanes::{SIDE, Square, transpose_square};
 use super::paths::advance;
-use super::turn::{SIDE, Square, turn};
 use super::volume::OUTSIDE;
 use super::{Lanes, Penalties, VolumeShape};
 use crate::stereo::Gray;
@@ -42,7 +45,7 @@ impl RowPaths {
         }
     }
 
-    /// What the paths of the band last followed add to its row `y`.
+    /// What the paths of the band last followed add to the costs of its row `y`.
     pub fn row(&self, y: usize) -> &[Lanes<u8>] {
         &self.sums[y * self.shape.stride()..][..self.shape.stride()]
     }
@@ -59,7 +62,7 @@ pub(super) fn follow(
 ) {
     let RowPaths {
         shape,
-        costs: turned,
+        costs: transposed,
         added,
         steps,
         line,
@@ -77,8 +80,8 @@ pub(super) fn follow(
                     let lanes = &costs[row.min(rows - 1) * stride + block * count + i].0;
                     square[row].copy_from_slice(&lanes[l..][..ROWS]);
                 }
-                for (column, lanes) in turn(&square).iter().enumerate() {
-                    turned[(block * N + l + column) * count + i] = *lanes;
+                for (column, lanes) in transpose_square(&square).iter().enumerate() {
+                    transposed[(block * N + l + column) * count + i] = *lanes;
                 }
             }
         }
@@ -90,14 +93,16 @@ pub(super) fn follow(
                 *step = penalties.large[usize::from(grey[x].abs_diff(grey[x.saturating_sub(1)]))];
             }
         }
-        *steps = turn(steps);
+        *steps = transpose_square(steps);
     }
 
+    // From the left: at column 0 no path has begun, so all its costs are `OUTSIDE` and it adds
+    // nothing.
     line.fill([OUTSIDE; ROWS]);
     let mut least = [OUTSIDE; ROWS];
     for x in 0..shape.width {
         let (costs, added) = (
-            &turned[x * count..][..shape.reached(x)],
+            &transposed[x * count..][..shape.reached(x)],
             &mut added[x * count..][..count],
         );
         advance(
@@ -113,7 +118,7 @@ pub(super) fn follow(
     least.fill(OUTSIDE);
     for x in (0..shape.width).rev() {
         let (costs, added) = (
-            &turned[x * count..][..shape.reached(x)],
+            &transposed[x * count..][..shape.reached(x)],
             &mut added[x * count..][..count],
         );
         // At the last column nothing lies behind.
@@ -139,7 +144,7 @@ pub(super) fn follow(
                 for (column, lanes) in square.iter_mut().enumerate() {
                     *lanes = added[(block * N + l + column) * count + i];
                 }
-                for (row, part) in turn(&square).iter().enumerate() {
+                for (row, part) in transpose_square(&square).iter().enumerate() {
                     sums[row * stride + block * count + i].0[l..][..ROWS].copy_from_slice(part);
                 }
             }

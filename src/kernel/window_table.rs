@@ -1,11 +1,10 @@
-//! Windows found by the sum of their pixels (thesis, section 5.3.4).
+//! Hash table of windows by the sum of their pixels (thesis, section 5.3.4), and the search for the
+//! cheapest match of a right window in it.
 
 use super::pairs::{Group, Pairs};
-use super::slide::REACH;
+use super::sliding_ssd::{REACH, WINDOW, weight};
 use crate::stereo::{Gray, Plane};
 
-/// Pixels of a window.
-const WINDOW: usize = 2 * REACH + 1;
 /// Pairs of pixels of a window; the last lacks its second.
 const PAIRS: usize = WINDOW.div_ceil(2);
 /// Windows compared at a time.
@@ -13,18 +12,18 @@ const CHUNK: usize = 2 * Group::ROWS;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
 
-/// Sums this far apart are looked up first: most windows find their match there, and it bounds the
-/// rest of the search.
+/// Sums this far apart are looked up first: most windows find their match there, and its cost bounds
+/// the rest of the search.
 const FIRST: u32 = 32;
-/// What stands for the sum of a window that is in no table.
+/// Invalid value: the sum of a window that is in no table.
 pub const NO_SUM: u16 = u16::MAX;
 
 /// A hash table of the left windows that those of a right row may match; the hash of a window is
 /// the sum of its nine pixels.
 ///
-/// Buckets lie one after the other, so that those of neighbouring sums are one range of places. A
-/// place's pixels stand in five planes of pairs, so that windows at neighbouring places are
-/// compared at a time.
+/// Buckets lie one after the other, so that those of neighbouring sums are one range of places. The
+/// pixels of a window stand in five planes of pairs, so that windows at neighbouring places are
+/// compared in one vector.
 #[derive(Clone, Debug)]
 pub struct WindowTable {
     /// The place where the bucket of each sum begins, and where the last one ends.
@@ -50,8 +49,8 @@ impl WindowTable {
         }
     }
 
-    /// Takes the windows of the rows of `image` around row `y`, as near as `row_tolerance`. Their
-    /// sums stand in `sums`.
+    /// Fills the table with the windows of the rows of `image` around row `y`, up to `row_tolerance`
+    /// away. `sums` are their sums, [`NO_SUM`] for windows to be left out.
     pub fn fill(&mut self, image: &Gray, sums: &Plane<u16>, y: usize, row_tolerance: usize) {
         let rows = || y.saturating_sub(row_tolerance)..sums.height().min(y + row_tolerance + 1);
         self.starts.fill(0);
@@ -109,7 +108,7 @@ pub fn window_sums(row: &[u8], marked: &[bool], out: &mut [u16]) {
     }
 }
 
-/// What a window of the right image may match.
+/// The left windows that a window of the right image is compared with.
 #[derive(Clone, Copy)]
 pub struct TableSearch<'a> {
     pub table: &'a WindowTable,
@@ -120,9 +119,9 @@ pub struct TableSearch<'a> {
     pub sum_tolerance: u32,
 }
 
-/// The left window that a right window takes for its own.
+/// The cheapest left window of a right window: the match it proposes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Claim {
+pub struct Proposal {
     /// The match's SSD, `u32::MAX` where there is none.
     pub ssd: u32,
     pub disparity: i16,
@@ -130,14 +129,14 @@ pub struct Claim {
     pub row_offset: i8,
 }
 
-impl Claim {
+impl Proposal {
     pub const NONE: Self = Self {
         ssd: u32::MAX,
         disparity: 0,
         row_offset: 0,
     };
 
-    /// What the claim costs, more than any real one where there is none.
+    /// The cost of the match, above every real one where there is none.
     pub fn cost(self) -> u32 {
         if self.ssd == u32::MAX {
             u32::MAX
@@ -147,17 +146,17 @@ impl Claim {
     }
 }
 
-/// See [`super::claim_row`].
+/// See [`super::propose_row`].
 #[inline(always)]
-pub(super) fn claim_row(
+pub(super) fn propose_row(
     pairs: impl Pairs,
     search: &TableSearch<'_>,
     row: &[u8],
-    out: &mut [Claim],
+    out: &mut [Proposal],
 ) {
-    out.fill(Claim::NONE);
+    out.fill(Proposal::NONE);
     let end = row.len().saturating_sub(REACH);
-    for (u, claim) in out.iter_mut().enumerate().take(end).skip(REACH) {
+    for (u, proposal) in out.iter_mut().enumerate().take(end).skip(REACH) {
         let window = Window::around(row, u);
         let mut best = [Candidate::NONE; CHUNK];
         let near = search
@@ -170,7 +169,7 @@ pub(super) fn claim_row(
             window.compare(&pairs, search, rest.start..near.start, &mut best);
             window.compare(&pairs, search, near.end..rest.end, &mut best);
         }
-        *claim = least(&best).claim(search.min_disparity);
+        *proposal = least(&best).proposal(search.min_disparity);
     }
 }
 
@@ -195,15 +194,15 @@ impl Candidate {
     }
 
     #[inline(always)]
-    fn claim(self, min_disparity: i32) -> Claim {
+    fn proposal(self, min_disparity: i32) -> Proposal {
         let (cost, rank, index) = ((self.0 >> 32) as u32, (self.0 >> 16) as u16, self.0 as u16);
         if cost == u32::MAX {
-            return Claim::NONE;
+            return Proposal::NONE;
         }
         let disparity = min_disparity + i32::from(index);
         let distance = rank.div_ceil(2) as i8;
         let row_offset = if rank % 2 == 1 { distance } else { -distance };
-        Claim {
+        Proposal {
             ssd: cost / weight(disparity),
             disparity: disparity as i16,
             row_offset,
@@ -218,11 +217,6 @@ fn least(candidates: &[Candidate; CHUNK]) -> Candidate {
         least = least.min(candidate.0);
     }
     Candidate(least)
-}
-
-#[inline(always)]
-fn weight(disparity: i32) -> u32 {
-    25 + 4 * disparity.unsigned_abs()
 }
 
 /// The pixels of the window around `x`.

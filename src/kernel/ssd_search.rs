@@ -1,14 +1,14 @@
-//! Block matching: for each window the cheapest disparity, and filters that look at the costs of
-//! all of them.
+//! Block matching by SSD: for each window the cheapest disparity, and filters that look at the costs
+//! of all of them.
 
 use super::Lanes;
-use super::block::transpose_back;
+use super::lanes::transpose_back;
 use super::pairs::{Group, Pairs};
-use super::slide::{REACH, Rows, Step};
+use super::sliding_ssd::{Match, REACH, RowGroup, Step, Winners};
 
-/// A search along rows of some width, with its memory.
-pub struct Search {
-    range: Range,
+/// A search along rows of one width, with its scratch memory.
+pub struct SsdSearch {
+    range: WeightedRange,
     steps: Vec<Step>,
     /// One per disparity.
     sums: Vec<Group<u32>>,
@@ -18,34 +18,13 @@ pub struct Search {
 }
 
 /// The disparities to be tried.
-struct Range {
+struct WeightedRange {
     first: i32,
     /// What multiplies the SSD of each to make it a cost.
     weights: Vec<u32>,
 }
 
-/// A disparity, counted from the first, and its SSD, in one word.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Match(u32);
-
-impl Match {
-    /// Nothing compared.
-    pub const NONE: Self = Self(u32::MAX);
-    /// Bits of an SSD: 9 · 255² < 2²⁰.
-    pub(super) const BITS: u32 = 20;
-    /// How many disparities there may be.
-    pub const DISPARITIES: usize = 1 << (u32::BITS - Self::BITS);
-
-    pub fn index(self) -> u32 {
-        self.0 >> Self::BITS
-    }
-
-    pub fn ssd(self) -> u32 {
-        self.0 & ((1 << Self::BITS) - 1)
-    }
-}
-
-/// What a filter says of a window's costs.
+/// Verdict of a filter on the costs of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Doubt {
@@ -62,14 +41,7 @@ struct Costs<'a> {
     index: usize,
 }
 
-/// The cheapest disparity of a column of windows.
-#[derive(Clone, Copy)]
-pub(super) struct Winners {
-    cost: Group<u32>,
-    winner: Group<Match>,
-}
-
-impl Search {
+impl SsdSearch {
     /// For rows of `width` pixels and the disparities from `first` on, with what multiplies the SSD
     /// of each to make it a cost. Costs fit 32 bits, and there are at most [`Match::DISPARITIES`].
     pub fn new(width: usize, first: i32, weights: Vec<u32>) -> Self {
@@ -78,7 +50,7 @@ impl Search {
             sums: vec![Group::splat(0); weights.len()],
             matches: vec![Group::splat(Match::NONE); width],
             doubts: vec![Group::splat(Doubt::Certain); width],
-            range: Range { first, weights },
+            range: WeightedRange { first, weights },
         }
     }
 
@@ -93,13 +65,13 @@ impl Search {
     }
 }
 
-impl Range {
+impl WeightedRange {
     /// Calls `visit` with each column that has windows, their winners and all their costs.
     #[inline(always)]
     fn scan(
         &self,
         pairs: &impl Pairs,
-        rows: &Rows<'_>,
+        rows: &RowGroup<'_>,
         width: usize,
         sums: &mut [Group<u32>],
         mut visit: impl FnMut(usize, &Winners, &Costs<'_>),
@@ -130,40 +102,17 @@ impl Range {
     }
 }
 
-impl Winners {
-    pub(super) const NONE: Self = Self {
-        cost: Group::splat(u32::MAX),
-        winner: Group::splat(Match::NONE),
-    };
-
-    /// These or, where it is cheaper, the disparity of that place.
-    #[inline(always)]
-    pub(super) fn or(self, ssds: Group<u32>, weight: u32, place: u32) -> Self {
-        let mut winners = self;
-        for l in 0..Group::ROWS {
-            let (cost, least) = (ssds.0[l] * weight, self.cost.0[l]);
-            winners.winner.0[l] = if cost < least {
-                Match(place | ssds.0[l])
-            } else {
-                self.winner.0[l]
-            };
-            winners.cost.0[l] = least.min(cost);
-        }
-        winners
-    }
-}
-
 /// See [`super::matches`].
 #[inline(always)]
 pub(super) fn matches(
     pairs: impl Pairs,
     left: &[Lanes<u16>],
     right: &[Lanes<u16>],
-    search: &mut Search,
+    search: &mut SsdSearch,
     out: &mut [Match],
 ) {
     let width = left.len();
-    let Search {
+    let SsdSearch {
         range,
         steps,
         sums,
@@ -171,7 +120,7 @@ pub(super) fn matches(
         ..
     } = search;
     for (group, out) in out.chunks_mut(Group::ROWS * width).enumerate() {
-        let rows = Rows::new(left, right, group, steps);
+        let rows = RowGroup::new(left, right, group, steps);
         range.scan(&pairs, &rows, width, sums, |x, winners, _| {
             matches[x] = winners.winner
         });
@@ -185,7 +134,7 @@ pub(super) fn matches_and_rivals(
     pairs: impl Pairs,
     left: &[Lanes<u16>],
     right: &[Lanes<u16>],
-    search: &mut Search,
+    search: &mut SsdSearch,
     thousandths: u32,
     out: &mut [Match],
     doubts: &mut [Doubt],
@@ -212,7 +161,7 @@ pub(super) fn matches_and_spread(
     pairs: impl Pairs,
     left: &[Lanes<u16>],
     right: &[Lanes<u16>],
-    search: &mut Search,
+    search: &mut SsdSearch,
     threshold_px: f32,
     out: &mut [Match],
     doubts: &mut [Doubt],
@@ -227,13 +176,13 @@ fn matches_and_doubts(
     pairs: impl Pairs,
     left: &[Lanes<u16>],
     right: &[Lanes<u16>],
-    search: &mut Search,
+    search: &mut SsdSearch,
     out: &mut [Match],
     doubts_out: &mut [Doubt],
     filter: impl Fn(&Winners, &Costs<'_>) -> Group<Doubt>,
 ) {
     let width = left.len();
-    let Search {
+    let SsdSearch {
         range,
         steps,
         sums,
@@ -244,7 +193,7 @@ fn matches_and_doubts(
         .chunks_mut(Group::ROWS * width)
         .zip(doubts_out.chunks_mut(Group::ROWS * width));
     for (group, (out, doubts_out)) in bands.enumerate() {
-        let rows = Rows::new(left, right, group, steps);
+        let rows = RowGroup::new(left, right, group, steps);
         range.scan(&pairs, &rows, width, sums, |x, winners, costs| {
             (matches[x], doubts[x]) = (winners.winner, filter(winners, costs));
         });

@@ -1,4 +1,5 @@
-//! Sums of squared differences of windows of nine pixels, for all rows of a block at once.
+//! Capped sums of squared differences (SSD) between windows of one image, for all rows of a block at
+//! once: what the self check compares with.
 //!
 //! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3,
 //! "Optimization", and figure 5.10). The sums are kept in 16 bits, twice as many to a vector as 32
@@ -8,10 +9,10 @@
 //! windows that differ by 28 grey levels on average and more, one by one.
 
 use super::Lanes;
-use super::slide::REACH;
+use super::sliding_ssd::{REACH, WINDOW};
 
 /// Largest square in a capped sum.
-pub const CAP: u16 = u16::MAX / (2 * REACH as u16 + 1);
+pub const CAP: u16 = u16::MAX / WINDOW as u16;
 
 /// See [`super::least_ssd`].
 #[inline(always)]

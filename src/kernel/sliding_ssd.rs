@@ -1,4 +1,4 @@
-//! Sums of squared differences of windows of nine pixels that slide along the rows of a block.
+//! Sums of squared differences (SSD) of windows of nine pixels that slide along the rows of a block.
 //!
 //! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3,
 //! "Optimization", and figure 5.10). What comes in less what goes out is
@@ -6,14 +6,72 @@
 //! same for all disparities, the last is one product of pairs.
 
 use super::Lanes;
-use super::exact::{Match, Winners};
 use super::pairs::{Group, Pairs};
 use std::ops::Range;
 
-/// Half of the window: it covers x − 4 ..= x + 4.
-pub(super) const REACH: usize = 4;
+/// Half of the one-dimensional window of v1 to v4: it covers x − 4 ..= x + 4.
+pub const REACH: usize = 4;
+/// Pixels of the window.
+pub const WINDOW: usize = 2 * REACH + 1;
 
-/// What the windows of a column take in and let go as they move on to it.
+/// What multiplies an SSD to make it a cost, 25 · (0.16 |d| + 1) (thesis, equation 5.2).
+#[inline(always)]
+pub fn weight(disparity: i32) -> u32 {
+    25 + 4 * disparity.unsigned_abs()
+}
+
+/// A disparity, counted from the first, and its SSD, in one word.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Match(u32);
+
+impl Match {
+    /// Nothing compared.
+    pub const NONE: Self = Self(u32::MAX);
+    /// Bits of an SSD: 9 · 255² < 2²⁰.
+    pub(super) const BITS: u32 = 20;
+    /// How many disparities there may be.
+    pub const DISPARITIES: usize = 1 << (u32::BITS - Self::BITS);
+
+    pub fn index(self) -> u32 {
+        self.0 >> Self::BITS
+    }
+
+    pub fn ssd(self) -> u32 {
+        self.0 & ((1 << Self::BITS) - 1)
+    }
+}
+
+/// The cheapest disparity of a column of windows.
+#[derive(Clone, Copy)]
+pub(super) struct Winners {
+    pub(super) cost: Group<u32>,
+    pub(super) winner: Group<Match>,
+}
+
+impl Winners {
+    pub(super) const NONE: Self = Self {
+        cost: Group::splat(u32::MAX),
+        winner: Group::splat(Match::NONE),
+    };
+
+    /// These or, where it is cheaper, the disparity of that place.
+    #[inline(always)]
+    pub(super) fn or(self, ssds: Group<u32>, weight: u32, place: u32) -> Self {
+        let mut winners = self;
+        for l in 0..Group::ROWS {
+            let (cost, least) = (ssds.0[l] * weight, self.cost.0[l]);
+            winners.winner.0[l] = if cost < least {
+                Match(place | ssds.0[l])
+            } else {
+                self.winner.0[l]
+            };
+            winners.cost.0[l] = least.min(cost);
+        }
+        winners
+    }
+}
+
+/// The pixels that enter and leave the windows as they slide on to a column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pixels: Group<[i16; 2]>,
@@ -52,7 +110,7 @@ fn rows(column: &Lanes<u16>, group: usize) -> &[u16; Group::ROWS] {
 }
 
 /// A group of rows of two images.
-pub(super) struct Rows<'a> {
+pub(super) struct RowGroup<'a> {
     left: &'a [Lanes<u16>],
     right: &'a [Lanes<u16>],
     group: usize,
@@ -60,7 +118,7 @@ pub(super) struct Rows<'a> {
     steps: &'a [Step],
 }
 
-impl<'a> Rows<'a> {
+impl<'a> RowGroup<'a> {
     /// That group of rows of two blocks; `steps` has an element per column.
     #[inline(always)]
     pub(super) fn new(
