@@ -3,7 +3,7 @@
 use super::info::Algorithm;
 use super::overlay::Overlay;
 use super::scale::Scale;
-use super::{CAMERA, IMAGE, Maps, RerunSink, picture, world};
+use super::{CAMERA, IMAGE, MAPS, Maps, RerunSink, picture, world};
 use crate::error::Result;
 use crate::score::{Judged, JudgedEstimate};
 use crate::stereo::{DepthGrid, DisparityMap, Frame, Plane};
