@@ -13,8 +13,8 @@ use std::time::Duration;
 use svl::score::Judge;
 use svl::sink::{Edges, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
 use svl::stereo::{
-    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry, Gray, GridShape,
-    Plane, Pose, Reason, Rig, StereoPair, Truth,
+    Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry,
+    Gray, GridShape, Plane, Pose, Reason, Rig, StereoPair, Truth,
 };
 use svl::timing::{Stage, StageTimes};
 
