@@ -7,12 +7,13 @@
 
 use mcap::records::MessageHeader;
 use std::io::Cursor;
-use svl::recording::{Reader, Selection, Summary};
+use svl::recording::{Reader, Recording, Selection};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let file = file_of(bytes);
     svl_fuzz::on_file("a.mcap", &file, |path| {
-        let summary = Summary::of(path).expect("a whole file");
+        let recording = Recording::open(path).expect("a file");
+        let summary = recording.summary().expect("a whole file");
         assert!(summary.is_whole(), "{:?}", summary.damage);
         let named =
             [("/l", "/r"), ("/stereo/left/image", "/stereo/right/image")].map(|(left, right)| {
@@ -23,7 +24,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                 }
             });
         for selection in [Selection::default()].iter().chain(&named) {
-            let Ok(mut reader) = Reader::open_selection(path, selection) else {
+            let Ok(mut reader) = Reader::new(recording.clone(), selection) else {
                 continue;
             };
             let mut images = 2 * u64::from(reader.next_pair().is_ok());

@@ -66,15 +66,14 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 pub fn only_file(path: &Path) -> Result<PathBuf> {
     match &files(path)?[..] {
         [file] => Ok(file.clone()),
-        files => Err(Error::format(
-            path,
-            format!(
-                "is a bag of {}: {}",
-                counted(files.len() as u64, "file"),
-                name_one(files)
-            ),
-        )),
+        files => Err(several_files(path, files)),
     }
+}
+
+/// The error where one file is wanted, and `path` is a bag of these.
+pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
+    let count = counted(files.len() as u64, "file");
+    Error::format(path, format!("is a bag of {count}: {}", name_one(files)))
 }
 
 /// What a file is that begins with `start`, not as an MCAP file does, and the cure.

@@ -1,7 +1,6 @@
 //! One chunk of an MCAP file, decompressed and checked before it is used.
 
-use super::layout::{body_size, u32_at, u64_at};
-use super::records::MAX_RECORD;
+use super::layout::{MAX_RECORD, body_size, u32_at, u64_at};
 use mcap::records::{Record, op};
 use std::io::Read as _;
 use std::ops::Range;

@@ -1,14 +1,9 @@
 //! What a recording says of itself.
 
-use super::CALIBRATION;
-use super::bag::files;
-use super::messages::{Event, Messages};
-use crate::error::{Error, Result};
 use mcap::records::Metadata;
-use std::path::Path;
 
 /// Name of the metadata record.
-const RECORD: &str = "svl";
+pub(super) const RECORD: &str = "svl";
 
 /// The metadata record `svl`: who wrote the recording, and of what.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -77,61 +72,4 @@ impl Header {
             hash: field("hash"),
         })
     }
-}
-
-/// The header of the recording at `path`, which stands before its first pair.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Format`] for a file that is not a recording of svl; [`Error::Damaged`].
-pub fn header(path: &Path) -> Result<Header> {
-    let mut messages = Messages::open(path)?;
-    while let Some(event) = messages.next()? {
-        if let Event::Metadata(metadata) = event
-            && let Some(header) = Header::from_record(&metadata)
-        {
-            return Ok(header);
-        }
-    }
-    Err(Error::format(
-        path,
-        format!("is not a recording of svl: it has no metadata record '{RECORD}'"),
-    ))
-}
-
-/// The files of the calibration by which the pairs of the recording at `path` were rectified, or
-/// can be: names and contents.
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
-pub fn calibration_files(path: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    let mut found = Vec::new();
-    for file in files(path)? {
-        let mut messages = Messages::beside(&file)?;
-        while let Some(event) = messages.next()? {
-            if let Event::Attachment { name, data } = event
-                && let Some(name) = name.strip_prefix(CALIBRATION)
-            {
-                found.push((name.to_owned(), data.to_vec()));
-            }
-        }
-    }
-    Ok(found)
-}
-
-/// The attachment `name` of the recording at `path`, if there is one.
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
-pub fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
-    for file in files(path)? {
-        let mut messages = Messages::beside(&file)?;
-        while let Some(event) = messages.next()? {
-            if let Event::Attachment { name: found, data } = event
-                && found == name
-            {
-                return Ok(Some(data.to_vec()));
-            }
-        }
-    }
-    Ok(None)
 }

@@ -2,6 +2,11 @@
 
 use mcap::records::op;
 
+/// Longest record and chunk: an image of the largest size in 32-bit floats, and as much again.
+pub(super) const MAX_RECORD: u64 = 2 << 30;
+/// Opcode and length of a record.
+pub(super) const HEAD: u64 = 9;
+
 /// A part of a record's body.
 enum Field {
     Bytes(u64),

@@ -1,5 +1,6 @@
 //! The messages of an MCAP file with their channels, and what stands between them.
 
+use super::file::McapFile;
 use super::loss::Loss;
 use super::records::{ANOTHER, Records};
 use crate::counted;
@@ -7,7 +8,6 @@ use crate::error::{Error, Result};
 use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
 
 /// Where messages of one topic come from, and how to read them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,6 +26,8 @@ pub(super) enum Event<'a> {
     },
     Metadata(Metadata),
     Attachment {
+        /// Where its record begins.
+        start: u64,
         name: String,
         data: Cow<'a, [u8]>,
     },
@@ -34,7 +36,7 @@ pub(super) enum Event<'a> {
 
 /// What a file declares.
 #[derive(Clone, Default)]
-struct Declared {
+pub(super) struct Declared {
     schemas: HashMap<u16, Schema>,
     channels: HashMap<u16, (Channel, records::Channel)>,
     /// How much it should hold, by its summary.
@@ -65,38 +67,86 @@ pub(super) struct Messages {
     missing: BTreeMap<String, u64>,
 }
 
-/// Where the summary section stands, if anywhere.
-enum SummaryOf {
-    Nothing,
-    All(Declared),
-    /// Not where the footer says, or it is damaged.
+/// The summary section of a file.
+pub(super) enum Section {
+    Missing,
+    Intact(Box<Contents>),
+    /// Not where the footer says, or damaged.
     Unknown,
+}
+
+/// What a summary section says.
+pub(super) struct Contents {
+    pub(super) declared: Declared,
+    /// Names of the attachments and where their records begin, in the order of the file.
+    pub(super) attachments: Vec<(String, u64)>,
+    /// Where the metadata records begin.
+    pub(super) metadata: Vec<u64>,
+}
+
+impl Contents {
+    /// Whether it lists all attachments and metadata records.
+    pub(super) fn is_complete(&self) -> bool {
+        self.declared.promised.as_ref().is_some_and(|promised| {
+            promised.attachments == self.attachments.len() as u64
+                && promised.metadata == self.metadata.len() as u64
+        })
+    }
+}
+
+impl Declared {
+    /// The channels in the order of their topics.
+    pub(super) fn channels(&self) -> Vec<Channel> {
+        let mut channels: Vec<_> = self
+            .channels
+            .values()
+            .map(|(known, _)| known.clone())
+            .collect();
+        channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
+        channels
+    }
+
+    /// How many messages `topic` has by the summary, where there is one that says so.
+    pub(super) fn count(&self, topic: &str) -> Option<u64> {
+        let of_topic = |id: &u16| {
+            self.channels
+                .get(id)
+                .is_some_and(|(known, _)| known.topic == topic)
+        };
+        let counts = self
+            .promised
+            .as_ref()?
+            .messages
+            .iter()
+            .filter(|(id, _)| of_topic(id));
+        Some(counts.fold(0, |sum, (_, n)| sum.saturating_add(*n)))
+    }
 }
 
 impl Messages {
     /// # Errors
     /// [`crate::Error::Io`]; [`crate::Error::Format`] for what is not an MCAP file.
-    pub(super) fn open(path: &Path) -> Result<Self> {
-        Ok(Self::of(Records::open(path)?, Vec::new()))
+    pub(super) fn open(file: &McapFile) -> Result<Self> {
+        Ok(Self::of(Records::open(file)?, Vec::new()))
     }
 
     /// As [`Messages::open`], for what is still good in a damaged file: see [`Records::salvage`].
-    pub(super) fn salvage(path: &Path) -> Result<Self> {
-        let beforehand = match Self::summary(path)? {
-            SummaryOf::Nothing => Vec::new(),
-            SummaryOf::All(declared) => vec![declared],
-            SummaryOf::Unknown => {
-                let mut messages = Self::of(Records::salvage(path)?, Vec::new());
+    pub(super) fn salvage(file: &McapFile) -> Result<Self> {
+        let beforehand = match Self::summary(file)? {
+            Section::Missing => Vec::new(),
+            Section::Intact(contents) => vec![contents.declared],
+            Section::Unknown => {
+                let mut messages = Self::of(Records::salvage(file)?, Vec::new());
                 while messages.advance()?.is_some() {}
                 messages.past
             }
         };
-        Ok(Self::of(Records::salvage(path)?, beforehand))
+        Ok(Self::of(Records::salvage(file)?, beforehand))
     }
 
     /// As [`Messages::open`], for what stands beside the messages alone.
-    pub(super) fn beside(path: &Path) -> Result<Self> {
-        let mut messages = Self::open(path)?;
+    pub(super) fn beside(file: &McapFile) -> Result<Self> {
+        let mut messages = Self::open(file)?;
         messages.records.skip_chunks();
         Ok(messages)
     }
@@ -112,22 +162,40 @@ impl Messages {
         }
     }
 
-    fn summary(path: &Path) -> Result<SummaryOf> {
-        let Ok(records) = Records::open(path) else {
-            return Ok(SummaryOf::Unknown);
+    /// Reads the summary section.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn summary(file: &McapFile) -> Result<Section> {
+        let Ok(records) = Records::open(file) else {
+            return Ok(Section::Unknown);
         };
         let mut messages = Self::of(records, Vec::new());
         if !messages.records.seek_summary()? {
-            return Ok(SummaryOf::Nothing);
+            return Ok(Section::Missing);
         }
+        let (mut attachments, mut metadata) = (Vec::new(), Vec::new());
         loop {
             match messages.advance() {
-                Ok(Some(_)) => {}
-                Ok(None) => return Ok(SummaryOf::All(messages.past.swap_remove(0))),
-                Err(Error::Damaged { .. }) => return Ok(SummaryOf::Unknown),
+                Ok(Some(opcode)) => match messages.records.parse(opcode) {
+                    Ok(Record::AttachmentIndex(index)) => {
+                        attachments.push((index.name, index.offset));
+                    }
+                    Ok(Record::MetadataIndex(index)) => metadata.push(index.offset),
+                    _ => {}
+                },
+                Ok(None) => break,
+                Err(Error::Damaged { .. }) => return Ok(Section::Unknown),
                 Err(error) => return Err(error),
             }
         }
+        attachments.sort_by_key(|(_, start)| *start);
+        metadata.sort_unstable();
+        Ok(Section::Intact(Box::new(Contents {
+            declared: messages.past.swap_remove(0),
+            attachments,
+            metadata,
+        })))
     }
 
     /// What was passed over, and messages that the files' own summaries count and that were not
@@ -144,48 +212,10 @@ impl Messages {
         self.records.is_checked()
     }
 
-    /// How many messages `topic` has by the file's summary, where it has one.
-    pub(super) fn count(path: &Path, topic: &str) -> Result<Option<u64>> {
-        let SummaryOf::All(declared) = Self::summary(path)? else {
-            return Ok(None);
-        };
-        let Some(promised) = declared.promised else {
-            return Ok(None);
-        };
-        let of_topic = |id: &u16| {
-            declared
-                .channels
-                .get(id)
-                .is_some_and(|(channel, _)| channel.topic == topic)
-        };
-        let counts = promised.messages.iter().filter(|(id, _)| of_topic(id));
-        Ok(Some(counts.fold(0, |sum, (_, n)| sum.saturating_add(*n))))
-    }
-
     /// Channels of the file, of the first where several stand one behind the other, in the order of
     /// their topics. Before its end, those met so far.
-    pub(super) fn channels(&self) -> Vec<&Channel> {
-        let declared = self.past.first().unwrap_or(&self.declared);
-        let mut channels: Vec<_> = declared
-            .channels
-            .values()
-            .map(|(channel, _)| channel)
-            .collect();
-        channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
-        channels
-    }
-
-    /// All channels of the file at `path`: those its summary names, or else those met on reading
-    /// it, as far as it goes.
-    pub(super) fn all_channels(path: &Path) -> Result<Vec<Channel>> {
-        let mut messages = Self::open(path)?;
-        if let SummaryOf::All(declared) = Self::summary(path)? {
-            messages.declared = declared;
-        }
-        if messages.declared.channels.is_empty() {
-            while let Ok(Some(_)) = messages.advance() {}
-        }
-        Ok(messages.channels().into_iter().cloned().collect())
+    pub(super) fn channels(&self) -> Vec<Channel> {
+        self.past.first().unwrap_or(&self.declared).channels()
     }
 
     /// Everything declared, as it was written: channels and their schemas, file by file.
@@ -440,6 +470,7 @@ impl Messages {
             }
             Record::Metadata(metadata) => Some(Event::Metadata(metadata)),
             Record::Attachment { header, data, .. } => Some(Event::Attachment {
+                start: self.records.start(),
                 name: header.name,
                 data,
             }),

@@ -1,10 +1,9 @@
 //! Reads recordings.
 
-use super::bag::files;
 use super::foreign::{Foreign, Selection};
 use super::messages::{Channel, Event, Messages};
 use super::pairing::Pairing;
-use super::{Header, Kind, PROFILE, sync};
+use super::{Header, Kind, PROFILE, Recording, sync};
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
@@ -17,10 +16,10 @@ use std::path::{Path, PathBuf};
 /// In svl's own recordings left and right belong together as `/stereo/sync` says, in others as
 /// their stamps do.
 pub struct Reader {
-    path: PathBuf,
+    recording: Recording,
     messages: Messages,
-    /// Files of a bag that come after.
-    rest: VecDeque<PathBuf>,
+    /// Number of the file that is read next.
+    next_file: usize,
     pairs_of: PairsOf,
     header: Option<Header>,
     pairs: Option<u64>,
@@ -46,38 +45,36 @@ impl Reader {
     /// [`Error::Io`]; [`Error::Format`] for what is no recording, or has no pair that can be read;
     /// [`Error::Damaged`] when it ends before its first pair does.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
-        Self::open_selection(path, &Selection::default())
+        Self::new(Recording::open(path)?, &Selection::default())
     }
 
-    /// As [`Reader::open`], choosing the topics of a recording that svl did not write.
+    /// Reads the first pair of an open recording, of the selected topics where svl did not write
+    /// it.
     ///
     /// # Errors
-    /// [`Error::Format`] besides, where no two topics are, or more than two may be, the cameras.
-    pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
-        let path = path.into();
-        let files = files(&path)?;
-        let Some((file, rest)) = files.split_first() else {
-            return Err(Error::format(&path, "has no files"));
-        };
-        let is_own = !selection.names_topics() && rest.is_empty() && is_own(file)?;
+    /// As [`Reader::open`]; [`Error::Format`] besides, where no two topics are, or more than two
+    /// may be, the cameras.
+    pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
+        let first = recording.files().next();
+        let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
+        let messages = Messages::open(first)?;
+        let is_own = !selection.names_topics() && is_own(&recording)?;
         let mut reader = Self {
-            messages: Messages::open(file)?,
-            rest: rest.iter().cloned().collect(),
-            // Without a good summary the length is unknown; what is wrong with it, reading on will
-            // tell.
-            pairs: if is_own {
-                Messages::count(file, Kind::Sync.topic()).unwrap_or(None)
-            } else {
-                None
+            messages,
+            next_file: 1,
+            // Without an intact summary the length is unknown.
+            pairs: match is_own {
+                true => recording.count(Kind::Sync.topic())?,
+                false => None,
             },
             pairs_of: match is_own {
                 true => PairsOf::Svl(Pairing::default()),
-                false => PairsOf::Others(Box::new(Foreign::open(&path, &files, selection)?)),
+                false => PairsOf::Others(Box::new(Foreign::open(&recording, selection)?)),
             },
-            header: None,
+            header: recording.header().ok(),
             ahead: VecDeque::new(),
             damage: None,
-            path,
+            recording,
         };
         reader.read_first()?;
         Ok(reader)
@@ -104,11 +101,16 @@ impl Reader {
             PairsOf::Svl(pairing) => pairing.why_none(),
             PairsOf::Others(foreign) => foreign.why_none(),
         };
-        Err(Error::format(&self.path, reason))
+        Err(Error::format(self.recording.path(), reason))
+    }
+
+    /// The recording that is read.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
     }
 
     pub fn path(&self) -> &Path {
-        &self.path
+        self.recording.path()
     }
 
     /// What the recording says of itself; nothing when svl did not write it.
@@ -176,7 +178,7 @@ impl Reader {
             if let Some(frame) = self.pairs_of.pop() {
                 return frame
                     .map(Some)
-                    .map_err(|reason| Error::format(&self.path, reason));
+                    .map_err(|reason| Error::format(self.recording.path(), reason));
             }
             if ended {
                 return self
@@ -192,24 +194,19 @@ impl Reader {
                 })) => {
                     let told = self.pairs_of.take_in(channel, log_time, &data);
                     let bad = |reason| {
-                        Error::format(
-                            &self.path,
-                            format!("{} at {log_time} ns: {reason}", channel.topic),
-                        )
+                        let reason = format!("{} at {log_time} ns: {reason}", channel.topic);
+                        Error::format(self.recording.path(), reason)
                     };
                     if let Some(frame) = told.map_err(bad)? {
                         return Ok(Some(frame));
                     }
                 }
-                Ok(Some(Event::Metadata(metadata))) => {
-                    self.header = self
-                        .header
-                        .take()
-                        .or_else(|| Header::from_record(&metadata));
-                }
                 Ok(Some(_)) => {}
-                Ok(None) => match self.rest.pop_front() {
-                    Some(next) => self.messages = Messages::open(&next)?,
+                Ok(None) => match self.recording.files().nth(self.next_file) {
+                    Some(next) => {
+                        self.messages = Messages::open(next)?;
+                        self.next_file += 1;
+                    }
                     None => ended = true,
                 },
                 // Of this file: it has no more, but a bag may have others.
@@ -240,23 +237,23 @@ impl Reader {
     }
 }
 
-/// Whether svl wrote the recording at `path`.
-fn is_own(path: &Path) -> Result<bool> {
-    let first = Messages::open(path)?.next().map(|event| match event {
-        Some(Event::Library(header)) => header.profile,
-        _ => String::new(),
-    });
-    if first.as_ref().is_ok_and(|profile| profile == PROFILE) {
+/// Whether svl wrote the recording, which then is one file.
+fn is_own(recording: &Recording) -> Result<bool> {
+    if recording.only_file().is_err() {
+        return Ok(false);
+    }
+    let profile = recording.profile()?;
+    if profile == Some(PROFILE) {
         return Ok(true);
     }
     // Other programs copy svl's messages into files of another profile, and the header may be
     // damaged. A ROS 2 bag of svl's has no such message.
-    let channels = Messages::all_channels(path)?;
-    // Where nothing at all is to be read, that is what should be told.
+    let channels = recording.channels()?;
+    // Where nothing at all can be read, the damage is reported, not the absence of topics.
     Ok(channels
         .iter()
         .any(|channel| channel.schema == sync::SCHEMA)
-        || channels.is_empty() && first.is_err())
+        || channels.is_empty() && profile.is_none())
 }
 
 impl PairsOf {

@@ -3,7 +3,7 @@
 use super::append::Append;
 use super::loss::Loss;
 use super::messages::{Messages, Schema};
-use super::{Kind, LIBRARY};
+use super::{Kind, LIBRARY, Recording};
 use crate::error::{Error, Result};
 use mcap::Attachment;
 use mcap::records::{AttachmentHeader, Channel, MessageHeader, Record, op};
@@ -30,42 +30,44 @@ pub struct Recovery {
     pub checksums: bool,
 }
 
-/// Copies everything whole in the MCAP file `from`, whoever wrote it, into the new file `to`: chunk
-/// by chunk, schemas, topics, messages, attachments and metadata. What does not fit its CRC is
-/// passed over and noted. Where the length of a record is damaged, it goes on at the next one that
-/// vouches for itself; files that were appended to `from` are in it.
-///
-/// # Errors
-/// [`Error::Io`], also when `to` exists; [`Error::Format`] for what is not an MCAP file or holds
-/// nothing to save, of which no file is left.
-pub fn recover(from: &Path, to: &Path) -> Result<Recovery> {
-    let mut messages = Messages::salvage(from)?;
-    let first = messages.advance()?;
-    let (profile, library) = match first.map(|opcode| messages.record(opcode)).transpose()? {
-        Some(Record::Header(header)) => (header.profile, header.library),
-        _ => Default::default(),
-    };
-    let file = Append::create(
-        to.to_owned(),
-        &profile,
-        &format!("{LIBRARY}, recovered from {library}"),
-    )?;
-    let mut copy = Copy {
-        file,
-        channels: HashMap::new(),
-        recovery: Recovery::default(),
-    };
-    let saved = copy.all(&mut messages, first);
-    if matches!(saved, Ok(true)) {
-        copy.file.finish()?;
-    } else {
-        drop(copy.file);
-        // A file of nothing is of no use, and would stand in the way of the next attempt.
-        let _ = std::fs::remove_file(to);
-    }
-    match saved? {
-        true => Ok(copy.recovery),
-        false => Err(Error::format(from, "holds nothing that could be saved")),
+impl Recording {
+    /// Copies everything intact, whoever wrote it, into the new file `to`: chunk by chunk, schemas,
+    /// topics, messages, attachments and metadata. What does not match its CRC is passed over and
+    /// noted. Where the length of a record is damaged, the copy resynchronizes at the next record
+    /// that proves to be one; MCAP files appended to the file are copied too.
+    ///
+    /// # Errors
+    /// [`Error::Io`], also when `to` exists; [`Error::Format`] for what is not an MCAP file or
+    /// holds nothing to save, of which no file is left, and for a bag of several files.
+    pub fn recover(&self, to: &Path) -> Result<Recovery> {
+        let from = self.only_file()?;
+        let mut messages = Messages::salvage(from)?;
+        let first = messages.advance()?;
+        let (profile, library) = match first.map(|opcode| messages.record(opcode)).transpose()? {
+            Some(Record::Header(header)) => (header.profile, header.library),
+            _ => Default::default(),
+        };
+        let library = format!("{LIBRARY}, recovered from {library}");
+        let mut copy = Copy {
+            file: Append::create(to.to_owned(), &profile, &library)?,
+            channels: HashMap::new(),
+            recovery: Recovery::default(),
+        };
+        let saved = copy.all(&mut messages, first);
+        if matches!(saved, Ok(true)) {
+            copy.file.finish()?;
+        } else {
+            drop(copy.file);
+            // A file of nothing is of no use, and would stand in the way of the next attempt.
+            let _ = std::fs::remove_file(to);
+        }
+        match saved? {
+            true => Ok(copy.recovery),
+            false => {
+                let reason = "holds nothing that could be saved";
+                Err(Error::format(from.path(), reason))
+            }
+        }
     }
 }
 

@@ -1,11 +1,11 @@
 //! What an algorithm answered to a pair, in few words.
 
 use super::Encoded;
+use super::Recording;
 use super::messages::{Event, Messages};
 use crate::error::{Error, Result};
 use crate::stereo::{Estimate, Frame};
 use std::borrow::Cow;
-use std::path::Path;
 
 const SCHEMA: &str = "svl.Result";
 const DEFINITION: &str = include_str!("result.schema.json");
@@ -51,26 +51,29 @@ impl AlgorithmResult {
     }
 }
 
-/// The results that the recording at `path` holds, in its order; none in a recording that no replay
-/// wrote.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what is no MCAP file, or a result that is none;
-/// [`Error::Damaged`].
-pub fn results(path: &Path) -> Result<Vec<AlgorithmResult>> {
-    let mut messages = Messages::open(path)?;
-    let mut results = Vec::new();
-    while let Some(event) = messages.next()? {
-        if let Event::Message {
-            channel,
-            log_time,
-            data,
-        } = event
-            && channel.schema == SCHEMA
-        {
-            let bad = |e| Error::format(path, format!("{} at {log_time} ns: {e}", channel.topic));
-            results.push(serde_json::from_slice(&data).map_err(bad)?);
+impl Recording {
+    /// The results in the recording, in its order; none in a recording that no replay wrote.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for what is no MCAP file, a bag of several files, or a
+    /// result that cannot be read; [`Error::Damaged`].
+    pub fn results(&self) -> Result<Vec<AlgorithmResult>> {
+        let file = self.only_file()?;
+        let mut messages = Messages::open(file)?;
+        let mut results = Vec::new();
+        while let Some(event) = messages.next()? {
+            if let Event::Message {
+                channel,
+                log_time,
+                data,
+            } = event
+                && channel.schema == SCHEMA
+            {
+                let topic = &channel.topic;
+                let bad = |e| Error::format(file.path(), format!("{topic} at {log_time} ns: {e}"));
+                results.push(serde_json::from_slice(&data).map_err(bad)?);
+            }
         }
+        Ok(results)
     }
-    Ok(results)
 }

@@ -1,9 +1,9 @@
 //! How damage is passed over, and noted.
 
+use super::file::FileReader;
 use super::layout::{body_size, has_fields, is_record};
 use super::loss::Loss;
 use super::search::Search;
-use std::fs::File;
 use std::io;
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ pub(super) struct Salvage {
 }
 
 impl Salvage {
-    pub(super) fn new(file: File, len: u64) -> io::Result<Self> {
+    pub(super) fn new(file: FileReader, len: u64) -> io::Result<Self> {
         Ok(Self {
             search: Search::new(file, len)?,
             losses: Vec::new(),

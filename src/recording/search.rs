@@ -12,10 +12,9 @@
 //! cost. So the time is linear in the file's length, whatever it holds.
 
 use super::chunk::{Chunk, chunk_size};
-use super::layout::{body_size, is_record, u64_at};
-use super::records::{HEAD, MAX_RECORD};
+use super::file::FileReader;
+use super::layout::{HEAD, MAX_RECORD, body_size, is_record, u64_at};
 use mcap::records::{Record, op};
-use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
 
@@ -28,7 +27,7 @@ const MAX_BESIDE: u64 = 1 << 16;
 
 /// Searches one file.
 pub(super) struct Search {
-    file: File,
+    file: FileReader,
     len: u64,
     /// Bytes that may still be read and decompressed for nothing.
     budget: u64,
@@ -37,7 +36,7 @@ pub(super) struct Search {
 }
 
 impl Search {
-    pub(super) fn new(file: File, len: u64) -> io::Result<Self> {
+    pub(super) fn new(file: FileReader, len: u64) -> io::Result<Self> {
         let budget = len.saturating_mul(16).saturating_add(16 << 20);
         Ok(Self {
             file,

@@ -5,8 +5,8 @@ use super::loss::Loss;
 use super::messages::{Channel, Event, Messages};
 use super::skew::Skew;
 use super::sync::StereoSync;
-use super::{Camera, GRABBER, Header, Kind, MANIFEST, PROFILE};
-use crate::error::{Error, Result};
+use super::{Camera, GRABBER, Header, Kind, MANIFEST, PROFILE, Recording};
+use crate::error::Result;
 use crate::manifest::Manifest;
 use crate::statistics::upper_rank;
 use std::collections::{BTreeMap, BTreeSet};
@@ -86,12 +86,15 @@ pub struct Gap {
     pub length_ns: u64,
 }
 
-impl Summary {
+impl Recording {
+    /// Reads all of the recording and summarizes it. Damage is no error but part of the summary.
+    ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is not an MCAP file. Damage is no error here but
-    /// part of the answer.
-    pub fn of(path: &Path) -> Result<Self> {
-        let mut messages = Messages::salvage(path)?;
+    /// [`crate::Error::Io`]; [`crate::Error::Format`] for what is not an MCAP file, and for a bag
+    /// of several.
+    pub fn summary(&self) -> Result<Summary> {
+        let file = self.only_file()?;
+        let mut messages = Messages::salvage(file)?;
         let mut seen = Seen::default();
         while let Some(event) = messages.next()? {
             seen.take_in(event);
@@ -99,13 +102,14 @@ impl Summary {
         (seen.losses, seen.missing) = messages.take_losses();
         seen.checksums = messages.is_checked();
         if seen.profile != PROFILE && seen.sequences.is_empty() {
-            let channels: Vec<_> = messages.channels().into_iter().cloned().collect();
-            seen.stereo = choose(&channels, &Selection::default()).ok();
+            let channels = messages.channels();
+            seen.stereo = choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).ok();
         }
-        let bytes = path.metadata().map_err(|e| Error::io(path, e))?.len();
-        Ok(seen.summary(path, bytes))
+        Ok(seen.summary(file.path(), file.len()))
     }
+}
 
+impl Summary {
     /// Whether the file was finished and is as it was written.
     pub fn is_whole(&self) -> bool {
         self.damage.is_none()
@@ -155,7 +159,7 @@ impl Seen {
                     .take()
                     .or_else(|| Header::from_record(&metadata))
             }
-            Event::Attachment { name, data } => {
+            Event::Attachment { name, data, .. } => {
                 if name == MANIFEST && self.manifest.is_none() {
                     self.manifest = serde_json::from_slice(&data).ok();
                 }

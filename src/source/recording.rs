@@ -2,7 +2,7 @@
 
 use super::Source;
 use crate::error::{Error, Result};
-use crate::recording::{self, Reader, SCENARIO, Selection};
+use crate::recording::{Reader, Recording, SCENARIO, Selection};
 use crate::stereo::{Frame, Losses};
 use std::path::PathBuf;
 
@@ -23,15 +23,15 @@ impl RecordingSource {
     /// # Errors
     /// As [`Reader::open`].
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
-        Self::open_selection(path, &Selection::default())
+        Self::new(Recording::open(path)?, &Selection::default())
     }
 
-    /// As [`RecordingSource::open`], choosing the topics of a recording that svl did not write.
+    /// The pairs of an open recording, of the selected topics where svl did not write it.
     ///
     /// # Errors
-    /// As [`Reader::open_selection`].
-    pub fn open_selection(path: impl Into<PathBuf>, selection: &Selection) -> Result<Self> {
-        Reader::open_selection(path, selection).map(|reader| Self {
+    /// As [`Reader::new`].
+    pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
+        Reader::new(recording, selection).map(|reader| Self {
             reader,
             unreadable: 0,
         })
@@ -43,7 +43,7 @@ impl RecordingSource {
     /// # Errors
     /// [`Error::Io`].
     pub fn scenario(&self) -> Result<Option<String>> {
-        match recording::attachment(self.reader.path(), SCENARIO) {
+        match self.reader.recording().attachment(SCENARIO) {
             Err(Error::Damaged { .. }) => Ok(None),
             found => Ok(found?.and_then(|bytes| String::from_utf8(bytes).ok())),
         }

@@ -1,7 +1,7 @@
 use crate::fixture::{Fixture, datasets, pgm};
 use nalgebra::Isometry3;
 use svl::calibrate::files;
-use svl::recording::{CALIBRATION, attachment, header};
+use svl::recording::{CALIBRATION, Recording};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{Intrinsics, LengthUnit, StereoCalibration};
 
@@ -69,17 +69,12 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
         "{rig:?}"
     );
 
-    assert_eq!(
-        header(&fixture.path("rectified.mcap"))
-            .unwrap()
-            .calibration
-            .as_deref(),
-        Some("rig.yml")
-    );
+    let open = |file: &str| Recording::open(fixture.path(file)).unwrap();
+    let header = open("rectified.mcap").header().unwrap();
+    assert_eq!(header.calibration.as_deref(), Some("rig.yml"));
     let attached = |file: &str| {
-        attachment(&fixture.path(file), &format!("{CALIBRATION}rig.yml"))
-            .unwrap()
-            .unwrap()
+        let name = format!("{CALIBRATION}rig.yml");
+        open(file).attachment(&name).unwrap().unwrap()
     };
     assert_eq!(
         attached("rectified.mcap"),

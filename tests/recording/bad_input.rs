@@ -1,8 +1,8 @@
 //! Whatever is wrong with a recording, it is said in one line, and no wrong pair comes out.
 
-use crate::frames::{bare, full, read, record};
+use crate::frames::{attachment, bare, full, header, read, record, summarize};
 use std::path::{Path, PathBuf};
-use svl::recording::{Header, ImageFormat, Reader, Summary, attachment, header};
+use svl::recording::{Header, ImageFormat, Reader};
 use svl::stereo::Frame;
 use svl::{Error, Result};
 
@@ -248,7 +248,7 @@ fn a_recording_cut_anywhere_gives_its_whole_pairs_and_says_so() {
                 text.contains("incomplete") && text.contains(&format!("{} whole pair", read.len())),
                 "{text}"
             );
-            assert!(Summary::of(&cut).unwrap().pairs >= read.len() as u64);
+            assert!(summarize(&cut).unwrap().pairs >= read.len() as u64);
         }
     }
     assert_eq!(most, frames.len());
@@ -276,7 +276,7 @@ fn a_changed_byte_anywhere_is_noticed() {
         );
         let _ = (header(&changed), attachment(&changed, "scenario.toml"));
         assert!(
-            Summary::of(&changed).map_or(true, |summary| !summary.is_whole()),
+            summarize(&changed).map_or(true, |summary| !summary.is_whole()),
             "byte {at} changed"
         );
     }
@@ -295,7 +295,7 @@ fn rubbish_in_place_of_lengths_is_no_panic_and_no_memory() {
             std::fs::write(&changed, &bad).unwrap();
             let _ = (
                 read(&changed),
-                Summary::of(&changed),
+                summarize(&changed),
                 header(&changed),
                 attachment(&changed, "x"),
             );

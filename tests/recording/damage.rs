@@ -1,10 +1,10 @@
 //! Wherever a recording is damaged, what was not touched is saved.
 
-use crate::frames::{bare, read, record};
+use crate::frames::{bare, read, record, recover, summarize};
 use crate::recovery::{recovered, specimen};
 use std::ops::Range;
 use std::time::{Duration, Instant};
-use svl::recording::{ImageFormat, Reader, Recovery, Summary, recover};
+use svl::recording::{ImageFormat, Reader, Recovery};
 use svl::stereo::Frame;
 
 /// The records of the file itself: what they are, and where.
@@ -55,14 +55,14 @@ impl Whole {
         let (recovery, saved) = recovered(self.folder.path(), bad);
         let recovery = recovery.unwrap_or_else(|error| panic!("{what}: {error}"));
         assert!(!recovery.losses.is_empty(), "{what}: not a word");
-        let summary = Summary::of(&self.folder.path().join("damaged.mcap")).unwrap();
+        let summary = summarize(&self.folder.path().join("damaged.mcap")).unwrap();
         assert_eq!(
             (&summary.losses, &summary.missing),
             (&recovery.losses, &recovery.missing),
             "{what}"
         );
         assert!(
-            Summary::of(&saved).unwrap().is_whole(),
+            summarize(&saved).unwrap().is_whole(),
             "{what}: the saved file is damaged"
         );
         let (frames, error) = read(&saved);
@@ -233,7 +233,7 @@ fn files_one_behind_the_other_are_all_read() {
                 .eq(first_frames.iter().chain(&second_frames))
         );
         let path = folder.path().join("damaged.mcap");
-        let summary = Summary::of(&path).unwrap();
+        let summary = summarize(&path).unwrap();
         assert_eq!(
             (summary.pairs, summary.gaps.len(), &summary.losses),
             (7, 1, &recovery.losses)
@@ -249,7 +249,7 @@ fn files_one_behind_the_other_are_all_read() {
     assert_eq!(
         (
             recovery.unwrap().pairs,
-            Summary::of(&folder.path().join("damaged.mcap"))
+            summarize(&folder.path().join("damaged.mcap"))
                 .unwrap()
                 .gaps
                 .len()
@@ -307,7 +307,7 @@ fn what_only_looks_like_records_takes_no_time() {
         let _ = std::fs::remove_file(&saved);
         let _ = (
             recover(&path, &saved),
-            Summary::of(&path),
+            summarize(&path),
             Reader::open(&path).map(drop),
         );
         let took = began.elapsed();

@@ -4,7 +4,7 @@ use crate::bag::{self, Camera, Message, camera_info, camera_info_of, json_calibr
 use crate::frames::{PERIOD_NS, image, read};
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
-use svl::recording::{Reader, Selection};
+use svl::recording::{Reader, Recording, Selection};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::Losses;
 use svl::stereo::{Frame, Gray};
@@ -358,14 +358,11 @@ fn the_unpaired_are_counted_and_the_skew_is_bounded() {
     });
     let (_folder, path) = of(messages);
     let pairs = |max_skew_ns| {
-        let mut reader = Reader::open_selection(
-            &path,
-            &Selection {
-                max_skew_ns,
-                ..Selection::default()
-            },
-        )
-        .unwrap();
+        let selection = Selection {
+            max_skew_ns,
+            ..Selection::default()
+        };
+        let mut reader = Reader::new(Recording::open(&path).unwrap(), &selection).unwrap();
         let stamps = std::iter::from_fn(|| reader.next_pair().unwrap())
             .map(|frame| (frame.stamp_ns, frame.exposure));
         (stamps.collect::<Vec<_>>(), reader.unpaired())
@@ -392,7 +389,7 @@ fn the_unpaired_are_counted_and_the_skew_is_bounded() {
         max_skew_ns: 10,
         ..Selection::default()
     };
-    let error = Reader::open_selection(&path, &never)
+    let error = Reader::new(Recording::open(&path).unwrap(), &never)
         .err()
         .unwrap()
         .to_string();

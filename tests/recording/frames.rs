@@ -1,11 +1,11 @@
 //! Made-up frames, and recordings of them.
 
 use std::path::{Path, PathBuf};
-use svl::Error;
-use svl::recording::{Format, Header, Reader, Writer};
+use svl::recording::{Format, Header, Reader, Recording, Recovery, Summary, Writer};
 use svl::stereo::{
     Exposure, Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility,
 };
+use svl::{Error, Result};
 
 /// Time from one pair to the next.
 pub(crate) const PERIOD_NS: u64 = 66_666_667;
@@ -100,4 +100,20 @@ pub(crate) fn read(path: &Path) -> (Vec<Frame>, Option<Error>) {
             }
         }
     }
+}
+
+pub(crate) fn header(path: &Path) -> Result<Header> {
+    Recording::open(path)?.header()
+}
+
+pub(crate) fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
+    Recording::open(path)?.attachment(name)
+}
+
+pub(crate) fn summarize(path: &Path) -> Result<Summary> {
+    Recording::open(path)?.summary()
+}
+
+pub(crate) fn recover(from: &Path, to: &Path) -> Result<Recovery> {
+    Recording::open(from)?.recover(to)
 }

@@ -1,12 +1,12 @@
 //! A recorder that is killed, for real, at any moment: what it had synced is there.
 #![cfg(unix)]
 
-use crate::frames::{full, read};
+use crate::frames::{full, read, recover};
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use svl::recording::{Header, ImageFormat, Writer, recover};
+use svl::recording::{Header, ImageFormat, Writer};
 
 const SIZE: (usize, usize) = (160, 120);
 const RATE_HZ: u64 = 60;

@@ -1,10 +1,10 @@
 //! What is left of a damaged file.
 
 use crate::bag;
-use crate::frames::{bare, full, image, read};
+use crate::frames::{attachment, bare, full, header, image, read, recover, summarize};
 use std::path::{Path, PathBuf};
 use svl::Error;
-use svl::recording::{Header, ImageFormat, Recovery, Summary, Writer, attachment, header, recover};
+use svl::recording::{Header, ImageFormat, Recovery, Writer};
 use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
@@ -105,7 +105,7 @@ fn a_damaged_chunk_costs_only_itself() {
             .filter(|&(j, _)| j != i)
             .map(|(_, frame)| frame);
         assert!(saved_frames.iter().eq(others), "chunk {i}");
-        let summary = Summary::of(&folder.path().join("damaged.mcap")).unwrap();
+        let summary = summarize(&folder.path().join("damaged.mcap")).unwrap();
         assert_eq!(
             (&summary.losses, &summary.missing, summary.pairs),
             (&recovery.losses, &recovery.missing, 5)
@@ -132,7 +132,7 @@ fn whatever_is_cut_or_changed_what_is_saved_is_true_and_whole() {
         };
         assert!(!recovery.losses.is_empty(), "{what}: not a word");
         assert!(
-            Summary::of(&saved).unwrap().is_whole(),
+            summarize(&saved).unwrap().is_whole(),
             "{what}: the saved file is damaged"
         );
         let (saved_frames, _) = read(&saved);

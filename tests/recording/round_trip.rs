@@ -1,7 +1,7 @@
 //! What is written is what is read.
 
-use crate::frames::{bare, full, read, record};
-use svl::recording::{Dialect, Format, Header, ImageFormat, Writer, attachment, header};
+use crate::frames::{attachment, bare, full, header, read, record, summarize};
+use svl::recording::{Dialect, Format, Header, ImageFormat, Recording, Selection, Writer};
 use svl::score::Judge;
 use svl::sink::{RecordingSink, Sink};
 use svl::source::{RecordingSource, Source};
@@ -217,7 +217,7 @@ fn results_stand_beside_the_pairs() {
         sink.take(&judged).unwrap();
     }
     sink.finish().unwrap();
-    let summary = svl::recording::Summary::of(&path).unwrap();
+    let summary = summarize(&path).unwrap();
     for topic in [
         "/algo/v3/disparity",
         "/algo/exec:command=_bin_elas/disparity",
@@ -275,4 +275,33 @@ fn what_a_file_cannot_say_is_refused() {
             .to_string()
             .contains("finished")
     );
+}
+
+#[test]
+fn a_recording_is_opened_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let mut writer = Writer::create(&path, &Header::new("test"), ImageFormat::Raw).unwrap();
+    writer
+        .attach("scenario.toml", "application/toml", b"name = 'x'")
+        .unwrap();
+    writer
+        .attach("calibration/rig.yml", "text/yaml", b"%YAML:1.0")
+        .unwrap();
+    (0..3).for_each(|i| writer.write(&full(i, (24, 16))).unwrap());
+    writer.finish().unwrap();
+    let recording = Recording::open(&path).unwrap();
+    // Whoever opened it again would find nothing.
+    std::fs::remove_file(&path).unwrap();
+    let mut source = RecordingSource::new(recording.clone(), &Selection::default()).unwrap();
+    assert_eq!(source.pairs(), Some(3));
+    assert_eq!(source.scenario().unwrap().as_deref(), Some("name = 'x'"));
+    assert_eq!(source.reader().header().unwrap().source, "test");
+    assert_eq!(std::iter::from_fn(|| source.next().unwrap()).count(), 3);
+    assert_eq!(recording.header().unwrap().source, "test");
+    assert_eq!(recording.calibration_files().unwrap()[0].0, "rig.yml");
+    assert!(recording.results().unwrap().is_empty());
+    assert!(recording.summary().unwrap().is_whole());
+    let saved = folder.path().join("saved.mcap");
+    assert_eq!(recording.recover(&saved).unwrap().pairs, 3);
 }

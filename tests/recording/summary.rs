@@ -1,8 +1,8 @@
 //! What `svl info` is told.
 
 use crate::bag;
-use crate::frames::{PERIOD_NS, bare, full, record};
-use svl::recording::{Gap, ImageFormat, Skew, Summary};
+use crate::frames::{PERIOD_NS, bare, full, record, summarize};
+use svl::recording::{Gap, ImageFormat, Skew};
 use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
@@ -19,7 +19,7 @@ fn a_summary_knows_counts_gaps_and_skew() {
             frame
         })
         .collect();
-    let summary = Summary::of(&record(folder.path(), &frames, ImageFormat::Raw)).unwrap();
+    let summary = summarize(&record(folder.path(), &frames, ImageFormat::Raw)).unwrap();
     assert!(summary.is_whole());
     assert_eq!(
         (summary.pairs, summary.period_ns, summary.drops),
@@ -76,7 +76,7 @@ fn a_bag_has_the_gaps_of_its_left_images() {
     let pair = |i| ["/cam0/image", "/cam1/image"].map(|topic| image(topic, i));
     let pairs = (1..60).filter(|i| !(10..20).contains(i)).flat_map(pair);
     let other = || (1..60).map(|i| image("/depth/image", i));
-    let summary = Summary::of(&bag::write(
+    let summary = summarize(&bag::write(
         folder.path(),
         &pairs.chain(other()).collect::<Vec<_>>(),
     ))
@@ -97,7 +97,7 @@ fn a_bag_has_the_gaps_of_its_left_images() {
         (9 * PERIOD_NS..10 * PERIOD_NS).contains(&after_ns),
         "by log time"
     );
-    let summary = Summary::of(&bag::write(folder.path(), &other().collect::<Vec<_>>())).unwrap();
+    let summary = summarize(&bag::write(folder.path(), &other().collect::<Vec<_>>())).unwrap();
     assert_eq!(
         (summary.stereo, summary.period_ns, summary.gaps),
         (None, None, vec![])
@@ -111,7 +111,7 @@ fn a_truncated_file_is_summed_up_as_far_as_it_goes() {
     let path = record(folder.path(), &frames, ImageFormat::Png);
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
-    let summary = Summary::of(&path).unwrap();
+    let summary = summarize(&path).unwrap();
     assert!(
         summary
             .damage

@@ -2,7 +2,7 @@
 //! told.
 
 use crate::damage::records;
-use crate::frames::{image, read};
+use crate::frames::{image, read, summarize};
 use crate::{bag, recovery};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -41,7 +41,7 @@ fn chunks(bytes: &[u8]) -> Vec<Range<usize>> {
 fn judged(folder: &Path, bytes: &[u8]) -> (Summary, Recovery) {
     let (recovery, _) = recovery::recovered(folder, bytes);
     let (summary, recovery) = (
-        Summary::of(&folder.join("damaged.mcap")).unwrap(),
+        summarize(&folder.join("damaged.mcap")).unwrap(),
         recovery.unwrap(),
     );
     assert_eq!(

@@ -5,7 +5,7 @@ use crate::cli::shared::tables::{LISTED, losses, missing, size};
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Skew, Summary, Topic, only_file};
+use svl::recording::{Recording, Skew, Summary, Topic};
 
 /// Show what a recording holds, and whether it is whole
 #[derive(clap::Args)]
@@ -23,7 +23,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let summary = Summary::of(&only_file(&args.file)?)?;
+    let summary = Recording::open(&args.file)?.summary()?;
     if args.json {
         print_json(&summary)
     } else {

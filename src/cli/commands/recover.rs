@@ -5,7 +5,7 @@ use crate::cli::shared::tables::{losses, missing, size};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::counted;
-use svl::recording::{Recovery, only_file, recover};
+use svl::recording::{Recording, Recovery};
 
 /// Save what an unfinished or damaged recording still holds
 ///
@@ -27,10 +27,10 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let file = only_file(&args.file)?;
-    distinct([file.as_path(), args.output.as_path()])?;
+    let damaged = Recording::open(&args.file)?;
+    distinct([damaged.only_path()?, args.output.as_path()])?;
     may_write(&args.output, false)?;
-    let recovery = recover(&file, &args.output)?;
+    let recovery = damaged.recover(&args.output)?;
     if args.json {
         print_json(&recovery)
     } else {

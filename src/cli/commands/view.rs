@@ -4,7 +4,7 @@ use anyhow::{Context, bail};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use svl::recording::{Summary, only_file};
+use svl::recording::{Recording, only_file};
 use svl::sink::{VIEWER_HINT, save_recording_layout};
 
 /// Open a recording or a run in the Rerun viewer
@@ -26,7 +26,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Some("mcap") => {
             let folder = tempfile::tempdir().context("no folder for the layout")?;
             let layout = folder.path().join("layout.rbl");
-            let topics: Vec<_> = Summary::of(&file)?
+            let topics: Vec<_> = Recording::open(&file)?
+                .summary()?
                 .topics
                 .into_iter()
                 .map(|topic| topic.name)

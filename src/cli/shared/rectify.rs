@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl::Error;
 use svl::calibrate::files;
-use svl::recording::{CALIBRATION, Header, Writer, calibration_files};
+use svl::recording::{CALIBRATION, Header, Recording, Writer};
 use svl::rectify::{Framing, Rectifier, bouguet};
 use svl::source::{RecordingSource, RectifiedSource, Source};
 use svl::stereo::StereoCalibration;
@@ -65,7 +65,7 @@ impl Recorded {
         Ok(Self {
             raw: reader.calibration(),
             remarks: reader.remarks(),
-            files: match calibration_files(reader.path()) {
+            files: match reader.recording().calibration_files() {
                 // Damage is told with the pairs.
                 Err(Error::Damaged { .. }) => Vec::new(),
                 found => found?,
@@ -214,7 +214,7 @@ fn read(path: &Path) -> anyhow::Result<(StereoCalibration, Kept)> {
     if path.extension().is_none_or(|ending| ending != "mcap") {
         return Ok((files::read(path)?, kept(&files::inputs(path)?)?));
     }
-    let kept = calibration_files(path)?;
+    let kept = Recording::open(path)?.calibration_files()?;
     let folder = tempfile::tempdir()?;
     let mut paths = Vec::new();
     for (name, bytes) in &kept {

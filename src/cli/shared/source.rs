@@ -8,7 +8,7 @@ use clap::builder::{NonEmptyStringValueParser, PossibleValue, TypedValueParser};
 use std::path::{Path, PathBuf};
 use svl::arena::{Arena, ArenaConfig};
 use svl::grab::{DRIVERS, Driver};
-use svl::recording::{Header, Selection, files, is_bag};
+use svl::recording::{Header, Recording, Selection, files, is_bag};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::{FolderSource, Scene, SceneSource};
 use svl::source::{ArenaSource, BoardSource, RecordingSource, Source};
@@ -49,7 +49,7 @@ pub(crate) struct Topics {
 }
 
 impl Topics {
-    pub(crate) fn selection(&self) -> Selection {
+    fn selection(&self) -> Selection {
         Selection {
             left: self.left.clone(),
             right: self.right.clone(),
@@ -57,6 +57,11 @@ impl Topics {
                 .max_skew_ms
                 .map_or(Selection::MAX_SKEW_NS, |ms| (ms * 1e6) as u64),
         }
+    }
+
+    /// Opens the recording at `path` and selects its topics.
+    pub(crate) fn open(&self, path: &Path) -> svl::Result<RecordingSource> {
+        RecordingSource::new(Recording::open(path)?, &self.selection())
     }
 
     /// Whether the topics of a recording are named.
@@ -71,7 +76,7 @@ impl Topics {
 
 /// Opens a recording whose pairs are taken as they are, and says what to know of it.
 pub(crate) fn open_recording(path: &Path, topics: &Topics) -> anyhow::Result<RecordingSource> {
-    let source = RecordingSource::open_selection(path, &topics.selection())?;
+    let source = topics.open(path)?;
     source
         .reader()
         .remarks()
@@ -283,7 +288,7 @@ fn folder(path: &Path) -> anyhow::Result<Opened> {
 }
 
 fn recording(path: &Path, topics: &Topics) -> anyhow::Result<Opened> {
-    let source = RecordingSource::open_selection(path, &topics.selection())?;
+    let source = topics.open(path)?;
     let recorded = Recorded::of(&source)?;
     let header = source
         .reader()

@@ -11,14 +11,13 @@ mod topics;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
-use super::Camera;
 use super::messages::{Channel, Event, Messages};
+use super::{Camera, Recording};
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Geometry, Gray, Rig, StereoCalibration, StereoPair};
 use camera::Calibration;
 use partners::Partners;
-use std::path::{Path, PathBuf};
 
 /// Makes pairs of the images of two topics.
 pub(super) struct Foreign {
@@ -38,18 +37,15 @@ pub(super) struct Foreign {
 }
 
 impl Foreign {
-    /// Chooses the topics of the recording at `path`, which is these files, and looks for the first
-    /// calibration of each camera.
+    /// Chooses the topics of a recording and looks for the first calibration of each camera.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the
     /// cameras.
-    pub(super) fn open(path: &Path, files: &[PathBuf], selection: &Selection) -> Result<Self> {
-        let mut channels = Vec::new();
-        for file in files {
-            channels.extend(Messages::all_channels(file)?);
-        }
-        let images = choose(&channels, selection).map_err(|reason| Error::format(path, reason))?;
+    pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
+        let channels = recording.channels()?;
+        let images = choose(&channels, selection)
+            .map_err(|reason| Error::format(recording.path(), reason))?;
         let calibrations = images
             .each_ref()
             .map(|topic| topics::calibration(&channels, topic));
@@ -64,7 +60,7 @@ impl Foreign {
             pairs: 0,
             size: (0, 0),
         };
-        for file in files {
+        for file in recording.files() {
             let mut messages = Messages::open(file)?;
             while foreign.lacks_calibration() {
                 match messages.next() {

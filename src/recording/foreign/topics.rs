@@ -44,7 +44,7 @@ pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
 /// # Errors
 /// Why there are none, or more than one pair of them, with the cure.
 pub(in crate::recording) fn choose(
-    channels: &[Channel],
+    channels: &[&Channel],
     selection: &Selection,
 ) -> Result<[String; 2], String> {
     let images: Vec<_> = channels
@@ -62,7 +62,7 @@ pub(in crate::recording) fn choose(
         if let Some(named) = named.as_deref().filter(|named| !topics.contains(named)) {
             return Err(
                 match channels.iter().find(|channel| channel.topic == named) {
-                    Some(channel) => match unread(std::slice::from_ref(channel)) {
+                    Some(channel) => match unread(&[channel]) {
                         Some(reason) => format!("{option}: {reason}"),
                         None => format!(
                             "{option} {named} has messages of {}, no images",
@@ -103,7 +103,7 @@ pub(in crate::recording) fn choose(
 }
 
 /// Of which kind the images are that svl does not read, if there are such, and what to do.
-fn unread(channels: &[Channel]) -> Option<String> {
+fn unread(channels: &[&Channel]) -> Option<String> {
     let name = |channel: &Channel| {
         channel
             .schema
@@ -113,7 +113,7 @@ fn unread(channels: &[Channel]) -> Option<String> {
             .to_owned()
     };
     let kinds = ["Image", "RawImage", "CompressedImage", "CompressedVideo"];
-    let seems = |channel: &&Channel| kinds.contains(&name(channel).as_str());
+    let seems = |channel: &&&Channel| kinds.contains(&name(channel).as_str());
     let first = channels
         .iter()
         .filter(seems)
@@ -195,9 +195,10 @@ pub(super) fn is_of_rectified(topic: &str) -> bool {
 
 /// The topic of the calibration that belongs to the images of `topic`: the one that shares the most
 /// of its folders.
-pub(super) fn calibration(channels: &[Channel], topic: &str) -> Option<String> {
+pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> {
     let calibrations = channels
         .iter()
+        .copied()
         .filter(|channel| camera::SCHEMAS.contains(&channel.schema.as_str()));
     let folder = |channel: &&Channel| {
         channel
@@ -231,7 +232,7 @@ mod tests {
             }
         };
         let channels: Vec<_> = topics.iter().map(channel).collect();
-        choose(&channels, selection)
+        choose(&channels.iter().collect::<Vec<_>>(), selection)
     }
 
     #[test]
@@ -307,7 +308,7 @@ mod tests {
                 encoding,
             });
             choose(
-                &channels,
+                &channels.each_ref(),
                 &Selection {
                     left: left.map(str::to_owned),
                     ..Selection::default()

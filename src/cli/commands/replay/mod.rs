@@ -110,10 +110,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .iter()
         .try_for_each(|path| may_write(path, args.force))?;
     let source = match &args.recording {
-        Some(path) => RecordingSource::open_selection(path, &args.topics.selection())?,
+        Some(path) => args.topics.open(path)?,
         None => newest_or_arena(quiet)?,
     };
-    let recording = source.reader().path().to_owned();
+    let opened = source.reader().recording().clone();
+    let recording = opened.path().to_owned();
     let mut header = source
         .reader()
         .header()
@@ -130,7 +131,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .as_ref()
         .map(|path| path.as_deref().unwrap_or(&recording));
     let before = verify
-        .map(|path| Earlier::read(path, header.seed))
+        .map(|path| Earlier::read(path, &opened, header.seed))
         .transpose()?;
     let algorithms = match (&args.algo[..], &before) {
         ([], Some(before)) => before.algorithms()?,

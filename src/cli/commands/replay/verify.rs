@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::recording::{self, MANIFEST};
+use svl::recording::{MANIFEST, Recording};
 use svl::report::Row;
 
 /// The results of an earlier run.
@@ -36,8 +36,13 @@ pub(super) struct Verification {
 
 impl Earlier {
     /// Reads the results in a result recording, a table of rows (CSV) or the folder of a report; of
-    /// a report only the run with that seed.
-    pub(super) fn read(path: &Path, seed: Option<u64>) -> anyhow::Result<Self> {
+    /// a report only the run with that seed. `replayed` is the recording that is replayed, which is
+    /// not opened again.
+    pub(super) fn read(
+        path: &Path,
+        replayed: &Recording,
+        seed: Option<u64>,
+    ) -> anyhow::Result<Self> {
         let mut earlier = Self {
             path: path.to_owned(),
             labels: Vec::new(),
@@ -47,7 +52,8 @@ impl Earlier {
         match path.extension().and_then(|e| e.to_str()) {
             _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), seed)?,
             Some("csv") => earlier.read_rows(path, seed)?,
-            Some("mcap") => earlier.read_recording(path)?,
+            Some("mcap") if path == replayed.path() => earlier.read_recording(replayed)?,
+            Some("mcap") => earlier.read_recording(&Recording::open(path)?)?,
             _ => bail!(
                 "{}: expected RESULT.mcap, ROWS.csv or the folder of a report",
                 path.display()
@@ -79,17 +85,17 @@ impl Earlier {
         Ok(())
     }
 
-    fn read_recording(&mut self, path: &Path) -> anyhow::Result<()> {
-        for result in recording::results(path)? {
+    fn read_recording(&mut self, recording: &Recording) -> anyhow::Result<()> {
+        for result in recording.results()? {
             self.add(
                 result.algorithm,
                 result.sequence,
                 (result.hash, result.pair_hash),
             );
         }
-        if let Some(json) = recording::attachment(path, MANIFEST)? {
+        if let Some(json) = recording.attachment(MANIFEST)? {
             let manifest: Manifest = serde_json::from_slice(&json)
-                .with_context(|| format!("{}: {MANIFEST}", path.display()))?;
+                .with_context(|| format!("{}: {MANIFEST}", self.path.display()))?;
             self.parameters.extend(
                 manifest
                     .algorithms

@@ -1,0 +1,204 @@
+//! A recording, opened once: everything that is read of it goes through one handle per file.
+
+use super::CALIBRATION;
+use super::bag::{files, several_files};
+use super::file::McapFile;
+use super::header::{Header, RECORD};
+use super::index::Index;
+use super::messages::{Channel, Messages};
+use super::records::Records;
+use crate::error::{Error, Result};
+use mcap::records::Record;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+/// Files of a bag up to which all are kept open. A process may hold 1024 on most systems.
+const MAX_OPEN: usize = 256;
+
+/// A recording that is open: one MCAP file, or those of a ROS 2 bag. Clones share the open files.
+#[derive(Clone)]
+pub struct Recording {
+    path: PathBuf,
+    parts: Arc<[Part]>,
+}
+
+/// One file, with what was read of it so far.
+struct Part {
+    file: McapFile,
+    index: OnceLock<Index>,
+    channels: OnceLock<Vec<Channel>>,
+}
+
+impl Recording {
+    /// Opens the file, or the files of the bag, at `path`. Reads nothing yet, so that a damaged
+    /// file opens too.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, and for an empty file.
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        let path = path.into();
+        let files = files(&path)?;
+        let keep = files.len() <= MAX_OPEN;
+        let open = |file: &PathBuf| {
+            McapFile::open(file, keep).map(|file| Part {
+                file,
+                index: OnceLock::new(),
+                channels: OnceLock::new(),
+            })
+        };
+        let parts = files.iter().map(open).collect::<Result<_>>()?;
+        Ok(Self { path, parts })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The metadata record `svl`, which precedes the first pair.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a recording that svl did not write;
+    /// [`Error::Damaged`].
+    pub fn header(&self) -> Result<Header> {
+        for part in self.parts.iter() {
+            let index = part.index()?;
+            if let Some(header) = index.metadata.iter().find_map(Header::from_record) {
+                return Ok(header);
+            }
+            index.check_complete(&part.file)?;
+        }
+        let reason = format!("is not a recording of svl: it has no metadata record '{RECORD}'");
+        Err(Error::format(&self.path, reason))
+    }
+
+    /// The attachment `name`, if there is one.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        for part in self.parts.iter() {
+            let index = part.index()?;
+            if let Some((_, start)) = index.attachments.iter().find(|(known, _)| known == name) {
+                return part.attachment(*start).map(Some);
+            }
+            index.check_complete(&part.file)?;
+        }
+        Ok(None)
+    }
+
+    /// Names and contents of the attached calibration files, by which the pairs were rectified or
+    /// can be.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
+    pub fn calibration_files(&self) -> Result<Vec<(String, Vec<u8>)>> {
+        let mut found = Vec::new();
+        for part in self.parts.iter() {
+            let index = part.index()?;
+            for (name, start) in &index.attachments {
+                if let Some(name) = name.strip_prefix(CALIBRATION) {
+                    found.push((name.to_owned(), part.attachment(*start)?));
+                }
+            }
+            index.check_complete(&part.file)?;
+        }
+        Ok(found)
+    }
+
+    /// The path of the only file.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a bag of several, which names them.
+    pub fn only_path(&self) -> Result<&Path> {
+        self.only_file().map(McapFile::path)
+    }
+
+    /// The files, in the order of the recording.
+    pub(super) fn files(&self) -> impl Iterator<Item = &McapFile> {
+        self.parts.iter().map(|part| &part.file)
+    }
+
+    /// The only file.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a bag of several, which names them.
+    pub(super) fn only_file(&self) -> Result<&McapFile> {
+        match &*self.parts {
+            [part] => Ok(&part.file),
+            _ => {
+                let paths: Vec<_> = self.files().map(|file| file.path().to_owned()).collect();
+                Err(several_files(&self.path, &paths))
+            }
+        }
+    }
+
+    /// MCAP's profile, as the header of the first file has it; nothing where that cannot be read.
+    pub(super) fn profile(&self) -> Result<Option<&str>> {
+        let Some(first) = self.parts.first() else {
+            return Ok(None);
+        };
+        Ok(first
+            .index()?
+            .header
+            .as_ref()
+            .map(|header| header.profile.as_str()))
+    }
+
+    /// The channels of all files: those that the summary names, or else those met in reading the
+    /// file up to its end or damage.
+    pub(super) fn channels(&self) -> Result<Vec<&Channel>> {
+        let mut channels = Vec::new();
+        for part in self.parts.iter() {
+            channels.extend(part.channels()?);
+        }
+        Ok(channels)
+    }
+
+    /// Messages of `topic`; nothing where a file has no intact summary that counts them.
+    pub(super) fn count(&self, topic: &str) -> Result<Option<u64>> {
+        let mut sum = 0_u64;
+        for part in self.parts.iter() {
+            match part.index()?.declared.count(topic) {
+                Some(count) => sum = sum.saturating_add(count),
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(sum))
+    }
+}
+
+impl Part {
+    fn index(&self) -> Result<&Index> {
+        match self.index.get() {
+            Some(index) => Ok(index),
+            None => {
+                let index = Index::read(&self.file)?;
+                Ok(self.index.get_or_init(|| index))
+            }
+        }
+    }
+
+    fn channels(&self) -> Result<&[Channel]> {
+        if let Some(channels) = self.channels.get() {
+            return Ok(channels);
+        }
+        let mut channels = self.index()?.declared.channels();
+        if channels.is_empty() {
+            let mut messages = Messages::open(&self.file)?;
+            while let Ok(Some(_)) = messages.advance() {}
+            channels = messages.channels();
+        }
+        Ok(self.channels.get_or_init(|| channels))
+    }
+
+    /// The contents of the attachment whose record begins at `start`.
+    fn attachment(&self, start: u64) -> Result<Vec<u8>> {
+        match Records::open(&self.file)?.record_at(start)? {
+            Some(Record::Attachment { data, .. }) => Ok(data.into_owned()),
+            _ => {
+                let reason = format!("the attachment at byte {start} cannot be read");
+                Err(Error::damaged(self.file.path(), reason))
+            }
+        }
+    }
+}
