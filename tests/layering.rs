@@ -1,164 +1,182 @@
-//! Who may import whom: the house's doors (see the crate's documentation).
+//! The structure of the sources: which room of `src/` may use which, no circles, no test file that
+//! nothing runs, and the limits of style.
 
-use std::collections::BTreeMap;
-use std::fs;
+#[path = "layering/modules.rs"]
+mod modules;
+#[path = "layering/style.rs"]
+mod style;
+
+use modules::{Crate, Edge, Id};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Module → the modules it may import. `error`, `timing` and `words` are everyone's.
-const ALLOWED: &[(&str, &[&str])] = &[
-    ("error", &[]),
-    ("timing", &[]),
-    ("statistics", &[]),
-    ("words", &[]),
-    ("stereo", &[]),
-    ("kernel", &["stereo"]),
-    ("matcher", &["stereo", "kernel"]),
-    ("depth", &["stereo", "kernel"]),
-    ("rectify", &["stereo", "kernel"]),
-    ("arena", &["stereo", "kernel"]),
-    ("bounded", &[]),
-    ("yaml", &[]),
-    (
+/// The rooms in layers: a room uses those of the layers above its own.
+const ORDER: [&[&str]; 10] = [
+    &["error", "timing", "yaml", "words", "statistics", "bounded"],
+    &["stereo"],
+    &["kernel"],
+    &["depth", "files"],
+    &[
+        "matcher",
+        "rectify",
         "calibrate",
-        &["stereo", "kernel", "depth", "bounded", "yaml"],
-    ),
-    ("files", &["stereo", "bounded"]),
-    ("fetch", &["files"]),
-    ("overlay", &["stereo"]),
-    ("grab", &["stereo", "arena", "calibrate", "files"]),
-    ("recording", &["stereo", "files", "manifest", "yaml"]),
-    ("score", &["stereo", "depth", "overlay"]),
+        "arena",
+        "overlay",
+        "fetch",
+    ],
+    &["grab", "recording", "score", "manifest"],
+    &["source", "sink", "report", "scenario"],
+    &["run"],
+    &["reproduce"],
+    &["cli"],
+];
+
+/// Edges within a layer or against the order, with their reasons.
+const EXCEPTIONS: &[(&str, &str, &str)] = &[
     (
-        "source",
-        &[
-            "stereo",
-            "recording",
-            "arena",
-            "files",
-            "grab",
-            "calibrate",
-            "rectify",
-        ],
+        "bounded",
+        "error",
+        "reading beyond a limit is an error of the crate",
     ),
-    ("manifest", &["kernel", "matcher"]),
-    ("report", &["score", "overlay", "manifest", "calibrate"]),
     (
-        "sink",
-        &[
-            "stereo",
-            "manifest",
-            "recording",
-            "score",
-            "report",
-            "overlay",
-            "files",
-        ],
+        "recording",
+        "manifest",
+        "a recording's header holds the manifest of its run",
     ),
     (
         "scenario",
-        &[
-            "stereo", "depth", "matcher", "score", "arena", "files", "report",
-        ],
+        "report",
+        "a scenario's gate sets limits on the report's metrics",
     ),
     (
-        "reproduce",
-        &[
-            "stereo", "kernel", "matcher", "depth", "arena", "files", "overlay", "score", "report",
-            "source", "sink", "scenario", "run", "manifest",
-        ],
-    ),
-    (
-        "run",
-        &["stereo", "depth", "matcher", "scenario", "source", "sink"],
+        "sink",
+        "report",
+        "the table sink writes the report's rows, tables and page",
     ),
 ];
 
+/// How many groups of files may use each other in a circle.
+const CIRCLES: usize = 10;
+
+fn source() -> Crate {
+    Crate::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs"))
+}
+
+fn name(id: &Id) -> String {
+    if id.is_empty() {
+        "crate".to_owned()
+    } else {
+        id.join("::")
+    }
+}
+
 #[test]
-fn every_import_goes_through_a_door() {
-    let mut imports: BTreeMap<String, Vec<(String, String)>> = BTreeMap::new();
-    collect(
-        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/src")),
-        None,
-        &mut imports,
+fn rooms_use_only_the_layers_above() {
+    let source = source();
+    let layer = |room: &str| ORDER.iter().position(|rooms| rooms.contains(&room));
+    let rooms = source.0.keys().filter_map(|id| id.first());
+    for room in rooms.collect::<BTreeSet<_>>() {
+        assert!(layer(room).is_some(), "room '{room}' has no layer");
+    }
+    let mut taken = BTreeSet::new();
+    let mut wrong = Vec::new();
+    for edge in source.edges() {
+        let (Some(from), Some(to)) = (edge.from.first(), edge.to.first()) else {
+            continue;
+        };
+        let exception = EXCEPTIONS.iter().find(|(a, b, _)| a == from && b == to);
+        if let Some(exception) = exception {
+            taken.insert(exception);
+        } else if from != to && layer(to) >= layer(from) {
+            wrong.push(format!(
+                "{} must not use {}::{}",
+                name(&edge.from),
+                name(&edge.to),
+                edge.name
+            ));
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+    assert_eq!(
+        taken.len(),
+        EXCEPTIONS.len(),
+        "of the exceptions only these are needed: {taken:?}"
     );
-    for (module, uses) in &imports {
-        let allowed = ALLOWED.iter().find(|(name, _)| name == module);
-        let (_, allowed) =
-            allowed.unwrap_or_else(|| panic!("module '{module}' has no line in ALLOWED"));
-        for (file, target) in uses {
-            let everyones = [
-                "error",
-                "timing",
-                "statistics",
-                "Error",
-                "Result",
-                "counted",
-                module.as_str(),
-            ]
-            .contains(&target.as_str());
-            assert!(
-                everyones || allowed.contains(&target.as_str()),
-                "{file}: {module} must not import {target}"
+}
+
+#[test]
+fn commands_do_not_use_each_other() {
+    let command = |id: &Id| match &id[..] {
+        [cli, commands, name, ..] if cli == "cli" && commands == "commands" => Some(name.clone()),
+        _ => None,
+    };
+    for edge in source().edges() {
+        if let (Some(from), Some(to)) = (command(&edge.from), command(&edge.to)) {
+            assert_eq!(
+                from,
+                to,
+                "{} must not use {}",
+                name(&edge.from),
+                name(&edge.to)
             );
         }
     }
-    assert_eq!(
-        imports.len(),
-        ALLOWED.len(),
-        "ALLOWED names a module that is gone"
-    );
 }
 
-/// Imports by top-level module, as (file, imported module). `cli` and the crate's roots may import
-/// all.
-fn collect(
-    folder: &Path,
-    module: Option<&str>,
-    imports: &mut BTreeMap<String, Vec<(String, String)>>,
-) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let stem = path.file_stem().unwrap().to_str().unwrap().to_owned();
-        let top = module.unwrap_or(&stem);
-        if ["cli", "lib", "main"].contains(&top) {
-            continue;
-        }
-        if path.is_dir() {
-            collect(&path, Some(top), imports);
-        } else if path.extension().is_some_and(|e| e == "rs") {
-            let text = fs::read_to_string(&path).unwrap();
-            // Tests may look at anything.
-            let text = text.split("#[cfg(test)]").next().unwrap();
-            let code = text
-                .lines()
-                .filter(|line| !line.trim_start().starts_with("//"));
-            let targets = code.flat_map(|line| {
-                line.split("crate::")
-                    .skip(1)
-                    .flat_map(names)
-                    .collect::<Vec<_>>()
-            });
-            let file = path.display().to_string();
-            let found = targets.map(|target| (file.clone(), target));
-            imports.entry(top.to_owned()).or_default().extend(found);
-        }
-    }
-}
-
-/// The first path segments after `crate::`: one, or those of a `{group}`.
-fn names(rest: &str) -> Vec<String> {
-    let ident = |s: &str| {
-        s.trim()
-            .chars()
-            .take_while(|c| c.is_alphanumeric() || *c == '_')
-            .collect::<String>()
+/// A parent that passes on what its child defines, and a child that uses a type, trait or constant
+/// of its parent are no circle.
+#[test]
+fn files_form_no_circles() {
+    let counts = |edge: &Edge| {
+        let upper = edge.name.starts_with(|c: char| c.is_uppercase());
+        !edge.facade && !(upper && edge.from.starts_with(&edge.to))
     };
-    match rest.strip_prefix('{') {
-        Some(group) => group
-            .split(',')
-            .map(ident)
-            .filter(|s| !s.is_empty())
-            .collect(),
-        None => vec![ident(rest)],
+    let edges = source()
+        .edges()
+        .into_iter()
+        .filter(counts)
+        .collect::<Vec<_>>();
+    let mut next: BTreeMap<&Id, BTreeSet<&Id>> = BTreeMap::new();
+    for edge in &edges {
+        next.entry(&edge.from).or_default().insert(&edge.to);
     }
+    let reaches = |from| {
+        let mut seen = BTreeSet::new();
+        let mut left = vec![from];
+        while let Some(id) = left.pop() {
+            left.extend(
+                next.get(id)
+                    .into_iter()
+                    .flatten()
+                    .filter(|id| seen.insert(**id)),
+            );
+        }
+        seen
+    };
+    let reached = next
+        .keys()
+        .map(|id| (*id, reaches(id)))
+        .collect::<BTreeMap<_, _>>();
+    let circular = |a: &Id, b: &Id| {
+        reached[a].contains(b) && reached.get(b).is_some_and(|ids| ids.contains(a))
+    };
+    let mut circles: BTreeMap<&Id, Vec<String>> = BTreeMap::new();
+    for edge in edges.iter().filter(|edge| circular(&edge.from, &edge.to)) {
+        let first = *reached[&edge.from]
+            .iter()
+            .find(|id| circular(&edge.from, id))
+            .unwrap();
+        let line = format!("{} -> {}::{}", name(&edge.from), name(&edge.to), edge.name);
+        circles.entry(first).or_default().push(line);
+    }
+    let list = circles
+        .values()
+        .map(|lines| lines.join("\n"))
+        .collect::<Vec<_>>();
+    assert!(
+        list.len() <= CIRCLES,
+        "{} circles:\n{}",
+        list.len(),
+        list.join("\n\n")
+    );
 }

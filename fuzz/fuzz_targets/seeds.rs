@@ -121,7 +121,7 @@ fn calibrations() -> Result<(), Box<dyn std::error::Error>> {
     seed(
         "calibration_files",
         "annex-e",
-        include_bytes!("../../tests/calibration_files/annex_e.xml"),
+        include_bytes!("../../tests/lean/calibration_files/annex_e.xml"),
     )?;
     Ok(())
 }

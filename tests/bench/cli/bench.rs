@@ -1,0 +1,41 @@
+use super::fixture::Fixture;
+
+#[test]
+fn figures_are_complete_and_in_order() {
+    let text = Fixture::new()
+        .svl(&[
+            "bench",
+            "--algo",
+            "v3",
+            "--size",
+            "96x64",
+            "--max-disparity",
+            "20",
+            "--json",
+        ])
+        .done();
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let v3 = &json[0];
+    assert_eq!(
+        (&v3["algo"], &v3["disparities"]),
+        (&"v3:max_disparity=20".into(), &21.into())
+    );
+    assert_eq!(
+        (&v3["width"], &v3["height"], &v3["threads"]),
+        (&96.into(), &64.into(), &1.into())
+    );
+    let ms = ["min_ms", "median_ms", "p95_ms", "p99_ms"].map(|key| v3[key].as_f64().unwrap());
+    assert!(ms.is_sorted() && ms[0] > 0.0, "{ms:?}");
+    let mde_per_s = 96.0 * 64.0 * 21.0 / ms[1] / 1e3;
+    assert!((v3["mde_per_s"].as_f64().unwrap() / mde_per_s - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn bad_sizes_are_wrong_usage() {
+    Fixture::new()
+        .svl(&["bench", "--size", "0x9"])
+        .failed(2, &["WxH"]);
+    Fixture::new()
+        .svl(&["bench", "--algo", "dp", "--max-disparity", "1000"])
+        .failed(2, &["max_disparity=1000"]);
+}

@@ -1,0 +1,141 @@
+use super::fixture::Fixture;
+
+const TABLE: &str = include_str!("../../../scenarios/annex-b.csv");
+
+#[test]
+fn annex_b_is_the_table_of_the_library() {
+    let pairs = TABLE.lines().skip(1).map(|line| {
+        let (cm, px) = line.split_once(',').unwrap();
+        (cm.parse().unwrap(), px.parse().unwrap())
+    });
+    assert_eq!(
+        pairs.collect::<Vec<(f64, f64)>>(),
+        svl::depth::DistanceCurve::TABLE_B1
+    );
+}
+
+#[test]
+fn annex_b_has_residuals_ranges_a_figure_and_a_table() {
+    let fixture = Fixture::new();
+    fixture.write("b.csv", TABLE);
+    let more = ["--figure", "curve.svg", "--table", "curve.csv"];
+    let text = fixture
+        .svl(&[&["calibrate", "distance", "b.csv"], &more[..]].concat())
+        .done();
+    insta::assert_snapshot!(text);
+    let svg = std::fs::read_to_string(fixture.path("curve.svg")).unwrap();
+    assert!(
+        svg.starts_with("<svg") && svg.matches("<circle").count() == 13,
+        "{svg}"
+    );
+    insta::assert_snapshot!(
+        "the_table",
+        std::fs::read_to_string(fixture.path("curve.csv")).unwrap()
+    );
+    let json = fixture
+        .svl(&["calibrate", "distance", "b.csv", "--json"])
+        .done();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["measurements"].as_array().unwrap().len(), 13);
+    assert_eq!(
+        json["polynomial"]["usable_px"],
+        serde_json::json!([[11.0, 38.0]])
+    );
+    assert!(json["pinhole"]["farthest_cm"].as_f64().unwrap() > 130.0);
+}
+
+#[test]
+fn bad_input_is_one_line_that_names_it() {
+    let fixture = Fixture::new();
+    fixture.write("words.csv", "distance_cm,disparity_px\n10,x\n");
+    fixture.write("columns.csv", "cm,px\n10,3\n");
+    fixture.write("few.csv", "distance_cm,disparity_px\n10,3\n20,1.5\n");
+    fixture.write(
+        "nan.csv",
+        "distance_cm,disparity_px\n10,nan\n20,1.5\n30,1\n",
+    );
+    fixture.write("neither.csv", "distance_cm,disparity_px,recording\n10,,\n");
+    fixture.write(
+        "swapped.csv",
+        "distance_cm,disparity_px\n10,100\n12,110\n14,130\n",
+    );
+    fixture.write("no.mcap", "no recording");
+    let run = |args: &[&str]| fixture.svl(&[&["calibrate", "distance"], args].concat());
+    run(&["words.csv"]).failed(1, &["words.csv", "measurement 1", "distance_cm"]);
+    run(&["columns.csv"]).failed(1, &["columns.csv", "distance_cm"]);
+    run(&["few.csv"]).failed(1, &["needs 3 measurements, got 2"]);
+    run(&["nan.csv"]).failed(1, &["finite"]);
+    run(&["neither.csv"]).failed(1, &["neither.csv", "one of both"]);
+    run(&["swapped.csv"]).failed(1, &["must grow"]);
+    run(&["missing.csv"]).failed(1, &["missing.csv", "no such table"]);
+    run(&["no.mcap"]).failed(2, &["no.mcap", "130cm=no.mcap"]);
+    run(&["10cm=no.mcap"]).failed(1, &["no.mcap"]);
+    run(&["ten=no.mcap"]).failed(2, &["'ten'", "130cm"]);
+    run(&["few.csv", "--cells", "1;2"]).failed(2, &["COLUMN,ROW"]);
+    run(&["few.csv", "--figure", "a.png"]).failed(2, &["a.png", ".svg"]);
+    run(&["few.csv", "--table", "few.csv"]).failed(2, &["few.csv", "named twice"]);
+    run(&[]).failed(2, &["--help"]);
+}
+
+/// A target of 0.8 m x 1 m that stands at this distance before the arena's stereo head.
+fn scenario(distance_m: f64) -> String {
+    format!(
+        "name = \"target\"\ndescription = \"a target\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \
+         \"distance\"\n[source]\nkind = \"arena\"\n[arena]\nframes = 3\nrate_hz = \
+         3.0\n[arena.rig]\nabove_floor_m = 0.5\n[arena.robot]\nhalf_width_m = 0.0\nyaw_sway_deg = \
+         0.0\nroll_sway_deg = 0.0\npitch_sway_deg = 0.0\ndeviation_m = 0.0\npath = [{{ at_m = \
+         [2.0, 1.0], heading_deg = 90.0 }}, {{ at_m = [2.0, 1.002], heading_deg = 90.0 \
+         }}]\n[arena.world]\nwidth_m = 4.0\nlength_m = 8.0\nballs = []\nblocks = [{{ name = \
+         \"target\", at_m = [2.0, {}], size_m = [0.8, 0.1, 1.0] }}]\n",
+        1.0 + distance_m + 0.05
+    )
+}
+
+#[test]
+fn a_simulated_target_gives_the_cameras_own_product() {
+    let fixture = Fixture::new();
+    let mut recordings = Vec::new();
+    for cm in [120, 100, 85, 70, 60, 50, 40, 30, 25] {
+        let (toml, mcap) = (format!("{cm}.toml"), format!("{cm}.mcap"));
+        fixture.write(&toml, scenario(f64::from(cm) / 100.0));
+        fixture.svl(&["record", &toml, "-o", &mcap]).done();
+        recordings.push(format!("{cm}cm={mcap}"));
+    }
+    let named: Vec<&str> = recordings.iter().map(String::as_str).collect();
+    let run = |more: &[&str]| fixture.svl(&[&["calibrate", "distance"], &named[..], more].concat());
+    let json: serde_json::Value = serde_json::from_str(&run(&["--json"]).done()).unwrap();
+    let number = |pointer: &str| json.pointer(pointer).unwrap().as_f64().unwrap();
+    let off = number("/pinhole/a_cm_px") / number("/focal_baseline_cm_px") - 1.0;
+    println!(
+        "a is {:.2} % off, b {:.3} px",
+        100.0 * off,
+        number("/pinhole/b_px")
+    );
+    assert!(off.abs() < 0.01, "{off}");
+    assert!(
+        json["measurements"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|m| m["cells"].as_array().unwrap().len() >= 3)
+    );
+    println!("{}", run(&[]).done());
+
+    // The same from a table that names the recordings.
+    let lines: String = recordings
+        .iter()
+        .map(|r| r.replace("cm=", ",") + "\n")
+        .collect();
+    fixture.write("target.csv", format!("distance_cm,recording\n{lines}"));
+    let table = fixture
+        .svl(&["calibrate", "distance", "target.csv", "--json"])
+        .done();
+    let table: serde_json::Value = serde_json::from_str(&table).unwrap();
+    assert_eq!(table["pinhole"], json["pinhole"]);
+
+    let cells = |cells: &[&str]| {
+        fixture.svl(&[&["calibrate", "distance", named[0], "--cells"], cells].concat())
+    };
+    cells(&["1,1", "2,1"]).failed(1, &["120.mcap", "in 2 cells, at least 3"]);
+    cells(&["1,1", "2,1", "9,1"]).failed(2, &["--cells", "9,1", "5x3 cells"]);
+}

@@ -1,0 +1,138 @@
+use super::fixture::Fixture;
+
+/// A short arena scored by each of `algorithms` into a folder of that number.
+fn scored(algorithms: &[&[&str]]) -> Fixture {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 40);
+    for (i, names) in algorithms.iter().enumerate() {
+        let named = names.iter().flat_map(|name| ["--algo", name]);
+        let args: Vec<_> = ["score", "short.toml", "-q", "--out"]
+            .into_iter()
+            .chain([["0", "1", "2"][i]])
+            .chain(named)
+            .collect();
+        fixture.svl(&args).done();
+    }
+    fixture
+}
+
+#[test]
+fn one_algorithm_each_is_compared_whatever_it_is_called() {
+    let fixture = scored(&[&["v1"], &["v3"]]);
+    let text = fixture.svl(&["compare", "0", "1"]).done();
+    assert!(
+        text.contains("v1 → v3: 80 pairs, 0 with equal results"),
+        "{text}"
+    );
+    let line = text
+        .lines()
+        .find(|line| line.contains("wrong cells"))
+        .unwrap();
+    assert!(line.ends_with("better"), "{line}");
+    // Times of different moments are not judged.
+    let time = text
+        .lines()
+        .find(|line| line.contains("median time"))
+        .unwrap();
+    assert!(
+        time.contains("x .. ") && !time.contains("better") && !time.contains("WORSE"),
+        "{time}"
+    );
+}
+
+#[test]
+fn equal_runs_are_equal_and_json_says_all() {
+    let fixture = scored(&[&["v3", "bm"], &["v1", "v3"]]);
+    let json = fixture.svl(&["compare", "0", "1", "--json"]).done();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let v3 = &json[0]["algorithms"][0];
+    assert_eq!(
+        (v3["pairs"].as_u64(), v3["equal_results"].as_u64()),
+        (Some(80), Some(80))
+    );
+    let judgements = v3["metrics"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|m| m["metric"] != "time")
+        .map(|m| &m["judgement"]);
+    assert!(
+        judgements.into_iter().all(|judgement| judgement == "equal"),
+        "{v3}"
+    );
+    assert_eq!(json[0]["only_in_base"], serde_json::json!(["bm"]));
+    assert_eq!(json[0]["only_in_other"], serde_json::json!(["v1"]));
+}
+
+#[test]
+fn another_yardstick_judges_nothing() {
+    let fixture = scored(&[&["v1"]]);
+    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    fixture.write("one.toml", text.replace("seeds = [1, 2]", "seeds = [2]"));
+    fixture
+        .svl(&["score", "one.toml", "-q", "--algo", "v1", "--out", "1"])
+        .done();
+    let text = fixture.svl(&["compare", "0", "1"]).done();
+    assert!(
+        text.contains("The scenarios differ") && text.contains("40 pairs of one run alone"),
+        "{text}"
+    );
+    fixture
+        .svl(&["score", "one.toml", "-q", "--algo", "v3", "--out", "2"])
+        .done();
+    let text = fixture.svl(&["compare", "0", "2"]).done();
+    assert!(
+        text.contains("v1 → v3") && text.contains("0 with equal results"),
+        "{text}"
+    );
+    assert!(
+        ["  better", "  WORSE", "  differs"]
+            .iter()
+            .all(|word| !text.contains(word)),
+        "{text}"
+    );
+    // Checkpoints are summed over the runs that both have, so equal results are equal there too.
+    let json = fixture.svl(&["compare", "0", "1", "--json"]).done();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let checkpoints = json[0]["algorithms"][0]["checkpoints"].as_array().unwrap();
+    assert!(
+        checkpoints.iter().all(|c| c["judgement"] == "equal"),
+        "{checkpoints:?}"
+    );
+}
+
+#[test]
+fn what_cannot_be_compared_is_said() {
+    let fixture = scored(&[&["v3", "bm"], &["v1", "v2"]]);
+    fixture
+        .svl(&["compare", "0", "1"])
+        .failed(1, &["0 and 1: no algorithm in common (v3, bm; v1, v2)"]);
+    fixture
+        .svl(&["compare", "0", "missing"])
+        .failed(1, &["missing: is not a report"]);
+    fixture.svl(&["compare", "0"]).failed(2, &["see --help"]);
+    fixture.write_short_arena("other.toml", 40);
+    let text = std::fs::read_to_string(fixture.path("other.toml")).unwrap();
+    fixture.write("other.toml", text.replace("seeds = [1, 2]", "seeds = [3]"));
+    fixture
+        .svl(&["score", "other.toml", "-q", "--algo", "v3", "--out", "2"])
+        .done();
+    fixture
+        .svl(&["compare", "0", "2"])
+        .failed(1, &["no pair in common", "other scenarios, seeds"]);
+    let summary = std::fs::read_to_string(fixture.path("2/summary.json")).unwrap();
+    fixture.write(
+        "2/summary.json",
+        summary.replacen("\"incomplete\": null", "\"incomplete\": \"stopped\"", 1),
+    );
+    assert!(
+        fixture
+            .svl(&["compare", "2", "2"])
+            .done()
+            .contains("2 is incomplete: stopped")
+    );
+    fixture.write("0/rows.csv", "run_id,scenario\na,b\n");
+    fixture
+        .svl(&["compare", "0", "1"])
+        .failed(1, &["0/rows.csv"]);
+}

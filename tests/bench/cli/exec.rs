@@ -1,0 +1,132 @@
+//! A program as an algorithm, in every subcommand that takes one.
+#![cfg(unix)]
+
+use super::fixture::Fixture;
+
+const FAILS: &str = "exec:command=sh -c 'echo sorry >&2; exit 3'";
+
+/// Answers a pair of 40x20 pixels with zeros.
+const ZEROS: &str = r#"
+read -r line
+dd bs=1 count=1600 of=/dev/null 2>/dev/null
+echo '{"seq":1,"millis":2}'
+head -c 3200 /dev/zero
+"#;
+
+#[test]
+fn a_program_matches_a_pair_and_says_why_it_does_not() {
+    let fixture = Fixture::new();
+    fixture.write_pair("l.pgm", "r.pgm", (40, 20), 3);
+    fixture.write("zeros, all of them.sh", ZEROS);
+    let zeros = "exec:command=sh 'zeros, all of them.sh'";
+    let text = fixture
+        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", zeros])
+        .done();
+    assert!(text.contains("100.0 % of the pixels"), "{text}");
+    let error = fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "e.pfm", "--algo", FAILS]);
+    error.failed(1, &["sh -c", "exit status: 3", "it said: sorry"]);
+    assert!(!fixture.path("e.pfm").exists());
+}
+
+#[test]
+fn the_others_go_on_when_one_fails() {
+    let fixture = Fixture::new();
+    fixture
+        .svl(&["record", "--frames", "6", "-o", "a.mcap"])
+        .done();
+    let ran = fixture.svl(&[
+        "replay", "a.mcap", "--algo", FAILS, "--algo", "v3", "--rows", "rows.csv", "--rerun",
+        "run.rrd", "-o", "r.mcap",
+    ]);
+    assert_eq!(ran.code, Some(1));
+    assert!(
+        ran.stdout.contains("v3") && ran.stdout.contains("(6 pairs)"),
+        "{}",
+        ran.stdout
+    );
+    let told: Vec<_> = ran
+        .stderr
+        .lines()
+        .filter(|line| line.contains("on pair"))
+        .collect();
+    assert_eq!(
+        told.len(),
+        2,
+        "once for the same reason, once when it is given up:\n{}",
+        ran.stderr
+    );
+    assert!(
+        told[0].contains("exit status: 3")
+            && told[0].contains("sorry")
+            && told[1].contains("given up"),
+        "{told:?}"
+    );
+    assert!(
+        ran.stderr
+            .ends_with("error: algorithms failed on 6 pairs, as warned; all else is kept\n"),
+        "{}",
+        ran.stderr
+    );
+    let mut rows = csv::Reader::from_path(fixture.path("rows.csv")).unwrap();
+    let column = rows
+        .headers()
+        .unwrap()
+        .iter()
+        .position(|h| h == "algorithm")
+        .unwrap();
+    assert_eq!(
+        rows.records()
+            .map(|r| r.unwrap()[column].to_owned())
+            .collect::<Vec<_>>(),
+        ["v3"; 6]
+    );
+}
+
+#[test]
+fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 60);
+    let alone = fixture
+        .svl(&[
+            "score",
+            "short.toml",
+            "--algo",
+            "v3",
+            "--json",
+            "--out",
+            "alone",
+        ])
+        .done();
+    let both = fixture.svl(&[
+        "score",
+        "short.toml",
+        "--algo",
+        FAILS,
+        "--algo",
+        "v3",
+        "--json",
+        "--out",
+        "both",
+    ]);
+    assert_eq!(both.code, Some(1), "{}", both.stderr);
+    let [alone, both] =
+        [alone, both.stdout].map(|text| serde_json::from_str::<serde_json::Value>(&text).unwrap());
+    for key in ["cells_right", "cells_wrong", "cells_unknown", "pairs"] {
+        assert_eq!(
+            alone["algorithms"][0][key], both["algorithms"][0][key],
+            "{key}"
+        );
+    }
+    let passed = |json: &serde_json::Value| {
+        let checkpoints = json["checkpoints"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|c| c["algorithm"] == "v3");
+        checkpoints
+            .map(|c| (c["frames"].clone(), c["passed"].clone()))
+            .collect::<Vec<_>>()
+    };
+    assert!(!passed(&alone).is_empty());
+    assert_eq!(passed(&alone), passed(&both));
+}

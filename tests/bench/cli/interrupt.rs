@@ -1,0 +1,203 @@
+//! Ctrl-C, as the terminal sends it.
+#![cfg(unix)]
+
+use super::fixture::Fixture;
+use super::server::{Manners, Server};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use svl::source::{RecordingSource, Source};
+
+/// Starts `svl`, waits until `ready`, sends SIGINT and returns the exit code with what it printed
+/// to standard error.
+pub fn interrupted(
+    fixture: &Fixture,
+    args: &[&str],
+    ready: impl Fn() -> bool,
+) -> (Option<i32>, String) {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
+    command
+        .current_dir(fixture.path(""))
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
+    // Servers of tests are on this machine, whatever proxy there is.
+    command.env("NO_PROXY", "127.0.0.1");
+    let child = command.spawn().unwrap();
+    let began = Instant::now();
+    while !ready() {
+        assert!(began.elapsed() < Duration::from_secs(120), "it never began");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
+    let output = child.wait_with_output().unwrap();
+    (
+        output.status.code(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+fn size(fixture: &Fixture, name: &str) -> u64 {
+    fixture.path(name).metadata().map_or(0, |m| m.len())
+}
+
+#[test]
+fn a_recording_is_whole_after_ctrl_c() {
+    let fixture = Fixture::new();
+    let (code, stderr) = interrupted(&fixture, &["record", "-o", "a.mcap"], || {
+        size(&fixture, "a.mcap") > 1_000_000
+    });
+    assert_eq!(code, Some(0), "{stderr}");
+    let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
+    let pairs = source.pairs().expect("a whole recording knows its length");
+    assert!((1..280).contains(&pairs), "{pairs}");
+    assert!(
+        (0..pairs).all(|_| source.next().unwrap().is_some()) && source.next().unwrap().is_none()
+    );
+}
+
+#[test]
+fn cameras_stop_orderly() {
+    let fixture = Fixture::new();
+    let args = ["record", "sim:size=320x240,pictures=2", "-o", "a.mcap"];
+    let (code, stderr) = interrupted(&fixture, &args, || size(&fixture, "a.mcap") > 100_000);
+    assert_eq!(code, Some(0), "{stderr}");
+    let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
+    let pairs = source.pairs().expect("a whole recording knows its length");
+    assert!(
+        pairs > 0
+            && (0..pairs).all(|_| source.next().unwrap().is_some())
+            && source.next().unwrap().is_none()
+    );
+}
+
+#[test]
+fn cameras_that_give_no_pair_can_be_stopped() {
+    let fixture = Fixture::new();
+    let sim = "sim:size=320x240,pictures=2,right.phase_ms=15";
+    let args = [
+        "record",
+        sim,
+        "--trigger",
+        "free",
+        "--max-skew-ms",
+        "1",
+        "-o",
+        "a.mcap",
+    ];
+    let (code, stderr) = interrupted(&fixture, &args, || fixture.path("a.mcap").exists());
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(
+        stderr.contains("stopped before the first pair") && stderr.lines().count() == 1,
+        "{stderr}"
+    );
+    assert!(
+        !fixture.path("a.mcap").exists(),
+        "a file without a pair stands in the way"
+    );
+}
+
+#[test]
+fn a_score_reports_what_it_had() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 200);
+    let rows = "reports/arena/rows.csv";
+    let (code, stderr) = interrupted(&fixture, &["score", "short.toml", "-q"], || {
+        size(&fixture, rows) > 3000
+    });
+    assert_eq!(code, Some(1));
+    assert!(
+        stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1,
+        "{stderr}"
+    );
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(fixture.path("reports/arena/summary.json")).unwrap())
+            .unwrap();
+    let counts = json["algorithms"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|a| a["pairs"].as_u64().unwrap());
+    let (pairs, total) = counts.fold((0, 0), |(most, sum), pairs| (pairs.max(most), sum + pairs));
+    assert!((1..400).contains(&pairs), "{pairs}");
+    let lines = std::fs::read_to_string(fixture.path(rows))
+        .unwrap()
+        .lines()
+        .count() as u64;
+    assert_eq!(lines, total + 1);
+}
+
+#[test]
+fn a_download_keeps_what_came() {
+    let fixture = Fixture::new();
+    let file = "cones/cones-png-2.zip";
+    let server = Server::new(
+        &[(file, vec![7; 1 << 20])],
+        Manners {
+            drips: true,
+            ..Manners::default()
+        },
+    );
+    let part = format!("d/middlebury2003/{file}.part");
+    let args = [
+        "datasets",
+        "fetch",
+        "middlebury2003",
+        "--from",
+        &server.url,
+        "--data",
+        "d",
+        "-q",
+    ];
+    let (code, stderr) = interrupted(&fixture, &args, || size(&fixture, &part) > 2000);
+    assert_eq!(code, Some(1));
+    assert!(
+        stderr.contains("stopped; run it again to go on from there") && stderr.lines().count() == 1,
+        "{stderr}"
+    );
+    assert!(
+        size(&fixture, &part) > 2000 && !fixture.path(&format!("d/middlebury2003/{file}")).exists()
+    );
+}
+
+#[test]
+fn a_reproduction_keeps_an_earlier_report_until_it_has_another() {
+    let fixture = Fixture::new();
+    fixture.write("reports/reproduce/reproduce.md", "earlier");
+    fixture.write("reports/reproduce/reproduce.json", "{}");
+    let recordings =
+        || std::fs::read_dir(fixture.path("recordings")).is_ok_and(|files| files.count() > 0);
+    // Of 7.3 the arena's run is made first: there is nothing to report yet.
+    let (code, stderr) = interrupted(&fixture, &["reproduce", "7.3", "-q"], recordings);
+    assert_eq!(code, Some(1));
+    assert!(
+        stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1,
+        "{stderr}"
+    );
+    assert_eq!(
+        std::fs::read_to_string(fixture.path("reports/reproduce/reproduce.md")).unwrap(),
+        "earlier"
+    );
+}
+
+#[test]
+fn a_calibration_uses_what_was_accepted() {
+    let fixture = Fixture::new();
+    let args = ["calibrate", "board", "board", "--yes", "-o", "calib.xml"];
+    let (code, stderr) = interrupted(&fixture, &args, || {
+        fixture.path("calib-report/right08.png").exists()
+    });
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(
+        fixture.path("calib.xml").is_file() && fixture.path("calib-report/index.html").is_file()
+    );
+    assert!(
+        !fixture.path("calib-report/left20.png").exists(),
+        "it went on to the end"
+    );
+}

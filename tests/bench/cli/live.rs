@@ -1,0 +1,267 @@
+//! Recording from simulated cameras.
+
+use super::fixture::Fixture;
+use svl::source::{RecordingSource, Source};
+use svl::stereo::Frame;
+
+/// Small ones, which begin at once.
+const SIM: &str = "sim:size=64x48,pictures=2";
+
+fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
+    let mut source = RecordingSource::open(fixture.path(name)).unwrap();
+    std::iter::from_fn(|| source.next().unwrap()).collect()
+}
+
+#[test]
+fn cameras_are_recorded_and_what_was_done_is_told() {
+    let fixture = Fixture::new();
+    let text = fixture
+        .svl(&[
+            "record",
+            SIM,
+            "--frames",
+            "20",
+            "-o",
+            "a.mcap",
+            "--when-full",
+            "wait",
+        ])
+        .done();
+    for words in [
+        "pulses",
+        "0 pairs dropped",
+        "skew p50 0.000 p99 0.000 max 0.000 ms",
+        "lateness p50",
+        "a.mcap: 20 pairs",
+    ] {
+        assert!(text.contains(words), "'{words}' is not in: {text}");
+    }
+    let frames = frames(&fixture, "a.mcap");
+    assert_eq!(frames.len(), 20);
+    for (i, frame) in frames.iter().enumerate() {
+        assert_eq!(
+            (
+                frame.sequence,
+                frame.exposure.trigger_id,
+                frame.exposure.skew_ns
+            ),
+            (i as u64, i as u64, 0)
+        );
+        assert!(
+            frame.exposure.shutter_us > 0 && frame.rig().is_some() && frame.pair.size() == (64, 48)
+        );
+    }
+    assert!(
+        fixture
+            .svl(&["-q", "record", SIM, "--frames", "1"])
+            .done()
+            .is_empty()
+    );
+    assert!(fixture.path("recordings/sim-1.mcap").is_file());
+}
+
+#[test]
+fn every_image_is_in_a_pair_or_counted() {
+    let fixture = Fixture::new();
+    let late = format!("{SIM},right.jitter_ms=12");
+    let runs = [
+        ("duration", &[SIM, "--duration", "0.5"][..], 0),
+        ("frames", &[SIM, "--frames", "9"], 0),
+        (
+            "order",
+            &[
+                &late,
+                "--trigger",
+                "fixed:60",
+                "--pairing",
+                "order",
+                "--duration",
+                "0.5",
+            ],
+            0,
+        ),
+        (
+            "hang",
+            &[
+                "sim:size=64x48,pictures=2,left.hang_at=7",
+                "--trigger",
+                "fixed:50",
+                "--timeout",
+                "0.2",
+            ],
+            1,
+        ),
+    ];
+    for (name, args, code) in runs {
+        let file = format!("{name}.mcap");
+        assert_eq!(
+            fixture.svl(&[&["record", "-o", &file], args].concat()).code,
+            Some(code),
+            "{name}"
+        );
+        let info = fixture.svl(&["info", &file]).done();
+        assert!(
+            info.contains("grabbed    ")
+                && info.contains("ended      by an error: ") == (code == 1),
+            "{info}"
+        );
+        let info: serde_json::Value =
+            serde_json::from_str(&fixture.svl(&["info", &file, "--json"]).done()).unwrap();
+        let count = |fact: &str| {
+            info["grabber"][fact]
+                .as_str()
+                .unwrap()
+                .parse::<u64>()
+                .unwrap()
+        };
+        let facts = info["grabber"].as_object().unwrap();
+        let unpaired: u64 = facts
+            .keys()
+            .filter(|fact| fact.starts_with("unpaired"))
+            .map(|fact| count(fact))
+            .sum();
+        let written = info["pairs"].as_u64().unwrap();
+        assert_eq!(
+            count("pairs"),
+            written + count("dropped_pairs") + count("unread_pairs"),
+            "{name}: {facts:?}"
+        );
+        assert_eq!(
+            count("left_images") + count("right_images"),
+            2 * count("pairs") + unpaired,
+            "{name}: {facts:?}"
+        );
+    }
+}
+
+#[test]
+fn every_trigger_records() {
+    let fixture = Fixture::new();
+    for (name, trigger) in [
+        ("fixed.mcap", "fixed:20"),
+        ("free.mcap", "free"),
+        ("soft.mcap", "software"),
+    ] {
+        fixture
+            .svl(&[
+                "record",
+                SIM,
+                "--trigger",
+                trigger,
+                "--frames",
+                "5",
+                "-o",
+                name,
+            ])
+            .done();
+        assert_eq!(frames(&fixture, name).len(), 5);
+    }
+}
+
+#[test]
+fn what_came_before_a_camera_failed_is_kept() {
+    let fixture = Fixture::new();
+    for (name, fault, words) in [
+        ("h.mcap", "hang_at", "silent for 3.0 s"),
+        ("d.mcap", "disconnect_at", "disconnected"),
+    ] {
+        let sim = format!("{SIM},right.{fault}=3");
+        fixture
+            .svl(&["record", &sim, "-o", name])
+            .failed(1, &["right camera, sim right", words]);
+        assert_eq!(frames(&fixture, name).len(), 3);
+        assert!(
+            fixture
+                .svl(&["info", name])
+                .done()
+                .contains("whole      yes")
+        );
+    }
+}
+
+/// Nothing comes in a period that is longer than a camera may usually be silent.
+#[test]
+fn slow_cameras_are_not_silent_ones() {
+    let fixture = Fixture::new();
+    let free = [
+        "record",
+        SIM,
+        "--trigger",
+        "free",
+        "--rate",
+        "0.5",
+        "--timeout",
+        "0.3",
+        "--frames",
+        "2",
+        "-o",
+        "a.mcap",
+    ];
+    fixture.svl(&free).done();
+}
+
+#[test]
+fn devices_are_listed() {
+    let text = Fixture::new().svl(&["record", "--list"]).done();
+    assert!(text.starts_with("sim  "), "{text}");
+    assert_eq!(
+        text.contains("genicam                 not built in"),
+        cfg!(not(feature = "genicam")),
+        "{text}"
+    );
+}
+
+#[test]
+fn wrong_usage_is_one_line() {
+    let fixture = Fixture::new();
+    fixture
+        .svl(&["record", "sim:arm=3", "-o", "a.mcap"])
+        .failed(2, &["sim: no option 'arm'", "arm_ms"]);
+    fixture
+        .svl(&["record", "arena", "--rate", "3"])
+        .failed(2, &["--rate is for cameras", "'arena'"]);
+    fixture
+        .svl(&["record", SIM, "--trigger", "fixed:9", "--rate", "9"])
+        .failed(2, &["leave --rate out"]);
+    fixture
+        .svl(&["record", SIM, "--trigger", "free", "--pairing", "trigger"])
+        .failed(2, &["--pairing stamp"]);
+    fixture
+        .svl(&["record", SIM, "--max-skew-ms", "3"])
+        .failed(2, &["--max-skew-ms is for --pairing stamp"]);
+    fixture
+        .svl(&["record", SIM, "--rate", "5000"])
+        .failed(2, &["--rate", "0.1 to 1000"]);
+    fixture
+        .svl(&["record", SIM, "--trigger", "often"])
+        .failed(2, &["--trigger", "serial:DEVICE"]);
+    fixture
+        .svl(&["record", SIM, "--trigger", "serial:/dev/nowhere"])
+        .failed(1, &["/dev/nowhere: cannot be opened"]);
+    fixture
+        .svl(&["record", SIM, "--list"])
+        .failed(2, &["--list"]);
+    let v4l2 = "v4l2:/dev/video98,/dev/video99";
+    let built = cfg!(all(feature = "v4l2", target_os = "linux"));
+    let words = if built {
+        ["/dev/video98", "no such device"]
+    } else {
+        ["built without v4l2", "--features v4l2"]
+    };
+    fixture.svl(&["record", v4l2]).failed(1, &words);
+    fixture
+        .svl(&["record", v4l2, "--trigger", "software"])
+        .failed(2, &["cannot trigger v4l2 cameras", "serial:DEVICE"]);
+    fixture
+        .svl(&["record", v4l2, "--seed", "3"])
+        .failed(2, &["--seed", v4l2]);
+    fixture
+        .svl(&["record", "genicam:a,b", "--seed", "3"])
+        .failed(2, &["genicam:a,b: ", "leave --seed out"]);
+    if cfg!(not(feature = "genicam")) {
+        fixture
+            .svl(&["record", "genicam:a,b"])
+            .failed(1, &["genicam:a,b", "libaravis-dev", "--features genicam"]);
+    }
+    assert!(!fixture.path("a.mcap").exists());
+}

@@ -1,0 +1,313 @@
+use super::fixture::{Fixture, datasets, pgm};
+use nalgebra::Isometry3;
+use svl::calibrate::files;
+use svl::recording::{CALIBRATION, Recording};
+use svl::source::{RecordingSource, Source};
+use svl::stereo::{Intrinsics, LengthUnit, StereoCalibration};
+
+const SIZE: (usize, usize) = (320, 240);
+/// By so much the right camera looks higher, and sees things lower.
+const LOWER: f64 = 6.0;
+
+/// A folder `raw` of pairs of a wall at disparity 12, and its calibration in `rig.yml`.
+fn raw_pairs(fixture: &Fixture, pairs: usize) {
+    let wall = |x: f64, y: f64| {
+        let wave = |a: f64, b: f64, c: f64| (a * x + b * y + c).sin();
+        let fine = 30.0 * wave(0.61, 0.13, 0.3) * wave(-0.11, 0.57, 1.7);
+        128.0
+            + 50.0 * wave(0.31, 0.07, 0.0) * wave(-0.05, 0.27, 1.0)
+            + 40.0 * wave(0.171, -0.133, 3.0)
+            + fine
+    };
+    let image = |dx: f64, dy: f64| {
+        let pixels = (0..SIZE.0 * SIZE.1)
+            .map(|i| wall((i % SIZE.0) as f64 + dx, (i / SIZE.0) as f64 + dy) as u8);
+        pgm(SIZE.0, SIZE.1, &pixels.collect::<Vec<_>>())
+    };
+    for i in 0..pairs {
+        let moved = 5.0 * i as f64;
+        fixture.write(&format!("raw/left/{i}.pgm"), image(moved, 0.0));
+        fixture.write(&format!("raw/right/{i}.pgm"), image(moved + 12.0, -LOWER));
+    }
+    let camera = |cy| Intrinsics::new(SIZE, (300.0, 300.0), (159.5, cy), [0.0; 5]).unwrap();
+    let apart = Isometry3::translation(-0.1, 0.0, 0.0);
+    let rig = StereoCalibration::new(
+        camera(119.5),
+        camera(119.5 + LOWER),
+        apart,
+        LengthUnit::Metres,
+    )
+    .unwrap();
+    files::write(&fixture.path("rig.yml"), &rig).unwrap();
+}
+
+#[test]
+fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
+    let fixture = Fixture::new();
+    raw_pairs(&fixture, 3);
+    fixture.svl(&["record", "raw", "-o", "raw.mcap"]).done();
+    fixture
+        .svl(&[
+            "record",
+            "raw.mcap",
+            "--calib",
+            "rig.yml",
+            "-o",
+            "rectified.mcap",
+        ])
+        .done();
+    let frame = RecordingSource::open(fixture.path("rectified.mcap"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap();
+    let rig = frame.rig().unwrap();
+    assert_eq!((rig.baseline_m(), rig.doffs_px()), (0.1, 0.0));
+    // A line of half of 6 rows is lost above and below: the focal length grows by as much.
+    assert!(
+        (rig.focal_px() - 300.0 * 239.0 / 233.0).abs() < 0.1,
+        "{rig:?}"
+    );
+
+    let open = |file: &str| Recording::open(fixture.path(file)).unwrap();
+    let header = open("rectified.mcap").header().unwrap();
+    assert_eq!(header.calibration.as_deref(), Some("rig.yml"));
+    let attached = |file: &str| {
+        let name = format!("{CALIBRATION}rig.yml");
+        open(file).attachment(&name).unwrap().unwrap()
+    };
+    assert_eq!(
+        attached("rectified.mcap"),
+        std::fs::read(fixture.path("rig.yml")).unwrap()
+    );
+    let info = fixture.svl(&["info", "rectified.mcap"]).done();
+    assert!(info.contains("rectified  by rig.yml"), "{info}");
+
+    let rows = |args: &[&str], rows: &str| {
+        let common = ["--algo", "v3", "--algo", "bm", "--rows", rows];
+        let ran = fixture.svl(&[&["replay"], args, &common].concat());
+        let warned = ran.stderr.clone();
+        ran.done();
+        let table = std::fs::read_to_string(fixture.path(rows)).unwrap();
+        let hashes = |name: &str| {
+            let at = table
+                .lines()
+                .next()
+                .unwrap()
+                .split(',')
+                .position(|column| column == name)
+                .unwrap();
+            table
+                .lines()
+                .skip(1)
+                .map(|row| row.split(',').nth(at).unwrap().to_owned())
+                .collect::<Vec<_>>()
+        };
+        ((hashes("pair_hash"), hashes("result_hash")), warned)
+    };
+    let (recorded, warned) = rows(&["rectified.mcap", "-o", "result.mcap"], "recorded.csv");
+    assert_eq!(warned, "");
+    assert_eq!(
+        attached("result.mcap"),
+        attached("rectified.mcap"),
+        "the calibration travels on"
+    );
+    let (replayed, warned) = rows(&["raw.mcap", "--calib", "rig.yml"], "replayed.csv");
+    assert_eq!(warned, "");
+    assert_eq!((recorded.0.len(), &recorded), (6, &replayed));
+    let (raw, warned) = rows(&["raw.mcap"], "raw.csv");
+    assert_ne!(raw, replayed);
+    assert!(
+        warned.contains("rows of left and right are 6.0 px apart") && warned.contains("--calib"),
+        "{warned}"
+    );
+}
+
+#[test]
+fn how_far_rows_are_apart_is_measured() {
+    let fixture = Fixture::new();
+    raw_pairs(&fixture, 2);
+    let ran = fixture.svl(&["calibrate", "check", "raw"]);
+    assert_eq!(ran.code, Some(1));
+    assert!(
+        ran.stdout.contains("right image 6.0") && ran.stdout.contains("shifted"),
+        "{}",
+        ran.stdout
+    );
+    assert!(
+        ran.stderr
+            .starts_with("error: raw: rows of left and right are 6.0 px apart"),
+        "{}",
+        ran.stderr
+    );
+    let good = fixture
+        .svl(&["calibrate", "check", "raw", "--calib", "rig.yml", "--json"])
+        .done();
+    let good: serde_json::Value = serde_json::from_str(&good).unwrap();
+    assert!(
+        good["median_abs_px"].as_f64().unwrap() < 0.1 && good["pairs"] == 2,
+        "{good}"
+    );
+    assert_eq!(good["parts_px"].as_array().unwrap().len(), 3);
+    let flat = pgm(SIZE.0, SIZE.1, &[90; SIZE.0 * SIZE.1]);
+    fixture.write("flat/left/1.pgm", &flat);
+    fixture.write("flat/right/1.pgm", &flat);
+    fixture
+        .svl(&["calibrate", "check", "flat"])
+        .failed(1, &["too few points", "(0)"]);
+}
+
+#[test]
+fn without_a_calibration_the_pictures_are_enough_for_rows() {
+    let fixture = Fixture::new();
+    raw_pairs(&fixture, 3);
+    fixture
+        .svl(&[
+            "record",
+            "raw",
+            "--calib",
+            "estimate",
+            "-o",
+            "estimated.mcap",
+        ])
+        .done();
+    fixture
+        .svl(&["calibrate", "check", "estimated.mcap"])
+        .done();
+    let mut source = RecordingSource::open(fixture.path("estimated.mcap")).unwrap();
+    assert!(
+        source.next().unwrap().unwrap().rig().is_none(),
+        "distances stay unknown"
+    );
+    assert_eq!(source.pairs(), Some(3));
+}
+
+#[test]
+fn what_cannot_be_rectified_is_refused_with_the_cure() {
+    let fixture = Fixture::new();
+    raw_pairs(&fixture, 1);
+    fixture
+        .svl(&[
+            "record",
+            "raw",
+            "--calib",
+            "rig.yml",
+            "--alpha",
+            "0.5",
+            "-o",
+            "once.mcap",
+        ])
+        .done();
+    let twice = fixture.svl(&[
+        "record",
+        "once.mcap",
+        "--calib",
+        "rig.yml",
+        "-o",
+        "twice.mcap",
+    ]);
+    twice.failed(1, &["once.mcap", "leave --calib out"]);
+    assert!(!fixture.path("twice.mcap").exists());
+    fixture
+        .svl(&["replay", "once.mcap", "--calib", "no.yml"])
+        .failed(1, &["no.yml", "no such file"]);
+    fixture
+        .svl(&["record", "raw", "--alpha", "0.5", "-o", "a.mcap"])
+        .failed(2, &["--calib"]);
+    fixture
+        .svl(&[
+            "record", "raw", "--calib", "rig.yml", "--alpha", "2", "-o", "a.mcap",
+        ])
+        .failed(2, &["0 to 1"]);
+    fixture.write("small/left/1.pgm", pgm(20, 10, &[0; 200]));
+    fixture.write("small/right/1.pgm", pgm(20, 10, &[0; 200]));
+    let small = fixture.svl(&["record", "small", "--calib", "rig.yml", "-o", "a.mcap"]);
+    small.failed(1, &["20x10", "320x240"]);
+    fixture
+        .svl(&["record", "small", "--calib", "estimate", "-o", "a.mcap"])
+        .failed(1, &["0 points", "calibrate"]);
+}
+
+#[test]
+fn bags_of_raw_images_are_rectified_by_what_they_say() {
+    let Some(folder) = datasets().map(|folder| folder.join("euroc-v1_01_easy")) else {
+        return;
+    };
+    let fixture = Fixture::new();
+    for bag in ["euroc_4frames_ros2.mcap", "euroc_4frames_foxglove_png.mcap"] {
+        let bag = folder.join(bag).display().to_string();
+        let ran = fixture.svl(&["record", &bag, "--force", "-o", "rectified.mcap"]);
+        assert!(
+            ran.stderr
+                .contains("rectified by what it says of its cameras"),
+            "{}",
+            ran.stderr
+        );
+        ran.done();
+        let good = fixture
+            .svl(&["calibrate", "check", "rectified.mcap", "--json"])
+            .done();
+        let good: serde_json::Value = serde_json::from_str(&good).unwrap();
+        assert!(good["median_abs_px"].as_f64().unwrap() < 0.15, "{good}");
+        let frame = RecordingSource::open(fixture.path("rectified.mcap"))
+            .unwrap()
+            .next()
+            .unwrap()
+            .unwrap();
+        assert!((frame.rig().unwrap().baseline_m() - 0.11008).abs() < 1e-4);
+        let raw = fixture.svl(&["replay", &bag, "--calib", "none"]);
+        assert!(
+            raw.stderr.contains("not rectified") && raw.stderr.contains("px apart"),
+            "{}",
+            raw.stderr
+        );
+        raw.done();
+
+        // Left raw, the recording keeps what rectifies it, and so does a copy.
+        fixture
+            .svl(&[
+                "record", &bag, "--force", "--calib", "none", "-o", "raw.mcap",
+            ])
+            .done();
+        fixture
+            .svl(&["record", "raw.mcap", "--force", "-o", "copy.mcap"])
+            .done();
+        let info = fixture.svl(&["info", "copy.mcap"]).done();
+        assert!(
+            info.contains("attached   calibration/left.yaml,") && !info.contains("rectified  "),
+            "{info}"
+        );
+        let by_itself = [
+            "record",
+            "copy.mcap",
+            "--calib",
+            "copy.mcap",
+            "--force",
+            "-o",
+            "later.mcap",
+        ];
+        fixture.svl(&by_itself).done();
+        let pair = |name: &str| {
+            RecordingSource::open(fixture.path(name))
+                .unwrap()
+                .next()
+                .unwrap()
+                .unwrap()
+        };
+        assert!(
+            pair("later.mcap").pair == pair("rectified.mcap").pair,
+            "to the bit"
+        );
+        assert_eq!(pair("later.mcap").geometry, pair("rectified.mcap").geometry);
+        let without = fixture.svl(&[
+            "record",
+            "copy.mcap",
+            "--calib",
+            "rectified.mcap",
+            "--force",
+            "-o",
+            "later.mcap",
+        ]);
+        without.failed(1, &["rectified.mcap: keeps no calibration"]);
+    }
+}

@@ -1,0 +1,462 @@
+use super::fixture::Fixture;
+
+fn recorded(frames: &str) -> Fixture {
+    let fixture = Fixture::new();
+    fixture
+        .svl(&["record", "--frames", frames, "-o", "a.mcap"])
+        .done();
+    fixture
+}
+
+fn hashes(fixture: &Fixture, rows: &str, args: &[&str]) -> Vec<String> {
+    fixture
+        .svl(&[&["replay", "a.mcap", "--rows", rows], args].concat())
+        .done();
+    column(fixture, rows)
+}
+
+fn column(fixture: &Fixture, rows: &str) -> Vec<String> {
+    let mut reader = csv::Reader::from_path(fixture.path(rows)).unwrap();
+    let column = reader
+        .headers()
+        .unwrap()
+        .iter()
+        .position(|h| h == "result_hash")
+        .unwrap();
+    reader
+        .records()
+        .map(|r| r.unwrap()[column].to_owned())
+        .collect()
+}
+
+#[test]
+fn same_hashes_on_any_number_of_threads_and_any_instruction_set() {
+    let fixture = recorded("3");
+    let one = hashes(&fixture, "one.csv", &["--threads", "1"]);
+    assert_eq!(one.len(), 3);
+    assert_ne!(one[0], one[2], "frames differ, so should their results");
+    assert_eq!(one, hashes(&fixture, "two.csv", &["--threads", "2"]));
+    for isa in svl::kernel::Isa::available() {
+        let rows = format!("{}.csv", isa.name());
+        fixture
+            .svl_with(
+                &["replay", "a.mcap", "--rows", &rows],
+                &[("SVL_ISA", isa.name())],
+            )
+            .done();
+        assert_eq!(one, column(&fixture, &rows), "{}", isa.name());
+    }
+}
+
+#[test]
+fn several_algorithms_share_one_run() {
+    let fixture = recorded("2");
+    let text = fixture
+        .svl(&[
+            "replay",
+            "a.mcap",
+            "--algo",
+            "v3",
+            "--algo",
+            "v3:max_disparity=40",
+        ])
+        .done();
+    assert!(
+        text.contains("v3:max_disparity=40") && text.contains("a.mcap (2 pairs)"),
+        "{text}"
+    );
+    let args = [
+        "replay",
+        "a.mcap",
+        "--algo",
+        "v3",
+        "--rerun",
+        "run.rrd",
+        "-o",
+        "result.mcap",
+        "--rows",
+        "r.parquet",
+        "--json",
+    ];
+    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    assert_eq!(json["algorithms"][0]["pairs"], 2);
+    for file in ["run.rrd", "result.mcap", "r.parquet"] {
+        assert!(
+            fixture.path(file).metadata().unwrap().len() > 1000,
+            "{file}"
+        );
+    }
+    assert!(
+        fixture
+            .svl(&["info", "result.mcap"])
+            .done()
+            .contains("/algo/v3/disparity")
+    );
+}
+
+#[test]
+fn without_a_recording_it_takes_the_newest() {
+    let fixture = Fixture::new();
+    fixture.svl(&["record", "--frames", "2"]).done();
+    let text = fixture.svl(&["replay"]).done();
+    assert!(
+        text.contains("recordings/arena-seed1-1.mcap (2 pairs)"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_cut_recording_is_replayed_as_far_as_it_goes() {
+    let fixture = recorded("6");
+    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
+    let ran = fixture.svl(&["replay", "cut.mcap", "--rows", "rows.csv"]);
+    let rows = std::fs::read_to_string(fixture.path("rows.csv"))
+        .unwrap()
+        .lines()
+        .count()
+        - 1;
+    assert!((1..6).contains(&rows), "{rows} pairs are whole");
+    assert!(
+        ran.stdout.contains(&format!("cut.mcap ({rows} pairs)")),
+        "{}",
+        ran.stdout
+    );
+    ran.failed(1, &["cut.mcap"]);
+}
+
+#[test]
+fn bad_input_is_one_line_that_names_it() {
+    let fixture = recorded("1");
+    fixture.write("empty.mcap", "");
+    fixture.write(
+        "text.mcap",
+        "this is not a recording, and long enough to look at",
+    );
+    fixture
+        .svl(&["replay", "missing.mcap"])
+        .failed(1, &["missing.mcap: no such file"]);
+    fixture
+        .svl(&["replay", "empty.mcap"])
+        .failed(1, &["empty.mcap"]);
+    fixture
+        .svl(&["replay", "text.mcap"])
+        .failed(1, &["text.mcap", "MCAP"]);
+    fixture.svl(&["replay", "."]).failed(1, &["."]);
+    fixture
+        .svl(&["replay", "a.mcap", "--algo", "v2x"])
+        .failed(2, &["unknown algorithm 'v2x'"]);
+    fixture
+        .svl(&["replay", "a.mcap", "--rate", "0"])
+        .failed(2, &["asap"]);
+    fixture
+        .svl(&["replay", "a.mcap", "--rows", "rows.txt"])
+        .failed(2, &["rows.txt: must end in .csv or .parquet"]);
+    fixture
+        .svl(&["replay", "a.mcap", "--rows", "no/rows.csv"])
+        .failed(1, &["no: no such folder"]);
+    fixture
+        .svl(&["replay", "a.mcap", "-o", "a.mcap"])
+        .failed(2, &["a.mcap: named twice"]);
+    fixture
+        .svl(&["replay", "a.mcap", "-o", "a.mcap", "--force"])
+        .failed(2, &["a.mcap: named twice"]);
+    fixture
+        .svl(&["replay", "a.mcap", "--rerun", "spwan"])
+        .failed(2, &["'spwan' is no Rerun target", "`spawn`"]);
+    fixture
+        .svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"])
+        .failed(2, &["v3: named twice"]);
+    fixture
+        .svl(&[
+            "replay",
+            "a.mcap",
+            "--algo",
+            "v3:min_disparity=9,max_disparity=3",
+        ])
+        .failed(2, &["min_disparity"]);
+}
+
+#[test]
+fn without_any_recording_it_records_the_arena_first() {
+    let fixture = Fixture::new();
+    let ran = fixture.svl(&["replay", "--json"]);
+    assert!(
+        ran.stderr.contains("recording the arena first"),
+        "{}",
+        ran.stderr
+    );
+    let json: serde_json::Value = serde_json::from_str(&ran.done()).unwrap();
+    assert_eq!(json["algorithms"][0]["pairs"], 280);
+}
+
+#[test]
+fn force_replaces_what_is_there_only_by_something_whole() {
+    let fixture = recorded("6");
+    fixture.write("rows.csv", "precious");
+    fixture.write("bad.mcap", "not a recording");
+    fixture
+        .svl(&["replay", "bad.mcap", "--rows", "rows.csv", "--force"])
+        .failed(1, &["bad.mcap"]);
+    assert_eq!(
+        std::fs::read(fixture.path("rows.csv")).unwrap(),
+        b"precious"
+    );
+    fixture
+        .svl(&["replay", "a.mcap", "--rows", "rows.csv", "--force"])
+        .done();
+    assert!(
+        std::fs::read_to_string(fixture.path("rows.csv"))
+            .unwrap()
+            .starts_with("run_id")
+    );
+    assert_eq!(
+        std::fs::read_dir(fixture.path("")).unwrap().count(),
+        3,
+        "nothing is left over"
+    );
+
+    // Of a recording that ends early the rows are a part: they and the earlier file stay.
+    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
+    fixture.write("rows.csv", "precious");
+    assert_eq!(
+        fixture
+            .svl(&["replay", "cut.mcap", "--rows", "rows.csv", "--force"])
+            .code,
+        Some(1)
+    );
+    assert!(
+        std::fs::read_to_string(fixture.path("rows.csv"))
+            .unwrap()
+            .starts_with("run_id")
+    );
+    let names = std::fs::read_dir(fixture.path(""))
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let earlier = names
+        .into_iter()
+        .find(|path| path.extension().is_some_and(|e| e == "earlier"))
+        .unwrap();
+    assert_eq!(std::fs::read(earlier).unwrap(), b"precious");
+}
+
+#[test]
+fn verify_proves_equal_results() {
+    let fixture = recorded("3");
+    let args = [
+        "replay",
+        "a.mcap",
+        "--algo",
+        "v3",
+        "--algo",
+        "bm",
+        "-o",
+        "result.mcap",
+        "--rows",
+        "rows.csv",
+    ];
+    fixture.svl(&args).done();
+    let text = fixture.svl(&["replay", "result.mcap", "--verify"]).done();
+    assert!(
+        text.ends_with("verified: 6 results equal those of result.mcap\n"),
+        "{text}"
+    );
+    let json = fixture
+        .svl(&[
+            "replay",
+            "a.mcap",
+            "--algo",
+            "bm",
+            "--verify=rows.csv",
+            "--json",
+        ])
+        .done();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(
+        (
+            json["verification"]["equal"].as_u64(),
+            json["algorithms"][0]["pairs"].as_u64()
+        ),
+        (Some(3), Some(3))
+    );
+}
+
+#[test]
+fn verify_tells_what_differs() {
+    let fixture = recorded("3");
+    fixture
+        .svl(&["replay", "a.mcap", "--rows", "rows.csv"])
+        .done();
+    let rows = std::fs::read_to_string(fixture.path("rows.csv")).unwrap();
+    let hash = column(&fixture, "rows.csv")[1].clone();
+    std::fs::write(fixture.path("other.csv"), rows.replace(&hash, "0")).unwrap();
+    let fails = |verify: &str, words: &str| {
+        fixture
+            .svl(&["replay", "a.mcap", verify])
+            .failed(1, &[words])
+    };
+    fails(
+        "--verify=other.csv",
+        "error: v3: 1 results differ from those of other.csv, the first on pair 1",
+    );
+    let lines: Vec<_> = rows.lines().collect();
+    std::fs::write(fixture.path("short.csv"), lines[..3].join("\n")).unwrap();
+    fails(
+        "--verify=short.csv",
+        "1 results have no counterpart in short.csv",
+    );
+    // A table of v3 under the name of another range: equal labels, other parameters.
+    let parameters = lines[1].split(',').nth(8).unwrap();
+    std::fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
+    // What stands in a file starts no program.
+    std::fs::write(
+        fixture.path("evil.csv"),
+        rows.replace(",v3,", ",exec:command=touch pwned,"),
+    )
+    .unwrap();
+    fails(
+        "--verify=evil.csv",
+        "names a program, which is not started unasked",
+    );
+    assert!(!fixture.path("pwned").exists());
+    let pair = lines[1].split(',').nth(6).unwrap();
+    std::fs::write(fixture.path("pairs.csv"), rows.replace(pair, "0")).unwrap();
+    fails(
+        "--verify=pairs.csv",
+        "is of other pairs than these; pair 0 differs",
+    );
+    fails(
+        "--verify=set.csv",
+        "its parameters are not those of set.csv",
+    );
+    fails("--verify", "holds no results");
+    fails(
+        "--verify=a.txt",
+        "expected RESULT.mcap, ROWS.csv or the folder of a report",
+    );
+    std::fs::write(fixture.path("bad.csv"), "run_id\nx\n").unwrap();
+    fails("--verify=bad.csv", "bad.csv");
+}
+
+#[test]
+fn pairs_that_cannot_be_read_are_left_out_and_counted() {
+    let fixture = Fixture::new();
+    fixture
+        .svl(&["record", "--frames", "12", "-o", "a.mcap"])
+        .done();
+    // The left images of pairs 4, 5 and 9 are cut short.
+    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    let mut writer =
+        mcap::Writer::new(std::fs::File::create(fixture.path("bad.mcap")).unwrap()).unwrap();
+    let mut lefts = 0;
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let mut message = message.unwrap();
+        if message.channel.topic == "/stereo/left/image" {
+            if [4, 5, 9].contains(&lefts) {
+                message.data = message.data[..message.data.len() / 2].to_vec().into();
+            }
+            lefts += 1;
+        }
+        writer.write(&message).unwrap();
+    }
+    writer.finish().unwrap();
+    let error = "error: 3 pairs could not be read, as warned; all else is kept\n";
+    for threads in ["1", "2"] {
+        let ran = fixture.svl(&[
+            "replay",
+            "bad.mcap",
+            "--threads",
+            threads,
+            "--json",
+            "--rows",
+            "r.csv",
+            "--force",
+        ]);
+        assert!(
+            ran.code == Some(1) && ran.stderr.ends_with(error),
+            "{}",
+            ran.stderr
+        );
+        let told = ran
+            .stderr
+            .lines()
+            .filter(|line| line.contains("this pair is left out"));
+        assert_eq!(told.count(), 1, "the first of them: {}", ran.stderr);
+        assert!(
+            ran.stderr
+                .contains("left out, as they cannot be read: 3 pairs"),
+            "{}",
+            ran.stderr
+        );
+        let answer: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert_eq!(
+            (&answer["incomplete"], &answer["algorithms"][0]["pairs"]),
+            (&"3 pairs could not be read".into(), &9.into())
+        );
+        assert_eq!(
+            std::fs::read_to_string(fixture.path("r.csv"))
+                .unwrap()
+                .lines()
+                .count(),
+            10
+        );
+    }
+    let ran = fixture.svl(&["record", "bad.mcap", "-o", "good.mcap"]);
+    assert!(
+        ran.code == Some(1)
+            && ran.stderr.ends_with(error)
+            && ran.stdout.contains("good.mcap: 9 pairs"),
+        "{}",
+        ran.stderr
+    );
+    assert!(
+        fixture
+            .svl(&["info", "good.mcap"])
+            .done()
+            .contains("3 missing between the first and the last")
+    );
+}
+
+#[test]
+fn the_folder_of_a_bag_is_a_recording() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("bag")).unwrap();
+    fixture
+        .svl(&["record", "--frames", "2", "--ros2", "-o", "bag/a.mcap"])
+        .done();
+    fixture
+        .svl(&["record", "bag", "-o", "b.mcap", "--max-skew-ms", "1"])
+        .done();
+    assert!(fixture.svl(&["info", "bag"]).done().contains("a.mcap"));
+    assert!(
+        fixture
+            .svl(&["replay", "bag"])
+            .done()
+            .starts_with("bag (2 pairs)")
+    );
+    fixture.svl(&["recover", "bag", "-o", "c.mcap"]).done();
+    fixture
+        .svl(&["record", "bag", "-o", "bag/a.mcap", "--force"])
+        .failed(2, &["bag/a.mcap: named twice"]);
+    std::fs::copy(fixture.path("bag/a.mcap"), fixture.path("bag/b.mcap")).unwrap();
+    for args in [
+        &["info", "bag"][..],
+        &["record", "bag"],
+        &["replay", "bag"],
+        &["view", "bag"],
+        &["recover", "bag", "-o", "d.mcap"],
+    ] {
+        fixture.svl(args).failed(
+            1,
+            &[
+                "bag: is a folder of recordings",
+                "name one of bag/a.mcap, bag/b.mcap",
+            ],
+        );
+    }
+    fixture.write("old.db3", "SQLite format 3");
+    fixture
+        .svl(&["record", "old.db3"])
+        .failed(1, &["old.db3: is a bag in SQLite", "rosbags-convert"]);
+}

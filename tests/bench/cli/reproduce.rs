@@ -1,0 +1,89 @@
+use super::fixture::{Fixture, datasets};
+
+/// What the arena shows is the same on every machine, so the verdicts and their numbers are.
+#[test]
+fn figures_have_verdicts_and_a_report() {
+    let fixture = Fixture::new();
+    insta::assert_snapshot!(fixture.svl(&["reproduce", "5.11", "5.1", "-q"]).done());
+    let read =
+        |name: &str| std::fs::read_to_string(fixture.path("reports/reproduce").join(name)).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&read("reproduce.json")).unwrap();
+    let experiments = json["experiments"].as_array().unwrap();
+    assert_eq!(
+        experiments
+            .iter()
+            .map(|e| e["figure"].as_str().unwrap())
+            .collect::<Vec<_>>(),
+        ["5.1", "5.11"]
+    );
+    assert_eq!(experiments[0]["quantities"][0]["thesis"], "81");
+    let html = read("index.html");
+    assert!(html.contains("<svg class=\"plot\"") && html.contains("data:image/png;base64,"));
+    let fetches = ["href=\"http", "src=", "url(", "@import", "<script", "<link"];
+    assert!(
+        !fetches.iter().any(|fetch| html.contains(fetch)),
+        "one file that fetches nothing"
+    );
+    assert!(read("reproduce.md").contains("## Figure 5.11: "));
+
+    // A second time, in place of the first.
+    let printed: serde_json::Value =
+        serde_json::from_str(&fixture.svl(&["reproduce", "5.1", "-q", "--json"]).done()).unwrap();
+    assert_eq!(printed["experiments"].as_array().unwrap().len(), 1);
+    assert!(!read("reproduce.md").contains("## Figure 5.11: "));
+}
+
+#[test]
+fn a_slip_is_guessed_and_a_folder_with_anything_else_left_alone() {
+    let fixture = Fixture::new();
+    fixture.svl(&["reproduce", "5.10"]).failed(
+        2,
+        &[
+            "unknown figure '5.10'",
+            "did you mean '5.1'",
+            "table5.1",
+            "fps",
+        ],
+    );
+    fixture.write("mine/thesis.tex", "years of work");
+    fixture
+        .svl(&["reproduce", "5.1", "--out", "mine"])
+        .failed(1, &["mine/thesis.tex", "--out"]);
+    fixture
+        .svl(&["reproduce", "5.1", "--data", "mine"])
+        .failed(1, &["mine: holds none of the scenes", "tsukuba"]);
+}
+
+#[test]
+fn the_arena_s_run_is_recorded_once() {
+    let fixture = Fixture::new();
+    for _ in 0..2 {
+        let text = fixture.svl(&["reproduce", "7.3", "-q"]).done();
+        assert!(text.contains("7.3       holds in part"), "{text}");
+    }
+    assert_eq!(
+        std::fs::read_dir(fixture.path("recordings"))
+            .unwrap()
+            .count(),
+        1
+    );
+}
+
+#[test]
+fn real_scenes_join_in() {
+    let Some(datasets) = datasets() else { return };
+    let fixture = Fixture::new();
+    let text = fixture
+        .svl(&[
+            "reproduce",
+            "5.9",
+            "-q",
+            "--data",
+            &datasets.display().to_string(),
+        ])
+        .done();
+    assert!(
+        text.contains("in the real scenes the self check drops"),
+        "{text}"
+    );
+}

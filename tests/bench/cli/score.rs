@@ -1,0 +1,291 @@
+use super::fixture::{Fixture, datasets};
+
+#[test]
+fn scores_the_arena_and_writes_the_whole_report() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 60);
+    let text = fixture.svl(&["score", "short.toml"]).done();
+    assert!(
+        text.contains("v3") && text.contains("reports/arena/index.html"),
+        "{text}"
+    );
+    for file in ["summary", "verdicts", "rows", "cells", "checkpoints"] {
+        for ending in ["csv", "parquet"] {
+            assert!(
+                fixture
+                    .path(&format!("reports/arena/{file}.{ending}"))
+                    .is_file(),
+                "{file}.{ending}"
+            );
+        }
+    }
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(fixture.path("reports/arena/summary.json")).unwrap())
+            .unwrap();
+    assert_eq!(json["algorithms"][0]["pairs"], 120);
+    let html = std::fs::read_to_string(fixture.path("reports/arena/index.html")).unwrap();
+    assert!(html.contains("<svg") && !html.contains("http://localhost"));
+    assert!(
+        fixture
+            .path("reports/arena/run.rrd")
+            .metadata()
+            .unwrap()
+            .len()
+            > 100_000
+    );
+
+    // A second time: from the cache, in place of the first report.
+    let recordings = || {
+        std::fs::read_dir(fixture.path("recordings"))
+            .unwrap()
+            .count()
+    };
+    assert_eq!(recordings(), 2);
+    fixture.svl(&["score", "short.toml", "-q"]).done();
+    assert_eq!(recordings(), 2);
+}
+
+#[test]
+fn a_sweep_is_scored_as_so_many_algorithms_and_plotted_as_one() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    let sweep = [
+        "score",
+        "short.toml",
+        "--algo",
+        "bm:uniqueness=0..20/10",
+        "--algo",
+        "v3",
+        "--json",
+    ];
+    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&sweep).done()).unwrap();
+    let labels: Vec<_> = json["algorithms"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|a| a["algorithm"].clone())
+        .collect();
+    assert_eq!(
+        labels,
+        [
+            "bm:uniqueness=0",
+            "bm:uniqueness=10",
+            "bm:uniqueness=20",
+            "v3"
+        ]
+    );
+    let html = std::fs::read_to_string(fixture.path("reports/arena/index.html")).unwrap();
+    assert!(html.contains("bm: uniqueness = 0") && !html.contains("v3: "));
+    let many = [
+        "score",
+        "short.toml",
+        "--algo",
+        "bm:uniqueness=0..30/1",
+        "--algo",
+        "v3:texture_sigma=1..5/1",
+    ];
+    fixture
+        .svl(&many)
+        .failed(2, &["36 algorithms", "at most 32"]);
+    fixture
+        .svl(&["score", "short.toml", "--algo", "bm:uniqueness=0..9"])
+        .failed(2, &["FROM..TO/STEP"]);
+}
+
+#[test]
+fn a_folder_with_anything_else_is_left_alone() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.write("mine/thesis.tex", "years of work");
+    fixture
+        .svl(&["score", "short.toml", "--out", "mine"])
+        .failed(1, &["mine/thesis.tex", "--out"]);
+    fixture.write("file", "");
+    fixture
+        .svl(&["score", "short.toml", "--out", "file"])
+        .failed(1, &["file: cannot make the folder"]);
+}
+
+#[test]
+fn bad_scenarios_are_one_line_with_line_and_column() {
+    let fixture = Fixture::new();
+    let arena = include_str!("../../../scenarios/arena.toml");
+    fixture.write("unknown.toml", arena.replacen("\nmust", "\nmist", 1));
+    fixture.write("algorithm.toml", arena.replacen("\"v3\"", "\"v33\"", 1));
+    fixture.write("binary.toml", [0xff, 0xfe, 0]);
+    fixture.svl(&["score", "unknown.toml"]).failed(
+        1,
+        &["unknown.toml: line ", ", column ", "unknown field `mist`"],
+    );
+    fixture
+        .svl(&["score", "algorithm.toml"])
+        .failed(1, &["algorithm.toml", "did you mean 'v3'?"]);
+    fixture
+        .svl(&["score", "binary.toml"])
+        .failed(1, &["binary.toml", "UTF-8"]);
+    fixture
+        .svl(&["score", "missing.toml"])
+        .failed(1, &["missing.toml: no such file"]);
+    assert_eq!(fixture.svl(&["score"]).code, Some(2));
+}
+
+#[test]
+fn scenes_need_their_folder() {
+    let fixture = Fixture::new();
+    let scenario = include_str!("../../../scenarios/middlebury.toml");
+    fixture.write("middlebury.toml", scenario);
+    fixture
+        .svl(&["score", "middlebury.toml"])
+        .failed(1, &["--data DIR"]);
+    fixture
+        .svl(&["score", "middlebury.toml", "--data", "."])
+        .failed(1, &["tsukuba", "no such scene"]);
+}
+
+#[test]
+fn real_scenes_score_as_measured() {
+    let Some(datasets) = datasets() else { return };
+    let fixture = Fixture::new();
+    fixture.write(
+        "middlebury.toml",
+        include_str!("../../../scenarios/middlebury.toml"),
+    );
+    let args = [
+        "score",
+        "middlebury.toml",
+        "--data",
+        &datasets.display().to_string(),
+        "--json",
+    ];
+    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    let v3 = json["algorithms"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|a| a["algorithm"] == "v3")
+        .unwrap();
+    assert_eq!(v3["pairs"], 19);
+    let coverage = v3["coverage"].as_f64().unwrap();
+    assert!(
+        (0.2..0.3).contains(&coverage),
+        "the specification measured 0.25 on 21 scenes, here {coverage}"
+    );
+    // What v3 gives here to the last cell and bit, so that any change of metric, truth or matcher
+    // shows.
+    let cells =
+        ["cells_right", "cells_wrong", "cells_unknown"].map(|key| v3[key].as_u64().unwrap());
+    assert_eq!(cells, [186, 23, 133]);
+    // Judged by disparities: nobody looked for obstacles, so none is not the number of those
+    // missed.
+    assert!(v3["missed_obstacles"].is_null() && v3["false_obstacles"].is_null());
+    let page = fixture
+        .path("reports/middlebury/index.html")
+        .metadata()
+        .unwrap()
+        .len();
+    assert!(page < 5_000_000, "the page has {page} bytes");
+}
+
+#[test]
+fn a_gate_passes_v3_and_stops_a_worse_one() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 60);
+    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    // So few frames have their own numbers.
+    let limits = "[[gate]]\nalgorithm = \"v3\"\nmetric = \"passed\"\nmin = 0.9\n";
+    fixture.write(
+        "short.toml",
+        format!("{}{limits}", &text[..text.find("[[gate]]").unwrap()]),
+    );
+    let text = fixture
+        .svl(&["score", "short.toml", "-q", "--gate", "--algo", "v3"])
+        .done();
+    assert!(text.contains("kept    v3: frames passed 9"), "{text}");
+    // Deliberately worse: what is near needs more disparities than these.
+    let gate = |more: &[&str]| {
+        fixture.svl(
+            &[
+                &[
+                    "score",
+                    "short.toml",
+                    "-q",
+                    "--gate",
+                    "--algo",
+                    "v3:max_disparity=24",
+                ],
+                more,
+            ]
+            .concat(),
+        )
+    };
+    assert!(
+        gate(&[])
+            .stdout
+            .contains("BROKEN  v3:max_disparity=24: frames passed")
+    );
+    gate(&[]).failed(
+        1,
+        &[
+            "gate: v3:max_disparity=24: frames passed ",
+            ", at least 90.0 % (line ",
+        ],
+    );
+    let json: serde_json::Value = serde_json::from_str(&gate(&["--json"]).stdout).unwrap();
+    assert_eq!(json["gate"][0]["kept"], false, "{json}");
+}
+
+#[test]
+fn a_gate_that_judges_nothing_does_not_pass() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture
+        .svl(&["score", "short.toml", "-q", "--gate", "--algo", "dp"])
+        .failed(1, &["none of the scenario's limits"]);
+    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    fixture.write("none.toml", &text[..text.find("[[gate]]").unwrap()]);
+    fixture
+        .svl(&["score", "none.toml", "--gate"])
+        .failed(1, &["has no [[gate]]"]);
+    fixture.write("bad.toml", text.replace("max = 0.075", "max = 7.5"));
+    fixture
+        .svl(&["score", "bad.toml", "--gate"])
+        .failed(1, &["gate in line", "5 % is 0.05"]);
+}
+
+#[test]
+fn a_folder_is_a_report_only_with_its_manifest() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.write("site/index.html", "my homepage");
+    fixture
+        .svl(&["score", "short.toml", "--out", "site"])
+        .failed(1, &["site: holds files but no manifest.json", "--out"]);
+    fixture
+        .svl(&["reproduce", "5.5", "--out", "site"])
+        .failed(1, &["site: holds files but no reproduce.json"]);
+    assert_eq!(
+        std::fs::read_to_string(fixture.path("site/index.html")).unwrap(),
+        "my homepage"
+    );
+}
+
+#[test]
+fn what_fails_leaves_the_earlier_report() {
+    let fixture = Fixture::new();
+    std::fs::create_dir_all(fixture.path("d/s")).unwrap();
+    fixture.write_pair("d/s/im0.pgm", "d/s/im1.pgm", (64, 48), 4);
+    let text = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \
+                \"disparity\"\ntolerance_px = 2.0\n[source]\nkind = \"dataset\"\nscenes = \
+                [\"s\"]\n";
+    fixture.write("m.toml", text);
+    let score = || fixture.svl(&["score", "m.toml", "--data", "d", "-q"]);
+    score().done();
+    let rows = |folder: &str| {
+        std::fs::read_to_string(fixture.path(&format!("reports/{folder}/rows.csv"))).unwrap()
+    };
+    let earlier = rows("m");
+    fixture.write("d/s/im1.pgm", "P5\n64 48\n255\nshort");
+    score().failed(1, &["d/s/im1.pgm"]);
+    assert_eq!(rows("m.earlier-1"), earlier);
+    assert!(rows("m").lines().count() < earlier.lines().count());
+}

@@ -1,0 +1,159 @@
+//! `svl record` killed, robbed of its folder, on a full disk; `svl recover` after that.
+#![cfg(unix)]
+
+use super::fixture::Fixture;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use svl::source::{RecordingSource, Source};
+use svl::stereo::StereoPair;
+
+/// Starts recording the arena into `file`.
+fn record(fixture: &Fixture, file: &str) -> Child {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
+    command
+        .current_dir(fixture.path(""))
+        .args(["record", "-q", "-o", file]);
+    command
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Waits until `path` holds so many bytes.
+fn wait_for(path: &Path, bytes: u64) {
+    let began = Instant::now();
+    while path.metadata().map_or(0, |m| m.len()) < bytes {
+        assert!(began.elapsed() < Duration::from_secs(120), "it never began");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn failed_in_one_line(child: Child) -> String {
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        output.status.code() == Some(1)
+            && stderr.starts_with("error: ")
+            && stderr.lines().count() == 1,
+        "{stderr}"
+    );
+    stderr
+}
+
+fn pairs(path: &Path) -> Vec<StereoPair> {
+    let mut source = RecordingSource::open(path).unwrap();
+    std::iter::from_fn(|| source.next().unwrap())
+        .map(|frame| frame.pair)
+        .collect()
+}
+
+#[test]
+fn a_killed_recording_is_recovered() {
+    let fixture = Fixture::new();
+    let mut child = record(&fixture, "killed.mcap");
+    wait_for(&fixture.path("killed.mcap"), 3_000_000);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let info = fixture.svl(&["info", "killed.mcap"]).done();
+    assert!(
+        info.contains("whole      NO") && info.contains("svl recover killed.mcap -o OUT.mcap"),
+        "{info}"
+    );
+    let said = fixture
+        .svl(&["recover", "killed.mcap", "-o", "saved.mcap"])
+        .done();
+    assert!(
+        said.contains("saved      ") && said.contains("lost       "),
+        "{said}"
+    );
+    let saved = pairs(&fixture.path("saved.mcap"));
+    let first = [
+        "record",
+        "-o",
+        "first.mcap",
+        "--frames",
+        &saved.len().to_string(),
+    ];
+    fixture.svl(&first).done();
+    assert!(
+        saved.len() >= 5 && saved == pairs(&fixture.path("first.mcap")),
+        "{} pairs",
+        saved.len()
+    );
+    fixture
+        .svl(&["recover", "killed.mcap", "-o", "saved.mcap"])
+        .failed(1, &["saved.mcap: exists already"]);
+    fixture
+        .svl(&["recover", "killed.mcap", "-o", "killed.mcap"])
+        .failed(2, &["named twice"]);
+    fixture
+        .svl(&["recover", "none.mcap", "-o", "a.mcap"])
+        .failed(1, &["none.mcap"]);
+    fixture.write("text.mcap", "no recording");
+    fixture
+        .svl(&["recover", "text.mcap", "-o", "a.mcap"])
+        .failed(1, &["text.mcap: is not an MCAP file"]);
+    assert!(!fixture.path("a.mcap").exists());
+}
+
+#[test]
+fn what_is_left_of_an_unfinished_recording_is_replayed() {
+    let fixture = Fixture::new();
+    // Simulated cameras, whose recordings hold no scenario that could be found before the damage.
+    fixture
+        .svl(&[
+            "record",
+            "sim:size=320x240,pictures=2",
+            "--frames",
+            "20",
+            "-o",
+            "sim.mcap",
+        ])
+        .done();
+    let bytes = std::fs::read(fixture.path("sim.mcap")).unwrap();
+    std::fs::write(fixture.path("cut.mcap"), &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let answer = fixture.svl(&["replay", "cut.mcap"]);
+    assert!(
+        answer.stdout.contains("cut.mcap (") && answer.stdout.contains("v3"),
+        "{}",
+        answer.stdout
+    );
+    answer.failed(1, &["incomplete or damaged", "inside a record"]);
+}
+
+#[test]
+fn a_folder_removed_while_recording_is_told() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("gone")).unwrap();
+    let child = record(&fixture, "gone/a.mcap");
+    wait_for(&fixture.path("gone/a.mcap"), 500_000);
+    std::fs::remove_dir_all(fixture.path("gone")).unwrap();
+    let stderr = failed_in_one_line(child);
+    assert!(
+        stderr.contains("gone/a.mcap: no such file or folder"),
+        "{stderr}"
+    );
+}
+
+#[test]
+fn a_full_disk_is_told_and_leaves_what_fitted() {
+    let fixture = Fixture::new();
+    let disk = fixture.path("disk");
+    std::fs::create_dir(&disk).unwrap();
+    let mounted = Command::new("mount")
+        .args(["-t", "tmpfs", "-o", "size=4m", "tmpfs"])
+        .arg(&disk)
+        .output();
+    if !mounted.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: cannot mount a tmpfs");
+        return;
+    }
+    let stderr = failed_in_one_line(record(&fixture, "disk/a.mcap"));
+    let recovered = fixture.svl(&["recover", "disk/a.mcap", "-o", "saved.mcap"]);
+    let unmounted = Command::new("umount").arg(&disk).status();
+    assert!(stderr.contains("disk/a.mcap: no space left"), "{stderr}");
+    recovered.done();
+    assert!(unmounted.unwrap().success() && pairs(&fixture.path("saved.mcap")).len() >= 5);
+}

@@ -1,0 +1,8 @@
+//! The public data sets: their layouts on disk, their scenarios, and what is refused on the way
+//! there.
+
+mod archive;
+mod boards;
+mod layouts;
+mod scenarios;
+mod tree;

@@ -1,0 +1,262 @@
+//! Cameras that hang or are unplugged.
+
+use super::stage::{Fired, MS, PERIOD_NS, Stage, adds_up, slow};
+use svl::Error;
+use svl::grab::simulated::Temper;
+use svl::grab::{Rule, Unpaired};
+
+const NEAR: Rule = Rule::Stamp {
+    max_skew_ns: PERIOD_NS / 4,
+    period_ns: PERIOD_NS,
+};
+
+/// Grabs by trigger until it fails; returns the pairs before and the error.
+fn until_it_fails(fired: Fired, right: Temper) -> (usize, String) {
+    until(fired, Rule::Trigger, Stage::new(slow(1.0, 0.0), right))
+}
+
+fn until(fired: Fired, rule: Rule, stage: Stage) -> (usize, String) {
+    let mut grabber = stage.start(fired, rule);
+    let mut pairs = 0;
+    let error = loop {
+        match grabber.next_pair() {
+            Ok(frame) => {
+                pairs += usize::from(
+                    frame.expect("it fails before it ends").exposure.skew_ns < MS as i64,
+                )
+            }
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(error, Error::Camera { .. }), "{error}");
+    assert!(grabber.next_pair().unwrap().is_none(), "it is told once");
+    let tally = adds_up(grabber.stop());
+    assert_eq!(tally.pairs, pairs as u64);
+    if fired == Fired::WhenArmed && tally.unpaired[Unpaired::Damaged as usize] == 0 {
+        assert!(
+            tally.unpaired[Unpaired::Unfinished as usize] <= 3,
+            "one for each time that it was waited for: {tally}"
+        );
+    }
+    (pairs, error.to_string())
+}
+
+#[test]
+fn what_came_before_a_camera_hangs_is_kept() {
+    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+        let (pairs, error) = until_it_fails(
+            fired,
+            Temper {
+                hang_at: Some(20),
+                ..Temper::default()
+            },
+        );
+        assert_eq!(pairs, 20);
+        assert_eq!(
+            error,
+            "right camera, sim right: silent for 3.0 s after 20 images; check its power, its \
+             cable and its trigger line, or give it a longer --timeout"
+        );
+    }
+}
+
+#[test]
+fn what_came_before_a_camera_is_unplugged_is_kept() {
+    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+        let (pairs, error) = until_it_fails(
+            fired,
+            Temper {
+                disconnect_at: Some(20),
+                ..Temper::default()
+            },
+        );
+        assert_eq!(pairs, 20);
+        assert_eq!(
+            error,
+            "right camera, sim right: disconnected; plug it in and record again"
+        );
+    }
+}
+
+#[test]
+fn a_damaged_image_costs_its_pair_and_is_counted() {
+    for (fired, rule, partner) in [
+        (Fired::WhenArmed, Rule::Trigger, Unpaired::Missed),
+        (Fired::AtFixedRate, Rule::Trigger, Unpaired::Missed),
+        (Fired::Freely, NEAR, Unpaired::Skew),
+    ] {
+        let right = Temper {
+            damage_at: Some(5),
+            ..slow(1.0, 0.0)
+        };
+        let (frames, tally) = Stage::new(slow(1.0, 0.0), right).grab(fired, rule, 20);
+        assert_eq!(frames.len(), 20);
+        assert!(
+            frames.iter().all(|frame| frame.exposure.skew_ns == 0),
+            "the next pair is of one moment again"
+        );
+        assert_eq!(tally.unpaired[Unpaired::Damaged as usize], 1, "{tally}");
+        assert_eq!(tally.unpaired[partner as usize], 1, "{tally}");
+        assert_eq!(frames.last().unwrap().exposure.drops, 2);
+    }
+}
+
+#[test]
+fn a_camera_whose_images_are_all_damaged_is_named() {
+    let stage = Stage {
+        damaged_from: 20,
+        ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
+    };
+    let mut grabber = stage.start(Fired::WhenArmed, Rule::Trigger);
+    assert_eq!(
+        (0..20).filter_map(|_| grabber.next_pair().unwrap()).count(),
+        20
+    );
+    let error = grabber.next_pair().unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "right camera, sim right: all its images came damaged for 3.0 s; check its cable"
+    );
+    adds_up(grabber.stop());
+}
+
+#[test]
+fn a_camera_that_is_slow_beyond_patience_is_named() {
+    let (pairs, error) = until_it_fails(Fired::WhenArmed, slow(10_000.0, 0.0));
+    assert_eq!(pairs, 0);
+    assert!(
+        error.starts_with("right camera, sim right: silent"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_camera_slower_than_the_timeout_slows_the_rate() {
+    let transfer = Temper {
+        transfer_ms: 1_100.0,
+        ..slow(1.0, 0.0)
+    };
+    for right in [transfer, slow(500.0, 600.0), slow(2_500.0, 0.0)] {
+        let (frames, tally) =
+            Stage::new(slow(1.0, 0.0), right).grab(Fired::WhenArmed, Rule::Trigger, 8);
+        assert_eq!(frames.len(), 8, "{tally}");
+        assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0));
+        let unpaired =
+            tally.unpaired.iter().sum::<u64>() - tally.unpaired[Unpaired::Unfinished as usize];
+        assert_eq!(unpaired, 0, "{tally}");
+    }
+}
+
+#[test]
+fn an_image_is_of_the_pulse_that_fired_it_however_late_it_comes() {
+    // The camera has been armed again meanwhile, and fired.
+    for on_its_way_ms in [1, 1_050, 1_500, 1_900] {
+        let stage = Stage {
+            on_its_way_ms,
+            ..Stage::new(slow(1.0, 0.0), slow(5.0, 0.0))
+        };
+        let (frames, tally) = stage.grab(Fired::WhenArmed, Rule::Trigger, 6);
+        assert_eq!(frames.len(), 6, "{tally}");
+        assert!(
+            frames.iter().all(|frame| frame.exposure.skew_ns == 0),
+            "{on_its_way_ms} ms: {tally}"
+        );
+        assert_eq!(
+            tally.unpaired[Unpaired::Unready as usize],
+            1,
+            "the one that nothing fired: {tally}"
+        );
+    }
+    let stage = Stage {
+        on_its_way_ms: 5_000,
+        ..Stage::new(slow(1.0, 0.0), slow(5.0, 0.0))
+    };
+    let (pairs, error) = until(Fired::WhenArmed, Rule::Trigger, stage);
+    assert_eq!(pairs, 0);
+    assert!(
+        error.contains("silent for 3.0 s after 1 image; ") && error.ends_with("a longer --timeout"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_low_rate_is_no_silence() {
+    let period_ns = 4_000 * MS;
+    for (fired, rule) in [
+        (Fired::AtFixedRate, Rule::Trigger),
+        (Fired::Freely, NEAR),
+        (Fired::WhenArmed, Rule::Trigger),
+    ] {
+        let stage = Stage {
+            period_ns,
+            ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
+        };
+        assert_eq!(stage.grab(fired, rule, 5).0.len(), 5);
+        // Nor are two damaged images all.
+        let stage = Stage {
+            period_ns,
+            damaged_from: 2,
+            ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
+        };
+        let (pairs, error) = until(fired, rule, stage);
+        assert_eq!(pairs, 2);
+        assert_eq!(
+            error,
+            "right camera, sim right: all its images came damaged for 16.0 s; check its cable"
+        );
+    }
+}
+
+#[test]
+fn cameras_that_never_make_a_pair_are_told_why() {
+    let rule = Rule::Stamp {
+        max_skew_ns: MS / 10,
+        period_ns: PERIOD_NS,
+    };
+    let apart = |phase_ms, drift_ppm| {
+        Stage::new(
+            Temper::default(),
+            Temper {
+                phase_ms,
+                drift_ppm,
+                ..Temper::default()
+            },
+        )
+    };
+    let (pairs, error) = until(Fired::Freely, rule, apart(8.0, 0.0));
+    assert_eq!(pairs, 0);
+    assert!(
+        error.starts_with("the cameras: no pair for 3.0 s of 18")
+            && error.contains("too far apart in time; "),
+        "{error}"
+    );
+    assert!(error.ends_with("allow more with --max-skew-ms"), "{error}");
+    // Where there were some, there may be others.
+    let (pairs, error) = until(Fired::Freely, rule, apart(0.0, 100.0));
+    assert!(
+        pairs > 0 && error.starts_with("the cameras: no pair for 30.0 s"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_period_without_end_is_one_pulse() {
+    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+        let stage = Stage {
+            period_ns: u64::MAX,
+            ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
+        };
+        let (frames, tally) = stage.grab(fired, Rule::Trigger, 1);
+        assert_eq!((frames.len(), tally.pulses), (1, 1));
+    }
+}
+
+#[test]
+fn a_grabber_that_nobody_reads_ends() {
+    drop(Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)).start(Fired::WhenArmed, Rule::Trigger));
+    let stage = Stage {
+        queue: 1,
+        ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
+    };
+    drop(stage.start(Fired::AtFixedRate, Rule::Trigger));
+}

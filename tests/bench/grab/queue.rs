@@ -1,0 +1,99 @@
+//! The queue to the writer: in = out + dropped, whatever the policy.
+
+use super::stage::{Fired, Stage, adds_up, slow};
+use svl::Error;
+use svl::grab::{Pushed, Queue, Rule, WhenFull};
+
+#[test]
+fn a_full_queue_drops_what_comes() {
+    let queue = Queue::new(3, WhenFull::Drop);
+    let pushed: Vec<_> = (0..5).map(|i| queue.push(i)).collect();
+    assert_eq!(
+        pushed,
+        [
+            Pushed::Taken,
+            Pushed::Taken,
+            Pushed::Taken,
+            Pushed::Dropped,
+            Pushed::Dropped
+        ]
+    );
+    assert_eq!(queue.pop().unwrap(), Some(0));
+    assert_eq!(queue.push(5), Pushed::Taken);
+    queue.close(Ok(()));
+    let rest: Vec<_> = std::iter::from_fn(|| queue.pop().unwrap()).collect();
+    assert_eq!(rest, [1, 2, 5]);
+}
+
+#[test]
+fn a_full_queue_waits_for_the_reader() {
+    let queue = Queue::new(2, WhenFull::Wait);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            (0..100).for_each(|i| assert!(matches!(queue.push(i), Pushed::Taken | Pushed::Late)));
+            queue.close(Ok(()));
+        });
+        assert!((0..100).all(|i| queue.pop().unwrap() == Some(i)));
+        assert_eq!(queue.pop().unwrap(), None);
+    });
+}
+
+#[test]
+fn who_waits_for_a_reader_that_leaves_is_told() {
+    let queue = Queue::new(1, WhenFull::Wait);
+    assert_eq!(queue.push(0), Pushed::Taken);
+    std::thread::scope(|scope| {
+        let writer = scope.spawn(|| queue.push(1));
+        assert_eq!(queue.abandon(), 1);
+        assert_eq!(writer.join().unwrap(), Pushed::Abandoned);
+    });
+}
+
+#[test]
+fn the_error_comes_after_the_last_item() {
+    let queue = Queue::new(2, WhenFull::Drop);
+    queue.push(7);
+    queue.close(Err(Error::camera("left camera", "gone")));
+    assert_eq!(queue.pop().unwrap(), Some(7));
+    assert_eq!(queue.pop().unwrap_err().to_string(), "left camera: gone");
+    assert_eq!(queue.pop().unwrap(), None);
+}
+
+#[test]
+fn every_pair_is_read_or_counted() {
+    for when_full in [WhenFull::Drop, WhenFull::Wait] {
+        let stage = Stage {
+            queue: 2,
+            when_full,
+            ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
+        };
+        let mut grabber = stage.start(Fired::WhenArmed, Rule::Trigger);
+        // The clock runs as fast as it can meanwhile, so a queue of two is full in no time.
+        let frames: Vec<_> = (0..50)
+            .map(|_| grabber.next_pair().unwrap().unwrap())
+            .collect();
+        let tally = adds_up(grabber.stop());
+        assert_eq!(tally.pairs, 50 + tally.dropped + tally.unread, "{tally}");
+        assert_eq!(
+            tally.pulses.abs_diff(tally.pairs).min(1),
+            tally.pulses - tally.pairs
+        );
+        match when_full {
+            // Gaps in the numbers are the drops.
+            WhenFull::Drop => assert!(
+                frames
+                    .windows(2)
+                    .all(|two| two[0].sequence < two[1].sequence)
+            ),
+            WhenFull::Wait => {
+                assert_eq!(tally.dropped, 0);
+                assert!(
+                    frames
+                        .iter()
+                        .enumerate()
+                        .all(|(i, frame)| frame.sequence == i as u64)
+                );
+            }
+        }
+    }
+}

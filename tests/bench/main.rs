@@ -1,0 +1,14 @@
+//! Tests of the bench: sources, recordings, scoring, reports, Rerun and the `svl` program.
+//!
+//! One area alone: `cargo test --release --test bench recording::`.
+
+mod arena;
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
+mod datasets;
+mod grab;
+mod protocol;
+mod recording;
+mod report;
+mod rerun;

@@ -1,0 +1,56 @@
+//! Real maps: scores that others computed, and files of several forms that hold the same map.
+
+use super::{assert_numbers, image, numbers};
+use crate::common;
+use svl::files::{read_estimate, read_npz, read_pfm, read_truth};
+use svl::score::protocol::Protocol;
+
+/// The numbers of SOURCE.txt beside the map, computed there with numpy.
+#[test]
+fn the_development_kits_map_scores_as_known() {
+    let Some(folder) = common::datasets().map(|folder| folder.join("kitti2012-devkit-scoring"))
+    else {
+        return;
+    };
+    let estimate = read_estimate(&folder.join("disp_est.png"), None).unwrap();
+    let truth = read_truth(&folder.join("disp_gt.png"), None).unwrap();
+    let image = image(&estimate, &truth);
+    let rounded = |protocol: Protocol, name: &str| {
+        let value = numbers(protocol, &image).get(name).unwrap();
+        (value * 1e6).round() / 1e6
+    };
+    for (name, known) in [
+        ("out2", 10.519550),
+        ("out3", 7.894429),
+        ("out4", 6.694427),
+        ("out5", 5.830868),
+    ] {
+        assert_eq!(rounded(Protocol::Kitti12, name), known, "{name}");
+    }
+    assert_eq!(rounded(Protocol::Kitti15, "d1_all"), 7.893814);
+    assert_eq!(rounded(Protocol::Kitti12, "avgerr"), 0.697183);
+    assert_eq!(rounded(Protocol::Eth3d, "rms"), 1.417195);
+    assert_eq!(rounded(Protocol::Eth3d, "a50"), 0.328125);
+    let pixels = [
+        ("pixels", Some(162_583.0)),
+        ("density", Some(100.0 * 156_628.0 / 162_583.0)),
+    ];
+    assert_numbers(&numbers(Protocol::Kitti12, &image), &pixels);
+    assert_numbers(&numbers(Protocol::Kitti15, &image), &pixels);
+}
+
+#[test]
+fn one_truth_in_several_files() {
+    let Some(folder) = common::datasets() else {
+        return;
+    };
+    let motorcycle = folder.join("motorcycle-skimage");
+    let npz = read_npz(&motorcycle.join("motorcycle_disp.npz")).unwrap();
+    assert_eq!(npz, read_pfm(&motorcycle.join("disp0.pfm")).unwrap());
+    let tsukuba = folder.join("tsukuba");
+    let palette = read_truth(&tsukuba.join("groundtruth_v2.png"), Some(16.0)).unwrap();
+    assert_eq!(
+        palette,
+        read_truth(&tsukuba.join("truedisp.pgm"), Some(16.0)).unwrap()
+    );
+}

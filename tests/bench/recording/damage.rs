@@ -1,0 +1,317 @@
+//! Wherever a recording is damaged, what was not touched is saved.
+
+use super::frames::{bare, read, record, recover, summarize};
+use super::recovery::{recovered, specimen};
+use std::ops::Range;
+use std::time::{Duration, Instant};
+use svl::recording::{ImageFormat, Reader, Recovery};
+use svl::stereo::Frame;
+
+/// The records of the file itself: what they are, and where.
+pub(crate) fn records(bytes: &[u8]) -> Vec<(u8, Range<usize>)> {
+    let (mut at, mut records) = (8, Vec::new());
+    while at + 9 < bytes.len() {
+        let end = at + 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+        records.push((bytes[at], at..end));
+        at = end;
+    }
+    records
+}
+
+/// A recording, and what has to come out of it when some of its bytes are hit.
+struct Whole {
+    folder: tempfile::TempDir,
+    bytes: Vec<u8>,
+    frames: Vec<Frame>,
+    chunks: Vec<Range<usize>>,
+    attachment: Range<usize>,
+}
+
+impl Whole {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let (bytes, frames) = specimen(folder.path());
+        let of = |opcode| {
+            records(&bytes)
+                .into_iter()
+                .filter(move |(kind, _)| *kind == opcode)
+                .map(|(_, range)| range)
+        };
+        let (chunks, attachment) = (of(6).collect::<Vec<_>>(), of(9).next().unwrap());
+        assert_eq!(chunks.len(), frames.len());
+        Self {
+            folder,
+            chunks,
+            attachment,
+            frames,
+            bytes,
+        }
+    }
+
+    /// Looks at `bad`, which is the recording with `hit` changed: every chunk beside it is saved,
+    /// and nothing is wrong.
+    fn check(&self, bad: &[u8], hit: &Range<usize>, what: &str) -> Recovery {
+        let missed = |range: &Range<usize>| range.end <= hit.start || hit.end <= range.start;
+        let (recovery, saved) = recovered(self.folder.path(), bad);
+        let recovery = recovery.unwrap_or_else(|error| panic!("{what}: {error}"));
+        assert!(!recovery.losses.is_empty(), "{what}: not a word");
+        let summary = summarize(&self.folder.path().join("damaged.mcap")).unwrap();
+        assert_eq!(
+            (&summary.losses, &summary.missing),
+            (&recovery.losses, &recovery.missing),
+            "{what}"
+        );
+        assert!(
+            summarize(&saved).unwrap().is_whole(),
+            "{what}: the saved file is damaged"
+        );
+        let (frames, error) = read(&saved);
+        assert!(error.is_none() || frames.is_empty(), "{what}: {error:?}");
+        let mut originals = self.frames.iter();
+        assert!(
+            frames
+                .iter()
+                .all(|frame| originals.any(|original| original == frame)),
+            "{what}: a wrong pair"
+        );
+        for (i, (chunk, frame)) in self.chunks.iter().zip(&self.frames).enumerate() {
+            let losses = &recovery.losses;
+            assert!(
+                !missed(chunk) || frames.contains(frame),
+                "{what}: pair {i} at {chunk:?} is lost: {losses:?}"
+            );
+        }
+        assert!(
+            !missed(&self.attachment) || recovery.attachments == 1,
+            "{what}: {:?}",
+            recovery.losses
+        );
+        let within = |end: u64| end <= bad.len() as u64;
+        assert!(
+            recovery
+                .losses
+                .iter()
+                .all(|loss| within(loss.at_byte + loss.bytes)),
+            "{what}: {:?}",
+            recovery.losses
+        );
+        recovery
+    }
+}
+
+#[test]
+fn any_bit_of_a_head_costs_no_more_than_its_record() {
+    let whole = Whole::new();
+    for (opcode, range) in records(&whole.bytes) {
+        // Of a chunk: its head up to its data. Message indexes and the summary are as much as all
+        // the rest: a part of them.
+        let step = if matches!(opcode, 7..=8 | 10..=14) {
+            5
+        } else {
+            1
+        };
+        for at in (range.start..range.end.min(range.start + 55)).step_by(step) {
+            let mut bad = whole.bytes.clone();
+            bad[at] ^= 1 << ((at / step) % 8);
+            whole.check(
+                &bad,
+                &(at..at + 1),
+                &format!("bit {} of byte {at}, record {opcode:#x}", (at / step) % 8),
+            );
+        }
+        for bit in 0..64 {
+            let mut bad = whole.bytes.clone();
+            bad[range.start + 1 + bit / 8] ^= 1 << (bit % 8);
+            if opcode == 6 || bit % 11 == 0 {
+                whole.check(
+                    &bad,
+                    &range,
+                    &format!(
+                        "bit {bit} of the length of record {opcode:#x} at {}",
+                        range.start
+                    ),
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn bytes_that_are_zeroed_or_gone_cost_only_what_they_hit() {
+    let whole = Whole::new();
+    for (length, step) in [(1, 97), (20, 83), (300, 61), (1500, 127)] {
+        for at in (0..whole.bytes.len() - length).step_by(step) {
+            let hit = at..at + length;
+            let mut zeroed = whole.bytes.clone();
+            zeroed[hit.clone()].fill(0);
+            if zeroed != whole.bytes {
+                whole.check(&zeroed, &hit, &format!("{hit:?} zeroed"));
+            }
+            let gone = [&whole.bytes[..at], &whole.bytes[at + length..]].concat();
+            whole.check(&gone, &hit, &format!("{hit:?} gone"));
+        }
+    }
+}
+
+#[test]
+fn losses_say_where_they_are() {
+    let whole = Whole::new();
+    let (chunk, next) = (&whole.chunks[2], &whole.chunks[3]);
+    let mut bad = whole.bytes.clone();
+    bad[chunk.start + 1 + 5] ^= 0x40;
+    let recovery = whole.check(&bad, chunk, "a length beyond the file");
+    let [loss] = &recovery.losses[..] else {
+        panic!("{:?}", recovery.losses)
+    };
+    assert_eq!(
+        (loss.at_byte, loss.at_byte + loss.bytes),
+        (chunk.start as u64, next.start as u64)
+    );
+    assert_eq!((recovery.pairs, recovery.missing["/stereo/sync"]), (5, 1));
+    let (pairs, error) = read(&whole.folder.path().join("damaged.mcap"));
+    assert!(
+        pairs.len() == 2 && matches!(error, Some(svl::Error::Damaged { .. })),
+        "replay ends there: {error:?}"
+    );
+}
+
+#[test]
+fn a_recording_is_known_without_its_first_bytes() {
+    let whole = Whole::new();
+    for hit in [0..1, 0..4, 0..8, 0..9, 0..40] {
+        let mut bad = whole.bytes.clone();
+        bad[hit.clone()].fill(0);
+        let recovery = whole.check(&bad, &hit, &format!("{hit:?} zeroed"));
+        assert!(
+            recovery.losses[0]
+                .reason
+                .contains("does not begin as an MCAP file does"),
+            "{:?}",
+            recovery.losses
+        );
+        assert_eq!((recovery.losses[0].at_byte, recovery.pairs), (0, 6));
+    }
+    let (none, _) = recovered(whole.folder.path(), &vec![6; 100_000]);
+    assert!(
+        none.unwrap_err()
+            .to_string()
+            .contains("is not an MCAP file")
+    );
+}
+
+#[test]
+fn files_one_behind_the_other_are_all_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |range: Range<u64>| -> Vec<_> { range.map(|i| bare(i, (24, 16))).collect() };
+    let written = |frames: &[Frame]| {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::read(record(folder.path(), frames, ImageFormat::Raw)).unwrap()
+    };
+    let (first_frames, second_frames) = (of(0..3), of(10..14));
+    let (first, second) = (&written(&first_frames)[..], &written(&second_frames)[..]);
+    let cut = &first[..first.len() - 100];
+    for (first, says) in [
+        (first, "another MCAP file follows"),
+        (cut, "it breaks off, and another MCAP file follows"),
+    ] {
+        let both = [first, second].concat();
+        let (recovery, saved) = recovered(folder.path(), &both);
+        let recovery = recovery.unwrap();
+        assert!(
+            recovery.losses.iter().any(|loss| loss.reason == says),
+            "{:?}",
+            recovery.losses
+        );
+        assert!(
+            recovery.missing.is_empty() && recovery.pairs == 7 && recovery.checksums,
+            "{recovery:?}"
+        );
+        assert!(
+            read(&saved)
+                .0
+                .iter()
+                .eq(first_frames.iter().chain(&second_frames))
+        );
+        let path = folder.path().join("damaged.mcap");
+        let summary = summarize(&path).unwrap();
+        assert_eq!(
+            (summary.pairs, summary.gaps.len(), &summary.losses),
+            (7, 1, &recovery.losses)
+        );
+        let (frames, error) = read(&path);
+        assert_eq!(frames, first_frames, "replay ends where the first does");
+        assert!(
+            matches!(error, Some(svl::Error::Damaged { .. })),
+            "{error:?}"
+        );
+    }
+    let (recovery, _) = recovered(folder.path(), &[second, second].concat());
+    assert_eq!(
+        (
+            recovery.unwrap().pairs,
+            summarize(&folder.path().join("damaged.mcap"))
+                .unwrap()
+                .gaps
+                .len()
+        ),
+        (8, 0)
+    );
+}
+
+#[test]
+fn what_only_looks_like_records_takes_no_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let (bytes, _) = specimen(folder.path());
+    let path = folder.path().join("hostile.mcap");
+    // Heads of chunks, each up to the end of the file.
+    let length = 8 << 20;
+    let mut hostile = bytes[..bytes.len() - 8].to_vec();
+    while hostile.len() < length {
+        let left = (length + 100 - hostile.len()) as u64;
+        hostile.extend(
+            [
+                &[6][..],
+                &left.to_le_bytes(),
+                &[0; 16],
+                &(2_u64 << 30).to_le_bytes(),
+                &[1; 4],
+            ]
+            .concat(),
+        );
+        hostile.extend(
+            [
+                &4_u32.to_le_bytes()[..],
+                b"zstd",
+                &(left - 44).to_le_bytes(),
+            ]
+            .concat(),
+        );
+    }
+    hostile.resize(length + 200, 0);
+    // Records of other programs' own kinds, each with a whole chunk in it, up to the end of the
+    // file.
+    let (_, chunk) = records(&bytes)
+        .into_iter()
+        .find(|(opcode, _)| *opcode == 6)
+        .unwrap();
+    let mut nested = bytes[..chunk.start].to_vec();
+    while nested.len() < length {
+        let left = (length + 10_000 - nested.len()) as u64;
+        nested.extend([&[0x80][..], &left.to_le_bytes(), &bytes[chunk.clone()]].concat());
+    }
+    nested.resize(length + 20_000, 0);
+    for hostile in [hostile, nested] {
+        std::fs::write(&path, hostile).unwrap();
+        let began = Instant::now();
+        let saved = folder.path().join("saved.mcap");
+        let _ = std::fs::remove_file(&saved);
+        let _ = (
+            recover(&path, &saved),
+            summarize(&path),
+            Reader::open(&path).map(drop),
+        );
+        let took = began.elapsed();
+        println!("{took:?}");
+        assert!(took < Duration::from_secs(60), "{took:?}");
+    }
+}

@@ -1,0 +1,148 @@
+//! The public MCAP libraries read in a recording what was written.
+
+use super::frames::full;
+use std::process::Command;
+use svl::recording::{Dialect, Format, Header, ImageFormat, Writer};
+use svl::stereo::{Frame, Gray, Visibility};
+
+const SIZE: (usize, usize) = (61, 47);
+const FRAMES: u64 = 5;
+
+fn pixel_sum(image: &Gray) -> f64 {
+    image.pixels().map(f64::from).sum()
+}
+
+/// What a foreign reader should find under each topic, summed over all frames.
+fn expected(topic: &str, frame: &Frame) -> f64 {
+    let (rig, truth) = (frame.rig().unwrap(), frame.truth.as_ref().unwrap());
+    let pose = frame.pose.unwrap();
+    let calibration = |right| rig.intrinsics(right).sum() + rig.projection(right).sum() + 3.0;
+    match topic {
+        "/stereo/left/image" | "/stereo/left/image_rect" | "/stereo/left/image_rect/compressed" => {
+            pixel_sum(frame.pair.left())
+        }
+        "/stereo/right/image"
+        | "/stereo/right/image_rect"
+        | "/stereo/right/image_rect/compressed" => pixel_sum(frame.pair.right()),
+        "/stereo/left/calibration" | "/stereo/left/camera_info" => calibration(false),
+        "/stereo/right/calibration" | "/stereo/right/camera_info" => calibration(true),
+        "/rig/baseline" => rig.baseline_m() + 1.0,
+        "/rig/pose" | "/tf" => pose.translation.vector.sum() + pose.rotation.coords.sum(),
+        "/truth/depth" => truth
+            .disparity
+            .pixels()
+            .filter_map(|d| rig.depth_m(d.into()))
+            .filter(|z| *z > 0.0)
+            .sum(),
+        "/truth/visibility" => pixel_sum(
+            &truth
+                .visibility
+                .as_ref()
+                .unwrap()
+                .map(|v: Visibility| v as u8),
+        ),
+        "/stereo/sync" => frame.sequence as f64,
+        other => panic!("unexpected topic {other}"),
+    }
+}
+
+/// The recording of `frames` as the script reads it; nothing where Python lacks one of `modules`.
+fn read_by(
+    script: &str,
+    modules: &str,
+    frames: &[Frame],
+    format: Format,
+) -> Option<serde_json::Value> {
+    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let import = format!("import {modules}");
+    if !Command::new(&python)
+        .args(["-c", &import])
+        .output()
+        .is_ok_and(|output| output.status.success())
+    {
+        eprintln!(
+            "skipped: `{python} -c '{import}'` fails; set SVL_PYTHON to a Python that has them"
+        );
+        return None;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let header = Header {
+        seed: Some(7),
+        ..Header::new("arena")
+    };
+    let mut writer = Writer::create(&path, &header, format).unwrap();
+    writer
+        .attach("scenario.toml", "application/toml", b"seed = 7")
+        .unwrap();
+    frames.iter().for_each(|frame| writer.write(frame).unwrap());
+    writer.finish().unwrap();
+    let script = format!("{}/tests/python/{script}", env!("CARGO_MANIFEST_DIR"));
+    let output = Command::new(&python)
+        .arg(script)
+        .arg(&path)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    Some(serde_json::from_slice(&output.stdout).unwrap())
+}
+
+/// Checks the counts and sums of topics against what was written.
+fn compare(found: &serde_json::Value, frames: &[Frame], topics: usize) {
+    let found = found["topics"].as_object().unwrap();
+    assert_eq!(found.len(), topics);
+    for (topic, found) in found {
+        let sum: f64 = frames.iter().map(|frame| expected(topic, frame)).sum();
+        let error = (found[1].as_f64().unwrap() - sum).abs();
+        assert!(
+            error <= 1e-6 * sum.abs(),
+            "{topic}: {found} found, {sum} written"
+        );
+        assert_eq!(found[0], FRAMES, "{topic}");
+    }
+}
+
+fn check(images: ImageFormat) {
+    let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
+    let modules = "mcap, mcap_protobuf, mcap_ros2, numpy, PIL";
+    let Some(found) = read_by("read_recording.py", modules, &frames, images.into()) else {
+        return;
+    };
+    assert_eq!(found["metadata"]["svl"]["seed"], "7");
+    assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
+    compare(&found, &frames, 9);
+}
+
+#[test]
+fn python_reads_raw_recordings() {
+    check(ImageFormat::Raw);
+}
+
+#[test]
+fn python_reads_compressed_recordings() {
+    check(ImageFormat::Png);
+}
+
+#[test]
+fn rosbags_reads_a_ros_2_bag() {
+    let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
+    for images in [ImageFormat::Raw, ImageFormat::Png] {
+        let format = Format {
+            dialect: Dialect::Ros2,
+            images,
+        };
+        let Some(found) = read_by(
+            "read_bag.py",
+            "mcap_ros2, numpy, PIL, rosbags",
+            &frames,
+            format,
+        ) else {
+            return;
+        };
+        compare(&found, &frames, 8);
+    }
+}

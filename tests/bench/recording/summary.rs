@@ -1,0 +1,122 @@
+//! What `svl info` is told.
+
+use super::bag;
+use super::frames::{PERIOD_NS, bare, full, record, summarize};
+use svl::recording::{Gap, ImageFormat, Skew};
+use svl::stereo::Frame;
+
+const SIZE: (usize, usize) = (24, 16);
+
+#[test]
+fn a_summary_knows_counts_gaps_and_skew() {
+    let folder = tempfile::tempdir().unwrap();
+    let skews = [3, -5, 8, 1, 2, 0, 4];
+    let frames: Vec<Frame> = (0..7)
+        .map(|i| {
+            let mut frame = full(i, SIZE);
+            frame.stamp_ns += if i > 3 { 2 * PERIOD_NS } else { 0 };
+            frame.exposure.skew_ns = skews[i as usize];
+            frame
+        })
+        .collect();
+    let summary = summarize(&record(folder.path(), &frames, ImageFormat::Raw)).unwrap();
+    assert!(summary.is_whole());
+    assert_eq!(
+        (summary.pairs, summary.period_ns, summary.drops),
+        (7, Some(PERIOD_NS), 2)
+    );
+    assert_eq!(
+        summary.gaps,
+        [Gap {
+            after_ns: frames[3].stamp_ns,
+            length_ns: 3 * PERIOD_NS
+        }]
+    );
+    let Skew {
+        min_ns,
+        median_ns,
+        max_ns,
+        histogram,
+    } = summary.skew.clone().unwrap();
+    assert_eq!((min_ns, median_ns, max_ns), (-5, 2, 8));
+    assert_eq!(
+        histogram.iter().map(|bin| bin.pairs).sum::<u64>(),
+        summary.pairs
+    );
+    assert_eq!(summary.duration_ns(), 8 * PERIOD_NS + 4);
+    assert_eq!(summary.header.unwrap().source, "test");
+    let topics: Vec<_> = summary
+        .topics
+        .iter()
+        .map(|t| (t.name.as_str(), t.schema.as_str(), t.messages))
+        .collect();
+    assert_eq!(
+        topics,
+        [
+            ("/rig/baseline", "foxglove.FrameTransform", 7),
+            ("/rig/pose", "foxglove.FrameTransform", 7),
+            ("/stereo/left/calibration", "foxglove.CameraCalibration", 7),
+            ("/stereo/left/image", "foxglove.RawImage", 7),
+            ("/stereo/right/calibration", "foxglove.CameraCalibration", 7),
+            ("/stereo/right/image", "foxglove.RawImage", 7),
+            ("/stereo/sync", "svl.StereoSync", 7),
+            ("/truth/depth", "sensor_msgs/msg/Image", 7),
+            ("/truth/visibility", "foxglove.RawImage", 7),
+        ]
+    );
+    let rate = summary.topics[0].rate_hz.unwrap();
+    assert!((rate - 6.0 / (8.0 * PERIOD_NS as f64 / 1e9)).abs() < 1e-9);
+}
+
+#[test]
+fn a_bag_has_the_gaps_of_its_left_images() {
+    let folder = tempfile::tempdir().unwrap();
+    // Sixty pairs without the second ten, and images of a third camera all along.
+    let image = |topic, i: u64| bag::ros_image(topic, i * PERIOD_NS, SIZE, "mono8", &[7; 24 * 16]);
+    let pair = |i| ["/cam0/image", "/cam1/image"].map(|topic| image(topic, i));
+    let pairs = (1..60).filter(|i| !(10..20).contains(i)).flat_map(pair);
+    let other = || (1..60).map(|i| image("/depth/image", i));
+    let summary = summarize(&bag::write(
+        folder.path(),
+        &pairs.chain(other()).collect::<Vec<_>>(),
+    ))
+    .unwrap();
+    assert_eq!(
+        summary.stereo,
+        Some(["/cam0/image".to_owned(), "/cam1/image".to_owned()])
+    );
+    let Gap {
+        after_ns,
+        length_ns,
+    } = summary.gaps[0];
+    assert_eq!(
+        (summary.period_ns, summary.gaps.len(), length_ns),
+        (Some(PERIOD_NS), 1, 11 * PERIOD_NS)
+    );
+    assert!(
+        (9 * PERIOD_NS..10 * PERIOD_NS).contains(&after_ns),
+        "by log time"
+    );
+    let summary = summarize(&bag::write(folder.path(), &other().collect::<Vec<_>>())).unwrap();
+    assert_eq!(
+        (summary.stereo, summary.period_ns, summary.gaps),
+        (None, None, vec![])
+    );
+}
+
+#[test]
+fn a_truncated_file_is_summed_up_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames: Vec<_> = (0..40).map(|i| bare(i, (200, 150))).collect();
+    let path = record(folder.path(), &frames, ImageFormat::Png);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let summary = summarize(&path).unwrap();
+    assert!(
+        summary
+            .damage
+            .as_ref()
+            .is_some_and(|damage| damage.contains("incomplete"))
+    );
+    assert!((1..40).contains(&summary.pairs), "{} pairs", summary.pairs);
+}

@@ -1,0 +1,212 @@
+//! Bags without checksums, as ROS 2's own recorder writes them: what can be told of their damage is
+//! told.
+
+use super::damage::records;
+use super::frames::{image, read, summarize};
+use super::{bag, recovery};
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::Path;
+use svl::Error;
+use svl::recording::{Recovery, Summary};
+
+const SIZE: (usize, usize) = (24, 16);
+const PAIRS: u64 = 20;
+
+/// A bag of pairs in several chunks.
+fn specimen(folder: &Path) -> Vec<u8> {
+    let pixels = |seed| image(SIZE, seed).pixels().collect::<Vec<_>>();
+    let messages: Vec<_> = (0..PAIRS)
+        .flat_map(|i| {
+            let stamp = 1_000_000_000 + i * 50_000_000;
+            let image = |topic, seed| bag::ros_image(topic, stamp, SIZE, "mono8", &pixels(seed));
+            [
+                image("/cam0/image_raw", 2 * i),
+                image("/cam1/image_raw", 2 * i + 1),
+            ]
+        })
+        .collect();
+    std::fs::read(bag::write_unchecked(folder, &messages)).unwrap()
+}
+
+fn chunks(bytes: &[u8]) -> Vec<Range<usize>> {
+    records(bytes)
+        .into_iter()
+        .filter(|(opcode, _)| *opcode == 6)
+        .map(|(_, range)| range)
+        .collect()
+}
+
+/// What info and recover say of `bytes`: the same.
+fn judged(folder: &Path, bytes: &[u8]) -> (Summary, Recovery) {
+    let (recovery, _) = recovery::recovered(folder, bytes);
+    let (summary, recovery) = (
+        summarize(&folder.join("damaged.mcap")).unwrap(),
+        recovery.unwrap(),
+    );
+    assert_eq!(
+        (&summary.losses, &summary.missing),
+        (&recovery.losses, &recovery.missing)
+    );
+    assert_eq!(
+        (summary.checksums, summary.is_whole()),
+        (recovery.checksums, recovery.losses.is_empty())
+    );
+    (summary, recovery)
+}
+
+#[test]
+fn that_nothing_vouches_for_the_pixels_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = specimen(folder.path());
+    let (summary, recovery) = judged(folder.path(), &bytes);
+    assert!(summary.is_whole() && !summary.checksums && recovery.missing.is_empty());
+    let chunk = &chunks(&bytes)[2];
+    let middle = (chunk.start + chunk.end) / 2;
+    let mut zeroed = bytes.clone();
+    zeroed[middle..middle + 100].fill(0);
+    let (summary, _) = judged(folder.path(), &zeroed);
+    assert!(summary.is_whole() && !summary.checksums, "nobody can tell");
+    // Where there are checksums, it is whole without a but: in each chunk, or of all the data.
+    let messages = [bag::ros_image(
+        "/cam0/image_raw",
+        5,
+        SIZE,
+        "mono8",
+        &[7; 24 * 16],
+    )];
+    let checked = std::fs::read(bag::write(folder.path(), &messages)).unwrap();
+    let mut in_the_whole = checked.clone();
+    let chunk = &chunks(&checked)[0];
+    assert!(judged(folder.path(), &checked).0.checksums);
+    in_the_whole[chunk.start + 9 + 24..chunk.start + 9 + 28].fill(0);
+    let end = records(&checked)
+        .into_iter()
+        .find(|(opcode, _)| *opcode == 15)
+        .unwrap()
+        .1;
+    let crc = crc32fast::hash(&in_the_whole[..end.start]);
+    in_the_whole[end.end - 4..end.end].copy_from_slice(&crc.to_le_bytes());
+    let (summary, _) = judged(folder.path(), &in_the_whole);
+    assert!(summary.is_whole() && summary.checksums, "{summary:?}");
+}
+
+#[test]
+fn a_chunk_that_is_not_found_is_missed() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = specimen(folder.path());
+    let mut bad = bytes.clone();
+    bad[chunks(&bytes)[2].start] ^= 0x40;
+    let (summary, _) = judged(folder.path(), &bad);
+    let lost = summary.missing["/cam0/image_raw"];
+    assert!(
+        !summary.is_whole() && lost > 0 && summary.missing.len() == 2,
+        "{summary:?}"
+    );
+    let (frames, error) = read(&folder.path().join("damaged.mcap"));
+    let text = error.expect("a word").to_string();
+    assert!(
+        text.contains(" messages more than it holds; read all the same: "),
+        "{text}"
+    );
+    assert!(
+        frames.len() as u64 >= PAIRS - lost - 1 && frames.len() < PAIRS as usize,
+        "{} pairs",
+        frames.len()
+    );
+}
+
+#[test]
+fn a_damaged_header_is_told_and_the_pairs_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = specimen(folder.path());
+    for (at, bit, pairs) in [(8, 0x40, PAIRS as usize), (17, 0x80, 0)] {
+        let mut bad = bytes.clone();
+        bad[at] ^= bit;
+        let (summary, recovery) = judged(folder.path(), &bad);
+        assert!(
+            !summary.is_whole() && summary.losses[0].at_byte == 8,
+            "{:?}",
+            summary.losses
+        );
+        assert_eq!(recovery.messages["/cam1/image_raw"], PAIRS);
+        let (frames, error) = read(&folder.path().join("damaged.mcap"));
+        assert_eq!(frames.len(), pairs);
+        assert!(matches!(error, Some(Error::Damaged { .. })), "{error:?}");
+        let saved = folder.path().join("saved.mcap");
+        assert_eq!(read(&saved).0.len(), PAIRS as usize);
+    }
+}
+
+/// The messages of a file as far as they can be told apart.
+fn messages(bytes: &[u8]) -> BTreeSet<(String, u64, Vec<u8>)> {
+    let messages = mcap::MessageStream::new(bytes).unwrap().map(|message| {
+        let mcap::Message {
+            channel,
+            log_time,
+            data,
+            ..
+        } = message.unwrap();
+        (channel.topic.clone(), log_time, data.into_owned())
+    });
+    messages.collect()
+}
+
+#[test]
+fn whatever_is_changed_the_other_chunks_are_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = specimen(folder.path());
+    let all = messages(&bytes);
+    let chunks = chunks(&bytes);
+    // The messages of a chunk are those that a file without it lacks.
+    let of_chunk: Vec<_> = chunks
+        .iter()
+        .map(|chunk| {
+            let mut without = bytes.clone();
+            without[chunk.clone()].fill(0);
+            let (_, saved) = recovery::recovered(folder.path(), &without);
+            let lacking = &all - &messages(&std::fs::read(saved).unwrap());
+            assert!(!lacking.is_empty(), "{chunk:?}");
+            lacking
+        })
+        .collect();
+    assert_eq!(of_chunk.iter().map(BTreeSet::len).sum::<usize>(), all.len());
+    let check = |bad: &[u8], hit: Range<usize>, what: &str| {
+        let (_, recovery) = judged(folder.path(), bad);
+        let saved = messages(&std::fs::read(folder.path().join("saved.mcap")).unwrap());
+        for (chunk, messages) in chunks.iter().zip(&of_chunk) {
+            let missed = chunk.end <= hit.start || hit.end <= chunk.start;
+            assert!(
+                !missed || messages.is_subset(&saved),
+                "{what}: {chunk:?}: {:?}",
+                recovery.losses
+            );
+        }
+        // What is not as it was written can only be of the chunk that was hit, where nobody can
+        // tell.
+        let wrong = (&saved - &all).len();
+        let inside = chunks
+            .iter()
+            .any(|chunk| chunk.start < hit.end && hit.start < chunk.end);
+        assert!(
+            wrong == 0 || inside,
+            "{what}: {wrong} wrong, {:?}",
+            recovery.losses
+        );
+        assert!(
+            recovery.messages.values().sum::<u64>() == all.len() as u64
+                || !recovery.losses.is_empty(),
+            "{what}"
+        );
+    };
+    for at in (0..bytes.len() - 400).step_by(23) {
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 1 << (at % 8);
+        check(&flipped, at..at + 1, &format!("byte {at} flipped"));
+        let mut zeroed = bytes.clone();
+        zeroed[at..at + 40].fill(0);
+        check(&zeroed, at..at + 40, &format!("40 bytes at {at} zeroed"));
+        let gone = [&bytes[..at], &bytes[at + 400..]].concat();
+        check(&gone, at..at + 400, &format!("400 bytes at {at} gone"));
+    }
+}

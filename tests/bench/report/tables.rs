@@ -1,0 +1,179 @@
+//! Tables on disk.
+
+use super::fixture::{blind, cell, checkpoint, csv_rows, example, parquet, row};
+use svl::Error;
+use svl::report::{
+    AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, Record, Row, Summary, Table,
+};
+use svl::score::Verdict;
+
+#[test]
+fn csv_and_parquet_hold_what_was_pushed() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = vec![row("v3", 0, 5_000), blind("bm", 1)];
+    let cells = vec![
+        cell("v3", 0, Verdict::Right),
+        cell("v3", 1, Verdict::Unknown),
+        cell("v3", 2, Verdict::NoTruth),
+    ];
+    let checkpoints = vec![
+        checkpoint(1, "opening", "v3", (3, 4)),
+        checkpoint(2, "corner", "v3", (0, 0)),
+    ];
+    fn write<R: Record + Clone>(folder: &std::path::Path, name: &str, rows: &[R]) {
+        let mut table = Table::create_both(folder, name).unwrap();
+        table.push(rows.iter().cloned()).unwrap();
+        table.finish().unwrap();
+    }
+    write(folder.path(), "rows", &rows);
+    write(folder.path(), "cells", &cells);
+    write(folder.path(), "checkpoints", &checkpoints);
+
+    let file = |name: &str| folder.path().join(name);
+    assert_eq!(csv_rows::<Row>(&file("rows.csv")), rows);
+    assert_eq!(csv_rows::<CellRow>(&file("cells.csv")), cells);
+    assert_eq!(
+        csv_rows::<CheckpointRow>(&file("checkpoints.csv")),
+        checkpoints
+    );
+    assert!(parquet(&file("rows.parquet")).equals_missing(&Row::frame(&rows).unwrap()));
+    assert!(parquet(&file("cells.parquet")).equals_missing(&CellRow::frame(&cells).unwrap()));
+    assert!(
+        parquet(&file("checkpoints.parquet"))
+            .equals_missing(&CheckpointRow::frame(&checkpoints).unwrap())
+    );
+}
+
+#[test]
+fn the_summary_is_two_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let summary = example();
+    summary.write_tables(folder.path()).unwrap();
+    let file = |name: &str| folder.path().join(name);
+    assert_eq!(
+        csv_rows::<AlgorithmSummary>(&file("summary.csv")),
+        summary.algorithms
+    );
+    assert_eq!(
+        csv_rows::<CheckpointSummary>(&file("verdicts.csv")),
+        summary.checkpoints
+    );
+    let frames = [
+        AlgorithmSummary::frame(&summary.algorithms),
+        CheckpointSummary::frame(&summary.checkpoints),
+    ];
+    for (name, frame) in ["summary.parquet", "verdicts.parquet"].iter().zip(frames) {
+        assert!(
+            parquet(&file(name)).equals_missing(&frame.unwrap()),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn the_heads_of_the_tables_are_fixed() {
+    let tables = [
+        Row::COLUMNS,
+        CellRow::COLUMNS,
+        CheckpointRow::COLUMNS,
+        AlgorithmSummary::COLUMNS,
+        CheckpointSummary::COLUMNS,
+    ];
+    let heads = tables.map(|columns| columns.join("\n"));
+    insta::assert_snapshot!("columns", heads.join("\n\n"));
+}
+
+#[test]
+fn a_single_table_goes_by_its_extension() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rows.csv");
+    let mut table = Table::create(&path).unwrap();
+    table.push([row("v3", 0, 5_000)]).unwrap();
+    table.finish().unwrap();
+    assert_eq!(csv_rows::<Row>(&path), [row("v3", 0, 5_000)]);
+    let error = Table::<Row>::create(&folder.path().join("rows.xlsx"))
+        .err()
+        .unwrap();
+    assert!(
+        error
+            .to_string()
+            .ends_with("rows.xlsx: a table is a .csv or a .parquet file"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_crash_keeps_the_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rows = Table::create_both(folder.path(), "rows").unwrap();
+    let mut cells = Table::create_both(folder.path(), "cells").unwrap();
+    rows.push([row("v3", 0, 5_000)]).unwrap();
+    cells.push([cell("v3", 0, Verdict::Wrong)]).unwrap();
+    // Not even dropped: what is on disk now is all there is after a kill.
+    std::mem::forget((rows, cells));
+    assert_eq!(
+        csv_rows::<Row>(&folder.path().join("rows.csv")),
+        [row("v3", 0, 5_000)]
+    );
+    assert_eq!(
+        csv_rows::<CellRow>(&folder.path().join("cells.csv")),
+        [cell("v3", 0, Verdict::Wrong)]
+    );
+}
+
+#[test]
+fn a_folder_that_cannot_be_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let error = Table::<Row>::create_both(&file.join("report"), "rows")
+        .err()
+        .unwrap();
+    assert!(
+        matches!(&error, Error::Io { path, .. } if path == &file.join("report")),
+        "{error}"
+    );
+    assert!(!error.to_string().contains('\n'));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_an_error_with_the_file() {
+    for name in ["rows.csv", "rows.parquet"] {
+        let folder = tempfile::tempdir().unwrap();
+        let full = folder.path().join(name);
+        std::os::unix::fs::symlink("/dev/full", &full).unwrap();
+        let error = Table::create(&full)
+            .and_then(|mut table| {
+                table
+                    .push([row("v3", 0, 5_000)])
+                    .and_then(|()| table.finish())
+            })
+            .unwrap_err();
+        let Error::Io { path, cause } = &error else {
+            panic!("{error:?}")
+        };
+        assert_eq!(
+            (path, cause.kind()),
+            (&full, std::io::ErrorKind::StorageFull)
+        );
+        assert!(!error.to_string().contains('\n'));
+    }
+}
+
+#[test]
+fn an_empty_run_has_tables_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = Table::<Row>::create_both(folder.path(), "rows").unwrap();
+    table.finish().unwrap();
+    let table = Table::<CellRow>::create_both(folder.path(), "cells").unwrap();
+    table.finish().unwrap();
+    let summary = Summary::from_rows(&[], &[]).unwrap();
+    assert_eq!(summary, Summary::default());
+    assert_eq!(summary.to_string(), "No pairs.\n");
+    assert_eq!(
+        parquet(&folder.path().join("cells.parquet")).shape(),
+        (0, CellRow::COLUMNS.len())
+    );
+    assert!(csv_rows::<Row>(&folder.path().join("rows.csv")).is_empty());
+}

@@ -1,0 +1,157 @@
+//! Programs that break the protocol: each in its own words, within its time.
+
+use super::fixture::{pair, start};
+use std::time::Duration;
+
+#[test]
+fn a_crash_is_told_with_its_last_words_and_the_program_is_started_again_three_times() {
+    let body = r#"
+line, _ = pair()
+sys.stderr.write("loading\n\nTraceback\nValueError: no such thing\n")
+put(b'{"seq":')
+sys.exit(7)
+"#;
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    for _ in 0..4 {
+        plugin.fails(&[
+            "exit status: 7",
+            "{\\\"seq\\\":",
+            "ValueError: no such thing",
+        ]);
+    }
+    plugin.fails(&["failed 4 times", "given up"]);
+    plugin.fails(&["given up"]);
+}
+
+#[test]
+fn after_a_crash_the_next_pair_is_matched() {
+    let body = r#"
+line, _ = pair()
+if line["seq"] % 2: answer(line)
+os._exit(1)
+"#;
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    plugin.compute(&pair(12, 5)).unwrap();
+    plugin.fails(&["ended (exit status: 1) before it answered"]);
+    plugin.compute(&pair(12, 5)).unwrap();
+}
+
+#[test]
+fn a_program_that_dies_in_its_disparities_is_told() {
+    let Some(mut plugin) = start(
+        "line, _ = pair()\nput(b'{\"seq\":1,\"millis\":0}\\n' + bytes(100))",
+        "",
+    ) else {
+        return;
+    };
+    plugin.fails(&[
+        "exit status: 0",
+        "after 100 bytes of disparities",
+        "12x5 pixels are 240",
+    ]);
+}
+
+#[test]
+fn a_hang_ends_at_the_timeout() {
+    let Some(mut plugin) = start(
+        "pair()\nsys.stderr.write('thinking')\nsys.stderr.flush()\ntime.sleep(60)",
+        ",timeout_s=1",
+    ) else {
+        return;
+    };
+    plugin.fails(&["did not answer within 1s", "nothing came", "thinking"]);
+}
+
+#[test]
+fn a_program_that_reads_nothing_ends_at_the_timeout() {
+    let Some(mut plugin) = start("time.sleep(60)", ",timeout_s=0.5") else {
+        return;
+    };
+    let error = plugin.compute(&pair(1500, 1000)).err().unwrap().to_string();
+    assert!(
+        error.contains("did not answer within 500ms: nothing came"),
+        "{error}"
+    );
+}
+
+#[test]
+fn too_little_ends_at_the_timeout_with_the_numbers() {
+    let Some(mut plugin) = start(
+        "line, _ = pair()\nput(b'{\"seq\":1,\"millis\":0}\\n' + bytes(100))\ntime.sleep(60)",
+        ",timeout_s=1",
+    ) else {
+        return;
+    };
+    plugin.fails(&[
+        "did not answer within 1s",
+        "121 bytes came",
+        "its line and 240",
+    ]);
+}
+
+#[test]
+fn too_much_is_refused() {
+    let Some(mut plugin) = start(
+        "line, _ = pair()\nanswer(line, [0.0] * 60 + [1.0])\npair()",
+        "",
+    ) else {
+        return;
+    };
+    // Python's own check would refuse a wrong count.
+    let body = "line, _ = pair()\nput(b'{\"seq\":1,\"millis\":0}\\n' + bytes(244))\npair()";
+    plugin.fails(&["struct.error"]);
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    plugin.fails(&["4 bytes", "after its reply for 12x5 pixels"]);
+}
+
+#[test]
+fn garbage_is_shown() {
+    for (reply, words) in [
+        (
+            r"b'hello \xff world\n'",
+            ["\"hello \\xff world\"", "expected"],
+        ),
+        (r"b'\n'", ["\"\"", "EOF while parsing"]),
+        (
+            r"b'x' * 10**6",
+            ["\"xxx", "no end of line within 65536 bytes"],
+        ),
+        (r#"b'{"seq":2,"millis":1}\n'"#, ["seq", "asked for seq 1"]),
+        (r#"b'{"seq":1}\n'"#, ["neither millis", "nor error"]),
+        (
+            r#"b'{"seq":1,"millis":-5}\n'"#,
+            ["neither millis", "nor error"],
+        ),
+        (
+            r#"b'{"seq":1,"millis":1}\n' + b'\xff' * 240"#,
+            ["the disparity NaN at (0, 0)", "none is +inf"],
+        ),
+    ] {
+        let Some(mut plugin) = start(&format!("pair()\nput({reply})\ntime.sleep(60)"), "") else {
+            return;
+        };
+        plugin.fails(&words);
+    }
+}
+
+#[test]
+fn closed_pipes_are_told() {
+    let Some(mut plugin) = start(
+        "pair()\nsys.stdout.close()\nos.close(1)\ntime.sleep(60)",
+        "",
+    ) else {
+        return;
+    };
+    plugin.fails(&["closed its output"]);
+    let Some(mut plugin) = start("os.close(0)\ntime.sleep(60)", "") else {
+        return;
+    };
+    std::thread::sleep(Duration::from_millis(300));
+    plugin.fails(&["does not read its input"]);
+}

@@ -1,0 +1,167 @@
+//! Programs that keep the protocol.
+
+use super::fixture::{pair, python, start};
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Duration;
+use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::stereo::{Gray, Reason, RectifiedPair, StereoPair};
+
+#[test]
+fn pixels_go_and_disparities_come() {
+    // Left pixels are the disparities; a right pixel of 8 is none.
+    let body = r#"
+while True:
+    line, images = pair()
+    assert (line["min_disparity"], line["max_disparity"]) == (-3, 17), line
+    n = len(images) // 2
+    answer(line, [float("inf") if images[n + i] == 8 else images[i] + 0.25 for i in range(n)])
+"#;
+    let Some(mut plugin) = start(body, ",min_disparity=-3,max_disparity=17") else {
+        return;
+    };
+    for (width, height) in [(12, 5), (1, 1), (33, 40), (12, 5)] {
+        let pair = pair(width, height);
+        let clock = plugin.compute(&pair).unwrap();
+        assert_eq!(plugin.output.disparity.size(), (width, height));
+        for (x, y) in (0..width).flat_map(|x| (0..height).map(move |y| (x, y))) {
+            let (left, right) = (pair.left().get(x, y), pair.right().get(x, y));
+            let expected = if right == 8 {
+                Err(Reason::Unmatched)
+            } else {
+                Ok(f32::from(left) + 0.25)
+            };
+            assert_eq!(
+                plugin.output.disparity.at(x, y),
+                expected,
+                "({x}, {y}) of {width}x{height}"
+            );
+        }
+        assert!(
+            clock.times().total() <= Duration::from_micros(1500),
+            "the program's own time: {:?}",
+            clock.times()
+        );
+    }
+}
+
+#[test]
+fn a_large_pair_fits_through_the_pipes() {
+    let Some(mut plugin) = start("while True: answer(pair()[0])", "") else {
+        return;
+    };
+    plugin.compute(&pair(1500, 1000)).unwrap();
+    assert_eq!(plugin.output.disparity.valid(), 1_500_000);
+}
+
+#[test]
+fn an_error_reply_concerns_its_pair_alone() {
+    let body = r#"
+for seq in range(1, 20):
+    line, _ = pair()
+    if seq % 2: put(json.dumps({"seq": seq, "error": "too\ndark"}).encode() + b"\n")
+    else: answer(line)
+"#;
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    for _ in 0..6 {
+        plugin.fails(&["answered: too dark"]);
+        plugin.compute(&pair(12, 5)).unwrap();
+    }
+}
+
+#[test]
+fn a_flood_on_stderr_neither_blocks_nor_grows() {
+    let body = r#"
+while True:
+    line, _ = pair()
+    if line["seq"] == 3: raise ValueError("the end")
+    for _ in range(5000): sys.stderr.write("x" * 999 + "\n")
+    answer(line)
+"#;
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    plugin.compute(&pair(12, 5)).unwrap();
+    plugin.compute(&pair(12, 5)).unwrap();
+    plugin.fails(&["exit status: 1", "ValueError: the end"]);
+}
+
+/// A dropped matcher leaves no program behind, not even one that ignores the end of its input.
+#[cfg(target_os = "linux")]
+#[test]
+fn dropping_ends_the_program() {
+    let body = "line, _ = pair()\nanswer(line, [float(os.getpid())] * 60)\ntime.sleep(60)";
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    plugin.compute(&pair(12, 5)).unwrap();
+    let process = PathBuf::from(format!(
+        "/proc/{}",
+        plugin.output.disparity.at(0, 0).unwrap()
+    ));
+    assert!(process.exists());
+    drop(plugin);
+    assert!(!process.exists());
+}
+
+#[test]
+fn the_example_adapter_matches() {
+    let Some(python) = python() else { return };
+    if !Command::new(&python)
+        .args(["-c", "import cv2, numpy"])
+        .output()
+        .is_ok_and(|o| o.status.success())
+    {
+        println!("skipped: {} has no cv2 and numpy", python.display());
+        return;
+    }
+    let texture = |x: usize, y: usize| {
+        ((x * 7919 + y * 104_729 + x * y * 31) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+    };
+    let side =
+        |shift: usize| Gray::from_fn(160, 60, |x, y| (texture(x + shift, y) >> 56) as u8).unwrap();
+    let pair = StereoPair::new(side(0), side(11)).unwrap();
+    let rectified = RectifiedPair::assume(&pair);
+    let adapter = concat!(env!("CARGO_MANIFEST_DIR"), "/adapters/opencv.py");
+    for method in [
+        "bm",
+        "bm --block 15 --uniqueness 5 --texture 0",
+        "sgbm",
+        "sgbm --block 5 --speckle-window 50",
+    ] {
+        let text = format!(
+            "exec:command={} '{adapter}' {method},max_disparity=40",
+            python.display()
+        );
+        let mut output = MatchOutput::new().unwrap();
+        let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
+        for _ in 0..2 {
+            matcher
+                .compute(rectified, &MatchContext::default(), &mut output)
+                .unwrap();
+            let map = &output.disparity;
+            let right = map
+                .disparity()
+                .pixels()
+                .filter(|d| (d - 11.0).abs() <= 0.5)
+                .count();
+            assert!(
+                right > 4000 && right * 20 > map.valid() * 19,
+                "{method}: {right} of {} valid",
+                map.valid()
+            );
+        }
+    }
+    let text = format!("exec:command={} '{adapter}' bm --block 8", python.display());
+    let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
+    let error = matcher
+        .compute(
+            rectified,
+            &MatchContext::default(),
+            &mut MatchOutput::new().unwrap(),
+        )
+        .unwrap_err();
+    assert!(error.to_string().contains("answered: OpenCV"), "{error}");
+}

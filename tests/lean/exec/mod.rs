@@ -1,0 +1,6 @@
+//! The plug-in protocol, with programs that keep it and programs that break it.
+
+mod breach;
+mod fixture;
+mod keeping;
+mod settings;

@@ -1,0 +1,104 @@
+//! Parameters are as far from the truth as their standard deviations say.
+//!
+//! Counted is every parameter of every rig: 18 of the lenses, 6 of the motion between the cameras,
+//! and the baseline. `cargo test --release --test lean solve::coverage -- --nocapture --test-threads 1`
+//! shows them one by one.
+
+use super::simulated::{Simulated, Spoil, turn_deg};
+use std::time::{Duration, Instant};
+use svl::calibrate::{Camera, Estimate, Solution, solve};
+use svl::stereo::Intrinsics;
+
+/// How many standard deviations every parameter is from the truth.
+fn deviations(solution: &Solution, simulated: &Simulated) -> Vec<(String, f64)> {
+    let truth = &simulated.truth;
+    let mut all: Vec<(String, Estimate, f64)> = Vec::new();
+    let mut lens = |side: &str, camera: &Camera, truth: &Intrinsics| {
+        let pairs = camera.parameters().into_iter().zip(truth.parameters());
+        all.extend(
+            pairs.map(|((name, estimate), truth)| (format!("{side} {name}"), estimate, truth)),
+        );
+    };
+    lens("left", &solution.left, truth.left());
+    lens("right", &solution.right, truth.right());
+    let (turn, shift) = (
+        turn_deg(truth.right_from_left()),
+        truth.right_from_left().translation.vector,
+    );
+    for (i, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        all.push((
+            format!("rotation {axis}"),
+            solution.rotation_deg[i],
+            turn[i],
+        ));
+        all.push((format!("T {axis}"), solution.translation[i], shift[i]));
+    }
+    all.push(("baseline".to_owned(), solution.baseline, truth.baseline()));
+    all.into_iter()
+        .map(|(name, estimate, truth)| (name, (estimate.value - truth) / estimate.deviation))
+        .collect()
+}
+
+/// Shares of parameters within one, two and three standard deviations, after a table by parameter,
+/// and how many views were wrongly refused or used.
+fn shares(rigs: u64, noise_px: Option<f64>, spoilt: fn(u64) -> usize) -> ([f64; 3], usize) {
+    let mut spent = Duration::ZERO;
+    let mut all: Vec<Vec<(String, f64)>> = Vec::new();
+    let mut misjudged = 0;
+    for seed in 0..rigs {
+        let simulated = Simulated::new(seed, noise_px, spoilt(seed));
+        let begin = Instant::now();
+        let solution = solve(
+            &simulated.board,
+            simulated.truth.left().size(),
+            &simulated.views,
+        );
+        spent += begin.elapsed();
+        let solution = solution.unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        for (view, spoilt) in solution.views.iter().zip(&simulated.spoilt) {
+            // Of a view with a few outlying corners the others are good.
+            let wrong = spoilt.is_some_and(|spoil| spoil != Spoil::Corners);
+            misjudged += usize::from(wrong != view.refused.is_some());
+        }
+        all.push(deviations(&solution, &simulated));
+    }
+    let within = |numbers: &mut dyn Iterator<Item = f64>| {
+        let numbers: Vec<f64> = numbers.collect();
+        [1.0, 2.0, 3.0]
+            .map(|n| numbers.iter().filter(|z| z.abs() <= n).count() as f64 / numbers.len() as f64)
+    };
+    for (i, (name, _)) in all[0].iter().enumerate() {
+        println!(
+            "{name:12} {:.3?}",
+            within(&mut all.iter().map(|rig| rig[i].1))
+        );
+    }
+    let shares = within(&mut all.iter().flatten().map(|(_, z)| *z));
+    println!("{rigs} rigs in {spent:.1?}: {shares:.4?}; {misjudged} views misjudged");
+    (shares, misjudged)
+}
+
+/// Normal numbers are 68.3, 95.4 and 99.7 % within; those of one rig go together, so that the
+/// shares vary more than so many independent numbers would.
+fn check(spoilt: fn(u64) -> usize, noise_px: Option<f64>) {
+    let ([one, _, three], misjudged) = shares(200, noise_px, spoilt);
+    assert!(
+        (0.64..0.72).contains(&one),
+        "{one}: deviations too small or too wide"
+    );
+    assert!(three >= 0.99, "{three}");
+    assert!(
+        misjudged <= 2,
+        "{misjudged} good views refused or bad ones used"
+    );
+}
+
+#[test]
+fn deviations_are_right() {
+    check(|_| 0, None);
+}
+
+#[test]
+fn deviations_are_right_with_outliers_and_noise_of_a_pixel() {
+    check(|seed| 1 + seed as usize % 3, Some(1.0));
+}
