@@ -83,17 +83,31 @@ fn scenes() -> impl Strategy<Value = StereoPair> {
         Scene::Faint,
         Scene::BlackAndWhite,
     ]);
+    let sizes = [
+        (31usize, 15usize),
+        (32, 16),
+        (33, 17),
+        (64, 63),
+        (63, 64),
+        (65, 65),
+        (130, 33),
+    ];
     let size = prop_oneof![
         4 => (8usize..=70, 1usize..=40),
         2 => (1usize..=10, 1usize..=20),
-        2 => prop::sample::select(vec![(31usize, 15usize), (32, 16), (33, 17), (64, 63), (63, 64), (65, 65), (130, 33)]),
+        2 => prop::sample::select(sizes.to_vec()),
     ];
     (scene, size, any::<u64>()).prop_map(|(scene, size, seed)| pair(scene, size, seed))
 }
 
 fn algorithms() -> impl Strategy<Value = Dp> {
     let max = prop_oneof![3 => 0i32..=40, 1 => prop::sample::select(vec![0, 1, 80, 254, 255])];
-    let costs = prop_oneof![1 => Just((25, 5)), 2 => (0i64..=60, 0i64..=20), 1 => Just((1000, 0)), 1 => Just((0, 1000))];
+    let costs = prop_oneof![
+        1 => Just((25, 5)),
+        2 => (0i64..=60, 0i64..=20),
+        1 => Just((1000, 0)),
+        1 => Just((0, 1000)),
+    ];
     // Runs of small images are short.
     let runs = prop_oneof![1 => Just((12, 15, 25)), 3 => (0usize..=9, 0usize..=9, 0usize..=15)];
     (max, costs, runs).prop_map(

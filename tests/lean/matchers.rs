@@ -36,8 +36,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// All but exec: what it computes, and with what memory, is its program's affair. `tests/lean/exec/` has
-/// its contract.
+/// All but exec, whose results and memory are those of its program; `tests/lean/exec/` has its
+/// contract.
 fn matchers() -> impl Iterator<Item = &'static MatcherSpec> {
     MATCHERS.iter().filter(|spec| spec.name != "exec")
 }

@@ -73,7 +73,8 @@ proptest! {
     #[test]
     fn threads_do_not_matter(pair in scenes(), v3 in algorithms()) {
         let [one, two] = [1, 2].map(|threads| {
-            pool(threads).install(|| common::run(&v3.text(), Isa::available().next().unwrap(), &pair))
+            let isa = Isa::available().next().unwrap();
+            pool(threads).install(|| common::run(&v3.text(), isa, &pair))
         });
         prop_assert_eq!(one.hash(), two.hash());
         prop_assert!(one == two);

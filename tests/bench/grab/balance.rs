@@ -237,7 +237,8 @@ proptest! {
         first_us in 100u32..16_666,
         change in -1.5f64..1.5,
     ) {
-        let scene = parts.into_iter().flat_map(|(log, count)| vec![10f64.powf(log); count]).collect();
+        let scene = parts.into_iter().flat_map(|(log, count)| vec![10f64.powf(log); count]);
+        let scene = scene.collect();
         let mut before = Before { scene, gamma, step_us };
         let mut balance = Balance::new(WIDE, Settings { shutter_us: first_us, gain_mdb: 0 }, 1);
         prop_assert_eq!(before.is_right(&mut balance), Ok(()));

@@ -64,7 +64,8 @@ fn raw_image(width: u32, height: u32, encoding: &str, bytes: usize) -> Vec<u8> {
     data
 }
 
-const SYNC: &[u8] = br#"{"sequence":0,"left_stamp_ns":9,"right_stamp_ns":9,"trigger_id":0,"skew_ns":0,"shutter_us":0,"gain_mdb":0,"drops":0}"#;
+const SYNC: &[u8] = br#"{"sequence":0,"left_stamp_ns":9,"right_stamp_ns":9,"trigger_id":0,
+"skew_ns":0,"shutter_us":0,"gain_mdb":0,"drops":0}"#;
 
 /// A recording of one pair of these images.
 fn pair_of(left: &[u8], right: &[u8]) -> Vec<u8> {

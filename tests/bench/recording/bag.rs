@@ -298,8 +298,8 @@ pub(crate) fn json_raw(
 ) -> Message {
     use base64::Engine as _;
     let data = serde_json::json!({
-        "timestamp": {"sec": stamp / 1_000_000_000, "nsec": stamp % 1_000_000_000}, "frame_id": "cam", "width": width,
-        "height": height, "encoding": "mono8", "step": width,
+        "timestamp": {"sec": stamp / 1_000_000_000, "nsec": stamp % 1_000_000_000},
+        "frame_id": "cam", "width": width, "height": height, "encoding": "mono8", "step": width,
         "data": base64::engine::general_purpose::STANDARD.encode(pixels),
     });
     let data = data.to_string().into_bytes();

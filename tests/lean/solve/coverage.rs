@@ -1,8 +1,8 @@
 //! Parameters are as far from the truth as their standard deviations say.
 //!
 //! Counted is every parameter of every rig: 18 of the lenses, 6 of the motion between the cameras,
-//! and the baseline. `cargo test --release --test lean solve::coverage -- --nocapture --test-threads 1`
-//! shows them one by one.
+//! and the baseline. They are shown one by one by
+//! `cargo test --release --test lean solve::coverage -- --nocapture --test-threads 1`.
 
 use super::simulated::{Simulated, Spoil, turn_deg};
 use std::time::{Duration, Instant};

@@ -183,15 +183,23 @@ proptest! {
     #[test]
     fn nothing_panics(
         numbers in prop::collection::vec(
-            prop_oneof![8 => 0.0..640.0, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(-1e308), 2 => Just(100.0)],
+            prop_oneof![
+                8 => 0.0..640.0,
+                1 => Just(f64::NAN),
+                1 => Just(f64::INFINITY),
+                1 => Just(-1e308),
+                2 => Just(100.0),
+            ],
             5 * 2 * 9 * 2,
         ),
         clean in any::<bool>(),
     ) {
         let board = Board::new((3, 3), None).unwrap();
         let number = |v: &f64| if clean && !v.is_finite() { 17.0 } else { *v };
-        let points: Vec<_> = numbers.chunks(2).map(|p| Point2::new(number(&p[0]), number(&p[1]))).collect();
-        let views: Vec<_> = points.chunks(18).map(|v| View { left: v[..9].to_vec(), right: v[9..].to_vec() }).collect();
+        let points = numbers.chunks(2).map(|p| Point2::new(number(&p[0]), number(&p[1])));
+        let points = points.collect::<Vec<_>>();
+        let view = |v: &[Point2<f64>]| View { left: v[..9].to_vec(), right: v[9..].to_vec() };
+        let views = points.chunks(18).map(view).collect::<Vec<_>>();
         if let Ok(solution) = solve(&board, SIZE, &views) {
             prop_assert!(!solution.to_string().contains("NaN"));
         }
