@@ -149,9 +149,10 @@ fn closed_pipes_are_told() {
         return;
     };
     plugin.fails(&["closed its output"]);
-    let Some(mut plugin) = start("os.close(0)\ntime.sleep(60)", "") else {
+    let body = "os.close(0)\nopen(sys.argv[0] + '.closed', 'w').close()\ntime.sleep(60)";
+    let Some(mut plugin) = start(body, "") else {
         return;
     };
-    std::thread::sleep(Duration::from_millis(300));
+    plugin.wait_for("closed");
     plugin.fails(&["does not read its input"]);
 }

@@ -24,12 +24,14 @@ def answer(line, values=None, **other):
     put(reply + struct.pack("<%df" % count, *(values or [0.0] * count)))
 "#;
 
+const PROGRAM: &str = "a program, with a comma.py";
+
 /// A matcher that is a program of the test.
 pub(crate) struct Plugin {
     matcher: Box<dyn Matcher>,
     pub(crate) output: MatchOutput,
     // Last, so that the program is ended before its file goes.
-    _folder: tempfile::TempDir,
+    folder: tempfile::TempDir,
 }
 
 pub(crate) fn python() -> Option<PathBuf> {
@@ -48,7 +50,7 @@ pub(crate) fn python() -> Option<PathBuf> {
 pub(crate) fn start(body: &str, settings: &str) -> Option<Plugin> {
     let python = python()?;
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("a program, with a comma.py");
+    let file = folder.path().join(PROGRAM);
     std::fs::write(&file, format!("{PRELUDE}{body}")).unwrap();
     let text = format!(
         "exec:command={} '{}'{settings}",
@@ -59,7 +61,7 @@ pub(crate) fn start(body: &str, settings: &str) -> Option<Plugin> {
     Some(Plugin {
         matcher,
         output: MatchOutput::new().unwrap(),
-        _folder: folder,
+        folder,
     })
 }
 
@@ -80,6 +82,21 @@ impl Plugin {
         Ok(std::mem::replace(&mut self.output.clock, Clock::start()))
     }
 
+    /// Waits until the program has made the file of its own name with that ending.
+    #[track_caller]
+    pub(crate) fn wait_for(&self, ending: &str) {
+        let file = self.folder.path().join(format!("{PROGRAM}.{ending}"));
+        let start = Instant::now();
+        while !file.exists() {
+            assert!(
+                start.elapsed() < Duration::from_secs(60),
+                "no {}",
+                file.display()
+            );
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
     /// It fails within a few seconds, in one line with all these words.
     #[track_caller]
     pub(crate) fn fails(&mut self, words: &[&str]) {
@@ -92,7 +109,7 @@ impl Plugin {
             "{:?}: {line}",
             start.elapsed()
         );
-        for word in [&["a program, with a comma.py"], words].concat() {
+        for word in [&[PROGRAM], words].concat() {
             assert!(line.contains(word), "'{word}' is not in: {line}");
         }
         assert!(!line.contains('\n') && line.len() < 1000, "{line}");
