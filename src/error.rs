@@ -86,12 +86,25 @@ pub enum Error {
     /// A camera or its trigger failed while it was being grabbed from. What came before is good.
     #[error("{camera}: {reason}")]
     Camera { camera: String, reason: String },
+    /// A request that contradicts itself, or an option that what is named does not take.
+    #[error("{0}")]
+    Usage(String),
     /// A scenario or setting that contradicts itself.
     #[error("{0}")]
     Invalid(String),
 }
 
 impl Error {
+    /// Whether the request is wrong, whatever files and machines there are. A program exits with
+    /// its code for wrong usage.
+    pub fn is_usage(&self) -> bool {
+        use Error::{ParameterValue, UnknownAlgorithm, UnknownParameter, Usage};
+        matches!(
+            self,
+            Usage(_) | ParameterValue { .. } | UnknownAlgorithm { .. } | UnknownParameter { .. }
+        )
+    }
+
     /// An I/O error at `path`.
     pub fn io(path: impl Into<PathBuf>, cause: std::io::Error) -> Self {
         Self::Io {

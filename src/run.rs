@@ -74,17 +74,17 @@ impl Matchers {
     /// Builds the algorithms; each label may occur once, as it names rows and topics.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the algorithm that occurs twice or cannot be built.
+    /// [`Error::Usage`] naming the algorithm that occurs twice or cannot be built.
     pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
         let entry = |(i, algorithm): (usize, &Algorithm)| {
             let label = algorithm.label().to_owned();
             if algorithms[..i].iter().any(|other| other.label() == label) {
-                return Err(Error::Invalid(format!(
+                return Err(Error::Usage(format!(
                     "{label}: named twice; name each algorithm once"
                 )));
             }
             let matcher = algorithm.build().map_err(|error| match error {
-                Error::Invalid(reason) => Error::Invalid(format!("{label}: {reason}")),
+                Error::Usage(reason) => Error::Usage(format!("{label}: {reason}")),
                 other => other,
             })?;
             Ok(Entry {

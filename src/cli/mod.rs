@@ -22,7 +22,10 @@ pub(crate) struct Cli {
     command: Command,
 
     /// Threads to compute with [default: one per core; bench: 1]
-    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(1..=1024u16))]
+    #[arg(
+        long, global = true, value_name = "N", allow_negative_numbers = true,
+        value_parser = usage::within(1..=1024u16)
+    )]
     threads: Option<u16>,
 
     /// Say more: -v what is done, -vv details
@@ -55,13 +58,7 @@ impl Cli {
         // wait for each other.
         match rayon::scope(|_| cli.command.run(cli.quiet)) {
             Ok(()) => ExitCode::SUCCESS,
-            Err(error) => match error.downcast_ref() {
-                Some(error) => usage::tell(error),
-                None => {
-                    eprintln!("error: {}", usage::one_line(&error));
-                    ExitCode::FAILURE
-                }
-            },
+            Err(error) => usage::report(&error),
         }
     }
 

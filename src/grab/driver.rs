@@ -36,7 +36,7 @@ pub struct DriverFunctions {
     /// Opens two cameras and starts them.
     ///
     /// # Errors
-    /// [`Error::Invalid`] and [`Error::ParameterValue`] for what the user wrote, [`Error::Camera`]
+    /// [`Error::Usage`] and [`Error::ParameterValue`] for what the user wrote, [`Error::Camera`]
     /// for the state of cameras and triggers.
     pub open: fn(&CameraRequest<'_>) -> Result<CameraPair>,
     /// The cameras that are there now.
@@ -137,7 +137,7 @@ impl Driver {
     /// Checks options written `name=value`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a name that the table lacks, [`Error::ParameterValue`] for a value
+    /// [`Error::Usage`] for a name that the table lacks, [`Error::ParameterValue`] for a value
     /// that is out of range.
     pub(super) fn settings<'a>(
         &self,
@@ -183,7 +183,7 @@ impl Driver {
                 join(options)
             ),
         };
-        Error::Invalid(format!(
+        Error::Usage(format!(
             "{}: no option '{name}'{nearest}; options are {}{of_one_camera}",
             self.name,
             join(self.options)

@@ -75,12 +75,12 @@ const BALANCE_EVERY: u32 = 10;
 /// Opens the two cameras that `source` names and grabs from them.
 ///
 /// # Errors
-/// [`Error::Invalid`] and [`Error::ParameterValue`] for a request that contradicts itself or its
+/// [`Error::Usage`] and [`Error::ParameterValue`] for a request that contradicts itself or its
 /// driver, [`Error::Camera`] for the state of cameras and triggers, or when [`Host::stopped`].
 pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabber> {
     let driver = driver(source).ok_or_else(|| {
         let sources: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
-        Error::Invalid(format!(
+        Error::Usage(format!(
             "{source}: no such cameras; expected {}",
             sources.join(" or ")
         ))

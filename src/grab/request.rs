@@ -58,7 +58,7 @@ impl GrabRequest {
     /// The trigger source for cameras of a driver.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the request contradicts itself, or asks for what the driver cannot
+    /// [`Error::Usage`] when the request contradicts itself, or asks for what the driver cannot
     /// do.
     pub(super) fn trigger_source(&self, driver: &Driver, source: &str) -> Result<TriggerSource> {
         let trigger = self
@@ -92,7 +92,7 @@ impl GrabRequest {
         } else {
             return Ok(trigger);
         };
-        Err(Error::Invalid(wrong))
+        Err(Error::Usage(wrong))
     }
 
     pub(super) fn rate_hz(&self, trigger: &TriggerSource) -> f64 {

@@ -60,7 +60,7 @@ impl FromStr for TriggerSource {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let expected = |what: String| Error::Invalid(format!("expected {what}"));
+        let expected = |what: String| Error::Usage(format!("expected {what}"));
         match text.split_once(':') {
             None if text == "software" => Ok(Self::Software),
             None if text == "free" => Ok(Self::FreeRunning),

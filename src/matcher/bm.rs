@@ -94,7 +94,7 @@ impl Bm {
     fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
         let window = parameters.int("block_size");
         if window % 2 == 0 {
-            return Err(Error::Invalid(format!(
+            return Err(Error::Usage(format!(
                 "bm: block_size={window} is even: a window has a pixel at its centre"
             )));
         }

@@ -122,7 +122,7 @@ impl Sgm {
     fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
         let [p1, p2, edge] = ["p1", "p2", "edge"].map(|name| parameters.int(name));
         if p2 < p1 {
-            return Err(Error::Invalid(format!(
+            return Err(Error::Usage(format!(
                 "sgm: p2={p2} is below p1={p1}: a large step costs at least a small one"
             )));
         }

@@ -1,6 +1,6 @@
 //! `svl algos`: the registry, printed.
 
-use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json};
 use serde::Serialize;
 use std::fmt::Write;
 use svl::matcher::{self, MATCHERS, MatcherSpec, Range};

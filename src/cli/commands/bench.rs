@@ -1,6 +1,6 @@
 //! `svl bench`: how fast the algorithms are, side by side.
 
-use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::{progress, usage};
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -31,7 +31,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
     size: (usize, usize),
     /// Disparities 0..=N, for algorithms that do not set their own
-    #[arg(long, value_name = "N", default_value_t = 80, allow_negative_numbers = true, value_parser = usage::within(0..=1024u16))]
+    #[arg(
+        long, value_name = "N", default_value_t = 80, allow_negative_numbers = true,
+        value_parser = usage::within(0..=1024u16)
+    )]
     max_disparity: u16,
     /// Print JSON
     #[arg(long)]
@@ -86,7 +89,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let algorithms = algorithms
         .iter()
         .map(|a| with_range(a, args.max_disparity))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+        .collect::<svl::Result<Vec<_>>>()?;
     let pair = pair(args.size)?;
     let figures = measure(&algorithms, &pair)?;
     if args.json {
@@ -97,15 +100,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// The algorithm with that range of disparities, unless it sets its own.
-fn with_range(algorithm: &Algorithm, max_disparity: u16) -> anyhow::Result<Algorithm> {
+fn with_range(algorithm: &Algorithm, max_disparity: u16) -> svl::Result<Algorithm> {
     let label = algorithm.label();
     if label.contains("max_disparity=") {
         return Ok(algorithm.clone());
     }
     let joint = if label.contains(':') { ',' } else { ':' };
-    format!("{label}{joint}max_disparity={max_disparity}")
-        .parse()
-        .map_err(usage::of_words)
+    format!("{label}{joint}max_disparity={max_disparity}").parse()
 }
 
 /// A pair of the arena at that size: textured walls, a plain floor, noise.
@@ -121,7 +122,7 @@ fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Fi
     let mut output = MatchOutput::new()?;
     let mut contestants = Vec::new();
     for algorithm in algorithms {
-        let mut matcher = algorithm.build().map_err(usage::of_words)?;
+        let mut matcher = algorithm.build()?;
         // Warm-up: memory is allocated, caches and branches know the pair.
         (0..3).try_for_each(|_| time(&mut *matcher, pair, &mut output).map(drop))?;
         contestants.push((algorithm, matcher, Vec::new()));

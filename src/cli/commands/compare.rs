@@ -1,6 +1,6 @@
 //! `svl compare`: reports side by side.
 
-use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json};
 use anyhow::bail;
 use std::path::PathBuf;
 use svl::report::compare::{Comparison, Run};

@@ -1,6 +1,6 @@
 //! `svl completions` and `svl man`: what packagers install beside the program.
 
-use crate::cli::shared::output::print;
+use crate::cli::shared::terminal::print;
 use clap_complete::Shell;
 
 /// Print a completion script for a shell

@@ -1,8 +1,8 @@
 //! `svl datasets`: the data sets svl reads, listed or fetched.
 
-use crate::cli::shared::output::{print, print_json};
 use crate::cli::shared::progress::Bytes;
 use crate::cli::shared::source::data_folder;
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use clap::builder::NonEmptyStringValueParser;
@@ -48,12 +48,9 @@ enum Command {
 #[command(after_help = "\
 Examples:
   svl datasets fetch middlebury2003 --data DATASETS
-  svl datasets \
-                        fetch middlebury2014 Piano Motorcycle --data DATASETS
-  svl datasets fetch \
-                        kitti2015 --from ~/Downloads --data DATASETS
-  svl datasets fetch eth3d --from \
-                        https://mirror.example/eth3d --data DATASETS")]
+  svl datasets fetch middlebury2014 Piano Motorcycle --data DATASETS
+  svl datasets fetch kitti2015 --from ~/Downloads --data DATASETS
+  svl datasets fetch eth3d --from https://mirror.example/eth3d --data DATASETS")]
 struct FetchArgs {
     /// Data set, as `svl datasets` lists them
     #[arg(value_name = "NAME", value_parser = dataset::find)]

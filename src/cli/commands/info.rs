@@ -1,7 +1,7 @@
 //! `svl info`: what a recording holds, and whether it is whole.
 
-use crate::cli::shared::output::{print, print_json};
-use crate::cli::shared::tables::{LISTED, losses, missing, size};
+use crate::cli::shared::terminal::{LISTED, losses, missing, size};
+use crate::cli::shared::terminal::{print, print_json};
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;

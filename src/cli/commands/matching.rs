@@ -1,6 +1,7 @@
 //! `svl match`: one pair of image files through one algorithm.
 
-use crate::cli::shared::output::{distinct, may_write, print, print_json};
+use crate::cli::shared::outputs::Outputs;
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::Context;
 use serde::Serialize;
@@ -31,10 +32,16 @@ pub(crate) struct Args {
     /// Right image, of the same size
     right: PathBuf,
     /// Algorithm, as `svl algos` lists them
-    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3", value_parser = usage::algorithm)]
+    #[arg(
+        long, value_name = "NAME[:key=value,…]", default_value = "v3",
+        value_parser = usage::algorithm
+    )]
     algo: Algorithm,
     /// Where the disparities go
-    #[arg(short, long, value_name = "OUT.pfm|OUT.png", value_parser = usage::ending(&["pfm", "png"]))]
+    #[arg(
+        short, long, value_name = "OUT.pfm|OUT.png",
+        value_parser = usage::ending(&["pfm", "png"])
+    )]
     output: PathBuf,
     /// Where the reason of each missing pixel goes
     #[arg(long, value_name = "WHY.png", value_parser = usage::ending(&["png"]))]
@@ -72,18 +79,12 @@ struct Report<'a> {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let outputs = [Some(&args.output), args.why.as_ref(), args.preview.as_ref()];
-    let outputs: Vec<_> = outputs
-        .into_iter()
-        .flatten()
-        .map(PathBuf::as_path)
-        .collect();
-    for input in [&args.left, &args.right] {
-        distinct(outputs.iter().copied().chain([input.as_path()]))?;
-    }
-    outputs
-        .iter()
-        .try_for_each(|path| may_write(path, args.force))?;
-    let mut matcher = args.algo.build().map_err(usage::of_words)?;
+    let mut outputs = Outputs::claim(
+        args.force,
+        [args.left.as_path(), &args.right],
+        outputs.into_iter().flatten().map(PathBuf::as_path),
+    )?;
+    let mut matcher = args.algo.build()?;
     let mut output = MatchOutput::new()?;
     let rig = args.calib.as_deref().map(read_calib).transpose()?;
     let pair = StereoPair::new(
@@ -104,6 +105,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         ..
     } = output;
 
+    outputs.set_aside()?;
     files::write_disparity(&args.output, &map)?;
     if let Some(path) = &args.why {
         files::write_why(path, &map)?;
@@ -116,6 +118,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             .fold(1.0, f32::max);
         files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
     }
+    outputs.commit();
     let settings = GridSettings::default();
     let grid = rig.map(|rig| depth::grid(map.disparity(), settings, Some(&rig)));
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;

@@ -1,7 +1,8 @@
 //! `svl recover`: what an unfinished or damaged recording still holds.
 
-use crate::cli::shared::output::{distinct, may_write, print, print_json};
-use crate::cli::shared::tables::{losses, missing, size};
+use crate::cli::shared::outputs::Outputs;
+use crate::cli::shared::terminal::{losses, missing, size};
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::counted;
@@ -28,9 +29,9 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let damaged = Recording::open(&args.file)?;
-    distinct([damaged.only_path()?, args.output.as_path()])?;
-    may_write(&args.output, false)?;
+    let outputs = Outputs::claim(false, [damaged.only_path()?], [args.output.as_path()])?;
     let recovery = damaged.recover(&args.output)?;
+    outputs.commit();
     if args.json {
         print_json(&recovery)
     } else {

@@ -1,9 +1,10 @@
 //! `svl reproduce`: the thesis's experiments, run anew.
 
-use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
 use crate::cli::shared::progress::{self, Progress};
 use crate::cli::shared::source::data_folder;
-use crate::cli::shared::{cache, folder, usage};
+use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::{cache, usage};
 use anyhow::{Context as _, bail};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -49,10 +50,14 @@ fn figure(text: &str) -> svl::Result<Figure> {
     find(text).map(Figure)
 }
 
-/// The files of a report.
-const REPORT_FILES: &[&str] = &["index.html", "reproduce.md", JSON];
+/// The folder of a report, which a later report replaces.
+const REPORT: FolderRule = FolderRule {
+    kind: "a report",
+    owns: |name| ["index.html", "reproduce.md", JSON].contains(&name),
+    mark: JSON,
+    cure: "name another folder with --out",
+};
 
-/// The one by which svl knows its own.
 const JSON: &str = "reproduce.json";
 
 const STOPPED: &str = "stopped by Ctrl-C; the report holds what was found before";
@@ -62,7 +67,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         args.figures.is_empty() || args.figures.iter().any(|f| f.0.figure() == e.figure())
     };
     let experiments: Vec<&'static Experiment> = EXPERIMENTS.iter().filter(asked).collect();
-    let earlier = folder::earlier_report(&args.out, REPORT_FILES, JSON)?;
+    let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
     let data = data_folder(args.data.as_deref());
     let scenes = data.as_deref().map_or(Ok(Vec::new()), scenes)?;
     let mut recording = if experiments.iter().any(|e| e.records) {
@@ -94,10 +99,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         identity: manifest.entries(),
         incomplete: ran.as_ref().err().map(usage::one_line),
     };
-    let earlier = folder::Aside::of(&args.out, earlier)?;
+    outputs.set_aside()?;
     write_report(&page, &args.out)?;
-    if ran.is_ok() {
-        earlier.replaced()?;
+    match &ran {
+        Ok(()) => outputs.commit(),
+        Err(_) => outputs.keep_both(),
     }
     if args.json {
         print_json(&page.json()?)?
@@ -140,9 +146,9 @@ fn repeat(
 }
 
 fn write_report(page: &Page<'_>, out: &Path) -> anyhow::Result<()> {
-    folder::write_json(out, JSON, &page.json()?)?;
-    folder::write(out, "reproduce.md", page.markdown())?;
-    folder::write(out, "index.html", page.html()?)
+    write_json(&out.join(JSON), &page.json()?)?;
+    write(&out.join("reproduce.md"), page.markdown())?;
+    write(&out.join("index.html"), page.html()?)
 }
 
 /// What the terminal shows: a line per figure, and what it came to.

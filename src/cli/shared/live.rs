@@ -1,9 +1,9 @@
 //! Options for cameras: trigger, pairing, queue; what the drivers' table adds to help and lists.
 
-use super::output::print;
 use super::progress::{Progress, interrupted, listen_for_interrupt};
 use super::rectify::Recorded;
 use super::source::Opened;
+use super::terminal::print;
 use super::usage;
 use std::fmt::Write;
 use std::sync::OnceLock;
@@ -110,7 +110,7 @@ impl LiveArgs {
         };
         let opened = LiveSource::open(name, &self.request(seed, max_skew_ms), host);
         bar.into_inner().into_iter().for_each(Progress::clear);
-        let source = opened.map_err(usage::of_words)?;
+        let source = opened?;
         let header = Header {
             seed: source.seed(),
             ..Header::new(name)

@@ -22,7 +22,10 @@ pub(crate) struct Rectify {
     calib: Option<By>,
     /// How much of the raw images is kept, as OpenCV's alpha: 0 what has no black in it, 1 all
     /// [default: as the file has it, else 0]
-    #[arg(long, value_name = "0..1", allow_negative_numbers = true, requires = "calib", value_parser = usage::within(0.0..=1.0))]
+    #[arg(
+        long, value_name = "0..1", allow_negative_numbers = true, requires = "calib",
+        value_parser = usage::within(0.0..=1.0)
+    )]
     alpha: Option<f64>,
 }
 

@@ -44,7 +44,10 @@ pub(crate) struct Topics {
     right: Option<String>,
     /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period,
     /// half of it when they run freely]
-    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = usage::within(0.0..=60_000.0))]
+    #[arg(
+        long, value_name = "MS", allow_negative_numbers = true,
+        value_parser = usage::within(0.0..=60_000.0)
+    )]
     pub max_skew_ms: Option<f64>,
 }
 

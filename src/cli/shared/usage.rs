@@ -11,20 +11,20 @@ use std::process::ExitCode;
 use std::str::FromStr;
 use svl::matcher::Algorithm;
 
-/// What [`tell`] tells.
+/// An error of the command line.
 pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
-    Error::raw(ErrorKind::ValueValidation, format!("{words}\n")).into()
+    svl::Error::Usage(words.to_string()).into()
 }
 
-/// An error of something that the command line says: of its words it is wrong usage, of files and
-/// machines it is none.
-pub(crate) fn of_words(error: svl::Error) -> anyhow::Error {
-    use svl::Error::{Invalid, ParameterValue, UnknownAlgorithm, UnknownParameter};
-    match error {
-        Invalid(_) | ParameterValue { .. } | UnknownAlgorithm { .. } | UnknownParameter { .. } => {
-            wrong(error)
-        }
-        other => other.into(),
+/// Prints an error and its causes in one line. Returns 2 for wrong usage, else 1.
+pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
+    let line = one_line(error);
+    if error.downcast_ref().is_some_and(svl::Error::is_usage) {
+        eprintln!("error: {line}; see --help");
+        ExitCode::from(2)
+    } else {
+        eprintln!("error: {line}");
+        ExitCode::FAILURE
     }
 }
 

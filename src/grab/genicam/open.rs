@@ -16,7 +16,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         TriggerSource::FreeRunning => Drive::FreeRunning { rate_hz },
     };
     let Some((left, right)) = two_names(request.text) else {
-        return Err(Error::Invalid(format!(
+        return Err(Error::Usage(format!(
             "genicam: expected two cameras, genicam:LEFT,RIGHT, not '{}'; `svl record --list` \
              lists them",
             request.text

@@ -141,7 +141,7 @@ impl SimulatedConfig {
     /// Reads `option=value,…`; what is not given has its default.
     ///
     /// # Errors
-    /// [`Error::Invalid`] and [`Error::ParameterValue`].
+    /// [`Error::Usage`] and [`Error::ParameterValue`].
     pub(super) fn parse(driver: &Driver, text: &str) -> Result<Self> {
         let mut config = Self::default();
         let texts = text.split(',').filter(|text| !text.is_empty());
@@ -159,7 +159,7 @@ impl SimulatedConfig {
         let (width, height) = config.size;
         let bytes = 2 * width * height * config.pictures;
         if bytes > MAX_BYTES {
-            return Err(Error::Invalid(format!(
+            return Err(Error::Usage(format!(
                 "sim: {} pictures of {width}x{height} are {bytes} bytes, limit {MAX_BYTES}; use \
                  fewer or smaller ones",
                 config.pictures

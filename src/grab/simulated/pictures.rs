@@ -54,7 +54,7 @@ impl Pictures {
     /// does; the cameras have lenses.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for another size than the board's cameras have.
+    /// [`Error::Usage`] for another size than the board's cameras have.
     pub fn of_board(
         size: (usize, usize),
         seed: u64,
@@ -67,7 +67,7 @@ impl Pictures {
                 "sim: the board's pictures are {}x{}, not {}x{}",
                 own.0, own.1, size.0, size.1
             );
-            return Err(Error::Invalid(reason));
+            return Err(Error::Usage(reason));
         }
         let pairs = rendered(board.pairs(), go_on, |i| board.pair(i))?;
         pairs
@@ -78,11 +78,11 @@ impl Pictures {
     /// From pictures that there are.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when there are none, or `rate_hz` is none.
+    /// [`Error::Usage`] when there are none, or `rate_hz` is none.
     pub fn new(pairs: Vec<StereoPair>, rate_hz: f64, rig: Option<Rig>) -> Result<Self> {
         let period_ns = (1e9 / rate_hz).round() as u64;
         if pairs.is_empty() || period_ns == 0 || !rate_hz.is_finite() {
-            return Err(Error::Invalid(format!(
+            return Err(Error::Usage(format!(
                 "simulated cameras: {} pictures, {rate_hz} a second",
                 pairs.len()
             )));

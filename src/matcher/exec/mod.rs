@@ -85,7 +85,7 @@ impl Exec {
         let command = parameters.text("command");
         let words = words(command);
         if words.is_empty() {
-            return Err(Error::Invalid(
+            return Err(Error::Usage(
                 "exec needs a program: exec:command=PROGRAM ARGUMENTS".to_owned(),
             ));
         }

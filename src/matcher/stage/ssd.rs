@@ -45,13 +45,13 @@ impl DisparityRange {
     };
 
     /// # Errors
-    /// [`Error::Invalid`] when `min` is above `max` or one of them beyond
+    /// [`Error::Usage`] when `min` is above `max` or one of them beyond
     /// ±[`DisparityRange::LIMIT`].
     pub fn new(min: i32, max: i32) -> Result<Self> {
         if min <= max && -Self::LIMIT <= min && max <= Self::LIMIT {
             Ok(Self { min, max })
         } else {
-            Err(Error::Invalid(format!(
+            Err(Error::Usage(format!(
                 "min_disparity={min}, max_disparity={max}: the first must not exceed the second, \
                  nor either ±{}",
                 Self::LIMIT

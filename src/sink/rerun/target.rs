@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use ::rerun::sink::FileSinkError;
 use ::rerun::{RecordingStream, RecordingStreamBuilder, RecordingStreamError};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -24,6 +24,16 @@ pub enum RerunTarget {
     Spawn,
     /// A running viewer, e.g. `rerun+http://127.0.0.1:9876/proxy`.
     Url(String),
+}
+
+impl RerunTarget {
+    /// The file to write, if it is one.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Spawn | Self::Url(_) => None,
+        }
+    }
 }
 
 impl FromStr for RerunTarget {

@@ -108,9 +108,9 @@ pub(super) const MIDDLEBURY2014: Dataset = Dataset {
     licence: LICENCE,
     citation: GCPR2014,
     parts: scenes2014!(
-        "Adirondack" "Backpack" "Bicycle1" "Cable" "Classroom1" "Couch" "Flowers" "Jadeplant" "Mask" "Motorcycle"
-        "Piano" "Pipes" "Playroom" "Playtable" "Recycle" "Shelves" "Shopvac" "Sticks" "Storage" "Sword1" "Sword2"
-        "Umbrella" "Vintage"
+        "Adirondack" "Backpack" "Bicycle1" "Cable" "Classroom1" "Couch" "Flowers" "Jadeplant"
+        "Mask" "Motorcycle" "Piano" "Pipes" "Playroom" "Playtable" "Recycle" "Shelves" "Shopvac"
+        "Sticks" "Storage" "Sword1" "Sword2" "Umbrella" "Vintage"
     ),
     files: Files {
         pairs: IM0_IM1,
@@ -130,12 +130,18 @@ const DISP0: &[TruthFile] = &[TruthFile {
 }];
 
 macro_rules! views {
-    ($name:literal, $usual:literal, $megabytes:literal, $year:literal, $size:literal, $($scene:literal)*) => {
+    (
+        $name:literal, $usual:literal, $megabytes:literal, $year:literal, $size:literal,
+        $($scene:literal)*
+    ) => {
         Part {
             name: $name,
             usual: $usual,
             megabytes: $megabytes,
-            base: concat!("https://vision.middlebury.edu/stereo/data/scenes", $year, "/", $size, "/zip-2views/"),
+            base: concat!(
+                "https://vision.middlebury.edu/stereo/data/scenes", $year, "/", $size,
+                "/zip-2views/"
+            ),
             files: &[$(concat!($scene, "-2views.zip")),*],
             folder: $size,
         }
@@ -159,9 +165,12 @@ pub(super) const MIDDLEBURY2006: Dataset = Dataset {
     home: "https://vision.middlebury.edu/stereo/data/scenes2006/",
     licence: LICENCE,
     citation: CVPR2007,
-    parts: sizes!("2006", 14, 30, 110, "Aloe" "Baby1" "Baby2" "Baby3" "Bowling1" "Bowling2" "Cloth1" "Cloth2" "Cloth3"
-        "Cloth4" "Flowerpots" "Lampshade1" "Lampshade2" "Midd1" "Midd2" "Monopoly" "Plastic" "Rocks1" "Rocks2"
-        "Wood1" "Wood2"),
+    parts: sizes!(
+        "2006", 14, 30, 110,
+        "Aloe" "Baby1" "Baby2" "Baby3" "Bowling1" "Bowling2" "Cloth1" "Cloth2" "Cloth3" "Cloth4"
+        "Flowerpots" "Lampshade1" "Lampshade2" "Midd1" "Midd2" "Monopoly" "Plastic" "Rocks1"
+        "Rocks2" "Wood1" "Wood2"
+    ),
     files: VIEWS,
 };
 
@@ -279,7 +288,8 @@ pub(super) const MIDDLEBURY2001: Dataset = Dataset {
         files: scenes2001!(
             "barn1" "barn2" "bull" "poster" "sawtooth" "venus";
             "map/im0.pgm" "map/im1.pgm" "map/disp0.pgm" "map/disp1.pgm"
-            "tsukuba/scene1.row3.col3.ppm" "tsukuba/scene1.row3.col4.ppm" "tsukuba/truedisp.row3.col3.pgm"
+            "tsukuba/scene1.row3.col3.ppm" "tsukuba/scene1.row3.col4.ppm"
+            "tsukuba/truedisp.row3.col3.pgm"
         ),
         folder: "",
     }],

@@ -4,8 +4,9 @@ use super::ask::{Answers, Judge};
 use super::collect::{Collected, collect};
 use super::report::Folder;
 use crate::cli::shared::live::LiveArgs;
-use crate::cli::shared::output::{Aside, distinct, may_write, print, print_json};
-use crate::cli::shared::source::{self, Topics};
+use crate::cli::shared::outputs::Outputs;
+use crate::cli::shared::source::{self, Opened, Topics};
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::{anyhow, bail};
 use clap::builder::NonEmptyStringValueParser;
@@ -49,14 +50,20 @@ pub(super) struct Args {
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = squares)]
     squares: (usize, usize),
     /// Side of a square, metres, as measured [default: unknown, and lengths are in squares]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(1e-4..=100.0))]
+    #[arg(
+        long, value_name = "S", allow_negative_numbers = true,
+        value_parser = usage::within(1e-4..=100.0)
+    )]
     square_m: Option<f64>,
     /// Take every pair that helps, without asking
     #[arg(short, long)]
     yes: bool,
     /// Calibration to write; the report and the accepted pairs go into a folder beside it,
     /// OUT-report
-    #[arg(short, long, value_name = "OUT.xml|.yaml", value_parser = usage::ending(&["xml", "yaml", "yml"]))]
+    #[arg(
+        short, long, value_name = "OUT.xml|.yaml",
+        value_parser = usage::ending(&["xml", "yaml", "yml"])
+    )]
     output: PathBuf,
     /// Show the pairs in Rerun: a new viewer, a running one, or a file [default: spawn, with --yes
     /// nowhere]
@@ -85,25 +92,18 @@ fn squares(text: &str) -> Result<(usize, usize), String> {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let board = Board::new(args.squares, args.square_m)?;
-    let rrd = match &args.rerun {
-        Some(RerunTarget::File(path)) => Some(path.as_path()),
-        _ => None,
-    };
-    let outputs: Vec<_> = [Some(args.output.as_path()), rrd]
-        .into_iter()
-        .flatten()
-        .collect();
-    distinct(outputs.iter().copied().chain([Path::new(&args.source)]))?;
-    outputs
-        .iter()
-        .try_for_each(|path| may_write(path, args.force))?;
+    let source = Path::new(&args.source);
+    let rrd = args.rerun.as_ref().and_then(RerunTarget::file);
+    let outputs = [args.output.as_path()].into_iter().chain(rrd);
+    let outputs = Outputs::claim(args.force, [source], outputs)?;
     let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     if !args.yes && !can_ask {
         bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
     }
     let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
-    let folder = Folder::new(&args.output, Path::new(&args.source), args.force)?;
-    let earlier = rrd.map(Aside::new).transpose()?;
+    let (mut folder, claimed) = Folder::claim(&args.output, source, args.force)?;
+    let mut outputs = outputs.and(claimed);
+    outputs.set_aside()?;
     let answers = if args.yes {
         Answers::Yes
     } else {
@@ -121,20 +121,38 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         folder.picture(),
     )?;
 
-    let (folder, collected) = collect(opened, board, judge, folder, quiet)?;
-    earlier.into_iter().for_each(Aside::replaced);
-    let report = folder.path().to_owned();
+    let calibrated = calibrate(args, board, opened, judge, &mut folder, quiet);
+    match (&calibrated, folder.pairs()) {
+        (Ok(()), _) => outputs.commit(),
+        // The accepted pairs are of use for another attempt.
+        (Err(_), 1..) => outputs.keep_both(),
+        (Err(_), 0) => {}
+    }
+    calibrated
+}
+
+fn calibrate(
+    args: &Args,
+    board: Board,
+    opened: Opened,
+    judge: Judge,
+    folder: &mut Folder,
+    quiet: bool,
+) -> anyhow::Result<()> {
+    let collected = collect(opened, board, judge, folder, quiet)?;
     let kept = |error: anyhow::Error| match folder.pairs() {
         0 => error,
-        _ => anyhow!("{error:#}; the accepted pairs are in {}", report.display()),
+        _ => anyhow!(
+            "{error:#}; the accepted pairs are in {}",
+            folder.path().display()
+        ),
     };
     if collected.views.len() < LEAST_VIEWS {
         return Err(kept(collected.too_few(&args.source, &board)));
     }
     let solution = solve(&board, collected.size, &collected.views);
     let mut solution = solution.map_err(|error| kept(error.into()))?;
-    let rectification = bouguet(&solution.calibration, &Framing::default());
-    match rectification {
+    match bouguet(&solution.calibration, &Framing::default()) {
         Ok(rectification) => {
             solution.calibration = solution.calibration.with_rectification(rectification)
         }
@@ -144,7 +162,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         tracing::warn!("{}: {left_out}", args.output.display());
     }
     folder.finish(&args.source, &collected, &solution)?;
-    tell(args, &collected, &solution, &report)
+    tell(args, &collected, &solution, folder.path())
 }
 
 /// What `--json` prints.

@@ -1,8 +1,8 @@
 //! `svl calibrate check`: how far the rows of a recording's pairs are apart.
 
-use crate::cli::shared::output::{print, print_json};
 use crate::cli::shared::rectify::Rectify;
 use crate::cli::shared::source::{self, Topics};
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -32,7 +32,10 @@ pub(super) struct Args {
     #[command(flatten)]
     rectify: Rectify,
     /// Look at so many pairs, spread over all
-    #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true, value_parser = usage::within(1..=1_000_000u32))]
+    #[arg(
+        long, value_name = "N", default_value_t = 20, allow_negative_numbers = true,
+        value_parser = usage::within(1..=1_000_000u32)
+    )]
     pairs: u32,
     /// Print JSON
     #[arg(long)]

@@ -42,9 +42,9 @@ pub(super) fn collect(
     mut opened: Opened,
     board: Board,
     mut judge: Judge,
-    mut folder: Folder,
+    folder: &mut Folder,
     quiet: bool,
-) -> anyhow::Result<(Folder, Collected)> {
+) -> anyhow::Result<Collected> {
     listen_for_interrupt();
     let bar = bar(&opened, quiet);
     let mut detector = PairDetector::new(board)?;
@@ -148,7 +148,7 @@ pub(super) fn collect(
         found.lacks = chooser.lacks();
         found.views = chooser.views().to_vec();
     }
-    Ok((folder, found))
+    Ok(found)
 }
 
 /// What a person calls a pair.

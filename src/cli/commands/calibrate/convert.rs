@@ -1,6 +1,7 @@
 //! `svl calibrate convert`: a calibration from one program's file to another's.
 
-use crate::cli::shared::output::{distinct, may_write, print};
+use crate::cli::shared::outputs::{Outputs, distinct};
+use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -137,17 +138,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         unit: args.unit,
         size: args.size,
     };
-    distinct(inputs.iter().chain(&outputs).map(PathBuf::as_path))?;
-    outputs
-        .iter()
-        .try_for_each(|output| may_write(output, args.force))?;
+    distinct(inputs.iter().map(PathBuf::as_path))?;
+    let [read, to_write] = [&inputs, &outputs].map(|paths| paths.iter().map(PathBuf::as_path));
+    let mut claimed = Outputs::claim(args.force, read, to_write)?;
     let mut found = files::read_with(&args.input, &hints)?;
     if args.rectify {
         let rectification = bouguet(&found.calibration, &Framing::default())?;
         found.calibration = found.calibration.with_rectification(rectification);
     }
     print(&said(&args.input, &found)?)?;
+    claimed.set_aside()?;
     let left_out = files::write_as(&args.output, to, &found.calibration)?;
+    claimed.commit();
     let mut text = format!(
         "{}: written as {}\n  {}\n",
         args.output.display(),

@@ -1,9 +1,8 @@
 //! The folder beside a calibration: its report, and the pairs it was made from.
 
 use super::collect::Collected;
-use crate::cli::shared::folder::{Aside, write_json};
-use crate::cli::shared::output::distinct;
-use anyhow::{Context, bail};
+use crate::cli::shared::outputs::{FolderRule, Outputs, distinct, write_json};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Solution, View};
 use svl::files::write_png;
@@ -19,7 +18,6 @@ const CORNERS: &str = "corners.json";
 pub(super) struct Folder {
     path: PathBuf,
     corners: Vec<Corners>,
-    earlier: Aside,
 }
 
 /// The corners of a pair, as other programs can read them.
@@ -33,28 +31,28 @@ struct Corners {
 }
 
 impl Folder {
-    /// The folder beside `output`, which is made with the first pair. An earlier report there is
-    /// set aside if `force`.
-    pub(super) fn new(output: &Path, source: &Path, force: bool) -> anyhow::Result<Self> {
+    /// The folder beside `output`, with its claim.
+    pub(super) fn claim(
+        output: &Path,
+        source: &Path,
+        force: bool,
+    ) -> anyhow::Result<(Self, Outputs)> {
         let stem = output.file_stem().unwrap_or_default().to_string_lossy();
         let path = output.with_file_name(format!("{stem}-report"));
         distinct([path.as_path(), source])?;
-        let earlier = match path.exists() {
-            true if !force => {
-                bail!(
-                    "{}: exists already; name another output, or add --force to replace it",
-                    path.display()
-                )
-            }
-            true => earlier(&path)?,
-            false => Vec::new(),
-        };
-        let earlier = Aside::of(&path, earlier)?;
-        Ok(Self {
-            path,
-            corners: Vec::new(),
-            earlier,
-        })
+        let empty = !path.exists()
+            || path
+                .read_dir()
+                .is_ok_and(|mut files| files.next().is_none());
+        if !empty && !force {
+            bail!(
+                "{}: exists already; name another output, or add --force to replace it",
+                path.display()
+            );
+        }
+        let claimed = Outputs::claim_folder(&path, &REPORT)?;
+        let corners = Vec::new();
+        Ok((Self { path, corners }, claimed))
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -73,7 +71,6 @@ impl Folder {
 
     /// Adds an accepted pair.
     pub(super) fn keep(&mut self, frame: &Frame, view: &View) -> anyhow::Result<()> {
-        std::fs::create_dir_all(&self.path).with_context(|| self.path.display().to_string())?;
         let number = self.corners.len() + 1;
         let save = |side: &str, image: &Gray| {
             let name = format!("{side}{number:02}.png");
@@ -98,17 +95,17 @@ impl Folder {
             left,
             right,
         });
-        write_json(&self.path, CORNERS, &self.corners)
+        write_json(&self.path.join(CORNERS), &self.corners)
     }
 
     /// Writes the report.
     pub(super) fn finish(
-        self,
+        &self,
         source: &str,
         collected: &Collected,
         solution: &Solution,
     ) -> anyhow::Result<()> {
-        write_json(&self.path, SOLUTION, solution)?;
+        write_json(&self.path.join(SOLUTION), solution)?;
         let identity = vec![
             ("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("source".to_owned(), source.to_owned()),
@@ -123,32 +120,22 @@ impl Folder {
             names,
             identity,
         };
-        page.write(&self.path.join(PAGE))?;
-        self.earlier.replaced()
+        Ok(page.write(&self.path.join(PAGE))?)
     }
 }
 
-/// The files of an earlier report; refuses a folder that holds others.
-fn earlier(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let entries = std::fs::read_dir(path).with_context(|| path.display().to_string())?;
-    let files = entries
-        .map(|entry| entry.map(|e| e.path()))
-        .collect::<Result<Vec<_>, _>>();
-    let files = files.with_context(|| path.display().to_string())?;
-    let ours = |file: &&PathBuf| {
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        let pair = name
-            .strip_suffix(".png")
-            .and_then(|n| n.strip_prefix("left").or(n.strip_prefix("right")));
-        let pair = pair
-            .is_some_and(|number| number.len() >= 2 && number.bytes().all(|b| b.is_ascii_digit()));
-        file.is_file() && (pair || [PAGE, SOLUTION, CORNERS].contains(&&*name))
-    };
-    match files.iter().find(|file| !ours(file)) {
-        Some(foreign) => bail!(
-            "{}: not part of a calibration's report; name another output",
-            foreign.display()
-        ),
-        None => Ok(files),
-    }
+/// The folder of a calibration's report, which a later one replaces.
+const REPORT: FolderRule = FolderRule {
+    kind: "a calibration's report",
+    owns: |name| [PAGE, SOLUTION, CORNERS].contains(&name) || is_pair(name),
+    mark: CORNERS,
+    cure: "name another output",
+};
+
+/// Whether a file is called as an image of an accepted pair is: `left01.png`.
+fn is_pair(name: &str) -> bool {
+    let number = |stem: &str| stem.len() >= 2 && stem.bytes().all(|b| b.is_ascii_digit());
+    name.strip_suffix(".png")
+        .and_then(|stem| stem.strip_prefix("left").or(stem.strip_prefix("right")))
+        .is_some_and(number)
 }

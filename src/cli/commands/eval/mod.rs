@@ -3,7 +3,7 @@
 mod files;
 mod report;
 
-use crate::cli::shared::output::{distinct, may_write};
+use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::usage;
 use files::Files;
 use std::path::PathBuf;
@@ -59,11 +59,17 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     object_map: Option<PathBuf>,
     /// Clip to this disparity, as middeval3 does to `ndisp` of calib.txt (pixels of DISPARITY)
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
+    #[arg(
+        long, value_name = "N", allow_negative_numbers = true,
+        value_parser = usage::within(0.001..=65536.0)
+    )]
     max_disparity: Option<f64>,
     /// By how much the images of truth multiply disparities; 8-bit ones need it (and 8-bit
     /// DISPARITY has the same) [default: 256 for 16 bits]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.001..=65536.0))]
+    #[arg(
+        long, value_name = "S", allow_negative_numbers = true,
+        value_parser = usage::within(0.001..=65536.0)
+    )]
     scale: Option<f64>,
     /// Where the errors in KITTI's colours go
     #[arg(long, value_name = "OUT.png", value_parser = usage::ending(&["png"]))]
@@ -84,12 +90,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             "--scale belongs to images; .pfm and .npz hold disparities as they are",
         ));
     }
-    if let Some(path) = &args.error_map {
-        for input in images.iter().flat_map(Files::inputs) {
-            distinct([path.as_path(), input])?;
-        }
-        may_write(path, args.force)?;
-    }
+    let mut outputs = Outputs::claim(
+        args.force,
+        images.iter().flat_map(Files::inputs),
+        args.error_map.as_deref(),
+    )?;
     let columns = args.mask.len().max(1);
     let mut scores: Vec<Vec<Score>> = vec![Vec::new(); columns];
     for files in &images {
@@ -107,9 +112,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
                 .error_map(&loaded.image(0, args))
                 .map_err(|e| files.explain(&e))?;
             let (width, height) = loaded.truth.size();
+            outputs.set_aside()?;
             on_disk::write_png(path, width, height, &rgb)?;
         }
     }
+    outputs.commit();
     report::print_scores(args, &images, &scores)
 }
 

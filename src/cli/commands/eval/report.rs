@@ -1,7 +1,7 @@
 //! The numbers as a table or as JSON.
 
 use super::{Args, Files};
-use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -1,9 +1,10 @@
 //! `svl record`: a source into a recording.
 
 use crate::cli::shared::live::{self, LiveArgs};
-use crate::cli::shared::output::{Aside, distinct, may_write, print};
+use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::rectify::Rectify;
 use crate::cli::shared::source::{self, RECORDINGS};
+use crate::cli::shared::terminal::print;
 use crate::cli::shared::{recorder, runner, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -25,13 +26,22 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
     /// End after so many pairs
-    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration", value_parser = usage::within(1..=1_000_000_000_000u64))]
+    #[arg(
+        long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration",
+        value_parser = usage::within(1..=1_000_000_000_000u64)
+    )]
     frames: Option<u64>,
     /// End after so many seconds of the source's time
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = usage::within(0.001..=1e9))]
+    #[arg(
+        long, value_name = "S", allow_negative_numbers = true,
+        value_parser = usage::within(0.001..=1e9)
+    )]
     duration: Option<f64>,
     /// What the arena's textures, path and noise are drawn from [default: 1]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = usage::within(0..=u64::MAX))]
+    #[arg(
+        long, value_name = "N", allow_negative_numbers = true,
+        value_parser = usage::within(0..=u64::MAX)
+    )]
     seed: Option<u64>,
     #[command(flatten)]
     topics: source::Topics,
@@ -88,21 +98,22 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.list {
         return live::list();
     }
-    if let Some(path) = &args.output {
-        let inputs = source::inputs(Path::new(&args.source));
-        distinct(inputs.iter().chain([path]).map(PathBuf::as_path))?;
-        may_write(path, args.force)?;
-    }
+    let inputs = source::inputs(Path::new(&args.source));
+    let claim =
+        |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
+    let claimed = args.output.as_deref().map(claim).transpose()?;
     let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live, quiet)?;
     opened = args.rectify.opened(opened, quiet)?;
-    let output = match &args.output {
-        Some(path) => path.clone(),
+    let (output, mut outputs) = match args.output.clone().zip(claimed) {
+        Some(claimed) => claimed,
         None => {
             source::make_recordings_folder()?;
-            source::free_name(Path::new(RECORDINGS), &opened.stem)
+            let path = source::free_name(Path::new(RECORDINGS), &opened.stem);
+            let claimed = claim(&path)?;
+            (path, claimed)
         }
     };
-    let earlier = Aside::new(&output)?;
+    outputs.set_aside()?;
     let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
     let format = Format {
@@ -124,7 +135,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Err(error) => {
             // Also a file without a pair was begun.
             if output.exists() {
-                earlier.keep_both();
+                outputs.keep_both();
             }
             return Err(error);
         }
@@ -137,11 +148,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         print(&format!("{whose}: {}\n", grabber.text))?;
     }
     if ran.is_err() && output.exists() {
-        earlier.keep_both();
+        outputs.keep_both();
         return Ok(ran?);
     }
     ran?;
-    earlier.replaced();
+    outputs.commit();
     if !quiet {
         report(&output, &outcome, began.elapsed().as_secs_f64())?;
     }

@@ -2,9 +2,10 @@
 
 mod verify;
 
-use crate::cli::shared::output::{Aside, distinct, may_write, print, print_json};
+use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::rectify::{Recorded, Rectify};
 use crate::cli::shared::source::{self, RECORDINGS};
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::{cache, runner, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
@@ -51,19 +52,27 @@ pub(crate) struct Args {
     #[command(flatten)]
     rectify: Rectify,
     /// As soon as possible, or so many times the recorded speed
-    #[arg(long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap", value_parser = pace)]
+    #[arg(
+        long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
+        value_parser = pace
+    )]
     rate: Pace,
     /// Write pairs and disparities to a recording
     #[arg(short, long, value_name = "RESULT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
     /// Write one row per pair and algorithm
-    #[arg(long, value_name = "FILE.csv|.parquet", value_parser = usage::ending(&["csv", "parquet"]))]
+    #[arg(
+        long, value_name = "FILE.csv|.parquet",
+        value_parser = usage::ending(&["csv", "parquet"])
+    )]
     rows: Option<PathBuf>,
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
     /// Prove that the results are those of an earlier run, by default those in the recording itself
-    #[arg(long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true)]
+    #[arg(
+        long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true
+    )]
     verify: Option<Option<PathBuf>>,
     /// Print JSON
     #[arg(long)]
@@ -84,14 +93,6 @@ fn pace(text: &str) -> Result<Pace, String> {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let rrd = match &args.rerun {
-        Some(RerunTarget::File(path)) => Some(path.as_path()),
-        _ => None,
-    };
-    let outputs: Vec<_> = [args.output.as_deref(), args.rows.as_deref(), rrd]
-        .into_iter()
-        .flatten()
-        .collect();
     args.recording
         .as_deref()
         .map_or(Ok(()), source::is_recorded)?;
@@ -100,15 +101,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .as_deref()
         .map(source::inputs)
         .unwrap_or_default();
-    distinct(
-        inputs
-            .iter()
-            .map(PathBuf::as_path)
-            .chain(outputs.iter().copied()),
+    let rrd = args.rerun.as_ref().and_then(RerunTarget::file);
+    let mut outputs = Outputs::claim(
+        args.force,
+        inputs.iter().map(PathBuf::as_path),
+        [args.output.as_deref(), args.rows.as_deref(), rrd]
+            .into_iter()
+            .flatten(),
     )?;
-    outputs
-        .iter()
-        .try_for_each(|path| may_write(path, args.force))?;
     let source = match &args.recording {
         Some(path) => args.topics.open(path)?,
         None => newest_or_arena(quiet)?,
@@ -138,12 +138,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ([], None) => vec!["v3".parse()?],
         (named, _) => named.to_vec(),
     };
-    let mut matchers = Matchers::new(&algorithms).map_err(usage::of_words)?;
+    let mut matchers = Matchers::new(&algorithms)?;
 
-    let earlier = outputs
-        .iter()
-        .map(|path| Aside::new(path))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    outputs.set_aside()?;
     let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
     let table = TableSink::new(args.rows.as_deref())?;
     let kept = table.outbox();
@@ -187,12 +184,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let pairs = outcome.frames;
     let mut verification = None;
     if pairs > 0 || ran.is_ok() {
-        let whole = ran.is_ok() && finished.is_ok();
-        earlier.into_iter().for_each(if whole {
-            Aside::replaced
-        } else {
-            Aside::keep_both
-        });
+        match ran.is_ok() && finished.is_ok() {
+            true => outputs.commit(),
+            false => outputs.keep_both(),
+        }
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
         let incomplete = match &ran {

@@ -116,9 +116,10 @@ impl Earlier {
     /// The algorithms of the earlier run.
     pub(super) fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
         let parse = |label: &String| {
+            // The file is wrong, not the command line.
             let algorithm: Algorithm = label
                 .parse()
-                .with_context(|| self.path.display().to_string())?;
+                .map_err(|e: svl::Error| svl::Error::format(&self.path, e.to_string()))?;
             if algorithm.spec().name == "exec" {
                 let shown = self.path.display();
                 bail!(

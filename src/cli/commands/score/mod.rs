@@ -3,9 +3,10 @@
 mod gate;
 mod sweep;
 
-use crate::cli::shared::output::{print, print_json};
+use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
 use crate::cli::shared::source::data_folder;
-use crate::cli::shared::{cache, folder, runner, usage};
+use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::{cache, runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
@@ -60,7 +61,10 @@ pub(crate) struct Args {
     data: Option<PathBuf>,
     /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in
     /// a folder
-    #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = NonEmptyStringValueParser::new())]
+    #[arg(
+        long, value_name = "SCENE", num_args = 1..,
+        value_parser = NonEmptyStringValueParser::new()
+    )]
     scenes: Vec<String>,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
@@ -112,14 +116,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .unwrap_or_else(|| Path::new("reports").join(&scenario.name));
     let mut matchers =
         Matchers::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
-            true => error.into(),
-            false => usage::of_words(error),
+            // The file is wrong, not the command line.
+            true => svl::Error::format(&args.scenario, error.to_string()),
+            false => error,
         })?;
-    let earlier = folder::earlier_report(&folder, REPORT_FILES, MANIFEST)?;
+    let mut outputs = Outputs::claim_folder(&folder, &REPORT)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = data_folder(args.data.as_deref());
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
-    let earlier = folder::Aside::of(&folder, earlier)?;
+    outputs.set_aside()?;
     let mut report = Report::begin(&scenario, &folder)?;
     let mut total = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
@@ -159,8 +164,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             folder.join("index.html").display()
         ))?;
     }
+    match &ran {
+        Ok(()) => outputs.commit(),
+        Err(_) => outputs.keep_both(),
+    }
     ran?;
-    earlier.replaced()?;
     runner::complete(&total)?;
     if args.gate {
         gate::pass(&rulings)
@@ -229,7 +237,7 @@ impl Report {
         let checkpoints = CheckpointSink::in_folder(folder)?;
         let pictures = PictureSink::default();
         let info = runner::rerun_info(&manifest, runner::wireframe(scenario, None));
-        folder::write_json(folder, MANIFEST, &manifest)?;
+        write_json(&folder.join(MANIFEST), &manifest)?;
         let (rows, verdicts) = (table.outbox(), checkpoints.outbox());
         let (name, of_rows, of_checkpoints) =
             (scenario.name.clone(), rows.clone(), verdicts.clone());
@@ -295,9 +303,9 @@ impl Report {
         summary.incomplete = incomplete;
         summary.complete(&mut manifest);
         summary.write_tables(&folder)?;
-        folder::write(&folder, "summary.md", summary.markdown(&scenario.name))?;
-        folder::write_json(&folder, "summary.json", &summary)?;
-        folder::write_json(&folder, MANIFEST, &manifest)?;
+        write(&folder.join("summary.md"), summary.markdown(&scenario.name))?;
+        write_json(&folder.join("summary.json"), &summary)?;
+        write_json(&folder.join(MANIFEST), &manifest)?;
         let page = Page {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
@@ -350,7 +358,14 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 /// What identifies the run of a report.
 const MANIFEST: &str = "manifest.json";
 
-/// The files of a report, which a later report of the same folder replaces.
+/// The folder of a report, which a later report replaces.
+const REPORT: FolderRule = FolderRule {
+    kind: "a report",
+    owns: |name| REPORT_FILES.contains(&name),
+    mark: MANIFEST,
+    cure: "name another folder with --out",
+};
+
 const REPORT_FILES: &[&str] = &[
     "rows.csv",
     "rows.parquet",

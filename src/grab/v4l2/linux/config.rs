@@ -19,7 +19,7 @@ pub(super) struct V4l2Config {
 
 impl V4l2Config {
     /// # Errors
-    /// [`Error::Invalid`] and [`Error::ParameterValue`].
+    /// [`Error::Usage`] and [`Error::ParameterValue`].
     pub(super) fn parse(driver: &Driver, text: &str) -> Result<Self> {
         let mut parts = text.split(',').map(str::trim);
         let mut device = || {
@@ -29,12 +29,12 @@ impl V4l2Config {
         };
         let (Some(left), Some(right)) = (device(), device()) else {
             let cure = "`svl record --list` lists them";
-            return Err(Error::Invalid(format!(
+            return Err(Error::Usage(format!(
                 "v4l2: expected two devices, v4l2:LEFT,RIGHT, not '{text}'; {cure}"
             )));
         };
         if left == right {
-            return Err(Error::Invalid(format!(
+            return Err(Error::Usage(format!(
                 "v4l2: {left} is named twice; left and right are two cameras"
             )));
         }

@@ -165,7 +165,7 @@ fn measure(
     cells: &[(usize, usize)],
 ) -> anyhow::Result<Measurement> {
     let mut source = open_recording(&recording, &Topics::default())?;
-    let mut matcher = algorithm.build().map_err(usage::of_words)?;
+    let mut matcher = algorithm.build()?;
     let settings = GridSettings::default();
     let (mut grids, mut rig, mut output) = (Vec::new(), None, MatchOutput::new()?);
     while let Some(frame) = source.next()?.filter(|_| grids.len() < FRAMES) {

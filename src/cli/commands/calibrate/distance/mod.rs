@@ -3,7 +3,8 @@
 mod measurements;
 mod report;
 
-use crate::cli::shared::output::{distinct, may_write, print, print_json};
+use crate::cli::shared::outputs::{Outputs, distinct, write};
+use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::Context;
 use clap::builder::NonEmptyStringValueParser;
@@ -34,10 +35,16 @@ recording (paths from the CSV's folder). In a recording the target stands
 still before both cameras, which must be rectified.")]
 pub(super) struct Args {
     /// A CSV of measurements, or recordings of the target with its distance before each
-    #[arg(required = true, value_name = "TABLE.csv|DISTANCE=RECORDING", value_parser = NonEmptyStringValueParser::new())]
+    #[arg(
+        required = true, value_name = "TABLE.csv|DISTANCE=RECORDING",
+        value_parser = NonEmptyStringValueParser::new()
+    )]
     measurements: Vec<String>,
     /// Algorithm that matches the recordings, as `svl algos` lists them
-    #[arg(long, value_name = "NAME[:key=value,…]", default_value = "v3", value_parser = usage::algorithm)]
+    #[arg(
+        long, value_name = "NAME[:key=value,…]", default_value = "v3",
+        value_parser = usage::algorithm
+    )]
     algo: Algorithm,
     /// Cells of the 5 x 3 grid that show the target [default: those that agree with the middle one,
     /// joined to it]
@@ -70,29 +77,23 @@ fn cell(text: &str) -> Result<(usize, usize), String> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs: Vec<_> = [args.figure.as_deref(), args.table.as_deref()]
-        .into_iter()
-        .flatten()
-        .collect();
     let inputs = args
         .measurements
         .iter()
         .map(|text| Path::new(text.rsplit('=').next().unwrap_or(text)));
-    distinct(inputs.chain(outputs.iter().copied()))?;
-    outputs
-        .iter()
-        .try_for_each(|path| may_write(path, args.force))?;
+    distinct(inputs.clone())?;
+    let outputs = [args.figure.as_deref(), args.table.as_deref()];
+    let mut outputs = Outputs::claim(args.force, inputs, outputs.into_iter().flatten())?;
     let found = measurements(&args.measurements, &args.algo, &args.cells)?;
     let report = Report::of(found).with_context(|| args.measurements.join(" "))?;
-    let write = |path: &Path, text: String| {
-        std::fs::write(path, text).with_context(|| path.display().to_string())
-    };
+    outputs.set_aside()?;
     if let Some(path) = &args.figure {
         write(path, report.figure()?)?;
     }
     if let Some(path) = &args.table {
         write(path, report.table()?)?;
     }
+    outputs.commit();
     if args.json {
         print_json(&report.json())
     } else {

@@ -1,8 +1,23 @@
-//! Lines that several commands print of a recording.
+//! Standard output: text, JSON, and the lines that several commands print of a recording.
 
+use anyhow::Context;
 use std::collections::BTreeMap;
 use svl::counted;
 use svl::recording::Loss;
+
+/// Prints to standard output. A reader that went away (`| head`) has read enough: no error.
+pub(crate) fn print(text: &str) -> anyhow::Result<()> {
+    use std::io::Write;
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.context("standard output"),
+    }
+}
+
+/// Prints a value as JSON.
+pub(crate) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    print(&(serde_json::to_string_pretty(value)? + "\n"))
+}
 
 /// Gaps and losses that are listed one by one.
 pub(crate) const LISTED: usize = 5;

@@ -1,0 +1,288 @@
+//! Output files and folders of a command: claimed before any work, set aside while new ones are
+//! written, committed at the end.
+
+use super::usage;
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+
+/// What a command writes. Dropped before [`Outputs::commit`], it removes what is new and puts the
+/// earlier files back.
+#[must_use]
+pub(crate) struct Outputs(Vec<Output>);
+
+/// One file, or one folder of files.
+struct Output {
+    path: PathBuf,
+    folder: Option<&'static FolderRule>,
+    /// Whether the folder did not exist before.
+    created: bool,
+    /// Whether what is at `path` is new.
+    begun: bool,
+    /// Where the earlier file, or the earlier files of the folder, went.
+    aside: Option<PathBuf>,
+}
+
+/// By what svl knows a folder of its own, which it may replace.
+pub(crate) struct FolderRule {
+    /// What the folder is, with its article.
+    pub(crate) kind: &'static str,
+    /// Whether a file of that name belongs to it.
+    pub(crate) owns: fn(&str) -> bool,
+    /// The JSON file that each such folder has.
+    pub(crate) mark: &'static str,
+    /// How to name another.
+    pub(crate) cure: &'static str,
+}
+
+impl Outputs {
+    /// Claims files. Refuses, before any work is done, what cannot or must not be written: an
+    /// existing file unless `force`, anything that is no regular file, a missing folder, a file
+    /// that is named twice or is one of `inputs`.
+    pub(crate) fn claim<'a>(
+        force: bool,
+        inputs: impl IntoIterator<Item = &'a Path>,
+        outputs: impl IntoIterator<Item = &'a Path>,
+    ) -> anyhow::Result<Self> {
+        let outputs: Vec<&Path> = outputs.into_iter().collect();
+        distinct(outputs.iter().copied())?;
+        for input in inputs {
+            distinct(outputs.iter().copied().chain([input]))?;
+        }
+        let claim = |path: &&Path| {
+            may_write(path, force)?;
+            Ok(Output::new(path, None, false))
+        };
+        outputs
+            .iter()
+            .map(claim)
+            .collect::<Result<_, _>>()
+            .map(Self)
+    }
+
+    /// Claims a folder, which is created. Refuses one that holds anything but an earlier output of
+    /// the same kind.
+    pub(crate) fn claim_folder(path: &Path, rule: &'static FolderRule) -> anyhow::Result<Self> {
+        let created = !path.exists();
+        std::fs::create_dir_all(path)
+            .with_context(|| format!("{}: cannot make the folder", path.display()))?;
+        let output = Output::new(path, Some(rule), created);
+        let files = files(path)?;
+        if let Some(foreign) = files.iter().find(|file| !rule.holds(file)) {
+            bail!(
+                "{}: not part of {}; {}",
+                foreign.display(),
+                rule.kind,
+                rule.cure
+            );
+        }
+        let marked = std::fs::read(path.join(rule.mark))
+            .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
+        if !files.is_empty() && !marked {
+            bail!(
+                "{}: holds files but no {} of svl's; {}",
+                path.display(),
+                rule.mark,
+                rule.cure
+            );
+        }
+        Ok(Self(vec![output]))
+    }
+
+    /// Claims more.
+    pub(crate) fn and(mut self, mut more: Self) -> Self {
+        self.0.append(&mut more.0);
+        self
+    }
+
+    /// Moves the earlier files out of the way.
+    pub(crate) fn set_aside(&mut self) -> anyhow::Result<()> {
+        self.0.iter_mut().try_for_each(Output::set_aside)
+    }
+
+    /// The new files are complete: the earlier ones are removed.
+    pub(crate) fn commit(mut self) {
+        for Output { folder, aside, .. } in self.0.drain(..) {
+            let Some(aside) = aside else { continue };
+            let removed = match folder {
+                Some(_) => std::fs::remove_dir_all(&aside),
+                None => std::fs::remove_file(&aside),
+            };
+            if let Err(error) = removed {
+                tracing::warn!("{}: cannot be removed: {error}", aside.display());
+            }
+        }
+    }
+
+    /// The new files are a part of what was asked for: they stay, and so do the earlier ones.
+    pub(crate) fn keep_both(mut self) {
+        // A file that was not begun again comes back, as [`Drop`] sees to.
+        for Output { path, aside, .. } in self.0.extract_if(.., |output| output.path.exists()) {
+            if let Some(aside) = aside {
+                let (path, aside) = (path.display(), aside.display());
+                tracing::warn!("{path}: incomplete; the earlier one is {aside}");
+            }
+        }
+    }
+}
+
+impl Drop for Outputs {
+    fn drop(&mut self) {
+        // A file that cannot be put back stays under its other name, which loses nothing.
+        self.0.iter().for_each(|output| drop(output.restore()));
+    }
+}
+
+impl FolderRule {
+    /// Whether a file is one of such a folder.
+    fn holds(&self, file: &Path) -> bool {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        file.is_file() && (self.owns)(&name)
+    }
+}
+
+impl Output {
+    fn new(path: &Path, folder: Option<&'static FolderRule>, created: bool) -> Self {
+        Self {
+            path: path.to_owned(),
+            folder,
+            created,
+            begun: false,
+            aside: None,
+        }
+    }
+
+    fn set_aside(&mut self) -> anyhow::Result<()> {
+        let refused = || format!("{}: cannot be replaced", self.path.display());
+        if self.folder.is_none() {
+            if self.path.exists() {
+                let mut aside = self.path.clone().into_os_string();
+                aside.push(format!(".{}.earlier", std::process::id()));
+                std::fs::rename(&self.path, &aside).with_context(refused)?;
+                self.aside = Some(aside.into());
+            }
+        } else {
+            // The files move, not the folder, which may be a mount point.
+            let earlier = files(&self.path)?;
+            if !earlier.is_empty() {
+                let aside = free_name(&self.path);
+                std::fs::create_dir(&aside).with_context(refused)?;
+                self.aside = Some(aside.clone());
+                earlier
+                    .iter()
+                    .try_for_each(|file| into(&aside, file))
+                    .with_context(refused)?;
+            }
+        }
+        // Only now: what could not be moved is not new.
+        self.begun = true;
+        Ok(())
+    }
+
+    /// Removes what is new and puts back what was earlier.
+    fn restore(&self) -> std::io::Result<()> {
+        let Some(rule) = self.folder else {
+            return match &self.aside {
+                Some(aside) => std::fs::rename(aside, &self.path),
+                None if self.begun => std::fs::remove_file(&self.path),
+                None => Ok(()),
+            };
+        };
+        if self.begun {
+            let files = files(&self.path).unwrap_or_default();
+            files
+                .iter()
+                .filter(|file| rule.holds(file))
+                .try_for_each(std::fs::remove_file)?;
+        }
+        if let Some(aside) = &self.aside {
+            let files = files(aside).unwrap_or_default();
+            files.iter().try_for_each(|file| into(&self.path, file))?;
+            std::fs::remove_dir(aside)?;
+        }
+        if self.created {
+            // Fails where it is not empty, as it should.
+            std::fs::remove_dir(&self.path)?;
+        }
+        Ok(())
+    }
+}
+
+/// `FOLDER.earlier-N` with the first number that is free.
+fn free_name(folder: &Path) -> PathBuf {
+    let name = folder.file_name().unwrap_or(folder.as_os_str());
+    let beside = |n: u32| {
+        let mut name = name.to_owned();
+        name.push(format!(".earlier-{n}"));
+        folder.with_file_name(name)
+    };
+    (1..)
+        .map(beside)
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| beside(0))
+}
+
+fn files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    std::fs::read_dir(folder)
+        .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
+        .with_context(|| folder.display().to_string())
+}
+
+/// Moves a file into a folder.
+fn into(folder: &Path, file: &Path) -> std::io::Result<()> {
+    std::fs::rename(file, folder.join(file.file_name().unwrap_or_default()))
+}
+
+fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
+    let shown = path.display();
+    match path.metadata() {
+        Ok(found) if !found.is_file() => bail!("{shown}: is not a regular file; name another"),
+        Ok(_) if !force => {
+            bail!("{shown}: exists already; name another file, or add --force to replace it")
+        }
+        _ => {}
+    }
+    if !parent(path).is_dir() {
+        bail!(
+            "{}: no such folder; create it first",
+            parent(path).display()
+        );
+    }
+    Ok(())
+}
+
+/// Refuses a file that is named twice.
+pub(crate) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
+    let mut seen: Vec<PathBuf> = Vec::new();
+    for path in paths {
+        // What does not exist yet has no canonical name, but its folder has.
+        let real = path.canonicalize().unwrap_or_else(|_| {
+            let folder = parent(path);
+            let real = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+            real.join(path.file_name().unwrap_or_default())
+        });
+        if seen.contains(&real) {
+            return Err(usage::wrong(format!(
+                "{}: named twice; inputs and outputs are different files",
+                path.display()
+            )));
+        }
+        seen.push(real);
+    }
+    Ok(())
+}
+
+fn parent(path: &Path) -> &Path {
+    path.parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."))
+}
+
+/// Writes a file of a report.
+pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+    std::fs::write(path, content).with_context(|| path.display().to_string())
+}
+
+/// Writes a file of a report as JSON.
+pub(crate) fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
+    write(path, serde_json::to_string_pretty(value)? + "\n")
+}
