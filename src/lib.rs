@@ -52,6 +52,8 @@ pub mod manifest;
 #[cfg(feature = "bench")]
 pub mod overlay;
 #[cfg(feature = "bench")]
+mod pairing;
+#[cfg(feature = "bench")]
 pub mod recording;
 #[cfg(feature = "bench")]
 pub mod report;

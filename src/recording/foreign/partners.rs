@@ -1,5 +1,6 @@
 //! Brings together what two cameras took at about the same time.
 
+use crate::pairing::{Nearest, Waiting};
 use crate::recording::Camera;
 use std::collections::BTreeMap;
 use std::ops::Bound;
@@ -101,7 +102,6 @@ impl<T> Partners<T> {
             let (camera, stamp) = self.earliest()?;
             let (own, other) = (&self.waiting[camera], &self.waiting[1 - camera]);
             let forced = self.ended || self.bytes > WAITING_BYTES;
-            // Nothing waits that is earlier, so the first of the other camera is the nearest.
             let Some(&partner) = other.keys().next() else {
                 if !forced {
                     return None;
@@ -113,27 +113,29 @@ impl<T> Partners<T> {
             if !settled && !forced {
                 return None;
             }
-            let skew = partner - stamp;
-            let rival = own.keys().nth(1);
-            if skew > self.max_skew_ns {
-                if !forced && other.len() < LATER {
-                    return None;
+            let waiting = Waiting {
+                earliest_ns: stamp,
+                next_ns: own.keys().nth(1).copied(),
+                other_ns: partner,
+            };
+            match waiting.nearest(self.max_skew_ns, 0) {
+                Nearest::TooFar if !forced && other.len() < LATER => return None,
+                Nearest::TooFar => {
+                    let skew = waiting.skew_ns();
+                    self.nearest_miss_ns =
+                        Some(self.nearest_miss_ns.map_or(skew, |miss| miss.min(skew)));
+                    self.give_up(camera, stamp);
                 }
-                self.nearest_miss_ns =
-                    Some(self.nearest_miss_ns.map_or(skew, |miss| miss.min(skew)));
-                self.give_up(camera, stamp);
-            } else if rival.is_some_and(|rival| rival.abs_diff(partner) < skew) {
-                self.give_up(camera, stamp);
-            } else if skew == 0 || rival.is_some() || forced {
-                let (first, second) = (self.take(camera, stamp)?, self.take(1 - camera, partner)?);
-                let (first, second) = ((stamp, first), (partner, second));
-                return Some(if camera == 0 {
-                    [first, second]
-                } else {
-                    [second, first]
-                });
-            } else {
-                return None;
+                Nearest::Overtaken => self.give_up(camera, stamp),
+                Nearest::Unknown if !forced => return None,
+                Nearest::Pair | Nearest::Unknown => {
+                    let first = (stamp, self.take(camera, stamp)?);
+                    let second = (partner, self.take(1 - camera, partner)?);
+                    return Some(match camera {
+                        0 => [first, second],
+                        _ => [second, first],
+                    });
+                }
             }
         }
     }
