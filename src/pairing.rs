@@ -64,7 +64,11 @@ mod tests {
         assert_eq!(nearest(None, 106), Nearest::Unknown);
         assert_eq!(nearest(Some(133), 106), Nearest::Pair);
         assert_eq!(nearest(Some(133), 120), Nearest::Overtaken);
-        assert_eq!(nearest(Some(140), 120), Nearest::Pair, "the earlier of two as near");
+        assert_eq!(
+            nearest(Some(140), 120),
+            Nearest::Pair,
+            "the earlier of two as near"
+        );
         assert_eq!(nearest(Some(140), 131), Nearest::TooFar);
     }
 }

@@ -25,6 +25,37 @@ use crate::stereo::Plane;
 /// Largest image or map that is read, bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
+/// The rows of an image in memory: `height` rows of `row_bytes` bytes, each `stride` bytes after
+/// the one before it. The padding of the last row may be missing.
+///
+/// # Errors
+/// How many bytes it takes, where `data` has fewer, or rows overlap or are empty.
+pub(crate) fn strided_rows(
+    data: &[u8],
+    row_bytes: usize,
+    height: usize,
+    stride: usize,
+) -> Result<impl Iterator<Item = &[u8]>, usize> {
+    let before_last = stride.saturating_mul(height.saturating_sub(1));
+    let expected = before_last.saturating_add(row_bytes);
+    if row_bytes == 0 || stride < row_bytes || data.len() < expected {
+        return Err(expected);
+    }
+    let rows = data.chunks(stride).take(height);
+    Ok(rows.map(move |row| &row[..row_bytes]))
+}
+
+/// Byte `at` of every `bytes` of the rows.
+pub(crate) fn every_byte<'a>(
+    rows: impl Iterator<Item = &'a [u8]>,
+    bytes: usize,
+    at: usize,
+) -> Vec<u8> {
+    rows.flat_map(|row| row.chunks_exact(bytes))
+        .map(|pixel| pixel[at])
+        .collect()
+}
+
 /// The values with `+∞`, "unknown", for all that is not finite.
 fn known(values: &Plane<f32>) -> Plane<f32> {
     values.map(|v| if v.is_finite() { v } else { f32::INFINITY })

@@ -1,6 +1,7 @@
 //! Which two images are one pair.
 
 use super::camera::{Capture, Side};
+use crate::pairing::{Nearest, Waiting};
 use std::collections::VecDeque;
 
 /// What makes two images a pair.
@@ -179,8 +180,6 @@ impl Pairing {
         None
     }
 
-    /// Nothing that comes is nearer to the earlier of the two than the later; but its own next may
-    /// be nearer to that.
     fn by_stamp(
         &self,
         left: &Capture,
@@ -188,21 +187,20 @@ impl Pairing {
         max_skew_ns: u64,
         period_ns: u64,
     ) -> Verdict {
-        let skew_ns = left.stamp_ns.abs_diff(right.stamp_ns);
-        let (earlier, later_ns) = if left.stamp_ns < right.stamp_ns {
-            (Side::Left, right.stamp_ns)
-        } else {
-            (Side::Right, left.stamp_ns)
+        let (earlier, earliest_ns, other_ns) = match left.stamp_ns < right.stamp_ns {
+            true => (Side::Left, left.stamp_ns, right.stamp_ns),
+            false => (Side::Right, right.stamp_ns, left.stamp_ns),
         };
-        if skew_ns > max_skew_ns {
-            return Verdict::Partnerless(earlier, Unpaired::Skew);
-        }
-        match self.waiting[earlier as usize].get(1) {
-            Some(next) if next.stamp_ns.abs_diff(later_ns) < skew_ns => {
-                Verdict::Partnerless(earlier, Unpaired::Skew)
-            }
-            None if skew_ns > period_ns / 4 => Verdict::Wait(earlier),
-            _ => Verdict::Pair,
+        let next = self.waiting[earlier as usize].get(1);
+        let waiting = Waiting {
+            earliest_ns,
+            next_ns: next.map(|capture| capture.stamp_ns),
+            other_ns,
+        };
+        match waiting.nearest(max_skew_ns, period_ns / 4) {
+            Nearest::TooFar | Nearest::Overtaken => Verdict::Partnerless(earlier, Unpaired::Skew),
+            Nearest::Unknown => Verdict::Wait(earlier),
+            Nearest::Pair => Verdict::Pair,
         }
     }
 

@@ -1,8 +1,8 @@
 //! In whose messages a recording is written.
 
-use super::{Camera, Encoded, ImageFormat, Kind, PROFILE, Stamp, geometry, gray_image, ros};
+use super::{Encoded, ImageFormat, Kind, PROFILE, Stamp, frame_id, geometry, gray_image, ros};
 use crate::error::Result;
-use crate::stereo::{Gray, Pose, Rig};
+use crate::stereo::{Gray, Pose, Rig, Side};
 use std::borrow::Cow;
 
 /// In whose messages a recording is written. Both hold the same.
@@ -15,7 +15,7 @@ pub enum Dialect {
     ///
     /// | topic | message |
     /// |---|---|
-    /// | `/stereo/{left,right}/image_rect`, `image_raw` where no rig is known | sensor_msgs/msg/Image mono8 |
+    /// | `/stereo/{left,right}/image_rect`, `image_raw` of raw pairs | sensor_msgs/msg/Image mono8 |
     /// | `/stereo/{left,right}/image_rect/compressed`, `image_raw/compressed` | sensor_msgs/msg/CompressedImage |
     /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
     /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
@@ -59,7 +59,7 @@ impl Dialect {
         self,
         rig: &Rig,
         size: (usize, usize),
-        camera: Camera,
+        camera: Side,
         stamp: Stamp,
     ) -> Said {
         match self {
@@ -68,7 +68,7 @@ impl Dialect {
                 (Kind::Calibration(camera).topic().into(), message)
             }
             Self::Ros2 => {
-                let topic = format!("/stereo/{}/camera_info", camera.side());
+                let topic = format!("/stereo/{}/camera_info", camera.name());
                 (
                     topic.into(),
                     ros::encode_camera_info(rig, size, camera, stamp),
@@ -80,7 +80,7 @@ impl Dialect {
     /// The right camera in the frame of the left one, where the calibration alone does not say it.
     pub(super) fn baseline(self, rig: &Rig, stamp: Stamp) -> Option<Said> {
         let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
-        let frames = [Camera::Left.frame_id(), Camera::Right.frame_id()];
+        let frames = [frame_id(Side::Left), frame_id(Side::Right)];
         let message = || {
             (
                 Kind::Baseline.topic().into(),
@@ -92,7 +92,7 @@ impl Dialect {
 
     /// The left camera in the world.
     pub(super) fn pose(self, pose: &Pose, stamp: Stamp) -> Said {
-        let frames = [geometry::WORLD, Camera::Left.frame_id()];
+        let frames = [geometry::WORLD, frame_id(Side::Left)];
         match self {
             Self::Svl => (
                 Kind::Pose.topic().into(),
@@ -102,24 +102,24 @@ impl Dialect {
         }
     }
 
-    /// The image of a camera; ROS names those of a rectified pair apart.
+    /// The image of a camera. In ROS its topic says whether the pair is rectified.
     pub(super) fn image(
         self,
         image: &Gray,
-        camera: Camera,
+        camera: Side,
         rectified: bool,
         format: ImageFormat,
         stamp: Stamp,
     ) -> Result<Said> {
         if self == Self::Svl {
-            let message = gray_image::encode(image, format, stamp, camera.frame_id())?;
+            let message = gray_image::encode(image, format, stamp, frame_id(camera))?;
             return Ok((Kind::Image(camera).topic().into(), message));
         }
         // As their calibrations have it.
-        let frame_id = Camera::Left.frame_id();
+        let frame_id = frame_id(Side::Left);
         let topic = format!(
             "/stereo/{}/{}",
-            camera.side(),
+            camera.name(),
             if rectified { "image_rect" } else { "image_raw" }
         );
         Ok(match format {
@@ -135,7 +135,7 @@ impl Dialect {
     }
 
     pub(super) fn visibility(self, codes: &Gray, stamp: Stamp) -> Result<Said> {
-        let frame_id = Camera::Left.frame_id();
+        let frame_id = frame_id(Side::Left);
         let message = match self {
             Self::Svl => gray_image::encode(codes, ImageFormat::Raw, stamp, frame_id)?,
             Self::Ros2 => ros::encode_mono8(codes, stamp, frame_id),

@@ -1,35 +1,25 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
-use super::{Camera, Encoded, Stamp, decode_protobuf};
-use crate::stereo::{Pose, Rig};
+use super::{Encoded, Stamp, decode_protobuf, frame_id};
+use crate::stereo::{Pose, Rig, Side};
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
-use nalgebra::{Translation3, UnitQuaternion};
+use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};
 
 const CALIBRATION: &str = "foxglove.CameraCalibration";
 const TRANSFORM: &str = "foxglove.FrameTransform";
 /// The frame that poses are given in.
 pub(super) const WORLD: &str = "world";
 
-/// The numbers of one camera's rectified calibration that a [`Rig`] is made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Projection {
-    focal_px: f64,
-    cx_px: f64,
-    cy_px: f64,
-    /// `P[0][3]`: -f·B of the right camera.
-    shift: f64,
-}
-
 pub(super) fn encode_calibration(
     rig: &Rig,
     (width, height): (usize, usize),
-    camera: Camera,
+    camera: Side,
     stamp: Stamp,
 ) -> Encoded {
-    let right = camera == Camera::Right;
+    let right = camera == Side::Right;
     let message = CameraCalibration {
         timestamp: stamp.foxglove(),
-        frame_id: camera.frame_id().to_owned(),
+        frame_id: frame_id(camera).to_owned(),
         width: width as u32,
         height: height as u32,
         distortion_model: "plumb_bob".to_owned(),
@@ -42,40 +32,23 @@ pub(super) fn encode_calibration(
     Encoded::protobuf(CALIBRATION, &message)
 }
 
-pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Projection, String> {
+/// The projection matrix P of a camera.
+pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Matrix3x4<f64>, String> {
     check_schema(schema, CALIBRATION)?;
     let CameraCalibration { p, .. } = decode_protobuf(data)?;
-    let [focal_px, _, cx_px, shift, _, _, cy_px, ..] = p[..] else {
-        return Err(format!(
-            "its P has {} numbers, 12 make a projection matrix",
-            p.len()
-        ));
-    };
-    Ok(Projection {
-        focal_px,
-        cx_px,
-        cy_px,
-        shift,
-    })
+    let p = <[f64; 12]>::try_from(&p[..]);
+    p.map(|p| Matrix3x4::from_row_slice(&p))
+        .map_err(|_| "its P is not a projection matrix of 12 numbers".to_owned())
 }
 
 /// The rig whose projection matrices are these, bit by bit.
-pub(super) fn rig(left: &Projection, right: &Projection) -> Result<Rig, String> {
-    if (left.focal_px, left.cy_px) != (right.focal_px, right.cy_px) {
-        return Err(format!(
-            "the cameras are not rectified to each other: focal lengths {} and {} px, rows of the \
-             centres {} and {} px",
-            left.focal_px, right.focal_px, left.cy_px, right.cy_px
-        ));
-    }
-    let (focal, center) = (left.focal_px, left.cx_px);
-    let baseline_m = plainest(-right.shift / focal, |baseline_m| {
-        -focal * baseline_m == right.shift
-    });
-    let doffs_px = plainest(right.cx_px - center, |doffs_px| {
-        center + doffs_px == right.cx_px
-    });
-    Rig::new(focal, (center, left.cy_px), baseline_m, doffs_px).map_err(|e| e.to_string())
+pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, String> {
+    let rig = Rig::from_projections(left, right, 0.0, 0.0).map_err(|e| e.to_string())?;
+    let (focal, center) = (rig.focal_px(), rig.center_px());
+    let (shift, cx) = (right[(0, 3)], right[(0, 2)]);
+    let baseline_m = plainest(rig.baseline_m(), |b| -focal * b == shift);
+    let doffs_px = plainest(rig.doffs_px(), |doffs| center.0 + doffs == cx);
+    Rig::new(focal, center, baseline_m, doffs_px).map_err(|e| e.to_string())
 }
 
 /// The decimal number with the fewest digits near `value` that `fits`: several doubles give the
@@ -150,7 +123,7 @@ mod tests {
             let message = encode_calibration(rig, (640, 480), camera, Stamp(0));
             decode_calibration(message.schema, &message.data).unwrap()
         };
-        super::rig(&projection(Camera::Left), &projection(Camera::Right)).unwrap()
+        super::rig(&projection(Side::Left), &projection(Side::Right)).unwrap()
     }
 
     #[test]
@@ -176,23 +149,11 @@ mod tests {
 
     #[test]
     fn cameras_that_are_not_a_pair_are_refused() {
-        let left = Projection {
-            focal_px: 300.0,
-            cx_px: 160.0,
-            cy_px: 120.0,
-            shift: 0.0,
-        };
-        assert!(
-            rig(
-                &left,
-                &Projection {
-                    focal_px: 301.0,
-                    shift: -30.0,
-                    ..left
-                }
-            )
-            .is_err()
-        );
+        let good = Rig::new(300.0, (160.0, 120.0), 0.1, 0.0).unwrap();
+        let (left, mut right) = (good.projection(false), good.projection(true));
+        assert_eq!(rig(&left, &right), Ok(good));
+        right[(0, 0)] = 301.0;
+        assert!(rig(&left, &right).is_err());
         assert!(rig(&left, &left).is_err(), "no baseline");
     }
 }

@@ -72,6 +72,7 @@ pub use summary::{Gap, Summary, Topic};
 pub use writer::Writer;
 
 use crate::error::{Error, Result};
+use crate::stereo::Side;
 use std::borrow::Cow;
 
 /// Name of the attachment that is the scenario file.
@@ -93,37 +94,19 @@ const PROFILE: &str = "svl";
 /// What MCAP files of svl name as their writer.
 const LIBRARY: &str = concat!("svl ", env!("CARGO_PKG_VERSION"));
 
-/// One of the two cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Camera {
-    Left,
-    Right,
-}
-
-impl Camera {
-    const BOTH: [Camera; 2] = [Camera::Left, Camera::Right];
-
-    fn side(self) -> &'static str {
-        match self {
-            Self::Left => "left",
-            Self::Right => "right",
-        }
-    }
-
-    /// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
-    fn frame_id(self) -> &'static str {
-        match self {
-            Self::Left => "stereo_left",
-            Self::Right => "stereo_right",
-        }
+/// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
+fn frame_id(side: Side) -> &'static str {
+    match side {
+        Side::Left => "stereo_left",
+        Side::Right => "stereo_right",
     }
 }
 
 /// What a topic holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    Image(Camera),
-    Calibration(Camera),
+    Image(Side),
+    Calibration(Side),
     Baseline,
     Pose,
     Depth,
@@ -134,10 +117,10 @@ enum Kind {
 
 impl Kind {
     const ALL: [Kind; 10] = [
-        Kind::Image(Camera::Left),
-        Kind::Image(Camera::Right),
-        Kind::Calibration(Camera::Left),
-        Kind::Calibration(Camera::Right),
+        Kind::Image(Side::Left),
+        Kind::Image(Side::Right),
+        Kind::Calibration(Side::Left),
+        Kind::Calibration(Side::Right),
         Kind::Baseline,
         Kind::Pose,
         Kind::Depth,
@@ -148,10 +131,10 @@ impl Kind {
 
     fn topic(self) -> &'static str {
         match self {
-            Kind::Image(Camera::Left) => "/stereo/left/image",
-            Kind::Image(Camera::Right) => "/stereo/right/image",
-            Kind::Calibration(Camera::Left) => "/stereo/left/calibration",
-            Kind::Calibration(Camera::Right) => "/stereo/right/calibration",
+            Kind::Image(Side::Left) => "/stereo/left/image",
+            Kind::Image(Side::Right) => "/stereo/right/image",
+            Kind::Calibration(Side::Left) => "/stereo/left/calibration",
+            Kind::Calibration(Side::Right) => "/stereo/right/calibration",
             Kind::Baseline => "/rig/baseline",
             Kind::Pose => "/rig/pose",
             Kind::Depth => "/truth/depth",

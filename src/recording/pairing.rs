@@ -1,10 +1,11 @@
 //! Puts the messages of a pair together again.
 
-use super::geometry::{self, Projection};
-use super::sync::StereoSync;
-use super::{Camera, Kind, float_image, gray_image, truth};
+use super::geometry;
+use super::sync::{PairGeometry, StereoSync};
+use super::{Kind, float_image, gray_image, truth};
 use crate::counted;
-use crate::stereo::{Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility};
+use crate::stereo::{Frame, Geometry, Gray, Plane, Pose, Rig, Side, StereoPair, Truth, Visibility};
+use nalgebra::Matrix3x4;
 use std::collections::BTreeMap;
 
 /// Stamps that may wait for their partners at the same time. In svl's own recordings it is one.
@@ -25,7 +26,7 @@ pub(super) struct Pairing {
 #[derive(Default)]
 struct Left {
     image: Option<Gray>,
-    calibration: Option<Projection>,
+    calibration: Option<Matrix3x4<f64>>,
     pose: Option<Pose>,
     depth: Option<Plane<f32>>,
     disparity: Option<Plane<f32>>,
@@ -37,7 +38,7 @@ struct Left {
 #[derive(Default)]
 struct Right {
     image: Option<Gray>,
-    calibration: Option<Projection>,
+    calibration: Option<Matrix3x4<f64>>,
 }
 
 impl Pairing {
@@ -63,7 +64,7 @@ impl Pairing {
         data: &[u8],
     ) -> Result<Option<Frame>, String> {
         match kind {
-            Kind::Image(Camera::Left) => {
+            Kind::Image(Side::Left) => {
                 self.left_images += 1;
                 let replaced = self
                     .left(stamp)
@@ -71,7 +72,7 @@ impl Pairing {
                     .replace(gray_image::decode(schema, data)?);
                 self.unpaired += u64::from(replaced.is_some());
             }
-            Kind::Image(Camera::Right) => {
+            Kind::Image(Side::Right) => {
                 self.right_images += 1;
                 let replaced = self
                     .right(stamp)
@@ -79,10 +80,10 @@ impl Pairing {
                     .replace(gray_image::decode(schema, data)?);
                 self.unpaired += u64::from(replaced.is_some());
             }
-            Kind::Calibration(Camera::Left) => {
+            Kind::Calibration(Side::Left) => {
                 self.left(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
             }
-            Kind::Calibration(Camera::Right) => {
+            Kind::Calibration(Side::Right) => {
                 self.right(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
             }
             // Said by the calibration already; it is there for viewers.
@@ -164,8 +165,8 @@ impl Pairing {
                 .is_some_and(|sync| sync.right_stamp_ns == stamp)
         };
         let left_stamp = match kind {
-            Kind::Image(Camera::Left) | Kind::Sync => Some(stamp),
-            Kind::Image(Camera::Right) => self
+            Kind::Image(Side::Left) | Kind::Sync => Some(stamp),
+            Kind::Image(Side::Right) => self
                 .left
                 .iter()
                 .find(|(_, left)| names(left))
@@ -235,6 +236,7 @@ fn frame(left: Left, right: Right) -> Result<Frame, String> {
         sequence,
         name,
         left_stamp_ns: stamp_ns,
+        geometry,
         exposure,
         ..
     } = sync;
@@ -243,7 +245,10 @@ fn frame(left: Left, right: Right) -> Result<Frame, String> {
         stamp_ns,
         name,
         pair,
-        geometry: Geometry::Rectified(rig),
+        geometry: match geometry {
+            PairGeometry::Raw => Geometry::Raw,
+            PairGeometry::Rectified => Geometry::Rectified(rig),
+        },
         pose: left.pose,
         truth,
         exposure,

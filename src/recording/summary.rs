@@ -5,10 +5,11 @@ use super::loss::Loss;
 use super::messages::{Channel, Event, Messages};
 use super::skew::Skew;
 use super::sync::StereoSync;
-use super::{Camera, GRABBER, Header, Kind, MANIFEST, PROFILE, Recording};
+use super::{GRABBER, Header, Kind, MANIFEST, PROFILE, Recording};
 use crate::error::Result;
 use crate::manifest::Manifest;
 use crate::statistics::upper_rank;
+use crate::stereo::Side;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -214,7 +215,7 @@ impl Seen {
         let left = self
             .stereo
             .as_ref()
-            .map_or(Kind::Image(Camera::Left).topic(), |[left, _]| left);
+            .map_or(Kind::Image(Side::Left).topic(), |[left, _]| left);
         let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
         left_stamps.sort_unstable();
         left_stamps.dedup();

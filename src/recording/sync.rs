@@ -1,7 +1,7 @@
 //! What is known of a pair beside its pixels, as JSON.
 
 use super::Encoded;
-use crate::stereo::{Exposure, Frame};
+use crate::stereo::{Exposure, Frame, Geometry};
 use std::borrow::Cow;
 
 pub(super) const SCHEMA: &str = "svl.StereoSync";
@@ -20,8 +20,20 @@ pub(super) struct StereoSync {
     pub(super) left_stamp_ns: u64,
     /// Middle of the right exposure.
     pub(super) right_stamp_ns: u64,
+    #[serde(default)]
+    pub(super) geometry: PairGeometry,
     #[serde(flatten)]
     pub(super) exposure: Exposure,
+}
+
+/// Whether a pair is raw or rectified.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum PairGeometry {
+    Raw,
+    /// Also of recordings that do not say: those of svl before it told the two apart.
+    #[default]
+    Rectified,
 }
 
 impl StereoSync {
@@ -30,6 +42,7 @@ impl StereoSync {
             sequence,
             stamp_ns,
             name,
+            geometry,
             exposure,
             ..
         } = frame;
@@ -38,6 +51,10 @@ impl StereoSync {
             name: name.clone(),
             left_stamp_ns: *stamp_ns,
             right_stamp_ns,
+            geometry: match geometry {
+                Geometry::Raw => PairGeometry::Raw,
+                Geometry::Rectified(_) => PairGeometry::Rectified,
+            },
             exposure: *exposure,
         }
     }

@@ -4,11 +4,11 @@ use super::append::Append;
 use super::steady::Steady;
 use super::sync::StereoSync;
 use super::{
-    AlgorithmResult, Camera, Encoded, Format, Header, Kind, LIBRARY, MANIFEST, Stamp, ros, truth,
+    AlgorithmResult, Encoded, Format, Header, Kind, LIBRARY, MANIFEST, Stamp, frame_id, ros, truth,
 };
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
-use crate::stereo::{Estimate, Frame, Gray, Truth};
+use crate::stereo::{Estimate, Frame, Geometry, Gray, Side, Truth};
 use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
 use std::borrow::Cow;
@@ -106,7 +106,7 @@ impl Writer {
         let size = frame.pair.size();
         let Format { dialect, images } = self.format;
         if let Some(rig) = frame.rig() {
-            for (camera, stamp) in [(Camera::Left, left), (Camera::Right, right)] {
+            for (camera, stamp) in [(Side::Left, left), (Side::Right, right)] {
                 self.put(
                     dialect.calibration(rig, size, camera, stamp),
                     stamp,
@@ -121,10 +121,10 @@ impl Writer {
             self.put(dialect.pose(pose, left), left, sequence)?;
         }
         for (camera, image, stamp) in [
-            (Camera::Left, frame.pair.left(), left),
-            (Camera::Right, frame.pair.right(), right),
+            (Side::Left, frame.pair.left(), left),
+            (Side::Right, frame.pair.right(), right),
         ] {
-            let rectified = frame.rig().is_some();
+            let rectified = frame.geometry != Geometry::Raw;
             self.put(
                 dialect.image(image, camera, rectified, images, stamp)?,
                 stamp,
@@ -146,7 +146,7 @@ impl Writer {
         {
             Some(depth) => (
                 Kind::Depth.topic(),
-                ros::encode_32fc1(&depth, stamp, Camera::Left.frame_id()),
+                ros::encode_32fc1(&depth, stamp, frame_id(Side::Left)),
             ),
             // It has no frame, lest a viewer take it for metres.
             None => (

@@ -49,6 +49,38 @@ impl Rig {
         }
     }
 
+    /// The rig of two rectified cameras by their projection matrices, `[f 0 cx tx; 0 f cy 0; 0 0 1
+    /// 0]` with `tx = -f·x` of a camera at `x` (OpenCV's P1 and P2, ROS's CameraInfo). Both are in
+    /// one frame, not necessarily the left camera's: the baseline is `(tx_left - tx_right) / f`.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] where the focal lengths differ by more than `focal_tolerance` of themselves,
+    /// the principal rows by more than `row_tolerance_px`, or the right camera is on the left.
+    pub fn from_projections(
+        left: &Matrix3x4<f64>,
+        right: &Matrix3x4<f64>,
+        focal_tolerance: f64,
+        row_tolerance_px: f64,
+    ) -> Result<Self> {
+        let [(f, cx, cy), (right_f, right_cx, right_cy)] =
+            [left, right].map(|p| (p[(0, 0)], p[(0, 2)], p[(1, 2)]));
+        let close = |a: f64, b: f64, tolerance: f64| (a - b).abs() <= tolerance;
+        if !close(f, right_f, focal_tolerance * f) || !close(cy, right_cy, row_tolerance_px) {
+            return Err(Error::Rig(format!(
+                "the cameras are not rectified to each other, with one focal length and one row \
+                 of the principal point: {f} and {right_f} px, rows {cy} and {right_cy}"
+            )));
+        }
+        let baseline_m = (left[(0, 3)] - right[(0, 3)]) / f;
+        if baseline_m < 0.0 {
+            return Err(Error::Rig(format!(
+                "a baseline of {baseline_m} m: the right camera is to the left of the left one; \
+                 exchange the two"
+            )));
+        }
+        Self::new(f, (cx, cy), baseline_m, right_cx - cx)
+    }
+
     /// Focal length in pixels.
     pub fn focal_px(&self) -> f64 {
         self.focal_px

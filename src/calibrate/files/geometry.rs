@@ -145,17 +145,10 @@ pub(super) fn rig(
     if rise.abs() > shift.abs() {
         return Err("the cameras stand one above the other; svl matches those side by side".into());
     }
-    let one = [left[(1, 1)], right[(0, 0)], right[(1, 1)]]
-        .into_iter()
-        .all(|f| same(f, focal));
-    if !one || !same(left[(1, 2)], right[(1, 2)]) {
-        return Err(
-            "the two projections have not one focal length and row, so they are no rectified pair"
-                .into(),
-        );
+    if !same(left[(1, 1)], focal) || !same(right[(1, 1)], focal) {
+        return Err("rectified cameras have one focal length, along x and along y".into());
     }
-    let (cx, cy) = (left[(0, 2)], left[(1, 2)]);
-    Rig::new(focal, (cx, cy), shift / focal, right[(0, 2)] - cx).map_err(|e| e.to_string())
+    Rig::from_projections(left, right, SAME, SAME * focal.abs()).map_err(|e| e.to_string())
 }
 
 /// Two cameras that are rectified already.

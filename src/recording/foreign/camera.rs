@@ -4,7 +4,7 @@ use super::json;
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
 use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, rotation};
-use nalgebra::{Matrix3, Rotation3};
+use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 
 /// Messages that are calibrations.
 pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
@@ -33,7 +33,7 @@ pub(super) struct Calibration {
 
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
-        ("sensor_msgs/msg/CameraInfo", "cdr") => Ok(of_image(ros::read(data, ros::camera_info)?)),
+        ("sensor_msgs/msg/CameraInfo", "cdr") => Ok(of_images(ros::read(data, ros::camera_info)?)),
         ("foxglove.CameraCalibration", "protobuf") => {
             let foxglove::messages::CameraCalibration {
                 width,
@@ -81,7 +81,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
 
 /// The calibration of the images that a sensor gives, which may be a part of it and binned, as
 /// image_geometry's PinholeCameraModel has it.
-fn of_image(info: ros::CameraInfo) -> Calibration {
+fn of_images(info: ros::CameraInfo) -> Calibration {
     let ros::CameraInfo {
         width,
         height,
@@ -172,36 +172,31 @@ impl Calibration {
         Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
     }
 
-    fn turn(&self) -> Result<Rotation3<f64>, String> {
+    fn projection(&self) -> Result<Matrix3x4<f64>, String> {
+        match <[f64; 12]>::try_from(&self.p[..]) {
+            Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
+            _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
+        }
+    }
+
+    fn rotation(&self) -> Result<Rotation3<f64>, String> {
         let r = <[f64; 9]>::try_from(&self.r[..])
             .map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
         rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())
     }
 }
 
-/// The rig of two rectified cameras: `P = [f 0 cx Tx; 0 f cy 0; 0 0 1 0]` with `Tx = -f·B`
-/// (sensor_msgs/CameraInfo).
+/// The rig of two rectified cameras.
 ///
 /// # Errors
-/// Why they make none.
+/// Why there is none.
 pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String> {
-    let (l, r) = (projection(left)?, projection(right)?);
-    let close = |a: f64, b: f64, tolerance: f64| (a - b).abs() <= tolerance;
-    if !close(l.focal, r.focal, FOCAL_TOLERANCE * l.focal) || !close(l.cy, r.cy, ROW_TOLERANCE_PX) {
-        return Err(format!(
-            "their projections are not rectified to each other: focal lengths {} and {} px, rows \
-             of the centres {} and {} px",
-            l.focal, r.focal, l.cy, r.cy
-        ));
-    }
-    let baseline_m = (l.tx - r.tx) / l.focal;
-    if baseline_m < 0.0 {
-        return Err(format!(
-            "the right camera stands {} m left of the left one: exchange --left and --right",
-            -baseline_m
-        ));
-    }
-    Rig::new(l.focal, (l.cx, l.cy), baseline_m, r.cx - l.cx).map_err(|e| e.to_string())
+    let (left, right) = (left.projection()?, right.projection()?);
+    let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
+    rig.map_err(|e| match left[(0, 3)] < right[(0, 3)] {
+        true => format!("{e}: --left and --right name their topics"),
+        false => e.to_string(),
+    })
 }
 
 /// What rectifies raw images: cameras with their lenses, and R and P of both.
@@ -215,8 +210,8 @@ pub(super) fn calibration(
     let (rig, cameras) = (rig(left, right)?, [left.camera()?, right.camera()?]);
     let rectification = Rectification {
         size: cameras[0].size(),
-        left: left.turn()?,
-        right: right.turn()?,
+        left: left.rotation()?,
+        right: right.rotation()?,
         rig,
     };
     let [left, right] = cameras;
@@ -225,20 +220,6 @@ pub(super) fn calibration(
     Ok(calibration
         .map_err(|e| e.to_string())?
         .with_rectification(rectification))
-}
-
-struct Projection {
-    focal: f64,
-    cx: f64,
-    cy: f64,
-    tx: f64,
-}
-
-fn projection(calibration: &Calibration) -> Result<Projection, String> {
-    match calibration.p[..] {
-        [focal, _, cx, tx, _, _, cy, ..] if focal > 0.0 => Ok(Projection { focal, cx, cy, tx }),
-        _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
-    }
 }
 
 #[cfg(test)]
@@ -274,11 +255,7 @@ mod tests {
             assert!(error.contains(what), "{error}");
         };
         let left = camera(500.0, 120.0, 0.0);
-        says(
-            &left,
-            &camera(500.0, 120.0, 50.0),
-            "exchange --left and --right",
-        );
+        says(&left, &camera(500.0, 120.0, 50.0), "--left and --right");
         says(&left, &left, "baseline");
         says(
             &left,
@@ -329,14 +306,14 @@ mod tests {
                 width,
             },
         };
-        let whole = of_image(info([0, 1], (0, 0, 0, 0)));
+        let whole = of_images(info([0, 1], (0, 0, 0, 0)));
         assert_eq!(
             (whole.size, whole.k[0], whole.p[3]),
             ((640, 480), 600.0, -60.0)
         );
         // As image_geometry's PinholeCameraModel: first the offset, then the binning; Tx with it,
         // so the baseline stays.
-        let binned = of_image(info([2, 2], (0, 0, 0, 0)));
+        let binned = of_images(info([2, 2], (0, 0, 0, 0)));
         assert_eq!(
             (binned.size, &binned.p[..4], &binned.p[4..8]),
             (
@@ -345,7 +322,7 @@ mod tests {
                 &[0.0, 300.0, 121.0, 0.0][..]
             )
         );
-        let part = of_image(info([2, 1], (100, 40, 320, 240)));
+        let part = of_images(info([2, 1], (100, 40, 320, 240)));
         assert_eq!(
             (part.size, &part.k[..6]),
             ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])

@@ -11,11 +11,11 @@ mod topics;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
+use super::Recording;
 use super::messages::{Channel, Event, Messages};
-use super::{Camera, Recording};
 use crate::counted;
 use crate::error::{Error, Result};
-use crate::stereo::{Exposure, Frame, Geometry, Gray, Rig, StereoCalibration, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Gray, Rig, Side, StereoCalibration, StereoPair};
 use camera::Calibration;
 use partners::Partners;
 
@@ -101,7 +101,7 @@ impl Foreign {
         log_time: u64,
         data: &[u8],
     ) -> std::result::Result<(), String> {
-        for camera in Camera::BOTH {
+        for camera in Side::BOTH {
             if channel.topic == self.images[camera as usize] {
                 self.counts[camera as usize] += 1;
                 let (stamp, image) = image::decode(channel, data)?;
@@ -138,8 +138,7 @@ impl Foreign {
             self.pairs += 1;
             self.size = pair.size();
         }
-        let rig = self.rig().ok();
-        let geometry = rig.map_or(Geometry::Raw, |rig| Geometry::Rectified(Some(rig)));
+        let geometry = self.geometry();
         let frame = pair.map(|pair| Frame {
             sequence,
             stamp_ns: left_ns,
@@ -215,6 +214,20 @@ impl Foreign {
              ms of each other{miss}",
             counted(lefts, "image")
         )
+    }
+
+    /// What topics and calibrations say; images of which neither says that they are rectified are
+    /// raw.
+    fn geometry(&self) -> Geometry {
+        let named_rectified = self
+            .images
+            .iter()
+            .all(|topic| topics::is_of_rectified(topic));
+        match self.rig() {
+            Ok(rig) => Geometry::Rectified(Some(rig)),
+            Err(_) if named_rectified => Geometry::Rectified(None),
+            Err(_) => Geometry::Raw,
+        }
     }
 
     fn rig(&self) -> std::result::Result<Rig, String> {

@@ -1,7 +1,7 @@
 //! Brings together what two cameras took at about the same time.
 
 use crate::pairing::{Nearest, Waiting};
-use crate::recording::Camera;
+use crate::stereo::Side;
 use std::collections::BTreeMap;
 use std::ops::Bound;
 
@@ -63,7 +63,7 @@ impl<T> Partners<T> {
     }
 
     /// Takes in an image of so many bytes; a second one of the same stamp replaces the first.
-    pub(super) fn push(&mut self, camera: Camera, stamp: u64, image: T, bytes: usize) {
+    pub(super) fn push(&mut self, camera: Side, stamp: u64, image: T, bytes: usize) {
         let bytes = bytes.saturating_add(ENTRY_BYTES);
         let camera = camera as usize;
         let given_up = self.crowded_out[1 - camera];
@@ -172,10 +172,10 @@ impl<T> Partners<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Camera::{Left, Right};
+    use Side::{Left, Right};
 
     /// The stamps of the pairs made of images that come in this order, and how many are left over.
-    fn pairs(max_skew_ns: u64, images: &[(Camera, u64)]) -> (Vec<(u64, u64)>, u64) {
+    fn pairs(max_skew_ns: u64, images: &[(Side, u64)]) -> (Vec<(u64, u64)>, u64) {
         let mut partners = Partners::new(max_skew_ns);
         let mut pairs = Vec::new();
         let mut collect = |partners: &mut Partners<()>| {

@@ -1,6 +1,7 @@
 //! Pixels in the encodings of ROS and Foxglove, as 8-bit grey.
 
 use super::bayer;
+use crate::files::{every_byte, strided_rows};
 use crate::stereo::{Gray, Plane};
 
 /// An image as it stands in a message.
@@ -41,25 +42,17 @@ pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
     let (width, height, step) = (raw.width as usize, raw.height as usize, raw.step as usize);
     // Not Plane's own sizes: its rows are bytes here.
     let row_bytes = width.saturating_mul(bytes);
-    let expected = step
-        .saturating_mul(height.saturating_sub(1))
-        .saturating_add(row_bytes);
-    if step < row_bytes || raw.data.len() < expected || row_bytes == 0 {
+    let rows = strided_rows(raw.data, row_bytes, height, step).map_err(|_| {
         let (encoding, got) = (raw.encoding, raw.data.len());
-        return Err(format!(
+        format!(
             "a {width}x{height} {encoding} image with rows of {step} bytes does not fit its {got} \
              bytes"
-        ));
-    }
-    let rows = raw
-        .data
-        .chunks(step)
-        .take(height)
-        .map(|row| &row[..row_bytes]);
+        )
+    })?;
     let image = match form {
-        Form::Grey { at, .. } => Plane::from_vec(width, height, every(rows, bytes, at)),
+        Form::Grey { at, .. } => Plane::from_vec(width, height, every_byte(rows, bytes, at)),
         Form::Bayer { at, tile, .. } => {
-            let samples = Plane::from_vec(width, height, every(rows, bytes, at))
+            let samples = Plane::from_vec(width, height, every_byte(rows, bytes, at))
                 .map_err(|e| e.to_string())?;
             bayer::grey(&samples, tile)
         }
@@ -75,13 +68,6 @@ pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
         }
     };
     image.map_err(|e| e.to_string())
-}
-
-/// Byte `at` of every `bytes` of the rows.
-fn every<'a>(rows: impl Iterator<Item = &'a [u8]>, bytes: usize, at: usize) -> Vec<u8> {
-    rows.flat_map(|row| row.chunks_exact(bytes))
-        .map(|pixel| pixel[at])
-        .collect()
 }
 
 fn form(encoding: &str, big_endian: bool) -> Result<Form, String> {

@@ -1,8 +1,8 @@
 //! Messages put into CDR, with the definitions that a bag needs to be read without ROS.
 
 use super::CDR_LE;
-use crate::recording::{Camera, Encoded, Stamp, gray_image};
-use crate::stereo::{Gray, Plane, Pose, Rig};
+use crate::recording::{Encoded, Stamp, frame_id, gray_image};
+use crate::stereo::{Gray, Plane, Pose, Rig, Side};
 use re_cdr::{CdrWriter, LittleEndian};
 use std::borrow::Cow;
 
@@ -79,12 +79,12 @@ pub(in crate::recording) fn encode_png(png: &[u8], stamp: Stamp, frame_id: &str)
 pub(in crate::recording) fn encode_camera_info(
     rig: &Rig,
     (width, height): (usize, usize),
-    camera: Camera,
+    camera: Side,
     stamp: Stamp,
 ) -> Encoded {
-    let right = camera == Camera::Right;
+    let right = camera == Side::Right;
     let body = |cdr: &mut Cdr| {
-        header(cdr, stamp, Camera::Left.frame_id());
+        header(cdr, stamp, frame_id(Side::Left));
         cdr.write_u32(height as u32);
         cdr.write_u32(width as u32);
         cdr.write_string("plumb_bob");

@@ -93,6 +93,40 @@ fn a_ros_2_bag_gives_back_pairs_and_rig() {
 }
 
 #[test]
+fn raw_and_rectified_pairs_with_and_without_a_rig_are_told_apart() {
+    let geometries = [
+        Geometry::Raw,
+        Geometry::Rectified(None),
+        full(0, SIZE).geometry,
+    ];
+    for dialect in [Dialect::Svl, Dialect::Ros2] {
+        let images = ImageFormat::Raw;
+        for geometry in geometries {
+            let folder = tempfile::tempdir().unwrap();
+            let written: Vec<_> = (0..3)
+                .map(|i| Frame {
+                    geometry,
+                    ..bare(i, SIZE)
+                })
+                .collect();
+            let path = record(folder.path(), &written, Format { dialect, images });
+            let (frames, error) = read(&path);
+            assert!(error.is_none() && frames.len() == 3, "{error:?}");
+            for frame in frames {
+                match dialect {
+                    Dialect::Svl => assert_eq!(frame.geometry, geometry),
+                    // ROS's P has the product of focal length and baseline alone.
+                    Dialect::Ros2 => assert_eq!(
+                        (frame.geometry == Geometry::Raw, frame.rig().is_some()),
+                        (geometry == Geometry::Raw, geometry.rig().is_some())
+                    ),
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_recording_may_change_what_it_knows_and_its_size() {
     let exact = |frame: Frame| Frame {
         geometry: Geometry::Rectified(None),

@@ -1,7 +1,7 @@
 //! From a driver's buffer to a grey image.
 
 use super::mode::Format;
-use crate::files::brightness;
+use crate::files::{brightness, every_byte, strided_rows};
 use crate::stereo::Gray;
 
 /// How the images of a stream lie in its buffers.
@@ -32,22 +32,9 @@ impl Layout {
             stride,
             ..
         } = *self;
-        let row_bytes = width * step;
-        // What comes after the last pixel need not be there.
-        let expected = stride * (height - 1) + row_bytes;
-        if data.len() < expected {
-            return Err(format!("{} of {expected} bytes", data.len()));
-        }
-        let rows = data
-            .chunks(stride)
-            .take(height)
-            .map(|row| &row[..row_bytes]);
-        let pixels: Vec<u8> = match step {
-            1 => rows.flatten().copied().collect(),
-            _ => rows
-                .flat_map(|row| row.chunks_exact(step).map(|pixel| pixel[0]))
-                .collect(),
-        };
+        let rows = strided_rows(data, width * step, height, stride)
+            .map_err(|expected| format!("{} of {expected} bytes", data.len()))?;
+        let pixels = every_byte(rows, step, 0);
         Gray::from_vec(width, height, pixels).map_err(|e| e.to_string())
     }
 }
