@@ -12,7 +12,15 @@ use std::path::Path;
 
 /// The rooms in layers: a room uses those of the layers above its own.
 const ORDER: [&[&str]; 10] = [
-    &["error", "timing", "yaml", "words", "statistics", "bounded", "pairing"],
+    &[
+        "error",
+        "timing",
+        "yaml",
+        "words",
+        "statistics",
+        "bounded",
+        "pairing",
+    ],
     &["stereo"],
     &["kernel"],
     &["depth", "files"],
