@@ -60,9 +60,9 @@ impl Outcome {
 }
 
 /// The algorithms of a run, ready to match.
-pub struct Matchers(Vec<Entry>);
+pub struct Matchers(Vec<RunMatcher>);
 
-struct Entry {
+struct RunMatcher {
     label: String,
     matcher: Box<dyn Matcher>,
     last_failure: String,
@@ -87,7 +87,7 @@ impl Matchers {
                 Error::Usage(reason) => Error::Usage(format!("{label}: {reason}")),
                 other => other,
             })?;
-            Ok(Entry {
+            Ok(RunMatcher {
                 label,
                 matcher,
                 last_failure: String::new(),

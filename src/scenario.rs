@@ -1,6 +1,6 @@
 //! Scenarios: one TOML file says where the frames come from and what is expected of them.
 
-use crate::arena::ArenaConfig;
+use crate::arena::{Arena, ArenaConfig, WireObject};
 use crate::depth::GridSettings;
 use crate::error::{Error, Result};
 use crate::files::read_text;
@@ -109,6 +109,17 @@ impl Scenario {
         let file: File = toml::from_str(text).map_err(|e| toml_error(&e, text, path))?;
         file.check(text)
             .map_err(|e| Error::format(path, e.to_string()))
+    }
+
+    /// Outlines of the arena's solids and the robot's path, in the run with that seed. Other sources
+    /// have none.
+    pub fn wireframe(&self, seed: Option<u64>) -> Vec<WireObject> {
+        match &self.source {
+            ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))
+                .map(|arena| arena.wireframe())
+                .unwrap_or_default(),
+            ScenarioSource::Dataset { .. } => Vec::new(),
+        }
     }
 
     /// What the scenario expects of the frames.

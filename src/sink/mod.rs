@@ -7,11 +7,9 @@ mod rerun;
 mod table;
 
 pub use checkpoints::CheckpointSink;
-pub use pictures::{PictureSink, Pictures};
+pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
-pub use rerun::{
-    BoardView, Edges, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout,
-};
+pub use rerun::{BoardView, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
 pub use table::TableSink;
 
 use crate::error::Result;

@@ -21,7 +21,7 @@ const PICTURED: usize = 8;
 
 /// What a report page shows.
 #[derive(Default)]
-pub struct Pictures {
+pub struct ReportPictures {
     /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3).
     pub figures: Vec<Figure>,
     /// One per frame where there are no checkpoints and frames have names.
@@ -37,12 +37,12 @@ pub struct PictureSink {
     /// By checkpoint and algorithm, with the pictures of the leading frames of all runs.
     tallies: Vec<Vec<CheckpointTally<Shot>>>,
     scenes: Vec<Scene>,
-    outbox: Outbox<Pictures>,
+    outbox: Outbox<ReportPictures>,
 }
 
 impl PictureSink {
     /// Where the pictures are once the sink is finished.
-    pub fn outbox(&self) -> Outbox<Pictures> {
+    pub fn outbox(&self) -> Outbox<ReportPictures> {
         self.outbox.clone()
     }
 
@@ -98,7 +98,7 @@ impl Sink for PictureSink {
             about: checkpoint.description,
             shots: tallies.into_iter().flat_map(leading_shots).collect(),
         };
-        self.outbox.put(Pictures {
+        self.outbox.put(ReportPictures {
             figures: self
                 .checkpoints
                 .into_iter()

@@ -10,8 +10,9 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::time::Duration;
+use svl::arena::WireObject;
 use svl::score::Judge;
-use svl::sink::{Edges, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
+use svl::sink::{RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
 use svl::stereo::{
     Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry,
     Gray, GridShape, Plane, Pose, Reason, Rig, StereoPair, Truth,
@@ -98,7 +99,7 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
 }
 
 fn write(path: &Path, rig: bool) {
-    let edges = Edges {
+    let edges = WireObject {
         name: "wall".into(),
         strips: vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]],
     };

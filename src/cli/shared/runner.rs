@@ -1,12 +1,9 @@
 //! Runs with a progress bar, and what is reported of them.
 
 use super::progress::Progress;
-use svl::arena::{Arena, WireObject};
 use svl::counted;
-use svl::manifest::Manifest;
 use svl::run::{Matchers, Outcome, Pace, run};
-use svl::scenario::{Scenario, ScenarioSource};
-use svl::sink::{Edges, RunInfo, RunStart, Sink};
+use svl::sink::{RunStart, Sink};
 use svl::source::{AssumeRectified, Source, Watched};
 use svl::stereo::Losses;
 
@@ -45,34 +42,6 @@ pub(crate) fn report_losses(name: &str, losses: &Losses) {
          FILE -o SORTED.mcap` makes a file with all pairs",
     );
     warn(losses.unpaired, "image", "without a partner");
-}
-
-/// What the Rerun recording of a run shows from the beginning.
-pub(crate) fn rerun_info(manifest: &Manifest, wireframe: Vec<WireObject>) -> RunInfo {
-    RunInfo {
-        recording_id: manifest.run_id.clone(),
-        scenario: manifest.scenario.clone(),
-        algorithms: manifest
-            .algorithms
-            .iter()
-            .map(|a| (a.label.clone(), a.parameters.clone()))
-            .collect(),
-        wireframe: wireframe
-            .into_iter()
-            .map(|WireObject { name, strips }| Edges { name, strips })
-            .collect(),
-    }
-}
-
-/// The outlines of the arena's solids and the path of the run with that seed; none for other
-/// sources.
-pub(crate) fn wireframe(scenario: &Scenario, seed: Option<u64>) -> Vec<WireObject> {
-    match &scenario.source {
-        ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))
-            .map(|a| a.wireframe())
-            .unwrap_or_default(),
-        ScenarioSource::Dataset { .. } => Vec::new(),
-    }
 }
 
 /// Fails for a run that is not complete.

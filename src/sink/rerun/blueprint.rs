@@ -1,4 +1,4 @@
-//! A viewer layout as a tree, and how it gets into a stream or a file.
+//! A viewer layout (blueprint) as a tree, written to a stream or a file.
 //!
 //! The SDK's own blueprint types cannot yet set a view's properties (axes, legends, the eye in 3D)
 //! nor write a layout file, so this writes the blueprint's entities itself, as the Python SDK does.
@@ -22,18 +22,18 @@ use ::rerun::{
 use std::path::Path;
 
 /// A container or a view.
-pub(super) enum Node {
+pub(super) enum LayoutNode {
     Container {
         kind: ContainerKind,
         name: String,
-        children: Vec<Node>,
+        children: Vec<LayoutNode>,
         shares: Vec<f32>,
     },
-    View(View),
+    LayoutView(LayoutView),
 }
 
 /// A view of some entities.
-pub(super) struct View {
+pub(super) struct LayoutView {
     class: &'static str,
     name: String,
     origin: String,
@@ -42,19 +42,19 @@ pub(super) struct View {
     pasts: Vec<String>,
 }
 
-impl Node {
+impl LayoutNode {
     /// Children from left to right, with their shares of the width; equal ones when empty.
-    pub(super) fn row(name: &str, children: Vec<Node>, shares: &[f32]) -> Self {
+    pub(super) fn row(name: &str, children: Vec<LayoutNode>, shares: &[f32]) -> Self {
         Self::container(ContainerKind::Horizontal, name, children, shares)
     }
 
     /// Children from top to bottom, with their shares of the height.
-    pub(super) fn column(name: &str, children: Vec<Node>, shares: &[f32]) -> Self {
+    pub(super) fn column(name: &str, children: Vec<LayoutNode>, shares: &[f32]) -> Self {
         Self::container(ContainerKind::Vertical, name, children, shares)
     }
 
     /// Children one behind the other, the first in front; an only child stands alone.
-    pub(super) fn tabs(name: &str, mut children: Vec<Node>) -> Self {
+    pub(super) fn tabs(name: &str, mut children: Vec<LayoutNode>) -> Self {
         match children.len() {
             1 => children.remove(0),
             _ => Self::container(ContainerKind::Tabs, name, children, &[]),
@@ -62,11 +62,16 @@ impl Node {
     }
 
     /// Children in rows of about equal length.
-    pub(super) fn grid(name: &str, children: Vec<Node>) -> Self {
+    pub(super) fn grid(name: &str, children: Vec<LayoutNode>) -> Self {
         Self::container(ContainerKind::Grid, name, children, &[])
     }
 
-    fn container(kind: ContainerKind, name: &str, children: Vec<Node>, shares: &[f32]) -> Self {
+    fn container(
+        kind: ContainerKind,
+        name: &str,
+        children: Vec<LayoutNode>,
+        shares: &[f32],
+    ) -> Self {
         Self::Container {
             kind,
             name: name.to_owned(),
@@ -75,7 +80,7 @@ impl Node {
         }
     }
 
-    /// Writes the subtree and gives its root's path and id.
+    /// Logs the subtree; returns path and id of its root.
     fn log(&self, stream: &RecordingStream) -> RecordingStreamResult<(EntityPath, Uuid)> {
         let id = Uuid::new_v4();
         let path = match self {
@@ -105,13 +110,13 @@ impl Node {
                 stream.log(path.clone(), &container)?;
                 path
             }
-            Self::View(view) => view.log(id, stream)?,
+            Self::LayoutView(view) => view.log(id, stream)?,
         };
         Ok((path, id))
     }
 }
 
-impl View {
+impl LayoutView {
     /// A view of Rerun's class `class` (`2D`, `3D`, `TimeSeries`, `TextDocument`, `TextLog`)
     /// showing the entities that `contents` lists, relative to `origin`.
     pub(super) fn new<S: Into<String>>(
@@ -142,7 +147,7 @@ impl View {
         self
     }
 
-    /// Shows all that the entity was up to now, not only its latest state.
+    /// Shows the whole history of the entity up to the time cursor, not only its latest state.
     pub(super) fn with_past(mut self, entity: &str) -> Self {
         self.pasts.push(entity.to_owned());
         self
@@ -182,15 +187,15 @@ fn until_now(timeline: &str) -> VisibleTimeRange {
     })
 }
 
-impl From<View> for Node {
-    fn from(view: View) -> Self {
-        Self::View(view)
+impl From<LayoutView> for LayoutNode {
+    fn from(view: LayoutView) -> Self {
+        Self::LayoutView(view)
     }
 }
 
 /// Writes the layout `root`, its panels folded, its time cursor on `timeline`, into a blueprint's
 /// stream.
-fn log(root: &Node, timeline: &str, stream: &RecordingStream) -> RecordingStreamResult<()> {
+fn log(root: &LayoutNode, timeline: &str, stream: &RecordingStream) -> RecordingStreamResult<()> {
     // The viewer reads a blueprint at its latest moment of this timeline.
     stream.set_time_sequence("blueprint", 0);
     let (_, root) = root.log(stream)?;
@@ -222,7 +227,7 @@ fn builder(app: ApplicationId) -> RecordingStreamBuilder {
 /// Sends the layout to whoever gets the recording `stream` of `app`. It becomes the active one: the
 /// layout left over from a run with other algorithms would show empty views.
 pub(super) fn send(
-    root: &Node,
+    root: &LayoutNode,
     app: ApplicationId,
     timeline: &str,
     stream: &RecordingStream,
@@ -239,7 +244,7 @@ pub(super) fn send(
 
 /// Writes the layout to the file `path`, by custom `*.rbl`, for recordings of `app`.
 pub(super) fn save(
-    root: &Node,
+    root: &LayoutNode,
     app: ApplicationId,
     timeline: &str,
     path: &Path,

@@ -1,4 +1,4 @@
-//! A calibration board as it is looked for: both images with the corners on them, and words beside.
+//! The calibration board in Rerun: both images with the detected corners, and the state as text.
 //!
 //! ```text
 //! board/left   board/left/rows   board/left/first
@@ -6,7 +6,7 @@
 //! board/state  text
 //! ```
 
-use super::blueprint::{self, Node, View};
+use super::blueprint::{self, LayoutNode, LayoutView};
 use super::picture::gray;
 use super::{APPLICATION, RerunTarget, TIMELINES};
 use crate::error::Result;
@@ -36,17 +36,12 @@ impl BoardView {
     pub fn new(target: RerunTarget, columns: usize) -> Result<Self> {
         let stream =
             target.open(RecordingStreamBuilder::new(APPLICATION).recording_name("board"))?;
-        let image =
-            |side: &str| View::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into();
-        let images = Node::row("images", SIDES.map(image).into(), &[]);
-        let words = View::new(
-            "TextDocument",
-            "what is there",
-            "board/state",
-            ["+ $origin"],
-        )
-        .into();
-        let root = Node::column("board", vec![images, words], &[7.0, 1.0]);
+        let image = |side: &str| {
+            LayoutView::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into()
+        };
+        let images = LayoutNode::row("images", SIDES.map(image).into(), &[]);
+        let words = LayoutView::new("TextDocument", "state", "board/state", ["+ $origin"]).into();
+        let root = LayoutNode::column("board", vec![images, words], &[7.0, 1.0]);
         let view = Self {
             stream,
             target,
@@ -82,7 +77,7 @@ impl BoardView {
         {
             let path = |part: &str| format!("board/{side}{part}");
             self.done(self.stream.log(path(""), &gray(image)))?;
-            // Rerun's pixels begin at integers.
+            // Rerun's pixels begin at integers; svl's pixel centres lie at integers.
             let points: Vec<[f32; 2]> = corners
                 .iter()
                 .map(|p| [p.x as f32 + 0.5, p.y as f32 + 0.5])

@@ -1,47 +1,55 @@
-//! What is known of a run before its first frame.
+//! The facts of a run that Rerun shows from the beginning, and the entity paths of its algorithms.
 
+use crate::arena::WireObject;
+use crate::manifest::Manifest;
 use crate::stereo::ExtraPlanes;
 
-/// The run: who takes part, and where.
+/// The algorithms of a run and the true geometry of its scene.
 #[derive(Clone, Debug, Default)]
 pub struct RunInfo {
     /// One for all algorithms of a run.
     pub recording_id: String,
     /// Name of the scenario or source, shown as the recording's name.
     pub scenario: String,
-    /// The algorithms as they were asked for, each with its parameters in words.
+    /// Labels of the algorithms, each with its parameters as text.
     pub algorithms: Vec<(String, String)>,
     /// True geometry, empty where unknown.
-    pub wireframe: Vec<Edges>,
+    pub wireframe: Vec<WireObject>,
 }
 
-/// The edges of a thing in the world.
-#[derive(Clone, Debug)]
-pub struct Edges {
-    pub name: String,
-    /// Line strips, world frame, metres.
-    pub strips: Vec<Vec<[f32; 3]>>,
+impl RunInfo {
+    pub fn new(manifest: &Manifest, wireframe: Vec<WireObject>) -> Self {
+        let algorithms = manifest.algorithms.iter();
+        Self {
+            recording_id: manifest.run_id.clone(),
+            scenario: manifest.scenario.clone(),
+            algorithms: algorithms
+                .map(|a| (a.label.clone(), a.parameters.clone()))
+                .collect(),
+            wireframe,
+        }
+    }
 }
 
 /// An algorithm of the run: its label, and the label as part of a path.
-pub(super) struct Algorithm {
+pub(super) struct AlgorithmPath {
     pub label: String,
     pub part: String,
     /// What its maps have besides disparities and reasons, known from the first frame on.
     pub extra: ExtraPlanes,
 }
 
-impl Algorithm {
+impl AlgorithmPath {
     /// Path of one of its entities.
     pub(super) fn path(&self, entity: &str) -> String {
         format!("algo/{}/{entity}", self.part)
     }
 }
 
-/// The labels as parts of entity paths, which have their own meaning for `/ : = ,` and spaces:
-/// letters, digits, `_` and `.` stay, the rest becomes `-`. Labels that would become equal are
-/// numbered.
-pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<Algorithm> {
+/// The labels as parts of entity paths: letters, digits, `_` and `.` stay, the rest becomes `-`.
+/// Labels that would become equal are numbered.
+pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<AlgorithmPath> {
+    // Rerun parses `/ : = ,` and spaces in entity paths.
     let safe = |c: char| {
         if c.is_ascii_alphanumeric() || matches!(c, '_' | '.') {
             c
@@ -49,7 +57,7 @@ pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<Algorithm>
             '-'
         }
     };
-    let mut made: Vec<Algorithm> = Vec::new();
+    let mut made: Vec<AlgorithmPath> = Vec::new();
     for label in labels {
         let stem: String = label.chars().map(safe).collect();
         let names = std::iter::once(stem.clone()).chain((2..).map(|n| format!("{stem}-{n}")));
@@ -58,7 +66,7 @@ pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<Algorithm>
             .into_iter()
             .find(|name| made.iter().all(|a| a.part != *name))
             .unwrap_or(stem);
-        made.push(Algorithm {
+        made.push(AlgorithmPath {
             label,
             part,
             extra: ExtraPlanes::NONE,
@@ -67,7 +75,7 @@ pub(super) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<Algorithm>
     made
 }
 
-/// The run's head line and its parameters.
+/// The scenario's name and the parameters of the algorithms, as Markdown.
 pub(super) fn parameters(run: &RunInfo) -> String {
     let rows = run
         .algorithms
@@ -76,10 +84,10 @@ pub(super) fn parameters(run: &RunInfo) -> String {
     format!("# {}\n{}", run.scenario, rows.collect::<String>())
 }
 
-/// What stands for the verdicts until there are some.
+/// Placeholder for the verdicts, as Markdown.
 pub(super) fn awaiting(run: &RunInfo) -> String {
     format!(
-        "# {}\n\nNo checkpoint has been judged: verdicts come at the end of a scored run.\n",
+        "# {}\n\nNo checkpoint has been scored yet: verdicts come at the end of `svl score`.\n",
         run.scenario
     )
 }

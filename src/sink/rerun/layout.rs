@@ -1,7 +1,7 @@
-//! svl's layouts: what stands where when a run or a recording opens.
+//! svl's viewer layouts (blueprints) for a run and for a recording.
 
-use super::blueprint::{self, Node, View};
-use super::info::Algorithm;
+use super::blueprint::{self, LayoutNode, LayoutView};
+use super::info::AlgorithmPath;
 use super::picture::LEGEND_SHARE;
 use super::{CAMERA, IMAGE, LEGEND, RerunTarget};
 use crate::error::Result;
@@ -14,38 +14,37 @@ use ::rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Cor
 use ::rerun::{ApplicationId, Rgba32, components::Color};
 use std::path::Path;
 
-/// What the first frame shows there is to see. A view without data would only be a hole in the
-/// layout.
+/// What the first frame holds. A view without data would only be a hole in the layout.
 pub(super) struct Facts {
     pub truth: bool,
     pub rig: bool,
     pub named: bool,
-    /// Size of the images, unless they are of several sources.
+    /// Size of the images, unless they come from several scenes.
     pub size: Option<(usize, usize)>,
-    /// Where the eye stands and what it looks at, in the world.
+    /// Position and target of the 3D view, world frame, metres.
     pub eye: [[f32; 3]; 2],
 }
 
 /// The layout of a run: the world and the overlays above, the maps below them, plots and text at
 /// the bottom.
-pub(super) fn run(algorithms: &[Algorithm], facts: &Facts) -> Node {
+pub(super) fn run(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     let one = algorithms.len() == 1;
     let truth_overlay = facts.truth.then(|| picture("truth", "truth/overlay"));
-    let overlays: Vec<Node> = algorithms
+    let overlays: Vec<LayoutNode> = algorithms
         .iter()
         .map(|a| picture(&a.label, &a.path("overlay")))
         .chain(truth_overlay)
         .collect();
     let overlays = if overlays.len() <= 2 {
-        Node::row("overlays", overlays, &[])
+        LayoutNode::row("overlays", overlays, &[])
     } else {
-        Node::grid("overlays", overlays)
+        LayoutNode::grid("overlays", overlays)
     };
-    let worlds: Vec<Node> = algorithms.iter().map(|a| world(a, facts, one)).collect();
+    let worlds: Vec<LayoutNode> = algorithms.iter().map(|a| world(a, facts, one)).collect();
     let top = match facts.rig {
-        true => Node::row(
+        true => LayoutNode::row(
             "scene",
-            vec![Node::tabs("worlds", worlds), overlays],
+            vec![LayoutNode::tabs("worlds", worlds), overlays],
             &[if one { 0.7 } else { 0.5 }, 1.0],
         ),
         false => overlays,
@@ -55,23 +54,23 @@ pub(super) fn run(algorithms: &[Algorithm], facts: &Facts) -> Node {
     } else {
         &[4.0, 3.0, 2.0]
     };
-    Node::column(
+    LayoutNode::column(
         "svl",
         vec![top, maps(algorithms, facts), bottom(algorithms, facts)],
         shares,
     )
 }
 
-/// The maps: side by side for one algorithm, a tab per kind for several, so that like stands beside
+/// The maps: side by side for one algorithm; for several a tab per kind, which compares like with
 /// like.
-fn maps(algorithms: &[Algorithm], facts: &Facts) -> Node {
+fn maps(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     let kinds = ["depth", "disparity", "why", "ssdpi"]
         .into_iter()
         .filter(|&kind| kind != "depth" || facts.rig);
     let one = algorithms.len() == 1;
     let mut nodes = Vec::new();
     for kind in kinds {
-        let shown = |algorithm: &&Algorithm| kind != "ssdpi" || algorithm.extra.ssdpi;
+        let shown = |algorithm: &&AlgorithmPath| kind != "ssdpi" || algorithm.extra.ssdpi;
         let views = algorithms.iter().filter(shown).map(|algorithm| {
             let name = if one { kind } else { &algorithm.label };
             let path = algorithm.path(kind);
@@ -83,22 +82,22 @@ fn maps(algorithms: &[Algorithm], facts: &Facts) -> Node {
         });
         let truth = (kind == "depth" && facts.truth)
             .then(|| map(if one { "true depth" } else { "truth" }, "truth/depth"));
-        let views: Vec<Node> = views.chain(truth).collect();
+        let views: Vec<LayoutNode> = views.chain(truth).collect();
         match one {
             true => nodes.extend(views),
             false if views.is_empty() => {}
-            false => nodes.push(Node::row(kind, views, &[])),
+            false => nodes.push(LayoutNode::row(kind, views, &[])),
         }
     }
     if one {
-        Node::row("maps", nodes, &[])
+        LayoutNode::row("maps", nodes, &[])
     } else {
-        Node::tabs("maps", nodes)
+        LayoutNode::tabs("maps", nodes)
     }
 }
 
-fn bottom(algorithms: &[Algorithm], facts: &Facts) -> Node {
-    let stages = |a: &Algorithm| [format!("{}/**", a.path("latency"))];
+fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
+    let stages = |a: &AlgorithmPath| [format!("{}/**", a.path("latency"))];
     let latency = match algorithms {
         [only] => plot("latency, ms", stages(only), true).into(),
         _ => {
@@ -110,11 +109,11 @@ fn bottom(algorithms: &[Algorithm], facts: &Facts) -> Node {
             let each = algorithms
                 .iter()
                 .map(|a| plot(&format!("{}, ms", a.label), stages(a), true));
-            Node::tabs(
+            LayoutNode::tabs(
                 "latency",
                 std::iter::once(totals)
                     .chain(each)
-                    .map(Node::from)
+                    .map(LayoutNode::from)
                     .collect(),
             )
         }
@@ -136,34 +135,34 @@ fn bottom(algorithms: &[Algorithm], facts: &Facts) -> Node {
             .into(),
         );
     }
-    let mut texts: Vec<Node> = vec![
-        View::new("TextDocument", "verdicts", "run/verdicts", ["$origin"]).into(),
-        View::new("TextDocument", "parameters", "run/parameters", ["$origin"]).into(),
+    let mut texts: Vec<LayoutNode> = vec![
+        LayoutView::new("TextDocument", "verdicts", "run/verdicts", ["$origin"]).into(),
+        LayoutView::new("TextDocument", "parameters", "run/parameters", ["$origin"]).into(),
     ];
     if facts.named {
-        texts.push(View::new("TextLog", "frames", "run/frames", ["$origin"]).into());
+        texts.push(LayoutView::new("TextLog", "frames", "run/frames", ["$origin"]).into());
     }
     let measuring = algorithms.iter().filter(|a| a.extra.row_offset);
     let row_offsets: Vec<String> = measuring.map(|a| a.path("row_offset")).collect();
     if !row_offsets.is_empty() {
         nodes.push(plot("vertical misalignment, rows", row_offsets, false).into());
     }
-    nodes.push(Node::tabs("text", texts));
-    Node::row("numbers", nodes, &[])
+    nodes.push(LayoutNode::tabs("text", texts));
+    LayoutNode::row("numbers", nodes, &[])
 }
 
 /// A recording with these topics, which the viewer names as the recording does: both images, the
 /// true depth, and the cameras in the frame `world`. Nothing where no image has a place svl knows.
-fn recording(topics: &[String]) -> Option<Node> {
+fn recording(topics: &[String]) -> Option<LayoutNode> {
     let view = |(name, topic): (&str, &str)| {
         let known = topics.iter().any(|t| t == topic);
         known.then(|| {
-            View::new("2D", name, topic, ["$origin"])
+            LayoutView::new("2D", name, topic, ["$origin"])
                 .with("Background", dark())
                 .into()
         })
     };
-    let images: Vec<Node> = [
+    let images: Vec<LayoutNode> = [
         ("left", "/stereo/left/image"),
         ("right", "/stereo/right/image"),
     ]
@@ -173,10 +172,10 @@ fn recording(topics: &[String]) -> Option<Node> {
     if images.is_empty() {
         return None;
     }
-    let mut rows = vec![Node::row("pair", images, &[])];
-    let mut scene: Vec<Node> = view(("true depth", "/truth/depth")).into_iter().collect();
+    let mut rows = vec![LayoutNode::row("pair", images, &[])];
+    let mut scene: Vec<LayoutNode> = view(("true depth", "/truth/depth")).into_iter().collect();
     if topics.iter().any(|topic| topic == "/rig/pose") {
-        let world = View::new(
+        let world = LayoutView::new(
             "3D",
             "world",
             "/",
@@ -187,14 +186,14 @@ fn recording(topics: &[String]) -> Option<Node> {
         scene.push(world.into());
     }
     if !scene.is_empty() {
-        rows.push(Node::row("scene", scene, &[]));
+        rows.push(LayoutNode::row("scene", scene, &[]));
     }
-    Some(Node::column("svl", rows, &[]))
+    Some(LayoutNode::column("svl", rows, &[]))
 }
 
 /// Writes a viewer layout for the recording `file` (MCAP) with these topics to `layout`, by custom
-/// `*.rbl`, and says whether it did: a recording without svl's topics is left to the viewer's own
-/// judgement.
+/// `*.rbl`, and says whether it did: a recording without svl's topics keeps the viewer's
+/// automatic layout.
 ///
 /// # Errors
 /// The layout cannot be written.
@@ -202,8 +201,7 @@ pub fn save_recording_layout(file: &Path, topics: &[String], layout: &Path) -> R
     let Some(root) = recording(topics) else {
         return Ok(false);
     };
-    // The viewer takes the file's name for the application's, and a layout belongs to an
-    // application.
+    // The viewer uses the file name as application id, and a layout belongs to an application.
     let app = ApplicationId::new_or_unknown(file.file_stem().unwrap_or_default().to_string_lossy());
     blueprint::save(&root, app, "message_log_time", layout)
         .map_err(|error| RerunTarget::File(layout.to_owned()).failed(error))?;
@@ -211,8 +209,8 @@ pub fn save_recording_layout(file: &Path, topics: &[String], layout: &Path) -> R
 }
 
 /// The left image with an entity over it.
-fn picture(name: &str, over: &str) -> Node {
-    View::new(
+fn picture(name: &str, over: &str) -> LayoutNode {
+    LayoutView::new(
         "2D",
         name,
         CAMERA,
@@ -223,13 +221,13 @@ fn picture(name: &str, over: &str) -> Node {
 }
 
 /// The reasons on the left image, and below it their legend, if all frames are of one size.
-fn reasons(name: &str, path: &str, facts: &Facts) -> Node {
+fn reasons(name: &str, path: &str, facts: &Facts) -> LayoutNode {
     let contents = [Some(IMAGE), Some(path), facts.size.map(|_| LEGEND)];
     let contents = contents
         .into_iter()
         .flatten()
         .map(|path| format!("+ /{path}/**"));
-    let view = View::new("2D", name, CAMERA, contents).with("Background", dark());
+    let view = LayoutView::new("2D", name, CAMERA, contents).with("Background", dark());
     match facts.size {
         Some((width, height)) => {
             let (x_range, y_range) = (
@@ -250,20 +248,20 @@ fn reasons(name: &str, path: &str, facts: &Facts) -> Node {
 }
 
 /// A map alone.
-fn map(name: &str, path: &str) -> Node {
-    View::new("2D", name, CAMERA, [format!("+ /{path}/**")])
+fn map(name: &str, path: &str) -> LayoutNode {
+    LayoutView::new("2D", name, CAMERA, [format!("+ /{path}/**")])
         .with("Background", dark())
         .into()
 }
 
-fn world(algorithm: &Algorithm, facts: &Facts, one: bool) -> Node {
+fn world(algorithm: &AlgorithmPath, facts: &Facts, one: bool) -> LayoutNode {
     let name = if one {
         "world".to_owned()
     } else {
         format!("world, {}", algorithm.label)
     };
     let [position, target] = facts.eye;
-    View::new(
+    LayoutView::new(
         "3D",
         &name,
         "world",
@@ -286,8 +284,8 @@ fn world(algorithm: &Algorithm, facts: &Facts, one: bool) -> Node {
 
 /// Lines over time. One legend is enough for all plots of the algorithms, whose colours are the
 /// same everywhere.
-fn plot(name: &str, entities: impl IntoIterator<Item = String>, legend: bool) -> View {
-    View::new(
+fn plot(name: &str, entities: impl IntoIterator<Item = String>, legend: bool) -> LayoutView {
+    LayoutView::new(
         "TimeSeries",
         name,
         "/",

@@ -1,5 +1,4 @@
-//! A run as it is watched: every algorithm's maps, grid and numbers beside each other in the Rerun
-//! viewer.
+//! The run in Rerun: maps, depth grid and metrics of every algorithm beside each other.
 //!
 //! ```text
 //! world                        z up
@@ -33,11 +32,12 @@ mod target;
 mod world;
 
 pub use board::BoardView;
-pub use info::{Edges, RunInfo};
+pub use info::RunInfo;
 pub use layout::save_recording_layout;
 pub use target::{RerunTarget, VIEWER_HINT};
 
 use super::{RunStart, Sink};
+use crate::arena::WireObject;
 use crate::error::{Error, Result};
 use crate::score::Judged;
 use crate::stereo::{ExtraPlanes, Frame, Pose, Rig};
@@ -46,7 +46,7 @@ use ::rerun::{
     Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
     ViewCoordinates,
 };
-use info::Algorithm;
+use info::AlgorithmPath;
 use scale::Scale;
 
 /// Rerun's word for the program: recordings of one application share their layout.
@@ -58,8 +58,8 @@ const IMAGE: &str = "world/rig/left/image";
 const LEGEND: &str = "legend/why";
 /// The maps that every algorithm has.
 const MAPS: [&str; 3] = ["disparity", "why", "depth"];
-/// Stamps from here on are taken for time since 1970, smaller ones for time since the start: 2001
-/// in nanoseconds.
+/// Stamps from here on (2001, in nanoseconds) are taken for Unix time, smaller ones for the time
+/// since the start of the recording.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
 
 /// Colours of the algorithms' lines, told apart by most eyes (after Okabe and Ito), on a dark
@@ -79,8 +79,8 @@ const COLORS: [Rgba32; 8] = [
 pub struct RerunSink {
     stream: RecordingStream,
     target: RerunTarget,
-    algorithms: Vec<Algorithm>,
-    wireframe: Vec<Edges>,
+    algorithms: Vec<AlgorithmPath>,
+    wireframe: Vec<WireObject>,
     begun: bool,
     camera: Option<(Scale, Option<Rig>, (usize, usize))>,
     last_pose: Option<Pose>,
@@ -88,15 +88,15 @@ pub struct RerunSink {
     start: Moment,
     /// The last frame's place on them.
     last: Option<Moment>,
-    maps: Maps,
+    maps: MapState,
     verdicts: Option<Box<dyn FnOnce() -> Option<String> + Send>>,
 }
 
-/// What becomes of the algorithms' maps and clouds.
+/// Whether the maps and point clouds of the algorithms are still logged.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Maps {
+enum MapState {
     Shown,
-    /// The next frame takes away the last that were shown.
+    /// The next frame clears the last ones, so that they do not stay beside later images.
     ToClear,
     Gone,
 }
@@ -131,7 +131,7 @@ impl RerunSink {
             last_pose: None,
             start: Moment::default(),
             last: None,
-            maps: Maps::Shown,
+            maps: MapState::Shown,
             verdicts: None,
         };
         sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
@@ -173,7 +173,7 @@ impl RerunSink {
     }
 
     /// Frames of reference, names and colours of an algorithm's entities.
-    fn style(&self, algorithm: &Algorithm, color: Rgba32) -> Result<()> {
+    fn style(&self, algorithm: &AlgorithmPath, color: Rgba32) -> Result<()> {
         for map in ["overlay", "overlay/percentiles"].iter().chain(&MAPS) {
             self.log_static(&algorithm.path(map), &world::on_image())?;
         }
@@ -221,8 +221,7 @@ impl RerunSink {
             .map_err(|error| self.target.failed(error))
     }
 
-    /// The scale of the frame's camera: set by its first frame, kept as long as it takes the
-    /// pictures.
+    /// The colour scale of the frame's camera, kept for as long as rig and image size stay.
     fn scale(&mut self, frame: &Frame) -> Result<Scale> {
         let size = frame.pair.size();
         match self.camera {
@@ -256,10 +255,10 @@ impl Sink for RerunSink {
                 time_ns: last.time_ns + 1_000_000_000,
             };
             self.last_pose = None;
-            self.maps = if self.maps == Maps::Shown {
-                Maps::ToClear
+            self.maps = if self.maps == MapState::Shown {
+                MapState::ToClear
             } else {
-                Maps::Gone
+                MapState::Gone
             };
         }
         Ok(())
@@ -298,8 +297,8 @@ impl Sink for RerunSink {
                 None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
             }
         }
-        if self.maps == Maps::ToClear {
-            self.maps = Maps::Gone;
+        if self.maps == MapState::ToClear {
+            self.maps = MapState::Gone;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 //!
 //! In every cell a red square, centred, as large as the cell's median is near
 //! ([`overlay::Nearness`]). A yellow square shows the 20th percentile and a violet one the 80th in
-//! the same way: the closer the three, the surer the depth. A red dot: unknown.
+//! the same way: the closer the three, the smaller the spread of the depth. A red dot: unknown.
 
 use super::scale::Scale;
 use crate::overlay::{self, Rect};
@@ -15,7 +15,7 @@ const YELLOW: Rgba32 = Rgba32::from_rgb(255, 221, 50);
 const VIOLET: Rgba32 = Rgba32::from_rgb(186, 85, 255);
 const WHITE: Rgba32 = Rgba32::from_unmultiplied_rgba(255, 255, 255, 110);
 
-/// What is drawn over the left image for one grid.
+/// The shapes over the left image for one depth grid.
 pub(super) struct Overlay {
     /// The red squares.
     pub medians: Boxes2D,

@@ -1,7 +1,7 @@
-//! Maps as Rerun images: compact types, fixed ranges, fixed colours.
+//! Disparity, depth, SSDPI and reason maps as Rerun images with fixed ranges and colours.
 //!
 //! Disparities (pixels), depths (metres) and ln(SSDPI + 1) are half floats: 11 bits of precision,
-//! half of `f32`'s size, and NaN says "none" where an integer would have to lie. Reasons are bytes.
+//! half of `f32`'s size, and NaN is the invalid value that an integer does not have. Reasons are bytes.
 
 use super::scale::Scale;
 use crate::stereo::{DisparityMap, Gray, Plane, Reason, Rig};
@@ -18,10 +18,10 @@ type Half = <Float16Type as ArrowPrimitiveType>::Native;
 /// The thesis's scale of SSDPI: 0 to 12, its logarithm (section 5.3.3).
 const SSDPI_RANGE: [f64; 2] = [0.0, 12.0];
 
-/// Class of the pixels that have no depth: the first code that is no reason's.
+/// Class of the pixels without a depth: the first code after those of the reasons.
 const UNKNOWN: u8 = Reason::ALL.len() as u8;
 
-/// Names and colours of the classes, for the roots of whatever shows some.
+/// Names and colours of the classes. Rerun applies them to everything below the entity.
 pub(super) fn classes() -> AnnotationContext {
     let reasons = Reason::ALL.map(|reason| (reason as u16, reason.name(), color(reason)));
     AnnotationContext::new(reasons.into_iter().chain([(
@@ -44,7 +44,7 @@ fn color(reason: Reason) -> Rgba32 {
     }
 }
 
-/// The image as it is.
+/// A grey image.
 pub(super) fn gray(image: &Gray) -> Image {
     let pixels = image
         .as_slice()

@@ -1,9 +1,9 @@
-//! What a frame and its estimates become.
+//! Logs a frame and its estimates.
 
-use super::info::Algorithm;
+use super::info::AlgorithmPath;
 use super::overlay::Overlay;
 use super::scale::Scale;
-use super::{CAMERA, IMAGE, MAPS, Maps, RerunSink, picture, world};
+use super::{CAMERA, IMAGE, MAPS, MapState, RerunSink, picture, world};
 use crate::error::Result;
 use crate::score::{Judged, JudgedEstimate};
 use crate::stereo::{DepthGrid, DisparityMap, Frame, Plane};
@@ -11,7 +11,7 @@ use crate::timing::Stage;
 use ::rerun::{AsComponents, Clear, Scalars, TextLog};
 
 impl RerunSink {
-    /// The camera: its image, its place, its name for the frame.
+    /// Logs the camera: image, pose, projection, and the name of the scene.
     pub(super) fn push_scene(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
         self.log(IMAGE, &picture::gray(frame.pair.left()))?;
         let pose = frame.pose.unwrap_or_else(world::resting);
@@ -33,7 +33,7 @@ impl RerunSink {
         Ok(())
     }
 
-    /// Draws the truth.
+    /// Logs the truth: its depth grid and its depths.
     pub(super) fn push_truth(&self, judged: &Judged, scale: &Scale) -> Result<()> {
         let (Some(truth), Some(grid)) = (&judged.frame.truth, &judged.true_grid) else {
             return self.log("truth", &Clear::recursive());
@@ -42,10 +42,10 @@ impl RerunSink {
         self.log_depth("truth/depth", &truth.disparity, &judged.frame, scale)
     }
 
-    /// Everything of an algorithm.
+    /// Logs the estimate of one algorithm: overlay, maps, metrics.
     pub(super) fn push_estimate(
         &self,
-        algorithm: &Algorithm,
+        algorithm: &AlgorithmPath,
         scored: &JudgedEstimate,
         frame: &Frame,
         scale: &Scale,
@@ -54,13 +54,13 @@ impl RerunSink {
         let map = &estimate.disparity;
         self.log_overlay(&algorithm.path("overlay"), &estimate.grid, frame, scale)?;
         match self.maps {
-            Maps::Shown => self.push_maps(algorithm, map, frame, scale)?,
-            Maps::ToClear => MAPS
+            MapState::Shown => self.push_maps(algorithm, map, frame, scale)?,
+            MapState::ToClear => MAPS
                 .iter()
                 .chain(map.ssdpi().map(|_| &"ssdpi"))
                 .chain(&["points"])
                 .try_for_each(|map| self.log(&algorithm.path(map), &Clear::flat()))?,
-            Maps::Gone => {}
+            MapState::Gone => {}
         }
 
         let millis = |time: std::time::Duration| Scalars::single(time.as_secs_f64() * 1e3);
@@ -91,7 +91,7 @@ impl RerunSink {
 
     fn push_maps(
         &self,
-        algorithm: &Algorithm,
+        algorithm: &AlgorithmPath,
         map: &DisparityMap,
         frame: &Frame,
         scale: &Scale,

@@ -1,4 +1,4 @@
-//! The fixed scale of a camera's pictures: what is near, what is far, where the colours end.
+//! The fixed colour scale of one camera: disparity and depth of the last colour.
 
 use crate::overlay::{NEAR_M, Nearness};
 use crate::stereo::Frame;
@@ -10,7 +10,7 @@ const FAR: f64 = 15.0;
 /// a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
-    /// What fills a cell, and has the last colour.
+    /// Disparity that fills a cell of the overlay and has the last colour.
     pub nearness: Nearness,
     /// Depth of the last colour, metres.
     pub far_m: f64,

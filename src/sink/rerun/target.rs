@@ -1,4 +1,4 @@
-//! Where a run is shown: a file, a viewer started for it, or one that runs already.
+//! Rerun destinations: a file, a viewer started for the run, or a running one.
 
 use crate::error::{Error, Result};
 use ::rerun::sink::FileSinkError;
@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
-/// What to tell a user who has no viewer. Viewer and library must be of one version: the protocol
-/// changes.
+/// How to get the viewer. Its version must be that of the library: the protocol changes between
+/// versions.
 pub const VIEWER_HINT: &str =
     "the Rerun viewer comes with `pip install rerun-sdk==0.36.3` (the program `rerun`)";
 
-/// How long a viewer that should be running may take to answer.
+/// Timeout for a running viewer to answer.
 const CONNECT: Duration = Duration::from_secs(3);
 
 /// Where a [`super::RerunSink`] writes.
@@ -49,7 +49,7 @@ impl FromStr for RerunTarget {
             return match text {
                 file if file.ends_with(".rrd") => Ok(Self::File(file.into())),
                 other => Err(Error::Invalid(format!(
-                    "'{other}' is no Rerun target; name `spawn`, a viewer's URL or a FILE.rrd"
+                    "'{other}' is no Rerun destination; use `spawn`, a viewer's URL or a FILE.rrd"
                 ))),
             };
         };
@@ -75,7 +75,7 @@ impl std::fmt::Display for RerunTarget {
 }
 
 impl RerunTarget {
-    /// Opens the stream. An existing file is an error: whoever wants it gone removes it first.
+    /// Opens the stream. An existing file is an error: nothing is overwritten unasked.
     pub(super) fn open(&self, builder: RecordingStreamBuilder) -> Result<RecordingStream> {
         match self {
             Self::File(path) if path.exists() => Err(Error::format(
@@ -88,8 +88,8 @@ impl RerunTarget {
                 let stream = builder
                     .connect_grpc_opts(url.as_str())
                     .map_err(|error| self.failed(error))?;
-                // Connecting happens in the background and never gives up: ask once whether anyone
-                // is there.
+                // The SDK connects in the background and retries for ever: flushing with a timeout
+                // finds out whether a viewer is there.
                 stream.flush_with_timeout(CONNECT).map_err(|_| {
                     Error::Invalid(format!(
                         "{url}: no Rerun viewer answers there; start `rerun` first, or use `spawn`"

@@ -5,7 +5,8 @@
 //! `world/rig/left`; whatever is drawn on the image is put into it by [`on_image`], wherever its
 //! entity stands in the tree.
 
-use super::{CAMERA, Edges, scale::Scale};
+use super::{CAMERA, scale::Scale};
+use crate::arena::WireObject;
 use crate::stereo::{DisparityMap, Frame, Gray, Pose, Rig};
 use ::rerun::{CoordinateFrame, LineStrips3D, Pinhole, Points3D, Radius, Rgba32, Transform3D};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
@@ -13,8 +14,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 /// Name of the left camera's optical frame.
 const CAMERA_FRAME: &str = "left_camera";
 
-/// A cloud has at most about so many points: enough to see the shape, small enough for hundreds of
-/// frames.
+/// Limit of the points of a cloud: enough to see the shape, small enough for hundreds of frames.
 const MAX_POINTS: f64 = 10_000.0;
 
 /// Puts an entity onto the left image.
@@ -27,14 +27,14 @@ pub(super) fn in_camera() -> CoordinateFrame {
     CoordinateFrame::new(CAMERA_FRAME)
 }
 
-/// Pose of a camera of which none is known: at the origin, looking along the world's x, upright.
+/// The pose where none is known: at the origin, upright, looking along the x axis of the world.
 pub(super) fn resting() -> Pose {
     let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
     Isometry3::from_parts(Translation3::identity(), rotation)
 }
 
-/// The camera's place in the world.
+/// The pose of the left camera.
 pub(super) fn transform(pose: &Pose) -> Transform3D {
     let q = pose.rotation.coords.map(|v| v as f32);
     Transform3D::from_translation_rotation(
@@ -57,7 +57,7 @@ pub(super) fn pinhole(rig: &Rig, frame: &Frame, scale: &Scale) -> Pinhole {
         .with_child_frame(format!("tf#/{CAMERA}"))
 }
 
-/// The way from the last place to this one.
+/// The line from the last position to this one.
 pub(super) fn step(from: &Pose, to: &Pose) -> LineStrips3D {
     LineStrips3D::new([[position(from), position(to)]])
         .with_colors([Rgba32::from_rgb(90, 200, 250)])
@@ -65,7 +65,7 @@ pub(super) fn step(from: &Pose, to: &Pose) -> LineStrips3D {
 }
 
 /// The arena's edges, named.
-pub(super) fn wireframe(things: &[Edges]) -> LineStrips3D {
+pub(super) fn wireframe(things: &[WireObject]) -> LineStrips3D {
     let strips = things.iter().flat_map(|thing| thing.strips.iter().cloned());
     let names = things
         .iter()
@@ -108,9 +108,8 @@ pub(super) fn points(map: &DisparityMap, image: &Gray, rig: &Rig, scale: &Scale)
         .with_radii([Radius::new_ui_points(1.2)])
 }
 
-/// Where to look at the scene from: over all of the arena, else over the camera's shoulder.
-/// Position and target.
-pub(super) fn eye(things: &[Edges], scale: &Scale) -> [[f32; 3]; 2] {
+/// Position and target of the 3D view: over the whole arena, else from behind the camera.
+pub(super) fn eye(things: &[WireObject], scale: &Scale) -> [[f32; 3]; 2] {
     let far = scale.far_m as f32;
     let mut corners = things
         .iter()

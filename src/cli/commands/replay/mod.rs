@@ -17,7 +17,7 @@ use svl::report::Summary;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
 use svl::score::Judge;
-use svl::sink::{self, RecordingSink, RerunSink, RerunTarget, RunStart, Sink, TableSink};
+use svl::sink::{self, RecordingSink, RerunSink, RerunTarget, RunInfo, RunStart, Sink, TableSink};
 use svl::source::RecordingSource;
 use verify::{Earlier, Verification};
 
@@ -149,8 +149,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let parsed = scenario_text
             .as_deref()
             .and_then(|text| Scenario::parse(text, &recording).ok());
-        let wireframe = parsed.map_or_else(Vec::new, |s| runner::wireframe(&s, header.seed));
-        let info = runner::rerun_info(&manifest, wireframe);
+        let wireframe = parsed.map_or_else(Vec::new, |s| s.wireframe(header.seed));
+        let info = RunInfo::new(&manifest, wireframe);
         sinks.push(Box::new(RerunSink::new(target.clone(), &info)?));
     }
     if let Some(path) = &args.output {

@@ -17,8 +17,8 @@ use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::Judge;
 use svl::sink::{
-    self, CheckpointSink, Outbox, PictureSink, Pictures, RerunSink, RerunTarget, RunStart, Sink,
-    TableSink,
+    self, CheckpointSink, Outbox, PictureSink, ReportPictures, RerunSink, RerunTarget, RunInfo,
+    RunStart, Sink, TableSink,
 };
 use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
@@ -227,7 +227,7 @@ struct Report {
     sinks: Vec<Box<dyn Sink>>,
     rows: Outbox<Vec<Row>>,
     checkpoints: Outbox<Vec<CheckpointRow>>,
-    pictures: Outbox<Pictures>,
+    pictures: Outbox<ReportPictures>,
 }
 
 impl Report {
@@ -236,7 +236,7 @@ impl Report {
         let table = TableSink::in_folder(folder)?;
         let checkpoints = CheckpointSink::in_folder(folder)?;
         let pictures = PictureSink::default();
-        let info = runner::rerun_info(&manifest, runner::wireframe(scenario, None));
+        let info = RunInfo::new(&manifest, scenario.wireframe(None));
         write_json(&folder.join(MANIFEST), &manifest)?;
         let (rows, verdicts) = (table.outbox(), checkpoints.outbox());
         let (name, of_rows, of_checkpoints) =
@@ -299,7 +299,7 @@ impl Report {
         } = self;
         sink::finish(self.sinks)?;
         let mut summary = summary(&self.rows, &self.checkpoints)?;
-        let Pictures { figures, scenes } = self.pictures.take().unwrap_or_default();
+        let ReportPictures { figures, scenes } = self.pictures.take().unwrap_or_default();
         summary.incomplete = incomplete;
         summary.complete(&mut manifest);
         summary.write_tables(&folder)?;
