@@ -3,7 +3,7 @@
 #![no_main]
 
 use std::path::Path;
-use svl::calibrate::files::{self, FORMATS, Hints, Unit};
+use svl::calibrate::files::{self, FORMATS, Hints, FileUnit};
 
 fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let (first, second) = match bytes.iter().position(|b| *b == 0) {
@@ -23,7 +23,7 @@ fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let named = name(&both[..1 + usize::from(second.is_some())]);
     let hints = Hints {
         format: None,
-        unit: Some(Unit::Metres(1.0)),
+        unit: Some(FileUnit::Metres(1.0)),
         size: Some((640, 480)),
     };
     for hints in [Hints::default(), hints] {

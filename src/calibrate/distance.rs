@@ -1,4 +1,4 @@
-//! What a target at a known distance measures (thesis, annex B): "each measure is the median of the
+//! Disparity of a target at a known distance (thesis, annex B): "each measure is the median of the
 //! values of at least three sectors where the target was present".
 
 use crate::counted;
@@ -6,34 +6,35 @@ use crate::error::{Error, Result};
 use crate::statistics::midpoint_median;
 use crate::stereo::{Cell, DepthGrid, GridShape};
 
-/// Least cells that must hold the target.
+/// Least cells that must show the target.
 pub const LEAST_CELLS: usize = 3;
 
-/// Cells hold one target when they differ by no more than this, or by [`SHARE`] of the disparity.
+/// Cells show one target when they differ by no more than this, or by [`SHARE`] of the disparity.
 const APART_PX: f64 = 1.0;
 const SHARE: f64 = 0.03;
 
-/// A target, measured.
+/// A measured target.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Target {
+pub struct TargetMeasurement {
     /// Median of the cells' disparities.
     pub disparity_px: f64,
-    /// The cells that hold it, column and row.
+    /// The cells that show it, column and row.
     pub cells: Vec<(usize, usize)>,
-    /// By how much these cells' disparities differ.
+    /// Largest difference of these cells' disparities.
     pub spread_px: f64,
 }
 
-impl Target {
-    /// The target in the grids of frames that all show it at one distance. A cell's disparity is
-    /// the median of its medians in the frames, and known when it was in half of them.
+impl TargetMeasurement {
+    /// Measures the target in the grids of frames that all show it at one distance. The disparity
+    /// of a cell is the median of its medians in the frames, and known when at least half of them
+    /// have one.
     ///
-    /// Its cells are those named, or else those that agree with the cell in the middle of the image
-    /// and are joined to it.
+    /// The target's cells are those named, or else those connected to the cell in the middle of the
+    /// image that agree with it.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when fewer than three cells hold it, or one that was named holds nothing
-    /// or is not there.
+    /// [`Error::Invalid`] when fewer than three cells show it, or a named one has no disparity or
+    /// is outside the grid.
     pub fn measure(grids: &[DepthGrid], named: &[(usize, usize)]) -> Result<Self> {
         let shape = grids
             .first()
@@ -71,7 +72,7 @@ impl Target {
                 "the target is in {}, at least {LEAST_CELLS} are needed: {}; take a larger one, \
                  or name its cells with --cells",
                 counted(cells.len() as u64, "cell"),
-                shown(&cells)
+                cell_list(&cells)
             )));
         }
         let (least, most) = disparities
@@ -85,8 +86,8 @@ impl Target {
     }
 }
 
-/// Column and row of each, for a person.
-pub fn shown(cells: &[(usize, usize)]) -> String {
+/// `column,row` of each cell, for messages.
+pub fn cell_list(cells: &[(usize, usize)]) -> String {
     cells
         .iter()
         .map(|(column, row)| format!("{column},{row}"))
@@ -94,7 +95,7 @@ pub fn shown(cells: &[(usize, usize)]) -> String {
         .join(" ")
 }
 
-/// The cells joined to the middle one, by their sides, that have its disparity.
+/// The cells 4-connected to the middle one that have its disparity.
 fn agreeing(
     shape: GridShape,
     known: impl Fn((usize, usize)) -> Option<f64>,
@@ -162,7 +163,7 @@ mod tests {
 
     #[test]
     fn the_target_is_what_agrees_with_the_middle_and_is_joined_to_it() {
-        let target = Target::measure(&[grid(TARGET)], &[]).unwrap();
+        let target = TargetMeasurement::measure(&[grid(TARGET)], &[]).unwrap();
         assert_eq!(target.cells, [(1, 0), (2, 0), (2, 1), (3, 1)]);
         assert!(
             (target.disparity_px - 20.2).abs() < 0.11 && (target.spread_px - 0.8).abs() < 1e-5,
@@ -177,9 +178,12 @@ mod tests {
         let mut unknown = TARGET;
         unknown[8] = 0.0;
         let grids = [grid(TARGET), grid(outlier), grid(unknown)];
-        assert_eq!(Target::measure(&grids, &[]).unwrap().cells.len(), 4);
         assert_eq!(
-            Target::measure(&[grid(TARGET), grid(unknown), grid(unknown)], &[])
+            TargetMeasurement::measure(&grids, &[]).unwrap().cells.len(),
+            4
+        );
+        assert_eq!(
+            TargetMeasurement::measure(&[grid(TARGET), grid(unknown), grid(unknown)], &[])
                 .unwrap()
                 .cells
                 .len(),
@@ -190,7 +194,7 @@ mod tests {
     #[test]
     fn cells_may_be_named_and_are_checked() {
         let measure = |cells: &[(usize, usize)]| {
-            Target::measure(&[grid(TARGET)], cells).map_err(|e| e.to_string())
+            TargetMeasurement::measure(&[grid(TARGET)], cells).map_err(|e| e.to_string())
         };
         assert_eq!(
             measure(&[(0, 0), (0, 1), (0, 2)]).unwrap().disparity_px,
@@ -214,11 +218,11 @@ mod tests {
         let mut empty = TARGET;
         empty[7] = 0.0;
         assert!(
-            Target::measure(&[grid(empty)], &[])
+            TargetMeasurement::measure(&[grid(empty)], &[])
                 .unwrap_err()
                 .to_string()
                 .contains("max_disparity")
         );
-        assert!(Target::measure(&[], &[]).is_err());
+        assert!(TargetMeasurement::measure(&[], &[]).is_err());
     }
 }

@@ -1,5 +1,5 @@
-//! From pictures of a board to two calibrated cameras, and from measured distances to a curve
-//! (thesis, sections 2.3, 4.1 and 6.1, annexes B and E).
+//! Stereo calibration from images of a chessboard, and measurements for the distance curve (thesis,
+//! sections 2.3, 4.1 and 6.1, annexes B and E).
 
 pub mod choose;
 pub mod detect;
@@ -9,7 +9,8 @@ mod pattern;
 pub mod simulated;
 mod solve;
 
-pub use pattern::{Board, View};
+pub use pattern::{Board, StereoView};
 pub use solve::{
-    Camera, Corner, Correlation, Epipolar, Estimate, Fit, LEAST_VIEWS, Solution, ViewFit, solve,
+    CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, LEAST_VIEWS, Solution,
+    ViewFit, solve,
 };

@@ -1,10 +1,10 @@
-//! The chessboard, and where its corners were seen.
+//! The chessboard, and its corners in a pair.
 
 use crate::error::{Error, Result};
 use crate::stereo::LengthUnit;
 use nalgebra::{Point2, Point3};
 
-/// A chessboard, told by its inner corners.
+/// A chessboard, described by its inner corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Board {
     columns: usize,
@@ -46,7 +46,7 @@ impl Board {
         self.rows
     }
 
-    /// What its lengths are in.
+    /// Unit of its lengths.
     pub fn unit(&self) -> LengthUnit {
         if self.square_m.is_some() {
             LengthUnit::Metres
@@ -76,7 +76,7 @@ impl Board {
 
 /// The corners of one board in both images of a pair, in the order of [`Board::corners`], pixels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct StereoView {
     pub left: Vec<Point2<f64>>,
     pub right: Vec<Point2<f64>>,
 }

@@ -1,69 +1,72 @@
-//! How far the rows of left and right are apart, seen from the pictures alone.
+//! Vertical misalignment of pairs, measured from the images alone.
 
-use super::epipolar::Epipolar;
-use super::features::{Match, matches};
+use super::epipolar::EpipolarGeometry;
+use super::features::{PointMatch, matches};
 use crate::statistics::{lower_median, nearest_rank};
 use crate::stereo::{GridShape, StereoPair};
 use nalgebra::{Matrix3, Vector3};
 
-/// Measures the row offset of matches over some pairs of one size.
+/// Measures the vertical misalignment of point matches over pairs of one size.
 #[derive(Clone, Debug, Default)]
 pub struct AlignmentMeter {
     size: (usize, usize),
-    matches: Vec<Match>,
+    matches: Vec<PointMatch>,
     pairs: usize,
 }
 
-/// By how many rows what belongs together lies apart. Positive: lower in the right image.
+/// Vertical misalignment: Δy of matched points, positive where the point is lower in the right
+/// image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Alignment {
-    /// Pairs that were looked at.
+    /// Number of pairs measured.
     pub pairs: usize,
-    /// Points found in both images.
+    /// Number of points matched between both images.
     pub matches: usize,
     /// Median of |Δy|, pixels.
     pub median_abs_px: f64,
     /// 90th percentile of |Δy|, pixels.
     pub p90_abs_px: f64,
-    /// Median of Δy: a shift of one image.
+    /// Median of Δy: a vertical shift of one image.
     pub median_px: f64,
-    /// What the offsets look like.
+    /// The simplest model that explains the misalignment.
     pub misfit: Misfit,
-    /// Median of Δy in a grid of 3 x 3 parts of the left image, in raster order; nothing where too
-    /// few points were found.
+    /// Median of Δy in 3 x 3 parts of the left image, row by row; `None` where too few points were
+    /// matched.
     pub parts_px: [[Option<f64>; 3]; 3],
 }
 
-/// The simplest that explains most of the offsets.
+/// The simplest model that explains most of the misalignment.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Misfit {
-    /// One image lies higher than the other.
+    /// One image is shifted vertically.
     Shift,
-    /// One is turned against the other, positive clockwise in the right image, or has another
-    /// scale, the right one's to the left one's.
-    Turn { degrees: f64, scale: f64 },
-    /// More than that: lenses, or cameras turned towards each other.
-    Bent,
+    /// One image is rotated against the other (positive: the right one clockwise) or scaled (the
+    /// right one relative to the left).
+    #[serde(rename = "turn")]
+    Rotation { degrees: f64, scale: f64 },
+    /// More than that: lens distortion, or converging cameras.
+    #[serde(rename = "bent")]
+    Distortion,
 }
 
 impl Alignment {
-    /// Rows apart by so much cost matchers more than a few matches.
+    /// A larger misalignment costs matchers more than a few matches.
     pub const TOLERABLE_PX: f64 = 0.5;
 
-    /// Whether rows are farther apart than matchers like.
+    /// Whether the misalignment is too large for matchers.
     pub fn is_off(&self) -> bool {
         self.median_abs_px > Self::TOLERABLE_PX
     }
 }
 
-/// How far a match may be from the geometry that most agree with: lenses bend it by more than noise
-/// does.
+/// Largest distance of an inlier from the epipolar geometry: lens distortion moves points farther
+/// than noise does.
 const TOLERANCE_PX: f64 = 2.0;
-/// Fewest matches that say anything of an image, and of a part of it.
+/// Fewest matches for a result: in all, and in a part of the image.
 const LEAST: usize = 40;
 const LEAST_OF_PART: usize = 8;
-/// Rounds in which a plane settles among offsets some of which are wrong.
+/// Iterations of the robust plane fit.
 const STEPS: usize = 10;
 
 impl AlignmentMeter {
@@ -71,7 +74,7 @@ impl AlignmentMeter {
         Self::default()
     }
 
-    /// Takes in the matches of one more pair; one of another size than the first is left out.
+    /// Adds the matches of one more pair; a pair of another size than the first is ignored.
     pub fn add(&mut self, pair: &StereoPair) {
         if self.pairs == 0 {
             self.size = pair.size();
@@ -79,25 +82,25 @@ impl AlignmentMeter {
             return;
         }
         self.pairs += 1;
-        // Of one pair at a time: those of several scenes need not share one geometry.
+        // Pair by pair, as pairs of several scenes need not share one epipolar geometry.
         self.matches.extend(
-            Epipolar::of(&matches(pair), TOLERANCE_PX)
+            EpipolarGeometry::estimate(&matches(pair), TOLERANCE_PX)
                 .into_iter()
                 .flat_map(|found| found.inliers),
         );
     }
 
-    /// The points found so far.
-    pub fn matches(&self) -> &[Match] {
+    /// The matches collected so far.
+    pub fn matches(&self) -> &[PointMatch] {
         &self.matches
     }
 
-    /// What they say; nothing when there are too few.
+    /// The misalignment; `None` with too few matches.
     pub fn alignment(&self) -> Option<Alignment> {
         if self.matches.len() < LEAST {
             return None;
         }
-        let offset = |m: &Match| m.right.y - m.left.y;
+        let offset = |m: &PointMatch| m.right.y - m.left.y;
         let offsets: Vec<_> = self.matches.iter().map(offset).collect();
         let mut sizes: Vec<_> = offsets.iter().map(|offset| offset.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
@@ -107,8 +110,9 @@ impl AlignmentMeter {
         };
         let part = |column, row| {
             let (x, y) = shape.pixels((column, row), self.size);
-            let inside =
-                |m: &&Match| x.contains(&(m.left.x as usize)) && y.contains(&(m.left.y as usize));
+            let inside = |m: &&PointMatch| {
+                x.contains(&(m.left.x as usize)) && y.contains(&(m.left.y as usize))
+            };
             let offsets: Vec<_> = self.matches.iter().filter(inside).map(offset).collect();
             lower_median(offsets.iter().copied()).filter(|_| offsets.len() >= LEAST_OF_PART)
         };
@@ -122,12 +126,10 @@ impl AlignmentMeter {
             parts_px: std::array::from_fn(|row| std::array::from_fn(|column| part(column, row))),
         })
     }
-}
 
-impl AlignmentMeter {
     fn misfit(&self) -> Misfit {
-        let offset = |m: &Match| m.right.y - m.left.y;
-        let typical = |residual: &dyn Fn(&Match) -> f64| {
+        let offset = |m: &PointMatch| m.right.y - m.left.y;
+        let typical = |residual: &dyn Fn(&PointMatch) -> f64| {
             lower_median(self.matches.iter().map(|m| residual(m).abs())).unwrap_or_default()
         };
         let shift = lower_median(self.matches.iter().map(offset)).unwrap_or_default();
@@ -136,7 +138,7 @@ impl AlignmentMeter {
             return Misfit::Shift;
         }
         let (width, height) = self.size;
-        let terms = |m: &Match| {
+        let terms = |m: &PointMatch| {
             Vector3::new(
                 1.0,
                 m.left.x / width as f64 - 0.5,
@@ -148,20 +150,20 @@ impl AlignmentMeter {
             let mut normal = Matrix3::zeros();
             let mut sums = Vector3::zeros();
             for m in &self.matches {
-                // What is far from the others counts little.
+                // Cauchy weights: outliers count little.
                 let weight = 1.0 / (1.0 + (offset(m) - plane.dot(&terms(m))).powi(2));
                 normal += terms(m) * terms(m).transpose() * weight;
                 sums += terms(m) * offset(m) * weight;
             }
             let Some(cholesky) = normal.cholesky() else {
-                return Misfit::Bent;
+                return Misfit::Distortion;
             };
             plane = cholesky.solve(&sums);
         }
         if typical(&|m| offset(m) - plane.dot(&terms(m))) > explained {
-            return Misfit::Bent;
+            return Misfit::Distortion;
         }
-        Misfit::Turn {
+        Misfit::Rotation {
             degrees: (plane.y / width as f64).atan().to_degrees(),
             scale: 1.0 + plane.z / height as f64,
         }
@@ -214,7 +216,7 @@ mod tests {
     #[test]
     fn a_turn_shows_in_the_parts() {
         let found = alignment(&pair(0.0, 0.01)).unwrap();
-        let Misfit::Turn { degrees, scale } = found.misfit else {
+        let Misfit::Rotation { degrees, scale } = found.misfit else {
             panic!("{found:?}")
         };
         assert!(

@@ -1,23 +1,23 @@
-//! Rectification of calibrated cameras by Bouguet's method, as his Camera Calibration Toolbox has
-//! it and OpenCV's `stereoRectify` after it (Bradski & Kaehler, Learning OpenCV, chapter 12).
+//! Rectification of calibrated cameras by Bouguet's method, as in his Camera Calibration Toolbox
+//! and in OpenCV's `stereoRectify` (Bradski & Kaehler, Learning OpenCV, chapter 12).
 
 use super::framing::{Framing, Pinhole};
-use super::view::View;
+use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
 use crate::stereo::{Rectification, Rig, StereoCalibration};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-/// How `calibration`'s cameras become a rectified pair: each is turned by half of the rotation
-/// between them, both then alike so that their rows run along the baseline. Points at infinity have
+/// Computes the rectification of `calibration`: each camera is rotated by half of the rotation
+/// between them, then both alike so that their rows run along the baseline. Points at infinity have
 /// disparity 0.
 ///
-/// The rotations are OpenCV's. Focal length and centre are not: OpenCV puts the centre where the
-/// corners of both images lie around it and zooms until the crop is met on its tightest side; here
-/// it is the middle of what is met on all sides, so that at `alpha` 0 more of the pictures is kept.
+/// The rotations are OpenCV's. Focal length and centre are not: OpenCV centres the images on their
+/// undistorted corners and zooms until the tightest side is valid; here the centre is the middle of
+/// the valid rectangle, so that at `alpha` 0 more of the images is kept.
 ///
 /// # Errors
-/// [`Error::Rig`] for images of two sizes, cameras that do not stand side by side, or that see
-/// nothing in common; [`Error::Invalid`] and [`Error::Dimensions`] for a framing that is none.
+/// [`Error::Rig`] for images of two sizes, and cameras that are not side by side or have no common
+/// field of view; [`Error::Invalid`] and [`Error::Dimensions`] for an invalid framing.
 pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rectification> {
     let (left, right) = (calibration.left(), calibration.right());
     if left.size() != right.size() {
@@ -29,43 +29,43 @@ pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rec
     }
     let motion = calibration.right_from_left();
     let half = motion.rotation.powf(-0.5);
-    let apart = half * motion.translation.vector;
-    if apart.x.abs() <= apart.y.abs().max(apart.z.abs()) {
-        let [x, y, z] = [apart.x, apart.y, apart.z].map(|v| -v);
-        let cure = "turn the images of cameras that stand one above the other by 90 degrees and \
+    let baseline = half * motion.translation.vector;
+    if baseline.x.abs() <= baseline.y.abs().max(baseline.z.abs()) {
+        let [x, y, z] = [baseline.x, baseline.y, baseline.z].map(|v| -v);
+        let cure = "rotate the images of cameras that stand one above the other by 90 degrees and \
                     calibrate these";
         return Err(Error::Rig(format!(
             "the right camera is at ({x:.3}, {y:.3}, {z:.3}), not beside the left: {cure}"
         )));
     }
-    // They are neither opposite nor 0, so there is one rotation that is the least.
-    let along = UnitQuaternion::rotation_between(&apart, &(Vector3::x() * apart.x.signum()))
+    // The vectors are neither opposite nor 0, so the shortest rotation is unique.
+    let along = UnitQuaternion::rotation_between(&baseline, &(Vector3::x() * baseline.x.signum()))
         .unwrap_or_default();
-    let [left_turn, right_turn] =
+    let [left_rotation, right_rotation] =
         [along * half.inverse(), along * half].map(|q| q.to_rotation_matrix());
     let Pinhole {
         size,
         focal_px,
         center_px,
-    } = framing.pinhole(&views(calibration, left_turn, right_turn))?;
+    } = framing.pinhole(&views(calibration, left_rotation, right_rotation))?;
     let rig = Rig::new(focal_px, center_px, calibration.baseline(), 0.0)?;
     Ok(Rectification {
         size,
-        left: left_turn,
-        right: right_turn,
+        left: left_rotation,
+        right: right_rotation,
         rig,
     })
 }
 
-/// Both cameras turned.
+/// Both cameras with their rectifying rotations.
 pub(super) fn views(
     calibration: &StereoCalibration,
     left: Rotation3<f64>,
     right: Rotation3<f64>,
-) -> [View; 2] {
+) -> [RotatedCamera; 2] {
     [
-        View::new(*calibration.left(), left),
-        View::new(*calibration.right(), right),
+        RotatedCamera::new(*calibration.left(), left),
+        RotatedCamera::new(*calibration.right(), right),
     ]
 }
 
@@ -90,12 +90,15 @@ mod tests {
         ) {
             let right_place = Vector3::new(place.0, place.1 * place.0, place.2 * place.0);
             let rotation = UnitQuaternion::from_euler_angles(turn[0], turn[1], turn[2]);
-            let motion = Isometry3::from_parts(Translation3::from(-(rotation * right_place)), rotation);
-            let lens = [-0.28, 0.07, 2e-4, -1e-4, 0.0];
-            let [left, right] = [camera((500.0, 505.0), (310.0, 250.0), lens), camera((510.0, 512.0), (330.0, 230.0), lens)];
-            let calibration = StereoCalibration::new(left, right, motion, LengthUnit::Metres).unwrap();
+            let translation = Translation3::from(-(rotation * right_place));
+            let motion = Isometry3::from_parts(translation, rotation);
+            let distortion = [-0.28, 0.07, 2e-4, -1e-4, 0.0];
+            let left = camera((500.0, 505.0), (310.0, 250.0), distortion);
+            let right = camera((510.0, 512.0), (330.0, 230.0), distortion);
+            let unit = LengthUnit::Metres;
+            let calibration = StereoCalibration::new(left, right, motion, unit).unwrap();
             let Ok(rectification) = bouguet(&calibration, &Framing { alpha, size: None }) else {
-                // Cameras turned so far from each other that no rectangle is seen by both.
+                // The cameras diverge so far that no rectangle is visible in both.
                 return Ok(());
             };
             let Rectification { left, right, rig, .. } = &rectification;

@@ -1,48 +1,49 @@
-//! The geometry of two images from their matches alone: the fundamental matrix.
+//! Epipolar geometry of two images from point matches: the fundamental matrix.
 //!
-//! Eight points, normalised (Hartley, In defense of the eight-point algorithm, 1997), of samples
-//! drawn as RANSAC does (Fischler & Bolles 1981), always the same ones.
+//! Normalized eight-point algorithm (Hartley, In defense of the eight-point algorithm, 1997) in
+//! RANSAC (Fischler & Bolles 1981) with a fixed seed, so that results repeat.
 
-use super::features::Match;
+use super::features::PointMatch;
 use nalgebra::{Matrix3, SMatrix, SVD, SymmetricEigen, Vector3};
 
-/// Matches that belong together.
+/// A fundamental matrix and its inliers.
 #[derive(Clone, Debug)]
-pub struct Epipolar {
-    /// F of `right · F left = 0`, both in pixels and homogeneous, of norm 1.
+pub struct EpipolarGeometry {
+    /// F in `rightᵀ F left = 0`, for homogeneous pixels; norm 1.
     pub fundamental: Matrix3<f64>,
-    /// Those that agree with it.
-    pub inliers: Vec<Match>,
+    /// The matches that agree with it.
+    pub inliers: Vec<PointMatch>,
 }
 
-/// Samples that are tried at most.
+/// Most samples drawn.
 const SAMPLES: usize = 500;
-/// Matches needed so that agreement is more than chance.
+/// Fewest inliers that are more than chance.
 const LEAST: usize = 16;
-/// Sure enough to have met a sample without an outlier.
+/// Probability of having drawn a sample without outliers at which sampling stops.
 const CERTAINTY: f64 = 0.999;
 
-impl Epipolar {
-    /// The largest set of matches that agree with one geometry up to `tolerance_px`; nothing when
-    /// there is none of at least 16, or less than half of all agree.
-    pub fn of(matches: &[Match], tolerance_px: f64) -> Option<Self> {
+impl EpipolarGeometry {
+    /// The geometry with the most inliers, whose Sampson distance is below `tolerance_px`; `None`
+    /// when fewer than 16, or less than half of all matches, are inliers.
+    pub fn estimate(matches: &[PointMatch], tolerance_px: f64) -> Option<Self> {
         if matches.len() < LEAST {
             return None;
         }
         let mut random = Random(0x5EED);
-        let agreeing = |f: &Matrix3<f64>| -> Vec<Match> {
+        let agreeing = |f: &Matrix3<f64>| -> Vec<PointMatch> {
             matches
                 .iter()
                 .filter(|m| sampson_px(f, m) < tolerance_px)
                 .copied()
                 .collect()
         };
-        let mut best: Vec<Match> = Vec::new();
+        let mut best: Vec<PointMatch> = Vec::new();
         let mut samples = SAMPLES;
         let mut tried = 0;
         while tried < samples {
             tried += 1;
-            let sample: [Match; 8] = std::array::from_fn(|_| matches[random.below(matches.len())]);
+            let sample: [PointMatch; 8] =
+                std::array::from_fn(|_| matches[random.below(matches.len())]);
             let Some(f) = fundamental(&sample) else {
                 continue;
             };
@@ -58,6 +59,7 @@ impl Epipolar {
                 samples = SAMPLES.min(needed.ceil().max(1.0) as usize);
             }
         }
+        // The winning sample fits eight points; refit to all its inliers until they hardly change.
         let mut found = None;
         for _ in 0..3 {
             let f = fundamental(&best)?;
@@ -72,16 +74,16 @@ impl Epipolar {
     }
 }
 
-/// Distance of a match from the nearest one that agrees with `f` exactly, to first order (Hartley &
-/// Zisserman, 11.4.3).
-fn sampson_px(f: &Matrix3<f64>, Match { left, right }: &Match) -> f64 {
+/// Sampson distance: that of a match from the nearest one that satisfies `f`, to first order
+/// (Hartley & Zisserman, Multiple View Geometry, section 11.4.3).
+fn sampson_px(f: &Matrix3<f64>, PointMatch { left, right }: &PointMatch) -> f64 {
     let (left, right) = (left.to_homogeneous(), right.to_homogeneous());
     let (there, back) = (f * left, f.transpose() * right);
     let slope = there.xy().norm_squared() + back.xy().norm_squared();
     right.dot(&there).abs() / slope.sqrt()
 }
 
-fn fundamental(matches: &[Match]) -> Option<Matrix3<f64>> {
+fn fundamental(matches: &[PointMatch]) -> Option<Matrix3<f64>> {
     let left = normalisation(matches.iter().map(|m| m.left.to_homogeneous()))?;
     let right = normalisation(matches.iter().map(|m| m.right.to_homogeneous()))?;
     let mut sums = SMatrix::<f64, 9, 9>::zeros();
@@ -97,7 +99,7 @@ fn fundamental(matches: &[Match]) -> Option<Matrix3<f64>> {
     let eigen = SymmetricEigen::try_new(sums, f64::EPSILON, 200)?;
     let least = eigen.eigenvalues.imin();
     let f = Matrix3::from_row_slice(eigen.eigenvectors.column(least).as_slice());
-    // Of rank two, as all epipolar lines meet.
+    // Enforce rank 2, so that all epipolar lines meet in the epipole.
     let mut svd = SVD::try_new(f, true, true, f64::EPSILON, 200)?;
     let least = svd.singular_values.imin();
     svd.singular_values[least] = 0.0;
@@ -106,7 +108,7 @@ fn fundamental(matches: &[Match]) -> Option<Matrix3<f64>> {
     (norm.is_finite() && norm > 0.0).then(|| f / norm)
 }
 
-/// Moves points to their mean and makes their mean distance from it √2.
+/// The similarity that moves the points' mean to the origin and scales their mean distance to √2.
 fn normalisation(points: impl Iterator<Item = Vector3<f64>> + Clone) -> Option<Matrix3<f64>> {
     let count = points.clone().count() as f64;
     let mean = points.clone().sum::<Vector3<f64>>() / count;
@@ -130,7 +132,7 @@ fn normalisation(points: impl Iterator<Item = Vector3<f64>> + Clone) -> Option<M
 struct Random(u64);
 
 impl Random {
-    /// Evenly from `0..count`, but for what no sample shows.
+    /// Uniform in `0..count`, up to a modulo bias of 2⁻⁵⁰.
     fn below(&mut self, count: usize) -> usize {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -145,7 +147,7 @@ mod tests {
     use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion};
 
     /// Points before two cameras, seen with so much noise, and as many that agree with nothing.
-    fn seen(count: usize, noise_px: f64, outliers: usize) -> (Vec<Match>, Vec<Match>) {
+    fn seen(count: usize, noise_px: f64, outliers: usize) -> (Vec<PointMatch>, Vec<PointMatch>) {
         let mut random = Random(7);
         let mut even = |from: f64, to: f64| {
             from + (to - from) * random.below(1 << 30) as f64 / (1 << 30) as f64
@@ -164,7 +166,7 @@ mod tests {
                     500.0 * p.y / p.z + 240.0 + even(-noise_px, noise_px),
                 )
             };
-            matches.push(Match {
+            matches.push(PointMatch {
                 left: pixel(point),
                 right: pixel(motion * point),
             });
@@ -173,7 +175,7 @@ mod tests {
         (
             matches,
             (0..outliers)
-                .map(|_| Match {
+                .map(|_| PointMatch {
                     left: pixel(),
                     right: pixel(),
                 })
@@ -184,7 +186,7 @@ mod tests {
     #[test]
     fn outliers_are_found() {
         let (good, bad) = seen(200, 0.2, 100);
-        let found = Epipolar::of(&[good.clone(), bad].concat(), 1.0).unwrap();
+        let found = EpipolarGeometry::estimate(&[good.clone(), bad].concat(), 1.0).unwrap();
         let kept = good.iter().filter(|m| found.inliers.contains(m)).count();
         assert!(
             found.fundamental.determinant().abs() < 1e-15,
@@ -200,10 +202,10 @@ mod tests {
     #[test]
     fn what_agrees_with_nothing_is_nothing() {
         let (good, bad) = seen(20, 0.0, 300);
-        assert!(Epipolar::of(&bad, 1.0).is_none());
-        assert!(Epipolar::of(&good[..10], 1.0).is_none());
+        assert!(EpipolarGeometry::estimate(&bad, 1.0).is_none());
+        assert!(EpipolarGeometry::estimate(&good[..10], 1.0).is_none());
         assert!(
-            Epipolar::of(&[good[0]; 40], 1.0).is_none(),
+            EpipolarGeometry::estimate(&[good[0]; 40], 1.0).is_none(),
             "one point is no geometry"
         );
     }

@@ -1,6 +1,6 @@
-//! What part of what two turned cameras see becomes the rectified images.
+//! Size, focal length and centre of rectified images: how much of the cameras' images they show.
 
-use super::view::View;
+use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
 use crate::stereo::MAX_SIDE;
 use nalgebra::{Point2, Vector2};
@@ -8,14 +8,14 @@ use nalgebra::{Point2, Vector2};
 /// Size and crop of rectified images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Framing {
-    /// Width and height; the cameras' own where it is not given.
+    /// Width and height; `None` for those of the cameras.
     pub size: Option<(usize, usize)>,
-    /// As OpenCV's `alpha`. 0: every pixel of both images was seen by its camera. 1: all that the
-    /// cameras saw is in them, with black where nothing was seen. Numbers between are between.
+    /// As OpenCV's `alpha`. 0: only valid pixels. 1: all pixels of the cameras' images, with black
+    /// borders. Values between interpolate.
     pub alpha: f64,
 }
 
-/// One pinhole for both images.
+/// The common pinhole of both rectified images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pinhole {
     pub(super) size: (usize, usize),
@@ -27,10 +27,10 @@ impl Framing {
     /// # Errors
     /// [`Error::Invalid`] for an `alpha` outside 0 ..= 1; [`Error::Dimensions`]; [`Error::Rig`]
     /// where no rectangle is seen by both cameras.
-    pub(super) fn pinhole(&self, views: &[View; 2]) -> Result<Pinhole> {
+    pub(super) fn pinhole(&self, views: &[RotatedCamera; 2]) -> Result<Pinhole> {
         if !(0.0..=1.0).contains(&self.alpha) {
             return Err(Error::Invalid(format!(
-                "alpha {}: 0 crops to what was seen, 1 shows all",
+                "alpha {}: 0 crops to valid pixels, 1 shows all",
                 self.alpha
             )));
         }
@@ -48,16 +48,15 @@ impl Framing {
             }
         }
         let (width, height) = size;
-        let [left, right] = views.each_ref().map(seen);
+        let [left, right] = views.each_ref().map(visible_region);
         let (left, right) = (left?, right?);
         let within = left.within.intersection(&right.within);
         let around = left.around.union(&right.around);
         let extent = Vector2::new((width - 1) as f64, (height - 1) as f64);
         let empty = !(within.size().x > 0.0 && within.size().y > 0.0);
-        // What is wholly seen exists only where both see it; showing all needs no such place.
+        // A valid rectangle exists only in the common field of view; alpha = 1 does not need one.
         if empty && self.alpha < 1.0 {
-            let cure =
-                "are the cameras turned away from each other? alpha = 1 shows all that they see";
+            let cure = "do the cameras diverge? alpha = 1 shows all that they see";
             return Err(Error::Rig(format!(
                 "no rectangle of the rectified plane is seen by both cameras: {cure}"
             )));
@@ -77,7 +76,7 @@ impl Framing {
     }
 }
 
-/// A rectangle of directions.
+/// A rectangle in the rectified plane, as `(X/Z, Y/Z)`.
 #[derive(Clone, Copy)]
 struct Rectangle {
     least: Vector2<f64>,
@@ -108,16 +107,16 @@ impl Rectangle {
     }
 }
 
-/// What one camera sees.
-struct Seen {
-    /// A rectangle within its picture.
+/// The part of the rectified plane that one camera sees.
+struct VisibleRegion {
+    /// A rectangle inside its image.
     within: Rectangle,
-    /// The least rectangle around it.
+    /// The bounding rectangle of its image.
     around: Rectangle,
 }
 
-/// Follows the border of the camera's picture, pixel by pixel.
-fn seen(view: &View) -> Result<Seen> {
+/// Follows the border of the camera's image, pixel by pixel.
+fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
     let (width, height) = view.size();
     let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
     let column = |x: f64| (0..height).filter_map(move |y| view.direction(Point2::new(x, y as f64)));
@@ -129,8 +128,7 @@ fn seen(view: &View) -> Result<Seen> {
         row(bottom).collect(),
     ];
     if sides.iter().any(|side: &Vec<_>| side.is_empty()) {
-        let why =
-            "its lens model says nothing there, or the cameras are turned too far from each other";
+        let why = "its distortion model is undefined there, or the cameras diverge too far";
         return Err(Error::Rig(format!(
             "a whole side of a camera's image cannot be rectified: {why}"
         )));
@@ -143,7 +141,7 @@ fn seen(view: &View) -> Result<Seen> {
         side.iter().map(|d| d.y).reduce(of).unwrap_or(f64::NAN)
     };
     let all = sides.concat();
-    Ok(Seen {
+    Ok(VisibleRegion {
         within: Rectangle {
             least: Vector2::new(x(left, f64::max), y(top, f64::max)),
             most: Vector2::new(x(right, f64::min), y(bottom, f64::min)),

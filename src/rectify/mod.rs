@@ -1,10 +1,10 @@
-//! Rectification: from the pictures of two cameras to pairs whose rows agree (thesis, section 2.3).
+//! Rectification: from raw pairs to pairs whose rows correspond (thesis, section 2.3).
 //!
 //! ```text
-//! calibration ── bouguet ─────────────▶ Rectification ─┐
-//!                                                      ├─▶ Rectifier ── pair by pair ──▶ rectified pairs
-//! pairs ── matches ── uncalibrated ───▶ Homographies ──┘                                       │
-//!             └──────────────────────── AlignmentMeter ◀───────────────────────────────────────┘
+//! calibration ── bouguet ───────────▶ Rectification ─┐
+//!                                                    ├─▶ Rectifier ─pair by pair─▶ rectified pairs
+//! pairs ── matches ── uncalibrated ─▶ Homographies ──┘                                   │
+//!             └────────────────────── AlignmentMeter ◀───────────────────────────────────┘
 //! ```
 //!
 //! ```
@@ -12,9 +12,11 @@
 //! use svl::rectify::Rectifier;
 //! use svl::stereo::{Gray, Intrinsics, LengthUnit, StereoCalibration, StereoPair};
 //!
-//! let camera = |cy| Intrinsics::new((320, 240), (300.0, 300.0), (159.5, cy), [-0.2, 0.0, 0.0, 0.0, 0.0]);
-//! let apart = Isometry3::translation(-0.12, 0.0, 0.0);
-//! let calibration = StereoCalibration::new(camera(119.5)?, camera(125.5)?, apart, LengthUnit::Metres)?;
+//! let distortion = [-0.2, 0.0, 0.0, 0.0, 0.0];
+//! let camera = |cy| Intrinsics::new((320, 240), (300.0, 300.0), (159.5, cy), distortion);
+//! let right_from_left = Isometry3::translation(-0.12, 0.0, 0.0);
+//! let (left, right) = (camera(119.5)?, camera(125.5)?);
+//! let calibration = StereoCalibration::new(left, right, right_from_left, LengthUnit::Metres)?;
 //! let rectifier = Rectifier::new(&calibration)?;
 //! let raw = StereoPair::new(Gray::filled(320, 240, 90)?, Gray::filled(320, 240, 90)?)?;
 //! let (mut left, mut right) = (Gray::filled(320, 240, 0)?, Gray::filled(320, 240, 0)?);
@@ -31,13 +33,13 @@ mod features;
 mod framing;
 mod rectifier;
 mod remap;
+mod rotated_camera;
 mod uncalibrated;
-mod view;
 
 pub use alignment::{Alignment, AlignmentMeter, Misfit};
 pub use bouguet::bouguet;
-pub use epipolar::Epipolar;
-pub use features::{Match, matches};
+pub use epipolar::EpipolarGeometry;
+pub use features::{PointMatch, matches};
 pub use framing::Framing;
 pub use rectifier::Rectifier;
 pub use remap::Remap;

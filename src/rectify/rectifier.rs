@@ -1,10 +1,10 @@
-//! Pairs as two raw cameras give them, made rectified pairs.
+//! Rectifies raw pairs with tables computed once.
 
 use super::bouguet::{bouguet, views};
 use super::framing::Framing;
 use super::remap::Remap;
+use super::rotated_camera::RotatedCamera;
 use super::uncalibrated::Homographies;
-use super::view::View;
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{Gray, Rig, StereoCalibration, StereoPair};
@@ -12,19 +12,19 @@ use nalgebra::{Matrix3, Point2, UnitQuaternion, Vector2};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Rectifies pair after pair.
+/// Rectifies raw pairs of one calibration.
 #[derive(Clone, Debug)]
 pub struct Rectifier {
     isa: Isa,
     left: Remap,
     right: Remap,
     rig: Option<Rig>,
-    turn: Option<UnitQuaternion<f64>>,
+    rotation: Option<UnitQuaternion<f64>>,
 }
 
 impl Rectifier {
-    /// By a calibration's own rectification; by that of [`bouguet`] in its default framing where it
-    /// has none.
+    /// By the rectification of a calibration, or that of [`bouguet`] with the default framing where
+    /// it has none.
     ///
     /// # Errors
     /// Those of [`bouguet`], and [`Error::Invalid`] when `SVL_ISA` names an instruction set that
@@ -36,7 +36,7 @@ impl Rectifier {
         };
         let views = views(calibration, rectification.left, rectification.right);
         let rig = rectification.rig;
-        let remap = |view: &View, is_right| {
+        let remap = |view: &RotatedCamera, is_right| {
             let (focal, k) = (rig.focal_px(), rig.intrinsics(is_right));
             let direction =
                 |p: Point2<f64>| Vector2::new((p.x - k[(0, 2)]) / focal, (p.y - k[(1, 2)]) / focal);
@@ -45,32 +45,32 @@ impl Rectifier {
             })
         };
         let (left, right) = (remap(&views[0], false)?, remap(&views[1], true)?);
-        let turn = Some(UnitQuaternion::from_rotation_matrix(&rectification.left));
+        let rotation = Some(UnitQuaternion::from_rotation_matrix(&rectification.left));
         let rig = calibration.clone().with_rectification(rectification).rig();
         Ok(Self {
             isa: isa()?,
             left,
             right,
             rig,
-            turn,
+            rotation,
         })
     }
 
-    /// By homographies, for raw images of `size`. The rig stays unknown.
+    /// By homographies, for raw images of `size`. There is no rig.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for homographies that cannot be undone, and as [`Rectifier::new`].
+    /// [`Error::Invalid`] for singular homographies, and as [`Rectifier::new`].
     pub fn uncalibrated(homographies: &Homographies, size: (usize, usize)) -> Result<Self> {
         let remap = |homography: &Matrix3<f64>| {
             let flat = || {
                 Error::Invalid(format!(
-                    "a homography that makes a line of the image: {homography}"
+                    "a homography that maps the image to a line: {homography}"
                 ))
             };
             let back = homography.try_inverse().ok_or_else(flat)?;
             let from = |pixel: Point2<f64>| {
                 let seen = back * pixel.to_homogeneous();
-                // Behind the camera nothing is seen.
+                // Points behind the camera are not visible.
                 (seen.z > 0.0).then(|| Point2::from(seen.xy() / seen.z))
             };
             Remap::new(size, homographies.size, from)
@@ -81,23 +81,24 @@ impl Rectifier {
             left,
             right,
             rig: None,
-            turn: None,
+            rotation: None,
         })
     }
 
-    /// The same on another instruction set; the pairs are the same on all of them.
+    /// The same on another instruction set, with the same results.
     pub fn on(self, isa: Isa) -> Self {
         Self { isa, ..self }
     }
 
-    /// The rig of the rectified pairs; nothing where lengths are unknown.
+    /// The rig of the rectified pairs; `None` where lengths are unknown.
     pub fn rig(&self) -> Option<&Rig> {
         self.rig.as_ref()
     }
 
-    /// How the left camera is turned: `X_rectified = turn · X_left`; nothing where that is unknown.
-    pub fn turn(&self) -> Option<UnitQuaternion<f64>> {
-        self.turn
+    /// Rotation of the left camera, `X_rectified = rotation · X_left`; `None` without a
+    /// calibration.
+    pub fn rotation(&self) -> Option<UnitQuaternion<f64>> {
+        self.rotation
     }
 
     /// Width and height of the rectified images.
@@ -105,15 +106,15 @@ impl Rectifier {
         self.left.size()
     }
 
-    /// Share of the pixels of both images that no camera saw, 0..=1.
+    /// Share of the rectified pixels outside the cameras' images, 0..=1.
     pub fn outside(&self) -> f64 {
         let (width, height) = self.size();
         (self.left.outside() + self.right.outside()) as f64 / (2 * width * height) as f64
     }
 
-    /// Rectifies `pair` into `left` and `right`, which are made of its size where they are not;
-    /// allocates nothing where they are and the pair has no gaps between its rows. On the threads
-    /// of rayon's current pool.
+    /// Rectifies `pair` into `left` and `right`, which are reallocated unless they have the
+    /// rectified size. Allocates nothing if they do and the rows of the pair are contiguous. Runs
+    /// on rayon's current thread pool.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a pair of another size than the calibration's.
@@ -127,7 +128,7 @@ impl Rectifier {
         self.left.check(pair.left())?;
         self.right.check(pair.right())?;
         let sources = [gapless(pair.left()), gapless(pair.right())];
-        // Made above, so their rows have no gaps.
+        // `Gray::filled` above makes contiguous rows.
         let outs = [left, right].map(|out| out.as_mut_slice().expect("gapless"));
         let threads = rayon::current_num_threads();
         let rows = if threads == 1 {
@@ -151,7 +152,7 @@ impl Rectifier {
     }
 }
 
-/// Bands of each image per thread: enough that none waits long for another.
+/// Bands of each image per thread: enough to balance the load.
 const BANDS: usize = 2;
 
 fn gapless(image: &Gray) -> Cow<'_, [u8]> {
@@ -176,8 +177,8 @@ mod tests {
             )
             .unwrap()
         };
-        let turn = UnitQuaternion::from_euler_angles(0.02, -0.03, 0.04);
-        let motion = Isometry3::from_parts(Translation3::new(-0.1, 0.004, 0.002), turn);
+        let rotation = UnitQuaternion::from_euler_angles(0.02, -0.03, 0.04);
+        let motion = Isometry3::from_parts(Translation3::new(-0.1, 0.004, 0.002), rotation);
         StereoCalibration::new(
             camera(140.0, 80.0),
             camera(143.0, 78.0),
@@ -192,10 +193,10 @@ mod tests {
     fn pair(calibration: &StereoCalibration) -> StereoPair {
         let grey =
             |d: Vector2<f64>| (128.0 + 60.0 * (9.0 * d.x).sin() + 60.0 * (8.0 * d.y).cos()) as u8;
-        let image = |camera: &Intrinsics, turn: UnitQuaternion<f64>| {
+        let image = |camera: &Intrinsics, rotation: UnitQuaternion<f64>| {
             let looks = |x: usize, y: usize| {
                 let seen = camera.direction(Point2::new(x as f64, y as f64)).unwrap();
-                let point = turn * Point3::new(seen.x, seen.y, 1.0);
+                let point = rotation * Point3::new(seen.x, seen.y, 1.0);
                 grey(Vector2::new(point.x / point.z, point.y / point.z))
             };
             Gray::from_fn(160, 120, looks).unwrap()

@@ -1,4 +1,4 @@
-//! Images seen anew, through tables made once.
+//! Bilinear remapping of images through tables computed once.
 
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, remap_row};
@@ -6,32 +6,32 @@ use crate::stereo::{Gray, MAX_SIDE};
 use nalgebra::Point2;
 use std::ops::Range;
 
-/// Where each pixel of an image comes from in another, to 1/256 of a pixel, bilinear, in integers:
-/// the same bytes on every instruction set and any number of threads.
+/// The source position of each pixel, in 1/256 of a pixel; bilinear interpolation in integers, so
+/// the bytes are the same on every instruction set and any number of threads.
 ///
-/// What comes from outside the source (half a pixel beyond the centres of its outermost pixels) is
-/// 0. Black has no texture, so matchers that look for it find nothing there; pixels of the edge
-/// drawn out to the outside would have some above and below, and be matched.
+/// Pixels from outside the source (more than half a pixel beyond the centres of its outermost
+/// pixels) are 0. Black has no texture, so texture checks reject it; replicated border pixels would
+/// have some, and be matched.
 #[derive(Clone, Debug)]
 pub struct Remap {
     source: (usize, usize),
     size: (usize, usize),
-    /// By pixel, the upper left one of the four that it lies between.
+    /// Per pixel: index of the upper left of the four source pixels.
     places: Vec<u32>,
-    /// By pixel, 256ths of a pixel to the right and below.
+    /// Per pixel: offset from it to the right and below, in 1/256 pixel.
     right: Vec<u8>,
     below: Vec<u8>,
-    /// Runs of pixels from outside, with their rows.
+    /// Runs of pixels from outside the source: row, columns.
     outside: Vec<(usize, Range<usize>)>,
 }
 
 impl Remap {
-    /// The table of an image of `size`, whose pixel `(x, y)` lies at `from(x, y)` in one of size
-    /// `source`, or nowhere.
+    /// The table for images of `size`, whose pixel `(x, y)` comes from `from(x, y)` in an image of
+    /// size `source`, or from outside (`None`).
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a source of less than 2x2 pixels; [`Error::Dimensions`] for what is
-    /// larger than an image may be.
+    /// [`Error::Invalid`] for a source of less than 2x2 pixels; [`Error::Dimensions`] for sizes
+    /// that no image may have.
     pub fn new(
         source: (usize, usize),
         size: (usize, usize),
@@ -40,7 +40,7 @@ impl Remap {
         let (width, height) = source;
         if width < 2 || height < 2 {
             return Err(Error::Invalid(format!(
-                "an image of {width}x{height} pixels has nothing between its pixels"
+                "an image of {width}x{height} pixels is too small to interpolate in"
             )));
         }
         for (width, height) in [source, size] {
@@ -81,23 +81,23 @@ impl Remap {
         Ok(remap)
     }
 
-    /// Width and height of the images that it reads.
+    /// Width and height of the source images.
     pub fn source(&self) -> (usize, usize) {
         self.source
     }
 
-    /// Width and height of the images that it makes.
+    /// Width and height of the remapped images.
     pub fn size(&self) -> (usize, usize) {
         self.size
     }
 
-    /// How many pixels come from outside the source.
+    /// Number of pixels from outside the source.
     pub fn outside(&self) -> usize {
         self.outside.iter().map(|(_, run)| run.len()).sum()
     }
 
-    /// Writes the rows `rows` of the image seen anew into `out`, one after the other. `image` has
-    /// its size, without gaps.
+    /// Writes the rows `rows` of the remapped image into `out`, contiguously. `image`: the source's
+    /// pixels, contiguous.
     pub(super) fn rows(&self, isa: Isa, image: &[u8], rows: Range<usize>, out: &mut [u8]) {
         let width = self.size.0;
         let pixels = rows.start * width..rows.end * width;
@@ -112,15 +112,15 @@ impl Remap {
         }
     }
 
-    /// The image seen anew.
+    /// The remapped image.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for an image that is not of the size that the table was made for.
+    /// [`Error::Invalid`] for an image of another size than the table's source.
     pub fn apply(&self, isa: Isa, image: &Gray) -> Result<Gray> {
         self.check(image)?;
         let mut out = Gray::filled(self.size.0, self.size.1, 0)?;
         let gapless = |image: &Gray| image.pixels().collect::<Vec<_>>();
-        // Made by `Plane::filled`, so its rows have no gaps.
+        // `Gray::filled` makes contiguous rows.
         self.rows(
             isa,
             &gapless(image),
@@ -142,13 +142,13 @@ impl Remap {
     }
 }
 
-/// The pixel before a place in a row or column of `count`, and 256ths of a pixel beyond it; nothing
-/// outside.
+/// The last of `count` pixels in a row or column at or before `at`, and the offset from it in 1/256
+/// pixel; `None` outside.
 fn between(at: f64, count: usize) -> Option<(usize, u8)> {
     if !(-0.5..count as f64 - 0.5).contains(&at) {
         return None;
     }
-    // The last pixel is reached from the one before it, but for 1/256.
+    // Interpolation needs a next pixel, so the last one is reached up to 1/256 from the one before.
     let parts = ((at * 256.0).round().max(0.0) as usize).min((count - 1) * 256 - 1);
     Some((parts / 256, (parts % 256) as u8))
 }
@@ -193,11 +193,15 @@ mod tests {
             seed: u64,
         ) {
             let mixed = |i: u64| (i ^ seed).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56;
-            let image = Gray::from_fn(source.0, source.1, |x, y| mixed((y * 997 + x) as u64) as u8).unwrap();
+            let noise = |x: usize, y: usize| mixed((y * 997 + x) as u64) as u8;
+            let image = Gray::from_fn(source.0, source.1, noise).unwrap();
             let [a, b, c, d] = matrix;
-            let from = |p: Point2<f64>| Point2::new(a * p.x + b * p.y + shift.0, c * p.x + d * p.y + shift.1);
+            let from = |p: Point2<f64>| {
+                Point2::new(a * p.x + b * p.y + shift.0, c * p.x + d * p.y + shift.1)
+            };
             let remap = Remap::new(source, size, |p| Some(from(p))).unwrap();
-            let expected = Gray::from_fn(size.0, size.1, |x, y| oracle(&image, from(Point2::new(x as f64, y as f64)))).unwrap();
+            let pixel = |x, y| oracle(&image, from(Point2::new(x as f64, y as f64)));
+            let expected = Gray::from_fn(size.0, size.1, pixel).unwrap();
             for isa in Isa::available() {
                 prop_assert_eq!(&remap.apply(isa, &image).unwrap(), &expected, "{}", isa);
             }

@@ -1,20 +1,20 @@
 //! Rectification without a calibration, from matches alone (Fusiello & Irsara, Quasi-Euclidean
 //! epipolar rectification of uncalibrated images, 2011).
 //!
-//! Both cameras are taken for pinholes of one focal length and turned so that the rows of all
-//! matches agree: the homographies are those of turned cameras, which shear little, where those
-//! that send the epipole to infinity in one step (Hartley 1999) shear much. Departures: what is
-//! made small is the distance of the rows, and where the matches say nothing, small turns and a
-//! usual focal length are preferred.
+//! Both cameras are modelled as pinholes of one focal length and rotated so that the rows of all
+//! matches agree. The homographies are those of rotated cameras, which shear little; those that
+//! send the epipole to infinity in one step (Hartley 1999) shear much. Departures: the cost is the
+//! vertical misalignment instead of the Sampson error, and where the matches do not determine the
+//! parameters, priors prefer small rotations and a typical focal length.
 
-use super::features::Match;
+use super::features::PointMatch;
 use super::framing::{Framing, Pinhole};
-use super::view::View;
+use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
 use crate::stereo::Intrinsics;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
-/// What makes rows agree: one homography per image, from raw to rectified pixels. No rig is known.
+/// The rectifying homography of each image, from raw to rectified pixels. There is no rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Homographies {
     /// Width and height of the rectified images.
@@ -23,25 +23,25 @@ pub struct Homographies {
     pub right: Matrix3<f64>,
 }
 
-/// Left turned about y, z; right about x, y, z; logarithm of the focal length, 0 for that of
-/// [`usual_focal_px`].
+/// Rotation of the left camera about y, z; of the right one about x, y, z; logarithm of the focal
+/// length relative to [`typical_focal_px`].
 type Guess = SVector<f64, 6>;
 
-/// What is not known better: turns within some degrees, focal lengths within a factor of e^0.4,
-/// rows within half a pixel.
-const USUAL: [f64; 6] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.4];
+/// Standard deviations of the priors: rotations of some degrees, focal lengths within a factor of
+/// e^0.4; then that of a row.
+const PRIOR: [f64; 6] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.4];
 const NOISE_PX: f64 = 0.5;
 const STEPS: usize = 50;
-/// Fewest matches that say more than chance does.
+/// Fewest matches for a result.
 const LEAST: usize = 16;
 
-/// The homographies of images of `size` in which `matches` were found, most of them right: see
-/// [`super::Epipolar`].
+/// The homographies of images of `size` from `matches` that are mostly inliers: see
+/// [`super::EpipolarGeometry`].
 ///
 /// # Errors
-/// [`Error::Invalid`] for too few matches and a framing that is none.
+/// [`Error::Invalid`] for too few matches or an invalid framing.
 pub fn uncalibrated(
-    matches: &[Match],
+    matches: &[PointMatch],
     size: (usize, usize),
     framing: &Framing,
 ) -> Result<Homographies> {
@@ -94,7 +94,8 @@ pub fn uncalibrated(
         center_px: (cx, cy),
     } = framing.pinhole(&views)?;
     let rectified = Matrix3::new(focal_px, 0.0, cx, 0.0, focal_px, cy, 0.0, 0.0, 1.0);
-    let [left, right] = turns(&guess).map(|turn| turn.matrix() * inverse_intrinsics(&guess, size));
+    let [left, right] =
+        rotations(&guess).map(|rotation| rotation.matrix() * inverse_intrinsics(&guess, size));
     Ok(Homographies {
         size: framed,
         left: rectified * left,
@@ -102,16 +103,16 @@ pub fn uncalibrated(
     })
 }
 
-fn usual_focal_px((width, height): (usize, usize)) -> f64 {
-    // That of a field of view of 55 to 60 degrees along the longer side.
+fn typical_focal_px((width, height): (usize, usize)) -> f64 {
+    // A field of view of 58 degrees along the longer side.
     0.9 * width.max(height) as f64
 }
 
 fn focal_px(guess: &Guess, size: (usize, usize)) -> f64 {
-    usual_focal_px(size) * guess[5].exp()
+    typical_focal_px(size) * guess[5].exp()
 }
 
-fn turns(guess: &Guess) -> [Rotation3<f64>; 2] {
+fn rotations(guess: &Guess) -> [Rotation3<f64>; 2] {
     [
         Rotation3::from_euler_angles(0.0, guess[0], guess[1]),
         Rotation3::from_euler_angles(guess[2], guess[3], guess[4]),
@@ -127,39 +128,44 @@ fn inverse_intrinsics(guess: &Guess, size: (usize, usize)) -> Matrix3<f64> {
     Matrix3::new(1.0 / f, 0.0, -cx / f, 0.0, 1.0 / f, -cy / f, 0.0, 0.0, 1.0)
 }
 
-fn views(guess: &Guess, size: (usize, usize)) -> Result<[View; 2]> {
+fn views(guess: &Guess, size: (usize, usize)) -> Result<[RotatedCamera; 2]> {
     let f = focal_px(guess, size);
     let camera = Intrinsics::new(size, (f, f), center(size), [0.0; 5])?;
-    Ok(turns(guess).map(|turn| View::new(camera, turn)))
+    Ok(rotations(guess).map(|rotation| RotatedCamera::new(camera, rotation)))
 }
 
-/// How far the rows are apart, in units of what is to be expected; then how far the guess is from
-/// the usual.
-fn residuals(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<f64> {
+/// Vertical misalignment of every match, then the distance of the guess from the priors; both in
+/// standard deviations.
+fn residuals(guess: &Guess, matches: &[PointMatch], size: (usize, usize)) -> Vec<f64> {
     let inverse = inverse_intrinsics(guess, size);
-    let [left, right] = turns(guess).map(|turn| turn.matrix() * inverse);
+    let [left, right] = rotations(guess).map(|rotation| rotation.matrix() * inverse);
     let row = |h: &Matrix3<f64>, point: &nalgebra::Point2<f64>| {
         let seen = h * point.to_homogeneous();
         seen.y / seen.z
     };
     let scale = focal_px(guess, size) / NOISE_PX;
-    let apart = matches
+    let misalignments = matches
         .iter()
         .map(|m| scale * (row(&right, &m.right) - row(&left, &m.left)));
-    apart
-        .chain(guess.iter().zip(USUAL).map(|(value, usual)| value / usual))
+    misalignments
+        .chain(
+            guess
+                .iter()
+                .zip(PRIOR)
+                .map(|(value, deviation)| value / deviation),
+        )
         .collect()
 }
 
-fn slopes(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<Guess> {
+fn slopes(guess: &Guess, matches: &[PointMatch], size: (usize, usize)) -> Vec<Guess> {
     const STEP: f64 = 1e-6;
     let beside = |axis: usize, step: f64| {
         let mut guess = *guess;
         guess[axis] += step;
         residuals(&guess, matches, size)
     };
-    let mut slopes = vec![Guess::zeros(); matches.len() + USUAL.len()];
-    for axis in 0..USUAL.len() {
+    let mut slopes = vec![Guess::zeros(); matches.len() + PRIOR.len()];
+    for axis in 0..PRIOR.len() {
         let (after, before) = (beside(axis, STEP), beside(axis, -STEP));
         slopes
             .iter_mut()
@@ -169,11 +175,15 @@ fn slopes(guess: &Guess, matches: &[Match], size: (usize, usize)) -> Vec<Guess> 
     slopes
 }
 
-/// Rows far apart, which lenses and wrong matches make, count little (Cauchy); the guess in full.
+/// Large misalignments, from distortion and wrong matches, count little (Cauchy loss); the priors
+/// count in full.
 fn cost(residuals: &[f64], matches: usize) -> f64 {
-    let (apart, unusual) = residuals.split_at(matches);
-    apart.iter().map(|r| (1.0 + r * r).ln()).sum::<f64>()
-        + unusual.iter().map(|r| r * r).sum::<f64>()
+    let (misalignments, priors) = residuals.split_at(matches);
+    misalignments
+        .iter()
+        .map(|r| (1.0 + r * r).ln())
+        .sum::<f64>()
+        + priors.iter().map(|r| r * r).sum::<f64>()
 }
 
 #[cfg(test)]
@@ -184,8 +194,8 @@ mod tests {
     #[test]
     fn rows_agree_and_pictures_keep_their_shape() {
         let size = (640, 480);
-        let turn = UnitQuaternion::from_euler_angles(0.03, -0.02, 0.04);
-        let motion = Isometry3::from_parts([-0.12, 0.006, 0.004].into(), turn);
+        let rotation = UnitQuaternion::from_euler_angles(0.03, -0.02, 0.04);
+        let motion = Isometry3::from_parts([-0.12, 0.006, 0.004].into(), rotation);
         let pixel =
             |p: Point3<f64>| Point2::new(600.0 * p.x / p.z + 319.5, 600.0 * p.y / p.z + 239.5);
         let points = (0..400).map(|i| {
@@ -197,7 +207,7 @@ mod tests {
             )
         });
         let matches: Vec<_> = points
-            .map(|p| Match {
+            .map(|p| PointMatch {
                 left: pixel(p),
                 right: pixel(motion * p),
             })

@@ -5,8 +5,7 @@ use crate::calibrate::simulated::{MovingBoard, RATE_HZ};
 use crate::error::Result;
 use crate::stereo::{Exposure, Frame, Geometry};
 
-/// Renders a board that is moved before two cameras whose images are not rectified: the frames have
-/// no rig.
+/// Renders a board moved in front of two cameras; the pairs are raw.
 pub struct BoardSource {
     board: MovingBoard,
     seed: u64,

@@ -1,5 +1,6 @@
 //! Where frames come from.
 
+mod alignment_monitor;
 mod arena;
 mod board;
 pub mod dataset;
@@ -7,15 +8,14 @@ mod limited;
 mod live;
 mod recording;
 mod rectified;
-mod watched;
 
+pub use alignment_monitor::AlignmentMonitor;
 pub use arena::ArenaSource;
 pub use board::BoardSource;
 pub use limited::Limited;
 pub use live::LiveSource;
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};
-pub use watched::Watched;
 
 use crate::error::Result;
 use crate::score::Judged;

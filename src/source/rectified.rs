@@ -1,28 +1,28 @@
-//! Raw pairs, rectified on their way.
+//! Rectification of a source's raw pairs.
 
 use super::Source;
 use crate::error::{Error, Result};
-use crate::rectify::{Epipolar, Framing, Rectifier, matches, uncalibrated};
+use crate::rectify::{EpipolarGeometry, Framing, Rectifier, matches, uncalibrated};
 use crate::stereo::{Frame, Geometry, Gray, Losses, StereoPair};
 use std::collections::VecDeque;
 
-/// A source whose pairs are rectified; its frames have the rectified rig.
+/// A source whose raw pairs are rectified: its frames are [`Geometry::Rectified`].
 pub struct RectifiedSource {
     source: Box<dyn Source>,
     rectifier: Rectifier,
-    /// Frames that were looked at before the first was given out, still raw.
+    /// Frames read ahead for the estimate, still raw.
     ahead: VecDeque<Frame>,
-    /// What the last pair was before; the next is rectified into it.
+    /// Buffers that the next pair is rectified into: the raw images of the last one.
     spare: [Gray; 2],
 }
 
-/// Pairs that an estimate is made of.
-const LOOKED_AT: usize = 8;
-/// How far a match may be from the geometry that the others agree on: as far as lenses bend it.
+/// Pairs from which an uncalibrated rectification is estimated.
+const ESTIMATED_FROM: usize = 8;
+/// Largest distance of an inlier from the epipolar geometry: as far as distortion moves points.
 const TOLERANCE_PX: f64 = 2.0;
 
 impl RectifiedSource {
-    /// The pairs of `source`, which are raw, by a calibration.
+    /// Rectifies the raw pairs of `source` with a calibration.
     ///
     /// # Errors
     /// [`Error::Dimensions`].
@@ -30,14 +30,14 @@ impl RectifiedSource {
         Self::ahead(source, rectifier, VecDeque::new())
     }
 
-    /// The pairs of `source` by what is seen in its first ones, without a calibration: rows agree,
-    /// distances stay unknown.
+    /// Rectifies the raw pairs of `source` without a calibration, by matches in its first ones:
+    /// rows correspond, but there is no rig.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where too little is seen in both images; those of the source.
+    /// [`Error::Invalid`] for too few matches; those of the source.
     pub fn estimated(mut source: Box<dyn Source>, framing: &Framing) -> Result<Self> {
         let mut ahead: VecDeque<Frame> = VecDeque::new();
-        while ahead.len() < LOOKED_AT
+        while ahead.len() < ESTIMATED_FROM
             && let Some(frame) = source.next()?
         {
             ahead.push_back(frame);
@@ -45,16 +45,16 @@ impl RectifiedSource {
         let size = ahead.front().map_or((0, 0), |frame| frame.pair.size());
         let alike = ahead.iter().filter(|frame| frame.pair.size() == size);
         let pooled: Vec<_> = alike.flat_map(|frame| matches(&frame.pair)).collect();
-        let agreeing = Epipolar::of(&pooled, TOLERANCE_PX)
+        let agreeing = EpipolarGeometry::estimate(&pooled, TOLERANCE_PX)
             .map(|found| found.inliers)
             .unwrap_or_default();
-        let told = |e: Error| {
+        let context = |e: Error| {
             Error::Invalid(format!(
-                "{}: cannot be rectified by its pictures: {e}",
+                "{}: cannot be rectified from its images: {e}",
                 source.name()
             ))
         };
-        let homographies = uncalibrated(&agreeing, size, framing).map_err(told)?;
+        let homographies = uncalibrated(&agreeing, size, framing).map_err(context)?;
         let rectifier = Rectifier::uncalibrated(&homographies, size)?;
         Self::ahead(source, rectifier, ahead)
     }
@@ -75,14 +75,14 @@ impl RectifiedSource {
     }
 
     fn rectified(&mut self, frame: Frame) -> Result<Frame> {
-        // Both would be wrong after it, and say that the pair is rectified.
+        // A rig and a truth belong to rectified images, so a calibration cannot apply to them. A
+        // pair that is only declared rectified is raw if its user gives a calibration.
         if frame.rig().is_some() || frame.truth.is_some() {
-            let why =
-                "its pairs come with the rig or the truth of rectified images: leave --calib out";
+            let why = "its pairs are rectified already, with rig or truth: omit --calib";
             return Err(Error::Invalid(format!("{}: {why}", self.source.name())));
         }
         let [left, right] = &mut self.spare;
-        let told = |e: Error| {
+        let context = |e: Error| {
             Error::Invalid(format!(
                 "{}: pair {}: {e}",
                 self.source.name(),
@@ -91,15 +91,15 @@ impl RectifiedSource {
         };
         self.rectifier
             .apply(&frame.pair, left, right)
-            .map_err(told)?;
+            .map_err(context)?;
         let [left, right] = std::mem::replace(&mut self.spare, frame.pair.into_images());
         Ok(Frame {
             pair: StereoPair::new(left, right)?,
             geometry: Geometry::Rectified(self.rectifier.rig().copied()),
-            // That of the left camera, which is turned.
+            // The pose is that of the left camera, which rectification rotates.
             pose: frame
                 .pose
-                .and_then(|pose| Some(pose * self.rectifier.turn()?.inverse())),
+                .and_then(|pose| Some(pose * self.rectifier.rotation()?.inverse())),
             ..frame
         })
     }
@@ -127,7 +127,7 @@ impl Source for RectifiedSource {
     }
 }
 
-/// A source whose raw pairs are taken as rectified, as their user wants it.
+/// A source whose raw pairs are declared rectified by the user (`--calib none`).
 pub struct AssumeRectified<'a>(&'a mut dyn Source);
 
 impl<'a> AssumeRectified<'a> {

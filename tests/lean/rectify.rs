@@ -3,7 +3,7 @@
 use crate::common::{datasets, pair};
 use nalgebra::{Matrix3, Vector3};
 use svl::rectify::{
-    Alignment, AlignmentMeter, Epipolar, Framing, Rectifier, bouguet, matches, uncalibrated,
+    Alignment, AlignmentMeter, EpipolarGeometry, Framing, Rectifier, bouguet, matches, uncalibrated,
 };
 use svl::stereo::{Gray, Intrinsics, LengthUnit, StereoCalibration, StereoPair, motion};
 
@@ -20,14 +20,14 @@ type Numbers = ([f64; 4], [f64; 5]);
 fn calibration(
     size: (usize, usize),
     [left, right]: [Numbers; 2],
-    turn: [f64; 9],
+    rotation: [f64; 9],
     apart: [f64; 3],
     unit: LengthUnit,
 ) -> StereoCalibration {
     let camera = |([fx, fy, cx, cy], lens): Numbers| {
         Intrinsics::new(size, (fx, fy), (cx, cy), lens).unwrap()
     };
-    let motion = motion(&Matrix3::from_row_slice(&turn), Vector3::from(apart)).unwrap();
+    let motion = motion(&Matrix3::from_row_slice(&rotation), Vector3::from(apart)).unwrap();
     StereoCalibration::new(camera(left), camera(right), motion, unit).unwrap()
 }
 
@@ -222,7 +222,7 @@ fn becomes_aligned(pairs: &[StereoPair], reference: &Reference, raw_px: f64, goo
     );
     assert!(by_calibration.matches > 300, "{by_calibration:?}");
     let pooled: Vec<_> = pairs.iter().flat_map(matches).collect();
-    let agreeing = Epipolar::of(&pooled, 2.0).unwrap().inliers;
+    let agreeing = EpipolarGeometry::estimate(&pooled, 2.0).unwrap().inliers;
     let homographies = uncalibrated(&agreeing, pairs[0].size(), &Framing::default()).unwrap();
     let rectifier = Rectifier::uncalibrated(&homographies, pairs[0].size()).unwrap();
     let by_pictures = measured(pairs.iter().map(|pair| rectified(&rectifier, pair)));

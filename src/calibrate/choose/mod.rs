@@ -1,73 +1,67 @@
-//! Which pairs to calibrate from: those that show the whole board in both images, sharp and still,
-//! in a pose that adds something to the poses that are there.
+//! Selection of views for calibration: pairs that show the whole board in both images, sharp and
+//! still, in a pose unlike those already accepted.
 
-mod lacks;
+mod coverage;
 mod pose;
 
-pub use lacks::Lacks;
+pub use coverage::MissingCoverage;
 
-use super::detect::{Edge, Seen, Sighting};
-use super::{Board, View};
-use lacks::Shown;
+use super::detect::{Detection, Edge, Sighting};
+use super::{Board, StereoView};
+use crate::stereo::Side;
+use coverage::ViewCoverage;
 use nalgebra::Point2;
 use pose::RoughPose;
 use std::fmt::{Display, Formatter};
 
-/// Chooses views of one board.
+/// Selects views of one board.
 pub struct Chooser {
     board: Board,
     size: (usize, usize),
-    views: Vec<View>,
-    /// Those of the views, and those that somebody did not want.
+    views: Vec<StereoView>,
+    /// Poses of the accepted and of the declined views.
     known: Vec<RoughPose>,
-    shown: Shown,
-    /// Stamp and left corners of the pair before.
+    coverage: ViewCoverage,
+    /// Stamp and left corners of the previous pair.
     before: Option<(u64, Vec<Point2<f64>>)>,
 }
 
 /// Why a pair is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Refusal {
-    /// In the left image or the right, as in the others.
+    /// The side is that of the image, here and below.
     NoBoard(Side),
-    /// Another number of corners, along the longer and the shorter side.
+    /// A board with another number of corners, along the longer and the shorter side.
     OtherBoard(Side, (usize, usize)),
     CutOff(Side, Edge),
-    /// Some corners are not seen though they are in the image.
+    /// Some corners within the image are not found.
     Hidden(Side),
     Blurred(Side),
-    /// Dark and bright squares hardly differ.
+    /// Too little contrast between dark and bright squares.
     Faint(Side),
     Moving,
     NothingNew,
 }
 
-/// One of two cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Side {
-    Left,
-    Right,
-}
-
-/// Views that are enough, if they lack nothing.
+/// Views that are enough when no coverage is missing.
 pub const ENOUGH: usize = 20;
-/// Views that are enough, whatever they lack.
+/// Views that are enough whatever coverage is missing.
 pub const MOST: usize = 60;
 
-/// Blur that still gives good corners: pixels, or parts of the image's width.
+/// Largest blur that still gives good corners: pixels, or share of the image's width.
 const BLUR: (f64, f64) = (2.0, 0.003);
-/// Least difference of dark and bright, grey levels.
+/// Least difference of dark and bright squares, grey levels.
 const FAINT: f64 = 25.0;
-/// A board that moves by less from pair to pair is held still: pixels, or parts of the image's
-/// width.
+/// A board that moves less than this from pair to pair is held still: pixels, or share of the
+/// image's width.
 const STILL: (f64, f64) = (1.0, 0.0025);
-/// Pairs whose boards are farther apart, in widths of the image, do not follow each other ...
+/// Pairs whose boards are farther apart than this, in widths of the image, are not consecutive ...
 const JUMP: f64 = 0.08;
-/// ... nor do those farther apart in time.
+/// ... nor are those farther apart in time.
 const FOLLOWING_NS: u64 = 300_000_000;
 
-/// How different unrelated pictures are from each other, of what pairs of a stream are: somebody
-/// chose them, and each makes the result a little surer.
+/// Least difference of unrelated images, as a share of that of pairs of a stream: they were
+/// selected already, and each lowers the standard deviations a little.
 const ANOTHER: f64 = 0.3;
 
 impl Chooser {
@@ -78,19 +72,23 @@ impl Chooser {
             size,
             views: Vec::new(),
             known: Vec::new(),
-            shown: Shown::default(),
+            coverage: ViewCoverage::default(),
             before: None,
         }
     }
 
-    /// Whether the next pair adds a view. `stamp_ns`: when it was taken, for pairs of a stream;
-    /// unrelated pictures have none, and are not asked whether the board moves.
+    /// The view of the next pair, if it helps. `stamp_ns`: when it was taken, for pairs of a
+    /// stream; unrelated images have none and are not checked for motion.
     ///
     /// # Errors
     /// The [`Refusal`].
-    pub fn judge(&mut self, stamp_ns: Option<u64>, seen: &[Seen; 2]) -> Result<View, Refusal> {
+    pub fn judge(
+        &mut self,
+        stamp_ns: Option<u64>,
+        seen: &[Detection; 2],
+    ) -> Result<StereoView, Refusal> {
         let before = self.before.take();
-        if let (Some(stamp), Seen::Whole(left)) = (stamp_ns, &seen[0]) {
+        if let (Some(stamp), Detection::Whole(left)) = (stamp_ns, &seen[0]) {
             self.before = Some((stamp, left.corners.clone()));
         }
         let [left, right] = [(Side::Left, &seen[0]), (Side::Right, &seen[1])]
@@ -108,58 +106,58 @@ impl Chooser {
         if self.known.iter().any(|known| known.difference(&pose) < new) {
             return Err(Refusal::NothingNew);
         }
-        Ok(View {
+        Ok(StereoView {
             left: left.corners.clone(),
             right: right.corners.clone(),
         })
     }
 
-    /// Takes a view that [`Chooser::judge`] found.
-    pub fn keep(&mut self, view: View) {
+    /// Accepts a view that [`Chooser::judge`] returned.
+    pub fn keep(&mut self, view: StereoView) {
         if let Some(pose) = RoughPose::new(&self.board, self.size, &view.left) {
             self.known.push(pose);
-            self.shown
+            self.coverage
                 .add(self.size, [&view.left, &view.right], pose.tilt());
             self.views.push(view);
         }
     }
 
-    /// Leaves a view out, and others like it.
-    pub fn decline(&mut self, view: &View) {
+    /// Declines a view; similar ones are refused from now on.
+    pub fn decline(&mut self, view: &StereoView) {
         self.known
             .extend(RoughPose::new(&self.board, self.size, &view.left));
     }
 
-    /// The views that were kept.
-    pub fn views(&self) -> &[View] {
+    /// The accepted views.
+    pub fn views(&self) -> &[StereoView] {
         &self.views
     }
 
-    pub fn lacks(&self) -> Lacks {
-        self.shown.lacks()
+    pub fn missing(&self) -> MissingCoverage {
+        self.coverage.missing()
     }
 
     /// Whether there are enough views.
     pub fn is_done(&self) -> bool {
-        self.views.len() >= MOST || (self.views.len() >= ENOUGH && self.lacks().is_nothing())
+        self.views.len() >= MOST || (self.views.len() >= ENOUGH && self.missing().is_empty())
     }
 
-    /// A whole, sharp board.
-    fn whole<'a>(&self, side: Side, seen: &'a Seen) -> Result<&'a Sighting, Refusal> {
+    /// The sighting of a whole, sharp board.
+    fn whole<'a>(&self, side: Side, seen: &'a Detection) -> Result<&'a Sighting, Refusal> {
         match seen {
-            Seen::Whole(sighting) if sighting.contrast < FAINT => Err(Refusal::Faint(side)),
-            Seen::Whole(sighting) if sighting.blur_px > self.limit(BLUR) => {
+            Detection::Whole(sighting) if sighting.contrast < FAINT => Err(Refusal::Faint(side)),
+            Detection::Whole(sighting) if sighting.blur_px > self.limit(BLUR) => {
                 Err(Refusal::Blurred(side))
             }
-            Seen::Whole(sighting) => Ok(sighting),
-            Seen::Other { corners } => Err(Refusal::OtherBoard(side, *corners)),
-            Seen::Part { beyond: Some(edge) } => Err(Refusal::CutOff(side, *edge)),
-            Seen::Part { beyond: None } => Err(Refusal::Hidden(side)),
-            Seen::Nothing => Err(Refusal::NoBoard(side)),
+            Detection::Whole(sighting) => Ok(sighting),
+            Detection::Other { corners } => Err(Refusal::OtherBoard(side, *corners)),
+            Detection::Part { beyond: Some(edge) } => Err(Refusal::CutOff(side, *edge)),
+            Detection::Part { beyond: None } => Err(Refusal::Hidden(side)),
+            Detection::Nothing => Err(Refusal::NoBoard(side)),
         }
     }
 
-    /// Whether a board moves rather than being held, or being another picture.
+    /// Whether the board moves, rather than being held still or in an unrelated image.
     fn moves(&self, before: &[Point2<f64>], now: &[Point2<f64>]) -> bool {
         let steps = before
             .iter()
@@ -175,37 +173,20 @@ impl Chooser {
 }
 
 impl Display for Refusal {
+    /// `no board left`: also the key under which refusals are counted in the report.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoBoard(side) => write!(f, "no board {side}"),
-            Self::OtherBoard(side, (long, short)) => write!(f, "a board of {long}x{short} {side}"),
-            Self::CutOff(side, edge) => write!(f, "cut off {side}, {edge}"),
-            Self::Hidden(side) => write!(f, "half hidden {side}"),
-            Self::Blurred(side) => write!(f, "blurred {side}"),
-            Self::Faint(side) => write!(f, "faint {side}"),
+            Self::NoBoard(side) => write!(f, "no board {}", side.name()),
+            Self::OtherBoard(side, (long, short)) => {
+                write!(f, "a board of {long}x{short} {}", side.name())
+            }
+            Self::CutOff(side, edge) => write!(f, "cut off {}, {edge}", side.name()),
+            Self::Hidden(side) => write!(f, "half hidden {}", side.name()),
+            Self::Blurred(side) => write!(f, "blurred {}", side.name()),
+            Self::Faint(side) => write!(f, "faint {}", side.name()),
             Self::Moving => f.write_str("moving"),
             Self::NothingNew => f.write_str("nothing new"),
         }
-    }
-}
-
-impl Display for Side {
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Left => "left",
-            Self::Right => "right",
-        })
-    }
-}
-
-impl Display for Edge {
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Left => "at its left edge",
-            Self::Right => "at its right edge",
-            Self::Top => "at its top",
-            Self::Bottom => "at its bottom",
-        })
     }
 }
 
@@ -214,15 +195,15 @@ mod tests {
     use super::*;
     use crate::calibrate::simulated::MovingBoard;
 
-    fn sighting(corners: &[Point2<f64>]) -> Seen {
-        Seen::Whole(Sighting {
+    fn sighting(corners: &[Point2<f64>]) -> Detection {
+        Detection::Whole(Sighting {
             corners: corners.to_vec(),
             blur_px: 0.8,
             contrast: 150.0,
         })
     }
 
-    fn seen(view: &View) -> [Seen; 2] {
+    fn seen(view: &StereoView) -> [Detection; 2] {
         [sighting(&view.left), sighting(&view.right)]
     }
 
@@ -247,7 +228,7 @@ mod tests {
         println!(
             "{} kept, {refused:?}, lacks {}",
             chooser.views().len(),
-            chooser.lacks()
+            chooser.missing()
         );
         assert!(
             refused[&Refusal::NothingNew] > 20 && refused[&Refusal::Moving] > 30,
@@ -272,7 +253,7 @@ mod tests {
                     .map(|p| Point2::new(p.x + off, p.y))
                     .collect()
             };
-            View {
+            StereoView {
                 left: shift(&view.left),
                 right: shift(&view.right),
             }
@@ -308,26 +289,29 @@ mod tests {
         let view = moving.view(0).unwrap();
         let whole = || sighting(&view.left);
         let worse = |blur_px, contrast| {
-            Seen::Whole(Sighting {
+            Detection::Whole(Sighting {
                 corners: view.right.clone(),
                 blur_px,
                 contrast,
             })
         };
         let cases = [
-            ([Seen::Nothing, whole()], "no board left"),
+            ([Detection::Nothing, whole()], "no board left"),
             (
                 [
                     whole(),
-                    Seen::Part {
+                    Detection::Part {
                         beyond: Some(Edge::Top),
                     },
                 ],
                 "cut off right, at its top",
             ),
-            ([Seen::Part { beyond: None }, whole()], "half hidden left"),
             (
-                [Seen::Other { corners: (7, 5) }, whole()],
+                [Detection::Part { beyond: None }, whole()],
+                "half hidden left",
+            ),
+            (
+                [Detection::Other { corners: (7, 5) }, whole()],
                 "a board of 7x5 left",
             ),
             ([whole(), worse(2.5, 150.0)], "blurred right"),
@@ -358,10 +342,10 @@ mod tests {
             "bottom",
             "lower right",
         ];
-        assert_eq!(chooser.lacks().left, all);
-        assert_eq!(chooser.lacks().tilted, ["left", "right", "up", "down"]);
+        assert_eq!(chooser.missing().left, all);
+        assert_eq!(chooser.missing().tilted, ["left", "right", "up", "down"]);
         chooser.keep(moving.view(0).unwrap());
-        assert!(chooser.lacks().left.len() < 9 && !chooser.is_done());
+        assert!(chooser.missing().left.len() < 9 && !chooser.is_done());
         for _ in 1..MOST {
             chooser.keep(moving.view(0).unwrap());
         }

@@ -1,32 +1,32 @@
-//! Where a board roughly is, before anyone knows the camera.
+//! Approximate pose of a board before the camera is calibrated.
 
 use crate::calibrate::Board;
 use nalgebra::{Point2, Unit, Vector2, Vector3};
 
-/// A camera's focal length, in widths of its image, for want of a better one: one that sees 60°.
+/// Assumed focal length, in widths of the image: that of a field of view of 60°.
 const FOCAL: f64 = 0.85;
 
-/// A board's place, direction and distance, roughly.
+/// Approximate position, orientation and distance of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RoughPose {
-    /// Its middle, in widths of the image from the image's middle.
+    /// Its middle relative to the middle of the image, in widths of the image.
     middle: Vector2<f64>,
-    /// Away from the camera.
+    /// The board's normal, pointing away from the camera.
     normal: Unit<Vector3<f64>>,
     /// In squares.
     distance: f64,
 }
 
-/// Two poses are as different as their most different part, in these: widths of the image, ...
+/// Differences that are worth another view; the largest of the three counts. Position, in widths of
+/// the image, ...
 const APART: f64 = 0.08;
-/// ... radians, ...
+/// ... orientation, radians, ...
 const TURNED: f64 = 0.17;
-/// ... and natural logarithms of the distances' ratio.
+/// ... and natural logarithm of the ratio of the distances.
 const NEARER: f64 = 0.18;
 
 impl RoughPose {
-    /// From a board's corners, in the order of [`Board::corners`]; nothing when they are no
-    /// board's.
+    /// From a board's corners, in the order of [`Board::corners`]; `None` when they are degenerate.
     pub(super) fn new(
         board: &Board,
         (width, height): (usize, usize),
@@ -55,16 +55,15 @@ impl RoughPose {
         })
     }
 
-    /// How different two poses are: 1 is worth another view.
+    /// How different two poses are; 1 is worth another view.
     pub(super) fn difference(&self, other: &Self) -> f64 {
         let apart = (self.middle - other.middle).norm() / APART;
-        let turned = self.normal.angle(&other.normal) / TURNED;
+        let rotated = self.normal.angle(&other.normal) / TURNED;
         let nearer = (self.distance / other.distance).ln().abs() / NEARER;
-        apart.max(turned).max(nearer)
+        apart.max(rotated).max(nearer)
     }
 
-    /// How it is turned from facing the camera: about the vertical axis and about the horizontal
-    /// one, radians.
+    /// Tilt against facing the camera, about the vertical and the horizontal axis, radians.
     pub(super) fn tilt(&self) -> Vector2<f64> {
         Vector2::new(self.normal.x.asin(), self.normal.y.asin())
     }

@@ -1,4 +1,4 @@
-//! Corners as they come from the detector, before anyone knows their place on a board.
+//! Corner candidates from the ChESS detector, not yet assigned to a board.
 
 use crate::stereo::Gray;
 use chess_corners::{CornerDescriptor, Detector, DetectorConfig, ImageRefiner, UpscaleConfig};
@@ -6,21 +6,21 @@ use nalgebra::{Point2, Vector2};
 
 /// A point where two dark and two bright fields meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Candidate {
+pub(super) struct CornerCandidate {
     pub at: Point2<f64>,
-    /// Unit vectors along the two edges, up to both their signs. From the first to the second,
-    /// turning from x towards y, it is dark: so neighbours on a board have them exchanged.
+    /// Unit vectors along the two edges, signs arbitrary. The sector from the first to the second,
+    /// in the direction from x to y, is dark: so neighbours on a board have them exchanged.
     pub axes: [Vector2<f64>; 2],
 }
 
-/// More than the largest board has, several times.
+/// Several times as many as the largest board has.
 const MAX_CANDIDATES: usize = 8_000;
 
 /// Finds candidates by the ring of Bennett and Lasenby (ChESS: Quick and robust detection of
 /// chess-board features, CVIU 2014).
 pub(super) struct Finder {
     plain: Detector,
-    /// For squares so small that the ring reaches beyond them.
+    /// On the image enlarged twice, for squares smaller than the detector's ring.
     enlarged: Detector,
 }
 
@@ -35,12 +35,12 @@ impl Finder {
         })
     }
 
-    pub(super) fn find(&mut self, image: &Gray) -> Vec<Candidate> {
+    pub(super) fn find(&mut self, image: &Gray) -> Vec<CornerCandidate> {
         candidates(&mut self.plain, image)
     }
 
-    /// For edges so soft that they are wider than the ring.
-    pub(super) fn find_halved(&mut self, image: &Gray) -> Vec<Candidate> {
+    /// In the image at half size, for edges blurred wider than the detector's ring.
+    pub(super) fn find_halved(&mut self, image: &Gray) -> Vec<CornerCandidate> {
         let mean = |x: usize, y: usize| {
             let sum: u16 = [(0, 0), (1, 0), (0, 1), (1, 1)]
                 .map(|(i, j)| image.get(2 * x + i, 2 * y + j).into())
@@ -48,30 +48,31 @@ impl Finder {
                 .sum();
             (sum / 4) as u8
         };
-        // An image of one pixel has no half.
+        // An image of one pixel cannot be halved.
         let Ok(half) = Gray::from_fn(image.width() / 2, image.height() / 2, mean) else {
             return Vec::new();
         };
+        // Pixel centres are at integers: the centre of half-size pixel i is at 2i + 0.5.
         let whole = |at: Point2<f64>| Point2::from(2.0 * at.coords + Vector2::new(0.5, 0.5));
         candidates(&mut self.plain, &half)
             .into_iter()
-            .map(|c| Candidate {
+            .map(|c| CornerCandidate {
                 at: whole(c.at),
                 ..c
             })
             .collect()
     }
 
-    pub(super) fn find_enlarged(&mut self, image: &Gray) -> Vec<Candidate> {
+    pub(super) fn find_enlarged(&mut self, image: &Gray) -> Vec<CornerCandidate> {
         candidates(&mut self.enlarged, image)
     }
 }
 
-/// The detector slices beyond images whose sides are shorter than its ring.
+/// The detector indexes out of bounds in images whose sides are shorter than its ring.
 const SMALLEST_SIDE: usize = 16;
 
-/// The strongest first.
-fn candidates(detector: &mut Detector, image: &Gray) -> Vec<Candidate> {
+/// Candidates, the strongest first.
+fn candidates(detector: &mut Detector, image: &Gray) -> Vec<CornerCandidate> {
     if image.width().min(image.height()) < SMALLEST_SIDE {
         return Vec::new();
     }
@@ -83,7 +84,7 @@ fn candidates(detector: &mut Detector, image: &Gray) -> Vec<Candidate> {
             &pixels
         }
     };
-    // Sides are at most MAX_SIDE, and the length is right: the only errors there are.
+    // It fails only for a wrong length or for sides beyond u32, which `Gray` rules out.
     let found = detector.detect_u8(pixels, image.width() as u32, image.height() as u32);
     let mut found = found.unwrap_or_default();
     found.sort_by(|a, b| b.response.total_cmp(&a.response));
@@ -91,7 +92,7 @@ fn candidates(detector: &mut Detector, image: &Gray) -> Vec<Candidate> {
     found.iter().filter_map(candidate).collect()
 }
 
-fn candidate(corner: &CornerDescriptor) -> Option<Candidate> {
+fn candidate(corner: &CornerDescriptor) -> Option<CornerCandidate> {
     let axes = corner
         .axes?
         .map(|axis| Vector2::new(f64::from(axis.angle.cos()), f64::from(axis.angle.sin())));
@@ -100,5 +101,5 @@ fn candidate(corner: &CornerDescriptor) -> Option<Candidate> {
         .iter()
         .chain(axes.iter().flatten())
         .all(|v| v.is_finite()))
-    .then_some(Candidate { at, axes })
+    .then_some(CornerCandidate { at, axes })
 }

@@ -1,62 +1,61 @@
-//! Which candidates are the corners of one board: grown from neighbour to neighbour, as in Geiger,
-//! Moosmann, Car and Schuster (Automatic camera and range sensor calibration using a single shot,
-//! ICRA 2012), but led by the edges' own directions, which say for every corner where its
-//! neighbours are.
+//! Grids of corner candidates, grown from neighbour to neighbour as in Geiger, Moosmann, Car and
+//! Schuster (Automatic camera and range sensor calibration using a single shot, ICRA 2012).
+//!
+//! Departure: growth follows the directions of the edges at each corner, which point at its
+//! neighbours.
 
-use super::candidate::Candidate;
+use super::candidate::CornerCandidate;
 use nalgebra::{Point2, Vector2};
 use std::collections::{BTreeMap, VecDeque};
 
-/// Place of a corner among the others, from some first one.
-pub(super) type Cell = (i32, i32);
+/// Column and row of a corner, relative to the seed of its grid.
+pub(super) type GridIndex = (i32, i32);
 
-/// Corners by their place.
+/// Corners by column and row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Grid {
-    pub corners: BTreeMap<Cell, Candidate>,
+    pub corners: BTreeMap<GridIndex, CornerCandidate>,
 }
 
-/// How far a corner may be from where its neighbours let expect it, in steps: perspective and lens
+/// Largest distance of a corner from its predicted position, in steps: perspective and distortion
 /// change the step.
-const STRAY: f64 = 0.35;
-/// Neighbours' edges differ in direction by less: cosine of 25°.
+const MAX_OFFSET: f64 = 0.35;
+/// Cosine of the largest angle (25°) between the edges of neighbours.
 const PARALLEL: f64 = 0.906;
-/// The first neighbour lies in the direction of the edge: cosine of 12°.
+/// Cosine of the largest angle (12°) between an edge and the step to the first neighbour.
 const AHEAD: f64 = 0.978;
-/// Steps are longer, pixels.
+/// Least step, pixels.
 const SHORTEST: f64 = 3.0;
 
-pub(super) const NEIGHBOURS: [Cell; 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+pub(super) const NEIGHBOURS: [GridIndex; 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 impl Grid {
-    /// All grids of at least 2x2 corners, the largest first. Each candidate is in one of them at
-    /// most.
-    pub(super) fn all(candidates: &[Candidate]) -> Vec<Self> {
+    /// All grids of at least 2x2 corners, the largest first. Each candidate is in at most one.
+    pub(super) fn all(candidates: &[CornerCandidate]) -> Vec<Self> {
         let mut free = vec![true; candidates.len()];
         let mut grids = Vec::new();
         for seed in 0..candidates.len() {
             if free[seed]
                 && let Some(members) = grow(candidates, &free, seed)
             {
-                members.values().for_each(|&i| free[i] = false);
-                grids.push(Self {
-                    corners: members
-                        .into_iter()
-                        .map(|(cell, i)| (cell, candidates[i]))
-                        .collect(),
-                });
+                let corner = |(cell, member): (_, Member)| {
+                    free[member.index] = false;
+                    (cell, candidates[member.index])
+                };
+                let corners = members.into_iter().map(corner).collect();
+                grids.push(Self { corners });
             }
         }
         grids.sort_by_key(|grid| std::cmp::Reverse(grid.corners.len()));
         grids
     }
 
-    pub(super) fn get(&self, cell: Cell) -> Option<Point2<f64>> {
+    pub(super) fn get(&self, cell: GridIndex) -> Option<Point2<f64>> {
         self.corners.get(&cell).map(|corner| corner.at)
     }
 
-    /// Smallest and largest place along both directions.
-    pub(super) fn bounds(&self) -> (Cell, Cell) {
+    /// Smallest and largest column and row.
+    pub(super) fn bounds(&self) -> (GridIndex, GridIndex) {
         let first = (i32::MAX, i32::MAX);
         let last = (i32::MIN, i32::MIN);
         self.corners
@@ -66,10 +65,10 @@ impl Grid {
             })
     }
 
-    /// Where a corner that is missing must be, by its neighbours: between two of them, or one step
-    /// beyond two.
-    pub(super) fn expected(&self, cell: Cell) -> Option<Point2<f64>> {
-        let at = |(i, j): Cell, times: i32| self.get((cell.0 + times * i, cell.1 + times * j));
+    /// The position of a missing corner, predicted from its neighbours: between two of them, or one
+    /// step beyond two. `None` without such neighbours.
+    pub(super) fn expected(&self, cell: GridIndex) -> Option<Point2<f64>> {
+        let at = |(i, j): GridIndex, times: i32| self.get((cell.0 + times * i, cell.1 + times * j));
         let between = |unit| Some(nalgebra::center(&at(unit, 1)?, &at(unit, -1)?));
         let beyond = |unit| {
             let (near, far) = (at(unit, 1)?, at(unit, 2)?);
@@ -79,16 +78,18 @@ impl Grid {
             let sum = points.iter().map(|p| p.coords).sum::<Vector2<f64>>();
             (!points.is_empty()).then(|| Point2::from(sum / points.len() as f64))
         };
+        // Interpolation is safer than extrapolation, so it goes first.
         let inner = mean([(1, 0), (0, 1)].into_iter().filter_map(between).collect());
         inner.or_else(|| mean(NEIGHBOURS.into_iter().filter_map(beyond).collect()))
     }
 
-    /// The edges' directions at a missing corner: those of a neighbour, exchanged.
-    pub(super) fn expected_axes(&self, cell: Cell) -> Option<[Vector2<f64>; 2]> {
+    /// The directions of the edges at a missing corner: those of a neighbour, exchanged.
+    pub(super) fn expected_axes(&self, cell: GridIndex) -> Option<[Vector2<f64>; 2]> {
         let beside = NEIGHBOURS
             .iter()
             .find_map(|unit| self.corners.get(&(cell.0 + unit.0, cell.1 + unit.1)))?;
         let [first, second] = beside.axes;
+        // Rotated by 90°, so that the sector from the first to the second stays dark.
         Some([second, -first])
     }
 }
@@ -100,8 +101,12 @@ struct Member {
     steps: [Vector2<f64>; 2],
 }
 
-/// The grid around one candidate; nothing when it has no 2x2 corners.
-fn grow(candidates: &[Candidate], free: &[bool], seed: usize) -> Option<BTreeMap<Cell, usize>> {
+/// Grows the grid around one candidate; `None` when it has no 2x2 corners.
+fn grow(
+    candidates: &[CornerCandidate],
+    free: &[bool],
+    seed: usize,
+) -> Option<BTreeMap<GridIndex, Member>> {
     let steps = first_steps(candidates, free, seed)?;
     let mut members = BTreeMap::from([((0, 0), Member { index: seed, steps })]);
     let mut taken = free.iter().map(|free| !free).collect::<Vec<_>>();
@@ -119,6 +124,7 @@ fn grow(candidates: &[Candidate], free: &[bool], seed: usize) -> Option<BTreeMap
             let Some(found) = nearest(candidates, &taken, from, steps[along] * forward) else {
                 continue;
             };
+            // Perspective changes the step gradually: each member predicts from its own last step.
             let mut steps = *steps;
             steps[along] = (candidates[found].at - from.at) * forward;
             taken[found] = true;
@@ -132,22 +138,22 @@ fn grow(candidates: &[Candidate], free: &[bool], seed: usize) -> Option<BTreeMap
             queue.push_back(next);
         }
     }
-    let square = |&(i, j): &Cell| {
+    // A row of corners alone is more often texture than a board.
+    let square = |&(i, j): &GridIndex| {
         [(1, 0), (0, 1), (1, 1)]
             .iter()
             .all(|d| members.contains_key(&(i + d.0, j + d.1)))
     };
     let solid = members.keys().any(square);
-    solid.then(|| {
-        members
-            .into_iter()
-            .map(|(cell, member)| (cell, member.index))
-            .collect()
-    })
+    solid.then_some(members)
 }
 
-/// From one candidate to its neighbours along its two edges.
-fn first_steps(candidates: &[Candidate], free: &[bool], seed: usize) -> Option<[Vector2<f64>; 2]> {
+/// The steps from a candidate to its neighbours along its two edges.
+fn first_steps(
+    candidates: &[CornerCandidate],
+    free: &[bool],
+    seed: usize,
+) -> Option<[Vector2<f64>; 2]> {
     let from = &candidates[seed];
     let step = |axis: Vector2<f64>| {
         let ahead = candidates
@@ -158,23 +164,20 @@ fn first_steps(candidates: &[Candidate], free: &[bool], seed: usize) -> Option<[
         let steps = steps
             .filter(|step| step.dot(&axis).abs() > AHEAD * step.norm() && step.norm() > SHORTEST);
         let nearest = steps.min_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
-        Some(if nearest.dot(&axis) < 0.0 {
-            -nearest
-        } else {
-            nearest
-        })
+        // Axes have no sign: a neighbour on either side gives the step.
+        Some(nearest * nearest.dot(&axis).signum())
     };
     Some([step(from.axes[0])?, step(from.axes[1])?])
 }
 
-/// The candidate one `step` away.
+/// The candidate nearest to one `step` away.
 fn nearest(
-    candidates: &[Candidate],
+    candidates: &[CornerCandidate],
     taken: &[bool],
-    from: &Candidate,
+    from: &CornerCandidate,
     step: Vector2<f64>,
 ) -> Option<usize> {
-    let (target, reach) = (from.at + step, STRAY * step.norm());
+    let (target, reach) = (from.at + step, MAX_OFFSET * step.norm());
     let near =
         (0..candidates.len()).filter(|&i| !taken[i] && (candidates[i].at - target).norm() < reach);
     near.filter(|&i| exchanged(from, &candidates[i]))
@@ -184,7 +187,7 @@ fn nearest(
         })
 }
 
-/// Whether two corners may be neighbours: the edges are parallel, dark is where it was bright.
-fn exchanged(a: &Candidate, b: &Candidate) -> bool {
+/// Whether two corners may be neighbours: their edges are parallel, with dark and bright exchanged.
+fn exchanged(a: &CornerCandidate, b: &CornerCandidate) -> bool {
     (0..2).all(|i| a.axes[i].dot(&b.axes[1 - i]).abs() > PARALLEL)
 }

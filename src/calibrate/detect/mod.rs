@@ -1,13 +1,34 @@
-//! The chessboard in an image, its corners to a fraction of a pixel.
+//! Chessboard detection with subpixel corners.
 //!
 //! ```text
-//! image ─▶ candidates (ChESS) ─▶ grid (neighbour to neighbour) ─▶ refine (two edges fitted) ─▶ place (which is first)
+//! image ─▶ candidate (ChESS) ─▶ grid (neighbour to neighbour) ─▶ refine (two edges fitted)
+//!       ─▶ labelling (which corner is the first)
 //! ```
+//!
+//! Compared with the crate `calib-targets` 0.16 (its sweep of settings, saddle point refinement) in
+//! November 2026, on OpenCV's 13 stereo pairs of a 9x6 board, and per look on 40 simulated boards:
+//!
+//! | | this | calib-targets |
+//! |---|---|---|
+//! | whole boards, OpenCV's 26 images | 26 | 25 (one more corner than the board has) |
+//! | distance to OpenCV's corners, rms | 0.135 px | 0.146 px, 2 corners farther than 2 px |
+//! | rms after [`super::solve()`] | 0.164 px | 0.177 px |
+//! | simulated, noise 0: boards, corner rms | 40, 0.012 px | 38, 0.014 px |
+//! | noise 5 (grey levels) | 40, 0.030 px | 38, 0.057 px |
+//! | noise 10 | 39, 0.055 px | 38, 0.114 px |
+//! | noise 20 | 27, 0.113 px | 33, 0.244 px |
+//! | blur 1.5 px | 39, 0.028 px | 38, 0.034 px |
+//! | blur 4 px | 32, 0.131 px | 32, 0.150 px |
+//! | 70 % less light at one edge | 40, 0.020 px | 38, 0.033 px |
+//! | time per image of 640x480 | 20 ms | 17 ms |
+//!
+//! So this one stays. In noise of 20 its grids lose to those of `calib-targets`, whose boards are
+//! then found more often: 39 of 40 where its grids are refined as here.
 
+mod assemble;
 mod candidate;
 mod grid;
-mod place;
-mod read;
+mod labelling;
 mod refine;
 
 use super::Board;
@@ -15,31 +36,42 @@ use crate::error::Result;
 use crate::stereo::{Gray, StereoPair};
 use candidate::Finder;
 use nalgebra::{Point2, Vector2};
+use std::fmt::{Display, Formatter};
 
-/// A whole board in an image.
+/// A whole board detected in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sighting {
     /// The inner corners in the order of [`Board::corners`], pixels, pixel centres at integers.
     pub corners: Vec<Point2<f64>>,
-    /// Standard deviation of the blur across the edges, pixels: the median of the corners.
+    /// Median standard deviation of the blur across the edges of the corners, pixels.
     pub blur_px: f64,
-    /// Difference of dark and bright squares, grey levels: the median of the corners.
+    /// Median difference of dark and bright squares at the corners, grey levels.
     pub contrast: f64,
 }
 
 /// What an image shows of a board.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Seen {
+pub enum Detection {
     Whole(Sighting),
-    /// A grid of other corners than the board has, the longer side first.
+    /// A board with another number of corners, the longer side first.
     Other {
         corners: (usize, usize),
     },
-    /// Some of it; the rest is beyond an edge of the image, where that is known.
+    /// Part of the board. `beyond`: the edge of the image beyond which the rest lies, if any.
     Part {
         beyond: Option<Edge>,
     },
     Nothing,
+}
+
+impl Detection {
+    /// The corners of a whole board; empty for anything else.
+    pub fn corners(&self) -> &[Point2<f64>] {
+        match self {
+            Self::Whole(sighting) => &sighting.corners,
+            _ => &[],
+        }
+    }
 }
 
 /// An edge of an image.
@@ -51,18 +83,29 @@ pub enum Edge {
     Bottom,
 }
 
-/// Looks for one board in one camera's images.
+impl Display for Edge {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Left => "at its left edge",
+            Self::Right => "at its right edge",
+            Self::Top => "at its top",
+            Self::Bottom => "at its bottom",
+        })
+    }
+}
+
+/// Detects one board in the images of one camera.
 pub struct Detector {
     board: Board,
     finder: Finder,
 }
 
-/// Images up to so many pixels are looked at enlarged when no whole board is found.
+/// Images of at most this many pixels are searched enlarged too when no whole board is found.
 const SMALL: usize = 1_000_000;
 
 impl Detector {
     /// # Errors
-    /// None known; those of the corner detector's settings.
+    /// None known; those of the corner detector for its settings.
     pub fn new(board: Board) -> Result<Self> {
         Ok(Self {
             board,
@@ -72,32 +115,36 @@ impl Detector {
 
     /// What the image shows of the board.
     ///
-    /// A board that differs from itself turned by 180° (one of its sides even, the other odd) is
-    /// read by its colours: the square outside the first corner is dark. Other boards are read so
-    /// that the way from the first corner to the last is most like `towards`: `(1, 1)` begins at
-    /// the upper left, and the diagonal of the other camera's image reads both alike.
-    pub fn find(&mut self, image: &Gray, towards: Vector2<f64>) -> Seen {
+    /// On a board that is not symmetric under a rotation of 180° (one side even, the other odd) the
+    /// square outside the first corner is dark. On other boards the vector from the first corner to
+    /// the last is as near to `towards` as possible: `(1, 1)` starts at the upper left; the
+    /// diagonal found in the other camera's image labels both images alike.
+    pub fn find(&mut self, image: &Gray, towards: Vector2<f64>) -> Detection {
         let candidates = self.finder.find(image);
-        let plain = read::read(image, &candidates, &self.board, towards);
-        if matches!(plain, Seen::Whole(_) | Seen::Other { .. }) {
+        let plain = assemble::assemble(image, &candidates, &self.board, towards);
+        if matches!(plain, Detection::Whole(_) | Detection::Other { .. }) {
             return plain;
         }
+        // Half the size makes blurred edges sharp enough for the detector's ring.
         let candidates = self.finder.find_halved(image);
-        if let Seen::Whole(sighting) = read::read(image, &candidates, &self.board, towards) {
-            return Seen::Whole(sighting);
+        if let Detection::Whole(sighting) =
+            assemble::assemble(image, &candidates, &self.board, towards)
+        {
+            return Detection::Whole(sighting);
         }
+        // Enlarging is slow, and the squares of a board in a large image are rarely that small.
         if image.width() * image.height() > SMALL {
             return plain;
         }
         let candidates = self.finder.find_enlarged(image);
-        match read::read(image, &candidates, &self.board, towards) {
-            Seen::Whole(sighting) => Seen::Whole(sighting),
+        match assemble::assemble(image, &candidates, &self.board, towards) {
+            Detection::Whole(sighting) => Detection::Whole(sighting),
             _ => plain,
         }
     }
 }
 
-/// Looks for one board in both images of pairs.
+/// Detects one board in both images of pairs.
 pub struct PairDetector([Detector; 2]);
 
 impl PairDetector {
@@ -107,12 +154,12 @@ impl PairDetector {
         Ok(Self([Detector::new(board)?, Detector::new(board)?]))
     }
 
-    /// What the left and the right image show; whole boards are read alike in both.
-    pub fn find(&mut self, pair: &StereoPair) -> [Seen; 2] {
+    /// What the left and the right image show. Whole boards are labelled alike in both.
+    pub fn find(&mut self, pair: &StereoPair) -> [Detection; 2] {
         let [left, right] = &mut self.0;
         let seen = left.find(pair.left(), UPPER_LEFT);
         let towards = match &seen {
-            Seen::Whole(sighting) => place::diagonal(&sighting.corners),
+            Detection::Whole(sighting) => labelling::diagonal(&sighting.corners),
             _ => UPPER_LEFT,
         };
         [seen, right.find(pair.right(), towards)]

@@ -1,52 +1,53 @@
-//! A corner's place to a fraction of a pixel.
+//! Subpixel position of a corner.
 //!
-//! Two soft edges that cross are fitted to all pixels around it,
-//! `I(d) = b + g·d + a tanh(s1/w1) tanh(s2/w2)` with `s` the distances from the edges, by least
-//! squares: with white noise no other way is more exact, and the widths `w` tell how sharp the
-//! image is there, along both edges apart.
+//! Least squares fit of two crossing soft edges to all pixels around it,
+//! `I(d) = b + g·d + a tanh(s1/w1) tanh(s2/w2)`, with `s` the distances from the edges. This is the
+//! maximum likelihood estimate in white noise, and the widths `w` measure the blur across each
+//! edge.
 
-use super::candidate::Candidate;
+use super::candidate::CornerCandidate;
 use crate::stereo::Gray;
 use nalgebra::{Point2, SMatrix, SVector, Vector2};
 
 /// A corner after the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fitted {
-    pub corner: Candidate,
+    pub corner: CornerCandidate,
     /// Half the difference of dark and bright, grey levels.
     pub contrast: f64,
-    /// Root mean square of what the fit does not explain, grey levels.
+    /// RMS residual of the fit, grey levels.
     pub residual: f64,
     /// Standard deviation of the blur across the blurrier of the two edges, pixels.
     pub blur_px: f64,
 }
 
-/// Place (2), angles (2), logarithms of the widths (2), then what is linear: b, g (2), a.
+/// Position (2), angles (2), logarithms of the widths (2), then the linear ones: b, g (2), a.
 const UNKNOWNS: usize = 10;
 type Unknowns = SVector<f64, UNKNOWNS>;
 
-/// Most of the pixels that a square can give, and few enough that a lens bends no edge within them.
+/// As many pixels as a square has, and so few that distortion bends no edge within them.
 const RADIUS_PX: std::ops::RangeInclusive<f64> = 2.5..=9.0;
 const STEPS: usize = 20;
 const CLOSE_PX: f64 = 1e-4;
-/// An edge as steep as tanh(s/w) is one blurred by a Gaussian of this many w.
+/// Standard deviation, in units of w, of the Gaussian blur whose edge is as steep as tanh(s/w).
 const GAUSS: f64 = 0.80;
 const WIDTH_PX: std::ops::RangeInclusive<f64> = 0.3..=8.0;
 
-/// Fits the corner near `start`, in a circle that stays clear of the next edges, `clearance_px`
-/// away. Nothing when the circle leaves the image, or there is no corner.
-pub(super) fn refine(image: &Gray, start: &Candidate, clearance_px: f64) -> Option<Fitted> {
+/// Fits the corner near `start`, in a circle clear of the next edges, which are `clearance_px`
+/// away. `None` when the circle leaves the image, or there is no corner.
+pub(super) fn refine(image: &Gray, start: &CornerCandidate, clearance_px: f64) -> Option<Fitted> {
     let radius = (0.85 * clearance_px - 1.0).clamp(*RADIUS_PX.start(), *RADIUS_PX.end());
     let fitted = fit(image, start, radius)?;
-    let astray = (fitted.corner.at - start.at).amax() > 0.6;
-    if astray {
+    // The circle is centred on a pixel near the start; centre it again on a corner that moved far.
+    let moved_far = (fitted.corner.at - start.at).amax() > 0.6;
+    if moved_far {
         fit(image, &fitted.corner, radius)
     } else {
         Some(fitted)
     }
 }
 
-fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
+fn fit(image: &Gray, start: &CornerCandidate, radius: f64) -> Option<Fitted> {
     let centre = Point2::new(start.at.x.round(), start.at.y.round());
     let pixels = circle(image, centre, radius)?;
     let angle = |axis: &Vector2<f64>| axis.y.atan2(axis.x);
@@ -55,6 +56,7 @@ fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
     let from = start.at - centre;
     let mut x = Unknowns::zeros();
     let [first, second] = start.axes.map(|axis| angle(&axis));
+    // Widths start at one pixel (ln w = 0), the contrast at the standard deviation of the patch.
     x.as_mut_slice().copy_from_slice(&[
         from.x,
         from.y,
@@ -75,6 +77,7 @@ fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
         (0..UNKNOWNS).for_each(|i| matrix[(i, i)] *= 1.0 + damping);
         let step = matrix.cholesky()?.solve(&gradient);
         let mut next = x + step;
+        // Without bounds a perfectly sharp or an empty patch drives the widths to 0 or infinity.
         (4..6).for_each(|i| next[i] = next[i].clamp(WIDTH_PX.start().ln(), WIDTH_PX.end().ln()));
         let (next_normal, next_cost) = equations(&pixels, &next);
         if next_cost <= cost {
@@ -89,11 +92,11 @@ fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
     let moved = (Vector2::new(x[0], x[1]) - from).norm();
     let axes = [x[2], x[3]].map(|angle| Vector2::new(angle.cos(), angle.sin()));
     let crossing = axes[0].perp(&axes[1]).abs();
-    // Also refuses what is not a number.
+    // NaN fails too.
     let there =
         moved < 0.5 * radius && x[9] > 1.0 && crossing > 0.2 && x.iter().all(|v| v.is_finite());
     there.then(|| Fitted {
-        corner: Candidate {
+        corner: CornerCandidate {
             at: centre + Vector2::new(x[0], x[1]),
             axes,
         },
@@ -104,7 +107,7 @@ fn fit(image: &Gray, start: &Candidate, radius: f64) -> Option<Fitted> {
 }
 
 struct Pixel {
-    /// From the centre of the circle.
+    /// Relative to the centre of the circle.
     at: Vector2<f64>,
     value: f64,
 }
@@ -125,10 +128,10 @@ fn circle(image: &Gray, centre: Point2<f64>, radius: f64) -> Option<Vec<Pixel>> 
     Some(round.map(pixel).collect())
 }
 
-type Normal = (SMatrix<f64, UNKNOWNS, UNKNOWNS>, Unknowns);
+type CornerEquations = (SMatrix<f64, UNKNOWNS, UNKNOWNS>, Unknowns);
 
-/// Normal equations at `x` and the sum of squared residuals.
-fn equations(pixels: &[Pixel], x: &Unknowns) -> (Normal, f64) {
+/// Gauss-Newton normal equations at `x`, and the sum of squared residuals.
+fn equations(pixels: &[Pixel], x: &Unknowns) -> (CornerEquations, f64) {
     let mut matrix = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
     let mut gradient = Unknowns::zeros();
     let mut cost = 0.0;
@@ -139,19 +142,22 @@ fn equations(pixels: &[Pixel], x: &Unknowns) -> (Normal, f64) {
         let d = at - Vector2::new(x[0], x[1]);
         let scaled = [0, 1].map(|i| across[i].dot(&d) * steep[i]);
         let edge = scaled.map(f64::tanh);
+        // ∂I/∂(s/w) of each edge: a tanh(other) (1 − tanh²).
         let slope = [0, 1].map(|i| x[9] * edge[1 - i] * (1.0 - edge[i] * edge[i]));
         let model = x[6] + x[7] * d.x + x[8] * d.y + x[9] * edge[0] * edge[1];
         let residual = value - model;
-        let place = -(across[0] * (slope[0] * steep[0]) + across[1] * (slope[1] * steep[1]));
-        let turn = [0, 1].map(|i| -slope[i] * steep[i] * along[i].dot(&d));
-        let widen = [0, 1].map(|i| -slope[i] * scaled[i]);
+        // Moving the corner moves both edges against the pixel; rotating an edge moves it in
+        // proportion to the distance along it; ln w scales s/w.
+        let by_position = -(across[0] * (slope[0] * steep[0]) + across[1] * (slope[1] * steep[1]));
+        let by_angle = [0, 1].map(|i| -slope[i] * steep[i] * along[i].dot(&d));
+        let by_width = [0, 1].map(|i| -slope[i] * scaled[i]);
         let row = Unknowns::from([
-            place.x - x[7],
-            place.y - x[8],
-            turn[0],
-            turn[1],
-            widen[0],
-            widen[1],
+            by_position.x - x[7],
+            by_position.y - x[8],
+            by_angle[0],
+            by_angle[1],
+            by_width[0],
+            by_width[1],
             1.0,
             d.x,
             d.y,

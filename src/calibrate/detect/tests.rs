@@ -58,7 +58,7 @@ fn error_px(look: impl Fn(u64) -> Look) -> (f64, usize) {
         let pose = pose(&board, at, angles);
         let image = render(rays(), &board, &[pose], &look(i), i).unwrap();
         match detector.find(&image, UPPER_LEFT) {
-            Seen::Whole(sighting) => {
+            Detection::Whole(sighting) => {
                 for (found, truth) in sighting.corners.iter().zip(truth(&board, &pose)) {
                     sum += (found - truth).norm_squared();
                     count += 1;
@@ -91,7 +91,7 @@ const CLEAN: Look = Look {
     shade: 0.2,
 };
 
-fn look_at(board: &Board, asked: &Board, pose: Isometry3<f64>) -> Seen {
+fn look_at(board: &Board, asked: &Board, pose: Isometry3<f64>) -> Detection {
     let image = render(rays(), board, &[pose], &CLEAN, 1).unwrap();
     Detector::new(*asked).unwrap().find(&image, UPPER_LEFT)
 }
@@ -117,8 +117,8 @@ fn a_board_partly_outside_is_no_board_and_says_where() {
             let inside = |p: &Point2<f64>| p.x > 0.0 && p.x < 639.0 && p.y > 0.0 && p.y < 479.0;
             let whole = truth(&board, &pose).iter().all(inside);
             match look_at(&board, &board, pose) {
-                Seen::Whole(_) => assert!(whole, "{edge:?} {far}"),
-                Seen::Part { beyond: Some(at) } => {
+                Detection::Whole(_) => assert!(whole, "{edge:?} {far}"),
+                Detection::Part { beyond: Some(at) } => {
                     assert_eq!(at, edge);
                     beyond += 1;
                 }
@@ -138,7 +138,7 @@ fn a_board_of_other_corners_is_named() {
     let pose = pose(&board, [0.0, 0.0, 14.0], [0.2, 0.1, 0.3]);
     assert_eq!(
         look_at(&board, &asked, pose),
-        Seen::Other { corners: (7, 5) }
+        Detection::Other { corners: (7, 5) }
     );
     // Part of a larger board is not the smaller one.
     let (board, asked) = (
@@ -147,7 +147,7 @@ fn a_board_of_other_corners_is_named() {
     );
     assert_eq!(
         look_at(&board, &asked, pose),
-        Seen::Other { corners: (9, 6) }
+        Detection::Other { corners: (9, 6) }
     );
 }
 
@@ -173,7 +173,7 @@ fn the_first_corner_is_the_same_in_both_images() {
                 (render(&rays, &board, &[pose], &CLEAN, 1).unwrap(), truth)
             };
             let ((left, left_truth), (right, right_truth)) = (image(1.0), image(-1.0));
-            let [Seen::Whole(left), Seen::Whole(right)] =
+            let [Detection::Whole(left), Detection::Whole(right)] =
                 detector.find(&StereoPair::new(left, right).unwrap())
             else {
                 panic!("{sides:?} {turn}: not found");
@@ -207,7 +207,8 @@ fn small_and_blurred_boards_are_found() {
     for (depth, blur_px) in [(14.0, 0.7), (25.0, 0.7), (36.0, 0.5), (14.0, 2.5)] {
         let pose = pose(&board, [0.5, 0.2, depth], [0.3, 0.2, 0.2]);
         let image = render(&rays, &board, &[pose], &Look { blur_px, ..CLEAN }, 1).unwrap();
-        let Seen::Whole(sighting) = Detector::new(board).unwrap().find(&image, UPPER_LEFT) else {
+        let Detection::Whole(sighting) = Detector::new(board).unwrap().find(&image, UPPER_LEFT)
+        else {
             panic!("{depth} squares away, blur {blur_px} px: not found");
         };
         let truth = board
@@ -237,7 +238,8 @@ fn boards_out_of_focus_are_found() {
     let pose = pose(&board, [0.2, 0.1, 13.0], [0.1, 0.2, 0.1]);
     for blur_px in [3.0, 5.0] {
         let image = render(rays(), &board, &[pose], &Look { blur_px, ..CLEAN }, 1).unwrap();
-        let Seen::Whole(sighting) = Detector::new(board).unwrap().find(&image, UPPER_LEFT) else {
+        let Detection::Whole(sighting) = Detector::new(board).unwrap().find(&image, UPPER_LEFT)
+        else {
             panic!("blur {blur_px} px: not found");
         };
         let off = sighting
@@ -267,7 +269,7 @@ fn images_of_anything_else_and_of_any_size_hold_no_board() {
                 .collect();
             let image = Gray::from_vec(width, height, pixels).unwrap();
             assert!(
-                !matches!(detector.find(&image, UPPER_LEFT), Seen::Whole(_)),
+                !matches!(detector.find(&image, UPPER_LEFT), Detection::Whole(_)),
                 "{width}x{height}"
             );
         }

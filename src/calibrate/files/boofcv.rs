@@ -1,16 +1,17 @@
 //! BoofCV's stereo YAML.
 //!
-//! It states no unit: svl writes one under a key of its own, which BoofCV passes over.
+//! It states no unit: svl writes one under its own key, which BoofCV ignores.
 
 use super::document::{Document, Syntax};
-use super::geometry::Cameras;
-use super::words::{number, rows};
-use super::{Format, Found, Hints, Unit, Writing, Written, unit};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
+use super::geometry::StereoParameters;
+use super::numbers::{number, rows};
+use super::unit::{self, FileUnit};
 use crate::error::Result;
 use crate::stereo::{Intrinsics, StereoCalibration, motion};
 use nalgebra::Vector3;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "boofcv",
     title: "BoofCV's stereo YAML",
     conventions: "pinhole_radial_tangential, radial = k1 k2 k3, t1 t2 = p1 p2; rightToLeft: \
@@ -25,26 +26,22 @@ pub(super) const FORMAT: Format = Format {
     write: Some(write),
 };
 
-fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    let document = super::one(documents)?;
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let document = one(documents)?;
     let translation =
         ["rightToLeft.x", "rightToLeft.y", "rightToLeft.z"].map(|key| document.number(key));
     let [x, y, z] = translation;
     let rotation = document.matrix("rightToLeft.rotation")?;
     let left_from_right = motion(&rotation, Vector3::new(x?, y?, z?))
-        .map_err(|e| document.wrong(format!("'rightToLeft.rotation': {e}")))?;
-    let cameras = Cameras {
+        .map_err(|e| document.error(format!("'rightToLeft.rotation': {e}")))?;
+    let cameras = StereoParameters {
         left: camera(&document, "left")?,
         right: camera(&document, "right")?,
         right_from_left: Some(left_from_right.inverse()),
         rectification: None,
     };
-    let unit = Unit::of(&document, "length_unit", hints.unit)?;
-    Ok(Found {
-        format: &FORMAT,
-        calibration: cameras.calibration(&document, unit)?,
-        remarks: Vec::new(),
-    })
+    let unit = FileUnit::stated(&document, "length_unit", hints.unit)?;
+    cameras.loaded(&FORMAT, &document, unit, Vec::new())
 }
 
 fn camera(document: &Document, side: &str) -> Result<Intrinsics> {
@@ -56,8 +53,8 @@ fn camera(document: &Document, side: &str) -> Result<Intrinsics> {
             let term = |i: usize| radial.get(i).copied().unwrap_or(0.0);
             if radial.iter().skip(3).any(|v| *v != 0.0) {
                 let what = key("radial_tangential.radial");
-                return Err(document.wrong(format!(
-                    "'{what}' has {} terms; svl's lens has three",
+                return Err(document.error(format!(
+                    "'{what}' has {} terms; svl's distortion has three",
                     radial.len()
                 )));
             }
@@ -79,7 +76,7 @@ fn camera(document: &Document, side: &str) -> Result<Intrinsics> {
         }
         model => {
             let key = key("model");
-            return Err(document.wrong(format!(
+            return Err(document.error(format!(
                 "'{key}' is {model}; svl reads pinhole_radial_tangential"
             )));
         }
@@ -88,7 +85,7 @@ fn camera(document: &Document, side: &str) -> Result<Intrinsics> {
     let skew = at("skew")?;
     if skew != 0.0 {
         let key = key("pinhole.skew");
-        return Err(document.wrong(format!(
+        return Err(document.error(format!(
             "'{key}' is {skew}; svl's cameras have none, calibrate without"
         )));
     }
@@ -99,7 +96,7 @@ fn camera(document: &Document, side: &str) -> Result<Intrinsics> {
         (at("cx")?, at("cy")?),
         distortion,
     )
-    .map_err(|e| document.wrong(format!("'{side}': {e}")))
+    .map_err(|e| document.error(format!("'{side}': {e}")))
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -136,7 +133,7 @@ fn one_side(side: &str, camera: &Intrinsics) -> String {
     let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
     let (width, height) = camera.size();
     let [k1, k2, p1, p2, k3] = camera.distortion();
-    // Most of its files have two terms, and not every reader expects more.
+    // Most BoofCV files have two terms, and not every reader expects more.
     let radial = if k3 == 0.0 {
         vec![k1, k2]
     } else {

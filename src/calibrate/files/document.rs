@@ -1,32 +1,33 @@
-//! The tree of names and values that a calibration file is, whatever its syntax.
+//! A calibration file as a tree of names and values, whatever its syntax.
 
-use super::{Format, lines, markup};
+use super::markup;
 use crate::bounded::read_text;
 use crate::error::{Error, Result};
 use crate::stereo::{self, MAX_SIDE};
 use crate::yaml::{self, Node};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Largest calibration file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// How a format writes names and values.
+/// Syntax of a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Syntax {
-    /// XML when it begins so, else YAML.
+    /// XML when it starts with `<`, else YAML.
     Markup,
-    /// `NAME: values` or `NAME=values` in each line.
+    /// `NAME: values` or `NAME=values` in each line, with this separator.
     Lines(char),
 }
 
 /// A calibration file, read.
 ///
-/// Its keys are paths, `left.pinhole.fx` or `Camera.0.ImageSize`, of which `K1|M1` names two: the
-/// first that is there. All its errors name the file and the key.
+/// Keys are paths such as `left.pinhole.fx` or `Camera.0.ImageSize`; `K1|M1` means the first that
+/// exists. All errors name the file and the key.
 pub(super) struct Document {
     path: PathBuf,
-    /// Whose file it is.
+    /// Title of its format.
     title: &'static str,
     root: Node,
 }
@@ -34,35 +35,40 @@ pub(super) struct Document {
 /// The text of a calibration file.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what is too large or no text.
+/// [`Error::Io`]; [`Error::Format`] for a file that is too large or not text.
 pub(super) fn text(path: &Path) -> Result<String> {
     read_text(path, MAX_BYTES)
 }
 
 impl Document {
     /// # Errors
-    /// [`Error::Format`] with the line for what is not of that format's syntax.
-    pub(super) fn parse(path: &Path, text: &str, format: &Format) -> Result<Self> {
+    /// [`Error::Format`] with the line of a syntax error.
+    pub(super) fn parse(
+        path: &Path,
+        text: &str,
+        syntax: Syntax,
+        title: &'static str,
+    ) -> Result<Self> {
         let text = text.trim_start_matches('\u{feff}');
-        let root = match format.syntax {
-            Syntax::Lines(mark) => Ok(lines::parse(text, mark)),
+        let root = match syntax {
+            Syntax::Lines(separator) => Ok(parse_lines(text, separator)),
             Syntax::Markup if text.trim_start().starts_with('<') => markup::parse(text),
             Syntax::Markup => yaml::parse(text),
         };
         let root = root.map_err(|reason| Error::format(path, reason))?;
         Ok(Self {
             path: path.to_owned(),
-            title: format.title,
+            title,
             root,
         })
     }
 
-    /// An error of this file.
-    pub(super) fn wrong(&self, reason: impl std::fmt::Display) -> Error {
+    /// An error that names this file.
+    pub(super) fn error(&self, reason: impl std::fmt::Display) -> Error {
         Error::format(&self.path, reason.to_string())
     }
 
-    /// What stands in the other file too, where this one lacks it.
+    /// Adds the entries of the other file that this one does not have.
     pub(super) fn completed_by(mut self, other: Self) -> Self {
         if let (Node::Table(own), Node::Table(more)) = (&mut self.root, other.root) {
             for (key, node) in more {
@@ -89,8 +95,8 @@ impl Document {
 
     fn node(&self, key: &str) -> Result<&Node> {
         self.find(key).ok_or_else(|| {
-            self.wrong(format!(
-                "no '{}', which {} has; is it whole?",
+            self.error(format!(
+                "no '{}', which {} has; is it complete?",
                 key.replace('|', "' or '"),
                 self.title
             ))
@@ -98,23 +104,23 @@ impl Document {
     }
 
     /// # Errors
-    /// When it is not there or no single value.
+    /// When the key is missing or not a single value.
     pub(super) fn text(&self, key: &str) -> Result<&str> {
         match self.node(key)? {
             Node::Value(text) => Ok(text.trim()),
-            _ => Err(self.wrong(format!("'{key}' holds several values, expected one"))),
+            _ => Err(self.error(format!("'{key}' holds several values, expected one"))),
         }
     }
 
-    /// All numbers of a list, of a matrix, or of a line.
+    /// All numbers of a list, a matrix or a line.
     ///
     /// # Errors
-    /// When it is not there or holds what is no finite number.
+    /// When the key is missing or a value is not a finite number.
     pub(super) fn numbers(&self, key: &str) -> Result<Vec<f64>> {
         let number = |word: &str| {
             let value = word.parse().ok().filter(|v: &f64| v.is_finite());
             value.ok_or_else(|| {
-                self.wrong(format!(
+                self.error(format!(
                     "'{key}' holds '{}', expected a finite number",
                     short(word)
                 ))
@@ -134,18 +140,18 @@ impl Document {
                 .iter()
                 .map(|node| match node {
                     Node::Value(text) => number(text.trim()),
-                    _ => Err(self.wrong(format!("'{key}' is a list of lists, expected numbers"))),
+                    _ => Err(self.error(format!("'{key}' is a list of lists, expected numbers"))),
                 })
                 .collect(),
         }
     }
 
     /// # Errors
-    /// Those of [`Document::numbers`], and when there are more or fewer.
+    /// Those of [`Document::numbers`], and for another count.
     pub(super) fn array<const N: usize>(&self, key: &str) -> Result<[f64; N]> {
         let numbers = self.numbers(key)?;
         numbers.try_into().map_err(|n: Vec<f64>| {
-            self.wrong(format!("'{key}' has {} numbers, expected {N}", n.len()))
+            self.error(format!("'{key}' has {} numbers, expected {N}", n.len()))
         })
     }
 
@@ -155,7 +161,7 @@ impl Document {
         Ok(self.array::<1>(key)?[0])
     }
 
-    /// Numbers under keys that are counted: `rot0`, `rot1` and so on.
+    /// Numbers under numbered keys: `rot0`, `rot1` and so on.
     ///
     /// # Errors
     /// Those of [`Document::array`].
@@ -167,10 +173,10 @@ impl Document {
         Ok(numbers)
     }
 
-    /// Width and height, of one image side each.
+    /// Width and height under a key each.
     ///
     /// # Errors
-    /// Those of [`Document::number`], and for what no image is large.
+    /// Those of [`Document::number`], and for a size that no image has.
     pub(super) fn size(&self, width: &str, height: &str) -> Result<(usize, usize)> {
         let side = |key: &str| self.side(key, self.number(key)?);
         Ok((side(width)?, side(height)?))
@@ -189,7 +195,7 @@ impl Document {
         if side.fract() == 0.0 && (1.0..=MAX_SIDE as f64).contains(&side) {
             Ok(side as usize)
         } else {
-            Err(self.wrong(format!(
+            Err(self.error(format!(
                 "'{key}' is {side}, expected whole pixels, 1 to {MAX_SIDE}"
             )))
         }
@@ -212,13 +218,24 @@ impl Document {
     }
 
     /// # Errors
-    /// Those of [`Document::array`], and when it is no rotation.
+    /// Those of [`Document::array`], and when the matrix is not a rotation.
     pub(super) fn rotation(&self, key: &str) -> Result<Rotation3<f64>> {
-        stereo::rotation(&self.matrix(key)?).map_err(|e| self.wrong(format!("'{key}': {e}")))
+        stereo::rotation(&self.matrix(key)?).map_err(|e| self.error(format!("'{key}': {e}")))
     }
 }
 
-/// As much of a word as a message has room for.
+/// `NAME=values` or `NAME: values`, line by line. Lines without the separator are skipped, and of
+/// two with one name the second.
+fn parse_lines(text: &str, separator: char) -> Node {
+    let mut table = BTreeMap::new();
+    for (name, value) in text.lines().filter_map(|line| line.split_once(separator)) {
+        let value = || Node::Value(value.trim().to_owned());
+        table.entry(name.trim().to_owned()).or_insert_with(value);
+    }
+    Node::Table(table)
+}
+
+/// The first 40 characters of a word, printable, for a message.
 fn short(word: &str) -> String {
     let printed = word.chars().map(|c| if c.is_control() { ' ' } else { c });
     printed.take(40).collect()

@@ -1,13 +1,14 @@
 //! EuRoC's and ASL's `sensor.yaml`, one per camera; read only.
 
 use super::document::{Document, Syntax};
-use super::geometry::{Cameras, lens};
-use super::{Format, Found, Hints, Unit};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, both};
+use super::geometry::{StereoParameters, read_distortion};
+use super::unit::FileUnit;
 use crate::error::Result;
 use crate::stereo::{Intrinsics, motion};
 use nalgebra::{Isometry3, Matrix4};
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "euroc",
     title: "EuRoC's sensor.yaml",
     conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2; T_BS: x_body = T_BS \
@@ -24,20 +25,16 @@ pub(super) const FORMAT: Format = Format {
     write: None,
 };
 
-fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    let [left, right] = super::both(documents)?;
-    let unit = Unit::METRE.fixed(&left, hints.unit)?;
-    let cameras = Cameras {
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let [left, right] = both(documents)?;
+    let unit = FileUnit::METRE.fixed(&left, hints.unit)?;
+    let cameras = StereoParameters {
         left: camera(&left)?,
         right: camera(&right)?,
         right_from_left: Some(body_from_camera(&right)?.inverse() * body_from_camera(&left)?),
         rectification: None,
     };
-    Ok(Found {
-        format: &FORMAT,
-        calibration: cameras.calibration(&right, unit)?,
-        remarks: Vec::new(),
-    })
+    cameras.loaded(&FORMAT, &right, unit, Vec::new())
 }
 
 fn camera(document: &Document) -> Result<Intrinsics> {
@@ -47,18 +44,18 @@ fn camera(document: &Document) -> Result<Intrinsics> {
     ] {
         let model = document.text(key)?;
         if model != known {
-            return Err(document.wrong(format!("'{key}' is {model}; svl reads {known}")));
+            return Err(document.error(format!("'{key}' is {model}; svl reads {known}")));
         }
     }
     let [fx, fy, cx, cy] = document.array("intrinsics")?;
-    let distortion = lens(document, "distortion_coefficients")?;
+    let distortion = read_distortion(document, "distortion_coefficients")?;
     Intrinsics::new(
         document.size_of("resolution")?,
         (fx, fy),
         (cx, cy),
         distortion,
     )
-    .map_err(|e| document.wrong(format!("'intrinsics': {e}")))
+    .map_err(|e| document.error(format!("'intrinsics': {e}")))
 }
 
 fn body_from_camera(document: &Document) -> Result<Isometry3<f64>> {
@@ -67,5 +64,5 @@ fn body_from_camera(document: &Document) -> Result<Isometry3<f64>> {
         pose.fixed_view::<3, 3>(0, 0).into(),
         pose.fixed_view::<3, 1>(0, 3).into(),
     );
-    motion(&rotation, translation).map_err(|e| document.wrong(format!("'T_BS': {e}")))
+    motion(&rotation, translation).map_err(|e| document.error(format!("'T_BS': {e}")))
 }

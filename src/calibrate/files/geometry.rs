@@ -1,33 +1,52 @@
-//! From the matrices of a file to cameras, and their agreement.
+//! Cameras from the matrices of a file, and checks that the matrices agree.
 
-use super::Unit;
 use super::document::Document;
+use super::format::{CalibrationFormat, LoadedCalibration};
+use super::unit::FileUnit;
 use crate::error::Result;
 use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, motion};
 use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 
-/// Rectified cameras are one pinhole when they differ by no more than this share of the focal
+/// Rectified cameras count as one pinhole when they differ by no more than this share of the focal
 /// length.
 const SAME: f64 = 1e-6;
 
-/// How far a rectification may be from the cameras it is said to be of: shares of the baseline,
-/// radians.
+/// Largest difference of a rectification from the extrinsics in the same file: share of the
+/// baseline, radians.
 const AGREES: f64 = 0.02;
 
-/// What a file says of two cameras, in its own unit of length.
-pub(super) struct Cameras {
+/// The cameras of a file, in its unit of length.
+pub(super) struct StereoParameters {
     pub left: Intrinsics,
     pub right: Intrinsics,
-    /// Where it is not said, it follows from the rectification.
+    /// Extrinsics; where the file has none, they follow from the rectification.
     pub right_from_left: Option<Isometry3<f64>>,
     pub rectification: Option<Rectification>,
 }
 
-impl Cameras {
+impl StereoParameters {
+    /// The calibration read from `document`, in a file with lengths in `unit`.
+    ///
+    /// The calibration read from `document`, whose lengths are in `unit`.
+    ///
     /// # Errors
-    /// [`crate::Error::Format`] naming what no stereo camera has, and for a rectification that is
-    /// of other cameras.
-    pub(super) fn calibration(self, document: &Document, unit: Unit) -> Result<StereoCalibration> {
+    /// [`crate::Error::Format`] for parameters no stereo camera has, and for a rectification that
+    /// does not agree with the extrinsics.
+    pub(super) fn loaded(
+        self,
+        format: &'static CalibrationFormat,
+        document: &Document,
+        unit: FileUnit,
+        remarks: Vec<String>,
+    ) -> Result<LoadedCalibration> {
+        Ok(LoadedCalibration {
+            format,
+            calibration: self.calibration(document, unit)?,
+            remarks,
+        })
+    }
+
+    fn calibration(self, document: &Document, unit: FileUnit) -> Result<StereoCalibration> {
         let Self {
             left,
             right,
@@ -35,24 +54,25 @@ impl Cameras {
             rectification,
         } = self;
         let implied = rectification.as_ref().map(Rectification::motion);
-        let Some(said) = right_from_left.or(implied) else {
-            return Err(document.wrong("does not say how the cameras stand to each other"));
+        let Some(stated) = right_from_left.or(implied) else {
+            return Err(document.error("has no extrinsics (R and T) and no rectification"));
         };
         let (scale, unit) = unit.in_calibration();
-        let wrong = |e: crate::Error| document.wrong(e);
-        let moved = Isometry3::from_parts(
-            Translation3::from(said.translation.vector * scale),
-            said.rotation,
+        let error = |e: crate::Error| document.error(e);
+        let motion = Isometry3::from_parts(
+            Translation3::from(stated.translation.vector * scale),
+            stated.rotation,
         );
-        let calibration = StereoCalibration::new(left, right, moved, unit).map_err(wrong)?;
+        let calibration = StereoCalibration::new(left, right, motion, unit).map_err(error)?;
         let (Some(rectification), Some(implied)) = (rectification, implied) else {
             return Ok(calibration);
         };
-        let baseline = said.translation.vector.norm();
-        let off = (implied.translation.vector - said.translation.vector).norm() / baseline;
-        if off > AGREES || implied.rotation.angle_to(&said.rotation) > AGREES {
-            return Err(document.wrong(format!(
-                "its rectification is of other cameras than its R and T: a baseline of {} and of \
+        let baseline = stated.translation.vector.norm();
+        // R and T state the extrinsics twice when there is a rectification too; they must agree.
+        let off = (implied.translation.vector - stated.translation.vector).norm() / baseline;
+        if off > AGREES || implied.rotation.angle_to(&stated.rotation) > AGREES {
+            return Err(document.error(format!(
+                "its rectification does not agree with its R and T: a baseline of {} and of \
                  {baseline}; take both from one calibration",
                 rectification.rig.baseline_m()
             )));
@@ -64,7 +84,7 @@ impl Cameras {
             rig.baseline_m() * scale,
             rig.doffs_px(),
         )
-        .map_err(wrong)?;
+        .map_err(error)?;
         Ok(calibration.with_rectification(Rectification {
             rig,
             ..rectification
@@ -72,10 +92,10 @@ impl Cameras {
     }
 }
 
-/// The camera of a matrix K and its lens.
+/// The camera of a matrix K under `key` and its distortion.
 ///
 /// # Errors
-/// [`crate::Error::Format`] naming `key`, for a skew and for what is no camera.
+/// [`crate::Error::Format`] naming `key`, for a skew and for a matrix that is not a camera's.
 pub(super) fn camera(
     document: &Document,
     key: &str,
@@ -83,10 +103,10 @@ pub(super) fn camera(
     distortion: [f64; 5],
 ) -> Result<Intrinsics> {
     let k = document.matrix(key)?;
-    pinhole(size, &k, distortion).map_err(|reason| document.wrong(format!("'{key}': {reason}")))
+    pinhole(size, &k, distortion).map_err(|reason| document.error(format!("'{key}': {reason}")))
 }
 
-/// The camera of K.
+/// The camera of a matrix K and its distortion.
 pub(super) fn pinhole(
     size: (usize, usize),
     k: &Matrix3<f64>,
@@ -99,21 +119,21 @@ pub(super) fn pinhole(
         ));
     }
     if [k[(1, 0)], k[(2, 0)], k[(2, 1)]] != [0.0; 3] || k[(2, 2)] != 1.0 {
-        return Err("is no camera matrix: expected fx 0 cx, 0 fy cy, 0 0 1".into());
+        return Err("is not a camera matrix: expected fx 0 cx, 0 fy cy, 0 0 1".into());
     }
     let (focal, center) = ((k[(0, 0)], k[(1, 1)]), (k[(0, 2)], k[(1, 2)]));
     Intrinsics::new(size, focal, center, distortion).map_err(|e| e.to_string())
 }
 
-/// k1, k2, p1, p2, k3 of a lens that may be given with fewer, or with more that are 0.
+/// Distortion k1, k2, p1, p2, k3, from fewer coefficients, or more of which the rest are 0.
 ///
 /// # Errors
-/// [`crate::Error::Format`] for coefficients that the lens of [`Intrinsics`] does not have.
-pub(super) fn lens(document: &Document, key: &str) -> Result<[f64; 5]> {
+/// [`crate::Error::Format`] for coefficients that the model of [`Intrinsics`] does not have.
+pub(super) fn read_distortion(document: &Document, key: &str) -> Result<[f64; 5]> {
     let numbers = document.numbers(key)?;
     let (first, rest) = numbers.split_at(numbers.len().min(5));
     if let Some(value) = rest.iter().find(|v| **v != 0.0) {
-        return Err(document.wrong(format!(
+        return Err(document.error(format!(
             "'{key}' has {} coefficients, one beyond k1 k2 p1 p2 k3 being {value}; calibrate with \
              five",
             numbers.len()
@@ -124,17 +144,17 @@ pub(super) fn lens(document: &Document, key: &str) -> Result<[f64; 5]> {
     Ok(distortion)
 }
 
-/// R and T.
+/// Extrinsics from R and T.
 ///
 /// # Errors
 /// [`crate::Error::Format`] naming the key.
 pub(super) fn extrinsics(document: &Document, r: &str, t: &str) -> Result<Isometry3<f64>> {
     let translation = Vector3::from(document.array::<3>(t)?);
-    motion(&document.matrix(r)?, translation).map_err(|e| document.wrong(format!("'{r}': {e}")))
+    motion(&document.matrix(r)?, translation).map_err(|e| document.error(format!("'{r}': {e}")))
 }
 
-/// The rig of two projection matrices, in their unit. Their fourth columns are those of one frame,
-/// not of necessity the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
+/// The rig of two projection matrices, in their unit. Both are relative to one frame, which need
+/// not be the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
 pub(super) fn rig(
     left: &Matrix3x4<f64>,
     right: &Matrix3x4<f64>,
@@ -142,6 +162,7 @@ pub(super) fn rig(
     let focal = left[(0, 0)];
     let same = |a: f64, b: f64| (a - b).abs() <= SAME * focal.abs();
     let [shift, rise] = [0, 1].map(|row| left[(row, 3)] - right[(row, 3)]);
+    // A vertical pair has its baseline in the second row of the fourth column.
     if rise.abs() > shift.abs() {
         return Err("the cameras stand one above the other; svl matches those side by side".into());
     }
@@ -151,19 +172,23 @@ pub(super) fn rig(
     Rig::from_projections(left, right, SAME, SAME * focal.abs()).map_err(|e| e.to_string())
 }
 
-/// Two cameras that are rectified already.
-pub(super) fn rectified(document: &Document, size: (usize, usize), rig: Rig) -> Result<Cameras> {
+/// Two cameras that are already rectified: no distortion, no rotation.
+pub(super) fn rectified(
+    document: &Document,
+    size: (usize, usize),
+    rig: Rig,
+) -> Result<StereoParameters> {
     let camera =
-        |right| pinhole(size, &rig.intrinsics(right), [0.0; 5]).map_err(|e| document.wrong(e));
+        |right| pinhole(size, &rig.intrinsics(right), [0.0; 5]).map_err(|e| document.error(e));
     let (left, right) = (camera(false)?, camera(true)?);
-    let turn = Rotation3::identity();
+    let none = Rotation3::identity();
     let rectification = Some(Rectification {
         size,
-        left: turn,
-        right: turn,
+        left: none,
+        right: none,
         rig,
     });
-    Ok(Cameras {
+    Ok(StereoParameters {
         left,
         right,
         right_from_left: None,
@@ -171,8 +196,7 @@ pub(super) fn rectified(document: &Document, size: (usize, usize), rig: Rig) -> 
     })
 }
 
-/// The rectification, in a format that has no place for what is not rectified, and lengths in
-/// metres.
+/// The rectification, for formats that hold only rectified cameras, in metres.
 pub(super) fn only_rectified(
     calibration: &StereoCalibration,
 ) -> std::result::Result<&Rectification, String> {
@@ -184,7 +208,7 @@ pub(super) fn only_rectified(
     })
 }
 
-/// Refuses squares, in a format that is in metres.
+/// Refuses lengths in squares, for formats in metres.
 pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<(), String> {
     match calibration.unit() {
         LengthUnit::Metres => Ok(()),
@@ -196,12 +220,12 @@ pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<
     }
 }
 
-/// What is left out where only the rectified cameras are written.
+/// What is lost where only the rectified cameras are written.
 pub(super) fn beyond_rectified(calibration: &StereoCalibration) -> Vec<&'static str> {
-    let lenses = [calibration.left(), calibration.right()]
+    let distorted = [calibration.left(), calibration.right()]
         .iter()
         .any(|c| c.distortion() != [0.0; 5]);
-    let turned = calibration.rectification().is_some_and(|r| {
+    let rotated = calibration.rectification().is_some_and(|r| {
         let same = |camera: &Intrinsics, right| {
             camera.matrix() == r.rig.intrinsics(right) && camera.size() == r.size
         };
@@ -210,9 +234,10 @@ pub(super) fn beyond_rectified(calibration: &StereoCalibration) -> Vec<&'static 
             || !same(calibration.right(), true)
     });
     let mut left_out = Vec::new();
-    if lenses || turned {
-        left_out
-            .push("the cameras before rectification: their lenses, focal lengths and rotations");
+    if distorted || rotated {
+        left_out.push(
+            "the cameras before rectification: their distortion, focal lengths and rotations",
+        );
     }
     left_out
 }

@@ -2,17 +2,19 @@
 //! `calib_cam_to_cam.txt`.
 
 use super::document::{Document, Syntax, text};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
 use super::geometry::{
-    self, Cameras, beyond_rectified, camera, extrinsics, lens, only_rectified, rectified,
+    self, StereoParameters, beyond_rectified, camera, extrinsics, only_rectified, read_distortion,
+    rectified,
 };
-use super::words::{rows, spaced};
-use super::{Format, Found, Hints, Unit, Writing, Written};
+use super::numbers::{rows, spaced};
+use super::unit::FileUnit;
 use crate::error::Result;
 use crate::stereo::{Rectification, Rig, StereoCalibration};
 use nalgebra::{Matrix3x4, Vector3};
 use std::path::Path;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti",
     title: "KITTI's calib.txt",
     conventions: "rectified cameras only: projections P0 P1 (grey) and P2 P3 (colour), row by \
@@ -27,7 +29,7 @@ pub(super) const FORMAT: Format = Format {
     write: Some(write),
 };
 
-pub(super) const RAW_FORMAT: Format = Format {
+pub(super) const RAW_FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti-raw",
     title: "KITTI's calib_cam_to_cam.txt",
     conventions: "cameras 00 and 01 (grey): S K D before and S_rect R_rect P_rect after \
@@ -41,7 +43,7 @@ pub(super) const RAW_FORMAT: Format = Format {
     write: Some(write_raw),
 };
 
-/// Reads the rig of the cameras whose 3 x 4 projection matrices are called `left` and `right`.
+/// Reads the rig of the cameras whose 3 x 4 projection matrices are named `left` and `right`.
 ///
 /// Both matrices are relative to camera 0, whose fourth column is 0: the baseline is
 /// `(P_left(0,3) − P_right(0,3)) / f` metres (KITTI development kit, readme).
@@ -49,18 +51,22 @@ pub(super) const RAW_FORMAT: Format = Format {
 /// # Errors
 /// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed matrix.
 pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
-    projections(&Document::parse(path, &text(path)?, &FORMAT)?, left, right)
+    projections(
+        &Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?,
+        left,
+        right,
+    )
 }
 
 fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {
     let (p, q) = (document.projection(left)?, document.projection(right)?);
     geometry::rig(&p, &q)
-        .map_err(|reason| document.wrong(format!("'{left}' and '{right}': {reason}")))
+        .map_err(|reason| document.error(format!("'{left}' and '{right}': {reason}")))
 }
 
-fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    let document = super::one(documents)?;
-    let unit = Unit::METRE.fixed(&document, hints.unit)?;
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let document = one(documents)?;
+    let unit = FileUnit::METRE.fixed(&document, hints.unit)?;
     let (left, right) = if document.has("P0") {
         ("P0", "P1")
     } else {
@@ -68,21 +74,17 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     };
     let rig = projections(&document, left, right)?;
     let size = hints.size.ok_or_else(|| {
-        document.wrong(
-            "does not say how large the images are; say it with `svl calibrate convert --size WxH`",
+        document.error(
+            "does not contain the image size; name it with `svl calibrate convert --size WxH`",
         )
     })?;
-    let calibration = rectified(&document, size, rig)?.calibration(&document, unit)?;
+    let cameras = rectified(&document, size, rig)?;
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
     let mut remarks = Vec::new();
     if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
         remarks.push("cameras 0 and 1 were taken; 2 and 3 were left out".to_owned());
     }
-    Ok(Found {
-        format: &FORMAT,
-        calibration,
-        remarks,
-    })
+    cameras.loaded(&FORMAT, &document, unit, remarks)
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -94,11 +96,16 @@ fn write(calibration: &StereoCalibration) -> Writing {
     })
 }
 
-fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    let document = super::one(documents)?;
-    let unit = Unit::METRE.fixed(&document, hints.unit)?;
+fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let document = one(documents)?;
+    let unit = FileUnit::METRE.fixed(&document, hints.unit)?;
     let one = |key: &str, s: &str, d: &str| {
-        camera(&document, key, document.size_of(s)?, lens(&document, d)?)
+        camera(
+            &document,
+            key,
+            document.size_of(s)?,
+            read_distortion(&document, d)?,
+        )
     };
     let rectification = Rectification {
         size: document.size_of("S_rect_00")?,
@@ -106,7 +113,7 @@ fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
         right: document.rotation("R_rect_01")?,
         rig: projections(&document, "P_rect_00", "P_rect_01")?,
     };
-    let cameras = Cameras {
+    let cameras = StereoParameters {
         left: one("K_00", "S_00", "D_00")?,
         right: one("K_01", "S_01", "D_01")?,
         right_from_left: Some(extrinsics(&document, "R_01", "T_01")?),
@@ -117,17 +124,13 @@ fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     } else {
         Vec::new()
     };
-    Ok(Found {
-        format: &RAW_FORMAT,
-        calibration: cameras.calibration(&document, unit)?,
-        remarks,
-    })
+    cameras.loaded(&RAW_FORMAT, &document, unit, remarks)
 }
 
 fn write_raw(calibration: &StereoCalibration) -> Writing {
     let rectification = only_rectified(calibration)?;
     let motion = calibration.right_from_left();
-    let moved = (
+    let extrinsics = (
         motion.rotation.to_rotation_matrix(),
         motion.translation.vector,
     );
@@ -137,10 +140,10 @@ fn write_raw(calibration: &StereoCalibration) -> Writing {
             (nalgebra::Rotation3::identity(), Vector3::zeros()),
             rectification.left,
         ),
-        (calibration.right(), moved, rectification.right),
+        (calibration.right(), extrinsics, rectification.right),
     ];
     let mut text = String::new();
-    for (i, (camera, (r, t), turn)) in sides.into_iter().enumerate() {
+    for (i, (camera, (r, t), r_rect)) in sides.into_iter().enumerate() {
         let p: Matrix3x4<f64> = rectification.rig.projection(i == 1);
         let size = |(width, height): (usize, usize)| vec![width as f64, height as f64];
         let lines: [(&str, Vec<f64>); 8] = [
@@ -150,15 +153,12 @@ fn write_raw(calibration: &StereoCalibration) -> Writing {
             ("R", rows(r.matrix())),
             ("T", rows(&t)),
             ("S_rect", size(rectification.size)),
-            ("R_rect", rows(turn.matrix())),
+            ("R_rect", rows(r_rect.matrix())),
             ("P_rect", rows(&p)),
         ];
         text.extend(lines.map(|(name, values)| format!("{name}_0{i}: {}\n", spaced(&values))));
     }
-    Ok(Written {
-        texts: vec![text],
-        left_out: Vec::new(),
-    })
+    Ok(Written::complete(text))
 }
 
 #[cfg(test)]
@@ -170,7 +170,8 @@ mod tests {
         let text = "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 7e2 0 600 35 0 7e2 180 0 0 0 1 \
                     0\nP3: 700 0 602 -350 0 700 180 0 0 0 1 0\n";
         let rig = |text: &str, left, right| {
-            let document = Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap();
+            let document =
+                Document::parse(Path::new("calib.txt"), text, FORMAT.syntax, FORMAT.title).unwrap();
             projections(&document, left, right).map_err(|e| e.to_string())
         };
         let found = rig(text, "P2", "P3").unwrap();

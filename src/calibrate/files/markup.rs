@@ -1,8 +1,8 @@
-//! XML as names and values: attributes and elements alike, and a list of elements that have one
-//! name.
+//! XML as a tree of names and values. Attributes and elements are alike; elements with the same
+//! name become a list.
 //!
-//! Names are not checked: annex E's own example has attributes called `x(0,0)`, which no XML
-//! allows.
+//! Names are not validated: the example in annex E has attributes called `x(0,0)`, which XML does
+//! not allow.
 
 use crate::yaml::{MAX_DEPTH, Node};
 use quick_xml::events::{BytesStart, Event};
@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 /// The content of the outermost element.
 ///
 /// # Errors
-/// What is wrong, with its place in bytes.
+/// The reason, with its position in bytes.
 pub(super) fn parse(text: &str) -> Result<Node, String> {
     let mut reader = Reader::from_str(text);
-    let mut open: Vec<Open> = Vec::new();
+    let mut open: Vec<OpenElement> = Vec::new();
     let mut root = None;
     loop {
         let event = reader
@@ -29,10 +29,10 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
                 )));
             }
             Event::Start(start) => {
-                open.push(Open::new(&start).map_err(at)?);
+                open.push(OpenElement::new(&start).map_err(at)?);
                 None
             }
-            Event::Empty(start) => Some(Open::new(&start).map_err(at)?),
+            Event::Empty(start) => Some(OpenElement::new(&start).map_err(at)?),
             Event::End(_) => open.pop(),
             Event::Text(text) => {
                 if let Some(element) = open.last_mut() {
@@ -53,25 +53,25 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
     }
     match open.last() {
         Some(element) => Err(format!(
-            "ends inside <{}>; is the file whole?",
+            "ends inside <{}>; is the file complete?",
             element.name
         )),
         None => root.ok_or_else(|| "holds no XML element".into()),
     }
 }
 
-/// An element whose end is still to come.
-struct Open {
+/// An element whose end tag has not been read.
+struct OpenElement {
     name: String,
     table: BTreeMap<String, Node>,
     text: String,
 }
 
-impl Open {
+impl OpenElement {
     fn new(start: &BytesStart<'_>) -> Result<Self, String> {
         let name = String::from_utf8_lossy(start.name().as_ref()).into_owned();
         let mut table = BTreeMap::new();
-        // The library's own check for names that stand twice compares each with each.
+        // The library's check for duplicate names is quadratic; the map below finds them too.
         for attribute in start.attributes().with_checks(false) {
             let attribute =
                 attribute.map_err(|e| format!("<{name}> has attributes that are no XML: {e}"))?;

@@ -1,14 +1,15 @@
 //! Middlebury's and ETH3D's `calib.txt`.
 
 use super::document::{Document, Syntax, text};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
 use super::geometry::{beyond_rectified, only_rectified, rectified};
-use super::words::{number, rows, spaced};
-use super::{Format, Found, Hints, Unit, Writing, Written};
+use super::numbers::{number, rows, spaced};
+use super::unit::FileUnit;
 use crate::error::Result;
 use crate::stereo::{Rig, StereoCalibration};
 use std::path::Path;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "middlebury",
     title: "Middlebury's calib.txt",
     conventions: "rectified cameras only: cam0, cam1 = K, doffs = cx1 - cx0, baseline in \
@@ -27,29 +28,30 @@ pub(super) const FORMAT: Format = Format {
 /// # Errors
 /// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed entry.
 pub fn read_calib(path: &Path) -> Result<Rig> {
-    rig(&Document::parse(path, &text(path)?, &FORMAT)?)
+    rig(&Document::parse(
+        path,
+        &text(path)?,
+        FORMAT.syntax,
+        FORMAT.title,
+    )?)
 }
 
 fn rig(document: &Document) -> Result<Rig> {
     let [focal, _, cx, _, _, cy, ..] = document.array::<9>("cam0")?;
     let (baseline, doffs) = (document.number("baseline")?, document.number("doffs")?);
-    Rig::new(focal, (cx, cy), baseline / 1000.0, doffs).map_err(|e| document.wrong(e))
+    Rig::new(focal, (cx, cy), baseline / 1000.0, doffs).map_err(|e| document.error(e))
 }
 
-fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    let document = super::one(documents)?;
-    Unit::MILLIMETRE.fixed(&document, hints.unit)?;
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let document = one(documents)?;
+    FileUnit::MILLIMETRE.fixed(&document, hints.unit)?;
     let size = match hints.size {
         Some(size) => size,
         None => document.size("width", "height")?,
     };
     let cameras = rectified(&document, size, rig(&document)?)?;
-    let calibration = cameras.calibration(&document, Unit::METRE)?;
-    Ok(Found {
-        format: &FORMAT,
-        calibration,
-        remarks: Vec::new(),
-    })
+    // The rig is in metres already.
+    cameras.loaded(&FORMAT, &document, FileUnit::METRE, Vec::new())
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -77,7 +79,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> std::result::Result<Rig, String> {
-        rig(&Document::parse(Path::new("calib.txt"), text, &FORMAT).unwrap())
+        rig(&Document::parse(Path::new("calib.txt"), text, FORMAT.syntax, FORMAT.title).unwrap())
             .map_err(|e| e.to_string())
     }
 

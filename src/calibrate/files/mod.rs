@@ -1,61 +1,38 @@
-//! Calibrations in the files of other programs, read and written.
+//! Calibration files of other programs, read and written.
 //!
-//! [`FORMATS`] says all there is to say of a format; one more is one more file here and one more
-//! line there.
+//! [`FORMATS`] is the table of formats; a new one is one file here and one line there.
 //!
-//! What a file says is taken as it stands: principal points with pixel centres at integers, as
-//! OpenCV has them. Its lengths become metres, or stay in squares of the board; a file that does
-//! not say what they are in is refused until the user does ([`Hints::unit`]).
+//! Principal points are taken with pixel centres at integers, as in OpenCV. Lengths become metres,
+//! or stay in squares of the board; a file without a unit is refused until the user names one
+//! ([`Hints::unit`]).
 
 mod boofcv;
 mod document;
 mod euroc;
+mod format;
 mod geometry;
 mod kitti;
-mod lines;
 mod markup;
 mod middlebury;
+mod numbers;
 mod opencv;
-mod place;
 mod ros;
 mod thesis;
 mod unit;
-mod words;
 
+pub use format::{CalibrationFormat, Hints, LoadedCalibration};
 pub use kitti::read_projections;
 pub use middlebury::read_calib;
-pub use place::{inputs, outputs};
-pub use unit::Unit;
+pub use unit::FileUnit;
 
 use crate::error::{Error, Result, did_you_mean, nearest};
 use crate::stereo::StereoCalibration;
-use document::{Document, Syntax};
-use std::path::Path;
+use document::Document;
+use format::Written;
+use std::path::{Path, PathBuf};
 
-/// The form in which a program keeps calibrations.
-#[derive(Debug)]
-pub struct Format {
-    pub name: &'static str,
-    /// Whose it is.
-    pub title: &'static str,
-    /// What its files hold and in which conventions.
-    pub conventions: &'static str,
-    /// Endings of its files; the first format of an ending is the one that is written without being
-    /// named.
-    pub endings: &'static [&'static str],
-    /// The two files of a calibration in a folder, where there are two.
-    pub pairs: &'static [[&'static str; 2]],
-    /// Whether one file may hold a whole calibration.
-    single: bool,
-    syntax: Syntax,
-    /// Words by which its files are known.
-    marks: &'static [&'static str],
-    read: fn(Vec<Document>, &Hints) -> Result<Found>,
-    write: Option<fn(&StereoCalibration) -> Writing>,
-}
-
-/// Every format, in the order in which they are looked for.
-pub const FORMATS: &[Format] = &[
+/// All formats, in the order in which a file is tested for them.
+pub const FORMATS: &[CalibrationFormat] = &[
     thesis::FORMAT,
     opencv::FORMAT,
     ros::FORMAT,
@@ -66,34 +43,6 @@ pub const FORMATS: &[Format] = &[
     kitti::RAW_FORMAT,
 ];
 
-/// What the user knows of a file and the file may not say.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Hints {
-    pub format: Option<&'static Format>,
-    pub unit: Option<Unit>,
-    /// Width and height of the images, pixels.
-    pub size: Option<(usize, usize)>,
-}
-
-/// What was read.
-#[derive(Debug)]
-pub struct Found {
-    pub format: &'static Format,
-    pub calibration: StereoCalibration,
-    /// What of the file is not in the calibration, or was taken otherwise than it stands, a line
-    /// each.
-    pub remarks: Vec<String>,
-}
-
-/// Texts to write, and what of the calibration is not in them.
-struct Written {
-    texts: Vec<String>,
-    left_out: Vec<&'static str>,
-}
-
-/// Texts, or why the format cannot hold the calibration.
-type Writing = std::result::Result<Written, String>;
-
 /// Reads a calibration: a file, two files with a comma between, or a folder that holds two.
 ///
 /// # Errors
@@ -102,11 +51,11 @@ pub fn read(path: &Path) -> Result<StereoCalibration> {
     read_with(path, &Hints::default()).map(|found| found.calibration)
 }
 
-/// As [`read`], of a file that does not say all.
+/// As [`read`], with hints for what the file does not contain.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] naming the file, the key and what to do.
-pub fn read_with(path: &Path, hints: &Hints) -> Result<Found> {
+pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
     let paths = inputs(path)?;
     let texts = paths
         .iter()
@@ -125,7 +74,7 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<Found> {
             .join(", ");
         return Err(Error::format(
             &paths[0],
-            format!("is no calibration that svl knows: {names}"),
+            format!("is not a calibration that svl knows: {names}"),
         ));
     };
     match (paths.len(), format.single, format.pairs) {
@@ -144,7 +93,8 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<Found> {
         }
         _ => {}
     }
-    let parse = |(path, text): (_, &String)| Document::parse(path, text, format);
+    let parse =
+        |(path, text): (_, &String)| Document::parse(path, text, format.syntax, format.title);
     let documents = paths
         .iter()
         .map(AsRef::as_ref)
@@ -154,8 +104,8 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<Found> {
     (format.read)(documents, hints)
 }
 
-/// Writes a calibration in the format of the name's ending; what of it that format cannot hold, a
-/// line each.
+/// Writes a calibration in the format of the file name extension. Returns what that format cannot
+/// hold, a line each.
 ///
 /// # Errors
 /// Those of [`write_as`].
@@ -163,12 +113,12 @@ pub fn write(path: &Path, calibration: &StereoCalibration) -> Result<Vec<&'stati
     write_as(path, written_as(path)?, calibration)
 }
 
-/// The format in which a file of that name is written.
+/// The default format for writing a file of that name.
 ///
 /// # Errors
-/// [`Error::Format`] for an ending of none, and of several of which none is usual.
-pub fn written_as(path: &Path) -> Result<&'static Format> {
-    if place::two_of(path).is_some() || path.is_dir() {
+/// [`Error::Format`] for an extension of no format, and for one of several without a default.
+pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
+    if two_of(path).is_some() || path.is_dir() {
         return Ok(&ros::FORMAT);
     }
     let ending = path
@@ -195,13 +145,13 @@ pub fn written_as(path: &Path) -> Result<&'static Format> {
     }
 }
 
-/// As [`write()`], in the format that is named.
+/// As [`write()`], in the given format.
 ///
 /// # Errors
 /// [`Error::Format`] when the format cannot hold the calibration; [`Error::Io`].
 pub fn write_as(
     path: &Path,
-    format: &Format,
+    format: &CalibrationFormat,
     calibration: &StereoCalibration,
 ) -> Result<Vec<&'static str>> {
     let cannot = |reason: String| Error::format(path, format!("{}: {reason}", format.title));
@@ -220,7 +170,7 @@ pub fn write_as(
 ///
 /// # Errors
 /// [`Error::Invalid`] that suggests the nearest name and lists all.
-pub fn format(name: &str) -> Result<&'static Format> {
+pub fn format(name: &str) -> Result<&'static CalibrationFormat> {
     FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
         let hint = did_you_mean(&nearest(name, FORMATS.iter().map(|f| f.name)));
         let names = FORMATS
@@ -232,23 +182,64 @@ pub fn format(name: &str) -> Result<&'static Format> {
     })
 }
 
-impl Format {
-    /// Whether svl writes it too.
-    pub fn is_written(&self) -> bool {
-        self.write.is_some()
+/// Both of `left.yaml,right.yaml`, unless a file is called so.
+fn two_of(path: &Path) -> Option<[PathBuf; 2]> {
+    let (first, second) = path.to_str()?.split_once(',')?;
+    (!path.exists()).then(|| [first.into(), second.into()])
+}
+
+/// The files to read: one or two.
+///
+/// # Errors
+/// [`Error::Format`] for a folder without a known pair of files.
+pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
+    if let Some(both) = two_of(path) {
+        return Ok(both.into());
     }
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let pairs = || FORMATS.iter().flat_map(|format| format.pairs);
+    let found = pairs()
+        .map(|pair| pair.map(|name| path.join(name)))
+        .find(|both| both.iter().all(|p| p.is_file()));
+    found.map(Vec::from).ok_or_else(|| {
+        let names = pairs()
+            .map(|[left, right]| format!("{left} and {right}"))
+            .collect::<Vec<_>>()
+            .join("; ");
+        Error::format(
+            path,
+            format!("is a folder without a calibration's two files: {names}; name the file itself"),
+        )
+    })
 }
 
-/// The document of a format of one file.
-fn one(documents: Vec<Document>) -> Result<Document> {
-    <[Document; 1]>::try_from(documents)
-        .map(|[one]| one)
-        .map_err(|_| Error::Invalid("expected one file".into()))
-}
-
-/// The documents of a format of two files.
-fn both(documents: Vec<Document>) -> Result<[Document; 2]> {
-    documents
-        .try_into()
-        .map_err(|_| Error::Invalid("expected two files".into()))
+/// The files that writing `path` in that format makes.
+///
+/// # Errors
+/// [`Error::Format`] when the format takes two files and one is named, or the reverse.
+pub fn outputs(path: &Path, format: &CalibrationFormat) -> Result<Vec<PathBuf>> {
+    match (two_of(path), format.single) {
+        (Some(both), false) => Ok(both.into()),
+        (None, true) if !path.is_dir() => Ok(vec![path.to_owned()]),
+        (None, false) if path.is_dir() => Ok(format
+            .pairs
+            .iter()
+            .take(1)
+            .flatten()
+            .map(|name| path.join(name))
+            .collect()),
+        (_, true) => Err(Error::format(
+            path,
+            format!("{} is one file; name it", format.title),
+        )),
+        (_, false) => {
+            let reason = format!(
+                "{} is two files; name both, `left.yaml,right.yaml`, or a folder",
+                format.title
+            );
+            Err(Error::format(path, reason))
+        }
+    }
 }

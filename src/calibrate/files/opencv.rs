@@ -5,15 +5,16 @@
 //! and `extrinsics.yml`, which are read together.
 
 use super::document::{Document, Syntax};
-use super::geometry::{Cameras, camera, extrinsics, lens, rig};
-use super::words::{listed, rows};
-use super::{Format, Found, Hints, Unit, Writing, Written, unit};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written};
+use super::geometry::{StereoParameters, camera, extrinsics, read_distortion, rig};
+use super::numbers::{listed, rows};
+use super::unit::{self, FileUnit};
 use crate::error::Result;
 use crate::stereo::{Intrinsics, Rectification, StereoCalibration};
 use nalgebra::{DMatrix, Vector3};
 use std::fmt::Write;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "opencv",
     title: "OpenCV's FileStorage",
     conventions: "K1 D1 K2 D2 (or M1 D1 M2 D2), D = k1 k2 p1 p2 k3; x_right = R x_left + T; R1 R2 \
@@ -27,23 +28,23 @@ pub(super) const FORMAT: Format = Format {
     write: Some(write),
 };
 
-fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    // One is there: paths are never none.
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    // There is at least one: paths are never empty.
     let merged = documents
         .into_iter()
         .reduce(Document::completed_by)
         .ok_or_else(|| crate::Error::Invalid("no file".into()))?;
     let document = &merged;
     if document.has("camera_matrix|cameraMatrix") {
-        return Err(document.wrong("is of one camera; svl needs both, K1 D1 K2 D2, and R and T"));
+        return Err(document.error("holds one camera; svl needs both, K1 D1 K2 D2, and R and T"));
     }
     let size = match hints.size {
         Some(size) => size,
         None if document.has("image_size|imageSize") => document.size_of("image_size|imageSize")?,
         None if document.has("image_width") => document.size("image_width", "image_height")?,
         None => {
-            return Err(document.wrong(
-                "has no 'image_width' and 'image_height'; say them with `svl calibrate convert \
+            return Err(document.error(
+                "has no 'image_width' and 'image_height'; name them with `svl calibrate convert \
                  --size WxH`",
             ));
         }
@@ -57,31 +58,27 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
         document,
         "K1|M1|cameraMatrix1",
         size,
-        lens(document, "D1|distCoeffs1")?,
+        read_distortion(document, "D1|distCoeffs1")?,
     )?;
     let right = camera(
         document,
         "K2|M2|cameraMatrix2",
         right_size,
-        lens(document, "D2|distCoeffs2")?,
+        read_distortion(document, "D2|distCoeffs2")?,
     )?;
     let rectification = document
         .has("P1")
         .then(|| rectification(document, size))
         .transpose()?;
     let right_from_left = Some(extrinsics(document, "R", "T")?);
-    let unit = Unit::of(document, "length_unit", hints.unit)?;
-    let cameras = Cameras {
+    let unit = FileUnit::stated(document, "length_unit", hints.unit)?;
+    let cameras = StereoParameters {
         left,
         right,
         right_from_left,
         rectification,
     };
-    Ok(Found {
-        format: &FORMAT,
-        calibration: cameras.calibration(document, unit)?,
-        remarks: Vec::new(),
-    })
+    cameras.loaded(&FORMAT, document, unit, Vec::new())
 }
 
 fn rectification(document: &Document, size: (usize, usize)) -> Result<Rectification> {
@@ -91,7 +88,7 @@ fn rectification(document: &Document, size: (usize, usize)) -> Result<Rectificat
         size
     };
     let (p1, p2) = (document.projection("P1")?, document.projection("P2")?);
-    let rig = rig(&p1, &p2).map_err(|reason| document.wrong(format!("'P1' and 'P2': {reason}")))?;
+    let rig = rig(&p1, &p2).map_err(|reason| document.error(format!("'P1' and 'P2': {reason}")))?;
     Ok(Rectification {
         size,
         left: document.rotation("R1")?,
@@ -112,9 +109,9 @@ fn write(calibration: &StereoCalibration) -> Writing {
     let motion = calibration.right_from_left();
     let mut matrices = vec![
         ("K1", fixed(&left.matrix())),
-        ("D1", lens_matrix(left)),
+        ("D1", distortion_matrix(left)),
         ("K2", fixed(&right.matrix())),
-        ("D2", lens_matrix(right)),
+        ("D2", distortion_matrix(right)),
         ("R", fixed(motion.rotation.to_rotation_matrix().matrix())),
         (
             "T",
@@ -134,7 +131,7 @@ fn write(calibration: &StereoCalibration) -> Writing {
     for (name, matrix) in matrices {
         let data: Vec<_> = matrix.row_iter().map(|row| listed(&rows(&row))).collect();
         let (height, width) = matrix.shape();
-        // A text cannot fail to be written to.
+        // Writing to a String cannot fail.
         let _ = write!(
             text,
             "{name}: !!opencv-matrix\n   rows: {height}\n   cols: {width}\n   dt: d\n   data: [ \
@@ -142,16 +139,13 @@ fn write(calibration: &StereoCalibration) -> Writing {
             data.join(",\n       ")
         );
     }
-    Ok(Written {
-        texts: vec![text],
-        left_out: Vec::new(),
-    })
+    Ok(Written::complete(text))
 }
 
 fn fixed<const R: usize, const C: usize>(matrix: &nalgebra::SMatrix<f64, R, C>) -> DMatrix<f64> {
     DMatrix::from_column_slice(R, C, matrix.as_slice())
 }
 
-fn lens_matrix(camera: &Intrinsics) -> DMatrix<f64> {
+fn distortion_matrix(camera: &Intrinsics) -> DMatrix<f64> {
     DMatrix::from_row_slice(1, 5, &camera.distortion())
 }

@@ -2,19 +2,19 @@
 //! them.
 
 use super::document::{Document, Syntax};
-use super::geometry::{Cameras, camera, in_metres, lens, rig};
-use super::words::{listed, rows};
-use super::{Format, Found, Hints, Unit, Writing, Written};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, both};
+use super::geometry::{StereoParameters, camera, in_metres, read_distortion, rig};
+use super::numbers::{listed, rows};
+use super::unit::FileUnit;
 use crate::error::Result;
 use crate::stereo::{Intrinsics, Rectification, StereoCalibration};
 use nalgebra::{Matrix3x4, Rotation3};
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "ros",
     title: "ROS's camera_info",
     conventions: "camera_matrix K, plumb_bob k1 k2 p1 p2 k3, rectification_matrix R, \
-                  projection_matrix P, metres; how the cameras stand to each other is in R and P \
-                  alone",
+                  projection_matrix P, metres; the extrinsics are in R and P alone",
     endings: &["yaml"],
     pairs: &[["left.yaml", "right.yaml"]],
     single: false,
@@ -24,15 +24,15 @@ pub(super) const FORMAT: Format = Format {
     write: Some(write),
 };
 
-fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    let [left, right] = super::both(documents)?;
-    let unit = Unit::METRE.fixed(&left, hints.unit)?;
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let [left, right] = both(documents)?;
+    let unit = FileUnit::METRE.fixed(&left, hints.unit)?;
     let projections = (
         left.projection("projection_matrix")?,
         right.projection("projection_matrix")?,
     );
     let rig = rig(&projections.0, &projections.1).map_err(|reason| {
-        right.wrong(format!(
+        right.error(format!(
             "'projection_matrix': {reason}; calibrate both cameras together, left one first"
         ))
     })?;
@@ -45,23 +45,19 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
         right: rotation(&right)?,
         rig,
     };
-    let cameras = Cameras {
+    let cameras = StereoParameters {
         left: intrinsics.0,
         right: intrinsics.1,
         right_from_left: None,
         rectification: Some(rectification),
     };
-    Ok(Found {
-        format: &FORMAT,
-        calibration: cameras.calibration(&left, unit)?,
-        remarks: Vec::new(),
-    })
+    cameras.loaded(&FORMAT, &left, unit, Vec::new())
 }
 
 fn one(document: &Document) -> Result<Intrinsics> {
     let model = document.text("distortion_model")?;
     if model != "plumb_bob" && model != "rational_polynomial" {
-        return Err(document.wrong(format!(
+        return Err(document.error(format!(
             "'distortion_model' is {model}; svl reads plumb_bob"
         )));
     }
@@ -70,7 +66,7 @@ fn one(document: &Document) -> Result<Intrinsics> {
         document,
         "camera_matrix",
         size,
-        lens(document, "distortion_coefficients")?,
+        read_distortion(document, "distortion_coefficients")?,
     )
 }
 
@@ -78,8 +74,7 @@ fn write(calibration: &StereoCalibration) -> Writing {
     in_metres(calibration)?;
     let Some(rectification) = calibration.rectification() else {
         return Err(
-            "says how the cameras stand to each other only by their rectification, and this \
-             calibration has none; compute one with `svl calibrate convert --rectify`"
+            "holds extrinsics only as a rectification, and this calibration has none; compute one with `svl calibrate convert --rectify`"
                 .into(),
         );
     };

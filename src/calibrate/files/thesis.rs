@@ -4,29 +4,31 @@
 //! camera, `X_camera = R X_board + T`. `Coeffs` are the homographies that warp each image to its
 //! rectified one, `Quad` is where they put the corners (0, 0), (w, 0), (w, h), (0, h).
 //!
-//! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are no names that XML allows, so that XML
-//! libraries refuse it: both are read, and `x_0_0` and `coeff_0_0_0` written. k3 is `dist4`, the
-//! unit of length an attribute `unit` of the root, the rectified size attributes of `Stereo`; a
-//! reader of annex E passes over them. The board of what svl writes is the left camera itself.
+//! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are not names that XML allows, and XML
+//! libraries refuse them: both forms are read, and `x_0_0` and `coeff_0_0_0` written. k3 is
+//! `dist4`, the unit of length an attribute `unit` of the root, the rectified size attributes of
+//! `Stereo`; a reader of annex E ignores them. In files svl writes, the board's frame is the left
+//! camera's.
 //!
-//! **The annex's own example contradicts itself.** By its poses the cameras are turned by 90° about
-//! their axes: their two boards were numbered in different directions. Turned back, they agree with
-//! the homographies to 4°; but how many squares lie between the two origins is not said, and with
-//! it the baseline. Hence, where poses and homographies are more than 10° apart, the homographies
-//! are believed: they give the rotation and the direction of the baseline, and its length is 1, in
-//! squares that nobody measured. Its homographies are warps of four corners and of no camera that
-//! was only turned, so its rectification is left out.
+//! **The annex's example contradicts itself.** By its poses the cameras are rotated by 90° about
+//! their axes: the corners of the two boards were numbered in different directions. Rotated back,
+//! the poses agree with the homographies to 4°; but the distance of the two origins, and with it
+//! the baseline, is not in the file. Hence, where poses and homographies differ by more than 10°,
+//! the homographies count: they give the rotation and the direction of the baseline, and its length
+//! is 1, in squares of unknown size. The homographies of the example are warps of four corners and
+//! not pure rotations of a camera, so its rectification is left out.
 
 use super::document::{Document, Syntax};
-use super::geometry::{Cameras, pinhole};
-use super::words::number;
-use super::{Format, Found, Hints, Unit, Writing, Written, unit};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
+use super::geometry::{StereoParameters, pinhole};
+use super::numbers::number;
+use super::unit::{self, FileUnit};
 use crate::error::Result;
 use crate::stereo::{Intrinsics, Rectification, Rig, StereoCalibration, motion};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::fmt::Write;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "xml",
     title: "the thesis's XML",
     conventions: "annex E: dist0 ... dist4 = k1 k2 p1 p2 k3; each camera's pose of the board, \
@@ -41,37 +43,33 @@ pub(super) const FORMAT: Format = Format {
     write: Some(write),
 };
 
-/// How far poses and homographies may be apart, radians.
+/// Largest difference of poses and homographies, radians.
 const CONTRADICTS: f64 = 0.17;
 
 /// Homographies are those of one pinhole when they agree to this share of its focal length.
 const SAME: f64 = 1e-6;
 
-fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
-    let document = &super::one(documents)?;
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let document = &one(documents)?;
     let (left, right) = (camera(document, 0)?, camera(document, 1)?);
     let by_poses = pose(document, 1)? * pose(document, 0)?.inverse();
     let mut remarks = Vec::new();
     let Some(warps) = warps(document, [&left, &right])? else {
         if by_poses.rotation.angle() > std::f64::consts::FRAC_PI_4 {
-            return Err(document.wrong(format!(
-                "the cameras are turned by {:.0}° to each other: their boards were numbered in \
+            return Err(document.error(format!(
+                "the cameras are rotated by {:.0}° to each other: their boards were numbered in \
                  different directions; calibrate again",
                 by_poses.rotation.angle().to_degrees()
             )));
         }
-        let cameras = Cameras {
+        let cameras = StereoParameters {
             left,
             right,
             right_from_left: Some(by_poses),
             rectification: None,
         };
-        let unit = Unit::of(document, "unit", hints.unit)?;
-        return Ok(Found {
-            format: &FORMAT,
-            calibration: cameras.calibration(document, unit)?,
-            remarks,
-        });
+        let unit = FileUnit::stated(document, "unit", hints.unit)?;
+        return cameras.loaded(&FORMAT, document, unit, remarks);
     };
     let by_warps = warps.motion();
     let apart = by_warps.rotation.angle_to(&by_poses.rotation);
@@ -82,9 +80,9 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
              length is not in the file, 1 stands for it",
             apart.to_degrees()
         ));
-        (by_warps, Unit::Squares)
+        (by_warps, FileUnit::Squares)
     } else {
-        (by_poses, Unit::of(document, "unit", hints.unit)?)
+        (by_poses, FileUnit::stated(document, "unit", hints.unit)?)
     };
     let size = if document.has("Stereo.width") {
         document.size("Stereo.width", "Stereo.height")?
@@ -94,21 +92,16 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<Found> {
     let rectification = warps.rectification(size, right_from_left.translation.vector.norm());
     if rectification.is_none() {
         remarks.push(
-            "its Coeffs are warps of no camera that was only turned: its rectification is left out"
-                .into(),
+            "its Coeffs are not pure rotations of a camera: its rectification is left out".into(),
         );
     }
-    let cameras = Cameras {
+    let cameras = StereoParameters {
         left,
         right,
         right_from_left: Some(right_from_left),
         rectification,
     };
-    Ok(Found {
-        format: &FORMAT,
-        calibration: cameras.calibration(document, unit)?,
-        remarks,
-    })
+    cameras.loaded(&FORMAT, document, unit, remarks)
 }
 
 fn camera(document: &Document, i: usize) -> Result<Intrinsics> {
@@ -123,23 +116,23 @@ fn camera(document: &Document, i: usize) -> Result<Intrinsics> {
     let k = Matrix3::from_row_slice(&document.counted::<9>(&at("Intrinsic.intr"))?);
     let size = document.size(&at("ImageSize.x"), &at("ImageSize.y"))?;
     pinhole(size, &k, [k1, k2, p1, p2, k3])
-        .map_err(|reason| document.wrong(format!("'{}': {reason}", at("Intrinsic"))))
+        .map_err(|reason| document.error(format!("'{}': {reason}", at("Intrinsic"))))
 }
 
-/// The board's pose.
+/// The board's pose in camera `i`.
 fn pose(document: &Document, i: usize) -> Result<Isometry3<f64>> {
     let at = |key: &str| format!("Camera.{i}.{key}");
     let rotation = Matrix3::from_row_slice(&document.counted::<9>(&at("Rotation.rot"))?);
     let [x, y, z] =
         ["x", "y", "z"].map(|axis| document.number(&at(&format!("Transaction.{axis}"))));
     motion(&rotation, Vector3::new(x?, y?, z?))
-        .map_err(|e| document.wrong(format!("'{}': {e}", at("Rotation"))))
+        .map_err(|e| document.error(format!("'{}': {e}", at("Rotation"))))
 }
 
-/// How a rectified image is seen by its camera: K of it, and the rotation to it.
+/// A rectifying homography, decomposed: K of the rectified image, and the rotation to it.
 struct Warp {
     k: Matrix3<f64>,
-    turn: Rotation3<f64>,
+    rotation: Rotation3<f64>,
 }
 
 struct Warps([Warp; 2]);
@@ -158,9 +151,9 @@ fn warps(document: &Document, cameras: [&Intrinsics; 2]) -> Result<Option<Warps>
             ];
             homography[(row, column)] = document.number(&names.join("|"))?;
         }
-        let warp = Warp::of(&(homography * cameras[i].matrix()));
+        let warp = Warp::decompose(&(homography * cameras[i].matrix()));
         warp.ok_or_else(|| {
-            document.wrong(format!(
+            document.error(format!(
                 "'Stereo.Coeffs': those of camera {i} are no homography"
             ))
         })
@@ -169,8 +162,9 @@ fn warps(document: &Document, cameras: [&Intrinsics; 2]) -> Result<Option<Warps>
 }
 
 impl Warp {
-    /// Splits a matrix into K, upper triangular, and a rotation, up to a factor.
-    fn of(matrix: &Matrix3<f64>) -> Option<Self> {
+    /// RQ decomposition: splits a matrix, up to a factor, into K (upper triangular) and a rotation;
+    /// `None` for a singular matrix.
+    fn decompose(matrix: &Matrix3<f64>) -> Option<Self> {
         let scale = matrix.determinant().signum() / matrix.row(2).norm();
         let matrix = matrix * scale;
         let [m1, m2, z] = [0, 1, 2].map(|i| matrix.row(i).transpose());
@@ -180,25 +174,31 @@ impl Warp {
         let (cx, skew) = (m1.dot(&z), m1.dot(&y));
         let x = y.cross(&z);
         let k = Matrix3::new(m1.dot(&x), skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
-        let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, z]).transpose());
-        let sound = k.iter().chain(turn.matrix().iter()).all(|v| v.is_finite()) && k[(0, 0)] > 0.0;
-        sound.then_some(Self { k, turn })
+        let rotation =
+            Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, z]).transpose());
+        let sound = k
+            .iter()
+            .chain(rotation.matrix().iter())
+            .all(|v| v.is_finite())
+            && k[(0, 0)] > 0.0;
+        sound.then_some(Self { k, rotation })
     }
 }
 
 impl Warps {
-    /// The motion that makes rows of both rectified images those of one plane: `T` has length 1.
+    /// The extrinsics under which equal rows of both rectified images lie in one epipolar plane;
+    /// `T` has length 1.
     ///
-    /// Row `y` sees the plane whose normal is the second row of the warp less `y` times its third;
-    /// the baseline lies in all those planes.
+    /// The normal of row `y`'s plane is the second row of the warp minus `y` times its third; the
+    /// baseline lies in all those planes.
     fn motion(&self) -> Isometry3<f64> {
         let middle = self.0[0].k[(1, 2)];
-        let [left, right] = self.0.each_ref().map(|Warp { k, turn }| {
+        let [left, right] = self.0.each_ref().map(|Warp { k, rotation }| {
             let (x, z) = (
-                turn.matrix().row(0).transpose(),
-                turn.matrix().row(2).transpose(),
+                rotation.matrix().row(0).transpose(),
+                rotation.matrix().row(2).transpose(),
             );
-            let y = turn.matrix().row(1).transpose();
+            let y = rotation.matrix().row(1).transpose();
             let normal = (y * k[(1, 1)] + z * (k[(1, 2)] - middle)).normalize();
             Matrix3::from_columns(&[x, normal, x.cross(&normal)])
         });
@@ -207,7 +207,7 @@ impl Warps {
         Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation))
     }
 
-    /// The rectification, where both images are of one pinhole.
+    /// The rectification; `None` unless both images have the K of one pinhole.
     fn rectification(&self, size: (usize, usize), baseline: f64) -> Option<Rectification> {
         let [left, right] = &self.0;
         let focal = left.k[(0, 0)];
@@ -218,8 +218,8 @@ impl Warps {
         let fits = fits(left, false) && fits(right, true);
         fits.then_some(Rectification {
             size,
-            left: left.turn,
-            right: right.turn,
+            left: left.rotation,
+            right: right.rotation,
             rig,
         })
     }
@@ -247,10 +247,7 @@ fn write(calibration: &StereoCalibration) -> Writing {
         text += &stereo(cameras, rectification)?;
     }
     text += "</VSCalibrationData>\n";
-    Ok(Written {
-        texts: vec![text],
-        left_out: Vec::new(),
-    })
+    Ok(Written::complete(text))
 }
 
 fn element(name: &str, prefix: &str, values: &[f64]) -> String {
@@ -267,7 +264,7 @@ fn stereo(
 ) -> std::result::Result<String, String> {
     let (mut quad, mut coeffs) = (String::new(), String::new());
     for (i, camera) in cameras.into_iter().enumerate() {
-        let turn = if i == 0 {
+        let rotation = if i == 0 {
             rectification.left
         } else {
             rectification.right
@@ -276,11 +273,11 @@ fn stereo(
             .matrix()
             .try_inverse()
             .ok_or("has a camera whose matrix cannot be inverted")?;
-        let homography = rectification.rig.intrinsics(i == 1) * turn.matrix() * raw;
+        let homography = rectification.rig.intrinsics(i == 1) * rotation.matrix() * raw;
         let homography = homography / homography[(2, 2)];
         let (width, height) = (camera.size().0 as f64, camera.size().1 as f64);
         let corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)];
-        // A text cannot fail to be written to.
+        // Writing to a String cannot fail.
         for (j, (x, y)) in corners.into_iter().enumerate() {
             let warped = homography * Vector3::new(x, y, 1.0);
             let [x, y] = [0, 1].map(|axis| number(warped[axis] / warped.z));

@@ -1,4 +1,4 @@
-//! What the lengths of a calibration file are in.
+//! Unit of length of a calibration file.
 
 use super::document::Document;
 use crate::error::{Error, Result};
@@ -9,21 +9,21 @@ use std::str::FromStr;
 /// A unit of length, named `m`, `cm`, `mm`, `squares`, or `squares=0.025` for squares of that many
 /// metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Unit {
-    /// So many metres.
+pub enum FileUnit {
+    /// A unit of this many metres.
     Metres(f64),
-    /// Squares of a board that nobody measured.
+    /// Squares of a board whose size is unknown.
     Squares,
 }
 
-/// The names a unit may have, for messages.
+/// Valid names, for messages.
 const UNITS: &str = "m, cm, mm, squares, squares=SIDE_IN_METRES";
 
-impl Unit {
+impl FileUnit {
     pub(super) const METRE: Self = Self::Metres(1.0);
     pub(super) const MILLIMETRE: Self = Self::Metres(1e-3);
 
-    /// What one of it is in the unit of a calibration.
+    /// The factor to the unit of a [`crate::stereo::StereoCalibration`], and that unit.
     pub(super) fn in_calibration(self) -> (f64, LengthUnit) {
         match self {
             Self::Metres(metres) => (metres, LengthUnit::Metres),
@@ -31,43 +31,43 @@ impl Unit {
         }
     }
 
-    /// The unit of a file that says it under `key`, where it does, else that which the user named.
+    /// The unit that a file states under `key`, else the one the user named.
     ///
     /// # Errors
-    /// [`Error::Format`] when neither says it, or both do.
-    pub(super) fn of(document: &Document, key: &str, named: Option<Self>) -> Result<Self> {
-        let said = document
+    /// [`Error::Format`] when neither does, or both name different ones.
+    pub(super) fn stated(document: &Document, key: &str, named: Option<Self>) -> Result<Self> {
+        let stated = document
             .has(key)
-            .then(|| document.text(key)?.parse().map_err(|e| document.wrong(e)))
+            .then(|| document.text(key)?.parse().map_err(|e| document.error(e)))
             .transpose()?;
-        match (said, named) {
-            (None, None) => Err(document.wrong(format!(
-                "does not say what its lengths are in; say it with `svl calibrate convert \
+        match (stated, named) {
+            (None, None) => Err(document.error(format!(
+                "does not state its unit of length; name it with `svl calibrate convert \
                  --unit`: {UNITS}"
             ))),
             (None, Some(unit)) | (Some(Self::Squares), Some(unit)) | (Some(unit), None) => Ok(unit),
             (Some(unit), Some(named)) if unit == named => Ok(unit),
-            (Some(_), Some(_)) => Err(document.wrong(format!(
-                "says itself what its lengths are in, at '{key}'; leave --unit out"
+            (Some(_), Some(_)) => Err(document.error(format!(
+                "states its unit of length itself, at '{key}'; omit --unit"
             ))),
         }
     }
 
-    /// The unit that a format prescribes.
+    /// This unit, which the format prescribes.
     ///
     /// # Errors
     /// [`Error::Format`] when the user named another.
     pub(super) fn fixed(self, document: &Document, named: Option<Self>) -> Result<Self> {
         match named {
-            Some(named) if named != self => Err(document.wrong(format!(
-                "has its lengths in {self} by its format; leave --unit out"
+            Some(named) if named != self => Err(document.error(format!(
+                "has its lengths in {self} by its format; omit --unit"
             ))),
             _ => Ok(self),
         }
     }
 }
 
-impl FromStr for Unit {
+impl FromStr for FileUnit {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
@@ -87,14 +87,14 @@ impl FromStr for Unit {
                 .map(Self::Metres)
                 .ok_or_else(|| {
                     Error::Invalid(format!(
-                        "'{name}' is no unit of length; expected one of {UNITS}"
+                        "'{name}' is not a unit of length; expected one of {UNITS}"
                     ))
                 }),
         }
     }
 }
 
-impl fmt::Display for Unit {
+impl fmt::Display for FileUnit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Metres(1.0) => f.write_str("m"),
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn names_are_read_back() {
         for name in ["m", "cm", "mm", "squares", "squares=0.025"] {
-            assert_eq!(name.parse::<Unit>().unwrap().to_string(), name);
+            assert_eq!(name.parse::<FileUnit>().unwrap().to_string(), name);
         }
         for name in [
             "",
@@ -133,10 +133,10 @@ mod tests {
             "squares=1e9",
         ] {
             assert!(
-                name.parse::<Unit>()
+                name.parse::<FileUnit>()
                     .unwrap_err()
                     .to_string()
-                    .contains("no unit of length"),
+                    .contains("not a unit of length"),
                 "{name}"
             );
         }

@@ -1,30 +1,29 @@
-//! A board that somebody moves before two cameras whose lenses, places and directions are known
-//! exactly.
+//! A simulated board moved in front of two cameras with exactly known intrinsics, distortion and
+//! extrinsics.
 //!
-//! What it leaves out: gloss, shadows and the hands that hold it; paper that is not flat; pixels
-//! that saturate.
+//! Not simulated: gloss, shadows and occlusion by hands; paper that is not flat; saturated pixels.
 
 mod picture;
 
 pub use picture::{Look, Rays, render};
 
-use super::{Board, View};
+use super::{Board, StereoView};
 use crate::error::Result;
 use crate::stereo::{Intrinsics, LengthUnit, StereoCalibration, StereoPair};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 
-/// Pairs a second.
+/// Pairs per second.
 pub const RATE_HZ: f64 = 10.0;
 
-/// Poses in which the board is held, so many pairs each, and so many pairs on the way to the next.
+/// Number of poses in which the board is held still; pairs in each, and on the way to the next.
 const POSES: usize = 24;
 const HELD: u64 = 3;
 const MOVING: u64 = 5;
-/// Part of the time between two pairs for which the shutter is open, and moments of it that are
-/// drawn.
+/// Exposure time as a share of the time between two pairs, and the number of moments rendered in
+/// it: motion blur.
 const SHUTTER: f64 = 0.1;
 const MOMENTS: usize = 3;
-/// Corners are at least so far from the edges of both images.
+/// Least distance of the corners from the edges of both images.
 const MARGIN_PX: f64 = 14.0;
 
 const SIDE_M: f64 = 0.03;
@@ -34,7 +33,7 @@ const LOOK: Look = Look {
     shade: 0.25,
 };
 
-/// The cameras, the board, and where it is held.
+/// The cameras, the board, and its poses.
 pub struct MovingBoard {
     board: Board,
     truth: StereoCalibration,
@@ -70,12 +69,12 @@ impl MovingBoard {
         &self.board
     }
 
-    /// The cameras as they are.
+    /// The true calibration of the cameras.
     pub fn truth(&self) -> &StereoCalibration {
         &self.truth
     }
 
-    /// How many pairs there are.
+    /// Number of pairs.
     pub fn pairs(&self) -> u64 {
         POSES as u64 * HELD + (POSES as u64 - 1) * MOVING
     }
@@ -111,17 +110,18 @@ impl MovingBoard {
         StereoPair::new(image(0)?, image(1)?)
     }
 
-    /// Where the corners are in pair `index`; nothing where the board is not whole in both images.
-    pub fn view(&self, index: u64) -> Option<View> {
+    /// True corners in pair `index`; `None` where the board is not whole in both images.
+    pub fn view(&self, index: u64) -> Option<StereoView> {
         view(&self.board, &self.truth, &self.pose(index as f64), 0.0)
     }
 
-    /// Left camera from board at a time in pairs.
+    /// `X_left = pose · X_board` at a time in units of pairs.
     fn pose(&self, at: f64) -> Isometry3<f64> {
-        let turn = (HELD + MOVING) as f64;
-        let step = ((at / turn) as usize).min(POSES - 1);
+        let cycle = (HELD + MOVING) as f64;
+        let step = ((at / cycle) as usize).min(POSES - 1);
         let on_the_way =
-            ((at - step as f64 * turn - HELD as f64 + 1.0) / (MOVING + 1) as f64).clamp(0.0, 1.0);
+            ((at - step as f64 * cycle - HELD as f64 + 1.0) / (MOVING + 1) as f64).clamp(0.0, 1.0);
+        // Smoothstep: the board starts and stops gently.
         let smooth = on_the_way * on_the_way * (3.0 - 2.0 * on_the_way);
         let next = self.poses[(step + 1).min(POSES - 1)];
         self.poses[step].lerp_slerp(&next, smooth)
@@ -141,8 +141,9 @@ fn truth() -> Result<StereoCalibration> {
         (317.2, 243.1),
         [-0.276, 0.087, -0.0005, 0.0006, 0.015],
     )?;
-    let turn = UnitQuaternion::from_euler_angles(0.008, -0.015, 0.004);
-    let right_from_left = Isometry3::from_parts(Translation3::new(-0.12, 0.0012, -0.0021), turn);
+    let rotation = UnitQuaternion::from_euler_angles(0.008, -0.015, 0.004);
+    let right_from_left =
+        Isometry3::from_parts(Translation3::new(-0.12, 0.0012, -0.0021), rotation);
     StereoCalibration::new(left, right, right_from_left, LengthUnit::Metres)
 }
 
@@ -152,28 +153,28 @@ fn pose(board: &Board, truth: &StereoCalibration, random: &mut fastrand::Rng) ->
         Vector3::new((board.columns() - 1) as f64, (board.rows() - 1) as f64, 0.0) * (0.5 * SIDE_M);
     loop {
         let mut within = |low: f64, high: f64| low + (high - low) * random.f64();
-        let turn = UnitQuaternion::from_euler_angles(
+        let rotation = UnitQuaternion::from_euler_angles(
             within(-0.7, 0.7),
             within(-0.7, 0.7),
             within(-0.5, 0.5),
         );
         let depth = within(0.35, 0.75);
-        let place = Vector3::new(within(-0.5, 0.6) * depth, within(-0.4, 0.4) * depth, depth);
-        let pose = Isometry3::from_parts(Translation3::from(place - turn * middle), turn);
+        let position = Vector3::new(within(-0.5, 0.6) * depth, within(-0.4, 0.4) * depth, depth);
+        let pose =
+            Isometry3::from_parts(Translation3::from(position - rotation * middle), rotation);
         if view(board, truth, &pose, MARGIN_PX).is_some() {
             return pose;
         }
     }
 }
 
-/// Where both cameras see the corners; nothing unless all are at least `margin_px` within both
-/// images.
+/// True corners in both images; `None` unless all are at least `margin_px` inside both.
 fn view(
     board: &Board,
     truth: &StereoCalibration,
     pose: &Isometry3<f64>,
     margin_px: f64,
-) -> Option<View> {
+) -> Option<StereoView> {
     let seen = |camera: &Intrinsics, pose: Isometry3<f64>| {
         let (width, height) = camera.size();
         let inside = |pixel: &Point2<f64>| {
@@ -185,7 +186,7 @@ fn view(
             .map(|corner| camera.project(&(pose * corner)).filter(inside));
         corners.collect::<Option<Vec<_>>>()
     };
-    Some(View {
+    Some(StereoView {
         left: seen(truth.left(), *pose)?,
         right: seen(truth.right(), truth.right_from_left() * pose)?,
     })

@@ -1,4 +1,4 @@
-//! A board before a camera with a lens, as grey values.
+//! Renders a board as seen by a camera with lens distortion.
 
 use crate::calibrate::Board;
 use crate::error::Result;
@@ -6,21 +6,21 @@ use crate::stereo::{Gray, Intrinsics};
 use nalgebra::{Isometry3, Matrix3, Point2};
 use rayon::prelude::*;
 
-/// Samples of a pixel along each side.
+/// Samples per pixel along each side.
 const SAMPLES: usize = 2;
 
-/// Light of the squares, of the paper around them, and of what is behind the board, in grey levels.
+/// Grey levels of the squares, and of the background.
 const DARK: f32 = 40.0;
 const BRIGHT: f32 = 200.0;
 const BEHIND: f32 = 110.0;
-/// White paper around the squares, in squares.
+/// Width of the white border, in squares.
 const MARGIN: f32 = 0.6;
 
-/// The directions in which the samples of a camera's pixels see: what of rendering does not change
-/// from image to image.
+/// Directions of a camera's samples, computed once for all images: undistortion is iterative and
+/// slow.
 pub struct Rays {
     size: (usize, usize),
-    /// `X/Z, Y/Z` of the samples, row by row of them.
+    /// `X/Z, Y/Z` of the samples, row by row.
     directions: Vec<[f32; 2]>,
 }
 
@@ -44,12 +44,12 @@ impl Rays {
         }
     }
 
-    /// Direction of a sample, and the steps from it to the next in its row and in its column.
+    /// Direction of a sample, and its differences to the next in its row and in its column.
     fn at(&self, column: usize, line: usize) -> [[f32; 2]; 3] {
         let (wide, high) = (self.size.0 * SAMPLES, self.size.1 * SAMPLES);
         let at = |column: usize, line: usize| self.directions[line * wide + column];
         let here = at(column, line);
-        // At the last ones the step from the one before; its sign does not matter.
+        // At the border the step from the previous one; its sign does not matter.
         let beside = at(
             if column + 1 < wide {
                 column + 1
@@ -64,22 +64,22 @@ impl Rays {
     }
 }
 
-/// What makes a picture worse than a drawing.
+/// Image quality.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// Standard deviation of the blur besides that of the pixels' own size, pixels.
+    /// Standard deviation of the blur beyond that of the pixel size, pixels.
     pub blur_px: f64,
     /// Standard deviation of the noise, grey levels.
     pub noise: f64,
-    /// Part of the light that is missing at the right edge of the image.
+    /// Vignetting: share of light missing at the right edge of the image.
     pub shade: f64,
 }
 
-/// The picture of a board that was at `poses` (the camera's frame from the board's) while it was
-/// taken, for equal times.
+/// The image of a board that was at `poses` (`X_camera = pose · X_board`) for equal parts of the
+/// exposure.
 ///
 /// # Errors
-/// [`crate::Error::Dimensions`] when the camera's size is no image's.
+/// [`crate::Error::Dimensions`] for a size that no image may have.
 pub fn render(
     rays: &Rays,
     board: &Board,
@@ -122,26 +122,25 @@ pub fn render(
     Gray::from_vec(width, height, grey)
 }
 
-/// From a direction to the plane of the board, in squares from its first corner, as a homography.
+/// The homography from directions to the plane of the board, in squares from its first corner.
 fn to_squares(board: &Board, pose: &Isometry3<f64>) -> Matrix3<f32> {
     let side = board.side();
-    let turn = pose.rotation.to_rotation_matrix();
+    let rotation = pose.rotation.to_rotation_matrix();
     let (along, down) = (
-        turn * nalgebra::Vector3::x() * side,
-        turn * nalgebra::Vector3::y() * side,
+        rotation * nalgebra::Vector3::x() * side,
+        rotation * nalgebra::Vector3::y() * side,
     );
     let from_squares = Matrix3::from_columns(&[along, down, pose.translation.vector]);
-    // A board that is seen edge on has no inverse, and no picture.
+    // A board seen edge-on has no inverse and is invisible: NaN compares as outside.
     from_squares
         .try_inverse()
         .unwrap_or_else(|| Matrix3::from_element(f64::NAN))
         .cast()
 }
 
-/// Light of a sample that sees in `direction`, `across` and `down` from its neighbours' directions.
+/// Grey level of a sample in `direction`; `across` and `down`: differences to its neighbours.
 ///
-/// The edges are as wide as the sample: with hard ones the picture would know their place to a
-/// sample only.
+/// Edges are antialiased over the width of a sample; hard ones would be accurate to a sample only.
 fn albedo(
     board: &Board,
     to_squares: &Matrix3<f32>,
@@ -176,7 +175,7 @@ fn albedo(
     0.5 * (BRIGHT + DARK) - 0.5 * (BRIGHT - DARK) * soft(0, i) * soft(1, j)
 }
 
-/// Blurred by a Gaussian in both directions.
+/// The image blurred by a separable Gaussian.
 fn blurred(image: Vec<f32>, width: usize, sigma: f64) -> Vec<f32> {
     let reach = (3.0 * sigma).ceil() as isize;
     if reach == 0 {
@@ -205,7 +204,7 @@ fn blurred(image: Vec<f32>, width: usize, sigma: f64) -> Vec<f32> {
     pass(&pass(&image, (1, 0)), (0, 1))
 }
 
-/// Box and Muller.
+/// A standard normal number, by the Box-Muller transform.
 fn gaussian(random: &mut fastrand::Rng) -> f64 {
     let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
     radius * (std::f64::consts::TAU * random.f64()).cos()

@@ -1,48 +1,48 @@
 //! Bundle adjustment: all parameters of all cameras and poses at once.
 //!
-//! Levenberg and Marquardt's steps, from normal equations out of which the poses are eliminated
-//! (Schur's complement; Triggs, `McLauchlan`, Hartley, Fitzgibbon: Bundle adjustment, a modern
-//! synthesis, 2000, section 6.1): 24 unknowns remain for a pair of cameras, however many views
-//! there are.
+//! Levenberg-Marquardt steps from normal equations whose poses are eliminated by the Schur
+//! complement (Triggs, McLauchlan, Hartley, Fitzgibbon: Bundle adjustment, a modern synthesis,
+//! 2000, section 6.1): 24 unknowns remain for a pair of cameras, however many views there are.
 
-use super::scene::{Loss, MOTION, Normal, PoseBlock, Scene};
+use super::bundle::{BundleProblem, LossFunction, MOTION, NormalEquations, PoseBlock};
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector6};
 
 const STEPS: usize = 100;
-/// Share of the cost below which a gain is none; a robust minimum is only where the next adjustment
-/// begins.
+/// The adjustment has converged when a step lowers the cost by less than this share. A robust
+/// minimum is only where the next adjustment starts, so it needs less.
 const GAIN: f64 = 1e-12;
 const ROBUST_GAIN: f64 = 1e-5;
 const DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e12;
 
-/// Moves cameras and poses to the nearest minimum. Nothing when there is no cost to begin with.
-pub(super) fn adjust(scene: &mut Scene, loss: Loss) -> Option<()> {
-    let mut cost = scene.cost(loss)?;
+/// Moves cameras and poses to the nearest minimum. `None` when the cost is undefined at the start.
+pub(super) fn adjust(bundle: &mut BundleProblem, loss: LossFunction) -> Option<()> {
+    let mut cost = bundle.cost(loss)?;
     let mut damping = DAMPING;
     let least = match loss {
-        Loss::Squares => GAIN,
-        Loss::Robust(_) => ROBUST_GAIN,
+        LossFunction::Squares => GAIN,
+        LossFunction::Robust(_) => ROBUST_GAIN,
     };
     for _ in 0..STEPS {
-        let normal = scene.normal(loss);
+        let normal = bundle.normal(loss);
         let (next, lower) = loop {
             let step = normal
                 .step(damping)
-                .and_then(|(cameras, poses)| scene.moved(&cameras, &poses));
+                .and_then(|(cameras, poses)| bundle.moved(&cameras, &poses));
             let next = step
                 .and_then(|next| Some((next.cost(loss)?, next)))
                 .filter(|(lower, _)| *lower <= cost);
             if let Some((lower, next)) = next {
                 break (next, lower);
             }
+            // The step was too long for the linearization: shorten it, towards gradient descent.
             damping *= 10.0;
             if damping > MOST_DAMPING {
                 return Some(());
             }
         };
         damping = (damping / 10.0).max(1e-12);
-        *scene = next;
+        *bundle = next;
         if cost - lower <= least * cost {
             break;
         }
@@ -51,15 +51,15 @@ pub(super) fn adjust(scene: &mut Scene, loss: Loss) -> Option<()> {
     Some(())
 }
 
-/// The equations of the cameras alone, and the inverses of the poses' blocks.
+/// The equations of the cameras alone (Schur complement), and the inverses of the poses' blocks.
 struct Reduced {
     cameras: DMatrix<f64>,
     right: DVector<f64>,
     poses: Vec<Matrix6<f64>>,
 }
 
-impl Normal {
-    /// The step that solves them: of the cameras, and of each pose.
+impl NormalEquations {
+    /// The damped step of the cameras and of each pose; `None` for a singular system.
     fn step(&self, damping: f64) -> Option<(DVector<f64>, Vec<Vector6<f64>>)> {
         let reduced = self.reduced(damping)?;
         let cameras = Cholesky::new(reduced.cameras)?.solve(&reduced.right);
@@ -71,13 +71,14 @@ impl Normal {
         Some((cameras, poses))
     }
 
-    /// Covariance of the cameras' parameters for residuals of variance 1, the poses being unknown
-    /// too. Nothing when they cannot be told from the views.
+    /// Covariance of the cameras' parameters for residuals of variance 1, marginalized over the
+    /// poses. `None` when the views do not determine them.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let inverse = Cholesky::new(self.reduced(0.0)?.cameras)?.inverse();
         inverse.iter().all(|v| v.is_finite()).then_some(inverse)
     }
 
+    /// Eliminates the poses: `A − Σ B C⁻¹ Bᵀ`, pose by pose, as `C` is block diagonal.
     fn reduced(&self, damping: f64) -> Option<Reduced> {
         let (mut cameras, mut right) = (self.cameras.clone(), self.cameras_right.clone());
         for i in 0..cameras.nrows() {
@@ -102,11 +103,11 @@ impl Normal {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::tests::pair;
+    use super::super::bundle::tests::pair;
     use super::*;
 
-    /// All equations in one matrix.
-    fn whole(normal: &Normal) -> (DMatrix<f64>, DVector<f64>) {
+    /// All equations in one matrix, without elimination.
+    fn whole(normal: &NormalEquations) -> (DMatrix<f64>, DVector<f64>) {
         let n = normal.cameras.nrows();
         let size = n + MOTION * normal.poses.len();
         let (mut matrix, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
@@ -130,7 +131,7 @@ mod tests {
 
     #[test]
     fn step_and_covariance_are_those_of_the_whole_equations() {
-        let normal = pair().normal(Loss::Squares);
+        let normal = pair().normal(LossFunction::Squares);
         let (matrix, right) = whole(&normal);
         let n = normal.cameras.nrows();
         let damped = &matrix + DMatrix::from_diagonal(&(matrix.diagonal() * 0.1));
@@ -155,14 +156,14 @@ mod tests {
 
     #[test]
     fn an_adjusted_scene_has_no_slope_left() {
-        let mut scene = pair();
-        let before = scene.cost(Loss::Squares).unwrap();
-        adjust(&mut scene, Loss::Squares).unwrap();
-        assert!(scene.cost(Loss::Squares).unwrap() < before);
-        let normal = scene.normal(Loss::Squares);
+        let mut bundle = pair();
+        let before = bundle.cost(LossFunction::Squares).unwrap();
+        adjust(&mut bundle, LossFunction::Squares).unwrap();
+        assert!(bundle.cost(LossFunction::Squares).unwrap() < before);
+        let normal = bundle.normal(LossFunction::Squares);
         let (cameras, _) = normal.step(0.0).unwrap();
         let covariance = normal.covariance().unwrap();
-        // In units of the standard deviations.
+        // A step is small against the standard deviations.
         assert!(
             (0..cameras.len()).all(|i| cameras[i].abs() < 1e-3 * covariance[(i, i)].sqrt()),
             "{cameras}"

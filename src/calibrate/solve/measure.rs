@@ -1,103 +1,121 @@
-//! The numbers of an adjusted pair: standard deviations, residuals, epipolar error.
+//! The solution of an adjusted pair: standard deviations, residuals, vertical misalignment.
 
-use super::scene::{Camera as SceneCamera, LENS, Loss, MOTION, Scene, Shot};
+use super::bundle::{BundleProblem, INTRINSICS, LossFunction, MOTION, PosedCamera, PosedView};
 use super::solution::{
-    self, Camera, Corner, Correlation, Epipolar, Estimate, Fit, Solution, ViewFit,
+    self, CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Solution, ViewFit,
 };
 use crate::calibrate::Board;
 use crate::error::{Error, Result};
 use crate::stereo::{Intrinsics, StereoCalibration};
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point2, Rotation3, Vector2, Vector3};
 
-/// A focal length less sure than this share of it is none.
-const UNSURE: f64 = 0.03;
-/// Correlations beyond this are told.
+/// A focal length whose standard deviation exceeds this share of it is undetermined.
+const UNCERTAIN: f64 = 0.03;
+/// Correlations beyond this are reported.
 const STRONG: f64 = 0.9;
-/// Columns and rows of fields of which the coverage speaks.
+/// Columns and rows of the fields in which coverage is counted.
 const FIELDS: (usize, usize) = (8, 6);
 
 pub(super) fn solution(
     board: &Board,
-    scene: Scene,
+    bundle: BundleProblem,
     refused: Vec<Option<String>>,
 ) -> Result<Solution> {
     let (mut squares, mut numbers) = (0.0, 0_usize);
-    for residual in scene
-        .shots
+    for residual in bundle
+        .views
         .iter()
-        .flat_map(|shot| (0..2).flat_map(|camera| corners(&scene, shot, camera)))
+        .flat_map(|view| (0..2).flat_map(|camera| corners(&bundle, view, camera)))
     {
         if residual.used {
             squares += residual.residual.0.powi(2) + residual.residual.1.powi(2);
             numbers += 2;
         }
     }
-    let unknowns = scene.parameters() + MOTION * scene.shots.len();
+    let unknowns = bundle.parameters() + MOTION * bundle.views.len();
+    // Unbiased: degrees of freedom are residuals minus unknowns.
     let variance = squares / numbers.saturating_sub(unknowns).max(1) as f64;
-    let covariance = scene
-        .normal(Loss::Squares)
+    let covariance = bundle
+        .normal(LossFunction::Squares)
         .covariance()
         .map(|c| c * variance);
-    let covariance = covariance.ok_or_else(|| parallel(&scene, None))?;
+    let covariance = covariance.ok_or_else(|| parallel(&bundle, None))?;
     let deviations: Vec<f64> = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
 
-    let [first, second] = [0, 1].map(|i| &scene.cameras[i]);
-    for (name, camera, begin) in [("left", first, 0), ("right", second, Scene::begin(1))] {
-        let (fx, fy) = camera.lens.focal_px();
+    let [first, second] = [0, 1].map(|i| &bundle.cameras[i]);
+    for (name, camera, begin) in [
+        ("left", first, 0),
+        ("right", second, BundleProblem::begin(1)),
+    ] {
+        let (fx, fy) = camera.intrinsics.focal_px();
         for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
-            if deviation.is_nan() || deviation > UNSURE * focal {
-                return Err(parallel(&scene, Some((name, focal, deviation))));
+            if deviation.is_nan() || deviation > UNCERTAIN * focal {
+                return Err(parallel(&bundle, Some((name, focal, deviation))));
             }
         }
     }
-    let place = second.place;
-    let calibration = StereoCalibration::new(first.lens, second.lens, place, board.unit())?;
+    let from_first = second.from_first;
+    let calibration = StereoCalibration::new(
+        first.intrinsics,
+        second.intrinsics,
+        from_first,
+        board.unit(),
+    )?;
     let pair = covariance
-        .fixed_view::<MOTION, MOTION>(Scene::begin(1) + LENS, Scene::begin(1) + LENS)
+        .fixed_view::<MOTION, MOTION>(
+            BundleProblem::begin(1) + INTRINSICS,
+            BundleProblem::begin(1) + INTRINSICS,
+        )
         .into_owned();
-    let [rotation_deg, translation] = motion(&place, &pair);
-    let rows = Rows::new(first, second);
+    let [rotation_deg, translation] = motion(&from_first, &pair);
+    let rows = RectifiedRows::new(first, second);
     let views: Vec<ViewFit> = refused
         .into_iter()
         .enumerate()
         .map(|(id, refused)| {
-            let shot = scene.shots.iter().find(|shot| shot.id == id);
+            let view = bundle.views.iter().find(|view| view.id == id);
             ViewFit {
                 refused,
-                fit: shot.map(|shot| fit(&scene, &rows, shot)),
+                fit: view.map(|view| fit(&bundle, &rows, view)),
             }
         })
         .collect();
     let fits = || views.iter().filter_map(|view| view.fit.as_ref());
-    let camera = |lens: &Intrinsics, begin: usize, corners: &dyn Fn(&Fit) -> &Vec<Corner>| {
+    let camera = |intrinsics: &Intrinsics, begin: usize, corners: &dyn Fn(&Fit) -> &Vec<Corner>| {
         let all: Vec<Corner> = fits()
             .flat_map(|fit| corners(fit).iter().copied())
             .collect();
-        camera(lens, &deviations[begin..begin + LENS], &all)
+        camera(intrinsics, &deviations[begin..begin + INTRINSICS], &all)
     };
     let (left, right) = (
-        camera(&first.lens, 0, &|fit| &fit.left),
-        camera(&second.lens, Scene::begin(1), &|fit| &fit.right),
+        camera(&first.intrinsics, 0, &|fit| &fit.left),
+        camera(&second.intrinsics, BundleProblem::begin(1), &|fit| {
+            &fit.right
+        }),
     );
-    let apart: Vec<f64> = fits().flat_map(|fit| rows.apart(fit)).collect();
+    let misalignments: Vec<f64> = fits().flat_map(|fit| rows.misalignments(fit)).collect();
     let mean = |f: &dyn Fn(f64) -> f64| {
-        apart.iter().map(|v| f(*v)).sum::<f64>() / apart.len().max(1) as f64
+        misalignments.iter().map(|v| f(*v)).sum::<f64>() / misalignments.len().max(1) as f64
     };
     Ok(Solution {
         board: (board.columns(), board.rows()),
-        size: first.lens.size(),
+        size: first.intrinsics.size(),
         unit: solution::unit(board.unit()),
         left,
         right,
         rotation_deg,
         translation,
-        baseline: baseline(&place, &pair),
+        baseline: baseline(&from_first, &pair),
         rms_px: (squares / (numbers.max(2) / 2) as f64).sqrt(),
         corner_deviation_px: variance.sqrt(),
-        epipolar: Epipolar {
+        epipolar: EpipolarError {
             mean_px: mean(&f64::abs),
             rms_px: mean(&|v| v * v).sqrt(),
-            worst_px: apart.iter().copied().map(f64::abs).fold(0.0, f64::max),
+            worst_px: misalignments
+                .iter()
+                .copied()
+                .map(f64::abs)
+                .fold(0.0, f64::max),
         },
         correlations: correlations(&covariance),
         views,
@@ -105,40 +123,43 @@ pub(super) fn solution(
     })
 }
 
-/// Too little tilt, told by how sure a focal length is: its camera, value and standard deviation.
-fn parallel(scene: &Scene, focal: Option<(&str, f64, f64)>) -> Error {
-    let normals: Vec<Vector3<f64>> = scene
-        .shots
+/// The error for boards tilted too little. `focal`: the uncertain focal length's camera, value and
+/// standard deviation.
+fn parallel(bundle: &BundleProblem, focal: Option<(&str, f64, f64)>) -> Error {
+    let normals: Vec<Vector3<f64>> = bundle
+        .views
         .iter()
-        .map(|shot| shot.pose.rotation * Vector3::z())
+        .map(|view| view.pose.rotation * Vector3::z())
         .collect();
     let angles = normals
         .iter()
         .flat_map(|a| normals.iter().map(move |b| a.angle(b).to_degrees()));
     let widest = angles.fold(0.0, f64::max);
     let what = focal.map_or_else(
-        || "the focal lengths cannot be told".to_owned(),
+        || "the focal lengths are undetermined".to_owned(),
         |(name, value, deviation)| {
-            format!("the {name} focal length is {value:.0} ± {deviation:.0} px, too unsure to use")
+            format!(
+                "the {name} focal length is {value:.0} ± {deviation:.0} px, too uncertain to use"
+            )
         },
     );
     Error::Invalid(format!(
         "{what}: the board's directions in the {} views differ by {widest:.0}° at most; add views \
          with the board tilted by 20° to 45° to the left, right, up and down",
-        scene.shots.len()
+        bundle.views.len()
     ))
 }
 
-fn camera(lens: &Intrinsics, deviations: &[f64], corners: &[Corner]) -> Camera {
-    let values = lens.parameters();
-    let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = std::array::from_fn(|i| Estimate {
+fn camera(intrinsics: &Intrinsics, deviations: &[f64], corners: &[Corner]) -> CameraEstimate {
+    let values = intrinsics.parameters();
+    let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = std::array::from_fn(|i| Estimated {
         value: values[i],
         deviation: deviations[i],
     });
-    let (width, height) = lens.size();
+    let (width, height) = intrinsics.size();
     let mut seen = [[false; FIELDS.0]; FIELDS.1];
     for Corner { seen: (x, y), .. } in corners.iter().filter(|corner| corner.used) {
-        // A float becomes 0 below it.
+        // The cast saturates at 0.
         let field = |at: f64, side: usize, fields: usize| {
             ((at + 0.5) / side as f64 * fields as f64) as usize
         };
@@ -147,7 +168,7 @@ fn camera(lens: &Intrinsics, deviations: &[f64], corners: &[Corner]) -> Camera {
     }
     let coverage = seen.as_flattened().iter().filter(|seen| **seen).count() as f64
         / (FIELDS.0 * FIELDS.1) as f64;
-    Camera {
+    CameraEstimate {
         fx,
         fy,
         cx,
@@ -164,33 +185,36 @@ fn camera(lens: &Intrinsics, deviations: &[f64], corners: &[Corner]) -> Camera {
 
 /// Rotation vector in degrees and translation with their deviations, from the covariance of a small
 /// motion after them.
-fn motion(place: &Isometry3<f64>, covariance: &Matrix6<f64>) -> [[Estimate; 3]; 2] {
-    let (turn, shift) = (place.rotation.scaled_axis(), place.translation.vector);
+fn motion(from_first: &Isometry3<f64>, covariance: &Matrix6<f64>) -> [[Estimated; 3]; 2] {
+    let rotation = from_first.rotation.scaled_axis();
+    let translation = from_first.translation.vector;
     let mut change = Matrix6::identity();
     change
         .fixed_view_mut::<3, 3>(0, 0)
-        .copy_from(&by_turn(&turn));
+        .copy_from(&inverse_left_jacobian(&rotation));
     change
         .fixed_view_mut::<3, 3>(3, 0)
-        .copy_from(&-shift.cross_matrix());
+        .copy_from(&-translation.cross_matrix());
+    // The solution's covariance is of a small motion after the extrinsics; propagate it to R and T.
     let covariance = change * covariance * change.transpose();
     let deviation = |i: usize| covariance[(i, i)].sqrt();
     [
-        std::array::from_fn(|i| Estimate {
-            value: turn[i].to_degrees(),
+        std::array::from_fn(|i| Estimated {
+            value: rotation[i].to_degrees(),
             deviation: deviation(i).to_degrees(),
         }),
-        std::array::from_fn(|i| Estimate {
-            value: shift[i],
+        std::array::from_fn(|i| Estimated {
+            value: translation[i],
             deviation: deviation(3 + i),
         }),
     ]
 }
 
-/// How a rotation vector changes with a small rotation after it (the inverse left Jacobian of
-/// SO(3)).
-fn by_turn(turn: &Vector3<f64>) -> Matrix3<f64> {
-    let (angle, cross) = (turn.norm(), turn.cross_matrix());
+/// How a rotation vector changes with a small rotation after it: the inverse left Jacobian of
+/// SO(3).
+fn inverse_left_jacobian(rotation: &Vector3<f64>) -> Matrix3<f64> {
+    let (angle, cross) = (rotation.norm(), rotation.cross_matrix());
+    // The general form is 0/0 at small angles; its limit is 1/12.
     let second = if angle < 1e-4 {
         1.0 / 12.0
     } else {
@@ -199,19 +223,20 @@ fn by_turn(turn: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() - cross / 2.0 + cross * cross * second
 }
 
-/// A turn after it does not change the distance.
-fn baseline(place: &Isometry3<f64>, covariance: &Matrix6<f64>) -> Estimate {
-    let shift = place.translation.vector;
+/// Length of the translation; a rotation after the motion does not change it.
+fn baseline(from_first: &Isometry3<f64>, covariance: &Matrix6<f64>) -> Estimated {
+    let shift = from_first.translation.vector;
     let along = shift.normalize();
     let variance = along.dot(&(covariance.fixed_view::<3, 3>(3, 3) * along));
-    Estimate {
+    Estimated {
         value: shift.norm(),
         deviation: variance.sqrt(),
     }
 }
 
 fn correlations(covariance: &DMatrix<f64>) -> Vec<Correlation> {
-    const LENSES: [&str; LENS] = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
+    const INTRINSICS_NAMES: [&str; INTRINSICS] =
+        ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
     const MOTIONS: [&str; MOTION] = [
         "rotation about x",
         "rotation about y",
@@ -220,9 +245,13 @@ fn correlations(covariance: &DMatrix<f64>) -> Vec<Correlation> {
         "translation y",
         "translation z",
     ];
-    let lens = |side: &'static str| LENSES.iter().map(move |name| format!("{side} {name}"));
-    let names: Vec<String> = lens("left")
-        .chain(lens("right"))
+    let named = |side: &'static str| {
+        INTRINSICS_NAMES
+            .iter()
+            .map(move |name| format!("{side} {name}"))
+    };
+    let names: Vec<String> = named("left")
+        .chain(named("right"))
         .chain(MOTIONS.map(str::to_owned))
         .collect();
     let mut pairs = Vec::new();
@@ -243,10 +272,10 @@ fn correlations(covariance: &DMatrix<f64>) -> Vec<Correlation> {
 }
 
 /// Corners of one view in one image with their residuals.
-fn corners(scene: &Scene, shot: &Shot, camera: usize) -> Vec<Corner> {
-    let image = &shot.images[camera];
-    let residuals = scene
-        .residuals(shot, camera)
+fn corners(bundle: &BundleProblem, view: &PosedView, camera: usize) -> Vec<Corner> {
+    let image = &view.images[camera];
+    let residuals = bundle
+        .residuals(view, camera)
         .zip(image.pixels.iter().zip(&image.used));
     // An outlier may be predicted behind the camera.
     let corner = |(residual, (pixel, used)): (Option<Vector2<f64>>, (&Point2<f64>, &bool))| {
@@ -269,53 +298,56 @@ fn rms(corners: &[Corner]) -> f64 {
     (squares / used.len().max(1) as f64).sqrt()
 }
 
-fn fit(scene: &Scene, rows: &Rows, shot: &Shot) -> Fit {
-    let (left, right) = (corners(scene, shot, 0), corners(scene, shot, 1));
-    let middle = scene
+fn fit(bundle: &BundleProblem, rows: &RectifiedRows, view: &PosedView) -> Fit {
+    let (left, right) = (corners(bundle, view, 0), corners(bundle, view, 1));
+    let middle = bundle
         .board
         .iter()
         .fold(Vector3::zeros(), |sum, p| sum + p.coords)
-        / scene.board.len() as f64;
-    let normal = shot.pose.rotation * Vector3::z();
+        / bundle.board.len() as f64;
+    let normal = view.pose.rotation * Vector3::z();
     let mut fit = Fit {
         rms_left_px: rms(&left),
         rms_right_px: rms(&right),
         epipolar_px: 0.0,
-        distance: (shot.pose * nalgebra::Point3::from(middle)).coords.norm(),
+        distance: (view.pose * nalgebra::Point3::from(middle)).coords.norm(),
         tilt_deg: normal.z.abs().min(1.0).acos().to_degrees(),
         left,
         right,
     };
-    let apart = rows.apart(&fit);
-    fit.epipolar_px = apart.iter().map(|v| v.abs()).sum::<f64>() / apart.len().max(1) as f64;
+    let misalignments = rows.misalignments(&fit);
+    fit.epipolar_px =
+        misalignments.iter().map(|v| v.abs()).sum::<f64>() / misalignments.len().max(1) as f64;
     fit
 }
 
-/// The rows of rectified images.
-struct Rows<'a> {
-    lenses: [&'a Intrinsics; 2],
-    turns: [Rotation3<f64>; 2],
+/// RectifiedRows of the ideally rectified images.
+struct RectifiedRows<'a> {
+    intrinsics: [&'a Intrinsics; 2],
+    rotations: [Rotation3<f64>; 2],
     focal_px: f64,
 }
 
-impl<'a> Rows<'a> {
-    /// The rotation is split between the cameras, then the baseline turned to x (Bouguet's way).
-    fn new(left: &'a SceneCamera, right: &'a SceneCamera) -> Self {
-        let half = Rotation3::from_scaled_axis(right.place.rotation.scaled_axis() / 2.0);
-        let baseline = half.inverse() * -right.place.translation.vector;
+impl<'a> RectifiedRows<'a> {
+    /// Bouguet's method: half of the rotation goes to each camera, then both rotate so that the
+    /// baseline is along x.
+    fn new(left: &'a PosedCamera, right: &'a PosedCamera) -> Self {
+        let half = Rotation3::from_scaled_axis(right.from_first.rotation.scaled_axis() / 2.0);
+        let baseline = half.inverse() * -right.from_first.translation.vector;
         let level =
             Rotation3::rotation_between(&baseline, &Vector3::x()).unwrap_or(Rotation3::identity());
-        let focal =
-            |camera: &SceneCamera| (camera.lens.focal_px().0 + camera.lens.focal_px().1) / 2.0;
+        let focal = |camera: &PosedCamera| {
+            (camera.intrinsics.focal_px().0 + camera.intrinsics.focal_px().1) / 2.0
+        };
         Self {
-            lenses: [&left.lens, &right.lens],
-            turns: [level * half, level * half.inverse()],
+            intrinsics: [&left.intrinsics, &right.intrinsics],
+            rotations: [level * half, level * half.inverse()],
             focal_px: (focal(left) + focal(right)) / 2.0,
         }
     }
 
     /// Left minus right row of every corner of a view that is used in both images, pixels.
-    fn apart(&self, fit: &Fit) -> Vec<f64> {
+    fn misalignments(&self, fit: &Fit) -> Vec<f64> {
         let pairs = fit
             .left
             .iter()
@@ -327,8 +359,9 @@ impl<'a> Rows<'a> {
     }
 
     fn row(&self, camera: usize, corner: &Corner) -> Option<f64> {
-        let direction = self.lenses[camera].direction(Point2::new(corner.seen.0, corner.seen.1))?;
-        let turned = self.turns[camera] * direction.push(1.0);
-        Some(self.focal_px * turned.y / turned.z)
+        let direction =
+            self.intrinsics[camera].direction(Point2::new(corner.seen.0, corner.seen.1))?;
+        let rotated = self.rotations[camera] * direction.push(1.0);
+        Some(self.focal_px * rotated.y / rotated.z)
     }
 }

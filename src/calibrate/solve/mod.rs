@@ -1,35 +1,37 @@
-//! From corners to two calibrated cameras.
+//! Stereo calibration from corners: intrinsics, distortion and extrinsics of two cameras.
 //!
-//! Each camera by itself: homographies and closed form (Zhang, A flexible new technique for camera
-//! calibration, PAMI 2000), then its lens (Brown, Close-range camera calibration, 1971) and all
-//! poses adjusted. Then both together: every parameter of both lenses, R, T and the poses in one
-//! adjustment, in which a board has one pose for both images. Views and corners that cannot belong
-//! to the rest are refused at every stage, and the rest adjusted again without them.
+//! First each camera alone: homographies and closed-form intrinsics (Zhang, A flexible new
+//! technique for camera calibration, PAMI 2000), then an adjustment of intrinsics with distortion
+//! (Brown, Close-range camera calibration, 1971) and all poses. Then both cameras: one adjustment
+//! of all intrinsics, R, T and the poses, in which the board has one pose for both images. Each
+//! stage refuses views and corners that do not agree with the rest and adjusts again without them.
 
 mod adjust;
-mod judge;
+mod board_motion;
+mod bundle;
 mod measure;
-mod moved;
-mod scene;
+mod outliers;
 mod solution;
 mod start;
 mod text;
 
-pub use solution::{Camera, Corner, Correlation, Epipolar, Estimate, Fit, Solution, ViewFit};
+pub use solution::{
+    CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Solution, ViewFit,
+};
 
-use super::{Board, View};
+use super::{Board, StereoView};
 use crate::error::{Error, Result};
 use crate::statistics::upper_median;
-use judge::{Refusal, settle};
+use bundle::{BundleProblem, ImageCorners, PosedCamera, PosedView};
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
-use scene::{Image, Scene, Shot};
+use outliers::{RejectedView, adjust_robustly};
 
-/// Fewest views that tell everything.
+/// Fewest views that determine all parameters (Zhang, section 3.1).
 pub const LEAST_VIEWS: usize = 3;
 
-/// The views that are still believed, and why the others are not.
-struct Sieve<'a> {
-    views: &'a [View],
+/// The views, and why some of them are refused.
+struct ViewSelection<'a> {
+    views: &'a [StereoView],
     refused: Vec<Option<String>>,
 }
 
@@ -37,24 +39,24 @@ struct Sieve<'a> {
 ///
 /// # Errors
 /// [`Error::Invalid`] when a view has another number of corners than the board, when fewer than
-/// three views agree, or when they do not tell the parameters, as with boards that are all
-/// parallel; it says what to add.
-pub fn solve(board: &Board, size: (usize, usize), views: &[View]) -> Result<Solution> {
+/// three views agree, or when they do not determine the parameters, as with boards that are all
+/// parallel. The message says what to add.
+pub fn solve(board: &Board, size: (usize, usize), views: &[StereoView]) -> Result<Solution> {
     let corners: Vec<Point3<f64>> = board.corners().collect();
-    let mut sieve = Sieve {
+    let mut selection = ViewSelection {
         views,
         refused: vec![None; views.len()],
     };
-    sieve.look(size, corners.len())?;
-    let left = single(&corners, size, &mut sieve, "left", |view| &view.left)?;
-    let right = single(&corners, size, &mut sieve, "right", |view| &view.right)?;
-    let scene = together(left, right, &mut sieve)?;
-    measure::solution(board, scene, sieve.refused)
+    selection.check_corners(size, corners.len())?;
+    let left = calibrate_camera(&corners, size, &mut selection, "left", |view| &view.left)?;
+    let right = calibrate_camera(&corners, size, &mut selection, "right", |view| &view.right)?;
+    let bundle = calibrate_pair(left, right, &mut selection)?;
+    measure::solution(board, bundle, selection.refused)
 }
 
-impl Sieve<'_> {
-    /// Refuses views that are no views of a board.
-    fn look(&mut self, (width, height): (usize, usize), corners: usize) -> Result<()> {
+impl ViewSelection<'_> {
+    /// Refuses views with corners outside the images.
+    fn check_corners(&mut self, (width, height): (usize, usize), corners: usize) -> Result<()> {
         for (id, view) in self.views.iter().enumerate() {
             let counts = (view.left.len(), view.right.len());
             if counts != (corners, corners) {
@@ -71,17 +73,17 @@ impl Sieve<'_> {
             for (name, image) in [("left", &view.left), ("right", &view.right)] {
                 if let Some(corner) = image.iter().position(|p| !inside(p)) {
                     let reason = format!(
-                        "corner {} is outside the {name} image or no number",
+                        "corner {} is outside the {name} image or not a number",
                         corner + 1
                     );
                     self.refused[id] = Some(reason);
                 }
             }
         }
-        self.enough()
+        self.require_enough()
     }
 
-    fn alive(&self) -> impl Iterator<Item = usize> {
+    fn used(&self) -> impl Iterator<Item = usize> {
         self.refused
             .iter()
             .enumerate()
@@ -89,9 +91,9 @@ impl Sieve<'_> {
             .map(|(id, _)| id)
     }
 
-    fn enough(&self) -> Result<()> {
-        let (alive, all) = (self.alive().count(), self.views.len());
-        if alive >= LEAST_VIEWS {
+    fn require_enough(&self) -> Result<()> {
+        let (used, all) = (self.used().count(), self.views.len());
+        if used >= LEAST_VIEWS {
             return Ok(());
         }
         let reasons = self
@@ -111,146 +113,154 @@ impl Sieve<'_> {
             format!(" ({})", reasons.join("; "))
         };
         Err(Error::Invalid(format!(
-            "{alive} of {all} views of the board can be used, at least {LEAST_VIEWS} are \
+            "{used} of {all} views of the board can be used, at least {LEAST_VIEWS} are \
              needed{why}; add views with the board tilted differently"
         )))
     }
 }
 
-/// One camera by itself from the views that are still believed.
-fn single(
+/// Calibrates one camera alone from the views that are not refused.
+fn calibrate_camera(
     board: &[Point3<f64>],
     size: (usize, usize),
-    sieve: &mut Sieve<'_>,
+    selection: &mut ViewSelection<'_>,
     name: &str,
-    pixels: impl Fn(&View) -> &Vec<Point2<f64>>,
-) -> Result<Scene> {
-    let views = sieve.views;
+    pixels: impl Fn(&StereoView) -> &Vec<Point2<f64>>,
+) -> Result<BundleProblem> {
+    let views = selection.views;
     let mut homographies: Vec<(usize, Matrix3<f64>, f64)> = Vec::new();
-    for id in sieve.alive().collect::<Vec<_>>() {
+    for id in selection.used().collect::<Vec<_>>() {
         match start::homography(board, pixels(&views[id])) {
             Some((h, off)) => homographies.push((id, h, off)),
             None => {
-                sieve.refused[id] = Some(format!(
-                    "the {name} image's corners lie on one line or in no order"
+                selection.refused[id] = Some(format!(
+                    "the {name} image's corners lie on one line or are out of order"
                 ))
             }
         }
     }
-    // A lens bends a board by a few pixels; corners in disorder are off by a good part of the
+    // Distortion moves a board by a few pixels; corners in disorder are off by a good part of the
     // board.
-    let usual = upper_median(homographies.iter().map(|(.., off)| *off)).unwrap_or_default();
-    let limit = 4.0 * usual + 0.03 * (size.0 as f64).hypot(size.1 as f64);
+    let typical = upper_median(homographies.iter().map(|(.., off)| *off)).unwrap_or_default();
+    let limit = 4.0 * typical + 0.03 * (size.0 as f64).hypot(size.1 as f64);
     homographies.retain(|(id, _, off)| {
         if *off > limit {
-            sieve.refused[*id] = Some(format!(
-                "the {name} image's corners are no board in order: {off:.0} px off"
+            selection.refused[*id] = Some(format!(
+                "the {name} image's corners are out of order: {off:.0} px off"
             ));
         }
         *off <= limit
     });
-    sieve.enough()?;
+    selection.require_enough()?;
 
-    let lens = start::intrinsics(
+    let intrinsics = start::intrinsics(
         size,
         &homographies.iter().map(|(_, h, _)| *h).collect::<Vec<_>>(),
     );
-    let lens = lens.ok_or_else(|| lost(&format!("{name} camera")))?;
-    let mut shots = Vec::new();
+    let intrinsics = intrinsics.ok_or_else(|| undetermined(&format!("{name} camera")))?;
+    let mut posed = Vec::new();
     for (id, h, _) in homographies {
-        match start::pose(&lens, &h).filter(|pose| scene::in_front(board, pose)) {
-            Some(pose) => shots.push(Shot {
+        match start::pose(&intrinsics, &h).filter(|pose| bundle::in_front(board, pose)) {
+            Some(pose) => posed.push(PosedView {
                 id,
                 pose,
-                images: vec![Image::new(pixels(&views[id]))],
+                images: vec![ImageCorners::new(pixels(&views[id]))],
             }),
             None => {
-                sieve.refused[id] = Some(format!(
-                    "the {name} image's corners are no board before the camera"
+                selection.refused[id] = Some(format!(
+                    "the {name} image's corners are no board in front of the camera"
                 ))
             }
         }
     }
-    sieve.enough()?;
-    let cameras = vec![scene::Camera {
-        lens,
-        place: Isometry3::identity(),
+    selection.require_enough()?;
+    let cameras = vec![PosedCamera {
+        intrinsics,
+        from_first: Isometry3::identity(),
     }];
-    let mut scene = Scene {
+    let mut bundle = BundleProblem {
         board: board.to_vec(),
         cameras,
-        shots,
+        views: posed,
     };
-    for Refusal { shot, reason } in
-        settle(&mut scene, &[name]).ok_or_else(|| lost(&format!("{name} camera")))?
+    for RejectedView { view, reason } in adjust_robustly(&mut bundle, &[name])
+        .ok_or_else(|| undetermined(&format!("{name} camera")))?
     {
-        sieve.refused[shot.id] = Some(reason);
+        selection.refused[view.id] = Some(reason);
     }
-    sieve.enough()?;
-    Ok(scene)
+    selection.require_enough()?;
+    Ok(bundle)
 }
 
-/// Both cameras with one pose of the board for both images.
-fn together(left: Scene, mut right: Scene, sieve: &mut Sieve<'_>) -> Result<Scene> {
-    let Scene {
+/// Calibrates both cameras, with one pose of the board for both images.
+fn calibrate_pair(
+    left: BundleProblem,
+    mut right: BundleProblem,
+    selection: &mut ViewSelection<'_>,
+) -> Result<BundleProblem> {
+    let BundleProblem {
         board,
         mut cameras,
-        shots,
+        views,
     } = left;
-    let (mut pairs, mut apart) = (Vec::new(), Vec::new());
-    for mut shot in shots {
-        if let Some(same) = right.shots.iter().find(|same| same.id == shot.id) {
-            apart.push(same.pose * shot.pose.inverse());
-            shot.images.extend(same.images.iter().cloned());
-            pairs.push(shot);
+    let (mut pairs, mut motions) = (Vec::new(), Vec::new());
+    for mut view in views {
+        if let Some(same) = right.views.iter().find(|same| same.id == view.id) {
+            // Each view gives the motion from left to right; noise makes them differ.
+            motions.push(same.pose * view.pose.inverse());
+            view.images.extend(same.images.iter().cloned());
+            pairs.push(view);
         }
     }
     cameras.append(&mut right.cameras);
-    cameras[1].place = middle(&apart);
-    let mut scene = Scene {
+    cameras[1].from_first = median_motion(&motions);
+    let mut bundle = BundleProblem {
         board,
         cameras,
-        shots: pairs,
+        views: pairs,
     };
-    for Refusal { shot, reason } in
-        settle(&mut scene, &["left", "right"]).ok_or_else(|| lost("cameras"))?
+    for RejectedView { view, reason } in
+        adjust_robustly(&mut bundle, &["left", "right"]).ok_or_else(|| undetermined("cameras"))?
     {
         let seen = |camera: usize| {
-            let scene::Camera { lens, place } = &scene.cameras[camera];
+            let PosedCamera {
+                intrinsics,
+                from_first,
+            } = &bundle.cameras[camera];
             Some(
-                place.inverse()
-                    * start::seen_pose(lens, &scene.board, &shot.images[camera].pixels)?,
+                from_first.inverse()
+                    * start::seen_pose(intrinsics, &bundle.board, &view.images[camera].pixels)?,
             )
         };
         let moved = seen(0)
             .zip(seen(1))
             .map(|(left, right)| left.inverse() * right);
         let moved = moved
-            .and_then(|motion| moved::words(&motion, &scene.board))
+            .and_then(|motion| board_motion::describe(&motion, &bundle.board))
             .map(|words| format!(": {words}"));
-        sieve.refused[shot.id] = Some(reason + &moved.unwrap_or_default());
+        selection.refused[view.id] = Some(reason + &moved.unwrap_or_default());
     }
-    sieve.enough()?;
-    Ok(scene)
+    selection.require_enough()?;
+    Ok(bundle)
 }
 
-/// The middle of several motions, which less than half of them can spoil.
-fn middle(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
+/// The median motion, component by component: robust while less than half of them are outliers.
+fn median_motion(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
     let median = |value: fn(&Isometry3<f64>) -> Vector3<f64>| {
         Vector3::from_fn(|i, _| {
             upper_median(motions.iter().map(|m| value(m)[i])).unwrap_or_default()
         })
     };
-    let shift = Translation3::from(median(|motion| motion.translation.vector));
+    let translation = Translation3::from(median(|motion| motion.translation.vector));
     Isometry3::from_parts(
-        shift,
+        translation,
         UnitQuaternion::from_scaled_axis(median(|motion| motion.rotation.scaled_axis())),
     )
 }
 
-fn lost(what: &str) -> Error {
+fn undetermined(what: &str) -> Error {
     Error::Invalid(format!(
-        "the views tell nothing about the {what}: add views with the board tilted in different \
+        "the views do not determine the {what}: add views with the board tilted in different \
          directions, by 20° to 45°"
     ))
 }

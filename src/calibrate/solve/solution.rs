@@ -1,16 +1,16 @@
-//! What a calibration comes to, with how sure it is.
+//! The result of a calibration, with standard deviations.
 
 use crate::stereo::{LengthUnit, StereoCalibration};
 use serde::Serialize;
 
-/// A number with its standard deviation.
+/// An estimated value with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Estimate {
+pub struct Estimated {
     pub value: f64,
     pub deviation: f64,
 }
 
-/// Two calibrated cameras, how sure every number is, and what each view contributed.
+/// Two calibrated cameras, the standard deviation of every number, and what each view contributed.
 ///
 /// Standard deviations are those of the estimate if the corners' errors are independent and normal:
 /// the covariance at the solution, `σ² (JᵀJ)⁻¹`, `σ²` from the residuals (Triggs et al., section
@@ -23,51 +23,51 @@ pub struct Solution {
     pub board: (usize, usize),
     /// Width and height of the images, pixels.
     pub size: (usize, usize),
-    /// What lengths are in: `metres`, or `squares` of the board.
+    /// Unit of length: `metres`, or `squares` of the board.
     pub unit: &'static str,
-    pub left: Camera,
-    pub right: Camera,
+    pub left: CameraEstimate,
+    pub right: CameraEstimate,
     /// Rotation vector of R in `X_right = R X_left + T` about x, y and z, degrees.
-    pub rotation_deg: [Estimate; 3],
+    pub rotation_deg: [Estimated; 3],
     /// T, in [`Solution::unit`].
-    pub translation: [Estimate; 3],
+    pub translation: [Estimated; 3],
     /// Distance of the cameras' centres, in [`Solution::unit`].
-    pub baseline: Estimate,
-    /// Root of the mean squared distance of the kept corners of both images from where they should
-    /// be, as OpenCV's.
+    pub baseline: Estimated,
+    /// RMS reprojection error of the used corners of both images, pixels: the root of the mean
+    /// squared distance, as OpenCV's.
     pub rms_px: f64,
-    /// Standard deviation of a corner in x or in y that the residuals tell.
+    /// Standard deviation of a corner in x or in y, estimated from the residuals, pixels.
     pub corner_deviation_px: f64,
-    pub epipolar: Epipolar,
-    /// Pairs of parameters that the views hardly tell apart: their correlation is beyond ±0.9, the
-    /// strongest first.
+    pub epipolar: EpipolarError,
+    /// Pairs of parameters that the views hardly distinguish: those with a correlation beyond ±0.9,
+    /// the strongest first.
     pub correlations: Vec<Correlation>,
-    /// Every view that was given, in their order.
+    /// Every view that was given, in order.
     pub views: Vec<ViewFit>,
 }
 
 /// The intrinsics of one camera, [`crate::stereo::Intrinsics`]; lengths in pixels.
 #[derive(Clone, Debug, Serialize)]
-pub struct Camera {
-    pub fx: Estimate,
-    pub fy: Estimate,
-    pub cx: Estimate,
-    pub cy: Estimate,
-    pub k1: Estimate,
-    pub k2: Estimate,
-    pub p1: Estimate,
-    pub p2: Estimate,
-    pub k3: Estimate,
+pub struct CameraEstimate {
+    pub fx: Estimated,
+    pub fy: Estimated,
+    pub cx: Estimated,
+    pub cy: Estimated,
+    pub k1: Estimated,
+    pub k2: Estimated,
+    pub p1: Estimated,
+    pub p2: Estimated,
+    pub k3: Estimated,
     /// As [`Solution::rms_px`], over this camera's corners.
     pub rms_px: f64,
-    /// Share of the image's 8x6 fields in which a kept corner lies.
+    /// Share of the image's 8x6 fields that hold a used corner, 0..=1.
     pub coverage: f64,
 }
 
-/// How far corners of one rectified pair are from one row: the images turned so that the baseline
-/// is along x, lenses undone, with the mean of the focal lengths.
+/// Vertical misalignment of the corners in ideally rectified images: undistorted, rotated so that
+/// the baseline is along x, with the mean of the focal lengths.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Epipolar {
+pub struct EpipolarError {
     /// Mean of |Δy|, pixels.
     pub mean_px: f64,
     /// Root of the mean of Δy², pixels.
@@ -85,9 +85,9 @@ pub struct Correlation {
 /// One view that was given.
 #[derive(Clone, Debug, Serialize)]
 pub struct ViewFit {
-    /// Why it was not used; nothing where it was.
+    /// Why it was not used.
     pub refused: Option<String>,
-    /// Nothing where it was refused.
+    /// `None` where it was refused.
     pub fit: Option<Fit>,
 }
 
@@ -96,7 +96,7 @@ pub struct ViewFit {
 pub struct Fit {
     pub rms_left_px: f64,
     pub rms_right_px: f64,
-    /// Mean |Δy| of its rectified corners, [`Epipolar`].
+    /// Mean |Δy| of its rectified corners, [`EpipolarError`].
     pub epipolar_px: f64,
     /// From the left camera to the board's middle, in [`Solution::unit`].
     pub distance: f64,
@@ -109,50 +109,38 @@ pub struct Fit {
 /// A corner in one image.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Corner {
-    /// Where it was seen, pixels.
+    /// Observed pixel.
     pub seen: (f64, f64),
-    /// Seen minus where it should be, pixels.
+    /// Observed minus predicted, pixels.
     pub residual: (f64, f64),
     /// Whether it was used; the others are outliers.
     pub used: bool,
 }
 
-impl Camera {
+impl CameraEstimate {
     /// Names and estimates, in the order of [`crate::stereo::Intrinsics::parameters`].
-    pub fn parameters(&self) -> [(&'static str, Estimate); 9] {
-        let Self {
-            fx,
-            fy,
-            cx,
-            cy,
-            k1,
-            k2,
-            p1,
-            p2,
-            k3,
-            ..
-        } = *self;
+    pub fn parameters(&self) -> [(&'static str, Estimated); 9] {
         [
-            ("fx", fx),
-            ("fy", fy),
-            ("cx", cx),
-            ("cy", cy),
-            ("k1", k1),
-            ("k2", k2),
-            ("p1", p1),
-            ("p2", p2),
-            ("k3", k3),
+            ("fx", self.fx),
+            ("fy", self.fy),
+            ("cx", self.cx),
+            ("cy", self.cy),
+            ("k1", self.k1),
+            ("k2", self.k2),
+            ("p1", self.p1),
+            ("p2", self.p2),
+            ("k3", self.k3),
         ]
     }
 }
 
 impl Solution {
-    /// How many views were used.
+    /// Number of used views.
     pub fn used(&self) -> usize {
         self.views.iter().filter(|view| view.fit.is_some()).count()
     }
 
-    /// The views that were refused: their place among those given, and why.
+    /// The refused views: index among those given, and the reason.
     pub fn refused(&self) -> impl Iterator<Item = (usize, &str)> {
         self.views
             .iter()
@@ -160,7 +148,7 @@ impl Solution {
             .filter_map(|(i, view)| Some((i, view.refused.as_deref()?)))
     }
 
-    /// The views that were used, with their places.
+    /// The used views, with their indices.
     pub fn fits(&self) -> impl Iterator<Item = (usize, &Fit)> {
         self.views
             .iter()
@@ -168,7 +156,7 @@ impl Solution {
             .filter_map(|(i, view)| Some((i, view.fit.as_ref()?)))
     }
 
-    /// How many corners of used views were refused as outliers, in both images.
+    /// Number of corners of used views that were refused as outliers, in both images.
     pub fn outliers(&self) -> usize {
         self.fits()
             .flat_map(|(_, fit)| fit.left.iter().chain(&fit.right))
@@ -177,7 +165,7 @@ impl Solution {
     }
 }
 
-/// The word for a unit.
+/// The name of a unit.
 pub(super) fn unit(unit: LengthUnit) -> &'static str {
     match unit {
         LengthUnit::Metres => "metres",

@@ -16,7 +16,7 @@ const FLAT: f64 = 1e-3;
 
 /// The homography from the board's plane to an image by the normalized direct linear transformation
 /// (Hartley, In defense of the eight-point algorithm, 1997), and the rms distance that it leaves,
-/// pixels. Nothing for points on one line, or no points.
+/// pixels. `None` for points on one line, or no points.
 pub(super) fn homography(
     board: &[Point3<f64>],
     pixels: &[Point2<f64>],
@@ -30,6 +30,7 @@ pub(super) fn homography(
         let p = to_board * Vector3::new(point.x, point.y, 1.0);
         let q = to_image * pixel.to_homogeneous();
         let (mut first, mut second) = (SVector::<f64, 9>::zeros(), SVector::<f64, 9>::zeros());
+        // q × H p = 0: two independent equations per point (Hartley & Zisserman, equation 4.3).
         first.fixed_rows_mut::<3>(0).copy_from(&p);
         first.fixed_rows_mut::<3>(6).copy_from(&(-q.x * p));
         second.fixed_rows_mut::<3>(3).copy_from(&p);
@@ -37,6 +38,7 @@ pub(super) fn homography(
         sum += first * first.transpose() + second * second.transpose();
     }
     let (vector, values) = smallest(DMatrix::from_column_slice(9, 9, sum.as_slice()))?;
+    // A second vanishing eigenvalue: points on one line leave a family of homographies.
     if values[1] < 1e-9 * values[8] {
         return None;
     }
@@ -80,8 +82,8 @@ fn smallest(matrix: DMatrix<f64>) -> Option<(DVector<f64>, Vec<f64>)> {
     Some((eigen.eigenvectors.column(at).into_owned(), values))
 }
 
-/// Intrinsics without distortion from the homographies of boards in different poses; the best that
-/// can be had, from all that the homographies tell down to a guess.
+/// Intrinsics without distortion from the homographies of boards in different poses: Zhang's closed
+/// form, else with a centred principal point, else a guess. `None` for an impossible image size.
 pub(super) fn intrinsics(
     size: (usize, usize),
     homographies: &[Matrix3<f64>],
@@ -90,6 +92,7 @@ pub(super) fn intrinsics(
     let scale = (width + height) / 2.0;
     let centre = ((width - 1.0) / 2.0, (height - 1.0) / 2.0);
     let unit = Matrix3::new(1.0, 0.0, -centre.0, 0.0, 1.0, -centre.1, 0.0, 0.0, scale) / scale;
+    // Centred and scaled, so that fx, fy, cx, cy are near 1 and 0 and the equations well conditioned.
     let normalized = homographies
         .iter()
         .map(|h| unit * h)
@@ -106,6 +109,7 @@ pub(super) fn intrinsics(
     let found = closed_form(&normalized)
         .filter(plausible)
         .or_else(|| centred(&normalized).filter(plausible));
+    // A field of view of 45°: the adjustment converges from far off.
     let (fx, fy, cx, cy) = found.unwrap_or((1.2, 1.2, 0.0, 0.0));
     let center_px = (cx * scale + centre.0, cy * scale + centre.1);
     Intrinsics::new(size, (fx * scale, fy * scale), center_px, [0.0; 5]).ok()
@@ -121,10 +125,12 @@ fn closed_form(homographies: &[Matrix3<f64>]) -> Option<(f64, f64, f64, f64)> {
             let mixed = |k: usize| a[k] * b[2] + a[2] * b[k];
             SVector::<f64, 5>::new(a[0] * b[0], a[1] * b[1], mixed(0), mixed(1), a[2] * b[2])
         };
+        // Zhang's equations 3 and 4: the board's axes are orthogonal and of equal length.
         let (right_angle, same_length) = (row(0, 1), row(0, 0) - row(1, 1));
         sum += right_angle * right_angle.transpose() + same_length * same_length.transpose();
     }
     let (b, _) = smallest(DMatrix::from_column_slice(5, 5, sum.as_slice()))?;
+    // Zhang's appendix B with B12 = 0, as the skew is 0.
     let (cx, cy) = (-b[2] / b[0], -b[3] / b[1]);
     let lambda = b[4] - b[2] * b[2] / b[0] - b[3] * b[3] / b[1];
     Some(((lambda / b[0]).sqrt(), (lambda / b[1]).sqrt(), cx, cy))
@@ -143,6 +149,7 @@ fn centred(homographies: &[Matrix3<f64>]) -> Option<(f64, f64, f64, f64)> {
             right -= row * one;
         }
     }
+    // The square root of a negative solution is NaN, which the caller takes for implausible.
     let inverse = sum.try_inverse()? * right;
     Some((inverse.x.recip().sqrt(), inverse.y.recip().sqrt(), 0.0, 0.0))
 }
@@ -151,10 +158,10 @@ fn centred(homographies: &[Matrix3<f64>]) -> Option<(f64, f64, f64, f64)> {
 pub(super) fn pose(camera: &Intrinsics, homography: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     let h = camera.matrix().try_inverse()? * homography;
     let scale = 2.0 / (h.column(0).norm() + h.column(1).norm());
-    // The board is before the camera.
+    // The sign of a homography is arbitrary; the board is in front of the camera.
     let h = h * scale.copysign(h[(2, 2)]);
     let (x, y) = (h.column(0).normalize(), h.column(1).normalize());
-    // The nearest pair at right angles.
+    // The two columns are not orthogonal in noise: take the nearest orthogonal pair.
     let (sum, difference) = ((x + y).normalize(), (x - y).normalize());
     let (x, y) = (
         (sum + difference).normalize(),
@@ -169,7 +176,7 @@ pub(super) fn pose(camera: &Intrinsics, homography: &Matrix3<f64>) -> Option<Iso
     })
 }
 
-/// Pose of a board before a camera whose lens is known.
+/// Pose of a board in front of a camera with known intrinsics.
 pub(super) fn seen_pose(
     camera: &Intrinsics,
     board: &[Point3<f64>],
@@ -179,6 +186,7 @@ pub(super) fn seen_pose(
         .iter()
         .map(|pixel| camera.direction(*pixel).map(Point2::from))
         .collect::<Option<Vec<_>>>()?;
+    // The directions are undistorted already, so a pinhole with K = I remains.
     let pinhole = camera
         .with_parameters([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         .ok()?;

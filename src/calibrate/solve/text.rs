@@ -1,13 +1,14 @@
-//! A calibration on the terminal: plain text, aligned, at most 100 columns.
+//! A calibration as plain text for the terminal, at most 100 columns.
 
-use super::solution::{Estimate, Solution};
+use super::solution::{Estimated, Solution};
 use std::fmt::{Display, Formatter, Result};
 
-impl Display for Estimate {
-    /// As `533.42 ± 0.34`: two digits of the deviation, and of the number as many decimals.
+impl Display for Estimated {
+    /// As `533.42 ± 0.34`: two significant digits of the standard deviation, and as many decimals
+    /// of the value.
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let Self { value, deviation } = self;
-        // A float becomes 0 below it.
+        // The cast saturates at 0.
         let digits = if *deviation > 0.0 {
             (1.0 - deviation.log10().floor()).min(9.0) as usize
         } else {
@@ -18,7 +19,7 @@ impl Display for Estimate {
 }
 
 impl Solution {
-    /// The sign of [`Solution::unit`].
+    /// The symbol of [`Solution::unit`].
     pub fn unit_sign(&self) -> &'static str {
         if self.unit == "metres" {
             "m"
@@ -61,13 +62,13 @@ impl Display for Solution {
         )?;
         writeln!(
             f,
-            "Rows of rectified corners: |Δy| is {:.3} px in the mean, {:.3} px rms, {:.2} px at \
-             most.",
+            "Vertical misalignment of rectified corners: mean {:.3} px, rms {:.3} px, maximum \
+             {:.2} px.",
             epipolar.mean_px, epipolar.rms_px, epipolar.worst_px
         )?;
         writeln!(
             f,
-            "± is one standard deviation, if corners err independently of each other."
+            "± is one standard deviation, for independent errors of the corners."
         )
     }
 }
@@ -75,12 +76,12 @@ impl Display for Solution {
 impl Solution {
     fn cameras(&self, f: &mut Formatter<'_>) -> Result {
         writeln!(f, "\n{:14}{:>24}{:>24}", "", "left", "right")?;
-        let lenses = self
+        let parameters = self
             .left
             .parameters()
             .into_iter()
             .zip(self.right.parameters());
-        for (i, ((name, left), (_, right))) in lenses.enumerate() {
+        for (i, ((name, left), (_, right))) in parameters.enumerate() {
             let unit = if i < 4 { ", px" } else { "" };
             writeln!(f, "{:14}{left:>24}{right:>24}", format!("{name}{unit}"))?;
         }

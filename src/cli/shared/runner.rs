@@ -4,7 +4,7 @@ use super::progress::Progress;
 use svl::counted;
 use svl::run::{Matchers, Outcome, Pace, run};
 use svl::sink::{RunStart, Sink};
-use svl::source::{AssumeRectified, Source, Watched};
+use svl::source::{AlignmentMonitor, AssumeRectified, Source};
 use svl::stereo::Losses;
 
 /// Runs a source through the algorithms, with a progress bar, and warns of what is in no frame.
@@ -20,10 +20,10 @@ pub(crate) fn run_through(
 ) -> (Outcome, svl::Result<()>) {
     let mut progress = Progress::new(title, source.pairs(), quiet);
     let mut rectified = AssumeRectified::new(source);
-    let mut watched = Watched::new(&mut rectified);
-    let ran = run(&mut watched, matchers, start, pace, sinks, &mut progress);
+    let mut monitored = AlignmentMonitor::new(&mut rectified);
+    let ran = run(&mut monitored, matchers, start, pace, sinks, &mut progress);
     progress.clear();
-    report_losses(&watched.name(), &ran.0.losses);
+    report_losses(&monitored.name(), &ran.0.losses);
     ran
 }
 

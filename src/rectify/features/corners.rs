@@ -1,15 +1,15 @@
-//! Corners: where an image changes in both directions (Shi & Tomasi, Good features to track, 1994).
+//! Corner detection by the smaller eigenvalue of the structure tensor (Shi & Tomasi, Good features
+//! to track, 1994).
 
 use crate::stereo::Gray;
 
-/// Half of the window over which the change is summed.
+/// Half of the window over which the tensor is summed.
 const REACH: usize = 3;
-/// Corners closer to the border have no surroundings to compare.
+/// Least distance of a corner from the border, so that its patch is inside the image.
 pub(super) const MARGIN: usize = 10;
-/// Least change of a corner in its weaker direction, grey levels per pixel: above the noise of
-/// cameras.
+/// Least RMS gradient in the weaker direction, grey levels per pixel: above camera noise.
 const LEAST: f64 = 3.0;
-/// Strongest corners taken of each part of the image.
+/// Corners kept per cell of the image, the strongest.
 const PER_CELL: usize = 2;
 
 /// About `count` corners, spread over the image, as (x, y).
@@ -36,7 +36,7 @@ pub(super) fn corners(image: &Gray, count: usize) -> Vec<(usize, usize)> {
                         continue;
                     }
                     let around = (y - 2..=y + 2).flat_map(|v| (x - 2..=x + 2).map(move |u| (u, v)));
-                    // Of equal neighbours the first.
+                    // Of equal neighbours the first in raster order.
                     let is_peak = |(u, v): (usize, usize)| {
                         let other = strength(u, v);
                         own > other || own == other && (v, u) >= (y, x)
@@ -53,13 +53,13 @@ pub(super) fn corners(image: &Gray, count: usize) -> Vec<(usize, usize)> {
     found
 }
 
-/// Root of the mean square of the change in the direction in which it is least, grey levels per
-/// pixel; 0 near the border.
+/// RMS gradient in its weaker direction, grey levels per pixel: the root of the tensor's smaller
+/// eigenvalue. 0 near the border.
 fn strengths(image: &Gray) -> Vec<f32> {
     let (width, height) = image.size();
     let mut strengths = vec![0.0; width * height];
-    // By column, summed over the rows of the window: xx, xy, yy of the gradient, twice the grey
-    // levels per pixel.
+    // Box filter by column sums that slide down: per column xx, xy, yy of the gradient over the
+    // rows of the window. Central differences, so gradients are twice the grey levels per pixel.
     let mut columns = vec![[0i32; 3]; width];
     let add = |columns: &mut [[i32; 3]], y: usize, sign: i32| {
         let (above, row, below) = (image.row(y - 1), image.row(y), image.row(y + 1));

@@ -1,19 +1,20 @@
-//! A match to a fraction of a pixel: the shift that makes two patches most alike.
+//! Subpixel refinement of a match: the shift that makes two patches most alike (Lucas & Kanade
+//! 1981, inverse compositional).
 
 use crate::stereo::Gray;
 use nalgebra::{Matrix2, Point2, Vector2};
 
-/// Half of a patch.
+/// Half of a patch's side, pixels.
 const REACH: usize = 7;
 const SIDE: usize = 2 * REACH + 1;
 const PIXELS: usize = SIDE * SIDE;
 const STEPS: usize = 20;
 const CLOSE_PX: f64 = 0.005;
-/// Least correlation of the patches once they are fitted.
+/// Least correlation of the patches after the fit.
 const LEAST: f64 = 0.95;
 
-/// Where in `right`, near `near`, the patch around `at` in `left` is seen; nothing where none is
-/// like it.
+/// The position in `right`, near `near`, of the patch around `at` in `left`; `None` if the fit does
+/// not converge or the patches differ.
 pub(super) fn fit(
     left: &Gray,
     at: (usize, usize),
@@ -48,6 +49,7 @@ pub(super) fn fit(
         if seen_spread == 0.0 {
             return None;
         }
+        // Gain and offset of the two cameras may differ.
         let gain = spread / seen_spread;
         let mut off = Vector2::zeros();
         let mut product = 0.0;
@@ -64,7 +66,7 @@ pub(super) fn fit(
     None
 }
 
-/// Mean, and root of the sum of squares around it.
+/// Mean, and norm of the deviations from it.
 fn moments(patch: &[f64; PIXELS]) -> (f64, f64) {
     let mean = patch.iter().sum::<f64>() / PIXELS as f64;
     (
@@ -77,7 +79,7 @@ fn moments(patch: &[f64; PIXELS]) -> (f64, f64) {
     )
 }
 
-/// The patch around a place between pixels, bilinear; nothing beyond the border.
+/// The patch around a subpixel position, bilinear; `None` beyond the border.
 fn sample(image: &Gray, place: Point2<f64>) -> Option<[f64; PIXELS]> {
     let (left, top) = (place.x - REACH as f64, place.y - REACH as f64);
     let inside = left >= 0.0 && top >= 0.0;

@@ -1,7 +1,7 @@
-//! Points of a scene found in both images of a pair, whatever their geometry.
+//! Point matches between the images of a pair, without knowledge of their geometry.
 //!
-//! Corners are matched by the correlation of their surroundings (Zhang, Deriche, Faugeras & Luong,
-//! A robust technique for matching two uncalibrated images, 1995) and then to a fraction of a pixel
+//! Corners are matched by the correlation of the patches around them (Zhang, Deriche, Faugeras &
+//! Luong, A robust technique for matching two uncalibrated images, 1995), then refined to subpixels
 //! by least squares (Lucas & Kanade 1981).
 
 mod corners;
@@ -13,32 +13,32 @@ use corners::corners;
 use nalgebra::Point2;
 use patch::{Patch, candidates};
 
-/// Where a point is seen in both images, pixels.
+/// A point matched between both images, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Match {
+pub struct PointMatch {
     pub left: Point2<f64>,
     pub right: Point2<f64>,
 }
 
-/// Corners looked for in an image.
+/// Corners sought per image.
 const CORNERS: usize = 1500;
-/// Least correlation of two corners' surroundings, and how much the next best one must differ more
-/// from it.
+/// Least correlation of two patches; and the uniqueness ratio: the best candidate's `1 −
+/// correlation` must be less than this share of the next best one's.
 const LEAST: f64 = 0.85;
-const RIVALRY: f64 = 0.7;
-/// Rows of a match may be apart by so much of the image's height.
+const UNIQUENESS: f64 = 0.7;
+/// Largest vertical distance of a match, as a share of the image's height.
 const ROWS: f64 = 0.2;
-/// Matches that wander farther than this while they are fitted are none.
+/// Matches that move farther than this in the refinement are rejected.
 const NEAR_PX: f64 = 2.0;
 
-/// The points found in both images, to about a tenth of a pixel; none where there is no texture.
+/// Matches of a pair, accurate to about a tenth of a pixel; none without texture.
 ///
-/// Each is the other's best in either image. Most are right, but not all: [`super::Epipolar`] tells
-/// which agree.
-pub fn matches(pair: &StereoPair) -> Vec<Match> {
+/// Each point is the other's best candidate (left-right consistency). Most are right, but not all:
+/// [`super::EpipolarGeometry`] finds the inliers.
+pub fn matches(pair: &StereoPair) -> Vec<PointMatch> {
     let [left, right] = [described(pair.left()), described(pair.right())];
     let reach = pair.size().1 as f64 * ROWS;
-    let found = |of: &[Patch], among: &[Patch]| candidates(of, among, reach, LEAST, RIVALRY);
+    let found = |of: &[Patch], among: &[Patch]| candidates(of, among, reach, LEAST, UNIQUENESS);
     let (there, back) = (found(&left, &right), found(&right, &left));
     let mutual = there
         .iter()
@@ -49,7 +49,7 @@ pub fn matches(pair: &StereoPair) -> Vec<Match> {
         let near = Point2::new(r.0 as f64, r.1 as f64);
         let right = fit::fit(pair.left(), l, pair.right(), near)?;
         let left = Point2::new(l.0 as f64, l.1 as f64);
-        ((right - near).norm() < NEAR_PX).then_some(Match { left, right })
+        ((right - near).norm() < NEAR_PX).then_some(PointMatch { left, right })
     };
     mutual.iter().filter_map(fitted).collect()
 }
@@ -57,7 +57,7 @@ pub fn matches(pair: &StereoPair) -> Vec<Match> {
 fn described(image: &Gray) -> Vec<Patch> {
     corners(image, CORNERS)
         .into_iter()
-        .filter_map(|at| Patch::of(image, at))
+        .filter_map(|at| Patch::new(image, at))
         .collect()
 }
 
@@ -87,7 +87,7 @@ mod tests {
         for (dx, dy) in [(0.0, 0.0), (7.3, -0.4), (20.6, 9.7)] {
             let found = matches(&pair(dx, dy));
             assert!(found.len() > 60, "{} at {dx}, {dy}", found.len());
-            let off = |m: &&Match| {
+            let off = |m: &&PointMatch| {
                 (m.left.x - m.right.x - dx).abs() > 0.1 || (m.left.y - m.right.y - dy).abs() > 0.1
             };
             let wrong = found.iter().filter(off).count();

@@ -1,4 +1,4 @@
-//! The surroundings of a corner, and which of another image's are like them.
+//! Patches around corners, and their best candidates in the other image by correlation.
 
 use super::corners::MARGIN;
 use crate::stereo::Gray;
@@ -6,19 +6,19 @@ use crate::stereo::Gray;
 /// Cells along a side, and pixels along a side of a cell.
 const SIDE: usize = 8;
 const CELL: usize = 2;
-/// Length of the vector that a patch is, so that products of two fit 32 bits.
+/// Norm of a patch as a vector, so that the product of two fits 32 bits.
 const NORM: f64 = 16_384.0;
 
-/// 16 x 16 pixels around a corner, without their brightness and contrast.
+/// 16 x 16 pixels around a corner, normalized for brightness and contrast.
 pub(super) struct Patch {
-    /// Of the corner, (x, y).
+    /// The corner, (x, y).
     pub(super) at: (usize, usize),
     cells: [i16; SIDE * SIDE],
 }
 
 impl Patch {
-    /// Nothing where all is equal. `at` lies [`MARGIN`] away from the border.
-    pub(super) fn of(image: &Gray, at: (usize, usize)) -> Option<Self> {
+    /// `None` for a uniform patch. `at` is at least [`MARGIN`] from the border.
+    pub(super) fn new(image: &Gray, at: (usize, usize)) -> Option<Self> {
         const { assert!(SIDE * CELL / 2 <= MARGIN) };
         let (left, top) = (at.0 - SIDE * CELL / 2, at.1 - SIDE * CELL / 2);
         let mut sums = [0.0; SIDE * SIDE];
@@ -38,7 +38,7 @@ impl Patch {
         (norm > 0.0).then_some(Self { at, cells })
     }
 
-    /// 1 for equal ones, 0 for those that have nothing in common.
+    /// Normalized cross-correlation, -1..=1.
     fn correlation(&self, other: &Self) -> f64 {
         let products = self
             .cells
@@ -49,18 +49,18 @@ impl Patch {
     }
 }
 
-/// Pixels within which two corners are of one thing.
+/// Distance within which two corners count as the same point, pixels.
 const SAME: usize = 4;
 
-/// For each of the patches the place of the one it is most like `among` others, no farther than
-/// `reach` rows away; nothing where that correlates by less than `least`, or what is lost to 1 is
-/// not less than `rivalry` of what the next best loses.
+/// For each patch the index of its best candidate `among` others, at most `reach` rows away; `None`
+/// if its correlation is below `least`, or its `1 − correlation` is not less than `uniqueness`
+/// times that of the next best.
 pub(super) fn candidates(
     patches: &[Patch],
     among: &[Patch],
     reach: f64,
     least: f64,
-    rivalry: f64,
+    uniqueness: f64,
 ) -> Vec<Option<usize>> {
     let best = |patch: &Patch| {
         let near = among
@@ -79,7 +79,7 @@ pub(super) fn candidates(
             .filter(|(i, _)| !is_same(*i))
             .map(|(_, score)| *score)
             .fold(-1.0, f64::max);
-        (score >= least && 1.0 - score < rivalry * (1.0 - rival)).then_some(best)
+        (score >= least && 1.0 - score < uniqueness * (1.0 - rival)).then_some(best)
     };
     patches.iter().map(best).collect()
 }
@@ -94,9 +94,9 @@ mod tests {
         let image = Gray::from_fn(24, 24, |x, y| texture(x, y) as u8).unwrap();
         let other = Gray::from_fn(24, 24, |x, y| (2 * texture(x, y) + 40) as u8).unwrap();
         let inverse = Gray::from_fn(24, 24, |x, y| (200 - texture(x, y)) as u8).unwrap();
-        let patch = |image: &Gray| Patch::of(image, (12, 12)).unwrap();
+        let patch = |image: &Gray| Patch::new(image, (12, 12)).unwrap();
         assert!(patch(&image).correlation(&patch(&other)) > 0.999);
         assert!(patch(&image).correlation(&patch(&inverse)) < -0.999);
-        assert!(Patch::of(&Gray::filled(24, 24, 7).unwrap(), (12, 12)).is_none());
+        assert!(Patch::new(&Gray::filled(24, 24, 7).unwrap(), (12, 12)).is_none());
     }
 }

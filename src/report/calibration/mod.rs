@@ -1,4 +1,4 @@
-//! What a calibration leaves to read: one HTML file without scripts or anything to fetch.
+//! HTML report of a calibration: one file without scripts or external resources.
 
 mod view;
 
@@ -8,17 +8,17 @@ use crate::error::{Error, Result};
 use std::path::Path;
 
 /// Everything the page shows.
-pub struct Page<'a> {
+pub struct CalibrationPage<'a> {
     pub title: String,
     pub solution: &'a Solution,
-    /// What each view is called, such as its file or frame; their numbers where there are none.
+    /// Names of the views, such as file or frame; where one is missing, its number.
     pub names: Vec<String>,
-    /// What identifies the run: names and values.
+    /// Identity of the run: names and values.
     pub identity: Vec<(String, String)>,
 }
 
-impl Page<'_> {
-    /// The page as a file.
+impl CalibrationPage<'_> {
+    /// Writes the page.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
@@ -26,15 +26,15 @@ impl Page<'_> {
         std::fs::write(path, self.render()?).map_err(|e| Error::io(path, e))
     }
 
-    /// The page. All texts are escaped.
+    /// The page as HTML, all texts escaped.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what the template engine says.
+    /// [`Error::Invalid`] with the message of the template engine.
     pub fn render(&self) -> Result<String> {
         fill(
             include_str!("page.html"),
             &[("page.css", include_str!("page.css"))],
-            view::View::of(self),
+            view::CalibrationView::new(self),
         )
         .map_err(|e| Error::Invalid(format!("calibration page: {e:#}")))
     }
@@ -43,7 +43,7 @@ impl Page<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::{Board, View, solve};
+    use crate::calibrate::{Board, StereoView, solve};
     use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
     /// Six views by two cameras without noise; the last one's corners are counted backwards on the
@@ -68,12 +68,12 @@ mod tests {
             (0.4, 0.4),
             (-0.4, 0.3),
         ];
-        let mut views: Vec<View> = turns
+        let mut views: Vec<StereoView> = turns
             .iter()
             .map(|(x, y)| {
                 Isometry3::new(Vector3::new(-0.03, -0.04, 0.5), Vector3::new(*x, *y, 0.1))
             })
-            .map(|pose| View {
+            .map(|pose| StereoView {
                 left: image(&pose, 0.0),
                 right: image(&pose, 0.1),
             })
@@ -87,7 +87,7 @@ mod tests {
         let solution = solution();
         let names = (0..5).map(|i| format!("{i}.png <&>")).collect();
         let identity = vec![("svl".to_owned(), "<i>".to_owned())];
-        let page = Page {
+        let page = CalibrationPage {
             title: "rig <b>".into(),
             solution: &solution,
             names,

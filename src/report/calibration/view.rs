@@ -1,21 +1,21 @@
-//! What the template sees: numbers worded, residuals as paths of SVG.
+//! Data for the page template: formatted numbers, residuals as SVG paths.
 
-use super::Page;
-use crate::calibrate::{Camera, Corner, Correlation, Estimate, Fit, Solution};
+use super::CalibrationPage;
+use crate::calibrate::{CameraEstimate, Corner, Correlation, Estimated, Fit, Solution};
 use serde::Serialize;
 use std::fmt::Write;
 
 #[derive(Serialize)]
-pub(super) struct View<'a> {
+pub(super) struct CalibrationView<'a> {
     title: &'a str,
     facts: Vec<(&'static str, String)>,
     /// Name with unit, left, right.
-    lenses: Vec<(String, String, String)>,
+    intrinsics: Vec<(String, String, String)>,
     /// Name with unit, number.
-    place: Vec<(String, String)>,
+    extrinsics: Vec<(String, String)>,
     correlations: Vec<String>,
-    cameras: Vec<CameraView>,
-    /// Residuals are drawn this many times as long.
+    cameras: Vec<CameraFigure>,
+    /// Magnification of the residuals.
     magnified: f64,
     /// Half the side of the scatter's square, pixels.
     reach_px: f64,
@@ -29,19 +29,19 @@ pub(super) struct View<'a> {
 }
 
 #[derive(Serialize)]
-struct CameraView {
+struct CameraFigure {
     name: &'static str,
     width: usize,
     height: usize,
     caption: String,
-    drawn: Vec<Drawn>,
+    drawn: Vec<ImageDrawing>,
     /// Corners refused as outliers.
     outliers: Vec<(f64, f64)>,
 }
 
 /// One view in one image.
 #[derive(Serialize)]
-struct Drawn {
+struct ImageDrawing {
     words: String,
     hue: f64,
     /// Paths: the corners, their residuals, the board, the residuals around 0.
@@ -63,9 +63,9 @@ struct FitView {
     tilt: String,
 }
 
-impl<'a> View<'a> {
-    pub(super) fn of(page: &'a Page<'a>) -> Self {
-        let Page {
+impl<'a> CalibrationView<'a> {
+    pub(super) fn new(page: &'a CalibrationPage<'a>) -> Self {
+        let CalibrationPage {
             title,
             solution,
             identity,
@@ -81,8 +81,8 @@ impl<'a> View<'a> {
         Self {
             title,
             facts: facts(solution),
-            lenses: lenses(solution),
-            place: place(solution),
+            intrinsics: intrinsics(solution),
+            extrinsics: extrinsics(solution),
             correlations: correlations(solution),
             cameras: vec![
                 camera_view(page, magnified, "Left", &solution.left, |fit| &fit.left),
@@ -103,7 +103,7 @@ impl<'a> View<'a> {
     }
 }
 
-impl Page<'_> {
+impl CalibrationPage<'_> {
     fn name(&self, id: usize) -> String {
         self.names
             .get(id)
@@ -111,7 +111,7 @@ impl Page<'_> {
             .unwrap_or_else(|| (id + 1).to_string())
     }
 
-    /// Colours around the wheel; what is next to each other in time is far apart in colour.
+    /// Hues by the golden angle, so that consecutive views differ clearly.
     fn hue(&self, id: usize) -> f64 {
         const GOLDEN_DEG: f64 = 137.508;
         (id as f64 * GOLDEN_DEG).rem_euclid(360.0).round()
@@ -141,9 +141,9 @@ fn facts(solution: &Solution) -> Vec<(&'static str, String)> {
             ),
         ),
         (
-            "Rows",
+            "Vertical misalignment",
             format!(
-                "|Δy| of rectified corners {:.3} px in the mean, {:.3} px rms, {:.2} px at most",
+                "|Δy| of rectified corners: mean {:.3} px, rms {:.3} px, maximum {:.2} px",
                 epipolar.mean_px, epipolar.rms_px, epipolar.worst_px
             ),
         ),
@@ -154,13 +154,13 @@ fn facts(solution: &Solution) -> Vec<(&'static str, String)> {
     ]
 }
 
-fn lenses(solution: &Solution) -> Vec<(String, String, String)> {
+fn intrinsics(solution: &Solution) -> Vec<(String, String, String)> {
     let pairs = solution
         .left
         .parameters()
         .into_iter()
         .zip(solution.right.parameters());
-    let row = |(i, ((name, left), (_, right))): (usize, ((&str, Estimate), (_, Estimate)))| {
+    let row = |(i, ((name, left), (_, right))): (usize, ((&str, Estimated), (_, Estimated)))| {
         (
             format!("{name}{}", if i < 4 { ", px" } else { "" }),
             left.to_string(),
@@ -168,7 +168,7 @@ fn lenses(solution: &Solution) -> Vec<(String, String, String)> {
         )
     };
     let mut rows: Vec<_> = pairs.enumerate().map(row).collect();
-    let both = |of: fn(&Camera) -> String| (of(&solution.left), of(&solution.right));
+    let both = |of: fn(&CameraEstimate) -> String| (of(&solution.left), of(&solution.right));
     let (left, right) = both(|camera| format!("{:.3}", camera.rms_px));
     rows.push(("RMS, px".to_owned(), left, right));
     let (left, right) = both(|camera| format!("{:.0}", 100.0 * camera.coverage));
@@ -176,10 +176,10 @@ fn lenses(solution: &Solution) -> Vec<(String, String, String)> {
     rows
 }
 
-fn place(solution: &Solution) -> Vec<(String, String)> {
+fn extrinsics(solution: &Solution) -> Vec<(String, String)> {
     const AXES: [&str; 3] = ["x", "y", "z"];
     let unit = solution.unit_sign();
-    let rows = |name: &'static str, unit: &'static str, estimates: [Estimate; 3]| {
+    let rows = |name: &'static str, unit: &'static str, estimates: [Estimated; 3]| {
         AXES.into_iter()
             .zip(estimates)
             .map(move |(axis, e)| (format!("{name} {axis}, {unit}"), e.to_string()))
@@ -193,17 +193,19 @@ fn place(solution: &Solution) -> Vec<(String, String)> {
     all
 }
 
-/// The strongest in words.
+/// The strongest correlations as text.
 fn correlations(solution: &Solution) -> Vec<String> {
-    const TOLD: usize = 6;
+    const SHOWN: usize = 6;
     let words = |c: &Correlation| format!("{} and {} ({:+.2})", c.first, c.second, c.correlation);
-    let more = solution.correlations.len().saturating_sub(TOLD);
-    let told = solution.correlations.iter().take(TOLD).map(words);
-    told.chain((more > 0).then(|| format!("{more} more beyond ±0.9")))
+    let more = solution.correlations.len().saturating_sub(SHOWN);
+    let shown = solution.correlations.iter().take(SHOWN).map(words);
+    shown
+        .chain((more > 0).then(|| format!("{more} more beyond ±0.9")))
         .collect()
 }
 
-/// So that the usual residual is a fortieth of the image's width, rounded to 1, 2 or 5 and zeros.
+/// Magnification that draws a typical residual a fortieth of the image's width long, rounded down
+/// to 1, 2 or 5 times a power of ten.
 fn magnified(solution: &Solution) -> f64 {
     let wanted = solution.size.0 as f64 / 40.0 / solution.rms_px.max(1e-3);
     let power = 10_f64.powf(wanted.log10().floor());
@@ -215,12 +217,12 @@ fn magnified(solution: &Solution) -> f64 {
 }
 
 fn camera_view(
-    page: &Page<'_>,
+    page: &CalibrationPage<'_>,
     magnified: f64,
     name: &'static str,
-    camera: &Camera,
+    camera: &CameraEstimate,
     corners: fn(&Fit) -> &Vec<Corner>,
-) -> CameraView {
+) -> CameraFigure {
     let solution = page.solution;
     let (width, height) = solution.size;
     let all = || solution.fits().flat_map(|(_, fit)| corners(fit));
@@ -228,7 +230,7 @@ fn camera_view(
         .fits()
         .map(|(id, fit)| drawn(page, id, corners(fit), magnified))
         .collect();
-    CameraView {
+    CameraFigure {
         name,
         width,
         height,
@@ -245,7 +247,7 @@ fn camera_view(
     }
 }
 
-fn drawn(page: &Page<'_>, id: usize, all: &[Corner], magnified: f64) -> Drawn {
+fn drawn(page: &CalibrationPage<'_>, id: usize, all: &[Corner], magnified: f64) -> ImageDrawing {
     let (mut corners, mut residuals, mut scatter) = (String::new(), String::new(), String::new());
     for Corner {
         seen: (x, y),
@@ -266,7 +268,7 @@ fn drawn(page: &Page<'_>, id: usize, all: &[Corner], magnified: f64) -> Drawn {
     let columns = page.solution.board.0;
     let ends = [0, columns - 1, all.len() - 1, all.len() - columns].map(|i| all[i].seen);
     let board = ends.map(|(x, y)| format!("{x:.1} {y:.1}")).join("L");
-    Drawn {
+    ImageDrawing {
         words: format!("view {}", page.name(id)),
         hue: page.hue(id),
         corners,
@@ -276,7 +278,7 @@ fn drawn(page: &Page<'_>, id: usize, all: &[Corner], magnified: f64) -> Drawn {
     }
 }
 
-fn views(page: &Page<'_>) -> Vec<FitView> {
+fn views(page: &CalibrationPage<'_>) -> Vec<FitView> {
     let fits = || page.solution.fits();
     let longest = fits()
         .map(|(_, fit)| fit.rms_left_px.max(fit.rms_right_px))

@@ -118,7 +118,7 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
     let (raw, warned) = rows(&["raw.mcap"], "raw.csv");
     assert_ne!(raw, replayed);
     assert!(
-        warned.contains("rows of left and right are 6.0 px apart") && warned.contains("--calib"),
+        warned.contains("vertical misalignment of 6.0 px") && warned.contains("--calib"),
         "{warned}"
     );
 }
@@ -136,7 +136,7 @@ fn how_far_rows_are_apart_is_measured() {
     );
     assert!(
         ran.stderr
-            .starts_with("error: raw: rows of left and right are 6.0 px apart"),
+            .starts_with("error: raw: vertical misalignment of 6.0 px"),
         "{}",
         ran.stderr
     );
@@ -206,7 +206,7 @@ fn what_cannot_be_rectified_is_refused_with_the_cure() {
         "-o",
         "twice.mcap",
     ]);
-    twice.failed(1, &["once.mcap", "leave --calib out"]);
+    twice.failed(1, &["once.mcap", "omit --calib"]);
     assert!(!fixture.path("twice.mcap").exists());
     fixture
         .svl(&["replay", "once.mcap", "--calib", "no.yml"])

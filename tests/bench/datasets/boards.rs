@@ -3,7 +3,7 @@
 use crate::common;
 use nalgebra::Vector2;
 use svl::calibrate::choose::Chooser;
-use svl::calibrate::detect::{Detector, PairDetector, Seen};
+use svl::calibrate::detect::{Detection, Detector, PairDetector};
 use svl::calibrate::{Board, solve};
 
 const NUMBERS: [u32; 13] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14];
@@ -32,7 +32,7 @@ fn opencvs_own_pictures_calibrate_no_worse_than_with_opencv() {
         );
         let seen = detector.find(&pair);
         assert!(
-            seen.iter().all(|seen| matches!(seen, Seen::Whole(_))),
+            seen.iter().all(|seen| matches!(seen, Detection::Whole(_))),
             "{number}: {seen:?}"
         );
         match chooser.judge(None, &seen) {
@@ -80,7 +80,7 @@ fn pictures_without_a_board_show_none() {
             images += 1;
             for detector in &mut detectors {
                 let seen = detector.find(image, Vector2::new(1.0, 1.0));
-                assert!(!matches!(seen, Seen::Whole(_)), "{scene}: {seen:?}");
+                assert!(!matches!(seen, Detection::Whole(_)), "{scene}: {seen:?}");
             }
         }
     }

@@ -25,7 +25,7 @@ fn unit(name: &str) -> Hints {
 fn annex_e_is_read_as_it_is_printed() {
     let folder = Folder::new();
     std::fs::write(folder.path("c.xml"), include_str!("annex_e.xml")).unwrap();
-    let Found {
+    let LoadedCalibration {
         calibration: c,
         remarks,
         ..

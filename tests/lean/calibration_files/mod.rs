@@ -6,7 +6,7 @@ mod round_trip;
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
-use svl::calibrate::files::{self, Found, Hints};
+use svl::calibrate::files::{self, Hints, LoadedCalibration};
 use svl::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration};
 
 /// A pair of raw cameras with their rectification.
@@ -163,7 +163,7 @@ impl Folder {
         )
     }
 
-    fn read(&self, format: &str, hints: &Hints) -> svl::Result<Found> {
+    fn read(&self, format: &str, hints: &Hints) -> svl::Result<LoadedCalibration> {
         files::read_with(&self.path(file_of(format)), hints)
     }
 

@@ -6,14 +6,14 @@
 
 use super::simulated::{Simulated, Spoil, turn_deg};
 use std::time::{Duration, Instant};
-use svl::calibrate::{Camera, Estimate, Solution, solve};
+use svl::calibrate::{CameraEstimate, Estimated, Solution, solve};
 use svl::stereo::Intrinsics;
 
 /// How many standard deviations every parameter is from the truth.
 fn deviations(solution: &Solution, simulated: &Simulated) -> Vec<(String, f64)> {
     let truth = &simulated.truth;
-    let mut all: Vec<(String, Estimate, f64)> = Vec::new();
-    let mut lens = |side: &str, camera: &Camera, truth: &Intrinsics| {
+    let mut all: Vec<(String, Estimated, f64)> = Vec::new();
+    let mut lens = |side: &str, camera: &CameraEstimate, truth: &Intrinsics| {
         let pairs = camera.parameters().into_iter().zip(truth.parameters());
         all.extend(
             pairs.map(|((name, estimate), truth)| (format!("{side} {name}"), estimate, truth)),

@@ -3,7 +3,7 @@
 use super::simulated::{Simulated, Spoil};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use proptest::prelude::*;
-use svl::calibrate::{Board, View, solve};
+use svl::calibrate::{Board, StereoView, solve};
 
 const SIZE: (usize, usize) = (640, 480);
 
@@ -12,7 +12,7 @@ fn board() -> Board {
 }
 
 /// What two pinholes 10 cm apart see of a board in a pose, with a little deterministic noise.
-fn view(place: Vector3<f64>, turn: Vector3<f64>) -> View {
+fn view(place: Vector3<f64>, turn: Vector3<f64>) -> StereoView {
     let pose = Isometry3::new(place, turn);
     let noise = |i: usize, k: usize| 0.1 * ((i * 7919 + k * 104_729) % 1000) as f64 / 500.0 - 0.1;
     let image = |x: f64| {
@@ -26,13 +26,13 @@ fn view(place: Vector3<f64>, turn: Vector3<f64>) -> View {
         };
         board().corners().enumerate().map(pixel).collect()
     };
-    View {
+    StereoView {
         left: image(0.0),
         right: image(0.1),
     }
 }
 
-fn message(views: &[View]) -> String {
+fn message(views: &[StereoView]) -> String {
     let message = solve(&board(), SIZE, views).unwrap_err().to_string();
     assert!(!message.contains('\n'), "{message}");
     message
@@ -136,7 +136,7 @@ fn swapped_cameras_are_told() {
     let views: Vec<_> = simulated
         .views
         .into_iter()
-        .map(|View { left, right }| View {
+        .map(|StereoView { left, right }| StereoView {
             left: right,
             right: left,
         })
@@ -198,7 +198,10 @@ proptest! {
         let number = |v: &f64| if clean && !v.is_finite() { 17.0 } else { *v };
         let points = numbers.chunks(2).map(|p| Point2::new(number(&p[0]), number(&p[1])));
         let points = points.collect::<Vec<_>>();
-        let view = |v: &[Point2<f64>]| View { left: v[..9].to_vec(), right: v[9..].to_vec() };
+        let view = |v: &[Point2<f64>]| {
+            let (left, right) = (v[..9].to_vec(), v[9..].to_vec());
+            StereoView { left, right }
+        };
         let views = points.chunks(18).map(view).collect::<Vec<_>>();
         if let Ok(solution) = solve(&board, SIZE, &views) {
             prop_assert!(!solution.to_string().contains("NaN"));

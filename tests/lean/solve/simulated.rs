@@ -2,13 +2,13 @@
 
 use fastrand::Rng;
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use svl::calibrate::{Board, View};
+use svl::calibrate::{Board, StereoView};
 use svl::stereo::{Intrinsics, LengthUnit, StereoCalibration};
 
 pub struct Simulated {
     pub truth: StereoCalibration,
     pub board: Board,
-    pub views: Vec<View>,
+    pub views: Vec<StereoView>,
     /// What was done to a view, where something was.
     pub spoilt: Vec<Option<Spoil>>,
 }
@@ -188,7 +188,7 @@ fn view(
     board: &Board,
     (near, far): (f64, f64),
     noise_px: f64,
-) -> Option<View> {
+) -> Option<StereoView> {
     let (width, height) = truth.left().size();
     let distance = uniform(rng, near, far);
     let seen = truth.left().direction(Point2::new(
@@ -220,7 +220,7 @@ fn view(
         };
         board.corners().map(pixel).collect::<Option<Vec<_>>>()
     };
-    Some(View {
+    Some(StereoView {
         left: image(truth.left(), &Isometry3::identity())?,
         right: image(truth.right(), truth.right_from_left())?,
     })

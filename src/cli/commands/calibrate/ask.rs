@@ -1,42 +1,42 @@
-//! Whether a pair is wanted: shown in Rerun or as a picture, asked on the terminal.
+//! Asks the user about each helpful pair: shown in Rerun or as a PNG, answered on the terminal.
 
-use super::collect::corners;
 use crate::cli::shared::progress::interrupted;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
-use svl::calibrate::choose::Lacks;
-use svl::calibrate::detect::Seen;
-use svl::calibrate::{Board, View};
+use svl::calibrate::choose::MissingCoverage;
+use svl::calibrate::detect::Detection;
+use svl::calibrate::{Board, StereoView};
 use svl::files::write_png;
 use svl::overlay::corners_drawn;
 use svl::sink::{BoardView, RerunTarget};
 use svl::stereo::Frame;
 
-/// A pair that would help.
+/// A helpful pair, offered to the user.
 pub(super) struct Offer<'a> {
     pub frame: &'a Frame,
     pub name: String,
-    pub view: &'a View,
-    pub lacks: Lacks,
+    pub view: &'a StereoView,
+    pub missing: MissingCoverage,
 }
 
-pub(super) enum Answer {
-    Yes,
-    No,
-    /// No more.
-    Enough,
+pub(super) enum Decision {
+    Accept,
+    Decline,
+    /// No more pairs.
+    Stop,
 }
 
-/// Who answers.
+/// Where the answers come from.
 pub(super) enum Answers {
-    Yes,
-    /// Lines of standard input, read beside so that Ctrl-C is heard while waiting.
+    /// Every pair is accepted.
+    AcceptAll,
+    /// Lines of standard input, read on a thread so that Ctrl-C is noticed while waiting.
     Terminal(Receiver<String>),
 }
 
 impl Answers {
-    pub(super) fn asked() -> Self {
+    pub(super) fn from_terminal() -> Self {
         let (sender, receiver) = channel();
         std::thread::spawn(move || {
             for line in std::io::stdin().lines().map_while(Result::ok) {
@@ -49,17 +49,17 @@ impl Answers {
     }
 }
 
-/// Shows pairs and asks about them.
-pub(super) struct Judge {
+/// Shows pairs and asks whether to accept them.
+pub(super) struct ViewPrompt {
     answers: Answers,
     viewer: Option<BoardView>,
-    /// Where the picture goes without a viewer.
+    /// File the pair is drawn in when there is no viewer.
     picture: PathBuf,
     columns: usize,
 }
 
-impl Judge {
-    /// `required`: whether no viewer is an error; else the pictures are written to a file.
+impl ViewPrompt {
+    /// `required`: whether a missing viewer is an error; otherwise pairs are drawn in a file.
     pub(super) fn new(
         answers: Answers,
         target: Option<RerunTarget>,
@@ -85,43 +85,53 @@ impl Judge {
         })
     }
 
-    /// Shows what cameras see, without asking.
-    pub(super) fn show(&self, frame: &Frame, seen: &[Seen; 2], word: &str) -> anyhow::Result<()> {
+    /// Shows a pair with its detections, without asking.
+    pub(super) fn show(
+        &self,
+        frame: &Frame,
+        seen: &[Detection; 2],
+        word: &str,
+    ) -> anyhow::Result<()> {
         match &self.viewer {
-            Some(viewer) => Ok(viewer.show(frame.sequence, &frame.pair, corners(seen), word)?),
+            Some(viewer) => Ok(viewer.show(
+                frame.sequence,
+                &frame.pair,
+                seen.each_ref().map(Detection::corners),
+                word,
+            )?),
             None => Ok(()),
         }
     }
 
-    pub(super) fn ask(&mut self, offer: &Offer<'_>) -> anyhow::Result<Answer> {
+    pub(super) fn ask(&mut self, offer: &Offer<'_>) -> anyhow::Result<Decision> {
         let found = [&offer.view.left[..], &offer.view.right[..]];
-        let lacks = if offer.lacks.is_nothing() {
+        let missing = if offer.missing.is_empty() {
             "nothing".to_owned()
         } else {
-            offer.lacks.to_string()
+            offer.missing.to_string()
         };
         if let Some(viewer) = &self.viewer {
-            let state = format!("Pair **{}**. Still missing: {lacks}", offer.name);
+            let state = format!("Pair **{}**. Still missing: {missing}", offer.name);
             viewer.show(offer.frame.sequence, &offer.frame.pair, found, &state)?;
         }
         let Answers::Terminal(lines) = &self.answers else {
-            return Ok(Answer::Yes);
+            return Ok(Decision::Accept);
         };
         if self.viewer.is_none() {
             let (width, height, pixels) = corners_drawn(&offer.frame.pair, found, self.columns);
             write_png(&self.picture, width, height, &pixels)?;
         }
-        // What was typed before the question is no answer to it.
+        // Discard what was typed before the question.
         while lines.try_recv().is_ok() {}
         loop {
             eprint!(
-                "pair {}; still missing: {lacks}\naccept it? [Y]es, [n]o, [e]nough: ",
+                "pair {}; still missing: {missing}\naccept it? [Y]es, [n]o, [e]nough: ",
                 offer.name
             );
             match answer(lines).as_deref().map(str::trim) {
-                Some("" | "y" | "Y" | "yes") => return Ok(Answer::Yes),
-                Some("n" | "N" | "no") => return Ok(Answer::No),
-                Some("e" | "E" | "enough" | "q") | None => return Ok(Answer::Enough),
+                Some("" | "y" | "Y" | "yes") => return Ok(Decision::Accept),
+                Some("n" | "N" | "no") => return Ok(Decision::Decline),
+                Some("e" | "E" | "enough" | "q") | None => return Ok(Decision::Stop),
                 Some(_) => {}
             }
         }
@@ -129,7 +139,7 @@ impl Judge {
 
     pub(super) fn finish(&self) -> anyhow::Result<()> {
         if self.viewer.is_none() {
-            // There is one only where somebody was asked.
+            // The file exists only if a question was asked.
             let _ = std::fs::remove_file(&self.picture);
         }
         match &self.viewer {
@@ -139,7 +149,7 @@ impl Judge {
     }
 }
 
-/// The next line; nothing at the end of the input and after Ctrl-C.
+/// The next line; `None` at the end of the input and after Ctrl-C.
 fn answer(lines: &Receiver<String>) -> Option<String> {
     loop {
         match lines.recv_timeout(Duration::from_millis(100)) {

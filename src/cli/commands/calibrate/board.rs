@@ -1,8 +1,8 @@
-//! `svl calibrate board`: from pictures of a chessboard to a calibration.
+//! `svl calibrate board`: stereo calibration from images of a chessboard.
 
-use super::ask::{Answers, Judge};
+use super::ask::{Answers, ViewPrompt};
 use super::collect::{Collected, collect};
-use super::report::Folder;
+use super::report::ReportFolder;
 use crate::cli::shared::live::LiveArgs;
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::source::{self, Opened, Topics};
@@ -16,16 +16,15 @@ use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
 use svl::rectify::{Framing, bouguet};
 use svl::sink::RerunTarget;
 
-/// Calibrate two cameras from pictures of a chessboard
+/// Calibrate two cameras from images of a chessboard
 ///
-/// Looks for the board in every pair and keeps those that help: the board whole in both images,
-/// sharp, held still, in a pose that adds something. Each of them is shown and asked about (or
-/// taken, with --yes) until there are enough; then lenses, places and directions of both cameras
-/// are computed, and how sure they are. Move the board through the whole image, near and far,
-/// tilted to all sides, and hold it still for a moment in each place.
+/// Detects the board in every pair and selects the pairs that help: the board whole in both images,
+/// sharp, held still, in a new pose. Each is shown for you to accept (--yes accepts all) until
+/// there are enough; then intrinsics, distortion and extrinsics of both cameras are computed, with
+/// standard deviations. Move the board through the whole image, near and far, tilted to all sides,
+/// and hold it still for a moment in each pose.
 ///
-/// Ctrl-C ends the search and calibrates from what was accepted. The accepted pairs are kept as PNG
-/// files.
+/// Ctrl-C ends the search and calibrates from the accepted pairs, which are kept as PNG files.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Sources are those of `svl record`: a folder with left01.png, right01.png, ...
@@ -35,14 +34,14 @@ board.
 Examples:
   svl calibrate board pictures/ --squares 9x6 --square-m 0.025 -o calib.xml
   svl calibrate board run.mcap --yes -o calib.yaml
-      a recording of the board, without questions
+      from a recording, without questions
   svl calibrate board v4l2:/dev/video0,/dev/video2 -o calib.xml
   svl calibrate board calib-report --yes -o again.xml
-      once more, from the pairs that were accepted
+      again, from the accepted pairs
   svl calibrate board board --square-m 0.03 --yes -o simulated.xml
       without any camera")]
 pub(super) struct Args {
-    /// Where the pairs come from
+    /// Source of the pairs
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     source: String,
     /// Inner corners of the board along its sides, where four squares meet: one less than its
@@ -55,7 +54,7 @@ pub(super) struct Args {
         value_parser = usage::within(1e-4..=100.0)
     )]
     square_m: Option<f64>,
-    /// Take every pair that helps, without asking
+    /// Accept every pair that helps, without asking
     #[arg(short, long)]
     yes: bool,
     /// Calibration to write; the report and the accepted pairs go into a folder beside it,
@@ -98,22 +97,22 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let outputs = Outputs::claim(args.force, [source], outputs)?;
     let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     if !args.yes && !can_ask {
-        bail!("each pair is asked about, which needs a terminal; add --yes to take all that help");
+        bail!("asking about each pair needs a terminal; add --yes to accept all that help");
     }
     let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
-    let (mut folder, claimed) = Folder::claim(&args.output, source, args.force)?;
+    let (mut folder, claimed) = ReportFolder::claim(&args.output, source, args.force)?;
     let mut outputs = outputs.and(claimed);
     outputs.set_aside()?;
     let answers = if args.yes {
-        Answers::Yes
+        Answers::AcceptAll
     } else {
-        Answers::asked()
+        Answers::from_terminal()
     };
     let target = args
         .rerun
         .clone()
         .or((!args.yes).then_some(RerunTarget::Spawn));
-    let judge = Judge::new(
+    let prompt = ViewPrompt::new(
         answers,
         target,
         args.rerun.is_some(),
@@ -121,7 +120,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         folder.picture(),
     )?;
 
-    let calibrated = calibrate(args, board, opened, judge, &mut folder, quiet);
+    let calibrated = calibrate(args, board, opened, prompt, &mut folder, quiet);
     match (&calibrated, folder.pairs()) {
         (Ok(()), _) => outputs.commit(),
         // The accepted pairs are of use for another attempt.
@@ -135,11 +134,11 @@ fn calibrate(
     args: &Args,
     board: Board,
     opened: Opened,
-    judge: Judge,
-    folder: &mut Folder,
+    prompt: ViewPrompt,
+    folder: &mut ReportFolder,
     quiet: bool,
 ) -> anyhow::Result<()> {
-    let collected = collect(opened, board, judge, folder, quiet)?;
+    let collected = collect(opened, board, prompt, folder, quiet)?;
     let kept = |error: anyhow::Error| match folder.pairs() {
         0 => error,
         _ => anyhow!(
@@ -161,13 +160,13 @@ fn calibrate(
     for left_out in files::write(&args.output, &solution.calibration)? {
         tracing::warn!("{}: {left_out}", args.output.display());
     }
-    folder.finish(&args.source, &collected, &solution)?;
-    tell(args, &collected, &solution, folder.path())
+    folder.finish(&args.source, &collected.accepted, &solution)?;
+    print_result(args, &collected, &solution, folder.path())
 }
 
 /// What `--json` prints.
 #[derive(serde::Serialize)]
-struct Answer<'a> {
+struct CalibrationJson<'a> {
     file: &'a Path,
     report: &'a Path,
     #[serde(flatten)]
@@ -175,14 +174,14 @@ struct Answer<'a> {
     solution: &'a Solution,
 }
 
-fn tell(
+fn print_result(
     args: &Args,
     collected: &Collected,
     solution: &Solution,
     report: &Path,
 ) -> anyhow::Result<()> {
     if args.json {
-        return print_json(&Answer {
+        return print_json(&CalibrationJson {
             file: &args.output,
             report,
             collected,

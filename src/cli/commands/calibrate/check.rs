@@ -1,4 +1,4 @@
-//! `svl calibrate check`: how far the rows of a recording's pairs are apart.
+//! `svl calibrate check`: vertical misalignment of a recording's pairs.
 
 use crate::cli::shared::rectify::Rectify;
 use crate::cli::shared::source::{self, Topics};
@@ -11,9 +11,9 @@ use svl::rectify::{Alignment, AlignmentMeter, Misfit};
 
 /// Measure how well the pairs of a recording are rectified, from the pictures alone
 ///
-/// Finds points that both images show and says by how many rows they are apart: in all, and by the
-/// part of the image, which tells a shift from a turn and from a lens. Fails when it is more than
-/// half a pixel.
+/// Matches points between both images and measures their vertical misalignment: in all, and by part
+/// of the image, which distinguishes a shift from a rotation and from lens distortion. Fails when
+/// the median exceeds half a pixel.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -21,7 +21,7 @@ Examples:
   svl calibrate check raw.mcap --calib calibration.xml
       how well that calibration rectifies it
   svl calibrate check bag.mcap --calib none
-      how far its raw images are apart
+      misalignment of its raw images
   svl calibrate check FOLDER --json")]
 pub(super) struct Args {
     /// Recording, or folder of pairs
@@ -31,7 +31,7 @@ pub(super) struct Args {
     topics: Topics,
     #[command(flatten)]
     rectify: Rectify,
-    /// Look at so many pairs, spread over all
+    /// Measure this many pairs, spread over all
     #[arg(
         long, value_name = "N", default_value_t = 20, allow_negative_numbers = true,
         value_parser = usage::within(1..=1_000_000u32)
@@ -46,7 +46,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let expected = "a recording (.mcap) or a folder of pairs";
     let opened = source::open(&args.recording, None, &args.topics, expected)?;
     let mut source = args.rectify.opened(opened, quiet)?.source;
-    // Of a source that does not know its length, pairs from its first ten seconds or so.
+    // A source of unknown length is sampled in its first ten seconds or so.
     let step = source
         .pairs()
         .map_or(10, |pairs| pairs.div_ceil(args.pairs.into()))
@@ -65,8 +65,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let name = source.name();
     let Some(alignment) = meter.alignment() else {
         bail!(
-            "{name}: too few points are seen in both images to tell ({}): show the cameras \
-             something textured",
+            "{name}: too few points matched between both images ({}): show the cameras something \
+             textured",
             meter.matches().len()
         );
     };
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if alignment.is_off() {
         let off = alignment.median_abs_px;
         bail!(
-            "{name}: rows of left and right are {off:.1} px apart; {}",
+            "{name}: vertical misalignment of {off:.1} px; {}",
             args.rectify.cure()
         );
     }
@@ -101,7 +101,7 @@ fn text(name: &str, alignment: &Alignment) -> String {
             counted(*matches, "point"),
             counted(*pairs, "pair")
         ),
-        format!("rows apart  {median_abs_px:.2} px (median), {p90_abs_px:.2} px (90th percentile)"),
+        format!("misaligned  {median_abs_px:.2} px (median), {p90_abs_px:.2} px (90th percentile)"),
         format!(
             "right image {:.2} px {}",
             median_px.abs(),
@@ -111,14 +111,14 @@ fn text(name: &str, alignment: &Alignment) -> String {
     if alignment.is_off() {
         lines.push(match misfit {
             Misfit::Shift => "looks like  one image shifted against the other".to_owned(),
-            Misfit::Turn { degrees, scale } => {
+            Misfit::Rotation { degrees, scale } => {
                 let percent = (scale - 1.0) * 100.0;
                 format!(
-                    "looks like  one image turned by {degrees:.2} degrees or scaled by \
+                    "looks like  one image rotated by {degrees:.2} degrees or scaled by \
                      {percent:.2} % against the other"
                 )
             }
-            Misfit::Bent => "looks like  lenses, or cameras turned towards each other".to_owned(),
+            Misfit::Distortion => "looks like  lens distortion, or converging cameras".to_owned(),
         });
     }
     lines.push("by part of the left image, px, + is lower in the right image:".to_owned());

@@ -1,7 +1,7 @@
-//! Pairs from a source, until there are enough with a board that helps.
+//! Collects views of the board from a source until there are enough.
 
-use super::ask::{Answer, Judge, Offer};
-use super::report::Folder;
+use super::ask::{Decision, Offer, ViewPrompt};
+use super::report::ReportFolder;
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
 use crate::cli::shared::runner::report_losses;
 use crate::cli::shared::source::Opened;
@@ -10,39 +10,41 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use std::time::{Duration, Instant};
-use svl::calibrate::choose::{Chooser, ENOUGH, Lacks, Refusal};
-use svl::calibrate::detect::{PairDetector, Seen};
-use svl::calibrate::{Board, LEAST_VIEWS, View};
+use svl::calibrate::choose::{Chooser, ENOUGH, MissingCoverage, Refusal};
+use svl::calibrate::detect::PairDetector;
+use svl::calibrate::{Board, LEAST_VIEWS, StereoView};
 use svl::stereo::Frame;
 
-/// What a search found.
-#[derive(serde::Serialize)]
+/// The collected views, and what was refused.
+#[derive(Default, serde::Serialize)]
 pub(super) struct Collected {
     pairs: u64,
     #[serde(skip)]
-    pub(super) views: Vec<View>,
+    pub(super) views: Vec<StereoView>,
     /// What the source calls each view: its name, or its number.
     pub(super) accepted: Vec<String>,
     /// How many pairs were refused, by reason.
     refused: BTreeMap<String, u64>,
-    lacks: Lacks,
+    /// The key in JSON is older than the name.
+    #[serde(rename = "lacks")]
+    missing: MissingCoverage,
     #[serde(skip)]
     pub(super) size: (usize, usize),
-    /// What ended the search before its time.
+    /// The error that ended the search early.
     #[serde(skip)]
     failure: Option<anyhow::Error>,
-    /// Boards of other corners that were seen, with how often.
+    /// Boards with another number of corners, with how often they were seen.
     #[serde(skip)]
     others: BTreeMap<(usize, usize), u64>,
 }
 
-/// Reads the source to its end, to Ctrl-C, to the user's wish, or until there are enough views.
-/// Accepted pairs are in the folder at once.
+/// Reads the source until its end, Ctrl-C, the user's decision, or until there are enough views.
+/// Accepted pairs are written to the folder at once.
 pub(super) fn collect(
     mut opened: Opened,
     board: Board,
-    mut judge: Judge,
-    folder: &mut Folder,
+    mut prompt: ViewPrompt,
+    folder: &mut ReportFolder,
     quiet: bool,
 ) -> anyhow::Result<Collected> {
     listen_for_interrupt();
@@ -50,7 +52,7 @@ pub(super) fn collect(
     let mut detector = PairDetector::new(board)?;
     let mut lag = opened.is_live.then(Lag::default);
     let mut chooser: Option<Chooser> = None;
-    let mut found = Collected::new();
+    let mut found = Collected::default();
     while !interrupted() {
         let frame = match opened.source.next() {
             Ok(Some(frame)) => frame,
@@ -81,11 +83,11 @@ pub(super) fn collect(
         }
         found.pairs += 1;
         let seen = detector.find(&frame.pair);
-        // Pictures with names are no stream.
+        // Images with names are unrelated; only a stream has motion to check.
         let stamp_ns = frame.name.is_none().then_some(frame.stamp_ns);
         let verdict = chooser.judge(stamp_ns, &seen);
         if opened.is_live {
-            judge.show(
+            prompt.show(
                 &frame,
                 &seen,
                 &verdict
@@ -101,29 +103,29 @@ pub(super) fn collect(
                     frame: &frame,
                     name: name(&frame),
                     view: &view,
-                    lacks: chooser.lacks(),
+                    missing: chooser.missing(),
                 };
-                match bar.suspend(|| judge.ask(&offer))? {
-                    Answer::Yes => {
+                match bar.suspend(|| prompt.ask(&offer))? {
+                    Decision::Accept => {
                         folder.keep(&frame, &view)?;
                         found.accepted.push(name(&frame));
                         chooser.keep(view);
                         "accepted".to_owned()
                     }
-                    Answer::No => {
+                    Decision::Decline => {
                         chooser.decline(&view);
                         *found.refused.entry("not wanted".to_owned()).or_default() += 1;
                         "not wanted".to_owned()
                     }
-                    Answer::Enough => break,
+                    Decision::Stop => break,
                 }
             }
         };
-        let lacks = chooser.lacks();
-        let missing = if lacks.is_nothing() {
+        let missing = chooser.missing();
+        let missing = if missing.is_empty() {
             String::new()
         } else {
-            format!("; still missing: {lacks}")
+            format!("; still missing: {missing}")
         };
         bar.inc(1);
         bar.set_message(format!(
@@ -142,16 +144,16 @@ pub(super) fn collect(
     {
         tracing::warn!("{failure:#}; calibrating from what came before");
     }
-    judge.finish()?;
+    prompt.finish()?;
     report_losses(&opened.source.name(), &opened.source.finish(found.pairs));
     if let Some(chooser) = chooser {
-        found.lacks = chooser.lacks();
+        found.missing = chooser.missing();
         found.views = chooser.views().to_vec();
     }
     Ok(found)
 }
 
-/// What a person calls a pair.
+/// The name of a pair in messages: its own, or its number.
 fn name(frame: &Frame) -> String {
     frame
         .name
@@ -171,18 +173,18 @@ fn bar(opened: &Opened, quiet: bool) -> ProgressBar {
     } else {
         "{pos:>5} pairs, {wide_msg}"
     };
-    // The templates above are constants; the tests run both.
+    // The templates above are constants, and the tests run both.
     bar.with_style(ProgressStyle::with_template(form).expect("a valid template"))
 }
 
-/// How far a live source is behind.
+/// How late the pairs of a live source are processed.
 #[derive(Default)]
 struct Lag {
     first: Option<(Instant, u64)>,
 }
 
 impl Lag {
-    /// Pairs that waited longer are of the past: the board is elsewhere by now.
+    /// Pairs that waited longer are skipped: the board is elsewhere by now.
     const MOST: Duration = Duration::from_millis(250);
 
     fn is_late(&mut self, stamp_ns: u64) -> bool {
@@ -192,22 +194,6 @@ impl Lag {
 }
 
 impl Collected {
-    fn new() -> Self {
-        let size = (0, 0);
-        let (views, accepted, lacks) = (Vec::new(), Vec::new(), Lacks::default());
-        let (refused, others) = (BTreeMap::new(), BTreeMap::new());
-        Self {
-            pairs: 0,
-            views,
-            accepted,
-            refused,
-            lacks,
-            size,
-            failure: None,
-            others,
-        }
-    }
-
     fn check_size(&self, frame: &Frame) -> anyhow::Result<()> {
         let ((width, height), (w, h)) = (self.size, frame.pair.size());
         if (width, height) != (w, h) {
@@ -289,17 +275,9 @@ impl Display for Collected {
             self.pairs,
             self.reasons()
         )?;
-        if !self.lacks.is_nothing() {
-            writeln!(f, "Still missing, and worth more pairs: {}", self.lacks)?;
+        if !self.missing.is_empty() {
+            writeln!(f, "Still missing, and worth more pairs: {}", self.missing)?;
         }
         Ok(())
     }
-}
-
-/// Corners of whole boards, nothing for others.
-pub(super) fn corners(seen: &[Seen; 2]) -> [&[nalgebra::Point2<f64>]; 2] {
-    seen.each_ref().map(|seen| match seen {
-        Seen::Whole(sighting) => &sighting.corners[..],
-        _ => &[],
-    })
 }

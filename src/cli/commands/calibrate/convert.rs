@@ -1,18 +1,18 @@
-//! `svl calibrate convert`: a calibration from one program's file to another's.
+//! `svl calibrate convert`: converts a calibration file to the format of another program.
 
 use crate::cli::shared::outputs::{Outputs, distinct};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use svl::calibrate::files::{self, FORMATS, Format, Found, Hints, Unit};
+use svl::calibrate::files::{self, CalibrationFormat, FORMATS, FileUnit, Hints, LoadedCalibration};
 use svl::rectify::{Framing, bouguet};
 use svl::stereo::{Intrinsics, LengthUnit};
 
 /// Write a calibration in the format of another program
 ///
-/// Says what it read, and what of it the new file cannot hold. Lengths become metres; a calibration
-/// in squares of its board stays so until you say how large they are.
+/// Prints what it read, and what the new file cannot hold. Lengths become metres; a calibration in
+/// squares of its board stays so until you name their size.
 #[derive(clap::Args)]
 #[command(after_help = after_help())]
 pub(super) struct Args {
@@ -22,16 +22,16 @@ pub(super) struct Args {
     /// Calibration to write, likewise
     #[arg(value_name = "B")]
     output: PathBuf,
-    /// Format of A [default: known by its content]
+    /// Format of A [default: detected from its content]
     #[arg(long, value_name = "FORMAT", value_parser = files::format)]
-    from: Option<&'static Format>,
+    from: Option<&'static CalibrationFormat>,
     /// Format of B [default: by its ending; .yaml and .yml are opencv]
     #[arg(long, value_name = "FORMAT", value_parser = written)]
-    to: Option<&'static Format>,
-    /// What A's lengths are in, where A does not say it: m, cm, mm, squares, squares=SIDE_IN_METRES
+    to: Option<&'static CalibrationFormat>,
+    /// Unit of length of A, where A does not state it: m, cm, mm, squares, squares=SIDE_IN_METRES
     #[arg(long)]
-    unit: Option<Unit>,
-    /// Width and height of A's images in pixels, where A does not say them
+    unit: Option<FileUnit>,
+    /// Width and height of A's images in pixels, where A does not state them
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(usize, usize)>,
     /// Compute the rectification (Bouguet's method), for formats that need one and an A without or
@@ -70,7 +70,7 @@ Formats, by the endings of their files:
     text
 }
 
-/// Lines that fit below the options of a help, which clap does not break again.
+/// Words wrapped and indented for the end of a help text, which clap does not wrap.
 fn paragraph(words: &str, indent: usize) -> String {
     const COLUMNS: usize = 78;
     let (mut text, mut column) = (String::new(), COLUMNS);
@@ -91,7 +91,7 @@ fn paragraph(words: &str, indent: usize) -> String {
     text + "\n"
 }
 
-fn written(name: &str) -> Result<&'static Format, String> {
+fn written(name: &str) -> Result<&'static CalibrationFormat, String> {
     let format = files::format(name).map_err(|e| e.to_string())?;
     if format.is_written() {
         Ok(format)
@@ -146,7 +146,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let rectification = bouguet(&found.calibration, &Framing::default())?;
         found.calibration = found.calibration.with_rectification(rectification);
     }
-    print(&said(&args.input, &found)?)?;
+    print(&describe(&args.input, &found)?)?;
     claimed.set_aside()?;
     let left_out = files::write_as(&args.output, to, &found.calibration)?;
     claimed.commit();
@@ -157,14 +157,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         to.conventions
     );
     for what in left_out {
-        writeln!(text, "  left out, as it has no place: {what}")?;
+        writeln!(
+            text,
+            "  not written, as the format has no place for it: {what}"
+        )?;
     }
     print(&text)
 }
 
-/// What a calibration says, for a person.
-fn said(path: &Path, found: &Found) -> Result<String, std::fmt::Error> {
-    let Found {
+/// A calibration as text.
+fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::Error> {
+    let LoadedCalibration {
         format,
         calibration,
         remarks,
@@ -182,10 +185,10 @@ fn said(path: &Path, found: &Found) -> Result<String, std::fmt::Error> {
         LengthUnit::Metres => "m",
         LengthUnit::Squares => "squares of an unknown size",
     };
-    let turned = calibration.right_from_left().rotation.angle().to_degrees();
+    let rotated = calibration.right_from_left().rotation.angle().to_degrees();
     writeln!(
         text,
-        "  baseline {:.6} {unit}, cameras turned by {turned:.3}° to each other",
+        "  baseline {:.6} {unit}, cameras rotated by {rotated:.3}° to each other",
         calibration.baseline()
     )?;
     match calibration.rectification() {

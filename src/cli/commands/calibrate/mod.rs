@@ -1,5 +1,4 @@
-//! `svl calibrate`: from boards, measured distances and files of other programs to calibrated
-//! cameras.
+//! `svl calibrate`: calibration of cameras and distances, and conversion of calibration files.
 
 mod ask;
 mod board;
@@ -19,11 +18,11 @@ Examples:
   svl calibrate distance scenarios/annex-b.csv --figure curve.svg")]
 pub(crate) struct Args {
     #[command(subcommand)]
-    command: Command,
+    command: CalibrateCommand,
 }
 
 #[derive(clap::Subcommand)]
-enum Command {
+enum CalibrateCommand {
     Check(check::Args),
     Board(board::Args),
     Convert(convert::Args),
@@ -32,9 +31,9 @@ enum Command {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
-        Command::Check(args) => check::run(args, quiet),
-        Command::Board(args) => board::run(args, quiet),
-        Command::Convert(args) => convert::run(args),
-        Command::Distance(args) => distance::run(args),
+        CalibrateCommand::Check(args) => check::run(args, quiet),
+        CalibrateCommand::Board(args) => board::run(args, quiet),
+        CalibrateCommand::Convert(args) => convert::run(args),
+        CalibrateCommand::Distance(args) => distance::run(args),
     }
 }

@@ -1,26 +1,25 @@
-//! The folder beside a calibration: its report, and the pairs it was made from.
+//! The report folder beside a calibration: HTML page, JSON, and the accepted pairs as PNG.
 
-use super::collect::Collected;
 use crate::cli::shared::outputs::{FolderRule, Outputs, distinct, write_json};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
-use svl::calibrate::{Solution, View};
+use svl::calibrate::{Solution, StereoView};
 use svl::files::write_png;
-use svl::report::calibration::Page;
+use svl::report::calibration::CalibrationPage;
 use svl::stereo::{Frame, Gray};
 
-/// What the files of the folder are called, besides the pairs'.
+/// Names of the files in the folder, besides the pairs'.
 const PAGE: &str = "index.html";
 const SOLUTION: &str = "calibration.json";
 const CORNERS: &str = "corners.json";
 
-/// A folder that pairs are added to, and then a report.
-pub(super) struct Folder {
+/// A folder that receives pairs, then a report.
+pub(super) struct ReportFolder {
     path: PathBuf,
     corners: Vec<Corners>,
 }
 
-/// The corners of a pair, as other programs can read them.
+/// The corners of a pair, for other programs.
 #[derive(serde::Serialize)]
 struct Corners {
     left_image: String,
@@ -30,7 +29,7 @@ struct Corners {
     right: Vec<[f64; 2]>,
 }
 
-impl Folder {
+impl ReportFolder {
     /// The folder beside `output`, with its claim.
     pub(super) fn claim(
         output: &Path,
@@ -59,18 +58,18 @@ impl Folder {
         &self.path
     }
 
-    /// How many were added.
+    /// Number of pairs added.
     pub(super) fn pairs(&self) -> usize {
         self.corners.len()
     }
 
-    /// Where a pair is drawn that is asked about.
+    /// File the pair in question is drawn in.
     pub(super) fn picture(&self) -> PathBuf {
         self.path.with_extension("png")
     }
 
     /// Adds an accepted pair.
-    pub(super) fn keep(&mut self, frame: &Frame, view: &View) -> anyhow::Result<()> {
+    pub(super) fn keep(&mut self, frame: &Frame, view: &StereoView) -> anyhow::Result<()> {
         let number = self.corners.len() + 1;
         let save = |side: &str, image: &Gray| {
             let name = format!("{side}{number:02}.png");
@@ -98,11 +97,11 @@ impl Folder {
         write_json(&self.path.join(CORNERS), &self.corners)
     }
 
-    /// Writes the report.
+    /// Writes the report. `accepted`: what the source calls each pair.
     pub(super) fn finish(
         &self,
         source: &str,
-        collected: &Collected,
+        accepted: &[String],
         solution: &Solution,
     ) -> anyhow::Result<()> {
         write_json(&self.path.join(SOLUTION), solution)?;
@@ -111,10 +110,10 @@ impl Folder {
             ("source".to_owned(), source.to_owned()),
         ];
         let names = (1..)
-            .zip(&collected.accepted)
+            .zip(accepted)
             .map(|(number, name)| format!("{number} ({name})"))
             .collect();
-        let page = Page {
+        let page = CalibrationPage {
             title: format!("Calibration from {source}"),
             solution,
             names,
@@ -124,7 +123,7 @@ impl Folder {
     }
 }
 
-/// The folder of a calibration's report, which a later one replaces.
+/// The folder of a calibration's report, which a later report replaces.
 const REPORT: FolderRule = FolderRule {
     kind: "a calibration's report",
     owns: |name| [PAGE, SOLUTION, CORNERS].contains(&name) || is_pair(name),
@@ -132,7 +131,7 @@ const REPORT: FolderRule = FolderRule {
     cure: "name another output",
 };
 
-/// Whether a file is called as an image of an accepted pair is: `left01.png`.
+/// Whether a file name is that of an accepted pair's image: `left01.png`.
 fn is_pair(name: &str) -> bool {
     let number = |stem: &str| stem.len() >= 2 && stem.bytes().all(|b| b.is_ascii_digit());
     name.strip_suffix(".png")

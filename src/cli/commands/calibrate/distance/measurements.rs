@@ -1,4 +1,4 @@
-//! Distances with disparities, from a table or measured in recordings.
+//! Distances with their disparities, from a table or measured in recordings.
 
 use crate::cli::shared::source::{Topics, open_recording};
 use crate::cli::shared::usage;
@@ -6,23 +6,23 @@ use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use svl::calibrate::distance::Target;
+use svl::calibrate::distance::TargetMeasurement;
 use svl::depth;
 use svl::depth::GridSettings;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::source::Source;
 use svl::stereo::{MAX_SIDE, RectifiedPair};
 
-/// More make no better curve.
+/// Most measurements; more make no better curve.
 const MOST: usize = 1000;
 
-/// As far as one can see.
+/// Largest distance, centimetres.
 const MOST_CM: f64 = 1e6;
 
 /// Largest table, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Frames of a recording that are matched: the target stands still.
+/// Frames matched per recording; the target stands still, so a few are enough.
 const FRAMES: usize = 30;
 
 /// A target at a known distance.
@@ -30,32 +30,32 @@ const FRAMES: usize = 30;
 pub(super) struct Measurement {
     pub distance_cm: f64,
     pub disparity_px: f64,
-    /// How it was measured, where it was.
+    /// Present when it was measured in a recording.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
-    pub seen: Option<Seen>,
+    pub seen: Option<RecordedTarget>,
 }
 
-/// A target in a recording.
+/// A target measured in a recording.
 #[derive(Debug, Serialize)]
-pub(super) struct Seen {
+pub(super) struct RecordedTarget {
     pub recording: PathBuf,
     pub frames: usize,
     /// Column and row.
     pub cells: Vec<(usize, usize)>,
     pub spread_px: f64,
-    /// What the recording's own calibration says `a` is.
+    /// `a` by the recording's own calibration: focal length times baseline.
     pub focal_baseline_cm_px: Option<f64>,
 }
 
-/// A line of the table.
+/// A row of the CSV table.
 #[derive(Deserialize)]
-struct Line {
+struct TableLine {
     distance_cm: f64,
     disparity_px: Option<f64>,
     recording: Option<PathBuf>,
 }
 
-/// The measurements that are named: a table, or recordings with their distances.
+/// Reads a table, or measures recordings given with their distances.
 pub(super) fn measurements(
     named: &[String],
     algorithm: &Algorithm,
@@ -106,7 +106,7 @@ fn table(
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut found = Vec::new();
     for (number, line) in reader.deserialize().take(MOST + 1).enumerate() {
-        let Line {
+        let TableLine {
             distance_cm,
             disparity_px,
             recording,
@@ -153,7 +153,7 @@ fn length_cm(text: &str) -> anyhow::Result<f64> {
         .filter(|cm| *cm > 0.0 && *cm <= MOST_CM)
         .ok_or_else(|| {
             usage::wrong(format!(
-                "'{text}' is no distance up to 10 km; write it as 130cm, 1.3m or 1300mm before ="
+                "'{text}' is not a distance up to 10 km; write it as 130cm, 1.3m or 1300mm before ="
             ))
         })
 }
@@ -177,14 +177,15 @@ fn measure(
         grids.push(depth::grid(output.disparity.disparity(), settings, None));
         rig = frame.rig().copied().or(rig);
     }
-    let target = Target::measure(&grids, cells).with_context(|| recording.display().to_string())?;
-    let Target {
+    let target = TargetMeasurement::measure(&grids, cells)
+        .with_context(|| recording.display().to_string())?;
+    let TargetMeasurement {
         disparity_px,
         cells,
         spread_px,
     } = target;
     let focal_baseline_cm_px = rig.map(|rig| 100.0 * rig.focal_px() * rig.baseline_m());
-    let seen = Some(Seen {
+    let seen = Some(RecordedTarget {
         recording,
         frames: grids.len(),
         cells,

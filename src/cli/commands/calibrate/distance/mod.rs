@@ -1,4 +1,4 @@
-//! `svl calibrate distance`: from a target at known distances to the distance of every disparity.
+//! `svl calibrate distance`: fits distance to disparity from a target at known distances.
 
 mod measurements;
 mod report;
@@ -9,18 +9,17 @@ use crate::cli::shared::usage;
 use anyhow::Context;
 use clap::builder::NonEmptyStringValueParser;
 use measurements::measurements;
-use report::Report;
+use report::DistanceReport;
 use std::path::{Path, PathBuf};
 use svl::depth::GridSettings;
 use svl::matcher::Algorithm;
 use svl::stereo::GridShape;
 
-/// Fit the distance that belongs to a disparity, from a target at known distances
+/// Fit distance to disparity, from a target at known distances
 ///
-/// The thesis's annex B: a target is put at measured distances and the disparity of each is the
-/// median of the cells that show it, three at least. Through these goes its polynomial of degree 5,
-/// which knows nothing beyond them, and beside it the physical curve Z = a / (d + b), with how far
-/// it may be trusted.
+/// The thesis's annex B: a target is put at measured distances; its disparity is the median of the
+/// cells that show it, at least three. The thesis's polynomial of degree 5 is fitted through these,
+/// valid only between them, and the physical curve Z = a / (d + b), with its range of validity.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -85,7 +84,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let outputs = [args.figure.as_deref(), args.table.as_deref()];
     let mut outputs = Outputs::claim(args.force, inputs, outputs.into_iter().flatten())?;
     let found = measurements(&args.measurements, &args.algo, &args.cells)?;
-    let report = Report::of(found).with_context(|| args.measurements.join(" "))?;
+    let report = DistanceReport::new(found).with_context(|| args.measurements.join(" "))?;
     outputs.set_aside()?;
     if let Some(path) = &args.figure {
         write(path, report.figure()?)?;

@@ -1,28 +1,28 @@
-//! What the measurements say: both curves, their residuals, and where each may be used.
+//! Report of a distance calibration: both curves, their residuals, and their ranges of validity.
 
 use super::measurements::Measurement;
 use serde_json::{Value, json};
 use std::fmt::{self, Write};
-use svl::calibrate::distance::shown;
+use svl::calibrate::distance::cell_list;
 use svl::depth::{DistanceCurve, PinholeFit};
 use svl::report::plot::distance_chart;
 
-/// How well a distance has to be known, to be used: the arena's checkpoints bear twice as much.
+/// Largest relative error of a valid distance; the arena's checkpoints tolerate twice as much.
 const SHARE: f64 = 0.10;
 
-/// A measurement that counts less than this was left aside.
-const ASIDE: f64 = 0.5;
+/// A measurement whose weight is below this is reported as an outlier.
+const OUTLIER: f64 = 0.5;
 
-pub(super) struct Report {
+pub(super) struct DistanceReport {
     measurements: Vec<Measurement>,
     pairs: Vec<(f64, f64)>,
     pinhole: PinholeFit,
-    /// Or why there is none.
+    /// Or the reason why there is none.
     polynomial: Result<DistanceCurve, String>,
 }
 
-impl Report {
-    pub(super) fn of(measurements: Vec<Measurement>) -> anyhow::Result<Self> {
+impl DistanceReport {
+    pub(super) fn new(measurements: Vec<Measurement>) -> anyhow::Result<Self> {
         let pairs: Vec<_> = measurements
             .iter()
             .map(|m| (m.distance_cm, m.disparity_px))
@@ -37,14 +37,14 @@ impl Report {
         })
     }
 
-    /// Curve less measurement, centimetres: the polynomial's and the pinhole's.
+    /// Curve minus measurement, centimetres: of the polynomial and of the pinhole curve.
     fn residuals_cm(&self, (cm, px): (f64, f64)) -> [Option<f64>; 2] {
         let polynomial = self
             .polynomial
             .as_ref()
             .ok()
             .and_then(|curve| curve.distance_cm(px));
-        [polynomial, self.pinhole.distance_cm(px)].map(|told| Some(told? - cm))
+        [polynomial, self.pinhole.distance_cm(px)].map(|distance| Some(distance? - cm))
     }
 
     fn rms_cm(&self, which: usize) -> Option<f64> {
@@ -56,7 +56,7 @@ impl Report {
         squares.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 
-    /// What the recordings' own calibration says `a` is, where they all say the same.
+    /// `a` by the recordings' own calibration; `None` unless all recordings agree.
     fn focal_baseline(&self) -> Option<f64> {
         let of = |m: &Measurement| m.seen.as_ref()?.focal_baseline_cm_px;
         let first = of(self.measurements.first()?)?;
@@ -66,7 +66,7 @@ impl Report {
             .then_some(first)
     }
 
-    /// Where the polynomial may be used.
+    /// Disparity ranges in which the polynomial is valid.
     fn usable_px(&self) -> Vec<(f64, f64)> {
         self.polynomial
             .as_ref()
@@ -74,7 +74,7 @@ impl Report {
             .unwrap_or_default()
     }
 
-    /// The polynomial's distance, where it may be used.
+    /// The polynomial's distance; `None` outside its valid ranges.
     fn polynomial_cm(&self, px: f64) -> Option<f64> {
         let usable = self
             .usable_px()
@@ -87,7 +87,7 @@ impl Report {
             .distance_cm(px)
     }
 
-    /// The farthest distance that may be used, and its disparity.
+    /// The farthest valid distance, and its disparity.
     fn farthest(&self) -> Option<(f64, f64)> {
         self.pinhole
             .farthest_cm(SHARE)
@@ -96,7 +96,7 @@ impl Report {
 
     pub(super) fn text(&self) -> Result<String, fmt::Error> {
         let mut text = String::from("  distance  disparity   degree 5    a/(d+b)\n");
-        let told =
+        let signed =
             |residual: Option<f64>| residual.map_or("-".to_owned(), |cm| format!("{cm:+.1} cm"));
         for ((measurement, weight), &pair) in self
             .measurements
@@ -104,7 +104,7 @@ impl Report {
             .zip(self.pinhole.weights())
             .zip(&self.pairs)
         {
-            let [polynomial, pinhole] = self.residuals_cm(pair).map(told);
+            let [polynomial, pinhole] = self.residuals_cm(pair).map(signed);
             let (cm, px) = pair;
             write!(
                 text,
@@ -114,18 +114,18 @@ impl Report {
                 write!(
                     text,
                     "   cells {}, {:.2} px apart",
-                    shown(&seen.cells),
+                    cell_list(&seen.cells),
                     seen.spread_px
                 )?;
             }
-            text.push_str(if *weight < ASIDE {
-                "   left aside\n"
+            text.push_str(if *weight < OUTLIER {
+                "   outlier\n"
             } else {
                 "\n"
             });
         }
         let pinhole = &self.pinhole;
-        let (of_a, of_b) = pinhole.standard_deviations();
+        let (deviation_a, deviation_b) = pinhole.standard_deviations();
         match &self.polynomial {
             Ok(curve) => {
                 let rms = self.rms_cm(0).unwrap_or_default();
@@ -140,16 +140,16 @@ impl Report {
                 } else {
                     ranges.join(", ")
                 };
-                let swings = if usable == [(from, to)] {
+                let oscillates = if usable == [(from, to)] {
                     ""
                 } else {
-                    "; elsewhere it swings between the measurements"
+                    "; elsewhere it oscillates between the measurements"
                 };
                 writeln!(
                     text,
                     "degree 5: rms {rms:.1} cm, measured from {from:.1} to {to:.1} px"
                 )?;
-                writeln!(text, "  use it: {ranges}{swings}")?;
+                writeln!(text, "  valid: {ranges}{oscillates}")?;
             }
             Err(why) => writeln!(text, "degree 5: none, {why}")?,
         }
@@ -158,7 +158,7 @@ impl Report {
             .map_or("unknown".to_owned(), |rms| format!("{rms:.1} cm"));
         writeln!(
             text,
-            "a/(d+b): a = {:.1} ± {of_a:.1} cm·px, b = {:.2} ± {of_b:.2} px, rms {rms}, {:.2} px",
+            "a/(d+b): a = {:.1} ± {deviation_a:.1} cm·px, b = {:.2} ± {deviation_b:.2} px, rms {rms}, {:.2} px",
             pinhole.a_cm_px(),
             pinhole.b_px(),
             pinhole.noise_px()
@@ -167,19 +167,19 @@ impl Report {
         match self.farthest() {
             Some((cm, px)) => writeln!(
                 text,
-                "  use it: up to {cm:.0} cm ({px:.1} px), where a distance is known to \
+                "  valid: up to {cm:.0} cm ({px:.1} px), where a distance is known to \
                  {percent:.0} % in 95 of 100 cases"
             )?,
             None => writeln!(
                 text,
-                "  use it: nowhere, as no distance is known to {percent:.0} % in 95 of 100 cases"
+                "  valid: nowhere, as no distance is known to {percent:.0} % in 95 of 100 cases"
             )?,
         }
         if let Some(f_b) = self.focal_baseline() {
             let off = 100.0 * (pinhole.a_cm_px() / f_b - 1.0);
             writeln!(
                 text,
-                "  the recordings' calibration says f·B = {f_b:.1} cm·px: a is {off:+.2} % off"
+                "  by the recordings' calibration f·B = {f_b:.1} cm·px: a is {off:+.2} % off"
             )?;
         }
         Ok(text)
@@ -210,15 +210,15 @@ impl Report {
                 "rms_cm": self.rms_cm(0),
             })
         });
-        let (of_a, of_b) = self.pinhole.standard_deviations();
+        let (deviation_a, deviation_b) = self.pinhole.standard_deviations();
         json!({
             "measurements": rows.collect::<Vec<_>>(),
             "polynomial": polynomial.ok(),
             "pinhole": {
                 "a_cm_px": self.pinhole.a_cm_px(),
                 "b_px": self.pinhole.b_px(),
-                "a_deviation_cm_px": of_a,
-                "b_deviation_px": of_b,
+                "a_deviation_cm_px": deviation_a,
+                "b_deviation_px": deviation_b,
                 "noise_px": self.pinhole.noise_px(),
                 "rms_cm": self.rms_cm(1),
                 "farthest_cm": self.farthest().map(|(cm, _)| cm),
@@ -229,23 +229,18 @@ impl Report {
         })
     }
 
-    /// Distances of whole disparities, empty where a curve may not be used.
+    /// CSV of the distances of whole disparities, empty where a curve is not valid.
     pub(super) fn table(&self) -> Result<String, fmt::Error> {
         let mut text = String::from("disparity_px,polynomial_cm,pinhole_cm,pinhole_deviation_cm\n");
         let largest = self.pairs.iter().map(|(_, px)| *px).fold(0.0, f64::max);
         let farthest = self.farthest().map_or(f64::INFINITY, |(_, px)| px);
-        let shown = |cm: Option<f64>| cm.map(|cm| format!("{cm:.2}")).unwrap_or_default();
+        let decimals = |cm: Option<f64>| cm.map(|cm| format!("{cm:.2}")).unwrap_or_default();
         for px in (1..=largest.ceil() as u32).map(f64::from) {
             let polynomial = self.polynomial_cm(px);
             let pinhole = self.pinhole.distance_cm(px).filter(|_| px >= farthest);
             let deviation = pinhole.and_then(|cm| Some(cm * self.pinhole.relative_deviation(px)?));
-            writeln!(
-                text,
-                "{px},{},{},{}",
-                shown(polynomial),
-                shown(pinhole),
-                shown(deviation)
-            )?;
+            let [polynomial, pinhole, deviation] = [polynomial, pinhole, deviation].map(decimals);
+            writeln!(text, "{px},{polynomial},{pinhole},{deviation}")?;
         }
         Ok(text)
     }

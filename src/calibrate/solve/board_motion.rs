@@ -1,17 +1,17 @@
-//! Why a view that is good in each image by itself is not good in both: what the board did between
-//! them.
+//! Why a view that agrees in each image alone does not agree in both: how the board moved between
+//! the exposures, or how the corners were numbered.
 
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 
-/// Beyond this turn, in degrees, corners are counted from another end rather than moved.
+/// Beyond this rotation, in degrees, the corners were numbered from another end rather than moved.
 const ANOTHER_END_DEG: f64 = 120.0;
-/// Slips are whole squares in the board's plane, up to this share of one; across it each image by
-/// itself is less sure.
+/// Numbering that slipped looks like a shift of whole squares in the board's plane, up to this
+/// share of a square. Across the plane a single image is less certain.
 const SLIP: f64 = 0.3;
 
-/// `motion` of the board from the left image to the right one, in its own frame. `board`: its
-/// corners. Nothing for a motion too small to speak of.
-pub(super) fn words(motion: &Isometry3<f64>, board: &[Point3<f64>]) -> Option<String> {
+/// Describes the `motion` of the board from the left image to the right one, in the board's frame.
+/// `board`: its corners. `None` for a motion too small to matter.
+pub(super) fn describe(motion: &Isometry3<f64>, board: &[Point3<f64>]) -> Option<String> {
     let turn = motion.rotation.angle().to_degrees();
     if turn > ANOTHER_END_DEG {
         return Some("the corners are counted from another end in one image".to_owned());
@@ -49,7 +49,7 @@ mod tests {
             .map(|i| Point3::new(f64::from(i % 5) * 0.03, f64::from(i / 5) * 0.03, 0.0))
             .collect();
         let words = |x: f64, y: f64, turn: Vector3<f64>| {
-            words(&Isometry3::new(Vector3::new(x, y, 0.0), turn), &board).unwrap_or_default()
+            describe(&Isometry3::new(Vector3::new(x, y, 0.0), turn), &board).unwrap_or_default()
         };
         assert!(words(0.12, 0.09, Vector3::z() * std::f64::consts::PI).contains("another end"));
         assert!(words(0.12, 0.0, Vector3::y() * std::f64::consts::PI).contains("another end"));

@@ -1,49 +1,48 @@
-//! Pairs that somebody keeps an eye on.
+//! Monitors the vertical misalignment of a source's pairs.
 
 use super::Source;
 use crate::error::Result;
 use crate::rectify::AlignmentMeter;
 use crate::stereo::{Frame, Losses};
 
-/// A source that looks at a few of its pairs, and warns once when their rows are apart.
-pub struct Watched<'a> {
+/// A source that measures a few of its pairs, and warns once when they are vertically misaligned.
+pub struct AlignmentMonitor<'a> {
     source: &'a mut dyn Source,
     meter: AlignmentMeter,
     taken: u64,
-    looks: u64,
+    measured: u64,
 }
 
-/// Every so many pairs one is looked at, so many in all: enough to see something, few enough to
-/// cost little.
+/// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
 const EVERY: u64 = 8;
-const LOOKS: u64 = 5;
+const MEASURED: u64 = 5;
 
-impl<'a> Watched<'a> {
+impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: &'a mut dyn Source) -> Self {
         Self {
             source,
             meter: AlignmentMeter::new(),
             taken: 0,
-            looks: 0,
+            measured: 0,
         }
     }
 
-    fn look(&mut self, frame: Option<&Frame>) {
-        let due = self.taken.is_multiple_of(EVERY) && self.looks < LOOKS;
+    fn measure(&mut self, frame: Option<&Frame>) {
+        let due = self.taken.is_multiple_of(EVERY) && self.measured < MEASURED;
         self.taken += 1;
         let last = match frame {
             Some(frame) if due => {
                 self.meter.add(&frame.pair);
-                self.looks += 1;
-                self.looks == LOOKS
+                self.measured += 1;
+                self.measured == MEASURED
             }
             Some(_) => false,
-            None => std::mem::replace(&mut self.looks, LOOKS) < LOOKS,
+            None => std::mem::replace(&mut self.measured, MEASURED) < MEASURED,
         };
         if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
             tracing::warn!(
-                "{}: rows of left and right are {:.1} px apart (median of {} points in {} pairs), \
-                 which costs matches: rectify with --calib; `svl calibrate check` says more",
+                "{}: vertical misalignment of {:.1} px (median of {} points in {} pairs), which costs \
+                 matches: rectify with --calib; `svl calibrate check` says more",
                 self.source.name(),
                 found.median_abs_px,
                 found.matches,
@@ -53,14 +52,14 @@ impl<'a> Watched<'a> {
     }
 }
 
-impl Source for Watched<'_> {
+impl Source for AlignmentMonitor<'_> {
     fn name(&self) -> String {
         self.source.name()
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
-        self.look(frame.as_ref());
+        self.measure(frame.as_ref());
         Ok(frame)
     }
 

@@ -1,9 +1,9 @@
-//! What the views that are kept do not show yet.
+//! Coverage of the accepted views: image areas and board tilts that are still missing.
 
 use nalgebra::{Point2, Vector2};
 use std::fmt::{Display, Formatter};
 
-/// Areas of an image, row by row.
+/// Names of the image areas, row by row.
 const AREAS: [&str; 9] = [
     "upper left",
     "top",
@@ -15,31 +15,31 @@ const AREAS: [&str; 9] = [
     "bottom",
     "lower right",
 ];
-/// Corners that cover an area.
+/// Least corners that cover an area.
 const COVERED: u32 = 6;
-/// A view is tilted from so many radians on, ...
+/// Least tilt of a tilted view, radians.
 const TILTED: f64 = 0.2;
-/// ... and so many of them in each direction tell the focal length.
+/// Least tilted views in each direction: they determine the focal length.
 const TILTED_VIEWS: u32 = 2;
 
-/// Where corners were seen, and how the boards were tilted.
+/// Counts of corners by image area, and of views by tilt.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Shown {
+pub(super) struct ViewCoverage {
     /// Corners by area, in the left and in the right image.
     areas: [[u32; 9]; 2],
     /// Views tilted to the left, right, up, down.
     tilts: [u32; 4],
 }
 
-/// What is missing: areas of the images without corners, directions in which no board was tilted.
+/// Missing coverage: image areas without corners, directions in which no board was tilted.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Lacks {
+pub struct MissingCoverage {
     pub left: Vec<&'static str>,
     pub right: Vec<&'static str>,
     pub tilted: Vec<&'static str>,
 }
 
-impl Shown {
+impl ViewCoverage {
     pub(super) fn add(
         &mut self,
         (width, height): (usize, usize),
@@ -65,7 +65,7 @@ impl Shown {
             .for_each(|(count, tilted)| *count += u32::from(tilted));
     }
 
-    pub(super) fn lacks(&self) -> Lacks {
+    pub(super) fn missing(&self) -> MissingCoverage {
         let areas = |side: usize| {
             let named = AREAS.into_iter().zip(self.areas[side]);
             named
@@ -78,7 +78,7 @@ impl Shown {
             .filter(|(_, views)| *views < TILTED_VIEWS)
             .map(|(name, _)| name)
             .collect();
-        Lacks {
+        MissingCoverage {
             left: areas(0),
             right: areas(1),
             tilted,
@@ -86,14 +86,14 @@ impl Shown {
     }
 }
 
-impl Lacks {
-    pub fn is_nothing(&self) -> bool {
+impl MissingCoverage {
+    pub fn is_empty(&self) -> bool {
         self.left.is_empty() && self.right.is_empty() && self.tilted.is_empty()
     }
 }
 
-impl Display for Lacks {
-    /// `in the left image upper left, top; a board tilted up`; nothing when nothing is missing.
+impl Display for MissingCoverage {
+    /// `in the left image upper left, top; a board tilted up`; empty when nothing is missing.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let parts = [
             ("in the left image", &self.left, ", "),

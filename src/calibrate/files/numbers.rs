@@ -1,9 +1,10 @@
-//! Numbers as all readers take them.
+//! Numbers as text that every reader of these formats parses as floats.
 
 use nalgebra::{Matrix, RawStorage};
 
-/// The shortest text that reads back as the same number, with a point and a signed exponent: a YAML
-/// 1.1 reader takes `1e-7` for text and Java's `0` for no float.
+/// The shortest text that parses to the same number, with a point and a signed exponent: a YAML 1.1
+/// reader takes `1e-7` for text, and `0` for an integer that a Java reader does not cast to a
+/// float.
 pub(super) fn number(value: f64) -> String {
     let text = format!("{value:?}");
     match text.split_once('e') {
@@ -16,7 +17,7 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
-/// Numbers with a comma and a blank between.
+/// Numbers separated by `, `.
 pub(super) fn listed(values: &[f64]) -> String {
     values
         .iter()
@@ -25,7 +26,7 @@ pub(super) fn listed(values: &[f64]) -> String {
         .join(", ")
 }
 
-/// Numbers with a blank between.
+/// Numbers separated by blanks.
 pub(super) fn spaced(values: &[f64]) -> String {
     values
         .iter()

@@ -1,51 +1,53 @@
-//! From candidates to the board, or to what of it there is.
+//! Assembles corner candidates into the board, or into the part of it that is seen.
 
-use super::candidate::Candidate;
-use super::grid::{Cell, Grid, NEIGHBOURS};
-use super::place::{diagonal, readings};
+use super::candidate::CornerCandidate;
+use super::grid::{Grid, GridIndex, NEIGHBOURS};
+use super::labelling::{diagonal, labellings};
 use super::refine::{Fitted, refine};
-use super::{Edge, Seen, Sighting};
+use super::{Detection, Edge, Sighting};
 use crate::calibrate::Board;
 use crate::statistics::upper_median;
 use crate::stereo::Gray;
 use nalgebra::{Point2, Vector2};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Grids of fewer corners, of a hundred on the board, are no part of it.
+/// Grids with fewer corners than this share of the board's are not part of it.
 const PART_PERCENT: usize = 40;
-/// Largest grids that are looked at.
+/// At most this many grids are tried, the largest first.
 const GRIDS: usize = 4;
-/// Corners are as strong as the others, ...
-const FAINTEST: f64 = 0.5;
-/// ... look like corners, by what the fit leaves of the contrast and of what it leaves at the
-/// others, ...
-const ROUGHEST: (f64, f64) = (0.35, 2.0);
-/// ... and are where the others let expect them, in steps.
-const STRAY: f64 = 0.25;
+/// Least contrast of a corner, as a share of the median.
+const MIN_CONTRAST: f64 = 0.5;
+/// Most residual of a corner's fit: as a share of its contrast, and as a multiple of the median
+/// residual.
+const MAX_RESIDUAL: (f64, f64) = (0.35, 2.0);
+/// Largest distance of a corner from where its neighbours predict it, in grid steps.
+const MAX_OFFSET: f64 = 0.25;
 
 /// See [`super::Detector::find`].
-pub(super) fn read(
+pub(super) fn assemble(
     image: &Gray,
-    candidates: &[Candidate],
+    candidates: &[CornerCandidate],
     board: &Board,
     towards: Vector2<f64>,
-) -> Seen {
+) -> Detection {
     let all = board.columns() * board.rows();
     let grids = Grid::all(candidates).into_iter().take(GRIDS);
     let plausible = grids.filter(|grid| 100 * grid.corners.len() >= PART_PERCENT * all);
     let mut largest = None;
     for grid in plausible {
-        let mut fitted = Fit::of(image, &grid);
-        let mut read = readings(&fitted.grid, board);
+        let mut fitted = FittedGrid::new(image, &grid);
+        let mut read = labellings(&fitted.grid, board);
+        // Each round of filling extends the grid by at most one row or column on each side.
         while read.is_empty() && fitted.fill(image, board) {
-            read = readings(&fitted.grid, board);
+            read = labellings(&fitted.grid, board);
         }
+        // Several labellings of one board differ only in which corner is the first.
         let likeness = |corners: &Vec<Point2<f64>>| diagonal(corners).dot(&towards);
         if let Some(corners) = read
             .into_iter()
             .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
         {
-            return Seen::Whole(Sighting {
+            return Detection::Whole(Sighting {
                 corners,
                 blur_px: fitted.median(|corner| corner.blur_px),
                 contrast: 2.0 * fitted.median(|corner| corner.contrast),
@@ -53,19 +55,19 @@ pub(super) fn read(
         }
         largest.get_or_insert(fitted.grid);
     }
-    largest.map_or(Seen::Nothing, |grid| partly(image, &grid, board))
+    largest.map_or(Detection::Nothing, |grid| partial(image, &grid, board))
 }
 
 /// A grid whose corners are fitted to the image.
-struct Fit {
+struct FittedGrid {
     grid: Grid,
-    corners: BTreeMap<Cell, Fitted>,
-    /// Missing corners that are not in the image either.
-    absent: BTreeSet<Cell>,
+    corners: BTreeMap<GridIndex, Fitted>,
+    /// Missing corners that were looked for and are not in the image.
+    absent: BTreeSet<GridIndex>,
 }
 
-impl Fit {
-    fn of(image: &Gray, grid: &Grid) -> Self {
+impl FittedGrid {
+    fn new(image: &Gray, grid: &Grid) -> Self {
         let fit =
             |(&cell, corner)| Some((cell, refine(image, corner, clearance(grid, cell, corner)?)?));
         let corners = grid.corners.iter().filter_map(fit).collect();
@@ -74,13 +76,9 @@ impl Fit {
             corners,
             absent: BTreeSet::new(),
         };
-        let good: Vec<_> = fit
-            .corners
-            .iter()
-            .filter(|(_, corner)| fit.is_good(corner))
-            .map(|(&cell, _)| cell)
-            .collect();
-        fit.corners.retain(|cell, _| good.contains(cell));
+        // Judged against the medians of all corners, including the bad ones.
+        let good = fit.corners.iter().filter(|(_, corner)| fit.is_good(corner));
+        fit.corners = good.map(|(&cell, &corner)| (cell, corner)).collect();
         fit.grid.corners = fit
             .corners
             .iter()
@@ -89,15 +87,15 @@ impl Fit {
         fit
     }
 
-    /// Looks for one round of missing corners where their neighbours let expect them; whether any
-    /// was found.
+    /// Looks for missing corners where their neighbours predict them, one round. Returns whether
+    /// any was found.
     fn fill(&mut self, image: &Gray, board: &Board) -> bool {
         if self.corners.is_empty() {
             return false;
         }
         let ((i0, j0), (i1, j1)) = self.grid.bounds();
         let longer = board.columns().max(board.rows()) as i32;
-        // One corner beyond the grid as long as that is no larger than the board.
+        // One corner beyond the grid, as long as the grid is smaller than the board.
         let reach = |low: i32, high: i32| {
             if high - low + 1 < longer {
                 low - 1..=high + 1
@@ -112,12 +110,12 @@ impl Fit {
         let mut found = false;
         for cell in missing {
             let expected = self.grid.expected(cell).zip(self.grid.expected_axes(cell));
-            let Some(start) = expected.map(|(at, axes)| Candidate { at, axes }) else {
+            let Some(start) = expected.map(|(at, axes)| CornerCandidate { at, axes }) else {
                 continue;
             };
             let fitted = clearance(&self.grid, cell, &start).and_then(|clearance| {
                 let fitted = refine(image, &start, clearance)?;
-                let near = (fitted.corner.at - start.at).norm() < STRAY * clearance;
+                let near = (fitted.corner.at - start.at).norm() < MAX_OFFSET * clearance;
                 (near && self.is_good(&fitted)).then_some(fitted)
             });
             match fitted {
@@ -135,9 +133,9 @@ impl Fit {
     }
 
     fn is_good(&self, corner: &Fitted) -> bool {
-        let usual = self.median(|corner| corner.residual);
-        corner.contrast > FAINTEST * self.median(|corner| corner.contrast)
-            && corner.residual < (ROUGHEST.0 * corner.contrast).max(ROUGHEST.1 * usual)
+        let typical = self.median(|corner| corner.residual);
+        corner.contrast > MIN_CONTRAST * self.median(|corner| corner.contrast)
+            && corner.residual < (MAX_RESIDUAL.0 * corner.contrast).max(MAX_RESIDUAL.1 * typical)
     }
 
     fn median(&self, value: impl Fn(&Fitted) -> f64) -> f64 {
@@ -145,8 +143,8 @@ impl Fit {
     }
 }
 
-/// How far the next edges are from a corner; nothing when it has no neighbour.
-fn clearance(grid: &Grid, cell: Cell, corner: &Candidate) -> Option<f64> {
+/// Distance of a corner from the next edges, pixels; `None` without a neighbour.
+fn clearance(grid: &Grid, cell: GridIndex, corner: &CornerCandidate) -> Option<f64> {
     let steps = NEIGHBOURS
         .iter()
         .filter_map(|unit| Some(grid.get((cell.0 + unit.0, cell.1 + unit.1))? - corner.at));
@@ -160,10 +158,10 @@ fn clearance(grid: &Grid, cell: Cell, corner: &Candidate) -> Option<f64> {
     steps.map(across).reduce(f64::min)
 }
 
-/// What a grid says that holds no whole board.
-fn partly(image: &Gray, grid: &Grid, board: &Board) -> Seen {
+/// What a grid shows that holds no whole board.
+fn partial(image: &Gray, grid: &Grid, board: &Board) -> Detection {
     if 100 * grid.corners.len() < PART_PERCENT * board.columns() * board.rows() {
-        return Seen::Nothing;
+        return Detection::Nothing;
     }
     let ((i0, j0), (i1, j1)) = grid.bounds();
     let (wide, high) = ((i1 - i0 + 1) as usize, (j1 - j0 + 1) as usize);
@@ -185,7 +183,9 @@ fn partly(image: &Gray, grid: &Grid, board: &Board) -> Seen {
     let most = edges
         .into_iter()
         .max_by_key(|&edge| beyond[edge as usize])
+        // A single corner near an edge may be a false one.
         .filter(|&edge| beyond[edge as usize] >= 2);
+    // A board of another size is a nearly full rectangle that does not touch an edge of the image.
     let full = 10 * grid.corners.len() >= 9 * wide * high;
     let (long, short) = (wide.max(high), wide.min(high));
     let size = (
@@ -193,14 +193,14 @@ fn partly(image: &Gray, grid: &Grid, board: &Board) -> Seen {
         board.columns().min(board.rows()),
     );
     match most {
-        None if full && short >= 3 && (long, short) != size => Seen::Other {
+        None if full && short >= 3 && (long, short) != size => Detection::Other {
             corners: (long, short),
         },
-        beyond => Seen::Part { beyond },
+        beyond => Detection::Part { beyond },
     }
 }
 
-/// The edge of the image that a point is beyond, or so near to that no corner is seen there.
+/// The edge of the image beyond which a point lies, or so near to which that no corner is found.
 fn outside(image: &Gray, at: Point2<f64>) -> Option<Edge> {
     const MARGIN_PX: f64 = 6.0;
     let (right, bottom) = (

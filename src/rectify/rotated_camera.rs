@@ -1,40 +1,40 @@
-//! One camera of a pair, and how it is turned.
+//! A camera of a pair with its rectifying rotation.
 
 use crate::stereo::Intrinsics;
 use nalgebra::{Point2, Rotation3, Vector2, Vector3};
 
-/// A camera whose directions are given in the rectified frame, as `(X/Z, Y/Z)`.
+/// A camera whose directions are in the rectified frame, as `(X/Z, Y/Z)`.
 #[derive(Clone, Debug)]
-pub(super) struct View {
+pub(super) struct RotatedCamera {
     camera: Intrinsics,
-    /// `X_rectified = turn · X_camera`.
-    turn: Rotation3<f64>,
-    /// Square of the radius at which the lens model folds back, where it does.
+    /// `X_rectified = rotation · X_camera`.
+    rotation: Rotation3<f64>,
+    /// Square of the radius at which the distortion model stops being monotonic.
     fold_r2: f64,
 }
 
-impl View {
-    pub(super) fn new(camera: Intrinsics, turn: Rotation3<f64>) -> Self {
+impl RotatedCamera {
+    pub(super) fn new(camera: Intrinsics, rotation: Rotation3<f64>) -> Self {
         Self {
             camera,
-            turn,
+            rotation,
             fold_r2: fold_r2(&camera),
         }
     }
 
-    /// Where a pixel looks; nothing for what is beside or behind the rectified camera, or that no
-    /// direction leads to.
+    /// The direction of a pixel; `None` if it is beside or behind the rectified camera, or if the
+    /// distortion cannot be inverted there.
     pub(super) fn direction(&self, pixel: Point2<f64>) -> Option<Vector2<f64>> {
         let seen = self
             .camera
             .direction(pixel)
             .filter(|seen| seen.norm_squared() < self.fold_r2)?;
-        onto_plane(self.turn * seen.push(1.0))
+        onto_plane(self.rotation * seen.push(1.0))
     }
 
-    /// The pixel that looks there; nothing behind the camera, or where the lens model says nothing.
+    /// The pixel of a direction; `None` behind the camera, and where the distortion is undefined.
     pub(super) fn pixel(&self, direction: Vector2<f64>) -> Option<Point2<f64>> {
-        let seen = onto_plane(self.turn.inverse() * direction.push(1.0))?;
+        let seen = onto_plane(self.rotation.inverse() * direction.push(1.0))?;
         (seen.norm_squared() < self.fold_r2).then(|| self.camera.pixel(seen))
     }
 
@@ -44,7 +44,7 @@ impl View {
     }
 }
 
-/// What is farther than this from the axis (87 degrees) no picture of use shows.
+/// Largest radius of a direction (87 degrees off the axis); no useful image shows more.
 const MOST: f64 = 20.0;
 
 fn onto_plane(v: Vector3<f64>) -> Option<Vector2<f64>> {
@@ -52,8 +52,8 @@ fn onto_plane(v: Vector3<f64>) -> Option<Vector2<f64>> {
     (v.z > 0.0 && on_plane.norm_squared() < MOST * MOST).then_some(on_plane)
 }
 
-/// Beyond the radius where `r (1 + k1 r² + k2 r⁴ + k3 r⁶)` stops to grow, a lens model shows again
-/// what it showed nearer.
+/// Beyond the radius where `r (1 + k1 r² + k2 r⁴ + k3 r⁶)` stops growing, the distortion model
+/// folds back onto pixels it already covered.
 fn fold_r2(camera: &Intrinsics) -> f64 {
     let [k1, k2, _, _, k3] = camera.distortion();
     let growth = |r: f64| {
@@ -80,7 +80,7 @@ mod tests {
             [-0.3, 0.0, 0.0, 0.0, 0.0],
         )
         .unwrap();
-        let view = View::new(camera, Rotation3::identity());
+        let view = RotatedCamera::new(camera, Rotation3::identity());
         // 1 − 0.9 r² is 0 at r = 1.054.
         assert!(view.pixel(Vector2::new(1.05, 0.0)).is_some());
         assert_eq!(view.pixel(Vector2::new(1.06, 0.0)), None);
@@ -100,7 +100,7 @@ mod tests {
             [-0.3, 0.1, 1e-3, 2e-4, 0.0],
         )
         .unwrap();
-        let view = View::new(camera, Rotation3::from_euler_angles(0.02, -0.03, 0.01));
+        let view = RotatedCamera::new(camera, Rotation3::from_euler_angles(0.02, -0.03, 0.01));
         for pixel in [Point2::new(0.0, 0.0), Point2::new(600.0, 100.0)] {
             let back = view.pixel(view.direction(pixel).unwrap()).unwrap();
             assert!((back - pixel).norm() < 1e-6);

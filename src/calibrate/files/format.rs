@@ -1,0 +1,85 @@
+//! What a calibration format is, and the results of reading and writing one.
+
+use super::document::{Document, Syntax};
+use super::unit::FileUnit;
+use crate::error::{Error, Result};
+use crate::stereo::StereoCalibration;
+
+/// The file format in which a program keeps calibrations.
+#[derive(Debug)]
+pub struct CalibrationFormat {
+    pub name: &'static str,
+    /// The program and its format, as in "OpenCV's FileStorage".
+    pub title: &'static str,
+    /// Contents and conventions of its files.
+    pub conventions: &'static str,
+    /// File name extensions. The first format with an extension is the default for writing.
+    pub endings: &'static [&'static str],
+    /// Names of the two files in a folder, for formats with one file per camera.
+    pub pairs: &'static [[&'static str; 2]],
+    /// Whether one file may hold a whole calibration.
+    pub(super) single: bool,
+    pub(super) syntax: Syntax,
+    /// Words that identify its files.
+    pub(super) marks: &'static [&'static str],
+    pub(super) read: fn(Vec<Document>, &Hints) -> Result<LoadedCalibration>,
+    pub(super) write: Option<fn(&StereoCalibration) -> Writing>,
+}
+
+/// What the user knows about a file that the file may not contain.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Hints {
+    pub format: Option<&'static CalibrationFormat>,
+    pub unit: Option<FileUnit>,
+    /// Width and height of the images, pixels.
+    pub size: Option<(usize, usize)>,
+}
+
+/// A calibration read from a file.
+#[derive(Debug)]
+pub struct LoadedCalibration {
+    pub format: &'static CalibrationFormat,
+    pub calibration: StereoCalibration,
+    /// What was ignored or interpreted differently than the file states, a line each.
+    pub remarks: Vec<String>,
+}
+
+/// Texts to write, and what of the calibration the format cannot hold.
+pub(super) struct Written {
+    pub(super) texts: Vec<String>,
+    pub(super) left_out: Vec<&'static str>,
+}
+
+impl Written {
+    /// One text that holds the whole calibration.
+    pub(super) fn complete(text: String) -> Self {
+        Self {
+            texts: vec![text],
+            left_out: Vec::new(),
+        }
+    }
+}
+
+/// The texts, or why the format cannot hold the calibration.
+pub(super) type Writing = std::result::Result<Written, String>;
+
+impl CalibrationFormat {
+    /// Whether svl can write it; it reads all formats.
+    pub fn is_written(&self) -> bool {
+        self.write.is_some()
+    }
+}
+
+/// The document of a format of one file.
+pub(super) fn one(documents: Vec<Document>) -> Result<Document> {
+    <[Document; 1]>::try_from(documents)
+        .map(|[one]| one)
+        .map_err(|_| Error::Invalid("expected one file".into()))
+}
+
+/// The documents of a format of two files.
+pub(super) fn both(documents: Vec<Document>) -> Result<[Document; 2]> {
+    documents
+        .try_into()
+        .map_err(|_| Error::Invalid("expected two files".into()))
+}
