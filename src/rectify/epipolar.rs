@@ -51,11 +51,13 @@ impl EpipolarGeometry {
                 .iter()
                 .filter(|m| sampson_px(&f, m) < tolerance_px)
                 .count();
+            // Counting first saves an allocation for most samples.
             if count > best.len() {
                 best = agreeing(&f);
                 let share = count as f64 / matches.len() as f64;
                 let needed =
                     (1.0 - CERTAINTY).ln() / (1.0 - share.powi(8)).max(f64::MIN_POSITIVE).ln();
+                // Fewer samples are needed the more inliers there are (Fischler & Bolles).
                 samples = SAMPLES.min(needed.ceil().max(1.0) as usize);
             }
         }

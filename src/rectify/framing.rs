@@ -62,9 +62,11 @@ impl Framing {
             )));
         }
         let within = if empty { around } else { within };
+        // The larger ratio fills the image with valid pixels; the smaller one shows everything.
         let closest = extent.component_div(&within.size()).max();
         let widest = extent.component_div(&around.size()).min();
         let blend = |near: f64, far: f64| near + self.alpha * (far - near);
+        // Interpolating focal lengths (not fields of view), as OpenCV does.
         let focal_px = blend(closest, widest);
         let middle = within.middle().lerp(&around.middle(), self.alpha);
         let center = extent / 2.0 - middle * focal_px;
@@ -133,6 +135,7 @@ fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
             "a whole side of a camera's image cannot be rectified: {why}"
         )));
     }
+    // Distorted borders are curved: the valid rectangle ends at the innermost point of each side.
     let [left, top, right, bottom] = &sides;
     let x = |side: &[Vector2<f64>], of: fn(f64, f64) -> f64| {
         side.iter().map(|d| d.x).reduce(of).unwrap_or(f64::NAN)

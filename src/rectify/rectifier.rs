@@ -46,6 +46,7 @@ impl Rectifier {
         };
         let (left, right) = (remap(&views[0], false)?, remap(&views[1], true)?);
         let rotation = Some(UnitQuaternion::from_rotation_matrix(&rectification.left));
+        // Only a calibration in metres gives a rig; one in squares has no distances.
         let rig = calibration.clone().with_rectification(rectification).rig();
         Ok(Self {
             isa: isa()?,
@@ -67,6 +68,7 @@ impl Rectifier {
                     "a homography that maps the image to a line: {homography}"
                 ))
             };
+            // A remapping table goes from rectified pixels back to raw ones.
             let back = homography.try_inverse().ok_or_else(flat)?;
             let from = |pixel: Point2<f64>| {
                 let seen = back * pixel.to_homogeneous();
@@ -131,6 +133,7 @@ impl Rectifier {
         // `Gray::filled` above makes contiguous rows.
         let outs = [left, right].map(|out| out.as_mut_slice().expect("gapless"));
         let threads = rayon::current_num_threads();
+        // With one thread a band is the whole image: splitting it would only cost.
         let rows = if threads == 1 {
             height
         } else {

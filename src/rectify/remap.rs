@@ -103,6 +103,8 @@ impl Remap {
         let pixels = rows.start * width..rows.end * width;
         let parts = [&self.right[pixels.clone()], &self.below[pixels.clone()]];
         remap_row(isa, image, self.source.0, &self.places[pixels], parts, out);
+        // The kernel reads some source pixel for every output, also for those from outside; blacken
+        // these afterwards, which keeps branches out of the kernel.
         let first = self.outside.partition_point(|(row, _)| *row < rows.start);
         for (row, run) in self.outside[first..]
             .iter()

@@ -60,6 +60,7 @@ fn fold_r2(camera: &Intrinsics) -> f64 {
         let r2 = r * r;
         1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3))
     };
+    // The derivative of the radial model; a root search on a grid is exact enough for a bound.
     let steps = (0..=10_000).map(|step| f64::from(step) * MOST / 10_000.0);
     steps
         .into_iter()

@@ -60,6 +60,7 @@ pub fn uncalibrated(
         let mut normal = SMatrix::<f64, 6, 6>::zeros();
         let mut off = Guess::zeros();
         for (i, (slope, residual)) in slopes.iter().zip(&residuals).enumerate() {
+            // Cauchy weights for the matches; the priors are never outliers.
             let weight = if i < matches.len() {
                 1.0 / (1.0 + residual * residual)
             } else {
@@ -114,6 +115,7 @@ fn focal_px(guess: &Guess, size: (usize, usize)) -> f64 {
 
 fn rotations(guess: &Guess) -> [Rotation3<f64>; 2] {
     [
+        // A common rotation about x moves all rows alike, so the left camera's is fixed to 0.
         Rotation3::from_euler_angles(0.0, guess[0], guess[1]),
         Rotation3::from_euler_angles(guess[2], guess[3], guess[4]),
     ]
@@ -157,6 +159,7 @@ fn residuals(guess: &Guess, matches: &[PointMatch], size: (usize, usize)) -> Vec
         .collect()
 }
 
+/// Derivatives of the residuals by central differences.
 fn slopes(guess: &Guess, matches: &[PointMatch], size: (usize, usize)) -> Vec<Guess> {
     const STEP: f64 = 1e-6;
     let beside = |axis: usize, step: f64| {

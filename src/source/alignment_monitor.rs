@@ -41,8 +41,8 @@ impl<'a> AlignmentMonitor<'a> {
         };
         if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
             tracing::warn!(
-                "{}: vertical misalignment of {:.1} px (median of {} points in {} pairs), which costs \
-                 matches: rectify with --calib; `svl calibrate check` says more",
+                "{}: vertical misalignment of {:.1} px (median of {} points in {} pairs), which \
+                 costs matches: rectify with --calib; `svl calibrate check` says more",
                 self.source.name(),
                 found.median_abs_px,
                 found.matches,

@@ -49,6 +49,7 @@ impl Document {
         syntax: Syntax,
         title: &'static str,
     ) -> Result<Self> {
+        // Editors on Windows put a byte order mark first.
         let text = text.trim_start_matches('\u{feff}');
         let root = match syntax {
             Syntax::Lines(separator) => Ok(parse_lines(text, separator)),
@@ -135,6 +136,7 @@ impl Document {
         };
         match self.node(key)? {
             Node::Value(text) => words(text),
+            // OpenCV and ROS nest the numbers of a matrix under `data`.
             Node::Table(_) => self.numbers(&format!("{key}.data").replace('|', ".data|")),
             Node::List(list) => list
                 .iter()

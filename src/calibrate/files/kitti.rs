@@ -89,6 +89,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
 
 fn write(calibration: &StereoCalibration) -> Writing {
     let rig = only_rectified(calibration)?.rig;
+    // Readers expect four projections; svl has one pair, so the colour pair repeats the grey one.
     let line = |i: usize| format!("P{i}: {}\n", spaced(&rows(&rig.projection(i % 2 == 1))));
     Ok(Written {
         texts: vec![(0..4).map(line).collect()],

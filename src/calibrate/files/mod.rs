@@ -77,6 +77,7 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
             format!("is not a calibration that svl knows: {names}"),
         ));
     };
+    // A file of the wrong number is told apart here, where all names are known for the message.
     match (paths.len(), format.single, format.pairs) {
         (1, false, [[left, right], ..]) => {
             let cure = format!("name both, `{left},{right}`, or their folder");
@@ -134,6 +135,7 @@ pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
             path,
             "must end in .xml, .yaml, .yml or .txt, or be two files, `left.yaml,right.yaml`",
         )),
+        // Middlebury and both KITTI formats share .txt; none is more usual than the others.
         ([_, _, ..], "txt") => {
             let names = fits.iter().map(|f| f.name).collect::<Vec<_>>().join(", ");
             Err(Error::format(
@@ -185,6 +187,7 @@ pub fn format(name: &str) -> Result<&'static CalibrationFormat> {
 /// Both of `left.yaml,right.yaml`, unless a file is called so.
 fn two_of(path: &Path) -> Option<[PathBuf; 2]> {
     let (first, second) = path.to_str()?.split_once(',')?;
+    // A file may have a comma in its name.
     (!path.exists()).then(|| [first.into(), second.into()])
 }
 

@@ -49,6 +49,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
             ));
         }
     };
+    // OpenCV assumes one size; svl writes a second one where they differ.
     let right_size = if document.has("image_size2") {
         document.size_of("image_size2")?
     } else {

@@ -56,6 +56,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
 
 fn one(document: &Document) -> Result<Intrinsics> {
     let model = document.text("distortion_model")?;
+    // rational_polynomial with its last coefficients 0 is plumb_bob; `read_distortion` checks that.
     if model != "plumb_bob" && model != "rational_polynomial" {
         return Err(document.error(format!(
             "'distortion_model' is {model}; svl reads plumb_bob"
@@ -74,7 +75,8 @@ fn write(calibration: &StereoCalibration) -> Writing {
     in_metres(calibration)?;
     let Some(rectification) = calibration.rectification() else {
         return Err(
-            "holds extrinsics only as a rectification, and this calibration has none; compute one with `svl calibrate convert --rectify`"
+            "holds extrinsics only as a rectification, and this calibration has none; \
+             compute one with `svl calibrate convert --rectify`"
                 .into(),
         );
     };

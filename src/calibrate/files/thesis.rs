@@ -52,6 +52,7 @@ const SAME: f64 = 1e-6;
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let document = &one(documents)?;
     let (left, right) = (camera(document, 0)?, camera(document, 1)?);
+    // Both poses are of one board: X_right = P_right P_left⁻¹ X_left.
     let by_poses = pose(document, 1)? * pose(document, 0)?.inverse();
     let mut remarks = Vec::new();
     let Some(warps) = warps(document, [&left, &right])? else {
@@ -165,6 +166,8 @@ impl Warp {
     /// RQ decomposition: splits a matrix, up to a factor, into K (upper triangular) and a rotation;
     /// `None` for a singular matrix.
     fn decompose(matrix: &Matrix3<f64>) -> Option<Self> {
+        // A homography's scale and sign are arbitrary; a rotation has rows of norm 1 and
+        // determinant 1.
         let scale = matrix.determinant().signum() / matrix.row(2).norm();
         let matrix = matrix * scale;
         let [m1, m2, z] = [0, 1, 2].map(|i| matrix.row(i).transpose());
@@ -230,6 +233,7 @@ fn write(calibration: &StereoCalibration) -> Writing {
     let mut text = format!(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<VSCalibrationData unit=\"{unit}\">\n"
     );
+    // The board's frame is the left camera's, so the right pose is the extrinsics.
     let poses = [Isometry3::identity(), *calibration.right_from_left()];
     let cameras = [calibration.left(), calibration.right()];
     for (camera, pose) in cameras.into_iter().zip(&poses) {
@@ -274,6 +278,7 @@ fn stereo(
             .try_inverse()
             .ok_or("has a camera whose matrix cannot be inverted")?;
         let homography = rectification.rig.intrinsics(i == 1) * rotation.matrix() * raw;
+        // The annex normalizes the last coefficient to 1.
         let homography = homography / homography[(2, 2)];
         let (width, height) = (camera.size().0 as f64, camera.size().1 as f64);
         let corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)];

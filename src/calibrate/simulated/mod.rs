@@ -84,23 +84,14 @@ impl MovingBoard {
     /// # Errors
     /// None; those of the images' constructors.
     pub fn pair(&self, index: u64) -> Result<StereoPair> {
-        let moments: Vec<_> = (0..MOMENTS)
-            .map(|i| index as f64 + SHUTTER * i as f64 / (MOMENTS - 1) as f64)
-            .collect();
-        let mut poses: Vec<_> = moments
-            .into_iter()
-            .map(|moment| self.pose(moment))
-            .collect();
+        let moment = |i| index as f64 + SHUTTER * i as f64 / (MOMENTS - 1) as f64;
+        let mut poses: Vec<_> = (0..MOMENTS).map(|i| self.pose(moment(i))).collect();
+        // A board held still is rendered once instead of once per moment.
         poses.dedup();
         let image = |side: usize| {
-            let in_camera = |pose: &Isometry3<f64>| {
-                if side == 0 {
-                    *pose
-                } else {
-                    self.truth.right_from_left() * pose
-                }
-            };
-            let poses: Vec<_> = poses.iter().map(in_camera).collect();
+            let motions = [Isometry3::identity(), *self.truth.right_from_left()];
+            let poses: Vec<_> = poses.iter().map(|pose| motions[side] * pose).collect();
+            // Every image has its own noise.
             let seed = self
                 .seed
                 .wrapping_mul(1_000_003)
@@ -151,6 +142,7 @@ fn truth() -> Result<StereoCalibration> {
 fn pose(board: &Board, truth: &StereoCalibration, random: &mut fastrand::Rng) -> Isometry3<f64> {
     let middle =
         Vector3::new((board.columns() - 1) as f64, (board.rows() - 1) as f64, 0.0) * (0.5 * SIDE_M);
+    // Rejection sampling: draw until both cameras see the whole board.
     loop {
         let mut within = |low: f64, high: f64| low + (high - low) * random.f64();
         let rotation = UnitQuaternion::from_euler_angles(

@@ -50,15 +50,9 @@ impl Rays {
         let at = |column: usize, line: usize| self.directions[line * wide + column];
         let here = at(column, line);
         // At the border the step from the previous one; its sign does not matter.
-        let beside = at(
-            if column + 1 < wide {
-                column + 1
-            } else {
-                column - 1
-            },
-            line,
-        );
-        let below = at(column, if line + 1 < high { line + 1 } else { line - 1 });
+        let next = |i: usize, count: usize| if i + 1 < count { i + 1 } else { i - 1 };
+        let beside = at(next(column, wide), line);
+        let below = at(column, next(line, high));
         let step = |to: [f32; 2]| [to[0] - here[0], to[1] - here[1]];
         [here, step(beside), step(below)]
     }
@@ -110,6 +104,7 @@ pub fn render(
     grey.par_chunks_exact_mut(width)
         .enumerate()
         .for_each(|(y, row)| {
+            // One generator per row, so that the noise does not depend on the number of threads.
             let mut random =
                 fastrand::Rng::with_seed(seed ^ (y as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15));
             for (x, grey) in row.iter_mut().enumerate() {

@@ -40,7 +40,8 @@ pub(super) fn adjust_robustly(
     names: &[&str],
 ) -> Option<Vec<RejectedView>> {
     let mut typical = typical_px(bundle)?;
-    // The scatter sets the scale of the robust loss, and the loss the scatter: repeat until it settles.
+    // The scatter sets the scale of the robust loss, and the loss the scatter: repeat until it
+    // settles.
     for _ in 0..ROUNDS {
         adjust(bundle, LossFunction::Robust(2.0 * typical))?;
         let before = std::mem::replace(&mut typical, typical_px(bundle)?);

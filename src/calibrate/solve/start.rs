@@ -92,7 +92,8 @@ pub(super) fn intrinsics(
     let scale = (width + height) / 2.0;
     let centre = ((width - 1.0) / 2.0, (height - 1.0) / 2.0);
     let unit = Matrix3::new(1.0, 0.0, -centre.0, 0.0, 1.0, -centre.1, 0.0, 0.0, scale) / scale;
-    // Centred and scaled, so that fx, fy, cx, cy are near 1 and 0 and the equations well conditioned.
+    // Centred and scaled, so that fx, fy, cx, cy are near 1 and 0 and the equations well
+    // conditioned.
     let normalized = homographies
         .iter()
         .map(|h| unit * h)

@@ -20,6 +20,7 @@ pub(super) fn corners(image: &Gray, count: usize) -> Vec<(usize, usize)> {
     }
     let strengths = strengths(image);
     let strength = |x: usize, y: usize| strengths[y * width + x];
+    // Cells sized so that `PER_CELL` corners in each give about `count` in all.
     let cell = (((width * height * PER_CELL) as f64 / count as f64)
         .sqrt()
         .ceil() as usize)
@@ -86,6 +87,7 @@ fn strengths(image: &Gray) -> Vec<f32> {
         for x in REACH + 1..width - REACH - 1 {
             slide(&mut window, x + REACH, 1);
             let [xx, xy, yy] = window.map(|sum| sum as f32 / (4.0 * pixels));
+            // Smaller eigenvalue of the symmetric 2x2 tensor, in closed form.
             let least = (xx + yy) / 2.0 - (((xx - yy) / 2.0).powi(2) + xy * xy).sqrt();
             strengths[y * width + x] = least.max(0.0).sqrt();
             slide(&mut window, x - REACH, -1);

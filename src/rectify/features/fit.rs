@@ -40,6 +40,7 @@ pub(super) fn fit(
         );
         normal += *slope * slope.transpose();
     }
+    // The gradients of the left patch are fixed, so the normal matrix is inverted once.
     let inverse = normal.try_inverse()?;
     let (mean, spread) = moments(&patch);
     let mut place = near;

@@ -40,6 +40,7 @@ pub fn matches(pair: &StereoPair) -> Vec<PointMatch> {
     let reach = pair.size().1 as f64 * ROWS;
     let found = |of: &[Patch], among: &[Patch]| candidates(of, among, reach, LEAST, UNIQUENESS);
     let (there, back) = (found(&left, &right), found(&right, &left));
+    // Left-right consistency: a match must be the best candidate in both directions.
     let mutual = there
         .iter()
         .enumerate()

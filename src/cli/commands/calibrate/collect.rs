@@ -62,6 +62,7 @@ pub(super) fn collect(
                 break;
             }
         };
+        // Detection may be slower than the cameras: skip pairs instead of falling behind.
         if lag.as_mut().is_some_and(|lag| lag.is_late(frame.stamp_ns)) {
             continue;
         }
@@ -87,14 +88,8 @@ pub(super) fn collect(
         let stamp_ns = frame.name.is_none().then_some(frame.stamp_ns);
         let verdict = chooser.judge(stamp_ns, &seen);
         if opened.is_live {
-            prompt.show(
-                &frame,
-                &seen,
-                &verdict
-                    .as_ref()
-                    .err()
-                    .map_or_else(String::new, Refusal::to_string),
-            )?;
+            let reason = verdict.as_ref().err().map(Refusal::to_string);
+            prompt.show(&frame, &seen, &reason.unwrap_or_default())?;
         }
         let word = match verdict {
             Err(refusal) => found.refuse(&refusal),
@@ -225,6 +220,8 @@ impl Collected {
         let other = self.others.iter().max_by_key(|(_, times)| **times);
         let most = self.refused.iter().max_by_key(|(_, times)| **times);
         let why = match (self.views.len(), other, most) {
+            // Some false detections of other sizes are normal; a quarter of the pairs is another
+            // board.
             (_, Some(((long, short), times)), _) if *times > self.pairs / 4 => format!(
                 "{source}: shows a board of {long}x{short} inner corners, not {columns}x{rows}; \
                  try --squares {long}x{short}"

@@ -158,7 +158,8 @@ impl DistanceReport {
             .map_or("unknown".to_owned(), |rms| format!("{rms:.1} cm"));
         writeln!(
             text,
-            "a/(d+b): a = {:.1} ± {deviation_a:.1} cm·px, b = {:.2} ± {deviation_b:.2} px, rms {rms}, {:.2} px",
+            "a/(d+b): a = {:.1} ± {deviation_a:.1} cm·px, b = {:.2} ± {deviation_b:.2} px, \
+             rms {rms}, {:.2} px",
             pinhole.a_cm_px(),
             pinhole.b_px(),
             pinhole.noise_px()
