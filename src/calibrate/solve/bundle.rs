@@ -111,14 +111,11 @@ impl BundleProblem {
         view: &PosedView,
         camera: usize,
     ) -> impl Iterator<Item = Option<Vector2<f64>>> {
-        let PosedCamera {
-            intrinsics,
-            from_first,
-        } = &self.cameras[camera];
-        let pose = from_first * view.pose;
-        let pixels = &view.images[camera].pixels;
-        let corners = self.board.iter().zip(pixels);
-        corners.map(move |(point, pixel)| Some(pixel - intrinsics.project(&(pose * point))?))
+        let seen_by = &self.cameras[camera];
+        let pose = seen_by.from_first * view.pose;
+        let corners = self.board.iter().zip(&view.images[camera].pixels);
+        corners
+            .map(move |(point, pixel)| Some(pixel - seen_by.intrinsics.project(&(pose * point))?))
     }
 
     /// [`Self::residuals`] of the used corners alone.
@@ -191,21 +188,13 @@ impl BundleProblem {
         camera: usize,
         loss: LossFunction,
     ) -> (SMatrix<f64, 15, 15>, SVector<f64, 15>) {
-        let PosedCamera {
-            intrinsics,
-            from_first,
-        } = &self.cameras[camera];
-        let pose = from_first * view.pose;
+        let seen_by = &self.cameras[camera];
+        let pose = seen_by.from_first * view.pose;
         let (mut a, mut b) = (SMatrix::zeros(), SVector::zeros());
         let ImageCorners { pixels, used } = &view.images[camera];
-        for ((point, pixel), _) in self
-            .board
-            .iter()
-            .zip(pixels)
-            .zip(used)
-            .filter(|(_, used)| **used)
-        {
-            let (predicted, derivative) = linearize(intrinsics, &(pose * point));
+        let corners = self.board.iter().zip(pixels).zip(used);
+        for ((point, pixel), _) in corners.filter(|(_, used)| **used) {
+            let (predicted, derivative) = linearize(&seen_by.intrinsics, &(pose * point));
             let residual = pixel - predicted;
             // Iteratively reweighted least squares: a robust loss only scales the residual.
             let weight = loss.weight(residual.norm_squared());

@@ -22,14 +22,12 @@ pub(super) fn solution(
     refused: Vec<Option<String>>,
 ) -> Result<Solution> {
     let (mut squares, mut numbers) = (0.0, 0_usize);
-    for residual in bundle
-        .views
-        .iter()
-        .flat_map(|view| (0..2).flat_map(|camera| corners(&bundle, view, camera)))
-    {
-        if residual.used {
-            squares += residual.residual.0.powi(2) + residual.residual.1.powi(2);
-            numbers += 2;
+    for view in &bundle.views {
+        for camera in 0..2 {
+            for residual in bundle.used_residuals(view, camera).flatten() {
+                squares += residual.x.powi(2) + residual.y.powi(2);
+                numbers += 2;
+            }
         }
     }
     let unknowns = bundle.parameters() + MOTION * bundle.views.len();
@@ -43,10 +41,8 @@ pub(super) fn solution(
     let deviations: Vec<f64> = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
 
     let [first, second] = [0, 1].map(|i| &bundle.cameras[i]);
-    for (name, camera, begin) in [
-        ("left", first, 0),
-        ("right", second, BundleProblem::begin(1)),
-    ] {
+    let begin = BundleProblem::begin(1);
+    for (name, camera, begin) in [("left", first, 0), ("right", second, begin)] {
         let (fx, fy) = camera.intrinsics.focal_px();
         for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
             if deviation.is_nan() || deviation > UNCERTAIN * focal {
@@ -55,17 +51,11 @@ pub(super) fn solution(
         }
     }
     let from_first = second.from_first;
-    let calibration = StereoCalibration::new(
-        first.intrinsics,
-        second.intrinsics,
-        from_first,
-        board.unit(),
-    )?;
+    let intrinsics = (first.intrinsics, second.intrinsics);
+    let calibration = StereoCalibration::new(intrinsics.0, intrinsics.1, from_first, board.unit())?;
+    let extrinsics = begin + INTRINSICS;
     let pair = covariance
-        .fixed_view::<MOTION, MOTION>(
-            BundleProblem::begin(1) + INTRINSICS,
-            BundleProblem::begin(1) + INTRINSICS,
-        )
+        .fixed_view::<MOTION, MOTION>(extrinsics, extrinsics)
         .into_owned();
     let [rotation_deg, translation] = motion(&from_first, &pair);
     let rows = RectifiedRows::new(first, second);
@@ -89,9 +79,7 @@ pub(super) fn solution(
     };
     let (left, right) = (
         camera(&first.intrinsics, 0, &|fit| &fit.left),
-        camera(&second.intrinsics, BundleProblem::begin(1), &|fit| {
-            &fit.right
-        }),
+        camera(&second.intrinsics, begin, &|fit| &fit.right),
     );
     let misalignments: Vec<f64> = fits().flat_map(|fit| rows.misalignments(fit)).collect();
     let mean = |f: &dyn Fn(f64) -> f64| {

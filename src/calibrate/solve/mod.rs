@@ -223,22 +223,18 @@ fn calibrate_pair(
         adjust_robustly(&mut bundle, &["left", "right"]).ok_or_else(|| undetermined("cameras"))?
     {
         let seen = |camera: usize| {
-            let PosedCamera {
-                intrinsics,
-                from_first,
-            } = &bundle.cameras[camera];
-            Some(
-                from_first.inverse()
-                    * start::seen_pose(intrinsics, &bundle.board, &view.images[camera].pixels)?,
-            )
+            let PosedCamera { intrinsics, .. } = &bundle.cameras[camera];
+            let pixels = &view.images[camera].pixels;
+            let pose = start::seen_pose(intrinsics, &bundle.board, pixels)?;
+            Some(bundle.cameras[camera].from_first.inverse() * pose)
         };
-        let moved = seen(0)
+        // The two images alone may tell how the board moved between the exposures.
+        let motion = seen(0)
             .zip(seen(1))
             .map(|(left, right)| left.inverse() * right);
-        let moved = moved
-            .and_then(|motion| board_motion::describe(&motion, &bundle.board))
-            .map(|words| format!(": {words}"));
-        selection.refused[view.id] = Some(reason + &moved.unwrap_or_default());
+        let words = motion.and_then(|motion| board_motion::describe(&motion, &bundle.board));
+        let words = words.map(|words| format!(": {words}")).unwrap_or_default();
+        selection.refused[view.id] = Some(reason + &words);
     }
     selection.require_enough()?;
     Ok(bundle)

@@ -193,7 +193,12 @@ fn what_is_wrong_is_named_with_its_key() {
             "S_00: 752.0 3",
             &["S_00", "3 numbers, expected 2"],
         ),
-        ("kitti-raw", "T_01: -0.1", "T_01: -0.5", &["other cameras"]),
+        (
+            "kitti-raw",
+            "T_01: -0.1",
+            "T_01: -0.5",
+            &["does not agree with its R and T"],
+        ),
         ("kitti-raw", "R_rect_00", "R_rect_99", &["no 'R_rect_00'"]),
     ] {
         let error = broken(format, from, to);
@@ -257,7 +262,7 @@ fn folders_pairs_and_strangers_have_cures() {
     std::fs::write(folder.path("strange.yaml"), "a: 1\n").unwrap();
     reads(
         "strange.yaml",
-        &["no calibration that svl knows", "opencv", "kitti-raw"],
+        &["not a calibration that svl knows", "opencv", "kitti-raw"],
     );
     std::fs::write(folder.path("large.xml"), vec![b' '; (1 << 20) + 1]).unwrap();
     reads("large.xml", &["larger"]);

@@ -68,8 +68,8 @@ fn what_a_format_cannot_hold_is_said() {
     let folder = Folder::new();
     for (format, word) in [
         ("boofcv", "rectification"),
-        ("middlebury", "lenses"),
-        ("kitti", "lenses"),
+        ("middlebury", "distortion"),
+        ("kitti", "distortion"),
     ] {
         let left_out = folder.write(format, &raw()).unwrap();
         assert!(
