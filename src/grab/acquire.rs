@@ -1,33 +1,34 @@
-//! One camera's acquisition thread.
+//! The acquisition thread of a camera: follows orders, reports what the camera did.
 
-use super::camera::{Camera, Settings, Side, Taken};
+use super::camera::{Camera, Settings, Taken, camera_error};
 use super::mailbox::{Mailbox, Received};
 use crate::error::Error;
+use crate::stereo::Side;
 use std::time::Duration;
 
-/// What the coordinator asks of a camera's thread. A later one replaces the one before.
+/// An order to a camera's thread. A later one replaces the one before.
 pub(super) enum Order {
-    /// To take one image.
+    /// Arm, and capture one image.
     Take(Settings),
-    /// To wait for another image without being armed again: the last one was of an earlier pulse.
+    /// Capture another image without arming: the last one was of an earlier pulse.
     TakeNext,
 }
 
-/// What a camera's thread tells the coordinator.
-pub(super) struct Report {
+/// A report of a camera's thread to the coordinator.
+pub(super) struct CameraReport {
     pub(super) side: Side,
-    pub(super) event: Event,
+    pub(super) event: CameraEvent,
 }
 
-pub(super) enum Event {
-    /// A trigger now exposes.
+pub(super) enum CameraEvent {
+    /// The next trigger exposes.
     Armed,
     /// Except for [`Taken::Unready`], this ends the order.
     Captured(Taken),
     Failed(Error),
 }
 
-/// How long a camera waits for its trigger before it looks whether there is a new order.
+/// How long one capture waits: between captures the thread looks for a new order.
 const SLICE: Duration = Duration::from_millis(100);
 
 /// Follows orders until there are no more, or the camera fails.
@@ -35,26 +36,27 @@ pub(super) fn acquire(
     side: Side,
     mut camera: Box<dyn Camera>,
     orders: &Mailbox<Order>,
-    reports: &Mailbox<Report>,
+    reports: &Mailbox<CameraReport>,
 ) {
-    let report = |event| reports.send(Report { side, event });
+    let report = |event| reports.send(CameraReport { side, event });
     let mut next = orders.receive(u64::MAX);
     while let Received::Message(order) = next {
         let armed = match order {
-            Order::Take(settings) => camera.arm(settings).map(|()| report(Event::Armed)),
+            Order::Take(settings) => camera.arm(settings).map(|()| report(CameraEvent::Armed)),
             Order::TakeNext => Ok(()),
         };
         let followed = armed.and_then(|()| {
             loop {
                 match orders.receive(0) {
                     Received::Nothing => {}
+                    // The coordinator's watchdog gave this order up.
                     replaced => return Ok(replaced),
                 }
                 match camera.capture(SLICE)? {
                     None => {}
-                    Some(Taken::Unready) => report(Event::Captured(Taken::Unready)),
+                    Some(Taken::Unready) => report(CameraEvent::Captured(Taken::Unready)),
                     Some(taken) => {
-                        report(Event::Captured(taken));
+                        report(CameraEvent::Captured(taken));
                         return Ok(orders.receive(u64::MAX));
                     }
                 }
@@ -62,7 +64,7 @@ pub(super) fn acquire(
         });
         next = match followed {
             Ok(next) => next,
-            Err(error) => return report(Event::Failed(side.blame(error))),
+            Err(error) => return report(CameraEvent::Failed(camera_error(side, error))),
         };
     }
 }

@@ -1,47 +1,22 @@
-//! What the grabber asks of a camera.
+//! The camera interface of the grabber: settings, limits, captured images.
 
 use crate::error::{Error, Result};
-use crate::stereo::Gray;
+use crate::stereo::{Gray, Side};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// One of the two.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Side {
-    Left,
-    Right,
-}
-
-impl Side {
-    pub const BOTH: [Side; 2] = [Side::Left, Side::Right];
-
-    pub fn other(self) -> Self {
-        match self {
-            Self::Left => Self::Right,
-            Self::Right => Self::Left,
+/// The error of one side's camera, with the side in front of the camera's name.
+pub(super) fn camera_error(side: Side, error: Error) -> Error {
+    match error {
+        Error::Camera { camera, reason } => {
+            Error::camera(format!("{} camera, {camera}", side.name()), reason)
         }
-    }
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Left => "left",
-            Self::Right => "right",
-        }
-    }
-
-    /// An error of this side's camera, which says so.
-    pub(super) fn blame(self, error: Error) -> Error {
-        match error {
-            Error::Camera { camera, reason } => {
-                Error::camera(format!("{} camera, {camera}", self.name()), reason)
-            }
-            other => other,
-        }
+        other => other,
     }
 }
 
-/// How long and how strongly a camera exposes.
+/// Exposure time and gain of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     pub shutter_us: u32,
@@ -50,7 +25,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Whether two exposures are alike: cameras round, and a hundredth is not seen.
+    /// Whether two exposures are alike: cameras round, and one per cent is not visible.
     pub(super) fn is_near(self, other: Self) -> bool {
         let (a, b) = (self.shutter_us, other.shutter_us);
         a.abs_diff(b) <= 1 + a.max(b) / 100 && self.gain_mdb.abs_diff(other.gain_mdb) <= 100
@@ -59,16 +34,12 @@ impl Settings {
 
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} µs and {:.1} dB",
-            self.shutter_us,
-            f64::from(self.gain_mdb) / 1e3
-        )
+        let gain_db = f64::from(self.gain_mdb) / 1e3;
+        write!(f, "{} µs and {gain_db:.1} dB", self.shutter_us)
     }
 }
 
-/// What a camera can be set to.
+/// The settings that a camera has.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
     pub shutter_us: RangeInclusive<u32>,
@@ -81,78 +52,91 @@ impl Limits {
     /// # Errors
     /// [`Error::Camera`] when there are none.
     pub fn common(&self, other: &Self) -> Result<Self> {
-        let (a, b) = (self, other);
-        let nothing = |what: &str, a: String, b: String| {
-            let reason = format!("no {what} in common: left {a}, right {b}; use two alike");
+        let common = Self {
+            shutter_us: intersection(&self.shutter_us, &other.shutter_us),
+            gain_mdb: intersection(&self.gain_mdb, &other.gain_mdb),
+        };
+        let nothing = |what: &str, left: String, right: String| {
+            let reason = format!("no {what} in common: left {left}, right {right}; use two alike");
             Err(Error::camera("the cameras", reason))
         };
-        let shutter_us = *a.shutter_us.start().max(b.shutter_us.start())
-            ..=*a.shutter_us.end().min(b.shutter_us.end());
-        let gain_mdb =
-            *a.gain_mdb.start().max(b.gain_mdb.start())..=*a.gain_mdb.end().min(b.gain_mdb.end());
-        if shutter_us.is_empty() {
-            let words = |range: &RangeInclusive<u32>| match (range.start(), range.end()) {
+        if common.shutter_us.is_empty() {
+            let words = |limits: &Self| match (limits.shutter_us.start(), limits.shutter_us.end()) {
+                // What V4L2 cameras without an exposure control report.
                 (0, 0) => "has none to be set".to_owned(),
                 (shortest, longest) => format!("{shortest} to {longest} µs"),
             };
-            return nothing("shutter time", words(&a.shutter_us), words(&b.shutter_us));
+            return nothing("shutter time", words(self), words(other));
         }
-        if gain_mdb.is_empty() {
+        if common.gain_mdb.is_empty() {
             let db = |mdb: &i32| f64::from(*mdb) / 1e3;
-            let words = |range: &RangeInclusive<i32>| {
-                format!("{} to {} dB", db(range.start()), db(range.end()))
+            let words = |limits: &Self| {
+                let (least, greatest) = (limits.gain_mdb.start(), limits.gain_mdb.end());
+                format!("{} to {} dB", db(least), db(greatest))
             };
-            return nothing("gain", words(&a.gain_mdb), words(&b.gain_mdb));
+            return nothing("gain", words(self), words(other));
         }
-        Ok(Self {
-            shutter_us,
-            gain_mdb,
-        })
+        Ok(common)
+    }
+
+    /// The nearest settings within the limits.
+    pub(super) fn clamp(&self, settings: Settings) -> Settings {
+        let (shutter_us, gain_mdb) = (&self.shutter_us, &self.gain_mdb);
+        Settings {
+            shutter_us: settings
+                .shutter_us
+                .clamp(*shutter_us.start(), *shutter_us.end()),
+            gain_mdb: settings.gain_mdb.clamp(*gain_mdb.start(), *gain_mdb.end()),
+        }
     }
 }
 
-/// One image as a camera took it.
+fn intersection<T: Copy + Ord>(a: &RangeInclusive<T>, b: &RangeInclusive<T>) -> RangeInclusive<T> {
+    *a.start().max(b.start())..=*a.end().min(b.end())
+}
+
+/// One image of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Capture {
     pub image: Gray,
     /// Middle of the exposure, nanoseconds.
     pub stamp_ns: u64,
-    /// The pulse that fired it, where the camera knows.
+    /// The pulse that triggered it, where the camera reports it.
     pub trigger_id: Option<u64>,
-    /// What the camera was armed with ...
+    /// The settings that the camera was armed with ...
     pub ordered: Settings,
-    /// ... and what it made of that: cameras have steps of their own.
+    /// ... and those it used: cameras have steps of their own.
     pub settings: Settings,
 }
 
-/// What came of an exposure.
+/// The outcome of an exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Taken {
     Image(Capture),
-    /// Part of the image was lost on its way.
+    /// Part of the image was lost in transfer.
     Damaged,
-    /// An image from before the settings were in force. The one that was ordered comes after it.
+    /// An image from before the settings were in force. The ordered one comes after it.
     Unready,
 }
 
 /// A camera. Only its own acquisition thread calls it, so calls may block.
 pub trait Camera: Send {
-    /// What a person calls it.
+    /// Name for messages.
     fn name(&self) -> String;
 
     fn limits(&self) -> Limits;
 
-    /// Prepares for one exposure. When it returns, the next trigger exposes; what was armed or
-    /// exposed before and not captured is discarded.
+    /// Prepares for one exposure. After it returns, the next trigger exposes; images that were
+    /// armed or exposed before and not captured are discarded.
     ///
     /// # Errors
     /// [`Error::Camera`] when it cannot.
     fn arm(&mut self, settings: Settings) -> Result<()>;
 
-    /// Waits for the exposure and for its image; nothing when none came in that time. After that,
-    /// and after [`Taken::Unready`], it may be asked again.
+    /// Waits for the exposure and its image; `None` when none came within `timeout`. After that,
+    /// and after [`Taken::Unready`], it may be called again without arming.
     ///
     /// # Errors
     /// [`Error::Camera`] when the camera is gone.
-    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>>;
+    fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>>;
 }

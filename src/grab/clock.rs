@@ -1,28 +1,27 @@
-//! The time that the grabber lives in: the machine's, or a scripted one in which every run is the
-//! same.
+//! The grabber's clock: real time, or a scripted one on which every run is the same.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Tells the time, and lets threads wait for it or for each other.
+/// A clock on which threads wait for a time or for each other.
 ///
-/// A scripted clock stands still while one of its participants has something to do, and jumps to
-/// the next moment that one waits for when all wait. So a test of threads that sleep takes no time
-/// and cannot fail for a slow machine.
-pub struct Clock {
-    time: Time,
-    state: Mutex<State>,
+/// A scripted clock stands still while one of its participants is busy, and jumps to the earliest
+/// time that one waits for once all wait. So tests of threads that sleep take no time and cannot
+/// fail on a slow machine.
+pub struct GrabClock {
+    time: TimeSource,
+    state: Mutex<ClockState>,
     changed: Condvar,
 }
 
-enum Time {
+enum TimeSource {
     Real { began: Instant, epoch_ns: u64 },
     Scripted(AtomicU64),
 }
 
 #[derive(Default)]
-struct State {
+struct ClockState {
     participants: usize,
     next_id: u64,
     waiting: Vec<Waiting>,
@@ -31,33 +30,35 @@ struct State {
 struct Waiting {
     id: u64,
     until_ns: u64,
-    /// It has looked at everything that changed, and found nothing for it.
+    /// It has checked its condition since the last change.
     settled: bool,
 }
 
-/// A thread that a scripted clock reckons with, until it is dropped. Enter it before the thread
-/// begins.
-pub struct Participant(Arc<Clock>);
+/// A thread that a scripted clock waits for, until this is dropped. Enter it before the thread
+/// starts.
+pub struct Participant(Arc<GrabClock>);
 
-impl Clock {
-    /// The machine's time, nanoseconds since 1970, never running backwards.
+impl GrabClock {
+    /// Nanoseconds since 1970, monotonic.
     pub fn real() -> Arc<Self> {
         let since_epoch = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
         let epoch_ns = since_epoch.as_nanos() as u64;
-        Self::with(Time::Real {
+        // The system's clock is read once: when it is stepped during a recording, stamps must not
+        // jump.
+        Self::with(TimeSource::Real {
             began: Instant::now(),
             epoch_ns,
         })
     }
 
-    /// A scripted time that begins at 0.
+    /// A scripted clock that starts at 0.
     pub fn scripted() -> Arc<Self> {
-        Self::with(Time::Scripted(AtomicU64::new(0)))
+        Self::with(TimeSource::Scripted(AtomicU64::new(0)))
     }
 
-    fn with(time: Time) -> Arc<Self> {
+    fn with(time: TimeSource) -> Arc<Self> {
         Arc::new(Self {
             time,
             state: Mutex::default(),
@@ -67,13 +68,14 @@ impl Clock {
 
     pub fn now_ns(&self) -> u64 {
         match &self.time {
-            Time::Real { began, epoch_ns } => epoch_ns + began.elapsed().as_nanos() as u64,
-            Time::Scripted(now_ns) => now_ns.load(Ordering::Acquire),
+            TimeSource::Real { began, epoch_ns } => epoch_ns + began.elapsed().as_nanos() as u64,
+            TimeSource::Scripted(now_ns) => now_ns.load(Ordering::Acquire),
         }
     }
 
-    /// Waits until `ready` gives something, or the time has come: then nothing. `ready` is asked
-    /// again after every [`Clock::notify`]. On a scripted clock only participants may wait.
+    /// Waits until `ready` returns something, and returns that; `None` at the deadline. `ready` is
+    /// called again after every [`GrabClock::notify`]. On a scripted clock only participants may
+    /// wait.
     pub fn wait_until<T>(&self, until_ns: u64, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
         let mut state = self.lock();
         let id = state.next_id;
@@ -90,14 +92,14 @@ impl Clock {
                 break found;
             }
             state = match &self.time {
-                Time::Real { .. } => {
+                TimeSource::Real { .. } => {
                     let left = Duration::from_nanos(until_ns - now_ns);
                     self.changed
                         .wait_timeout(state, left)
                         .unwrap_or_else(PoisonError::into_inner)
                         .0
                 }
-                Time::Scripted(time) => {
+                TimeSource::Scripted(time) => {
                     state
                         .waiting
                         .iter_mut()
@@ -121,8 +123,7 @@ impl Clock {
         self.wait_until(until_ns, || None::<()>);
     }
 
-    /// Something changed that others may wait for. Not to be called while holding what their
-    /// `ready` locks.
+    /// Wakes all that wait. The caller must not hold a lock that their `ready` takes.
     pub fn notify(&self) {
         self.lock()
             .waiting
@@ -131,14 +132,15 @@ impl Clock {
         self.changed.notify_all();
     }
 
-    /// Reckons with one more thread.
+    /// Adds a participant.
     pub fn enter(self: &Arc<Self>) -> Participant {
         self.lock().participants += 1;
         Participant(self.clone())
     }
 
-    /// Jumps to the next moment that a participant waits for, when all wait.
-    fn advance(&self, state: &mut State, time: &AtomicU64) -> bool {
+    /// Jumps to the earliest time that a participant waits for, when all wait; whether it did.
+    fn advance(&self, state: &mut ClockState, time: &AtomicU64) -> bool {
+        // Someone who was notified but has not run yet may have work before that time.
         let all_wait =
             state.waiting.len() >= state.participants && state.waiting.iter().all(|w| w.settled);
         let next_ns = state.waiting.iter().map(|w| w.until_ns).min();
@@ -151,7 +153,7 @@ impl Clock {
         true
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, ClockState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -160,7 +162,8 @@ impl Drop for Participant {
     fn drop(&mut self) {
         let mut state = self.0.lock();
         state.participants -= 1;
-        if let Time::Scripted(time) = &self.0.time {
+        // The others may have waited only for this one.
+        if let TimeSource::Scripted(time) = &self.0.time {
             self.0.advance(&mut state, time);
         }
     }
@@ -172,7 +175,7 @@ mod tests {
 
     #[test]
     fn a_scripted_clock_jumps_when_all_wait() {
-        let clock = Clock::scripted();
+        let clock = GrabClock::scripted();
         let order = Mutex::new(Vec::new());
         let sleeper = |name: &'static str, naps_ms: &'static [u64]| {
             let (clock, order, participant) = (clock.clone(), &order, clock.enter());

@@ -1,29 +1,28 @@
-//! Fires only when both cameras are armed (thesis, figure 4.3), and makes pairs of what they took.
+//! The coordinator: triggers when both cameras are armed (thesis, figure 4.3), pairs their images,
+//! watches for timeouts.
 
-use super::acquire::{Event, Order, Report};
-use super::camera::{Capture, Settings, Side, Taken};
-use super::clock::Clock;
+use super::acquire::{CameraEvent, CameraReport, Order};
+use super::camera::{Capture, Settings, Taken};
+use super::clock::GrabClock;
 use super::exposure::Balance;
-use super::firing::Firing;
 use super::mailbox::{Mailbox, Received};
 use super::pairing::{Pairing, Unpaired};
-use super::pairless::Pairless;
-use super::pulser::Pulser;
 use super::queue::{Pushed, Queue};
 use super::tally::Tally;
-use super::watch::{CameraState, Phase};
+use super::triggering::Triggering;
+use super::watchdog::{CameraState, PairWatchdog, Phase};
 use crate::error::Result;
-use crate::stereo::{Exposure, Frame, Geometry, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoPair};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The grabber's main thread.
 pub(super) struct Coordinator {
-    pub(super) clock: Arc<Clock>,
+    pub(super) clock: Arc<GrabClock>,
     pub(super) orders: [Arc<Mailbox<Order>>; 2],
-    pub(super) reports: Arc<Mailbox<Report>>,
-    pub(super) firing: Firing,
+    pub(super) reports: Arc<Mailbox<CameraReport>>,
+    pub(super) triggering: Triggering,
     pub(super) pairing: Pairing,
-    pub(super) pairless: Pairless,
+    pub(super) pair_watchdog: PairWatchdog,
     pub(super) balance: Balance,
     pub(super) queue: Arc<Queue<Frame>>,
     pub(super) tally: Arc<Mutex<Tally>>,
@@ -32,21 +31,21 @@ pub(super) struct Coordinator {
     pub(super) cameras: [CameraState; 2],
     /// Number of the latest order, and its settings.
     pub(super) planned: (u64, Settings),
-    /// It was told that the cameras make different things of the same settings.
-    pub(super) told_apart: bool,
+    /// Whether it warned that the cameras expose unlike with the same settings.
+    pub(super) warned_unlike: bool,
 }
 
 impl Coordinator {
-    /// Runs until the reports are closed or something fails, and tells the queue how it ended.
+    /// Runs until the reports are closed or something fails, and closes the queue with that.
     pub(super) fn run(mut self) {
         let mut ended = self.grab();
-        self.firing.end();
+        self.triggering.end();
         self.reports.close();
         self.orders.iter().for_each(|orders| orders.close());
-        // What was taken already is to be in a pair or counted.
-        for Report { side, event } in self.reports.drain() {
-            if let Event::Captured(taken) = event {
-                ended = ended.and(self.hear_image(side, taken));
+        // Every image is in a pair or counted, those that came meanwhile too.
+        for CameraReport { side, event } in self.reports.drain() {
+            if let CameraEvent::Captured(taken) = event {
+                ended = ended.and(self.handle_image(side, taken));
             }
         }
         ended = ended.and(self.deliver_pairs(Pairing::finish));
@@ -56,14 +55,14 @@ impl Coordinator {
     fn grab(&mut self) -> Result<()> {
         Side::BOTH.into_iter().for_each(|side| self.order(side));
         loop {
-            self.fire_if_due()?;
+            self.pulse_if_due()?;
             match self.reports.receive(self.deadline_ns()) {
                 Received::Closed => return Ok(()),
-                Received::Nothing => self.check_silence()?,
-                Received::Message(Report { side, event }) => match event {
-                    Event::Armed => self.enter(side, Phase::Armed),
-                    Event::Captured(taken) => self.hear_image(side, taken)?,
-                    Event::Failed(error) => {
+                Received::Nothing => self.check_timeouts()?,
+                Received::Message(CameraReport { side, event }) => match event {
+                    CameraEvent::Armed => self.enter(side, Phase::Armed),
+                    CameraEvent::Captured(taken) => self.handle_image(side, taken)?,
+                    CameraEvent::Failed(error) => {
                         self.finish_exposure(side.other())?;
                         return Err(error);
                     }
@@ -72,37 +71,37 @@ impl Coordinator {
         }
     }
 
-    fn hear_image(&mut self, side: Side, taken: Taken) -> Result<()> {
+    fn handle_image(&mut self, side: Side, taken: Taken) -> Result<()> {
         let (now_ns, camera) = (self.clock.now_ns(), &mut self.cameras[side as usize]);
-        // Else it is of an order that was given up, and repeated already.
+        // Else it is of an order that timed out and has been repeated.
         let is_ordered = camera.phase != Phase::Arming;
         let mut checked = Ok(());
         let next: fn(&mut Self, Side) = match taken {
-            Taken::Image(capture) => match self.firing.with_pulse(capture) {
+            Taken::Image(capture) => match self.triggering.with_pulse(capture) {
                 Some(capture) => {
-                    let next = if self.firing.is_late(&capture) {
+                    let next = if self.triggering.is_late(&capture) {
                         Self::order_next
                     } else {
                         Self::order
                     };
-                    camera.gave_image();
+                    camera.on_image();
                     self.pairing.push(side, capture);
                     next
                 }
                 None => {
-                    camera.gave_stray();
-                    self.pairing.leave_out(Unpaired::Unready);
+                    camera.on_stray();
+                    self.pairing.discard(Unpaired::Unready);
                     Self::order_next
                 }
             },
             Taken::Damaged => {
-                checked = camera.gave_damaged(now_ns, self.timeout_ns);
-                self.pairing.leave_out(Unpaired::Damaged);
+                checked = camera.on_damaged(now_ns, self.timeout_ns);
+                self.pairing.discard(Unpaired::Damaged);
                 Self::order
             }
             Taken::Unready => {
-                camera.gave_unready(now_ns);
-                self.pairing.leave_out(Unpaired::Unready);
+                camera.on_unready(now_ns);
+                self.pairing.discard(Unpaired::Unready);
                 |_, _| {}
             }
         };
@@ -112,23 +111,24 @@ impl Coordinator {
         }
         self.deliver_pairs(Pairing::pair)?;
         checked?;
-        self.pairless
-            .image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
+        self.pair_watchdog
+            .on_image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
     }
 
-    /// Waits for the image that a camera is taking: its partner may be there.
+    /// After the other camera failed: waits for the image that this one is taking, whose partner
+    /// may have come before.
     fn finish_exposure(&mut self, side: Side) -> Result<()> {
         let until_ns = self.clock.now_ns().saturating_add(self.timeout_ns);
-        let mut taking =
-            self.cameras[side as usize].phase != Phase::Arming && self.patience_ns(side).is_some();
+        let mut taking = self.cameras[side as usize].phase != Phase::Arming
+            && self.timeout_of_ns(side).is_some();
         while taking {
             match self.reports.receive(until_ns) {
-                Received::Message(Report {
+                Received::Message(CameraReport {
                     side: from,
-                    event: Event::Captured(taken),
+                    event: CameraEvent::Captured(taken),
                 }) if from == side => {
                     taking = taken == Taken::Unready;
-                    self.hear_image(side, taken)?;
+                    self.handle_image(side, taken)?;
                 }
                 Received::Message(_) => {}
                 Received::Nothing | Received::Closed => taking = false,
@@ -137,22 +137,23 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Sends a camera the order for its next image.
+    /// Orders the next image of a camera. Settings change only with the number, so that both
+    /// images of a pair have the same.
     fn order(&mut self, side: Side) {
-        let turn = self.cameras[side as usize].turn + 1;
-        if turn > self.planned.0 {
-            self.planned = (turn, self.balance.settings());
+        let number = self.cameras[side as usize].order + 1;
+        if number > self.planned.0 {
+            self.planned = (number, self.balance.settings());
         }
-        self.order_turn(side, turn);
+        self.send_order(side, number);
     }
 
-    fn order_turn(&mut self, side: Side, turn: u64) {
-        self.cameras[side as usize].turn = turn;
+    fn send_order(&mut self, side: Side, number: u64) {
+        self.cameras[side as usize].order = number;
         self.enter(side, Phase::Arming);
         self.orders[side as usize].send(Order::Take(self.planned.1));
     }
 
-    /// The image of this order is still to come.
+    /// Lets a camera capture again: the image of its order is still to come.
     fn order_next(&mut self, side: Side) {
         self.orders[side as usize].send(Order::TakeNext);
     }
@@ -168,17 +169,10 @@ impl Coordinator {
             .all(|camera| camera.phase == Phase::Armed)
     }
 
-    fn fire_if_due(&mut self) -> Result<()> {
+    fn pulse_if_due(&mut self) -> Result<()> {
         if self.both_armed() {
-            let Self {
-                clock,
-                reports,
-                tally,
-                ..
-            } = self;
-            let begin =
-                |trigger, period_ns| Pulser::start(clock, trigger, period_ns, reports, tally);
-            if self.firing.fire_if_due(clock.now_ns(), tally, begin)? {
+            let (clock, reports, tally) = (&self.clock, &self.reports, &self.tally);
+            if self.triggering.pulse_if_due(clock, reports, tally)? {
                 Side::BOTH
                     .into_iter()
                     .for_each(|side| self.enter(side, Phase::Exposing));
@@ -187,52 +181,51 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Until when there is nothing to do unless a camera reports.
+    /// Time of the next pulse or timeout.
     fn deadline_ns(&self) -> u64 {
-        let silent = Side::BOTH
+        let timeouts = Side::BOTH
             .into_iter()
-            .filter_map(|side| self.silent_at_ns(side));
-        silent
-            .chain(self.firing.due_ns().filter(|_| self.both_armed()))
+            .filter_map(|side| self.timeout_at_ns(side));
+        timeouts
+            .chain(self.triggering.due_ns().filter(|_| self.both_armed()))
             .min()
             .unwrap_or(u64::MAX)
     }
 
-    fn silent_at_ns(&self, side: Side) -> Option<u64> {
+    fn timeout_at_ns(&self, side: Side) -> Option<u64> {
         Some(
             self.cameras[side as usize]
                 .since_ns
-                .saturating_add(self.patience_ns(side)?),
+                .saturating_add(self.timeout_of_ns(side)?),
         )
     }
 
-    /// How long a camera may take for what it is at, if it is its turn: an armed one may wait for
-    /// the other.
-    fn patience_ns(&self, side: Side) -> Option<u64> {
+    /// Timeout of a camera in its state; none where it waits for the other camera, armed.
+    fn timeout_of_ns(&self, side: Side) -> Option<u64> {
         let needed_ns = match self.cameras[side as usize].phase {
             Phase::Arming => 0,
-            Phase::Armed => self.firing.elsewhere_ns()?,
+            Phase::Armed => self.triggering.independent_period_ns()?,
             Phase::Exposing => u64::from(self.planned.1.shutter_us) * 1000,
         };
         Some(needed_ns.saturating_add(self.timeout_ns))
     }
 
-    fn check_silence(&mut self) -> Result<()> {
+    fn check_timeouts(&mut self) -> Result<()> {
         let now_ns = self.clock.now_ns();
         for side in Side::BOTH {
-            let Some(patience_ns) = self.patience_ns(side) else {
+            let Some(timeout_of_ns) = self.timeout_of_ns(side) else {
                 continue;
             };
             let camera = &mut self.cameras[side as usize];
-            if now_ns < camera.since_ns.saturating_add(patience_ns) {
+            if now_ns < camera.since_ns.saturating_add(timeout_of_ns) {
                 continue;
             }
-            camera.missed(patience_ns)?;
+            camera.on_timeout(timeout_of_ns)?;
             match camera.phase {
-                // It has its order: another would only make it begin anew.
+                // It still has its order: a second one would only make it start again.
                 Phase::Arming => camera.enter(Phase::Arming, now_ns),
-                // The pulse was lost, so it goes on with the other one's next.
-                Phase::Armed | Phase::Exposing => self.order_turn(side, self.planned.0),
+                // Its pulse was lost: it joins the order that the other camera is at.
+                Phase::Armed | Phase::Exposing => self.send_order(side, self.planned.0),
             }
         }
         Ok(())
@@ -252,12 +245,13 @@ impl Coordinator {
     fn deliver(&mut self, [left, right]: [Capture; 2]) -> Result<()> {
         self.balance
             .observe(&left.image, &right.image, left.ordered);
-        if !left.settings.is_near(right.settings) && !std::mem::replace(&mut self.told_apart, true)
+        if !left.settings.is_near(right.settings)
+            && !std::mem::replace(&mut self.warned_unlike, true)
         {
             let [a, b] = &self.cameras;
             let (ordered, a, b, right) = (left.ordered, &a.name, &b.name, right.settings);
             tracing::warn!(
-                "of {ordered} {a} makes {}, {b} {right}: the two do not expose alike",
+                "ordered {ordered}: {a} uses {}, {b} {right}; the two do not expose alike",
                 left.settings
             );
         }
@@ -287,7 +281,7 @@ impl Coordinator {
             },
         };
         let pushed = self.queue.push(frame);
-        self.pairless.pair(self.pairing.unpaired());
+        self.pair_watchdog.on_pair(self.pairing.unpaired());
         let mut tally = self.tally();
         match pushed {
             Pushed::Taken => {}
@@ -313,7 +307,7 @@ mod tests {
 
     #[test]
     fn what_was_taken_before_the_end_is_in_a_pair_or_counted() {
-        let clock = Clock::scripted();
+        let clock = GrabClock::scripted();
         let settings = Settings {
             shutter_us: 100,
             gain_mdb: 0,
@@ -327,9 +321,9 @@ mod tests {
         let coordinator = Coordinator {
             orders: [Mailbox::new(&clock), Mailbox::new(&clock)],
             reports: reports.clone(),
-            firing: Policy::FreeRunning { period_ns: 1 }.into(),
+            triggering: Policy::FreeRunning { period_ns: 1 }.into(),
             pairing: Pairing::new(Rule::Arrival),
-            pairless: Pairless::default(),
+            pair_watchdog: PairWatchdog::default(),
             balance: Balance::new(limits, settings, 1),
             queue: queue.clone(),
             tally: tally.clone(),
@@ -337,7 +331,7 @@ mod tests {
             timeout_ns: 1,
             cameras: Side::BOTH.map(|side| CameraState::new(side, String::new())),
             planned: (0, settings),
-            told_apart: false,
+            warned_unlike: false,
             clock,
         };
         let image = Gray::filled(1, 1, 7).unwrap();
@@ -354,9 +348,9 @@ mod tests {
             (Side::Right, Taken::Damaged),
             (Side::Right, Taken::Image(capture)),
         ] {
-            reports.send(Report {
+            reports.send(CameraReport {
                 side,
-                event: Event::Captured(taken),
+                event: CameraEvent::Captured(taken),
             });
         }
         reports.close();

@@ -1,42 +1,42 @@
-//! A camera's own clock on the host's.
+//! Converts stamps of a camera's clock to the host's clock.
 
-/// Takes stamps of a camera's clock to the host's clock.
+/// Offset of a camera's clock, estimated from the arrival of its images.
 ///
-/// A camera counts from an epoch of its own, and its crystal is some parts per million off. When an
-/// image arrives, the difference of the two clocks is seen, and the time on the way besides, which
-/// is never less than nothing: so the least difference is the truest. It may grow again, slowly, so
-/// that a camera whose clock is slow is followed. What is left is the time of the quickest way,
-/// some 0.1 ms, the same for two cameras that are alike.
+/// A camera counts from an epoch of its own, and its crystal is off by some parts per million. At
+/// an arrival, host time minus camera time is the offset plus the transfer latency, which is never
+/// negative: so the smallest difference is the best estimate. It may grow slowly, to follow a
+/// camera whose clock is slow. The remaining error is the smallest latency, about 0.1 ms, the same
+/// for two cameras of one kind.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceClock {
-    /// Host minus camera, and when it was last seen, nanoseconds.
-    seen: Option<(i128, u64)>,
+    /// Host minus camera time, and the host's time when it was last estimated, nanoseconds.
+    offset: Option<(i128, u64)>,
 }
 
-/// By how much of the elapsed time the difference may grow: 200 ppm, twice what two bad crystals
-/// do.
+/// Fraction of the elapsed time by which the offset may grow: 1/5000 = 200 ppm, twice what two bad
+/// crystals drift.
 const DRIFT: i128 = 5_000;
-/// More than any image is late: the camera was reset.
+/// A larger jump is no latency: the camera was reset.
 const RESET_NS: i128 = 1_000_000_000;
 
 impl DeviceClock {
-    /// The host's time of a moment that was `device_ns` on the camera, and that the host heard of
-    /// at `heard_ns`.
-    pub fn host_ns(&mut self, device_ns: u64, heard_ns: u64) -> u64 {
-        let now = i128::from(heard_ns) - i128::from(device_ns);
-        let difference = match self.seen {
+    /// The host's time at `device_ns` of the camera's clock. `arrived_ns`: host time when the image
+    /// that carries this stamp arrived.
+    pub fn host_ns(&mut self, device_ns: u64, arrived_ns: u64) -> u64 {
+        let seen = i128::from(arrived_ns) - i128::from(device_ns);
+        let offset = match self.offset {
             Some((before, at_ns)) => {
-                let most = before + i128::from(heard_ns.saturating_sub(at_ns)) / DRIFT;
-                if now > most + RESET_NS {
-                    now
+                let most = before + i128::from(arrived_ns.saturating_sub(at_ns)) / DRIFT;
+                if seen > most + RESET_NS {
+                    seen
                 } else {
-                    now.min(most)
+                    seen.min(most)
                 }
             }
-            None => now,
+            None => seen,
         };
-        self.seen = Some((difference, heard_ns));
-        (i128::from(device_ns) + difference).clamp(0, u64::MAX.into()) as u64
+        self.offset = Some((offset, arrived_ns));
+        (i128::from(device_ns) + offset).clamp(0, u64::MAX.into()) as u64
     }
 }
 

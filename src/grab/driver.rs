@@ -1,13 +1,13 @@
 //! Camera drivers: what a row of [`super::DRIVERS`] says, and the options that follow the names of
 //! its cameras.
 
-use super::camera::{Camera, Side};
-use super::clock::Clock;
+use super::camera::Camera;
+use super::clock::GrabClock;
 use super::serial::SerialTrigger;
 use super::trigger::{Trigger, TriggerSource};
 use crate::error::{Error, Result, did_you_mean, nearest};
 use crate::matcher::{Parameter, Value};
-use crate::stereo::Rig;
+use crate::stereo::{Rig, Side};
 use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
@@ -50,7 +50,7 @@ pub struct CameraRequest<'a> {
     pub text: &'a str,
     pub trigger: &'a TriggerSource,
     pub rate_hz: f64,
-    pub clock: &'a Arc<Clock>,
+    pub clock: &'a Arc<GrabClock>,
     /// Where the driver's images depend on one, else 0.
     pub seed: u64,
     pub host: Host<'a>,

@@ -1,52 +1,49 @@
-//! Exposure balance: one shutter time and one gain for both cameras, from what both see.
+//! Exposure balance: one shutter time and one gain for both cameras, from both images.
 //!
-//! Two things are wanted at once: the mean grey value near [`TARGET`], and few pixels cut off at
-//! the upper end. Both ask for an amount of light, and the lesser is taken, so that neither undoes
-//! what the other did. What a cut-off picture asks for is not known, so the light goes down step by
-//! step until it shows. Where a sensor answers in coarse steps, or not in proportion, the light
-//! that was too much is remembered and stayed below while the view stays.
+//! Two goals: a mean grey value near [`TARGET`], and few saturated pixels. Each asks for an amount
+//! of light, and the smaller one is taken, so that neither undoes what the other did. How much too
+//! bright a saturated image is cannot be seen, so the light goes down step by step. Where a sensor
+//! has coarse steps or is not linear, the light that was too much is an upper bound as long as the
+//! view stays the same: so the control converges instead of pumping.
 
 use super::camera::{Limits, Settings};
 use crate::stereo::Gray;
 
-/// Mean grey value that is aimed at: below the middle, since what is too bright is lost and what is
-/// dark is not.
+/// Wanted mean grey value: below the middle, as saturated pixels are lost and dark ones are not.
 const TARGET: f64 = 100.0;
-/// Share of pixels that may be brighter than [`BRIGHT`], and be cut off.
+/// Share of pixels that may be brighter than [`BRIGHT`], and saturate.
 const MAX_BRIGHTER: f64 = 0.02;
-/// The grey value that all others are to be below, at most: with [`TOLERANCE`] it reaches to
-/// [`SATURATED`].
+/// Wanted limit of all other pixels: with [`TOLERANCE`] it reaches up to [`SATURATED`].
 const BRIGHT: f64 = 225.0;
-/// From here on a pixel may be cut off.
+/// From here on a pixel may be saturated.
 const SATURATED: f64 = 250.0;
-/// Step by which a picture that is cut off is made darker. From just cut off it leads to within the
-/// tolerance.
+/// Factor of light for a saturated image. From just saturated it leads to within the tolerance.
 const STEP_DOWN: f64 = 0.8;
-/// Deviations that are let be, so that noise does not keep it busy, and how far a view may change
-/// and be the same.
+/// Deviations that are not corrected, so that noise causes no changes, and by how much the
+/// brightness of the same view may change.
 const TOLERANCE: f64 = 0.1;
-/// How near it comes to light that was too much; and what asks for more than this many times that
-/// light is another view.
+/// How near the light may come to what was too much; a view that asks for more than `ANOTHER`
+/// times that light is another view.
 const BELOW: f64 = 0.9;
 const ANOTHER: f64 = 2.0;
-/// Only every so many-th pixel of a row, and row, is looked at.
+/// Every fourth row and column is counted.
 const STEP: usize = 4;
 
-/// Watches pairs and says what the next ones are to be exposed with.
+/// Computes the settings of the next pairs from the brightness of the last ones.
 pub struct Balance {
     limits: Limits,
     settings: Settings,
     every: u32,
     since: u32,
-    /// What was seen first with these settings.
-    first: Option<View>,
-    /// The least light that was too much for this view.
+    /// Brightness of the first pair with these settings.
+    first: Option<Brightness>,
+    /// The least light that was too much for this view, see [`light`].
     too_bright: Option<f64>,
 }
 
 impl Balance {
-    /// Begins with `settings`; looks at every `every`-th of the pairs that were taken with what it
-    /// last said.
+    /// Starts with `settings` and evaluates every `every`-th of the pairs that were exposed with
+    /// the latest settings.
     pub fn new(limits: Limits, settings: Settings, every: u32) -> Self {
         Self {
             limits,
@@ -58,25 +55,26 @@ impl Balance {
         }
     }
 
-    /// What both cameras are to be set to.
+    /// Settings of both cameras.
     pub fn settings(&self) -> Settings {
         self.settings
     }
 
-    /// Looks at a pair, for which `settings` were asked.
+    /// Takes note of a pair that was ordered with `settings`.
     pub fn observe(&mut self, left: &Gray, right: &Gray, settings: Settings) {
-        // What was exposed before the last change says nothing about it.
+        // Pairs ordered before the last change still arrive after it, and would cause a second
+        // change in the same direction: the control would overshoot.
         if settings != self.settings {
             return;
         }
         self.since += 1;
         if self.since >= self.every {
             self.since = 0;
-            self.look(View::of([left, right]));
+            self.update(Brightness::measure([left, right]));
         }
     }
 
-    fn look(&mut self, view: View) {
+    fn update(&mut self, view: Brightness) {
         if !self.first.get_or_insert(view).is_like(view) {
             (self.first, self.too_bright) = (Some(view), None);
         }
@@ -93,6 +91,7 @@ impl Balance {
             .too_bright
             .filter(|too_bright| wanted <= ANOTHER * too_bright);
         if let Some(too_bright) = self.too_bright.filter(|_| factor > 1.0) {
+            // Between two coarse steps of a sensor there may be no right light: stay below.
             wanted = wanted.min(BELOW * too_bright).max(light);
         }
         let settings = self.apply(wanted);
@@ -101,7 +100,7 @@ impl Balance {
         }
     }
 
-    /// The shutter does it, and the gain only what the shutter cannot: gain amplifies noise too.
+    /// Settings for an amount of light. The shutter comes first, as gain amplifies noise too.
     fn apply(&self, light: f64) -> Settings {
         let Limits {
             shutter_us,
@@ -121,12 +120,12 @@ impl Balance {
     }
 }
 
-/// How much light settings make of: microseconds at 0 dB.
+/// The light of settings: microseconds at 0 dB.
 fn light(settings: Settings) -> f64 {
     f64::from(settings.shutter_us) * linear(settings.gain_mdb)
 }
 
-/// Whether a change is let be.
+/// Whether a change is too small to be made.
 fn is_small(factor: f64) -> bool {
     (factor - 1.0).abs() <= TOLERANCE
 }
@@ -135,16 +134,16 @@ fn linear(gain_mdb: i32) -> f64 {
     10f64.powf(f64::from(gain_mdb) / 20_000.0)
 }
 
-/// What matters of both images.
+/// Brightness of a pair, both images together.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct View {
+struct Brightness {
     mean: f64,
-    /// Only [`MAX_BRIGHTER`] are brighter.
+    /// The grey value that only [`MAX_BRIGHTER`] of the pixels exceed.
     bright: f64,
 }
 
-impl View {
-    fn of(images: [&Gray; 2]) -> Self {
+impl Brightness {
+    fn measure(images: [&Gray; 2]) -> Self {
         let mut counts = [0u32; 256];
         let rows = images
             .into_iter()
@@ -172,13 +171,13 @@ impl View {
         }
     }
 
-    /// Whether the light stayed the same.
+    /// Whether the view and its light stayed the same.
     fn is_like(self, other: Self) -> bool {
         let alike = |a: f64, b: f64| (a - b).abs() <= (TOLERANCE * a.max(b)).max(1.0);
         alike(self.mean, other.mean) && alike(self.bright, other.bright)
     }
 
-    /// By what to multiply the light: 1 when all is well, from a quarter to four at once.
+    /// Wanted factor of the light, 1/4 to 4.
     fn correction(self) -> f64 {
         let mean = TARGET / self.mean;
         let bright = if self.bright < SATURATED {

@@ -1,41 +1,39 @@
 //! The running grabber: its threads, and the queue from which pairs are read.
 
-use super::acquire::{Report, acquire};
-use super::camera::{Camera, Settings, Side};
-use super::clock::Clock;
+use super::acquire::{CameraReport, acquire};
+use super::camera::{Camera, Settings};
+use super::clock::GrabClock;
 use super::coordinator::Coordinator;
 use super::exposure::Balance;
 use super::mailbox::Mailbox;
 use super::pairing::{Pairing, Rule};
-use super::pairless::Pairless;
 use super::queue::{Queue, WhenFull};
 use super::tally::Tally;
 use super::trigger::Policy;
-use super::watch::CameraState;
+use super::watchdog::{CameraState, PairWatchdog};
 use crate::error::{Error, Result};
-use crate::stereo::{Frame, Rig};
+use crate::stereo::{Frame, Rig, Side};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Two cameras and how to grab from them.
+/// Two opened cameras and how to grab from them.
 pub struct Setup {
-    pub clock: Arc<Clock>,
+    pub clock: Arc<GrabClock>,
     /// Left, right.
     pub cameras: [Box<dyn Camera>; 2],
     pub policy: Policy,
     pub rule: Rule,
-    /// What both cameras are exposed with at first, within the limits that they have in common.
+    /// First settings of both cameras, clamped to the limits that they have in common.
     pub settings: Settings,
     /// Longest shutter of the exposure balance, so that the rate can be held.
     pub max_shutter_us: u32,
-    /// Pairs from one look of the exposure balance to the next.
+    /// Pairs from one step of the exposure balance to the next.
     pub balance_every: u32,
-    /// How long a camera may take for what it has to do, beyond its shutter time, and beyond the
-    /// period where nothing of svl's fires it. The third time in a row that it does not is an
-    /// error.
+    /// Watchdog: how long a camera may take to arm or to deliver, beyond its shutter time, and
+    /// beyond the period where svl does not trigger it. The third timeout in a row is an error.
     pub timeout: Duration,
-    /// Pairs that may wait for the writer.
+    /// Limit of the pairs that wait for the writer.
     pub queue: usize,
     pub when_full: WhenFull,
     pub rig: Option<Rig>,
@@ -43,8 +41,8 @@ pub struct Setup {
 
 /// A running grabber. Dropping it ends its threads.
 pub struct Grabber {
-    clock: Arc<Clock>,
-    reports: Arc<Mailbox<Report>>,
+    clock: Arc<GrabClock>,
+    reports: Arc<Mailbox<CameraReport>>,
     queue: Arc<Queue<Frame>>,
     tally: Arc<Mutex<Tally>>,
     threads: Vec<JoinHandle<()>>,
@@ -55,8 +53,8 @@ impl Grabber {
     /// Starts the threads.
     ///
     /// # Errors
-    /// [`Error::Camera`] when the cameras have no settings in common; [`Error::Invalid`] when a
-    /// thread cannot be started.
+    /// [`Error::Camera`] when the cameras have no settings in common or a thread cannot be
+    /// started.
     pub fn start(setup: Setup) -> Result<Self> {
         let Setup {
             clock,
@@ -70,14 +68,7 @@ impl Grabber {
         let mut limits = cameras[0].limits().common(&cameras[1].limits())?;
         let (shortest, longest) = (*limits.shutter_us.start(), *limits.shutter_us.end());
         limits.shutter_us = shortest..=longest.min(setup.max_shutter_us).max(shortest);
-        let settings = Settings {
-            shutter_us: settings
-                .shutter_us
-                .clamp(shortest, *limits.shutter_us.end()),
-            gain_mdb: settings
-                .gain_mdb
-                .clamp(*limits.gain_mdb.start(), *limits.gain_mdb.end()),
-        };
+        let settings = limits.clamp(settings);
         let reports = Mailbox::new(&clock);
         let orders = [Mailbox::new(&clock), Mailbox::new(&clock)];
         let queue = Arc::new(Queue::new(setup.queue, setup.when_full));
@@ -87,9 +78,9 @@ impl Grabber {
             clock: clock.clone(),
             orders: orders.clone(),
             reports: reports.clone(),
-            firing: policy.into(),
+            triggering: policy.into(),
             pairing: Pairing::new(rule),
-            pairless: Pairless::default(),
+            pair_watchdog: PairWatchdog::default(),
             balance: Balance::new(limits, settings, setup.balance_every.max(1)),
             queue: queue.clone(),
             tally: tally.clone(),
@@ -97,9 +88,10 @@ impl Grabber {
             timeout_ns: setup.timeout.as_nanos().min(u64::MAX.into()) as u64,
             cameras: states,
             planned: (0, settings),
-            told_apart: false,
+            warned_unlike: false,
         };
-        // All are reckoned with before the first begins.
+        // All participants enter before the first thread starts, or a scripted clock would advance
+        // when that one waits.
         let mut work: Vec<(String, Box<dyn FnOnce() + Send>)> = Vec::new();
         for ((side, camera), orders) in Side::BOTH.into_iter().zip(cameras).zip(orders) {
             let (reports, participant) = (reports.clone(), clock.enter());
@@ -127,14 +119,14 @@ impl Grabber {
         };
         for (name, work) in work {
             let thread = std::thread::Builder::new().name(name.clone()).spawn(work);
-            grabber.threads.push(thread.map_err(|e| {
-                Error::Invalid(format!("cannot start a thread for the {name}: {e}"))
-            })?);
+            let failed = |e| Error::camera(&name, format!("cannot start its thread: {e}"));
+            grabber.threads.push(thread.map_err(failed)?);
         }
         Ok(grabber)
     }
 
-    /// The next pair, waiting for it. Asking for it says that the one before was written.
+    /// The next pair, waiting for it. The call means that the pair before was written: its latency
+    /// is taken here.
     ///
     /// # Errors
     /// [`Error::Camera`] when a camera or the trigger failed, once, after all pairs from before.
@@ -142,30 +134,30 @@ impl Grabber {
         self.next_pair_unless(|| false)
     }
 
-    /// As [`Grabber::next_pair`], but nothing once `stopped`, which is asked again and again.
+    /// [`Grabber::next_pair`], or `None` once `stopped`, which is polled while it waits.
     ///
     /// # Errors
     /// As there.
     pub fn next_pair_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
         if let Some(stamp_ns) = self.last_stamp_ns.take() {
-            let lateness_ns = self.clock.now_ns().saturating_sub(stamp_ns);
-            // Saturates at an hour.
+            let latency_ns = self.clock.now_ns().saturating_sub(stamp_ns);
+            // The histogram saturates at an hour.
             self.tally
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
-                .lateness_ns
-                .saturating_record(lateness_ns);
+                .latency_ns
+                .saturating_record(latency_ns);
         }
         let frame = self.queue.pop_unless(stopped)?;
         self.last_stamp_ns = frame.as_ref().map(|frame| frame.stamp_ns);
         Ok(frame)
     }
 
-    /// Ends the threads, and says what was done.
+    /// Ends the threads and returns the counts of the run.
     pub fn stop(&mut self) -> Tally {
         self.reports.close();
         let unread = self.queue.abandon();
-        // A driver that never returns cannot be waited for.
+        // A driver may hang in a call for ever: its thread is left behind, or Ctrl-C would hang too.
         let began = Instant::now();
         while began.elapsed() < STOPPING && self.threads.iter().any(|thread| !thread.is_finished())
         {
@@ -178,7 +170,7 @@ impl Grabber {
     }
 }
 
-/// How long threads may take to end; cameras look for orders several times in it.
+/// How long threads may take to end: several of the slices in which they look for orders.
 const STOPPING: Duration = Duration::from_millis(500);
 
 impl Drop for Grabber {

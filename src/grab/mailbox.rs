@@ -1,23 +1,23 @@
-//! Messages from thread to thread, waited for in the grabber's time.
+//! A channel between threads that waits on the grabber's clock.
 
-use super::clock::Clock;
+use super::clock::GrabClock;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A channel whose ends are the same thing, and whose waiting a scripted clock knows of. What is
-/// sent is bounded by its users: a camera gets an order only after its answer was read, and gives
-/// few images for one.
+/// An unbounded channel. A scripted clock knows of those who wait at it, which a channel of the
+/// standard library could not offer. Its users bound it: a camera gets an order only after its
+/// report was read, and delivers few images for one.
 pub(super) struct Mailbox<T> {
-    clock: Arc<Clock>,
-    content: Mutex<Content<T>>,
+    clock: Arc<GrabClock>,
+    state: Mutex<MailboxState<T>>,
 }
 
-struct Content<T> {
+struct MailboxState<T> {
     messages: VecDeque<T>,
     closed: bool,
 }
 
-/// What [`Mailbox::receive`] found.
+/// Result of [`Mailbox::receive`].
 #[derive(Debug, PartialEq)]
 pub(super) enum Received<T> {
     Message(T),
@@ -28,53 +28,53 @@ pub(super) enum Received<T> {
 }
 
 impl<T> Mailbox<T> {
-    pub(super) fn new(clock: &Arc<Clock>) -> Arc<Self> {
-        let content = Mutex::new(Content {
+    pub(super) fn new(clock: &Arc<GrabClock>) -> Arc<Self> {
+        let state = Mutex::new(MailboxState {
             messages: VecDeque::new(),
             closed: false,
         });
         Arc::new(Self {
             clock: clock.clone(),
-            content,
+            state,
         })
     }
 
     /// Sends, unless it is closed.
     pub(super) fn send(&self, message: T) {
-        let mut content = self.lock();
-        if !content.closed {
-            content.messages.push_back(message);
+        let mut state = self.lock();
+        if !state.closed {
+            state.messages.push_back(message);
         }
-        drop(content);
+        drop(state);
         self.clock.notify();
     }
 
-    /// Nothing is received after this, not even what was sent before: see [`Mailbox::drain`].
+    /// Ends the channel. Messages that wait are no longer received, only drained.
     pub(super) fn close(&self) {
         self.lock().closed = true;
         self.clock.notify();
     }
 
-    /// The next message, waiting for it until then.
+    /// The next message, waiting for it until that time.
     pub(super) fn receive(&self, until_ns: u64) -> Received<T> {
         let look = || {
-            let mut content = self.lock();
-            if content.closed {
+            let mut state = self.lock();
+            if state.closed {
                 return Some(Received::Closed);
             }
-            content.messages.pop_front().map(Received::Message)
+            state.messages.pop_front().map(Received::Message)
         };
         self.clock
             .wait_until(until_ns, look)
             .unwrap_or(Received::Nothing)
     }
 
-    /// What was sent and not received, of a closed mailbox.
+    /// The messages that a closed mailbox still holds.
     pub(super) fn drain(&self) -> VecDeque<T> {
         std::mem::take(&mut self.lock().messages)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Content<T>> {
-        self.content.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, MailboxState<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -8,14 +8,13 @@
 //!     └──────────── trigger ◀── when both are armed ───────┘
 //! ```
 //!
-//! Two cameras that a free-running trigger fires get out of step as soon as one of them is not
-//! ready for a pulse (figure 4.2). So here the coordinator fires, and only when both are armed
-//! (figure 4.3): a slow camera slows the rate, and the two images of a pair are always of one
-//! pulse. The other policies are there to show the difference, and for cameras that cannot be
-//! triggered.
+//! Two cameras on a trigger of fixed rate get out of step as soon as one of them is not ready for a
+//! pulse (figure 4.2). So here the coordinator triggers, and only when both are armed (figure 4.3):
+//! a slow camera slows the rate, and both images of a pair are always of one pulse. The other
+//! policies show the difference, or serve cameras that cannot be triggered.
 //!
-//! Stamps are of the middle of the exposure. Every image ends in a pair or is counted with its
-//! reason, and every pair is read or counted ([`Tally`]).
+//! Stamps are of the middle of the exposure. Every image is in a pair or counted with its reason,
+//! and every pair is read or counted ([`Tally`]).
 
 mod acquire;
 mod camera;
@@ -24,29 +23,27 @@ mod coordinator;
 mod device_clock;
 mod driver;
 mod exposure;
-mod firing;
 pub mod genicam;
 mod grabber;
 mod mailbox;
 mod pairing;
-mod pairless;
-mod pulser;
 mod queue;
 mod request;
 mod serial;
 pub mod simulated;
 mod tally;
 mod trigger;
+mod triggering;
 pub mod v4l2;
-mod watch;
+mod watchdog;
 
-pub use camera::{Camera, Capture, Limits, Settings, Side, Taken};
-pub use clock::{Clock, Participant};
+pub use camera::{Camera, Capture, Limits, Settings, Taken};
+pub use clock::{GrabClock, Participant};
 pub use device_clock::DeviceClock;
 pub use driver::{CameraPair, CameraRequest, Driver, DriverFunctions, Host, ListedCamera};
 pub use exposure::Balance;
 pub use grabber::{Grabber, Setup};
-pub use pairing::{ARRIVAL_BYTES, Pairing, Rule, Unpaired, WAITING};
+pub use pairing::{ARRIVAL_BYTES, Pairing, Rule, Unpaired, UnpairedCounts, WAITING};
 pub use queue::{Pushed, Queue, WhenFull};
 pub use request::{GrabRequest, PairBy};
 pub use serial::SerialTrigger;
@@ -93,7 +90,7 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
             format!("this svl was built without {}; {cure}", driver.name),
         )
     })?;
-    let clock = Clock::real();
+    let clock = GrabClock::real();
     let pair = (functions.open)(&CameraRequest {
         driver,
         text: source.split_once(':').map_or("", |(_, text)| text),

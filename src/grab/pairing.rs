@@ -1,40 +1,44 @@
-//! Which two images are one pair.
+//! Pairs the images of two cameras: by pulse, by nearest stamp, or by order of arrival.
 
-use super::camera::{Capture, Side};
+use super::camera::Capture;
 use crate::pairing::{Nearest, Waiting};
+use crate::stereo::Side;
 use std::collections::VecDeque;
 
 /// What makes two images a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// The same pulse fired both.
+    /// The same pulse triggered both.
     Trigger,
-    /// No other image is nearer in time to either, and they are at most so far apart. An image may
-    /// have to wait for the next of its camera, which may be nearer to its partner; not when they
-    /// are less than a quarter of the period apart, as a camera's images are at least half of it
+    /// They are each other's nearest in time, with a skew of at most `max_skew_ns`. An image may
+    /// have to wait for the next of its camera, which may be nearer to its partner; not when the
+    /// skew is below a quarter of the period, as images of one camera are at least half a period
     /// apart.
     Stamp { max_skew_ns: u64, period_ns: u64 },
-    /// The n-th of one and the n-th of the other, whatever they show: to see what goes wrong
-    /// (thesis, figure 4.2). Images wait for their n-th partner up to [`ARRIVAL_BYTES`] of them.
+    /// The n-th of one and the n-th of the other, whatever they show, as in the thesis's figure 4.2.
+    /// At most [`ARRIVAL_BYTES`] wait for their partner.
     Arrival,
 }
+
+/// Images by [`Unpaired`] reason, in the order of [`Unpaired::ALL`].
+pub type UnpairedCounts = [u64; Unpaired::ALL.len()];
 
 /// Why an image is in no pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unpaired {
-    /// The other camera missed that trigger, or nobody knows which it was.
+    /// The other camera missed that pulse, or the pulse is unknown.
     Missed,
     /// No image of the other camera was near enough in time.
     Skew,
     /// The other image was exposed with other settings.
     Settings,
-    /// The other camera fell so far behind that this was given up.
+    /// Timed out: the other camera fell too far behind.
     Overdue,
     /// The run ended before its partner came.
     Unfinished,
-    /// Part of it was lost on its way from the camera.
+    /// Part of it was lost in transfer.
     Damaged,
-    /// The camera took it before its settings were in force, or of a pulse that had been given up.
+    /// Taken before its settings were in force, or of a pulse that had timed out.
     Unready,
 }
 
@@ -49,7 +53,7 @@ impl Unpaired {
         Unpaired::Unready,
     ];
 
-    /// For a person, after a number.
+    /// Words that follow a number of images. Recordings hold them as keys: they do not change.
     pub fn words(self) -> &'static str {
         match self {
             Unpaired::Missed => "whose trigger the other camera missed",
@@ -62,7 +66,7 @@ impl Unpaired {
         }
     }
 
-    /// What helps when there are no others.
+    /// The cure when this is the most frequent reason.
     pub(super) fn cure(self) -> &'static str {
         match self {
             Unpaired::Missed | Unpaired::Overdue => {
@@ -78,25 +82,25 @@ impl Unpaired {
     }
 }
 
-/// Images of one camera that may wait for the other's.
+/// Limit of the images of one camera that wait for the other's.
 pub const WAITING: usize = 16;
-/// Of images that are paired in the order of arrival, more wait with every pulse that one camera
-/// misses.
+/// That limit in bytes for pairing by arrival, where one more image waits after every pulse that one
+/// camera misses.
 pub const ARRIVAL_BYTES: usize = 1 << 29;
 
-/// Pairs images as they come. Each camera's come in the order of their exposure.
+/// Pairs images as they come; those of each camera come in the order of their exposure.
 pub struct Pairing {
     rule: Rule,
     waiting: [VecDeque<Capture>; 2],
-    unpaired: [u64; Unpaired::ALL.len()],
+    unpaired: UnpairedCounts,
 }
 
-/// What becomes of the two images that have waited longest.
-enum Verdict {
+/// What happens to the two images that have waited longest.
+enum PairDecision {
     Pair,
-    /// Not yet known: the next image of this camera may be nearer.
+    /// Unknown yet: the next image of this camera may be nearer.
     Wait(Side),
-    Partnerless(Side, Unpaired),
+    Unpaired(Side, Unpaired),
 }
 
 impl Pairing {
@@ -104,11 +108,11 @@ impl Pairing {
         Self {
             rule,
             waiting: Default::default(),
-            unpaired: [0; Unpaired::ALL.len()],
+            unpaired: UnpairedCounts::default(),
         }
     }
 
-    /// Takes an image, left or right; [`Pairing::pair`] has the pairs that it completes.
+    /// Adds an image; [`Pairing::pair`] returns the pairs that it completes.
     pub fn push(&mut self, side: Side, capture: Capture) {
         let (width, height) = capture.image.size();
         let most = match self.rule {
@@ -117,25 +121,25 @@ impl Pairing {
         };
         let queue = &mut self.waiting[side as usize];
         queue.push_back(capture);
-        // Who has the next pairs at once leaves at most one camera's images waiting, and one of the
-        // other's.
+        // A caller who takes pairs after each push leaves the images of one camera waiting and at
+        // most one of the other, so only this queue can be too long.
         if queue.len() > most {
-            self.give_up(side, Unpaired::Overdue);
+            self.drop_first(side, Unpaired::Overdue);
         }
     }
 
-    /// The next pair that there is, left first. To be asked until there is none.
+    /// The next complete pair, left first. To be called until there is none.
     pub fn pair(&mut self) -> Option<[Capture; 2]> {
         self.pair_heads(false)
     }
 
-    /// As [`Pairing::pair`] when no more images come; what then still waits is given up.
+    /// [`Pairing::pair`] when no more images come; images that still wait are unpaired.
     pub fn finish(&mut self) -> Option<[Capture; 2]> {
         let pair = self.pair_heads(true);
         if pair.is_none() {
             for side in Side::BOTH {
                 while !self.waiting[side as usize].is_empty() {
-                    self.give_up(side, Unpaired::Unfinished);
+                    self.drop_first(side, Unpaired::Unfinished);
                 }
             }
         }
@@ -143,19 +147,19 @@ impl Pairing {
     }
 
     /// Counts an image that is not to be in any pair.
-    pub(super) fn leave_out(&mut self, reason: Unpaired) {
+    pub(super) fn discard(&mut self, reason: Unpaired) {
         self.unpaired[reason as usize] += 1;
     }
 
-    /// Images without a partner so far, by reason.
-    pub fn unpaired(&self) -> [u64; Unpaired::ALL.len()] {
+    /// Unpaired images so far.
+    pub fn unpaired(&self) -> UnpairedCounts {
         self.unpaired
     }
 
     fn pair_heads(&mut self, ended: bool) -> Option<[Capture; 2]> {
         while let [Some(left), Some(right)] = [self.waiting[0].front(), self.waiting[1].front()] {
             let verdict = match self.rule {
-                Rule::Arrival => Verdict::Pair,
+                Rule::Arrival => PairDecision::Pair,
                 Rule::Trigger => by_trigger(left, right),
                 Rule::Stamp {
                     max_skew_ns,
@@ -163,16 +167,16 @@ impl Pairing {
                 } => self.by_stamp(left, right, max_skew_ns, period_ns),
             };
             match verdict {
-                Verdict::Wait(side)
+                PairDecision::Wait(side)
                     if !ended && self.waiting[side.other() as usize].len() < WAITING =>
                 {
                     return None;
                 }
-                Verdict::Partnerless(side, reason) => self.give_up(side, reason),
+                PairDecision::Unpaired(side, reason) => self.drop_first(side, reason),
                 _ if left.ordered != right.ordered => {
                     Side::BOTH
                         .into_iter()
-                        .for_each(|side| self.give_up(side, Unpaired::Settings));
+                        .for_each(|side| self.drop_first(side, Unpaired::Settings));
                 }
                 _ => return Some([self.waiting[0].pop_front()?, self.waiting[1].pop_front()?]),
             }
@@ -186,7 +190,7 @@ impl Pairing {
         right: &Capture,
         max_skew_ns: u64,
         period_ns: u64,
-    ) -> Verdict {
+    ) -> PairDecision {
         let (earlier, earliest_ns, other_ns) = match left.stamp_ns < right.stamp_ns {
             true => (Side::Left, left.stamp_ns, right.stamp_ns),
             false => (Side::Right, right.stamp_ns, left.stamp_ns),
@@ -198,26 +202,26 @@ impl Pairing {
             other_ns,
         };
         match waiting.nearest(max_skew_ns, period_ns / 4) {
-            Nearest::TooFar | Nearest::Overtaken => Verdict::Partnerless(earlier, Unpaired::Skew),
-            Nearest::Unknown => Verdict::Wait(earlier),
-            Nearest::Pair => Verdict::Pair,
+            Nearest::TooFar | Nearest::Overtaken => PairDecision::Unpaired(earlier, Unpaired::Skew),
+            Nearest::Unknown => PairDecision::Wait(earlier),
+            Nearest::Pair => PairDecision::Pair,
         }
     }
 
-    fn give_up(&mut self, side: Side, reason: Unpaired) {
+    fn drop_first(&mut self, side: Side, reason: Unpaired) {
         self.unpaired[reason as usize] +=
             u64::from(self.waiting[side as usize].pop_front().is_some());
     }
 }
 
-/// Which of the two has no partner: the one of the earlier pulse, or of none that is known.
-fn by_trigger(left: &Capture, right: &Capture) -> Verdict {
+/// By pulse: the image of the earlier pulse has no partner, nor has one whose pulse is unknown.
+fn by_trigger(left: &Capture, right: &Capture) -> PairDecision {
     let side = match (left.trigger_id, right.trigger_id) {
         (None, _) => Side::Left,
         (_, None) => Side::Right,
         (left, right) if left < right => Side::Left,
         (left, right) if right < left => Side::Right,
-        _ => return Verdict::Pair,
+        _ => return PairDecision::Pair,
     };
-    Verdict::Partnerless(side, Unpaired::Missed)
+    PairDecision::Unpaired(side, Unpaired::Missed)
 }

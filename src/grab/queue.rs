@@ -1,20 +1,20 @@
-//! Pairs on their way to the writer.
+//! The bounded queue between the grabber and the writer.
 
 use crate::error::Result;
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// What to do with a pair when the writer is behind and the queue is full.
+/// What happens to a pair when the queue is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
-    /// Wait for the writer: nothing is fired meanwhile.
+    /// Backpressure: wait for the writer, and trigger nothing meanwhile.
     Wait,
     /// Drop the new pair.
     Drop,
 }
 
-/// What became of a pair.
+/// Result of [`Queue::push`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pushed {
     Taken,
@@ -22,33 +22,33 @@ pub enum Pushed {
     Late,
     /// The queue was full.
     Dropped,
-    /// Nobody will read it.
+    /// The reader has stopped.
     Abandoned,
 }
 
-/// From one question whether to stop to the next.
+/// Interval at which a waiting reader polls whether to stop.
 const ASKING: Duration = Duration::from_millis(50);
 
-/// A queue of bounded length with one end to write and one to read.
+/// A bounded queue with one writer and one reader.
 pub struct Queue<T> {
     length: usize,
     when_full: WhenFull,
-    content: Mutex<Content<T>>,
+    state: Mutex<QueueState<T>>,
     changed: Condvar,
 }
 
-struct Content<T> {
+struct QueueState<T> {
     items: VecDeque<T>,
-    /// How the writing end ended.
+    /// How the writer ended.
     ended: Option<Result<()>>,
     closed: bool,
     abandoned: bool,
 }
 
 impl<T> Queue<T> {
-    /// At most `length` items, at least one.
+    /// `length`: limit of items, at least one.
     pub fn new(length: usize, when_full: WhenFull) -> Self {
-        let content = Content {
+        let state = QueueState {
             items: VecDeque::new(),
             ended: None,
             closed: false,
@@ -57,66 +57,66 @@ impl<T> Queue<T> {
         Self {
             length: length.max(1),
             when_full,
-            content: Mutex::new(content),
+            state: Mutex::new(state),
             changed: Condvar::new(),
         }
     }
 
     pub fn push(&self, item: T) -> Pushed {
-        let mut content = self.lock();
+        let mut state = self.lock();
         let mut pushed = Pushed::Taken;
-        while content.items.len() >= self.length && !content.abandoned {
+        while state.items.len() >= self.length && !state.abandoned {
             if self.when_full == WhenFull::Drop {
                 return Pushed::Dropped;
             }
             pushed = Pushed::Late;
-            content = self
+            state = self
                 .changed
-                .wait(content)
+                .wait(state)
                 .unwrap_or_else(PoisonError::into_inner);
         }
-        if content.abandoned {
+        if state.abandoned {
             return Pushed::Abandoned;
         }
-        content.items.push_back(item);
+        state.items.push_back(item);
         self.changed.notify_all();
         pushed
     }
 
-    /// No more items come, and why.
+    /// The writer ends, with the error that ended it.
     pub fn close(&self, ended: Result<()>) {
-        let mut content = self.lock();
-        (content.ended, content.closed) = (Some(ended), true);
+        let mut state = self.lock();
+        (state.ended, state.closed) = (Some(ended), true);
         self.changed.notify_all();
     }
 
-    /// The next item, waiting for it. After the last one nothing, and when `stopped`, which is
-    /// asked again and again.
+    /// The next item, waiting for it. `None` after the last one, and when `stopped`, which is
+    /// polled while it waits.
     ///
     /// # Errors
-    /// What ended the writing end, once, after the last item.
+    /// The error that ended the writer, once, after the last item.
     pub fn pop_unless(&self, stopped: impl Fn() -> bool) -> Result<Option<T>> {
-        let mut content = self.lock();
+        let mut state = self.lock();
         loop {
-            if let Some(item) = content.items.pop_front() {
+            if let Some(item) = state.items.pop_front() {
                 self.changed.notify_all();
                 return Ok(Some(item));
             }
-            if content.closed {
-                return content.ended.take().unwrap_or(Ok(())).map(|()| None);
+            if state.closed {
+                return state.ended.take().unwrap_or(Ok(())).map(|()| None);
             }
             if stopped() {
                 return Ok(None);
             }
-            content = self
+            state = self
                 .changed
-                .wait_timeout(content, ASKING)
+                .wait_timeout(state, ASKING)
                 .unwrap_or_else(PoisonError::into_inner)
                 .0;
         }
     }
 
-    /// As [`Queue::pop_unless`], for ever.
+    /// [`Queue::pop_unless`] that waits for ever.
     ///
     /// # Errors
     /// As there.
@@ -124,15 +124,15 @@ impl<T> Queue<T> {
         self.pop_unless(|| false)
     }
 
-    /// Nothing is read any more. Says how many items were left.
+    /// The reader ends. Returns how many items were left.
     pub fn abandon(&self) -> usize {
-        let mut content = self.lock();
-        content.abandoned = true;
+        let mut state = self.lock();
+        state.abandoned = true;
         self.changed.notify_all();
-        std::mem::take(&mut content.items).len()
+        std::mem::take(&mut state.items).len()
     }
 
-    fn lock(&self) -> MutexGuard<'_, Content<T>> {
-        self.content.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, QueueState<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,45 +1,45 @@
-//! What the grabber did, in numbers.
+//! Counts of a run: pulses, images, pairs, drops with their reasons, skew and latency.
 
-use super::pairing::Unpaired;
+use super::pairing::{Unpaired, UnpairedCounts};
 use crate::counted;
 use hdrhistogram::Histogram;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Counts of a run. Nothing goes uncounted: `frames` = 2 · `pairs` + `unpaired`, and `pairs` =
+/// Counts of a run. Every image and pair is in them: `frames` = 2 · `pairs` + `unpaired`, and `pairs` =
 /// written + `dropped` + `unread`.
 #[derive(Clone, Debug)]
 pub struct Tally {
     /// Pulses sent to the cameras.
     pub pulses: u64,
-    /// Pulses that the trigger counted and nobody asked for.
+    /// Pulses that the trigger counted and svl did not request.
     pub stray_pulses: u64,
     /// Images of the left and of the right camera.
     pub frames: [u64; 2],
     pub pairs: u64,
-    /// Images in no pair, by reason, in the order of [`Unpaired::ALL`].
-    pub unpaired: [u64; Unpaired::ALL.len()],
+    /// Unpaired images by reason, in the order of [`Unpaired::ALL`].
+    pub unpaired: UnpairedCounts,
     /// Pairs that a full queue dropped.
     pub dropped: u64,
-    /// How many times the grabber waited for the writer.
+    /// Times that the grabber waited for the writer (backpressure).
     pub waited: u64,
-    /// Pairs that were grabbed when the writer had enough.
+    /// Pairs grabbed after the writer's last.
     pub unread: u64,
-    /// |right − left stamp| of the pairs, nanoseconds.
+    /// Skew of the pairs, |right − left stamp|, nanoseconds.
     pub skew_ns: Histogram<u64>,
-    /// From the middle of a pair's exposure until it was written, nanoseconds.
-    pub lateness_ns: Histogram<u64>,
+    /// Latency of the pairs, from the middle of the exposure until written, nanoseconds.
+    pub latency_ns: Histogram<u64>,
 }
 
-/// Three digits of everything up to an hour: 50 kB, however long the run.
+/// Three digits of values up to an hour: 50 kB, however long the run.
 fn histogram() -> Histogram<u64> {
-    // Constants within the bounds that its documentation gives.
+    // The constants are within the bounds of its documentation.
     Histogram::new_with_bounds(1, 3_600_000_000_000, 3).expect("valid bounds")
 }
 
 impl Default for Tally {
     fn default() -> Self {
-        let (skew_ns, lateness_ns) = (histogram(), histogram());
+        let (skew_ns, latency_ns) = (histogram(), histogram());
         Self {
             pulses: 0,
             stray_pulses: 0,
@@ -50,18 +50,18 @@ impl Default for Tally {
             waited: 0,
             unread: 0,
             skew_ns,
-            lateness_ns,
+            latency_ns,
         }
     }
 }
 
 impl Tally {
-    /// Images that are in no recording: without a partner, or dropped with it.
+    /// Images that are in no recording: unpaired, or of a dropped pair.
     pub fn drops(&self) -> u64 {
         self.unpaired.iter().sum::<u64>() + 2 * self.dropped
     }
 
-    /// The counts by their names, and all in one line as `counts`.
+    /// The counts by name, and all of them in one line as `counts`.
     pub fn facts(&self) -> BTreeMap<String, String> {
         let [left, right] = self.frames;
         let counts = [
@@ -96,7 +96,7 @@ impl fmt::Display for Tally {
             write!(f, "{}, ", counted(self.pulses, "pulse"))?;
         }
         if self.stray_pulses > 0 {
-            write!(f, "{} more that nobody asked for, ", self.stray_pulses)?;
+            write!(f, "{} more that svl did not request, ", self.stray_pulses)?;
         }
         let Self {
             frames: [left, right],
@@ -132,10 +132,7 @@ impl fmt::Display for Tally {
         if *unread > 0 {
             write!(f, ", {unread} grabbed beyond the end")?;
         }
-        for (name, times) in [
-            ("skew", &self.skew_ns),
-            ("writer's lateness", &self.lateness_ns),
-        ] {
+        for (name, times) in [("skew", &self.skew_ns), ("latency", &self.latency_ns)] {
             if !times.is_empty() {
                 write!(f, "; {name} {}", Percentiles(times))?;
             }
@@ -165,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn percentiles_of_nothing_are_not_told() {
+    fn percentiles_of_nothing_are_not_shown() {
         let mut tally = Tally::default();
         assert!(
             tally.to_string().ends_with("0 waits for the writer"),
@@ -174,7 +171,7 @@ mod tests {
         tally.skew_ns.saturating_record(1_000_000);
         assert!(
             tally.to_string().contains("; skew p50 1.000")
-                && !tally.to_string().contains("lateness"),
+                && !tally.to_string().contains("latency"),
             "{tally}"
         );
     }

@@ -57,7 +57,7 @@ expect 0 "pairs      60" "whole      yes"
 try record "$small,format=YUYV" --rate 50 --frames 60 -o yuyv.mcap
 expect 0 "60 pairs"
 try record "$both,size=640x480" --frames 10 -o slow.mcap
-expect 0 "10 pairs" "gives 25.0 images a second in GREY of 640x480"
+expect 0 "10 pairs" "gives 25.0 images per second in GREY of 640x480"
 control 0 timestamp_source=1
 control 1 timestamp_source=1
 try record "$small" --frames 20 -o begin.mcap
@@ -116,7 +116,7 @@ control 1 wrap_timestamp=0
 begin fatal.mcap "$small"
 control 0 inject_fatal_streaming_error=1
 ended
-expect 1 "left camera, /dev/video0: its driver gave up; unplug it, plug it in and record again"
+expect 1 "left camera, /dev/video0: its driver failed; unplug it, plug it in and record again"
 
 begin gone.mcap "$small"
 control 1 disconnect=1

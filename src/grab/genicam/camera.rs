@@ -1,9 +1,9 @@
-//! A GenICam camera as the grabber wants it.
+//! A GenICam camera: arm, capture, stamps.
 
-use super::device::{Device, Drive};
+use super::device::{GenicamDevice, TriggerMode};
 use crate::error::Result;
 use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
-use crate::grab::clock::Clock;
+use crate::grab::clock::GrabClock;
 use crate::grab::device_clock::DeviceClock;
 use crate::stereo::Gray;
 use aravis::glib::prelude::Cast;
@@ -12,27 +12,27 @@ use aravis::{Buffer, BufferStatus, GvStream, GvStreamSocketBuffer, PixelFormat, 
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-/// Images that may be on their way at once.
+/// Images that may be in transfer at once.
 const BUFFERS: usize = 8;
-/// Largest image: what a camera claims is not trusted beyond it.
+/// Largest image: a payload size beyond it is not believed.
 const MAX_BYTES: u32 = 1 << 28;
 
 /// One GigE Vision or USB3 Vision camera, exposing since it was opened.
 pub struct GenicamCamera {
     stream: Stream,
-    device: Arc<Device>,
-    clock: Arc<Clock>,
+    device: Arc<GenicamDevice>,
+    clock: Arc<GrabClock>,
     device_clock: DeviceClock,
     limits: Limits,
-    /// What was asked for, what it is set to, and since when.
+    /// Settings ordered, settings in force, and since when.
     settings: Option<(Settings, Settings, u64)>,
     size: [i32; 2],
 }
 
 impl GenicamCamera {
-    pub(super) fn open(name: &str, drive: Drive, clock: &Arc<Clock>) -> Result<Self> {
-        let device = Device::open(name)?;
-        device.prepare(drive)?;
+    pub(super) fn open(name: &str, mode: TriggerMode, clock: &Arc<GrabClock>) -> Result<Self> {
+        let device = GenicamDevice::open(name)?;
+        device.prepare(mode)?;
         let limits = device.limits()?;
         let size =
             device.ask(|camera| camera.region().map(|(_, _, width, height)| [width, height]))?;
@@ -44,7 +44,7 @@ impl GenicamCamera {
         }
         let stream = device.ask(|camera| camera.create_stream())?;
         if let Some(stream) = stream.downcast_ref::<GvStream>() {
-            // The system's usual one is smaller than an image.
+            // The system's default is smaller than an image, and packets would be lost.
             stream.set_socket_buffer(GvStreamSocketBuffer::Auto);
         }
         (0..BUFFERS).for_each(|_| stream.push_buffer(Buffer::new_allocate(bytes as usize)));
@@ -62,7 +62,7 @@ impl GenicamCamera {
         })
     }
 
-    pub(super) fn device(&self) -> Arc<Device> {
+    pub(super) fn device(&self) -> Arc<GenicamDevice> {
         self.device.clone()
     }
 
@@ -73,7 +73,8 @@ impl GenicamCamera {
 
     /// End of the exposure of a whole image.
     fn exposed_ns(&mut self, buffer: &Buffer, settings: Settings) -> u64 {
-        // aravis notes the arrival by the system's clock, which may be set while svl's goes on.
+        // aravis stamps the arrival by the system's clock, which may be stepped; svl's is
+        // monotonic. So only the age of the image is taken from it.
         let now_ns = SystemTime::UNIX_EPOCH
             .elapsed()
             .map_or(0, |now| now.as_nanos() as u64);
@@ -87,7 +88,7 @@ impl GenicamCamera {
         }
     }
 
-    /// What is in a buffer.
+    /// The outcome of a buffer; `None` before the first order.
     fn read(&mut self, buffer: &Buffer) -> Option<Taken> {
         let (ordered, settings, since_ns) = self.settings?;
         let status = buffer.status();
@@ -168,8 +169,8 @@ impl Camera for GenicamCamera {
         Ok(())
     }
 
-    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
-        let Some(buffer) = self.stream.timeout_pop_buffer(patience.as_micros() as u64) else {
+    fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>> {
+        let Some(buffer) = self.stream.timeout_pop_buffer(timeout.as_micros() as u64) else {
             return self.device.answers().map(|()| None);
         };
         let taken = self.read(&buffer);

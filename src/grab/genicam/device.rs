@@ -1,4 +1,4 @@
-//! One camera's features, and which cameras there are.
+//! The features of a GenICam camera, and the cameras on this network and bus.
 
 use crate::error::{Error, Result};
 use crate::grab::camera::{Limits, Settings};
@@ -10,21 +10,21 @@ use std::fmt::Display;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
-/// What aravis answers.
-type Answer<T> = std::result::Result<T, glib::Error>;
+/// Result of a call to aravis.
+type AravisResult<T> = std::result::Result<T, glib::Error>;
 
-/// What fires the exposures of a camera.
+/// What triggers a camera (SFNC `TriggerMode`, `TriggerSource`).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Drive {
+pub enum TriggerMode {
     /// [`super::trigger::SoftwareTrigger`].
     Software,
     /// A rising edge on the first trigger line that the camera has.
     Line,
-    /// Its own clock.
+    /// Nothing: its own clock.
     FreeRunning { rate_hz: f64 },
 }
 
-/// The cameras that answer within a second.
+/// The cameras that answer discovery, which takes about a second.
 pub(super) fn list() -> Vec<ListedCamera> {
     static ARAVIS: LazyLock<Option<Mutex<Aravis>>> =
         LazyLock::new(|| Aravis::initialize().ok().map(Mutex::new));
@@ -51,7 +51,7 @@ pub(super) fn list() -> Vec<ListedCamera> {
     listed.collect()
 }
 
-/// Why a camera that was named cannot be opened.
+/// The error for a name that cannot be opened.
 fn unknown(name: &str, error: &glib::Error) -> Error {
     let answering: Vec<_> = list()
         .into_iter()
@@ -70,16 +70,16 @@ fn unknown(name: &str, error: &glib::Error) -> Error {
 }
 
 /// A camera's features. Its acquisition thread and the trigger's share them.
-pub(super) struct Device {
+pub(super) struct GenicamDevice {
     pub(super) name: String,
     camera: Mutex<aravis::Camera>,
-    /// It no longer answers.
+    /// Set by aravis once the camera no longer answers.
     lost: Arc<AtomicBool>,
 }
 
-impl Device {
+impl GenicamDevice {
     pub(super) fn open(name: &str) -> Result<Self> {
-        // To aravis no name is any camera.
+        // Without a name aravis would open any camera.
         let camera = aravis::Camera::new(Some(name)).map_err(|e| unknown(name, &e))?;
         let lost = Arc::new(AtomicBool::new(false));
         if let Some(device) = camera.device() {
@@ -102,8 +102,8 @@ impl Device {
         })
     }
 
-    /// Grey images of 8 bits, exposed by what drives it, without automatics.
-    pub(super) fn prepare(&self, drive: Drive) -> Result<()> {
+    /// Sets 8-bit grey images and the trigger mode, and turns automatic exposure and gain off.
+    pub(super) fn prepare(&self, mode: TriggerMode) -> Result<()> {
         let camera = self.lock();
         let formats = camera
             .dup_available_pixel_formats_as_strings()
@@ -114,8 +114,9 @@ impl Device {
                 formats.join(", ")
             )));
         }
-        let prepared = || -> Answer<()> {
+        let prepared = || -> AravisResult<()> {
             camera.set_pixel_format_from_string(MONO8)?;
+            // Automatics of two cameras drift apart; svl's exposure balance sets both alike.
             if camera.is_exposure_auto_available()? {
                 camera.set_exposure_time_auto(Auto::Off)?;
             }
@@ -125,12 +126,12 @@ impl Device {
             camera.set_acquisition_mode(aravis::AcquisitionMode::Continuous)
         };
         prepared().map_err(|e| self.failed(&e))?;
-        let driven = match drive {
-            Drive::FreeRunning { rate_hz } => camera
+        let driven = match mode {
+            TriggerMode::FreeRunning { rate_hz } => camera
                 .clear_triggers()
                 .and_then(|()| camera.set_frame_rate(rate_hz)),
-            Drive::Software => camera.set_trigger("Software"),
-            Drive::Line => {
+            TriggerMode::Software => camera.set_trigger("Software"),
+            TriggerMode::Line => {
                 let sources = camera
                     .dup_available_trigger_sources()
                     .map_err(|e| self.failed(&e))?;
@@ -143,7 +144,7 @@ impl Device {
         driven.map_err(|e| self.failed(&e))
     }
 
-    /// What its exposure and its gain can be set to; no gain where it is not in decibels.
+    /// Its limits; no gain where that is not in decibels.
     pub(super) fn limits(&self) -> Result<Limits> {
         let camera = self.lock();
         let (shortest_us, longest_us) =
@@ -164,10 +165,10 @@ impl Device {
         })
     }
 
-    /// Sets shutter and gain, and says what they are then: a camera takes the nearest that it has.
+    /// Sets shutter and gain and returns what the camera made of them: the nearest that it has.
     pub(super) fn expose(&self, settings: Settings, limits: &Limits) -> Result<Settings> {
         let camera = self.lock();
-        let exposed = || -> Answer<Settings> {
+        let exposed = || -> AravisResult<Settings> {
             camera.set_exposure_time(settings.shutter_us.into())?;
             // Casts saturate.
             let shutter_us = camera.exposure_time()?.round() as u32;
@@ -186,13 +187,16 @@ impl Device {
         exposed().map_err(|e| self.failed(&e))
     }
 
-    pub(super) fn fire(&self) -> Result<()> {
+    pub(super) fn trigger(&self) -> Result<()> {
         self.answers()?;
         self.lock().software_trigger().map_err(|e| self.failed(&e))
     }
 
-    /// Something of the camera, or the error with its name.
-    pub(super) fn ask<T>(&self, question: impl Fn(&aravis::Camera) -> Answer<T>) -> Result<T> {
+    /// Calls aravis; an error gets the camera's name.
+    pub(super) fn ask<T>(
+        &self,
+        question: impl Fn(&aravis::Camera) -> AravisResult<T>,
+    ) -> Result<T> {
         question(&self.lock()).map_err(|e| self.failed(&e))
     }
 
@@ -225,5 +229,5 @@ impl Device {
 
 const SILENT: &str = "does not answer; check its power and its cable, and record again";
 const MONO8: &str = "Mono8";
-/// In decibels or another unit (SFNC); some cameras have but a raw one, of another name.
+/// In decibels or another unit (SFNC); some cameras only have a raw one under another name.
 const GAIN: &str = "Gain";

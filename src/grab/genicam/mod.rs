@@ -1,12 +1,12 @@
 //! GigE Vision and USB3 Vision cameras, through [aravis](https://aravisproject.github.io/aravis/).
 //!
-//! Stamps are of the camera's own clock, taken as the begin of the exposure (SFNC, `Timestamp`) and
-//! brought to the host's clock by when the first packet of each image came
-//! ([`super::DeviceClock`]). That asks nothing of the camera beyond a stamp; one that gives none is
-//! stamped by that packet. A camera's number of an image counts images, not the pulses that it
-//! missed, so it is no trigger id: the coordinator knows the pulse.
+//! Stamps come from the camera's clock, taken as the start of the exposure (SFNC, `Timestamp`), and
+//! are converted to the host's clock by the arrival of the first packet of each image
+//! ([`super::DeviceClock`]). A camera without stamps is stamped by that packet. The frame id counts
+//! images, not the pulses that a camera missed, so it is no trigger id: the coordinator knows the
+//! pulse.
 //!
-//! A camera is taken to be ready for its next trigger when its last image has arrived whole.
+//! A camera counts as ready for its next trigger when its last image has arrived complete.
 
 #[cfg(feature = "genicam")]
 mod camera;

@@ -1,7 +1,7 @@
 //! Two GenICam cameras by name, and what triggers them.
 
 use super::camera::GenicamCamera;
-use super::device::Drive;
+use super::device::TriggerMode;
 use super::trigger::SoftwareTrigger;
 use crate::error::{Error, Result};
 use crate::grab::camera::Camera;
@@ -10,10 +10,10 @@ use crate::grab::trigger::{Trigger, TriggerSource};
 
 pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let rate_hz = request.rate_hz;
-    let drive = match request.trigger {
-        TriggerSource::Software | TriggerSource::FixedRate(_) => Drive::Software,
-        TriggerSource::Serial(_) => Drive::Line,
-        TriggerSource::FreeRunning => Drive::FreeRunning { rate_hz },
+    let mode = match request.trigger {
+        TriggerSource::Software | TriggerSource::FixedRate(_) => TriggerMode::Software,
+        TriggerSource::Serial(_) => TriggerMode::Line,
+        TriggerSource::FreeRunning => TriggerMode::FreeRunning { rate_hz },
     };
     let Some((left, right)) = two_names(request.text) else {
         return Err(Error::Usage(format!(
@@ -23,8 +23,8 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         )));
     };
     let cameras = [
-        GenicamCamera::open(left, drive, request.clock)?,
-        GenicamCamera::open(right, drive, request.clock)?,
+        GenicamCamera::open(left, mode, request.clock)?,
+        GenicamCamera::open(right, mode, request.clock)?,
     ];
     let [[width, height], [other_width, other_height]] = cameras.each_ref().map(|c| c.size());
     if (width, height) != (other_width, other_height) {
@@ -34,12 +34,12 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         );
         return Err(Error::camera(left, reason));
     }
-    let trigger: Option<Box<dyn Trigger>> = match drive {
-        Drive::Software => Some(Box::new(SoftwareTrigger::new(&cameras, request.clock))),
-        Drive::Line => request
+    let trigger: Option<Box<dyn Trigger>> = match mode {
+        TriggerMode::Software => Some(Box::new(SoftwareTrigger::new(&cameras, request.clock))),
+        TriggerMode::Line => request
             .controller()?
             .map(|controller| Box::new(controller) as _),
-        Drive::FreeRunning { .. } => None,
+        TriggerMode::FreeRunning { .. } => None,
     };
     Ok(CameraPair {
         cameras: cameras.map(|camera| Box::new(camera) as Box<dyn Camera>),

@@ -1,26 +1,27 @@
 //! The software trigger of two cameras.
 
 use super::camera::GenicamCamera;
-use super::device::Device;
+use super::device::GenicamDevice;
 use crate::error::Result;
-use crate::grab::camera::Side;
-use crate::grab::clock::Clock;
+use crate::grab::camera::camera_error;
+use crate::grab::clock::GrabClock;
 use crate::grab::trigger::{Pulse, Trigger};
+use crate::stereo::Side;
 use std::sync::Arc;
 use std::thread;
 
 /// Commands both cameras to expose.
 ///
-/// Two commands are not one edge: they are sent at once by two threads, and the stamps say how far
-/// apart they came.
+/// Two commands are not one edge: two threads send them at the same time, and the stamps show the
+/// skew.
 pub struct SoftwareTrigger {
-    devices: [Arc<Device>; 2],
-    clock: Arc<Clock>,
+    devices: [Arc<GenicamDevice>; 2],
+    clock: Arc<GrabClock>,
     next_id: u64,
 }
 
 impl SoftwareTrigger {
-    pub fn new([left, right]: &[GenicamCamera; 2], clock: &Arc<Clock>) -> Self {
+    pub fn new([left, right]: &[GenicamCamera; 2], clock: &Arc<GrabClock>) -> Self {
         Self {
             devices: [left.device(), right.device()],
             clock: clock.clone(),
@@ -38,16 +39,16 @@ impl Trigger for SoftwareTrigger {
         self.next_id += 1;
         let [left, right] = &self.devices;
         let (left, right) = thread::scope(|scope| {
-            let right = scope.spawn(|| right.fire());
+            let right = scope.spawn(|| right.trigger());
             (
-                left.fire(),
+                left.trigger(),
                 right
                     .join()
                     .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
             )
         });
-        left.map_err(|e| Side::Left.blame(e))
-            .and(right.map_err(|e| Side::Right.blame(e)))?;
+        left.map_err(|e| camera_error(Side::Left, e))
+            .and(right.map_err(|e| camera_error(Side::Right, e)))?;
         Ok(pulse)
     }
 }

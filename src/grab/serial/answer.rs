@@ -1,14 +1,14 @@
-//! What the controller says: lines of a letter, two numbers and a checksum.
+//! Answers of the controller: lines of a letter, two numbers and a checksum.
 
 /// A line from the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Answer {
+pub(super) struct ControllerAnswer {
     pub(super) letter: u8,
     pub(super) first: u32,
     pub(super) second: u32,
 }
 
-impl Answer {
+impl ControllerAnswer {
     /// `<letter> <number> <number> <crc>`, without the line's end.
     pub(super) fn parse(line: &[u8]) -> Option<Self> {
         let line = std::str::from_utf8(line).ok()?;
@@ -29,7 +29,7 @@ impl Answer {
     }
 }
 
-/// Polynomial 0x07, initially 0, nothing reflected or inverted.
+/// CRC-8: polynomial 0x07, initially 0, not reflected, not inverted.
 pub(super) fn crc8(bytes: &[u8]) -> u8 {
     let shift = |crc: u8, _| {
         if crc & 0x80 == 0 {
@@ -51,8 +51,8 @@ mod tests {
     fn answers_are_what_the_readme_says() {
         assert_eq!(crc8(b"123456789"), 0xf4);
         assert_eq!(
-            Answer::parse(b"P 1 49480 3a"),
-            Some(Answer {
+            ControllerAnswer::parse(b"P 1 49480 3a"),
+            Some(ControllerAnswer {
                 letter: b'P',
                 first: 1,
                 second: 49480
@@ -67,7 +67,7 @@ mod tests {
             "P 1 49480 +a",
             "PP 1 49480 3a",
         ] {
-            assert_eq!(Answer::parse(wrong.as_bytes()), None, "{wrong}");
+            assert_eq!(ControllerAnswer::parse(wrong.as_bytes()), None, "{wrong}");
         }
     }
 }

@@ -1,6 +1,6 @@
-//! The line to the controller: bytes out, answers in.
+//! The serial line to the controller: sends bytes, receives answers, counts what is garbled.
 
-use super::answer::Answer;
+use super::answer::ControllerAnswer;
 use super::trouble::{Trouble, Troubles};
 use crate::error::{Error, Result};
 use serial2::SerialPort;
@@ -9,25 +9,25 @@ use std::time::{Duration, Instant};
 
 /// Longer than any answer.
 const LONGEST: usize = 64;
-/// As much as the system keeps for a reader.
+/// Size of the system's input buffer.
 const BUFFER: usize = 4096;
 
-/// An open port, and what came from it and was not yet looked at.
-pub(super) struct Line {
+/// An open port and the bytes received but not yet parsed.
+pub(super) struct SerialLine {
     name: String,
     port: SerialPort,
     received: Vec<u8>,
-    /// Whether a controller has ever answered.
+    /// Whether a controller has answered.
     pub(super) heard: bool,
-    /// Lines that were no answers before: a bootloader's, or of something that is no controller.
+    /// Lines before the first answer: from a bootloader, or a device that is no controller.
     pub(super) strange: u64,
     pub(super) troubles: Troubles,
 }
 
-impl Line {
+impl SerialLine {
     pub(super) fn new(port: SerialPort, name: &str) -> Self {
         let name = format!("trigger {name}");
-        let troubles = Troubles::of(&name);
+        let troubles = Troubles::new(&name);
         Self {
             name,
             port,
@@ -38,9 +38,9 @@ impl Line {
         }
     }
 
-    /// The next answer that is whole. What is cut off or garbled is counted and passed over. After
-    /// the deadline it is one that has already come, or nothing.
-    pub(super) fn next(&mut self, deadline: Instant) -> Result<Option<Answer>> {
+    /// The next valid answer; garbled lines are counted and skipped. After the deadline, only an
+    /// answer that has already come.
+    pub(super) fn next(&mut self, deadline: Instant) -> Result<Option<ControllerAnswer>> {
         let mut over = false;
         loop {
             if let Some(answer) = self.received_answer() {
@@ -56,10 +56,10 @@ impl Line {
         }
     }
 
-    fn received_answer(&mut self) -> Option<Answer> {
+    fn received_answer(&mut self) -> Option<ControllerAnswer> {
         while let Some(end) = self.received.iter().position(|&byte| byte == b'\n') {
             let line: Vec<u8> = self.received.drain(..=end).collect();
-            match Answer::parse(&line[..end]) {
+            match ControllerAnswer::parse(&line[..end]) {
                 None if end > 0 => self.garbled(),
                 None => {}
                 answer => return answer,
@@ -79,13 +79,13 @@ impl Line {
         }
     }
 
-    fn receive(&mut self, patience: Duration) -> Result<()> {
+    fn receive(&mut self, timeout: Duration) -> Result<()> {
         let mut bytes = [0; BUFFER];
-        // The port counts whole milliseconds.
-        let patience = Duration::from_millis(patience.as_micros().div_ceil(1000) as u64);
+        // serial2 rounds timeouts down to milliseconds, and 0 would return at once.
+        let timeout = Duration::from_millis(timeout.as_micros().div_ceil(1000) as u64);
         match self
             .port
-            .set_read_timeout(patience)
+            .set_read_timeout(timeout)
             .and_then(|()| self.port.read(&mut bytes))
         {
             Ok(0) => Err(self.gone()),
@@ -109,7 +109,7 @@ impl Line {
     }
 
     fn failed(&self, done: &str, cause: &io::Error) -> Error {
-        // EIO, ENXIO, ENODEV: what was plugged in is no more.
+        // EIO, ENXIO, ENODEV: unplugged.
         match cause.raw_os_error() {
             Some(5 | 6 | 19) => self.gone(),
             _ if cause.kind() == io::ErrorKind::WriteZero => self.gone(),

@@ -1,4 +1,5 @@
-//! The trigger controller at the end of a serial line. Its protocol is told in firmware/README.md.
+//! The trigger controller on a serial port (protocol: firmware/README.md). Counts every pulse,
+//! through lost requests, lost answers, noise on the line and resets.
 
 mod answer;
 mod line;
@@ -7,12 +8,12 @@ mod port;
 mod tests;
 mod trouble;
 
-use super::clock::Clock;
+use super::clock::GrabClock;
 use super::trigger::{Pulse, Trigger};
 use crate::counted;
 use crate::error::{Error, Result};
-use answer::Answer;
-use line::Line;
+use answer::ControllerAnswer;
+use line::SerialLine;
 use serial2::SerialPort;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,47 +21,47 @@ use std::time::{Duration, Instant};
 use trouble::Trouble;
 
 const VERSION: u32 = 1;
-/// A board that was reset may be in its bootloader so long.
+/// Longest stay of a board in its bootloader after a reset.
 const BOOT: Duration = Duration::from_secs(3);
-/// One that was not, and hears for the first time, answers within this.
+/// Time to the first answer of a board that was not reset.
 const PRESENCE: Duration = Duration::from_secs(1);
-/// After this a request or its answer was lost.
+/// Time after which a request or its answer counts as lost.
 const ANSWER: Duration = Duration::from_millis(100);
-/// Requests for one pulse, after which there is no use in another.
+/// Limit of the requests for one pulse.
 const ATTEMPTS: u32 = 3;
-/// Pulse lengths that the controller takes.
+/// Range of the pulse length.
 const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_micros(20_000);
-/// A count lower than the one before, with at most so many pulses between, went past its 32 bits.
-/// Else it began anew.
+/// A count that is lower than the one before has wrapped around its 32 bits if at most this many
+/// pulses lie between; else the controller was reset.
 const WRAP: u32 = 1 << 16;
 
-/// A controller that gives pulses.
+/// An opened trigger controller.
 pub struct SerialTrigger {
-    line: Line,
-    clock: Arc<Clock>,
+    line: SerialLine,
+    clock: Arc<GrabClock>,
     length: Duration,
-    /// Whether the controller has it: after a reset it has not.
+    /// False after a reset, which undoes it.
     length_is_set: bool,
-    /// When the last pulse was heard of.
+    /// When the last pulse was reported.
     last: Option<Instant>,
-    /// The controller's count of pulses, 32 bits since its reset.
+    /// The controller's count of pulses since its reset, 32 bits.
     count: u32,
-    /// The pulses of all its counts: a number comes once.
+    /// Pulses over all resets: ids of pulses are unique.
     pulses: u64,
 }
 
 impl SerialTrigger {
-    /// Opens the controller at `device`, whose pulses are to fit into a period. `stopped`: asked
-    /// while it is waited for, whether to give up.
+    /// Opens the controller at `device`. Its pulses last half a period. `stopped` is polled while
+    /// svl waits for the first answer.
     ///
     /// # Errors
-    /// [`Error::Camera`] when there is none, or not one that this svl understands, and when
+    /// [`Error::Camera`] when there is no controller, one of another protocol version, and when
     /// `stopped`.
     pub fn open(
         device: &Path,
         period_ns: u64,
-        clock: &Arc<Clock>,
+        clock: &Arc<GrabClock>,
         stopped: fn() -> bool,
     ) -> Result<Self> {
         Self::on(
@@ -72,16 +73,16 @@ impl SerialTrigger {
         )
     }
 
-    /// Begins to talk with the controller on an open port.
+    /// Finds the controller on an open port.
     fn on(
         port: SerialPort,
         name: &str,
         period_ns: u64,
-        clock: &Arc<Clock>,
+        clock: &Arc<GrabClock>,
         stopped: fn() -> bool,
     ) -> Result<Self> {
         let length = Duration::from_nanos(period_ns / 2).clamp(SHORTEST, LONGEST);
-        let (line, clock) = (Line::new(port, name), clock.clone());
+        let (line, clock) = (SerialLine::new(port, name), clock.clone());
         let mut trigger = Self {
             line,
             clock,
@@ -91,26 +92,27 @@ impl SerialTrigger {
             count: 0,
             pulses: 0,
         };
-        // Opening its port resets it, or does not.
-        if !trigger.is_there(b"", b'R', BOOT, stopped)?
-            && !trigger.is_there(b"S", b'S', PRESENCE, stopped)?
+        // Opening the port resets an Uno through DTR, which then announces itself; a board whose
+        // reset line is cut has to be asked.
+        if !trigger.answers_with(b"", b'R', BOOT, stopped)?
+            && !trigger.answers_with(b"S", b'S', PRESENCE, stopped)?
         {
-            return Err(trigger.silent());
+            return Err(trigger.silence_error());
         }
         trigger.ensure_length()?;
         Ok(trigger)
     }
 
-    /// Whether it answers so for the first time.
-    fn is_there(
+    /// Whether it answers with `letter` in time.
+    fn answers_with(
         &mut self,
         request: &[u8],
         letter: u8,
-        patience: Duration,
+        timeout: Duration,
         stopped: fn() -> bool,
     ) -> Result<bool> {
         let began = Instant::now();
-        while began.elapsed() < patience {
+        while began.elapsed() < timeout {
             if stopped() {
                 return Err(self.line.error("stopped before it answered"));
             }
@@ -121,18 +123,23 @@ impl SerialTrigger {
         Ok(false)
     }
 
-    /// Asks until it answers: one that hangs is reset by its watchdog, and hears nothing before its
-    /// bootloader ends.
-    fn ask(&mut self, request: &[u8], letter: u8, patience: Duration) -> Result<Option<Answer>> {
-        let end = Instant::now() + patience;
+    /// Repeats a request until it is answered: a controller that hangs is reset by its watchdog, and
+    /// its bootloader swallows requests.
+    fn ask(
+        &mut self,
+        request: &[u8],
+        letter: u8,
+        timeout: Duration,
+    ) -> Result<Option<ControllerAnswer>> {
+        let end = Instant::now() + timeout;
         while Instant::now() < end {
             self.line.send(request)?;
             let deadline = end.min(Instant::now() + ANSWER);
             while let Some(answer) = self.line.next(deadline)? {
-                self.hear(answer)?;
+                self.apply(answer)?;
                 match answer.letter {
                     found if found == letter => return Ok(Some(answer)),
-                    // What was sent before is lost.
+                    // A reset: requests from before it are lost.
                     b'R' => break,
                     _ => {}
                 }
@@ -141,33 +148,33 @@ impl SerialTrigger {
         Ok(None)
     }
 
-    /// Sets the pulse length, where a reset has undone it.
+    /// Sets the pulse length after a reset.
     fn ensure_length(&mut self) -> Result<()> {
         if self.length_is_set {
             return Ok(());
         }
         let length_us = self.length.as_micros() as u32;
         let answer = self.ask(format!("L{length_us}\n").as_bytes(), b'L', BOOT)?;
-        let Some(Answer { first: set_us, .. }) = answer else {
-            return Err(self.silent());
+        let Some(ControllerAnswer { first: set_us, .. }) = answer else {
+            return Err(self.silence_error());
         };
         if set_us != length_us {
             return Err(self.line.error(format!(
-                "gives pulses of {set_us} µs instead of {length_us} µs"
+                "set a pulse length of {set_us} µs instead of {length_us} µs"
             )));
         }
         self.length_is_set = true;
         Ok(())
     }
 
-    /// Asks for a pulse once, and goes on until it is known whether it was given.
+    /// Requests a pulse once, and returns when it is known whether the lines rose.
     fn request(&mut self) -> Result<()> {
         let before = self.pulses;
         self.line.send(b"T")?;
         let deadline = Instant::now() + ANSWER;
         let mut refused = false;
         while let Some(answer) = self.line.next(deadline)? {
-            self.hear(answer)?;
+            self.apply(answer)?;
             if self.pulses > before {
                 return Ok(());
             }
@@ -176,12 +183,13 @@ impl SerialTrigger {
                 break;
             }
         }
-        // The status is answered last: then the answer has come, or was lost, or this one was to an
-        // earlier request.
+        // The controller answers the status last. So when it comes, the answer to the request has
+        // come or is lost, and the count says whether there was a pulse.
         if self.ask(b"S", b'S', BOOT)?.is_none() {
-            return Err(self.silent());
+            return Err(self.silence_error());
         }
         if refused {
+            // Busy: noise on the line made a pulse of its own, which has to end first.
             std::thread::sleep(self.length);
         } else if self.length_is_set {
             self.line.troubles.add(
@@ -196,17 +204,17 @@ impl SerialTrigger {
         self.ensure_length()
     }
 
-    /// Takes notice of what was said.
-    fn hear(&mut self, answer: Answer) -> Result<()> {
-        let Answer {
+    /// Applies an answer to the counts.
+    fn apply(&mut self, answer: ControllerAnswer) -> Result<()> {
+        let ControllerAnswer {
             letter,
             first,
             second,
         } = answer;
         match letter {
-            // Late, or what told of a reset was lost: the status will tell.
+            // A late answer, or the announcement of a reset was lost: the status decides.
             b'P' if self.is_behind(first) => {}
-            b'P' | b'S' => self.reach(first),
+            b'P' | b'S' => self.set_count(first),
             b'R' if second != VERSION => {
                 let reason = format!(
                     "speaks version {second} of the protocol, svl {VERSION}; flash firmware/"
@@ -222,8 +230,8 @@ impl SerialTrigger {
         Ok(())
     }
 
-    /// It has counted so far.
-    fn reach(&mut self, count: u32) {
+    /// Takes over the controller's count.
+    fn set_count(&mut self, count: u32) {
         if self.is_behind(count) {
             self.was_reset();
         }
@@ -239,7 +247,7 @@ impl SerialTrigger {
         count < self.count && count.wrapping_sub(self.count) > WRAP
     }
 
-    /// It counts from 1 again, and has forgotten the pulse length.
+    /// After a reset the count starts at 0 and the pulse length is the default.
     fn was_reset(&mut self) {
         if self.pulses > 0 {
             self.line
@@ -248,14 +256,14 @@ impl SerialTrigger {
         (self.count, self.length_is_set) = (0, false);
     }
 
-    /// Waits until the last pulse is over: a request before would be refused.
-    fn rest(&self) {
+    /// Waits for the end of the last pulse: a request before it would be refused.
+    fn wait_for_pulse_end(&self) {
         std::thread::sleep(self.last.map_or(Duration::ZERO, |last| {
             self.length.saturating_sub(last.elapsed())
         }));
     }
 
-    fn silent(&self) -> Error {
+    fn silence_error(&self) -> Error {
         self.line.error(match (self.line.heard, self.line.strange) {
             (true, _) => {
                 format!(
@@ -266,7 +274,7 @@ impl SerialTrigger {
             (false, 0) => "does not answer; is it the trigger controller, and flashed?".to_owned(),
             (false, n) => {
                 format!(
-                    "said {}, none of them a trigger controller's; is it one, and flashed?",
+                    "sent {}, none of them a trigger controller's; is it one, and flashed?",
                     counted(n, "line")
                 )
             }
@@ -276,11 +284,11 @@ impl SerialTrigger {
 
 impl Trigger for SerialTrigger {
     fn pulse(&mut self) -> Result<Pulse> {
-        self.rest();
-        // Pulses that nobody asked for, and resets: their answers must not be taken for those to
-        // come.
+        self.wait_for_pulse_end();
+        // Answers to stray pulses and resets that wait here must not be taken for the answer to the
+        // next request.
         while let Some(answer) = self.line.next(Instant::now())? {
-            self.hear(answer)?;
+            self.apply(answer)?;
         }
         self.ensure_length()?;
         let before = self.pulses;

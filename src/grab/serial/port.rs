@@ -1,4 +1,4 @@
-//! The port that a controller is at, for one program alone.
+//! Opens a serial port for this program alone.
 
 use crate::error::{Error, Result};
 use serial2::SerialPort;
@@ -25,20 +25,20 @@ pub(super) fn open(device: &Path) -> Result<SerialPort> {
     })
 }
 
-/// Two programs on one line would take each other's answers. The lock ends with the port.
+/// Two programs on one line would read each other's answers. The lock ends with the port.
 #[cfg(unix)]
 fn lock(port: &SerialPort) -> io::Result<()> {
     use std::os::fd::AsFd;
-    // Of what was opened, so that the handle may go.
+    // The lock belongs to the open file description, so it outlives this duplicate handle.
     let handle = std::fs::File::from(port.as_fd().try_clone_to_owned()?);
     match handle.try_lock() {
         Err(std::fs::TryLockError::WouldBlock) => Err(io::ErrorKind::ResourceBusy.into()),
-        // Where nothing can be locked, recording is better than not.
+        // Some systems cannot lock ports: recording without a lock is better than not at all.
         Err(std::fs::TryLockError::Error(_)) | Ok(()) => Ok(()),
     }
 }
 
-/// Windows opens a port but once.
+/// Windows opens a port only once.
 #[cfg(not(unix))]
 fn lock(_: &SerialPort) -> io::Result<()> {
     Ok(())
@@ -48,7 +48,7 @@ fn reason(cause: &io::Error, group: Option<&str>) -> String {
     use io::ErrorKind::{NotFound, PermissionDenied, ResourceBusy};
     let words = match (cause.kind(), group) {
         (ResourceBusy, _) => return "is in use by another program; end that one first".to_owned(),
-        (NotFound, _) => "no such device; plug it in; `svl record --list` shows the serial ports",
+        (NotFound, _) => "no such device; plug it in; `svl record --list` lists the serial ports",
         (PermissionDenied, Some(group)) => {
             let join = format!("sudo usermod -aG {group} $USER");
             return format!(
@@ -58,15 +58,15 @@ fn reason(cause: &io::Error, group: Option<&str>) -> String {
         (PermissionDenied, None) => "permission denied; change its permissions",
         _ => {
             return format!(
-                "is no serial port of {BAUD} baud ({cause}); `svl record --list` shows the serial \
-                 ports there are"
+                "is no serial port of {BAUD} baud ({cause}); `svl record --list` lists the \
+                 serial ports"
             );
         }
     };
     format!("cannot be opened: {words}")
 }
 
-/// The group that may use a device, where it is not everyone's and not only root's.
+/// The group that has access to a device, unless that is root.
 #[cfg(unix)]
 fn group(device: &Path) -> Option<String> {
     use std::os::unix::fs::MetadataExt;

@@ -1,3 +1,5 @@
+//! Tests of the trigger controller on a scripted peer.
+
 use super::*;
 use answer::crc8;
 use std::thread;
@@ -152,7 +154,7 @@ fn opened_on(
     let (mut theirs, ours) = SerialPort::pair().unwrap();
     theirs.set_read_timeout(Duration::from_secs(60)).unwrap();
     thread::spawn(move || peer(theirs));
-    SerialTrigger::on(ours, "pty", 200_000, &Clock::real(), stopped)
+    SerialTrigger::on(ours, "pty", 200_000, &GrabClock::real(), stopped)
 }
 
 fn ids(script: &'static [&'static str], count: usize) -> Vec<u64> {
@@ -250,7 +252,7 @@ fn numbers_go_on_beyond_32_bits() {
 #[test]
 fn what_has_come_is_read_without_waiting() {
     let (theirs, ours) = SerialPort::pair().unwrap();
-    let mut line = Line::new(ours, "pty");
+    let mut line = SerialLine::new(ours, "pty");
     assert_eq!(line.next(Instant::now()).unwrap(), None);
     theirs.write_all(b"P 1 49480 3a\n").unwrap();
     let began = Instant::now();
@@ -308,7 +310,7 @@ fn what_says_other_things_is_refused() {
     let error = refused(|port| (0..7).for_each(|_| port.write_all(POSITION).unwrap()));
     assert_eq!(
         error,
-        "trigger pty: said 7 lines, none of them a trigger controller's; is it one, and flashed?"
+        "trigger pty: sent 7 lines, none of them a trigger controller's; is it one, and flashed?"
     );
     let error = refused(|port| port.write_all(b"R 2 2 f7\n").unwrap());
     assert_eq!(

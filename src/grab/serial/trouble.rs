@@ -1,13 +1,13 @@
-//! What goes wrong on the line and costs no pulse.
+//! Faults on the serial line that cost no pulse, counted by kind.
 
 use crate::counted;
 
-/// A kind of trouble.
+/// A kind of fault.
 #[derive(Clone, Copy)]
 pub(super) enum Trouble {
-    /// A pulse was asked for, and the controller never heard of it.
+    /// A request did not reach the controller.
     Request,
-    /// A pulse was given, and its answer did not come in time.
+    /// A pulse was sent, and its answer did not arrive in time.
     Answer,
     Garbled,
     Overrun,
@@ -25,20 +25,20 @@ const NAMES: [&str; 6] = [
     "unknown byte",
 ];
 
-/// How much of each there was. A kind is told when it begins, and all of them at the end.
+/// Counts of the kinds. Warns of the first of a kind, and of all counts when dropped.
 pub(super) struct Troubles {
     name: String,
     pub(super) counts: [u64; NAMES.len()],
-    told: u64,
+    warned: u64,
 }
 
 impl Troubles {
-    /// Of a line of this name, none so far.
-    pub(super) fn of(name: &str) -> Self {
+    /// No faults yet, on the line of this name.
+    pub(super) fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
             counts: [0; NAMES.len()],
-            told: 0,
+            warned: 0,
         }
     }
 
@@ -50,7 +50,7 @@ impl Troubles {
                 self.name,
                 counted(n, NAMES[kind as usize])
             );
-            self.told += n;
+            self.warned += n;
         }
         *count += n;
     }
@@ -58,7 +58,7 @@ impl Troubles {
 
 impl Drop for Troubles {
     fn drop(&mut self) {
-        if self.counts.iter().sum::<u64>() > self.told {
+        if self.counts.iter().sum::<u64>() > self.warned {
             let seen = NAMES.iter().zip(self.counts).filter(|(_, n)| *n > 0);
             let seen: Vec<_> = seen.map(|(name, n)| counted(n, name)).collect();
             tracing::warn!(

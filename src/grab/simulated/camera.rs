@@ -1,34 +1,35 @@
-//! A camera that is none.
+//! A simulated camera, with its delays and faults.
 
+use super::cable::TriggerCable;
 use super::pictures::Pictures;
 use super::sensor::{REFERENCE, Sensor};
-use super::wire::Wire;
 use crate::error::{Error, Result};
-use crate::grab::camera::{Camera, Capture, Limits, Settings, Side, Taken};
-use crate::grab::clock::Clock;
+use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
+use crate::grab::clock::GrabClock;
+use crate::stereo::Side;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How a camera takes its time, and what goes wrong with it.
+/// Delays and faults of a simulated camera.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Temper {
-    /// From the order until it is armed, and a random part of it besides.
+pub struct CameraBehavior {
+    /// Time from the order until it is armed, and the largest random time added to it.
     pub arm_ms: f64,
     pub jitter_ms: f64,
-    /// From the end of the exposure until the image is there.
+    /// Time from the end of the exposure to the image.
     pub transfer_ms: f64,
-    /// Of a camera that runs free: when its first period begins, and by how much its clock is slow.
+    /// Free-running: start of the first period, and by how much the period is too long.
     pub phase_ms: f64,
     pub drift_ppm: f64,
-    /// The image of this number, from 0, is damaged on its way.
+    /// Number of the image that is damaged, from 0.
     pub damage_at: Option<u64>,
-    /// At the exposure of this number, from 0, it stops answering ...
+    /// Number of the exposure at which it hangs ...
     pub hang_at: Option<u64>,
     /// ... or is unplugged.
     pub disconnect_at: Option<u64>,
 }
 
-impl Default for Temper {
+impl Default for CameraBehavior {
     fn default() -> Self {
         Self {
             arm_ms: 2.0,
@@ -43,23 +44,23 @@ impl Default for Temper {
     }
 }
 
-/// What fires a simulated camera.
-pub enum Drive {
-    Wire(Arc<Wire>),
+/// What triggers a simulated camera.
+pub enum TriggerInput {
+    Cable(Arc<TriggerCable>),
     /// Its own clock.
     FreeRunning {
         period_ns: u64,
     },
 }
 
-/// One of two cameras before the same pictures.
+/// One of two simulated cameras with the same pictures.
 pub struct SimulatedCamera {
     side: Side,
-    clock: Arc<Clock>,
-    drive: Drive,
+    clock: Arc<GrabClock>,
+    input: TriggerInput,
     pictures: Arc<Pictures>,
     sensor: Sensor,
-    temper: Temper,
+    behavior: CameraBehavior,
     random: fastrand::Rng,
     settings: Settings,
     armed_ns: u64,
@@ -72,20 +73,20 @@ impl SimulatedCamera {
     /// `light`: brightness of the world, 1 as in the arena.
     pub fn new(
         side: Side,
-        clock: &Arc<Clock>,
-        drive: Drive,
+        clock: &Arc<GrabClock>,
+        input: TriggerInput,
         pictures: &Arc<Pictures>,
         light: f64,
-        temper: Temper,
+        behavior: CameraBehavior,
     ) -> Self {
         let seed = side as u64;
         Self {
             side,
             clock: clock.clone(),
-            drive,
+            input,
             pictures: pictures.clone(),
             sensor: Sensor::new(light, seed),
-            temper,
+            behavior,
             random: fastrand::Rng::with_seed(seed ^ 0x5EED),
             settings: REFERENCE,
             armed_ns: 0,
@@ -93,15 +94,15 @@ impl SimulatedCamera {
         }
     }
 
-    /// Begin of the exposure, once it is known.
+    /// Start of the exposure and its pulse, if that is before `until_ns`.
     fn exposed_at(&self, until_ns: u64) -> Option<(u64, Option<u64>)> {
-        match &self.drive {
-            Drive::Wire(wire) => wire
+        match &self.input {
+            TriggerInput::Cable(cable) => cable
                 .pulse(self.side, until_ns)
                 .map(|pulse| (pulse.stamp_ns, Some(pulse.id))),
-            Drive::FreeRunning { period_ns } => {
-                let period_ns = *period_ns as f64 * (1.0 + self.temper.drift_ppm * 1e-6);
-                let phase_ns = self.temper.phase_ms * NS_PER_MS;
+            TriggerInput::FreeRunning { period_ns } => {
+                let period_ns = *period_ns as f64 * (1.0 + self.behavior.drift_ppm * 1e-6);
+                let phase_ns = self.behavior.phase_ms * NS_PER_MS;
                 let periods = ((self.armed_ns as f64 - phase_ns) / period_ns).ceil();
                 let begin_ns = ((phase_ns + periods * period_ns) as u64).max(self.armed_ns);
                 self.clock.sleep_until(begin_ns.min(until_ns));
@@ -125,7 +126,7 @@ impl Camera for SimulatedCamera {
 
     fn arm(&mut self, settings: Settings) -> Result<()> {
         if self
-            .temper
+            .behavior
             .disconnect_at
             .is_some_and(|at| self.exposures >= at)
         {
@@ -135,33 +136,34 @@ impl Camera for SimulatedCamera {
             ));
         }
         self.settings = settings;
-        let delay_ms = self.temper.arm_ms + self.temper.jitter_ms * self.random.f64();
+        let delay_ms = self.behavior.arm_ms + self.behavior.jitter_ms * self.random.f64();
         self.clock
             .sleep_until(self.clock.now_ns() + (delay_ms * NS_PER_MS) as u64);
         self.armed_ns = self.clock.now_ns();
-        if let Drive::Wire(wire) = &self.drive {
-            wire.arm(self.side);
+        if let TriggerInput::Cable(cable) = &self.input {
+            cable.arm(self.side);
         }
         Ok(())
     }
 
-    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
+    fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>> {
         let until_ns = self
             .clock
             .now_ns()
-            .saturating_add(patience.as_nanos() as u64);
+            .saturating_add(timeout.as_nanos() as u64);
         let Some((begin_ns, trigger_id)) = self.exposed_at(until_ns) else {
             return Ok(None);
         };
-        if self.temper.hang_at.is_some_and(|at| self.exposures >= at) {
+        if self.behavior.hang_at.is_some_and(|at| self.exposures >= at) {
+            // A thread that hangs must not keep a scripted clock from advancing, so it waits on it.
             self.clock.sleep_until(u64::MAX);
         }
         self.exposures += 1;
         let shutter_ns = u64::from(self.settings.shutter_us) * 1000;
         self.clock
-            .sleep_until(begin_ns + shutter_ns + (self.temper.transfer_ms * NS_PER_MS) as u64);
+            .sleep_until(begin_ns + shutter_ns + (self.behavior.transfer_ms * NS_PER_MS) as u64);
         if self
-            .temper
+            .behavior
             .damage_at
             .is_some_and(|at| self.exposures == at + 1)
         {

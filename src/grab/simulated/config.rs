@@ -1,6 +1,6 @@
 //! Options of the simulated cameras: `size=640x480,right.arm_ms=40`.
 
-use super::camera::Temper;
+use super::camera::CameraBehavior;
 use crate::error::{Error, Result};
 use crate::grab::driver::{Driver, Setting};
 use crate::matcher::{Parameter, Range, Value};
@@ -18,7 +18,7 @@ pub struct SimulatedConfig {
     /// Brightness of the world, 1 as in the arena.
     pub light: f64,
     /// Of the left and of the right camera.
-    pub tempers: [Temper; 2],
+    pub behaviors: [CameraBehavior; 2],
 }
 
 impl Default for SimulatedConfig {
@@ -28,7 +28,7 @@ impl Default for SimulatedConfig {
             board: false,
             pictures: 60,
             light: 1.0,
-            tempers: Default::default(),
+            behaviors: Default::default(),
         }
     }
 }
@@ -153,7 +153,7 @@ impl SimulatedConfig {
                 ("light", Value::Real(light)) => config.light = light,
                 (name, value) => sides
                     .iter()
-                    .for_each(|&side| config.tempers[side as usize].set(name, &value)),
+                    .for_each(|&side| config.behaviors[side as usize].set(name, &value)),
             }
         }
         let (width, height) = config.size;
@@ -169,7 +169,7 @@ impl SimulatedConfig {
     }
 }
 
-impl Temper {
+impl CameraBehavior {
     fn set(&mut self, name: &str, value: &Value) {
         let number = match *value {
             Value::Real(number) => number,
@@ -205,8 +205,8 @@ mod tests {
         let config = parse("size=320x240,arm_ms=5,right.arm_ms=40,left.hang_at=3,light=0.5");
         let config = config.unwrap();
         assert_eq!((config.size, config.light), ((320, 240), 0.5));
-        assert_eq!(config.tempers.clone().map(|t| t.arm_ms), [5.0, 40.0]);
-        assert_eq!(config.tempers.map(|t| t.hang_at), [Some(3), None]);
+        assert_eq!(config.behaviors.clone().map(|t| t.arm_ms), [5.0, 40.0]);
+        assert_eq!(config.behaviors.map(|t| t.hang_at), [Some(3), None]);
         assert_eq!(parse("").unwrap(), SimulatedConfig::default());
     }
 

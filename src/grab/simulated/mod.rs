@@ -1,20 +1,21 @@
 //! Two simulated cameras in the arena, with delays and faults that can be set for each.
 
+mod cable;
 mod camera;
 mod config;
 mod pictures;
 mod sensor;
-mod wire;
 
-pub use camera::{Drive, SimulatedCamera, Temper};
+pub use cable::{CabledTrigger, SimulatedTrigger, TriggerCable};
+pub use camera::{CameraBehavior, SimulatedCamera, TriggerInput};
 pub use config::SimulatedConfig;
 pub use pictures::Pictures;
-pub use wire::{Cabled, SimulatedTrigger, Wire};
 
-use super::camera::{Camera, Side};
+use super::camera::Camera;
 use super::driver::{self, CameraPair, CameraRequest, Driver, DriverFunctions, ListedCamera};
 use super::trigger::{Trigger, TriggerSource};
 use crate::error::{Error, Result};
+use crate::stereo::Side;
 use std::sync::Arc;
 
 pub const DRIVER: Driver = Driver {
@@ -37,31 +38,37 @@ fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         !(host.stopped)()
     };
     let pictures = match config.board {
-        true => Pictures::of_board(config.size, seed, go_on)?,
+        true => Pictures::render_board(config.size, seed, go_on)?,
         false => Pictures::render(config.size, rate_hz, config.pictures, seed, go_on)?,
     };
     let pictures =
         Arc::new(pictures.ok_or_else(|| Error::camera("sim", "stopped before the cameras began"))?);
-    let wire = Wire::new(request.clock);
+    let cable = TriggerCable::new(request.clock);
     let trigger: Option<Box<dyn Trigger>> = match request.trigger {
         TriggerSource::FreeRunning => None,
         TriggerSource::Software | TriggerSource::FixedRate(_) => {
-            Some(Box::new(SimulatedTrigger::new(&wire)))
+            Some(Box::new(SimulatedTrigger::new(&cable)))
         }
         TriggerSource::Serial(_) => request
             .controller()?
-            .map(|controller| Box::new(Cabled::new(Box::new(controller), &wire)) as _),
+            .map(|controller| Box::new(CabledTrigger::new(Box::new(controller), &cable)) as _),
     };
     let camera = |side: Side| -> Box<dyn Camera> {
-        let drive = match trigger {
-            None => Drive::FreeRunning {
+        let input = match trigger {
+            None => TriggerInput::FreeRunning {
                 period_ns: driver::period_ns(rate_hz),
             },
-            Some(_) => Drive::Wire(wire.clone()),
+            Some(_) => TriggerInput::Cable(cable.clone()),
         };
-        let temper = config.tempers[side as usize].clone();
-        let camera =
-            SimulatedCamera::new(side, request.clock, drive, &pictures, config.light, temper);
+        let behavior = config.behaviors[side as usize].clone();
+        let camera = SimulatedCamera::new(
+            side,
+            request.clock,
+            input,
+            &pictures,
+            config.light,
+            behavior,
+        );
         Box::new(camera)
     };
     Ok(CameraPair {

@@ -1,18 +1,18 @@
-//! What simulated cameras see: a piece of the arena's run, rendered before and shown to and fro.
+//! The world of simulated cameras: part of the arena's run, rendered in advance, played forward and
+//! backward.
 
 use super::sensor::REFERENCE;
 use crate::arena::{Arena, ArenaConfig};
 use crate::calibrate::simulated::{MovingBoard, RATE_HZ};
 use crate::error::{Error, Result};
-use crate::grab::camera::Side;
-use crate::stereo::{Gray, Rig, StereoPair};
+use crate::stereo::{Gray, Rig, Side, StereoPair};
 use rayon::prelude::*;
 
 /// Pairs without noise, with an exposure of 8 ms, at a fixed rate.
 ///
-/// Rendering one takes longer than a camera's period, so they are rendered once. They show the
-/// world at the time of the exposure, so a pair of two exposures shows two moments. The shutter
-/// makes them brighter, not more blurred.
+/// Rendering one takes longer than a camera's period, so all are rendered in advance. An image shows
+/// the world at its exposure, so a pair with skew shows two moments. A longer shutter makes it
+/// brighter, not more blurred.
 pub struct Pictures {
     pairs: Vec<StereoPair>,
     period_ns: u64,
@@ -20,8 +20,8 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Renders the first `count` pictures of the arena's run in `size`, `rate_hz` a second but at
-    /// most 100; nothing when `go_on`, which is called after each, on any thread, says so.
+    /// Renders the first `count` pictures of the arena's run, at `rate_hz` but at most 100 per
+    /// second. `None` once `go_on`, which is called after each, on any thread, returns false.
     ///
     /// # Errors
     /// [`Error::Invalid`] when the arena cannot be made so.
@@ -32,7 +32,7 @@ impl Pictures {
         seed: u64,
         go_on: impl Fn() -> bool + Sync,
     ) -> Result<Option<Self>> {
-        // A sharp picture's shutter has to fit into its period.
+        // The reference shutter of 8 ms has to fit into the period.
         let rate_hz = rate_hz.min(100.0);
         let mut config = ArenaConfig::default();
         let duration_s = config.frames as f64 / config.rate_hz;
@@ -50,12 +50,12 @@ impl Pictures {
             .transpose()
     }
 
-    /// Renders all pictures of a board that is moved, for calibrating, as [`Pictures::render`]
-    /// does; the cameras have lenses.
+    /// Renders all pictures of a moving calibration board, as [`Pictures::render`] does, with the
+    /// distortion of lenses.
     ///
     /// # Errors
     /// [`Error::Usage`] for another size than the board's cameras have.
-    pub fn of_board(
+    pub fn render_board(
         size: (usize, usize),
         seed: u64,
         go_on: impl Fn() -> bool + Sync,
@@ -75,10 +75,10 @@ impl Pictures {
             .transpose()
     }
 
-    /// From pictures that there are.
+    /// Pictures from images.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there are none, or `rate_hz` is none.
+    /// [`Error::Usage`] when there are none, or `rate_hz` is no rate.
     pub fn new(pairs: Vec<StereoPair>, rate_hz: f64, rig: Option<Rig>) -> Result<Self> {
         let period_ns = (1e9 / rate_hz).round() as u64;
         if pairs.is_empty() || period_ns == 0 || !rate_hz.is_finite() {
@@ -98,7 +98,7 @@ impl Pictures {
         self.rig
     }
 
-    /// What a camera has before it at a time: to the end of the pictures, back, and again.
+    /// The picture of a camera at a time. They run forward, then backward, so that there is no jump.
     pub(super) fn at(&self, side: Side, time_ns: u64) -> &Gray {
         let turns = (2 * (self.pairs.len() - 1)).max(1);
         let step = ((time_ns / self.period_ns) % turns as u64) as usize;
@@ -114,7 +114,7 @@ impl Pictures {
     }
 }
 
-/// So many pairs; nothing once `go_on` says so, which is called after each.
+/// `count` pairs; `None` once `go_on`, which is called after each, returns false.
 fn rendered(
     count: u64,
     go_on: impl Fn() -> bool + Sync,

@@ -1,24 +1,24 @@
-//! Light to grey values, quickly: what an exposure makes of a picture without noise.
+//! A fast sensor model: exposes a noise-free picture with shutter, gain and noise.
 
 use crate::error::Result;
 use crate::grab::camera::Settings;
 use crate::stereo::Gray;
 
-/// What pictures are exposed with before a sensor exposes them again.
+/// Settings of the rendered pictures, before a sensor exposes them again.
 pub(super) const REFERENCE: Settings = Settings {
     shutter_us: 8_000,
     gain_mdb: 0,
 };
 
-/// Photoelectrons that make 255 at 0 dB, and the deviation of the read noise: those of the arena's
-/// cameras.
+/// Photoelectrons of grey value 255 at 0 dB, and the standard deviation of the read noise: those of
+/// the arena's cameras.
 const FULL_SCALE_E: f32 = 9_000.0;
 const READ_NOISE_E: f32 = 25.0;
 
-/// Deviates in the table that noise is taken from, a row at a time from anywhere in it.
+/// Size of the noise table; each image row takes a random stretch of it.
 const NOISE: usize = 1 << 17;
 
-/// A camera's sensor in a world of some brightness.
+/// The sensor of a camera in a world of some brightness.
 pub(super) struct Sensor {
     light: f64,
     random: fastrand::Rng,
@@ -29,7 +29,7 @@ impl Sensor {
     /// `light`: 1 as in the arena.
     pub(super) fn new(light: f64, seed: u64) -> Self {
         let mut random = fastrand::Rng::with_seed(seed);
-        // The sum of four uniform ones, with unit variance.
+        // Nearly normal: the sum of four uniform deviates, scaled by √3 to unit variance.
         let noise = (0..NOISE)
             .map(|_| ((0..4).map(|_| random.f32()).sum::<f32>() - 2.0) * 1.732_050_8)
             .collect();

@@ -1,7 +1,7 @@
 //! Figures 4.2 and 4.3 of the thesis.
 
 use super::stage::{Fired, MS, PERIOD_NS, Stage, slow};
-use svl::grab::simulated::Temper;
+use svl::grab::simulated::CameraBehavior;
 use svl::grab::{Rule, Unpaired};
 
 const NEAR: Rule = Rule::Stamp {
@@ -120,11 +120,11 @@ fn at_twice_the_rate_a_camera_answers_every_other_pulse() {
 fn free_running_cameras_drift_apart() {
     let stage = || {
         Stage::new(
-            Temper::default(),
-            Temper {
+            CameraBehavior::default(),
+            CameraBehavior {
                 phase_ms: 1.0,
                 drift_ppm: 2000.0,
-                ..Temper::default()
+                ..CameraBehavior::default()
             },
         )
     };

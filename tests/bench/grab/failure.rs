@@ -2,7 +2,7 @@
 
 use super::stage::{Fired, MS, PERIOD_NS, Stage, adds_up, slow};
 use svl::Error;
-use svl::grab::simulated::Temper;
+use svl::grab::simulated::CameraBehavior;
 use svl::grab::{Rule, Unpaired};
 
 const NEAR: Rule = Rule::Stamp {
@@ -11,7 +11,7 @@ const NEAR: Rule = Rule::Stamp {
 };
 
 /// Grabs by trigger until it fails; returns the pairs before and the error.
-fn until_it_fails(fired: Fired, right: Temper) -> (usize, String) {
+fn until_it_fails(fired: Fired, right: CameraBehavior) -> (usize, String) {
     until(fired, Rule::Trigger, Stage::new(slow(1.0, 0.0), right))
 }
 
@@ -46,9 +46,9 @@ fn what_came_before_a_camera_hangs_is_kept() {
     for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
         let (pairs, error) = until_it_fails(
             fired,
-            Temper {
+            CameraBehavior {
                 hang_at: Some(20),
-                ..Temper::default()
+                ..CameraBehavior::default()
             },
         );
         assert_eq!(pairs, 20);
@@ -65,9 +65,9 @@ fn what_came_before_a_camera_is_unplugged_is_kept() {
     for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
         let (pairs, error) = until_it_fails(
             fired,
-            Temper {
+            CameraBehavior {
                 disconnect_at: Some(20),
-                ..Temper::default()
+                ..CameraBehavior::default()
             },
         );
         assert_eq!(pairs, 20);
@@ -85,7 +85,7 @@ fn a_damaged_image_costs_its_pair_and_is_counted() {
         (Fired::AtFixedRate, Rule::Trigger, Unpaired::Missed),
         (Fired::Freely, NEAR, Unpaired::Skew),
     ] {
-        let right = Temper {
+        let right = CameraBehavior {
             damage_at: Some(5),
             ..slow(1.0, 0.0)
         };
@@ -132,7 +132,7 @@ fn a_camera_that_is_slow_beyond_patience_is_named() {
 
 #[test]
 fn a_camera_slower_than_the_timeout_slows_the_rate() {
-    let transfer = Temper {
+    let transfer = CameraBehavior {
         transfer_ms: 1_100.0,
         ..slow(1.0, 0.0)
     };
@@ -215,11 +215,11 @@ fn cameras_that_never_make_a_pair_are_told_why() {
     };
     let apart = |phase_ms, drift_ppm| {
         Stage::new(
-            Temper::default(),
-            Temper {
+            CameraBehavior::default(),
+            CameraBehavior {
                 phase_ms,
                 drift_ppm,
-                ..Temper::default()
+                ..CameraBehavior::default()
             },
         )
     };

@@ -1,7 +1,7 @@
 //! What always holds of pairing, whatever the cameras send.
 
 use proptest::prelude::*;
-use svl::grab::{Capture, Pairing, Rule, Settings, Side, Unpaired, WAITING};
+use svl::grab::{Capture, Pairing, Rule, Settings, Unpaired, WAITING};
 use svl::stereo::Gray;
 
 const NEAR_NS: u64 = 10;

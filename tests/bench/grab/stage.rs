@@ -3,12 +3,14 @@
 use std::sync::Arc;
 use std::time::Duration;
 use svl::Result;
-use svl::grab::simulated::{Drive, Pictures, SimulatedCamera, SimulatedTrigger, Temper, Wire};
+use svl::grab::simulated::{
+    CameraBehavior, Pictures, SimulatedCamera, SimulatedTrigger, TriggerCable, TriggerInput,
+};
 use svl::grab::{
-    Camera, Capture, Clock, Grabber, Limits, Policy, Rule, Settings, Setup, Side, Taken, Tally,
+    Camera, Capture, GrabClock, Grabber, Limits, Policy, Rule, Settings, Setup, Taken, Tally,
     WhenFull,
 };
-use svl::stereo::{Frame, Gray, StereoPair};
+use svl::stereo::{Frame, Gray, Side, StereoPair};
 
 pub const MS: u64 = 1_000_000;
 /// 60 a second, nearly.
@@ -24,8 +26,8 @@ pub enum Fired {
 
 /// What a test changes of the usual.
 pub struct Stage {
-    pub clock: Arc<Clock>,
-    pub tempers: [Temper; 2],
+    pub clock: Arc<GrabClock>,
+    pub behaviors: [CameraBehavior; 2],
     pub light: f64,
     pub queue: usize,
     pub when_full: WhenFull,
@@ -46,14 +48,14 @@ pub const FIRST: Settings = Settings {
 };
 
 impl Stage {
-    pub fn new(left: Temper, right: Temper) -> Self {
+    pub fn new(left: CameraBehavior, right: CameraBehavior) -> Self {
         let (queue, when_full) = (100_000, WhenFull::Wait);
-        let (tempers, first, balance_every) = ([left, right], FIRST, u32::MAX);
-        let (clock, light, damaged_from, on_its_way_ms) = (Clock::scripted(), 1.0, u64::MAX, 0);
+        let (behaviors, first, balance_every) = ([left, right], FIRST, u32::MAX);
+        let (clock, light, damaged_from, on_its_way_ms) = (GrabClock::scripted(), 1.0, u64::MAX, 0);
         let period_ns = PERIOD_NS;
         Self {
             clock,
-            tempers,
+            behaviors,
             light,
             queue,
             when_full,
@@ -68,7 +70,7 @@ impl Stage {
     pub fn start(self, fired: Fired, rule: Rule) -> Grabber {
         let Self {
             clock,
-            tempers,
+            behaviors,
             light,
             queue,
             when_full,
@@ -77,16 +79,16 @@ impl Stage {
             period_ns,
             ..
         } = self;
-        let wire = Wire::new(&clock);
+        let cable = TriggerCable::new(&clock);
         let pictures = Arc::new(pictures());
-        let [left, right] = tempers;
-        let camera = |side, temper| -> Box<dyn Camera> {
-            let drive = match fired {
-                Fired::Freely => Drive::FreeRunning { period_ns },
-                _ => Drive::Wire(wire.clone()),
+        let [left, right] = behaviors;
+        let camera = |side, behavior| -> Box<dyn Camera> {
+            let input = match fired {
+                Fired::Freely => TriggerInput::FreeRunning { period_ns },
+                _ => TriggerInput::Cable(cable.clone()),
             };
             Box::new(SimulatedCamera::new(
-                side, &clock, drive, &pictures, light, temper,
+                side, &clock, input, &pictures, light, behavior,
             ))
         };
         let right = failing(camera(Side::Right, right), self.damaged_from);
@@ -95,7 +97,7 @@ impl Stage {
             ms => belated(right, &clock, ms * MS),
         };
         let cameras = [camera(Side::Left, left), right];
-        let trigger = Box::new(SimulatedTrigger::new(&wire));
+        let trigger = Box::new(SimulatedTrigger::new(&cable));
         let policy = match fired {
             Fired::WhenArmed => Policy::Coordinated { trigger, period_ns },
             Fired::AtFixedRate => Policy::FixedRate { trigger, period_ns },
@@ -146,15 +148,15 @@ impl<F: FnMut(&mut dyn Camera, Duration) -> Result<Option<Taken>> + Send> Camera
         self.camera.arm(settings)
     }
 
-    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
-        (self.capture)(&mut *self.camera, patience)
+    fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>> {
+        (self.capture)(&mut *self.camera, timeout)
     }
 }
 
 /// A camera that after so many whole images gives damaged ones only.
 fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
-    let capture = move |camera: &mut dyn Camera, patience: Duration| {
-        let Some(taken) = camera.capture(patience)? else {
+    let capture = move |camera: &mut dyn Camera, timeout: Duration| {
+        let Some(taken) = camera.capture(timeout)? else {
             return Ok(None);
         };
         let is_whole = whole > 0;
@@ -166,9 +168,9 @@ fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
 
 /// A camera by a driver that does not know pulses, nor how to call back an image that is on its
 /// way. At first it gives an image that nothing fired.
-fn belated(camera: Box<dyn Camera>, clock: &Arc<Clock>, late_ns: u64) -> Box<dyn Camera> {
+fn belated(camera: Box<dyn Camera>, clock: &Arc<GrabClock>, late_ns: u64) -> Box<dyn Camera> {
     let (clock, mut coming, mut is_new) = (clock.clone(), None::<(u64, Capture)>, true);
-    let capture = move |camera: &mut dyn Camera, patience: Duration| {
+    let capture = move |camera: &mut dyn Camera, timeout: Duration| {
         if std::mem::take(&mut is_new) {
             let image = Gray::filled(32, 24, 0)?;
             let capture = Capture {
@@ -181,7 +183,7 @@ fn belated(camera: Box<dyn Camera>, clock: &Arc<Clock>, late_ns: u64) -> Box<dyn
             return Ok(Some(Taken::Image(capture)));
         }
         let Some((due_ns, capture)) = coming.take() else {
-            if let Some(Taken::Image(capture)) = camera.capture(patience)? {
+            if let Some(Taken::Image(capture)) = camera.capture(timeout)? {
                 coming = Some((
                     clock.now_ns() + late_ns,
                     Capture {
@@ -192,7 +194,7 @@ fn belated(camera: Box<dyn Camera>, clock: &Arc<Clock>, late_ns: u64) -> Box<dyn
             }
             return Ok(None);
         };
-        clock.sleep_until(due_ns.min(clock.now_ns() + patience.as_nanos() as u64));
+        clock.sleep_until(due_ns.min(clock.now_ns() + timeout.as_nanos() as u64));
         if clock.now_ns() >= due_ns {
             return Ok(Some(Taken::Image(capture)));
         }
@@ -223,10 +225,10 @@ fn pictures() -> Pictures {
 }
 
 /// A camera that needs so long to get ready, and up to so much longer.
-pub fn slow(arm_ms: f64, jitter_ms: f64) -> Temper {
-    Temper {
+pub fn slow(arm_ms: f64, jitter_ms: f64) -> CameraBehavior {
+    CameraBehavior {
         arm_ms,
         jitter_ms,
-        ..Temper::default()
+        ..CameraBehavior::default()
     }
 }

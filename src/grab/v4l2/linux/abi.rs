@@ -1,4 +1,4 @@
-//! The kernel's structures and requests (linux/videodev2.h), as far as a camera needs them.
+//! Structures and ioctl requests of V4L2 (linux/videodev2.h), as far as a camera needs them.
 
 use rustix::fd::{AsFd, OwnedFd};
 use rustix::io::{Errno, Result};
@@ -15,7 +15,7 @@ pub(super) struct Request<T> {
 pub(super) const QUERYCAP: Request<Capability> = Request::new(opcode::read::<Capability>(b'V', 0));
 pub(super) const ENUM_FMT: Request<FormatDescription> =
     Request::new(opcode::read_write::<FormatDescription>(b'V', 2));
-pub(super) const S_FMT: Request<Format> = Request::new(opcode::read_write::<Format>(b'V', 5));
+pub(super) const S_FMT: Request<AbiFormat> = Request::new(opcode::read_write::<AbiFormat>(b'V', 5));
 pub(super) const REQBUFS: Request<RequestBuffers> =
     Request::new(opcode::read_write::<RequestBuffers>(b'V', 8));
 pub(super) const QUERYBUF: Request<Buffer> = Request::new(opcode::read_write::<Buffer>(b'V', 9));
@@ -89,10 +89,10 @@ pub(super) struct FormatDescription {
     pub reserved: [u32; 3],
 }
 
-/// Its union holds pointers for other kinds of streams, so it stands where those would.
+/// v4l2_format. Its union holds pointers for other kinds of streams, so it is aligned like them.
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
-pub(super) struct Format {
+pub(super) struct AbiFormat {
     pub kind: u32,
     pub align: [usize; 0],
     pub width: u32,
@@ -128,15 +128,15 @@ pub(super) struct Buffer {
     pub timecode: [u32; 4],
     pub sequence: u32,
     pub memory: u32,
-    pub place: Place,
+    pub location: BufferOffset,
     pub length: u32,
     pub reserved: [u32; 2],
 }
 
-/// Where a mapped buffer is, in a union with pointers.
+/// Offset of a mapped buffer, in a union with pointers.
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
-pub(super) struct Place {
+pub(super) struct BufferOffset {
     pub offset: u32,
     pub align: [usize; 0],
 }
@@ -205,7 +205,7 @@ impl<T> Request<T> {
         }
     }
 
-    /// Asks the driver, and again when a signal came between.
+    /// Calls the driver, again after a signal.
     pub(super) fn call(&self, device: &OwnedFd, structure: &mut T) -> Result<()> {
         loop {
             let call = Call {
@@ -251,17 +251,20 @@ mod tests {
     use super::*;
     use std::mem::{offset_of, size_of};
 
-    /// As the C compiler lays them out; the requests' numbers hold the sizes.
+    /// The layout of the C compiler; the numbers of the requests hold the sizes.
     #[test]
     #[cfg(target_pointer_width = "64")]
     fn structures_are_the_kernels() {
-        assert_eq!((size_of::<Format>(), offset_of!(Format, width)), (208, 8));
-        let places = (
+        assert_eq!(
+            (size_of::<AbiFormat>(), offset_of!(AbiFormat, width)),
+            (208, 8)
+        );
+        let offsets = (
             offset_of!(Buffer, seconds),
-            offset_of!(Buffer, place),
+            offset_of!(Buffer, location),
             offset_of!(Buffer, length),
         );
-        assert_eq!((size_of::<Buffer>(), places), (88, (24, 64, 72)));
+        assert_eq!((size_of::<Buffer>(), offsets), (88, (24, 64, 72)));
         let requests = [
             (QUERYCAP.opcode, 0x8068_5600),
             (ENUM_FMT.opcode, 0xC040_5602),

@@ -1,18 +1,19 @@
-//! A camera of this machine.
+//! A V4L2 camera: arm, capture, settling after a change of settings.
 
 use super::control::Controls;
 use super::device::trouble;
-use super::driver::{Driver, Fault};
 use super::pixels::Layout;
 use super::stamp::Times;
+use super::stream::{Fault, VideoStream};
 use crate::error::{Error, Result};
 use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
 use rustix::io::Errno;
 use std::time::Duration;
 
-/// Images that a camera which runs by itself may still have begun with what it was set to before.
+/// Images of a free-running camera that may still have the settings from before: the one being
+/// exposed, and the one being read out.
 const SETTLING: u32 = 2;
-/// Buffers that may wait when there is a new order, more than any driver has.
+/// Limit of stale buffers that are discarded, more than any driver has.
 const WAITING: u32 = 64;
 
 /// A V4L2 camera that streams.
@@ -21,29 +22,29 @@ pub(super) struct V4l2Camera<D> {
     driver: D,
     layout: Layout,
     controls: Controls,
-    /// Whether it exposes when it is fired, else by itself.
-    fired: bool,
-    /// What was asked for, and what it is set to.
+    /// Whether a controller triggers it; else it runs free.
+    triggered: bool,
+    /// Settings ordered, and in force.
     settings: Option<[Settings; 2]>,
-    /// Images to come that are not of the settings yet.
+    /// Images to come that do not have these settings yet.
     unsettled: u32,
     times: Times,
-    /// Until one comes without, or damaged: told once.
+    /// False and true after the first image without stamp or with damage: one warning each.
     has_stamps: bool,
     has_damaged: bool,
 }
 
-impl<D: Driver> V4l2Camera<D> {
-    /// A stream of images as `layout` says. It is taken out of the automatic
-    /// exposure, unless that is all it has.
+impl<D: VideoStream> V4l2Camera<D> {
+    /// A camera whose images have `layout`. Turns automatic exposure off, where the camera has
+    /// another.
     ///
     /// # Errors
-    /// [`Error::Camera`] when it does not let itself be set.
+    /// [`Error::Camera`] when it cannot be set.
     pub(super) fn new(
         name: String,
         mut driver: D,
         layout: Layout,
-        fired: bool,
+        triggered: bool,
         times: Times,
     ) -> Result<Self> {
         let controls = Controls::take(&mut driver);
@@ -54,7 +55,7 @@ impl<D: Driver> V4l2Camera<D> {
             driver,
             layout,
             controls,
-            fired,
+            triggered,
             settings: None,
             unsettled: 0,
             times,
@@ -67,7 +68,7 @@ impl<D: Driver> V4l2Camera<D> {
         Error::camera(&self.name, trouble(errno))
     }
 
-    /// The first one is told, as all are counted.
+    /// Warns of the first damaged image; all are counted.
     fn damaged(&mut self, reason: &str) -> Taken {
         if !std::mem::replace(&mut self.has_damaged, true) {
             tracing::warn!(
@@ -78,7 +79,7 @@ impl<D: Driver> V4l2Camera<D> {
         Taken::Damaged
     }
 
-    /// Discards what was exposed before.
+    /// Discards images that were exposed before.
     fn discard(&mut self) -> Result<()> {
         for _ in 0..WAITING {
             match self.driver.next(Duration::ZERO, |_, _| ()) {
@@ -91,7 +92,7 @@ impl<D: Driver> V4l2Camera<D> {
     }
 }
 
-impl<D: Driver> Camera for V4l2Camera<D> {
+impl<D: VideoStream> Camera for V4l2Camera<D> {
     fn name(&self) -> String {
         self.name.clone()
     }
@@ -100,8 +101,8 @@ impl<D: Driver> Camera for V4l2Camera<D> {
         self.controls.limits()
     }
 
-    /// Of a camera that runs by itself, images that wait are kept while the settings stay: their
-    /// stamps say when they were taken.
+    /// Free-running: images that wait are kept while the settings stay, as their stamps say when
+    /// they were taken.
     fn arm(&mut self, settings: Settings) -> Result<()> {
         if self.settings.is_none_or(|[ordered, _]| ordered != settings) {
             let applied = self
@@ -114,19 +115,24 @@ impl<D: Driver> Camera for V4l2Camera<D> {
                     )
                 })?;
             self.settings = Some([settings, applied]);
-            self.unsettled = if self.fired { 0 } else { SETTLING };
+            // A controller sends its pulse after both cameras were set, so nothing is underway.
+            self.unsettled = if self.triggered { 0 } else { SETTLING };
         }
-        if self.fired { self.discard() } else { Ok(()) }
+        if self.triggered {
+            self.discard()
+        } else {
+            Ok(())
+        }
     }
 
-    fn capture(&mut self, patience: Duration) -> Result<Option<Taken>> {
+    fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>> {
         let Some([ordered, settings]) = self.settings else {
             return Ok(None);
         };
         let layout = self.layout;
         let (image, stamp) = match self
             .driver
-            .next(patience, |data, stamp| (layout.read(data), stamp))
+            .next(timeout, |data, stamp| (layout.read(data), stamp))
         {
             Ok(None) => return Ok(None),
             Ok(Some((Ok(image), stamp))) => (image, stamp),
@@ -141,7 +147,7 @@ impl<D: Driver> Camera for V4l2Camera<D> {
         let middle_ns = stamp.middle_ns(settings.shutter_us, self.times.earliest_ns);
         if middle_ns.is_none() && std::mem::take(&mut self.has_stamps) {
             tracing::warn!(
-                "{}: its driver gives no times; images have the time of their arrival",
+                "{}: its driver gives no times; stamps are of the arrival of images",
                 self.name
             );
         }

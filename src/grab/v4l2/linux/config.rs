@@ -1,6 +1,6 @@
 //! Names and options of two V4L2 cameras: `/dev/video0,/dev/video2,size=640x480,format=YUYV`.
 
-use super::mode::Format;
+use super::mode::PixelFormat;
 use crate::error::{Error, Result};
 use crate::grab::driver::{Driver, Setting};
 use crate::matcher::Value;
@@ -14,7 +14,7 @@ pub(super) struct V4l2Config {
     pub devices: [PathBuf; 2],
     /// Columns and rows; svl chooses where there is none.
     pub size: Option<(usize, usize)>,
-    pub format: Option<Format>,
+    pub format: Option<PixelFormat>,
 }
 
 impl V4l2Config {
@@ -48,7 +48,7 @@ impl V4l2Config {
                 ("size", Value::Text(size)) if size != "auto" => {
                     config.size = Some(driver.size(&size, 1..=MAX_SIDE)?);
                 }
-                ("format", Value::Choice(name)) => config.format = Format::from_name(name),
+                ("format", Value::Choice(name)) => config.format = PixelFormat::from_name(name),
                 _ => {}
             }
         }
@@ -72,7 +72,10 @@ mod tests {
         );
         assert_eq!((config.size, config.format), (Some((320, 240)), None));
         let config = parse("a,b,format=MJPG").unwrap();
-        assert_eq!((config.size, config.format), (None, Some(Format::Mjpeg)));
+        assert_eq!(
+            (config.size, config.format),
+            (None, Some(PixelFormat::Mjpeg))
+        );
         let config = parse("a,b,format=auto,size=auto").unwrap();
         assert_eq!((config.size, config.format), (None, None));
         for (wrong, expected) in [

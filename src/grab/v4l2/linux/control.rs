@@ -1,47 +1,40 @@
-//! Shutter and gain in a driver's units.
+//! Exposure and gain controls of a driver, and their units.
 
 use super::abi::{
     ANALOGUE_GAIN, AUTOGAIN, EXPOSURE_ABSOLUTE, EXPOSURE_AUTO, EXPOSURE_AUTO_PRIORITY,
     EXPOSURE_MANUAL, GAIN,
 };
-use super::driver::Driver;
+use super::stream::{ControlRange, VideoStream};
 use crate::grab::camera::{Limits, Settings};
 use rustix::io::Errno;
 
-/// What a control can be set to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Range {
-    pub min: i32,
-    pub max: i32,
-    pub step: i32,
-}
-
-/// The controls that svl sets, none when the camera lets nobody set its exposure: then it is left
-/// to itself.
+/// The controls that svl sets; none when the exposure of the camera cannot be set: then it keeps its
+/// automatic.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Controls {
-    exposure: Option<Range>,
-    gain: Option<(u32, Range)>,
+    exposure: Option<ControlRange>,
+    gain: Option<(u32, ControlRange)>,
 }
 
-/// Unit of the exposure control.
+/// Unit of V4L2_CID_EXPOSURE_ABSOLUTE.
 const US_PER_UNIT: f64 = 100.0;
-/// What a gain control is taken to span whose values say nothing.
+/// Assumed span of a gain control whose values have no known meaning.
 const NOMINAL_MDB: f64 = 24_000.0;
 
 impl Controls {
-    /// Ends what the camera does by itself.
+    /// Turns the automatics off.
     ///
     /// # Errors
     /// The driver's.
-    pub(super) fn take(driver: &mut impl Driver) -> Result<Self, Errno> {
+    pub(super) fn take(driver: &mut impl VideoStream) -> Result<Self, Errno> {
         if driver.range(EXPOSURE_ABSOLUTE).is_none() {
             return Ok(Self {
                 exposure: None,
                 gain: None,
             });
         }
-        // Else it lengthens the exposure beyond the period.
+        // Left on, they change the exposure between the two images of a pair; with auto priority
+        // webcams lengthen it beyond the period and the rate falls.
         for (automatic, off) in [
             (EXPOSURE_AUTO, EXPOSURE_MANUAL),
             (EXPOSURE_AUTO_PRIORITY, 0),
@@ -60,7 +53,7 @@ impl Controls {
         })
     }
 
-    /// Shutter of 0 µs: nobody knows.
+    /// The limits; a shutter of 0 µs where the exposure cannot be set and is unknown.
     pub(super) fn limits(&self) -> Limits {
         let Some(exposure) = self.exposure else {
             return Limits {
@@ -78,14 +71,14 @@ impl Controls {
         }
     }
 
-    /// Sets shutter and gain to the nearest that there is, and says what they are then.
+    /// Sets shutter and gain to the nearest values and returns those.
     ///
     /// # Errors
     /// The driver's.
     pub(super) fn apply(
         &self,
         settings: Settings,
-        driver: &mut impl Driver,
+        driver: &mut impl VideoStream,
     ) -> Result<Settings, Errno> {
         let Some(exposure) = self.exposure else {
             return Ok(Settings {
@@ -108,21 +101,21 @@ impl Controls {
     }
 }
 
-impl Range {
+impl ControlRange {
     fn nearest(&self, value: f64) -> i32 {
         let (min, max) = (f64::from(self.min), f64::from(self.max));
         let step = f64::from(self.step.max(1));
         (min + ((value.clamp(min, max) - min) / step).round() * step).min(max) as i32
     }
 
-    /// Whether the values count multiples of the least, as those of sensors' registers do (16 is 1,
-    /// 64 is 4).
+    /// Whether the values are multiples of the least gain, as in the registers of sensors (16 is 1×,
+    /// 64 is 4×).
     fn is_linear(&self) -> bool {
         self.min > 0
     }
 
-    /// Thousandths of a decibel above the least gain. V4L2 gives gain no unit: values that do not
-    /// count multiples are spread evenly over [`NOMINAL_MDB`].
+    /// Thousandths of a decibel above the least gain. V4L2 gives gain no unit: values that are no
+    /// multiples are spread evenly over [`NOMINAL_MDB`].
     fn mdb(&self, value: i32) -> f64 {
         let (value, min, max) = (f64::from(value), f64::from(self.min), f64::from(self.max));
         if self.is_linear() {
@@ -148,7 +141,7 @@ mod tests {
 
     #[test]
     fn shutters_are_in_steps_of_the_control() {
-        let range = Range {
+        let range = ControlRange {
             min: 3,
             max: 2047,
             step: 4,
@@ -183,13 +176,13 @@ mod tests {
 
     #[test]
     fn gain_is_in_decibels_where_the_values_say_so_and_nominal_else() {
-        let linear = Range {
+        let linear = ControlRange {
             min: 16,
             max: 64,
             step: 1,
         };
         assert_eq!(linear.mdb(64).round(), 12_041.0);
-        let nominal = Range {
+        let nominal = ControlRange {
             min: 0,
             max: 255,
             step: 1,
@@ -204,8 +197,8 @@ mod tests {
                 (range.min, range.max)
             );
         }
-        // One that cannot be turned.
-        let still = Range {
+        // One with a single value.
+        let still = ControlRange {
             min: 0,
             max: 0,
             step: 0,

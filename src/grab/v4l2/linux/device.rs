@@ -1,10 +1,10 @@
-//! A video device: what it is, what it can do, how it is set.
+//! A video device: capabilities, modes, pixel format, rate.
 
 use super::abi::{
     self, CAP_DEVICE_CAPS, CAP_STREAMING, CAP_TIME_PER_FRAME, CAP_VIDEO_CAPTURE,
     CAP_VIDEO_CAPTURE_MPLANE, DISCRETE, FIELD_ANY, FIELD_NONE, VIDEO_CAPTURE,
 };
-use super::mode::{Format, Mode, USUAL};
+use super::mode::{Mode, PixelFormat, USUAL};
 use super::pixels::Layout;
 use crate::error::{Error, Result};
 use crate::stereo::MAX_SIDE;
@@ -14,20 +14,20 @@ use rustix::io::Errno;
 use std::path::Path;
 
 /// A video device that captures images.
-pub(super) struct Device {
+pub(super) struct V4l2Device {
     pub name: String,
     pub file: OwnedFd,
 }
 
-/// Entries of one kind that a driver lists, at most: one that goes on for ever is not followed.
+/// Limit of the entries that a driver lists of one kind: some never end their list.
 const LISTED: u32 = 256;
 
-impl Device {
+impl V4l2Device {
     /// # Errors
     /// [`Error::Camera`] when it cannot be opened or captures no images.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
-        // What is no camera may block, a pipe for one.
+        // Opening a path that is no camera may block, as a pipe does.
         let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let opened = rustix::fs::open(path, flags, Permissions::empty());
         let file = opened.map_err(|errno| Error::camera(&name, trouble(errno)))?;
@@ -36,6 +36,8 @@ impl Device {
         abi::QUERYCAP
             .call(&device.file, &mut capability)
             .map_err(|errno| device.error(errno))?;
+        // Without CAP_DEVICE_CAPS the first field is of this device; with it, of the whole driver,
+        // whose other devices may be metadata or radio.
         let has = match capability.capabilities & CAP_DEVICE_CAPS {
             0 => capability.capabilities,
             _ => capability.device_capabilities,
@@ -43,9 +45,9 @@ impl Device {
         let wrong = if has & CAP_VIDEO_CAPTURE_MPLANE != 0 && has & CAP_VIDEO_CAPTURE == 0 {
             "gives images in several planes, which svl does not read"
         } else if has & CAP_VIDEO_CAPTURE == 0 {
-            "captures no images; `svl record --list` shows which do"
+            "captures no images; `svl record --list` lists those that do"
         } else if has & CAP_STREAMING == 0 {
-            "does not stream, so its images have no times"
+            "does not stream, so its images have no stamps"
         } else {
             return Ok(device);
         };
@@ -56,7 +58,7 @@ impl Device {
         Error::camera(&self.name, trouble(errno))
     }
 
-    /// Whether both are one device, by whatever names.
+    /// Whether both are one device under two names.
     pub(super) fn is(&self, other: &Self) -> bool {
         let number = |device: &Self| {
             rustix::fs::fstat(&device.file)
@@ -66,8 +68,8 @@ impl Device {
         number(self) == number(other)
     }
 
-    /// What it can do in the formats that svl reads. Of a range of sizes these: the greatest, 640 ×
-    /// 480, and `size`.
+    /// Its modes in the formats that svl reads. Of a range of sizes: the greatest, 640 × 480, and
+    /// `size`.
     pub(super) fn modes(&self, size: Option<(usize, usize)>) -> Vec<Mode> {
         let formats = (0..LISTED).map_while(|index| {
             let mut listed = abi::FormatDescription {
@@ -81,7 +83,7 @@ impl Device {
                 .map(|()| listed.pixel_format)
         });
         let mut modes = Vec::new();
-        for format in formats.filter_map(Format::from_code) {
+        for format in formats.filter_map(PixelFormat::from_code) {
             for size in self.sizes(format, size) {
                 let max_rate_hz = self.max_rate_hz(format, size);
                 modes.push(Mode {
@@ -94,7 +96,7 @@ impl Device {
         modes
     }
 
-    fn sizes(&self, format: Format, asked: Option<(usize, usize)>) -> Vec<(usize, usize)> {
+    fn sizes(&self, format: PixelFormat, asked: Option<(usize, usize)>) -> Vec<(usize, usize)> {
         let mut sizes = Vec::new();
         for index in 0..LISTED {
             let mut listed = abi::FrameSize {
@@ -126,7 +128,7 @@ impl Device {
         sizes
     }
 
-    fn max_rate_hz(&self, format: Format, (width, height): (usize, usize)) -> Option<f64> {
+    fn max_rate_hz(&self, format: PixelFormat, (width, height): (usize, usize)) -> Option<f64> {
         let rates = (0..LISTED).map_while(|index| {
             let (width, height) = (width as u32, height as u32);
             let mut listed = abi::FrameInterval {
@@ -139,22 +141,22 @@ impl Device {
             abi::ENUM_FRAMEINTERVALS
                 .call(&self.file, &mut listed)
                 .ok()?;
-            // Of a range, the least interval.
+            // A range begins with the least interval.
             Some(rate_hz([listed.intervals[0], listed.intervals[1]]))
         });
         rates.flatten().reduce(f64::max)
     }
 
-    /// Sets what the images are.
+    /// Sets format and size.
     ///
     /// # Errors
-    /// [`Error::Camera`] when it does not do so.
+    /// [`Error::Camera`] when the driver sets others.
     pub(super) fn set_format(
         &self,
-        format: Format,
+        format: PixelFormat,
         (width, height): (usize, usize),
     ) -> Result<Layout> {
-        let mut set = abi::Format {
+        let mut set = abi::AbiFormat {
             kind: VIDEO_CAPTURE,
             width: width as u32,
             height: height as u32,
@@ -182,10 +184,11 @@ impl Device {
         if ![FIELD_ANY, FIELD_NONE].contains(&set.field) {
             return Err(Error::camera(
                 &self.name,
-                "gives interlaced images, whose halves show two moments",
+                "gives interlaced images, whose two fields are of different times",
             ));
         }
-        let packed = width * if format == Format::Yuyv { 2 } else { 1 };
+        // Some drivers report 0 bytes per line, or those of another format.
+        let packed = width * if format == PixelFormat::Yuyv { 2 } else { 1 };
         Ok(Layout {
             format,
             width,
@@ -194,7 +197,7 @@ impl Device {
         })
     }
 
-    /// Asks for so many images a second, and says how many there will be, if the driver does.
+    /// Asks for a rate, and returns the rate that the driver sets, if it reports one.
     pub(super) fn set_rate(&self, wanted_hz: f64) -> Option<f64> {
         let interval = [1000, ((wanted_hz * 1000.0).round() as u32).max(1)];
         let mut set = abi::StreamParameters {
@@ -215,23 +218,23 @@ fn rate_hz([numerator, denominator]: [u32; 2]) -> Option<f64> {
     (numerator > 0 && denominator > 0).then(|| f64::from(denominator) / f64::from(numerator))
 }
 
-/// What went wrong with a device, with the cure.
+/// Words for an error of a device, with the cure.
 pub(super) fn trouble(errno: Errno) -> String {
     let words = match errno {
-        Errno::NOENT | Errno::NXIO => "no such device; `svl record --list` shows what there is",
+        Errno::NOENT | Errno::NXIO => "no such device; `svl record --list` lists the cameras",
         Errno::NODEV | Errno::SHUTDOWN => "disconnected; plug it in and record again",
         Errno::ACCESS | Errno::PERM => {
             "permission denied; join the group that may use it (often video)"
         }
         Errno::BUSY => "in use by another program; close that",
         Errno::NOTTY | Errno::ISDIR | Errno::NOTDIR => {
-            "is no video device; `svl record --list` shows those"
+            "is no video device; `svl record --list` lists those"
         }
         Errno::NOSPC => {
             "the USB bus has no room for its images; use another port, a smaller size= or \
              format=MJPG"
         }
-        Errno::IO => "its driver gave up; unplug it, plug it in and record again",
+        Errno::IO => "its driver failed; unplug it, plug it in and record again",
         _ => return format!("{errno}; unplug it, plug it in and record again"),
     };
     words.to_owned()

@@ -1,11 +1,10 @@
-//! Two V4L2 cameras in one mode.
+//! V4L2: opens two cameras in one mode, lists the cameras of this machine.
 
 mod abi;
 mod camera;
 mod config;
 mod control;
 mod device;
-mod driver;
 mod mode;
 #[cfg(test)]
 mod odd;
@@ -19,19 +18,19 @@ use crate::grab::driver::{CameraPair, CameraRequest, ListedCamera};
 use crate::grab::trigger::Trigger;
 use camera::V4l2Camera;
 use config::V4l2Config;
-use device::Device;
+use device::V4l2Device;
 use mode::{Mode, Wish, choose};
 use stamp::Times;
 use std::path::Path;
-use stream::{Stream, monotonic_ns};
+use stream::{MappedStream, monotonic_ns};
 
 pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = V4l2Config::parse(request.driver, request.text)?;
     // Before the streams begin, as it may take seconds and their buffers would overflow.
     let controller = request.controller()?;
-    let fired = controller.is_some();
+    let triggered = controller.is_some();
     let [left, right] = &config.devices;
-    let devices = [Device::open(left)?, Device::open(right)?];
+    let devices = [V4l2Device::open(left)?, V4l2Device::open(right)?];
     if devices[0].is(&devices[1]) {
         let [left, right] = devices.map(|device| device.name);
         let reason = format!("{left} and {right} are one camera; name two");
@@ -46,19 +45,19 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let modes = [devices[0].modes(config.size), devices[1].modes(config.size)];
     let (format, size) = choose(wish, [&modes[0], &modes[1]])?;
     let times = Times::begin(request.clock, monotonic_ns());
-    let ready = |device: Device| -> Result<(Box<dyn Camera>, f64)> {
+    let ready = |device: V4l2Device| -> Result<(Box<dyn Camera>, f64)> {
         let layout = device.set_format(format, size)?;
         let hz = device.set_rate(rate_hz).unwrap_or(rate_hz);
-        if !fired && (hz / rate_hz - 1.0).abs() > 0.01 {
+        if !triggered && (hz / rate_hz - 1.0).abs() > 0.01 {
             tracing::warn!(
-                "{}: gives {hz:.1} images a second in {format} of {}x{}",
+                "{}: gives {hz:.1} images per second in {format} of {}x{}",
                 device.name,
                 size.0,
                 size.1
             );
         }
         let name = device.name.clone();
-        let camera = V4l2Camera::new(name, Stream::start(device)?, layout, fired, times)?;
+        let camera = V4l2Camera::new(name, MappedStream::start(device)?, layout, triggered, times)?;
         Ok((Box::new(camera), hz))
     };
     let [left, right] = devices;
@@ -66,7 +65,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     Ok(CameraPair {
         cameras: [left, right],
         trigger: controller.map(|controller| Box::new(controller) as Box<dyn Trigger>),
-        rate_hz: if fired {
+        rate_hz: if triggered {
             rate_hz
         } else {
             left_hz.min(right_hz)
@@ -98,7 +97,7 @@ fn list_in(folder: &Path) -> Vec<ListedCamera> {
 
 /// A line for each format of a device, with the sizes and the rates that they hold.
 fn modes(device: &Path) -> Vec<String> {
-    let modes = match Device::open(device) {
+    let modes = match V4l2Device::open(device) {
         Ok(device) => device.modes(None),
         // Without the cure, which is to list the cameras.
         Err(Error::Camera { reason, .. }) => {

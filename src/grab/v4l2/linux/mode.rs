@@ -1,23 +1,23 @@
-//! What a camera can be asked for, and which of it two cameras are.
+//! Modes of a camera, and the choice of one for two cameras.
 
 use crate::error::{Error, Result};
 use std::fmt;
 
 /// Pixel formats that svl reads. The plainest comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Format {
-    /// 8 bits of grey.
+pub(super) enum PixelFormat {
+    /// 8-bit grey.
     Grey,
-    /// Brightness and colour by turns; the brightness is taken as it is.
+    /// YUV 4:2:2, luma and chroma alternating; svl takes the luma.
     Yuyv,
-    /// A JPEG each.
+    /// A JPEG per image.
     Mjpeg,
 }
 
-impl Format {
+impl PixelFormat {
     const ALL: [Self; 3] = [Self::Grey, Self::Yuyv, Self::Mjpeg];
 
-    /// As the kernel names it.
+    /// The kernel's FourCC.
     pub(super) fn code(self) -> u32 {
         u32::from_le_bytes(match self {
             Self::Grey => *b"GREY",
@@ -36,7 +36,7 @@ impl Format {
     }
 }
 
-impl fmt::Display for Format {
+impl fmt::Display for PixelFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Grey => "GREY",
@@ -46,34 +46,34 @@ impl fmt::Display for Format {
     }
 }
 
-/// One way to take images.
+/// A mode of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mode {
-    pub format: Format,
+    pub format: PixelFormat,
     /// Columns and rows.
     pub size: (usize, usize),
-    /// Images a second at most, where the driver tells.
+    /// Highest rate, where the driver reports it.
     pub max_rate_hz: Option<f64>,
 }
 
-/// What is asked of the mode of both cameras.
+/// Mode wanted of both cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Wish {
     pub size: Option<(usize, usize)>,
-    pub format: Option<Format>,
+    pub format: Option<PixelFormat>,
     pub rate_hz: f64,
 }
 
-/// Where there is a choice, the size nearest to this one.
+/// Where there is a choice, the size nearest to this one is taken.
 pub(super) const USUAL: (usize, usize) = (640, 480);
 
-/// The format and size for both cameras: of those that both have and that were asked for the ones
-/// that hold the rate, or come nearest to it, of these the size nearest to 640 × 480, and that in
-/// the plainest format.
+/// Format and size for both cameras. Of the modes that both have and the user allows: those that
+/// hold the rate or come nearest to it, of these the size nearest to 640 × 480, and that in the
+/// plainest format.
 ///
 /// # Errors
 /// [`Error::Camera`] when there is none.
-pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(Format, (usize, usize))> {
+pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (usize, usize))> {
     let rate_hz = |mode: &Mode| mode.max_rate_hz.unwrap_or(wish.rate_hz);
     let common = modes[0].iter().filter_map(|left| {
         let right = modes[1]
@@ -81,7 +81,7 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(Format, (usize,
             .find(|right| (right.format, right.size) == (left.format, left.size))?;
         let asked = wish.format.is_none_or(|f| f == left.format)
             && wish.size.is_none_or(|size| size == left.size);
-        // Rates are whole fractions of a driver's clock: 29.97 is as good as 30.
+        // Rates are integer fractions of the camera's clock: 29.97 holds 30.
         let missing_hz = (0.99 * wish.rate_hz - rate_hz(left).min(rate_hz(right))).max(0.0);
         asked.then_some((missing_hz, left.size.0 * left.size.1, *left))
     });
@@ -110,7 +110,7 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(Format, (usize,
 mod tests {
     use super::*;
 
-    fn mode(format: Format, size: (usize, usize), rate_hz: f64) -> Mode {
+    fn mode(format: PixelFormat, size: (usize, usize), rate_hz: f64) -> Mode {
         Mode {
             format,
             size,
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_mode_of_both_that_holds_the_rate_is_chosen() {
-        use Format::{Grey, Mjpeg, Yuyv};
+        use PixelFormat::{Grey, Mjpeg, Yuyv};
         let webcam = [
             mode(Mjpeg, (640, 480), 60.0),
             mode(Yuyv, (1280, 720), 10.0),
@@ -187,8 +187,8 @@ mod tests {
     #[test]
     fn cameras_that_have_nothing_in_common_are_told() {
         let (grey, yuyv) = (
-            [mode(Format::Grey, (64, 48), 30.0)],
-            [mode(Format::Yuyv, (64, 48), 30.0)],
+            [mode(PixelFormat::Grey, (64, 48), 30.0)],
+            [mode(PixelFormat::Yuyv, (64, 48), 30.0)],
         );
         let error = choose(ANY, [&grey, &yuyv]).unwrap_err().to_string();
         assert!(
@@ -197,7 +197,7 @@ mod tests {
         );
         let wish = Wish {
             size: Some((99, 9)),
-            format: Some(Format::Grey),
+            format: Some(PixelFormat::Grey),
             ..ANY
         };
         let error = choose(wish, [&grey, &grey]).unwrap_err().to_string();

@@ -1,15 +1,14 @@
-//! Cameras whose drivers do what they are told, or not.
+//! Tests of V4L2 cameras on drivers that obey, or do not.
 
 use super::abi::{
     ANALOGUE_GAIN, AUTOGAIN, EXPOSURE_ABSOLUTE, EXPOSURE_AUTO, FLAG_STAMPED_AT_BEGIN,
     FLAG_TIMESTAMP_MONOTONIC,
 };
 use super::camera::V4l2Camera;
-use super::control::Range;
-use super::driver::{Driver, Fault};
-use super::mode::Format;
+use super::mode::PixelFormat;
 use super::pixels::Layout;
-use super::stamp::{Stamp, Times};
+use super::stamp::{BufferStamp, Times};
+use super::stream::{ControlRange, Fault, VideoStream};
 use crate::error::Error;
 use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
 use rustix::io::Errno;
@@ -17,14 +16,14 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-type Filled = Result<(Vec<u8>, Stamp), Fault>;
+type Filled = Result<(Vec<u8>, BufferStamp), Fault>;
 
 #[derive(Clone, Default)]
-struct Odd(Arc<Mutex<State>>);
+struct Odd(Arc<Mutex<OddState>>);
 
 #[derive(Default)]
-struct State {
-    controls: Vec<(u32, Range)>,
+struct OddState {
+    controls: Vec<(u32, ControlRange)>,
     /// What was set, in this order.
     set: Vec<(u32, i32)>,
     /// What it makes of a gain.
@@ -33,13 +32,13 @@ struct State {
 }
 
 impl Odd {
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, OddState> {
         self.0.lock().unwrap()
     }
 }
 
-impl Driver for Odd {
-    fn range(&self, control: u32) -> Option<Range> {
+impl VideoStream for Odd {
+    fn range(&self, control: u32) -> Option<ControlRange> {
         self.state()
             .controls
             .iter()
@@ -64,7 +63,7 @@ impl Driver for Odd {
     fn next<T>(
         &mut self,
         _: Duration,
-        read: impl FnOnce(&[u8], Stamp) -> T,
+        read: impl FnOnce(&[u8], BufferStamp) -> T,
     ) -> Result<Option<T>, Fault> {
         let filled = self.state().buffers.pop_front().transpose()?;
         Ok(filled.map(|(data, stamp)| read(&data, stamp)))
@@ -72,8 +71,8 @@ impl Driver for Odd {
 }
 
 /// A shutter in hundreds of microseconds, a gain in sixteenths.
-fn webcam() -> Vec<(u32, Range)> {
-    let range = |min, max| Range { min, max, step: 1 };
+fn webcam() -> Vec<(u32, ControlRange)> {
+    let range = |min, max| ControlRange { min, max, step: 1 };
     vec![
         (EXPOSURE_AUTO, range(0, 3)),
         (EXPOSURE_ABSOLUTE, range(3, 2047)),
@@ -88,7 +87,7 @@ fn image(number: u8) -> Filled {
     let flags = FLAG_TIMESTAMP_MONOTONIC | FLAG_STAMPED_AT_BEGIN;
     Ok((
         vec![9, number],
-        Stamp {
+        BufferStamp {
             ns,
             flags,
             arrived_ns: ns + 500_000,
@@ -103,18 +102,18 @@ const SETTINGS: Settings = Settings {
 };
 
 /// A webcam, armed.
-fn camera(fired: bool, buffers: impl IntoIterator<Item = Filled>) -> (V4l2Camera<Odd>, Odd) {
+fn camera(triggered: bool, buffers: impl IntoIterator<Item = Filled>) -> (V4l2Camera<Odd>, Odd) {
     let driver = Odd::default();
     driver.state().controls = webcam();
     driver.state().buffers.extend(buffers);
-    let mut camera = unarmed(&driver, fired);
+    let mut camera = unarmed(&driver, triggered);
     camera.arm(SETTINGS).unwrap();
     (camera, driver)
 }
 
-fn unarmed(driver: &Odd, fired: bool) -> V4l2Camera<Odd> {
+fn unarmed(driver: &Odd, triggered: bool) -> V4l2Camera<Odd> {
     let layout = Layout {
-        format: Format::Grey,
+        format: PixelFormat::Grey,
         width: 2,
         height: 1,
         stride: 2,
@@ -123,7 +122,14 @@ fn unarmed(driver: &Odd, fired: bool) -> V4l2Camera<Odd> {
         offset_ns: 7_000_000_000,
         earliest_ns: 0,
     };
-    V4l2Camera::new("/dev/video9".into(), driver.clone(), layout, fired, times).unwrap()
+    V4l2Camera::new(
+        "/dev/video9".into(),
+        driver.clone(),
+        layout,
+        triggered,
+        times,
+    )
+    .unwrap()
 }
 
 fn next(camera: &mut impl Camera) -> Option<Capture> {
@@ -168,7 +174,7 @@ fn a_camera_without_a_shutter_is_left_to_itself() {
     let driver = Odd::default();
     driver.state().controls = vec![(
         AUTOGAIN,
-        Range {
+        ControlRange {
             min: 0,
             max: 1,
             step: 1,
@@ -250,7 +256,7 @@ fn images_from_before_a_setting_are_counted_and_others_kept() {
 }
 
 #[test]
-fn a_camera_that_is_fired_gives_what_came_after_it_was_armed() {
+fn a_camera_that_is_triggered_gives_what_came_after_it_was_armed() {
     let (mut camera, driver) = camera(true, (1..=9).map(image));
     assert!(numbers(&mut camera).is_empty());
     driver.state().buffers.push_back(image(10));
@@ -274,8 +280,8 @@ fn damaged_buffers_are_no_images_and_the_camera_goes_on() {
 
 #[test]
 fn a_stream_that_ends_is_told_with_the_cure() {
-    for fired in [true, false] {
-        let (mut camera, driver) = camera(fired, []);
+    for triggered in [true, false] {
+        let (mut camera, driver) = camera(triggered, []);
         driver
             .state()
             .buffers
@@ -309,6 +315,6 @@ fn without_a_drivers_time_an_image_has_that_of_its_arrival() {
     driver
         .state()
         .buffers
-        .push_back(Ok((data, Stamp { flags: 0, ..stamp })));
+        .push_back(Ok((data, BufferStamp { flags: 0, ..stamp })));
     assert_eq!(next(&mut camera).unwrap().stamp_ns, 7_003_500_000);
 }

@@ -1,26 +1,26 @@
-//! From a driver's buffer to a grey image.
+//! Converts a driver's buffer to a grey image.
 
-use super::mode::Format;
+use super::mode::PixelFormat;
 use crate::files::{brightness, every_byte, strided_rows};
 use crate::stereo::Gray;
 
-/// How the images of a stream lie in its buffers.
+/// Layout of an image in a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
-    pub format: Format,
+    pub format: PixelFormat,
     pub width: usize,
     pub height: usize,
-    /// Bytes from one row to the next; of no meaning to MJPEG.
+    /// Bytes from one row to the next; unused for MJPEG.
     pub stride: usize,
 }
 
 impl Layout {
-    /// The brightness of an image, or in a few words what is wrong with it.
+    /// The luma of an image, or a few words on its damage.
     pub(super) fn read(&self, data: &[u8]) -> Result<Gray, String> {
         match self.format {
-            Format::Grey => self.unpack(data, 1),
-            Format::Yuyv => self.unpack(data, 2),
-            Format::Mjpeg => brightness(data, (self.width, self.height)),
+            PixelFormat::Grey => self.unpack(data, 1),
+            PixelFormat::Yuyv => self.unpack(data, 2),
+            PixelFormat::Mjpeg => brightness(data, (self.width, self.height)),
         }
     }
 
@@ -52,7 +52,7 @@ mod tests {
         (20 + 2 * x + 2 * y) as u8
     }
 
-    fn layout(format: Format, stride: usize) -> Layout {
+    fn layout(format: PixelFormat, stride: usize) -> Layout {
         Layout {
             format,
             width: SIZE.0,
@@ -92,19 +92,19 @@ mod tests {
     fn padded_rows_of_grey() {
         let row = |y: usize| (0..SIZE.0).map(move |x| grey(x, y)).chain([255; 16]);
         let data: Vec<u8> = (0..SIZE.1).flat_map(row).collect();
-        shows_the_picture(&layout(Format::Grey, 80).read(&data).unwrap(), 0);
+        shows_the_picture(&layout(PixelFormat::Grey, 80).read(&data).unwrap(), 0);
         // The last row's padding may be missing, and no more.
         shows_the_picture(
-            &layout(Format::Grey, 80)
+            &layout(PixelFormat::Grey, 80)
                 .read(&data[..data.len() - 16])
                 .unwrap(),
             0,
         );
-        let error = layout(Format::Grey, 80)
+        let error = layout(PixelFormat::Grey, 80)
             .read(&data[..data.len() - 17])
             .unwrap_err();
         assert_eq!(error, "3823 of 3824 bytes");
-        assert!(layout(Format::Grey, 80).read(&[]).is_err());
+        assert!(layout(PixelFormat::Grey, 80).read(&[]).is_err());
     }
 
     #[test]
@@ -115,9 +115,9 @@ mod tests {
                 .chain([255; 32])
         };
         let data: Vec<u8> = (0..SIZE.1).flat_map(row).collect();
-        shows_the_picture(&layout(Format::Yuyv, 160).read(&data).unwrap(), 0);
+        shows_the_picture(&layout(PixelFormat::Yuyv, 160).read(&data).unwrap(), 0);
         assert!(
-            layout(Format::Yuyv, 160)
+            layout(PixelFormat::Yuyv, 160)
                 .read(&data[..data.len() - 33])
                 .is_err()
         );
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn brightness_of_mjpeg_with_and_without_huffman_tables() {
-        let layout = layout(Format::Mjpeg, 64);
+        let layout = layout(PixelFormat::Mjpeg, 64);
         shows_the_picture(&layout.read(WEBCAM).unwrap(), 3);
         let bare = without(0xC4, WEBCAM);
         assert!(bare.len() + 400 < WEBCAM.len());
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_jpeg_that_is_cut_off_or_of_another_size_is_no_image() {
-        let right = layout(Format::Mjpeg, 64);
+        let right = layout(PixelFormat::Mjpeg, 64);
         for length in 0..WEBCAM.len() {
             assert!(
                 right.read(&WEBCAM[..length]).is_err(),
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_jpeg_with_a_hole_is_hardly_ever_an_image() {
-        let layout = layout(Format::Mjpeg, 64);
+        let layout = layout(PixelFormat::Mjpeg, 64);
         let scan = WEBCAM
             .windows(2)
             .position(|two| two == [0xFF, 0xDA])
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn no_bytes_make_it_panic() {
-        let layout = layout(Format::Mjpeg, 64);
+        let layout = layout(PixelFormat::Mjpeg, 64);
         let mut random = fastrand::Rng::with_seed(1);
         for _ in 0..2_000 {
             let mut jpeg = WEBCAM.to_vec();

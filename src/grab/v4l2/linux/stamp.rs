@@ -1,27 +1,27 @@
-//! When an image was exposed.
+//! Stamps of V4L2 buffers, converted to the middle of the exposure on the grabber's clock.
 
 use super::abi::{
     FLAG_STAMPED_AT_BEGIN, FLAG_STAMPED_AT_MASK, FLAG_TIMESTAMP_MASK, FLAG_TIMESTAMP_MONOTONIC,
 };
-use crate::grab::clock::Clock;
+use crate::grab::clock::GrabClock;
 
-/// From the clock that drivers stamp by to the grabber's, the same way for both cameras.
+/// Conversion from the drivers' monotonic clock to the grabber's, one for both cameras so that the
+/// skew is exact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Times {
-    /// What to add to the monotonic clock.
+    /// Grabber's clock minus monotonic clock.
     pub offset_ns: u64,
-    /// No image can be from before this, of the monotonic clock.
+    /// Earliest possible stamp on the monotonic clock.
     pub earliest_ns: u64,
 }
 
-/// A sensor that runs all the time may have begun an exposure before its stream, and drivers that
-/// reckon with a camera's own clock err by some milliseconds. What is further off than this is no
-/// time of the image.
+/// A running sensor may have started an exposure before its stream, and drivers that convert a
+/// camera's own clock err by some milliseconds. A stamp that is further off is invalid.
 const TOLERANCE_NS: u64 = 1_000_000_000;
 
 impl Times {
     /// Before the streams begin, at `monotonic_ns`.
-    pub(super) fn begin(clock: &Clock, monotonic_ns: u64) -> Self {
+    pub(super) fn begin(clock: &GrabClock, monotonic_ns: u64) -> Self {
         let offset_ns = clock.now_ns().wrapping_sub(monotonic_ns);
         Self {
             offset_ns,
@@ -30,24 +30,24 @@ impl Times {
     }
 }
 
-/// What a driver says of the time of a buffer.
+/// The driver's stamp of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Stamp {
-    /// Of the monotonic clock, if `flags` say so.
+pub(super) struct BufferStamp {
+    /// On the monotonic clock, if `flags` say so.
     pub ns: u64,
     pub flags: u32,
-    /// When the buffer was given out, of the monotonic clock.
+    /// When the buffer was dequeued, on the monotonic clock.
     pub arrived_ns: u64,
 }
 
-impl Stamp {
-    /// The middle of the exposure on the monotonic clock. A driver stamps the begin of the exposure
-    /// or the end of the transfer (and no driver tells how long that takes, so then it counts as
-    /// exposure's end). Nothing when the driver gives no time, or one from before `earliest_ns` or
+impl BufferStamp {
+    /// The middle of the exposure on the monotonic clock. A driver stamps the start of the exposure,
+    /// or the end of the transfer, whose duration no driver reports: that stamp is taken as the end
+    /// of the exposure. `None` when the driver gives no stamp, or one from before `earliest_ns` or
     /// far in the future.
     pub(super) fn middle_ns(&self, exposure_us: u32, earliest_ns: u64) -> Option<u64> {
-        let is_told = self.flags & FLAG_TIMESTAMP_MASK == FLAG_TIMESTAMP_MONOTONIC;
-        if !is_told || !(earliest_ns..=self.arrived_ns + TOLERANCE_NS).contains(&self.ns) {
+        let is_monotonic = self.flags & FLAG_TIMESTAMP_MASK == FLAG_TIMESTAMP_MONOTONIC;
+        if !is_monotonic || !(earliest_ns..=self.arrived_ns + TOLERANCE_NS).contains(&self.ns) {
             return None;
         }
         let half_ns = u64::from(exposure_us) * 500;
@@ -64,13 +64,13 @@ mod tests {
 
     #[test]
     fn stamps_become_the_middle_of_the_exposure() {
-        let begin = Stamp {
+        let begin = BufferStamp {
             ns: 1_000_000,
             flags: FLAG_TIMESTAMP_MONOTONIC | FLAG_STAMPED_AT_BEGIN,
             arrived_ns: 9_000_000,
         };
         assert_eq!(begin.middle_ns(4_000, 0), Some(3_000_000));
-        let end = Stamp {
+        let end = BufferStamp {
             ns: 8_000_000,
             flags: FLAG_TIMESTAMP_MONOTONIC,
             ..begin
@@ -81,13 +81,13 @@ mod tests {
 
     #[test]
     fn stamps_that_cannot_be_are_none() {
-        let stamp = Stamp {
+        let stamp = BufferStamp {
             ns: 5_000,
             flags: FLAG_TIMESTAMP_MONOTONIC | FLAG_STAMPED_AT_BEGIN,
             arrived_ns: 9_000,
         };
         assert_eq!(
-            Stamp {
+            BufferStamp {
                 ns: 9_001 + TOLERANCE_NS,
                 ..stamp
             }
@@ -102,7 +102,7 @@ mod tests {
         );
         for flags in [0, 0x4000, 0x6000] {
             assert_eq!(
-                Stamp { flags, ..stamp }.middle_ns(2, 0),
+                BufferStamp { flags, ..stamp }.middle_ns(2, 0),
                 None,
                 "another clock: {flags:x}"
             );

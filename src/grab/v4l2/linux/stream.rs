@@ -1,12 +1,10 @@
-//! A device that streams into buffers which are mapped into this process.
+//! The stream of a video device, in buffers that are mapped into this process.
 
 use super::abi::{
     self, CONTROL_DISABLED, CONTROL_READ_ONLY, FLAG_ERROR, MEMORY_MMAP, VIDEO_CAPTURE,
 };
-use super::control::Range;
-use super::device::Device;
-use super::driver::{Driver, Fault};
-use super::stamp::Stamp;
+use super::device::V4l2Device;
+use super::stamp::BufferStamp;
 use crate::error::{Error, Result};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::OwnedFd;
@@ -16,27 +14,67 @@ use rustix::time::{ClockId, clock_gettime};
 use std::ffi::c_void;
 use std::time::Duration;
 
-/// Enough that a late thread costs no image; a driver may want more.
+/// Values of a control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ControlRange {
+    pub min: i32,
+    pub max: i32,
+    pub step: i32,
+}
+
+/// A camera whose stream runs. Tests implement it with faults.
+pub(super) trait VideoStream: Send {
+    /// The range of a control, if the camera has it.
+    fn range(&self, control: u32) -> Option<ControlRange>;
+
+    /// Sets a control and returns its value: a driver takes the nearest that it has.
+    ///
+    /// # Errors
+    /// The driver's.
+    fn set(&mut self, control: u32, value: i32) -> Result<i32, Errno>;
+
+    /// Waits for the next filled buffer, and passes it to `read` before the driver fills it again.
+    /// `None` when none came.
+    ///
+    /// # Errors
+    /// [`Fault`].
+    fn next<T>(
+        &mut self,
+        timeout: Duration,
+        read: impl FnOnce(&[u8], BufferStamp) -> T,
+    ) -> Result<Option<T>, Fault>;
+}
+
+/// A fault of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Fault {
+    /// One buffer is damaged; the next may be intact.
+    Buffer(&'static str),
+    /// The stream has ended.
+    Stream(Errno),
+}
+
+/// Enough that a late thread loses no image; a driver may ask for more.
 const BUFFERS: u32 = 4;
 const MAX_BUFFERS: u32 = 32;
 
 /// A running stream. Dropping it ends it.
-pub(super) struct Stream {
+pub(super) struct MappedStream {
     // Unmapped before the device is closed.
     buffers: Vec<Mapping>,
     device: OwnedFd,
 }
 
-/// Now, on the clock that drivers stamp by.
+/// Now, on the clock of the drivers' stamps.
 pub(super) fn monotonic_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-impl Stream {
+impl MappedStream {
     /// # Errors
     /// [`Error::Camera`] when the driver refuses.
-    pub(super) fn start(device: Device) -> Result<Self> {
+    pub(super) fn start(device: V4l2Device) -> Result<Self> {
         let name = device.name.clone();
         let mut stream = Self {
             buffers: Vec::new(),
@@ -64,7 +102,7 @@ impl Stream {
             abi::QUERYBUF.call(&self.device, &mut buffer)?;
             self.buffers.push(Mapping::new(
                 &self.device,
-                buffer.place.offset,
+                buffer.location.offset,
                 buffer.length as usize,
             )?);
             self.give(index)?;
@@ -87,23 +125,20 @@ fn buffer(index: u32) -> abi::Buffer {
     }
 }
 
-impl Driver for Stream {
-    fn range(&self, control: u32) -> Option<Range> {
+impl VideoStream for MappedStream {
+    fn range(&self, control: u32) -> Option<ControlRange> {
         let mut query = abi::ControlQuery {
             id: control,
             ..Default::default()
         };
         abi::QUERYCTRL.call(&self.device, &mut query).ok()?;
-        let Range { min, max, step } = Range {
+        let range = ControlRange {
             min: query.minimum,
             max: query.maximum,
             step: query.step,
         };
-        (query.flags & (CONTROL_DISABLED | CONTROL_READ_ONLY) == 0 && min <= max).then_some(Range {
-            min,
-            max,
-            step,
-        })
+        let can_be_set = query.flags & (CONTROL_DISABLED | CONTROL_READ_ONLY) == 0;
+        (can_be_set && range.min <= range.max).then_some(range)
     }
 
     fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<i32> {
@@ -114,19 +149,21 @@ impl Driver for Stream {
 
     fn next<T>(
         &mut self,
-        patience: Duration,
-        read: impl FnOnce(&[u8], Stamp) -> T,
+        timeout: Duration,
+        read: impl FnOnce(&[u8], BufferStamp) -> T,
     ) -> std::result::Result<Option<T>, Fault> {
         let mut waiting = [PollFd::new(&self.device, PollFlags::IN)];
         let timeout = Timespec {
-            tv_sec: patience.as_secs() as i64,
-            tv_nsec: patience.subsec_nanos().into(),
+            tv_sec: timeout.as_secs() as i64,
+            tv_nsec: timeout.subsec_nanos().into(),
         };
         match poll(&mut waiting, Some(&timeout)) {
             Ok(0) | Err(Errno::INTR) => return Ok(None),
             Ok(_) => {}
             Err(errno) => return Err(Fault::Stream(errno)),
         }
+        // An unplugged camera signals an error and is readable for ever: without this the thread
+        // would spin.
         let has_ended = waiting[0]
             .revents()
             .intersects(PollFlags::ERR | PollFlags::HUP | PollFlags::NVAL);
@@ -134,6 +171,7 @@ impl Driver for Stream {
         match abi::DQBUF.call(&self.device, &mut filled) {
             Ok(()) => {}
             Err(Errno::AGAIN) if !has_ended => return Ok(None),
+            // By the V4L2 documentation EIO may be a lost frame that the stream survives.
             Err(Errno::IO) if !has_ended => return Err(Fault::Buffer("its driver lost it")),
             Err(Errno::AGAIN) => return Err(Fault::Stream(Errno::IO)),
             Err(errno) => return Err(Fault::Stream(errno)),
@@ -141,13 +179,14 @@ impl Driver for Stream {
         let Some(mapping) = self.buffers.get(filled.index as usize) else {
             return Err(Fault::Stream(Errno::IO));
         };
-        let stamp = Stamp {
+        let stamp = BufferStamp {
             ns: (filled.seconds as u64)
                 .wrapping_mul(1_000_000_000)
                 .wrapping_add((filled.microseconds as u64).wrapping_mul(1000)),
             flags: filled.flags,
             arrived_ns: monotonic_ns(),
         };
+        // The driver owns the buffer again after QBUF, so it is read before that.
         let given = match mapping.bytes().get(..filled.bytes_used as usize) {
             _ if filled.flags & FLAG_ERROR != 0 => Err(Fault::Buffer("its driver says so")),
             None => Err(Fault::Buffer("more bytes than its buffer has")),
@@ -158,14 +197,14 @@ impl Driver for Stream {
     }
 }
 
-impl Drop for Stream {
+impl Drop for MappedStream {
     fn drop(&mut self) {
-        // A device that is gone has ended already.
+        // Fails where the device is gone, which has ended the stream.
         let _ = abi::STREAMOFF.call(&self.device, &mut (VIDEO_CAPTURE as i32));
     }
 }
 
-/// A buffer of the driver's in this process's memory.
+/// A buffer of the driver, mapped into this process.
 struct Mapping {
     start: *mut c_void,
     length: usize,
@@ -191,7 +230,7 @@ impl Mapping {
         Ok(Self { start, length })
     }
 
-    /// What the driver wrote. Only for a buffer that it gave out and did not get back.
+    /// The buffer's bytes. Only valid while the driver has it dequeued.
     fn bytes(&self) -> &[u8] {
         // SAFETY: `length` bytes are mapped there until this is dropped, and a driver writes only
         // to buffers it was given.

@@ -1,26 +1,26 @@
-//! The cable from a simulated trigger to two simulated cameras.
+//! Simulated trigger lines, and the triggers that raise them.
 
 use crate::error::Result;
-use crate::grab::camera::Side;
-use crate::grab::clock::Clock;
+use crate::grab::clock::GrabClock;
 use crate::grab::trigger::{Pulse, Trigger};
+use crate::stereo::Side;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Two trigger lines. A pulse reaches the cameras that are armed; for the others it is lost, as on
-/// a real cable.
-pub struct Wire {
-    clock: Arc<Clock>,
-    lines: Mutex<[Line; 2]>,
+/// Two trigger lines. A pulse reaches the cameras that are armed; the others miss it, as on a real
+/// cable.
+pub struct TriggerCable {
+    clock: Arc<GrabClock>,
+    lines: Mutex<[CableLine; 2]>,
 }
 
 #[derive(Clone, Copy, Default)]
-struct Line {
+struct CableLine {
     armed: bool,
     pulse: Option<Pulse>,
 }
 
-impl Wire {
-    pub fn new(clock: &Arc<Clock>) -> Arc<Self> {
+impl TriggerCable {
+    pub fn new(clock: &Arc<GrabClock>) -> Arc<Self> {
         Arc::new(Self {
             clock: clock.clone(),
             lines: Mutex::default(),
@@ -30,7 +30,7 @@ impl Wire {
     /// Raises both lines.
     pub fn raise(&self, pulse: Pulse) {
         for line in self.lock().iter_mut().filter(|line| line.armed) {
-            *line = Line {
+            *line = CableLine {
                 armed: false,
                 pulse: Some(pulse),
             };
@@ -38,58 +38,58 @@ impl Wire {
         self.clock.notify();
     }
 
-    /// From now on the next pulse exposes.
+    /// Arms a camera: the next pulse exposes.
     pub(super) fn arm(&self, side: Side) {
-        self.lock()[side as usize] = Line {
+        self.lock()[side as usize] = CableLine {
             armed: true,
             pulse: None,
         };
     }
 
-    /// The pulse that came since, waiting for it.
+    /// The first pulse since it was armed, waiting for it.
     pub(super) fn pulse(&self, side: Side, until_ns: u64) -> Option<Pulse> {
         self.clock
             .wait_until(until_ns, || self.lock()[side as usize].pulse.take())
     }
 
-    fn lock(&self) -> MutexGuard<'_, [Line; 2]> {
+    fn lock(&self) -> MutexGuard<'_, [CableLine; 2]> {
         self.lines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// A real trigger whose pulses are taken to the simulated cameras too.
-pub struct Cabled {
+/// A real trigger whose pulses reach the simulated cameras too.
+pub struct CabledTrigger {
     trigger: Box<dyn Trigger>,
-    wire: Arc<Wire>,
+    cable: Arc<TriggerCable>,
 }
 
-impl Cabled {
-    pub fn new(trigger: Box<dyn Trigger>, wire: &Arc<Wire>) -> Self {
+impl CabledTrigger {
+    pub fn new(trigger: Box<dyn Trigger>, cable: &Arc<TriggerCable>) -> Self {
         Self {
             trigger,
-            wire: wire.clone(),
+            cable: cable.clone(),
         }
     }
 }
 
-impl Trigger for Cabled {
+impl Trigger for CabledTrigger {
     fn pulse(&mut self) -> Result<Pulse> {
         let pulse = self.trigger.pulse()?;
-        self.wire.raise(pulse);
+        self.cable.raise(pulse);
         Ok(pulse)
     }
 }
 
-/// A simulated trigger at the end of that cable.
+/// A simulated trigger on that cable.
 pub struct SimulatedTrigger {
-    wire: Arc<Wire>,
+    cable: Arc<TriggerCable>,
     next_id: u64,
 }
 
 impl SimulatedTrigger {
-    pub fn new(wire: &Arc<Wire>) -> Self {
+    pub fn new(cable: &Arc<TriggerCable>) -> Self {
         Self {
-            wire: wire.clone(),
+            cable: cable.clone(),
             next_id: 0,
         }
     }
@@ -99,10 +99,10 @@ impl Trigger for SimulatedTrigger {
     fn pulse(&mut self) -> Result<Pulse> {
         let pulse = Pulse {
             id: self.next_id,
-            stamp_ns: self.wire.clock.now_ns(),
+            stamp_ns: self.cable.clock.now_ns(),
         };
         self.next_id += 1;
-        self.wire.raise(pulse);
+        self.cable.raise(pulse);
         Ok(pulse)
     }
 }
