@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use svl::grab::{Capture, Pairing, Rule, Settings, Unpaired, WAITING};
-use svl::stereo::Gray;
+use svl::stereo::{Gray, Side};
 
 const NEAR_NS: u64 = 10;
 const NEAR: Rule = Rule::Stamp {
