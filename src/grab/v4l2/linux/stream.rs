@@ -31,7 +31,7 @@ pub(super) trait VideoStream: Send {
     ///
     /// # Errors
     /// The driver's.
-    fn set(&mut self, control: u32, value: i32) -> Result<i32, Errno>;
+    fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<i32>;
 
     /// Waits for the next filled buffer, and passes it to `read` before the driver fills it again.
     /// `None` when none came.
@@ -42,7 +42,7 @@ pub(super) trait VideoStream: Send {
         &mut self,
         timeout: Duration,
         read: impl FnOnce(&[u8], BufferStamp) -> T,
-    ) -> Result<Option<T>, Fault>;
+    ) -> std::result::Result<Option<T>, Fault>;
 }
 
 /// A fault of a stream.
