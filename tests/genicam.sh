@@ -73,12 +73,12 @@ cd "$work"
 pair=genicam:Aravis-Fake-LEFT7,Aravis-Fake-RIGHT8
 does "$svl" record $pair --rate 10 --frames 30 -o software.mcap
 says " 0 pairs dropped"
-echo "software: $(sed -n 's/.* images, \(.*\); writer.*/\1/p' said)"
+echo "software: $(sed -n 's/.* images, \(.*\); latency.*/\1/p' said)"
 whole software.mcap 30
 
 does "$svl" record genicam:10.77.1.2,10.77.2.2 --trigger free --rate 20 --frames 40 -o free.mcap
 says " 0 pairs dropped"
-echo "free: $(sed -n 's/.* images, \(.*\); writer.*/\1/p' said)"
+echo "free: $(sed -n 's/.* images, \(.*\); latency.*/\1/p' said)"
 whole free.mcap 40
 
 # Images that lack packets are counted, and are in no pair.

@@ -63,6 +63,8 @@ impl Coordinator {
                     CameraEvent::Armed => self.enter(side, Phase::Armed),
                     CameraEvent::Captured(taken) => self.handle_image(side, taken)?,
                     CameraEvent::Failed(error) => {
+                        // Images of one pulse come one after the other: the partner of the last
+                        // image may still be on its way.
                         self.finish_exposure(side.other())?;
                         return Err(error);
                     }
@@ -110,6 +112,7 @@ impl Coordinator {
             next(self, side);
         }
         self.deliver_pairs(Pairing::pair)?;
+        // Only now, as a camera that fails must not cost a pair that is complete.
         checked?;
         self.pair_watchdog
             .on_image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
@@ -244,6 +247,7 @@ impl Coordinator {
 
     fn deliver(&mut self, [left, right]: [Capture; 2]) -> Result<()> {
         self.balance
+            // By the settings ordered, as the balance knows no rounding of cameras.
             .observe(&left.image, &right.image, left.ordered);
         if !left.settings.is_near(right.settings)
             && !std::mem::replace(&mut self.warned_unlike, true)
@@ -260,6 +264,7 @@ impl Coordinator {
         // Saturates at an hour.
         tally.skew_ns.saturating_record(skew_ns.unsigned_abs());
         let (sequence, drops) = (tally.pairs, tally.drops());
+        // The drops of a frame are those before it, so they are read before it is pushed.
         tally.pairs += 1;
         drop(tally);
         let frame = Frame {
@@ -273,6 +278,7 @@ impl Coordinator {
             pose: None,
             truth: None,
             exposure: Exposure {
+                // Without a trigger there is no pulse: the number of the pair stands for it.
                 trigger_id: left.trigger_id.unwrap_or(sequence),
                 skew_ns,
                 shutter_us: left.settings.shutter_us,
@@ -280,6 +286,8 @@ impl Coordinator {
                 drops,
             },
         };
+        // May wait for the writer (backpressure): meanwhile nothing is triggered. The watchdog is
+        // reset after it, or the wait would count as time without a pair.
         let pushed = self.queue.push(frame);
         self.pair_watchdog.on_pair(self.pairing.unpaired());
         let mut tally = self.tally();

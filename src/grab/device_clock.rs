@@ -26,6 +26,8 @@ impl DeviceClock {
         let seen = i128::from(arrived_ns) - i128::from(device_ns);
         let offset = match self.offset {
             Some((before, at_ns)) => {
+                // A larger difference is latency of this image, not drift: it must not move the
+                // offset.
                 let most = before + i128::from(arrived_ns.saturating_sub(at_ns)) / DRIFT;
                 if seen > most + RESET_NS {
                     seen
@@ -36,6 +38,7 @@ impl DeviceClock {
             None => seen,
         };
         self.offset = Some((offset, arrived_ns));
+        // In 128 bits and clamped: a faulty camera may report any number.
         (i128::from(device_ns) + offset).clamp(0, u64::MAX.into()) as u64
     }
 }

@@ -43,7 +43,7 @@ pub struct DriverFunctions {
     pub list: fn() -> Vec<ListedCamera>,
 }
 
-/// What is asked of a driver.
+/// A request to a driver.
 pub struct CameraRequest<'a> {
     pub driver: &'static Driver,
     /// Names and options: what follows the colon.
@@ -81,7 +81,7 @@ pub struct CameraPair {
     pub cameras: [Box<dyn Camera>; 2],
     /// What triggers both; nothing when they run free.
     pub trigger: Option<Box<dyn Trigger>>,
-    /// Images per second of each camera: the rate asked for, or what free-running cameras make of
+    /// Images per second of each camera: the requested rate, or what free-running cameras make of
     /// it.
     pub rate_hz: f64,
     /// Their rig, where images are rectified and the driver knows it.
@@ -147,6 +147,7 @@ impl Driver {
     }
 
     fn setting(&self, text: &str) -> Result<Setting> {
+        // A name without value is an error of the value, which says what is expected.
         let (name, value) = text.split_once('=').unwrap_or((text, ""));
         let (name, value) = (name.trim(), value.trim());
         let (sides, bare_name) = match name.split_once('.') {

@@ -75,6 +75,7 @@ impl Balance {
     }
 
     fn update(&mut self, view: Brightness) {
+        // The light or the scene changed: bounds learned from the view before no longer hold.
         if !self.first.get_or_insert(view).is_like(view) {
             (self.first, self.too_bright) = (Some(view), None);
         }
@@ -106,6 +107,7 @@ impl Balance {
             shutter_us,
             gain_mdb,
         } = &self.limits;
+        // The shutter at the lowest gain; what is beyond its limit, gain has to give.
         let plain = light / linear(*gain_mdb.start());
         let shutter = (plain.round().min(f64::from(u32::MAX)) as u32)
             .clamp(*shutter_us.start(), *shutter_us.end());
@@ -166,6 +168,7 @@ impl Brightness {
             brighter > MAX_BRIGHTER * total
         });
         Self {
+            // At least 1: a black image asks for the greatest step, not for infinitely more light.
             mean: mean.max(1.0),
             bright: bright.map_or(0.0, |grey| grey as f64).max(1.0),
         }

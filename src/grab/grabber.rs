@@ -67,6 +67,7 @@ impl Grabber {
         } = setup;
         let mut limits = cameras[0].limits().common(&cameras[1].limits())?;
         let (shortest, longest) = (*limits.shutter_us.start(), *limits.shutter_us.end());
+        // Never below the shortest shutter: such cameras just do not hold the rate.
         limits.shutter_us = shortest..=longest.min(setup.max_shutter_us).max(shortest);
         let settings = limits.clamp(settings);
         let reports = Mailbox::new(&clock);
@@ -156,8 +157,9 @@ impl Grabber {
     /// Ends the threads and returns the counts of the run.
     pub fn stop(&mut self) -> Tally {
         self.reports.close();
+        // Wakes a coordinator that waits for the writer.
         let unread = self.queue.abandon();
-        // A driver may hang in a call for ever: its thread is left behind, or Ctrl-C would hang too.
+        // A driver may hang in a call for ever: waiting for its thread would make Ctrl-C hang too.
         let began = Instant::now();
         while began.elapsed() < STOPPING && self.threads.iter().any(|thread| !thread.is_finished())
         {

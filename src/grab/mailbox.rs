@@ -45,6 +45,7 @@ impl<T> Mailbox<T> {
         if !state.closed {
             state.messages.push_back(message);
         }
+        // Unlocked before the clock wakes the receiver, whose condition takes this lock.
         drop(state);
         self.clock.notify();
     }
@@ -59,6 +60,7 @@ impl<T> Mailbox<T> {
     pub(super) fn receive(&self, until_ns: u64) -> Received<T> {
         let look = || {
             let mut state = self.lock();
+            // Closed wins over waiting messages: a camera that is to end must start no other image.
             if state.closed {
                 return Some(Received::Closed);
             }

@@ -1,11 +1,11 @@
 //! The synchronized frames grabber (thesis, section 4.2).
 //!
 //! ```text
-//!  camera ──▶ acquisition thread ──armed, captured──┐                 ┌─▶ pairing ─▶ exposure balance
-//!                                                   ├─▶ coordinator ──┤
-//!  camera ──▶ acquisition thread ──armed, captured──┘      │          └─▶ bounded queue ─▶ writer
-//!     ▲                 ▲── order: arm, settings ──────────┤
-//!     └──────────── trigger ◀── when both are armed ───────┘
+//! camera ──▶ acquisition ──armed, captured──┐                 ┌─▶ pairing ─▶ exposure balance
+//!                                           ├─▶ coordinator ──┤
+//! camera ──▶ acquisition ──armed, captured──┘      │          └─▶ bounded queue ─▶ writer
+//!    ▲            ▲──── order: arm, settings ──────┤
+//!    └─────── trigger ◀── when both are armed ─────┘
 //! ```
 //!
 //! Two cameras on a trigger of fixed rate get out of step as soon as one of them is not ready for a

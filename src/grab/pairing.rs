@@ -15,8 +15,8 @@ pub enum Rule {
     /// skew is below a quarter of the period, as images of one camera are at least half a period
     /// apart.
     Stamp { max_skew_ns: u64, period_ns: u64 },
-    /// The n-th of one and the n-th of the other, whatever they show, as in the thesis's figure 4.2.
-    /// At most [`ARRIVAL_BYTES`] wait for their partner.
+    /// The n-th of one and the n-th of the other, whatever they show (thesis, figure 4.2). At most
+    /// [`ARRIVAL_BYTES`] wait for their partner.
     Arrival,
 }
 
@@ -84,8 +84,8 @@ impl Unpaired {
 
 /// Limit of the images of one camera that wait for the other's.
 pub const WAITING: usize = 16;
-/// That limit in bytes for pairing by arrival, where one more image waits after every pulse that one
-/// camera misses.
+/// That limit in bytes for pairing by arrival, where one more image waits after every pulse that
+/// one camera misses.
 pub const ARRIVAL_BYTES: usize = 1 << 29;
 
 /// Pairs images as they come; those of each camera come in the order of their exposure.
@@ -115,6 +115,8 @@ impl Pairing {
     /// Adds an image; [`Pairing::pair`] returns the pairs that it completes.
     pub fn push(&mut self, side: Side, capture: Capture) {
         let (width, height) = capture.image.size();
+        // In the order of arrival images only wait because the other camera missed pulses, which is
+        // what this rule is to show: so it has room.
         let most = match self.rule {
             Rule::Arrival => WAITING.max(ARRIVAL_BYTES / (width * height)),
             _ => WAITING,
@@ -173,6 +175,8 @@ impl Pairing {
                     return None;
                 }
                 PairDecision::Unpaired(side, reason) => self.drop_first(side, reason),
+                // Both of one pulse but across a change of settings: matching needs equal
+                // brightness.
                 _ if left.ordered != right.ordered => {
                     Side::BOTH
                         .into_iter()

@@ -55,6 +55,7 @@ impl<T> Queue<T> {
             abandoned: false,
         };
         Self {
+            // A queue of no length would never pass anything on.
             length: length.max(1),
             when_full,
             state: Mutex::new(state),
@@ -98,6 +99,7 @@ impl<T> Queue<T> {
     pub fn pop_unless(&self, stopped: impl Fn() -> bool) -> Result<Option<T>> {
         let mut state = self.lock();
         loop {
+            // Items from before an error come first: they are good.
             if let Some(item) = state.items.pop_front() {
                 self.changed.notify_all();
                 return Ok(Some(item));
@@ -110,6 +112,7 @@ impl<T> Queue<T> {
             }
             state = self
                 .changed
+                // Ctrl-C wakes no condition variable, so `stopped` is polled.
                 .wait_timeout(state, ASKING)
                 .unwrap_or_else(PoisonError::into_inner)
                 .0;

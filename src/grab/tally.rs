@@ -6,8 +6,8 @@ use hdrhistogram::Histogram;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Counts of a run. Every image and pair is in them: `frames` = 2 · `pairs` + `unpaired`, and `pairs` =
-/// written + `dropped` + `unread`.
+/// Counts of a run. Every image and pair is in them: `frames` = 2 · `pairs` + `unpaired`, and
+/// `pairs` = written + `dropped` + `unread`.
 #[derive(Clone, Debug)]
 pub struct Tally {
     /// Pulses sent to the cameras.
@@ -77,6 +77,7 @@ impl Tally {
         let counts = counts
             .into_iter()
             .map(|(name, n)| (name.to_owned(), n.to_string()));
+        // Reasons that did not occur are left out; the counts above are always there.
         let unpaired = Unpaired::ALL
             .iter()
             .zip(self.unpaired)

@@ -53,7 +53,7 @@ pub enum TriggerSource {
     FreeRunning,
 }
 
-/// Pairs per second that cameras can be asked for.
+/// Range of the rate, pairs per second.
 pub const RATES_HZ: RangeInclusive<f64> = 0.1..=1000.0;
 
 impl FromStr for TriggerSource {

@@ -72,6 +72,7 @@ impl CameraState {
     /// An image from before the settings were in force came; the ordered one is still to come.
     pub(super) fn on_unready(&mut self, now_ns: u64) {
         self.images += 1;
+        // The camera is alive, and the timeout for its ordered image starts again.
         (self.misses, self.silent_ns, self.since_ns) = (0, 0, now_ns);
     }
 
@@ -161,6 +162,7 @@ impl PairWatchdog {
         unpaired: UnpairedCounts,
     ) -> Result<()> {
         self.images[side as usize] += 1;
+        // Starts with the first image, as some cameras take seconds to deliver one.
         let lasted_ns = now_ns.saturating_sub(*self.since_ns.get_or_insert(now_ns));
         let limit_ns = timeout_ns.saturating_mul(MAX_MISSES.into());
         if lasted_ns < limit_ns || self.images.iter().any(|&images| images < MIN_IMAGES) {
@@ -183,6 +185,8 @@ impl PairWatchdog {
             reason.words(),
             reason.cure()
         );
+        // Cameras that never paired are set up wrongly. Ones that did may recover, as when a cable
+        // is plugged in again.
         if !self.had_pairs || lasted_ns >= limit_ns.saturating_mul(HAD_PAIRS_FACTOR) {
             return Err(Error::camera("the cameras", text));
         }

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::grab::{self, GrabRequest, Grabber, Host};
 use crate::stereo::{Frame, GrabberReport, Losses};
 
-/// A running grabber as a source that ends when it is told to.
+/// A running grabber as a source. It ends when `stopped`.
 ///
 /// When a camera fails, the pairs from before come first, then one [`crate::Error::Camera`].
 pub struct LiveSource {
@@ -34,7 +34,7 @@ impl LiveSource {
         self.seed
     }
 
-    /// `stopped`: asked while no pair comes, whether to end.
+    /// A source of a running grabber. `stopped` is polled while no pair comes.
     pub fn new(name: impl Into<String>, grabber: Grabber, stopped: fn() -> bool) -> Self {
         Self {
             name: name.into(),

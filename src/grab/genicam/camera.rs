@@ -102,6 +102,7 @@ impl GenicamCamera {
         }
         let exposed_ns = self.exposed_ns(buffer, settings);
         let began_ns = exposed_ns.saturating_sub(shutter_ns(settings));
+        // Exposed before the settings were in force.
         if began_ns < since_ns {
             return Some(Taken::Unready);
         }
@@ -144,6 +145,7 @@ fn image(buffer: &Buffer) -> Option<Gray> {
             .copied()
             .collect();
     }
+    // Buffers are as large as the payload, which may have chunk data after the image.
     pixels.truncate(width.checked_mul(height)?);
     Gray::from_vec(width, height, pixels).ok()
 }
@@ -158,11 +160,13 @@ impl Camera for GenicamCamera {
     }
 
     fn arm(&mut self, settings: Settings) -> Result<()> {
+        // Otherwise a camera that is gone would look like one that is slow.
         self.device.answers()?;
         if self.settings.is_none_or(|(before, ..)| before != settings) {
             let applied = self.device.expose(settings, &self.limits)?;
             self.settings = Some((settings, applied, self.clock.now_ns()));
         }
+        // Images of pulses that had timed out: the next image must be of the next pulse.
         while let Some(buffer) = self.stream.try_pop_buffer() {
             self.stream.push_buffer(buffer);
         }

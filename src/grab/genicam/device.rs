@@ -87,6 +87,8 @@ impl GenicamDevice {
             device.connect_control_lost(move |_| lost.store(true, Ordering::Release));
             if device
                 .downcast_ref::<aravis::GvDevice>()
+                // A GigE camera lets others read while one program controls it, so opening
+                // succeeds.
                 .is_some_and(|device| !device.is_controller())
             {
                 return Err(Error::camera(
@@ -149,6 +151,7 @@ impl GenicamDevice {
         let camera = self.lock();
         let (shortest_us, longest_us) =
             camera.exposure_time_bounds().map_err(|e| self.failed(&e))?;
+        // Bounds alone do not tell decibels from raw register values.
         let gain = camera
             .device()
             .and_then(|device| device.feature(GAIN)?.dynamic_cast::<GcFloat>().ok());

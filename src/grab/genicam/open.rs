@@ -22,6 +22,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
             request.text
         )));
     };
+    // Started before the trigger: a pulse before both stream would be missed by one.
     let cameras = [
         GenicamCamera::open(left, mode, request.clock)?,
         GenicamCamera::open(right, mode, request.clock)?,

@@ -13,6 +13,7 @@ impl ControllerAnswer {
     pub(super) fn parse(line: &[u8]) -> Option<Self> {
         let line = std::str::from_utf8(line).ok()?;
         let (said, crc) = line.rsplit_once(' ')?;
+        // The checksum first: a garbled line may still hold numbers.
         if crc.len() != 2 || u8::from_str_radix(crc, 16).ok()? != crc8(said.as_bytes()) {
             return None;
         }

@@ -41,6 +41,7 @@ impl SerialLine {
     /// The next valid answer; garbled lines are counted and skipped. After the deadline, only an
     /// answer that has already come.
     pub(super) fn next(&mut self, deadline: Instant) -> Result<Option<ControllerAnswer>> {
+        // A last look after the deadline: an answer that has come is never a timeout.
         let mut over = false;
         loop {
             if let Some(answer) = self.received_answer() {
@@ -65,6 +66,7 @@ impl SerialLine {
                 answer => return answer,
             }
         }
+        // Noise without a line end must not fill the memory.
         if self.received.len() > LONGEST {
             self.received.clear();
             self.garbled();
@@ -88,6 +90,7 @@ impl SerialLine {
             .set_read_timeout(timeout)
             .and_then(|()| self.port.read(&mut bytes))
         {
+            // End of file: the other end is closed.
             Ok(0) => Err(self.gone()),
             Ok(count) => {
                 self.received.extend_from_slice(&bytes[..count]);

@@ -123,8 +123,8 @@ impl SerialTrigger {
         Ok(false)
     }
 
-    /// Repeats a request until it is answered: a controller that hangs is reset by its watchdog, and
-    /// its bootloader swallows requests.
+    /// Repeats a request until it is answered: a controller that hangs is reset by its watchdog,
+    /// and its bootloader swallows requests.
     fn ask(
         &mut self,
         request: &[u8],

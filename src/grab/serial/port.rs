@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_opened_is_told_with_the_cure() {
+    fn errors_of_opening_have_a_cure() {
         for (device, words) in [
             (
                 "/dev/nowhere",

@@ -138,7 +138,7 @@ impl Fake {
                 self.requested("deaf");
                 self.reset();
             }
-            // A status that it was asked for is lost too.
+            // The status request is lost too.
             "deaf" => while self.hear() != Some(b'S') {},
             "dead" => while self.hear().is_some() {},
             other => panic!("{other}"),
@@ -192,7 +192,7 @@ fn every_pulse_is_known_whatever_happens_on_the_line() {
 }
 
 #[test]
-fn pulses_that_nobody_asked_for_are_counted_and_taken_for_no_others() {
+fn stray_pulses_are_counted_and_taken_for_no_others() {
     assert_eq!(
         ids(&["pulse, stray", "lost request", "pulse"], 3),
         [1, 3, 4]
@@ -235,7 +235,7 @@ fn numbers_go_on_after_a_reset() {
     assert_eq!(
         ids(&["pulse", "pulse", "silent reset, pulse"], 4),
         [1, 2, 3, 4],
-        "what told of it was lost"
+        "its announcement was lost"
     );
 }
 
@@ -320,7 +320,7 @@ fn what_says_other_things_is_refused() {
 }
 
 #[test]
-fn nobody_waits_for_it_who_has_been_stopped() {
+fn opening_ends_when_stopped() {
     let error = opened_on(|| true, |port| listen(&port))
         .map(drop)
         .unwrap_err()

@@ -58,6 +58,7 @@ impl Troubles {
 
 impl Drop for Troubles {
     fn drop(&mut self) {
+        // The first of each kind has been reported when it came.
         if self.counts.iter().sum::<u64>() > self.warned {
             let seen = NAMES.iter().zip(self.counts).filter(|(_, n)| *n > 0);
             let seen: Vec<_> = seen.map(|(name, n)| counted(n, name)).collect();

@@ -29,12 +29,14 @@ impl TriggerCable {
 
     /// Raises both lines.
     pub fn raise(&self, pulse: Pulse) {
+        // Nothing is queued: a camera that is not armed misses the pulse (thesis, figure 4.2).
         for line in self.lock().iter_mut().filter(|line| line.armed) {
             *line = CableLine {
                 armed: false,
                 pulse: Some(pulse),
             };
         }
+        // The lock is released by now; waiting cameras take it in their condition.
         self.clock.notify();
     }
 

@@ -1,7 +1,7 @@
 //! A simulated camera, with its delays and faults.
 
 use super::cable::TriggerCable;
-use super::pictures::Pictures;
+use super::pictures::RenderedPictures;
 use super::sensor::{REFERENCE, Sensor};
 use crate::error::{Error, Result};
 use crate::grab::camera::{Camera, Capture, Limits, Settings, Taken};
@@ -58,7 +58,7 @@ pub struct SimulatedCamera {
     side: Side,
     clock: Arc<GrabClock>,
     input: TriggerInput,
-    pictures: Arc<Pictures>,
+    pictures: Arc<RenderedPictures>,
     sensor: Sensor,
     behavior: CameraBehavior,
     random: fastrand::Rng,
@@ -75,10 +75,11 @@ impl SimulatedCamera {
         side: Side,
         clock: &Arc<GrabClock>,
         input: TriggerInput,
-        pictures: &Arc<Pictures>,
+        pictures: &Arc<RenderedPictures>,
         light: f64,
         behavior: CameraBehavior,
     ) -> Self {
+        // Each camera has noise of its own: with equal noise matching would be too easy.
         let seed = side as u64;
         Self {
             side,
@@ -103,6 +104,8 @@ impl SimulatedCamera {
             TriggerInput::FreeRunning { period_ns } => {
                 let period_ns = *period_ns as f64 * (1.0 + self.behavior.drift_ppm * 1e-6);
                 let phase_ns = self.behavior.phase_ms * NS_PER_MS;
+                // The first period that begins after the camera is armed; earlier ones are not
+                // captured.
                 let periods = ((self.armed_ns as f64 - phase_ns) / period_ns).ceil();
                 let begin_ns = ((phase_ns + periods * period_ns) as u64).max(self.armed_ns);
                 self.clock.sleep_until(begin_ns.min(until_ns));
@@ -169,6 +172,7 @@ impl Camera for SimulatedCamera {
         {
             return Ok(Some(Taken::Damaged));
         }
+        // The scene moves: the picture is that of the middle of the exposure, as the stamp.
         let stamp_ns = begin_ns + shutter_ns / 2;
         let image = self
             .sensor

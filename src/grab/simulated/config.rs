@@ -13,7 +13,7 @@ pub struct SimulatedConfig {
     pub size: (usize, usize),
     /// Whether they see a moving calibration board instead of the arena.
     pub board: bool,
-    /// Pictures rendered in advance.
+    /// RenderedPictures rendered in advance.
     pub pictures: usize,
     /// Brightness of the world, 1 as in the arena.
     pub light: f64,
@@ -157,6 +157,7 @@ impl SimulatedConfig {
             }
         }
         let (width, height) = config.size;
+        // Two cameras, one byte per pixel.
         let bytes = 2 * width * height * config.pictures;
         if bytes > MAX_BYTES {
             return Err(Error::Usage(format!(

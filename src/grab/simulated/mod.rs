@@ -9,7 +9,7 @@ mod sensor;
 pub use cable::{CabledTrigger, SimulatedTrigger, TriggerCable};
 pub use camera::{CameraBehavior, SimulatedCamera, TriggerInput};
 pub use config::SimulatedConfig;
-pub use pictures::Pictures;
+pub use pictures::RenderedPictures;
 
 use super::camera::Camera;
 use super::driver::{self, CameraPair, CameraRequest, Driver, DriverFunctions, ListedCamera};
@@ -31,6 +31,7 @@ pub const DRIVER: Driver = Driver {
 
 fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = SimulatedConfig::parse(request.driver, request.text)?;
+    // The board decides itself how many pictures it has.
     let count = (!config.board).then_some(config.pictures as u64);
     let (rate_hz, seed, host) = (request.rate_hz, request.seed, request.host);
     let go_on = || {
@@ -38,8 +39,8 @@ fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         !(host.stopped)()
     };
     let pictures = match config.board {
-        true => Pictures::render_board(config.size, seed, go_on)?,
-        false => Pictures::render(config.size, rate_hz, config.pictures, seed, go_on)?,
+        true => RenderedPictures::render_board(config.size, seed, go_on)?,
+        false => RenderedPictures::render(config.size, rate_hz, config.pictures, seed, go_on)?,
     };
     let pictures =
         Arc::new(pictures.ok_or_else(|| Error::camera("sim", "stopped before the cameras began"))?);

@@ -10,16 +10,16 @@ use rayon::prelude::*;
 
 /// Pairs without noise, with an exposure of 8 ms, at a fixed rate.
 ///
-/// Rendering one takes longer than a camera's period, so all are rendered in advance. An image shows
-/// the world at its exposure, so a pair with skew shows two moments. A longer shutter makes it
+/// Rendering one takes longer than a camera's period, so all are rendered in advance. An image
+/// shows the world at its exposure, so a pair with skew shows two moments. A longer shutter makes it
 /// brighter, not more blurred.
-pub struct Pictures {
+pub struct RenderedPictures {
     pairs: Vec<StereoPair>,
     period_ns: u64,
     rig: Option<Rig>,
 }
 
-impl Pictures {
+impl RenderedPictures {
     /// Renders the first `count` pictures of the arena's run, at `rate_hz` but at most 100 per
     /// second. `None` once `go_on`, which is called after each, on any thread, returns false.
     ///
@@ -39,6 +39,7 @@ impl Pictures {
         config.rate_hz = rate_hz;
         config.frames = (duration_s * rate_hz).ceil() as u64;
         (config.rig.width_px, config.rig.height_px) = (width_px, height_px);
+        // Each camera adds its own noise when it exposes the picture.
         config.sensor.noise = false;
         (config.sensor.shutter_us, config.sensor.gain_db) =
             (REFERENCE.shutter_us, f64::from(REFERENCE.gain_mdb) / 1e3);
@@ -50,7 +51,7 @@ impl Pictures {
             .transpose()
     }
 
-    /// Renders all pictures of a moving calibration board, as [`Pictures::render`] does, with the
+    /// Renders all pictures of a moving calibration board, as [`RenderedPictures::render`] does, with the
     /// distortion of lenses.
     ///
     /// # Errors
@@ -75,7 +76,7 @@ impl Pictures {
             .transpose()
     }
 
-    /// Pictures from images.
+    /// RenderedPictures from images.
     ///
     /// # Errors
     /// [`Error::Usage`] when there are none, or `rate_hz` is no rate.
@@ -98,8 +99,9 @@ impl Pictures {
         self.rig
     }
 
-    /// The picture of a camera at a time. They run forward, then backward, so that there is no jump.
+    /// The picture of a camera at a time. They run forward, then backward, without a jump.
     pub(super) fn at(&self, side: Side, time_ns: u64) -> &Gray {
+        // Forward and backward without showing the first and the last picture twice.
         let turns = (2 * (self.pairs.len() - 1)).max(1);
         let step = ((time_ns / self.period_ns) % turns as u64) as usize;
         let pair = &self.pairs[if step < self.pairs.len() {
@@ -136,13 +138,13 @@ mod tests {
     #[test]
     fn rendering_can_be_stopped() {
         let done = AtomicU64::new(0);
-        let pictures = Pictures::render((32, 24), 60.0, 200, 1, || {
+        let pictures = RenderedPictures::render((32, 24), 60.0, 200, 1, || {
             done.fetch_add(1, Ordering::Relaxed) < 3
         });
         assert!(pictures.unwrap().is_none());
         assert!(done.into_inner() < 100, "the others are not begun");
         assert!(
-            Pictures::render((32, 24), 60.0, 2, 1, || true)
+            RenderedPictures::render((32, 24), 60.0, 2, 1, || true)
                 .unwrap()
                 .is_some()
         );

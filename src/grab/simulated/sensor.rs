@@ -46,6 +46,7 @@ impl Sensor {
         let photons = self.light * f64::from(settings.shutter_us) / f64::from(REFERENCE.shutter_us);
         let gain = 10f64.powf(f64::from(settings.gain_mdb - REFERENCE.gain_mdb) / 20_000.0);
         let e_per_grey = FULL_SCALE_E / 255.0;
+        // Photons of each grey value, computed once per image: two table look-ups per pixel remain.
         let means: [f32; 256] =
             std::array::from_fn(|grey| grey as f32 * e_per_grey * photons as f32);
         let grey_per_e = gain as f32 / e_per_grey;
@@ -56,9 +57,12 @@ impl Sensor {
         let (width, height) = picture.size();
         let mut pixels = Vec::with_capacity(width * height);
         for row in picture.rows() {
+            // A random stretch per row: drawing a deviate per pixel would be too slow for real
+            // time.
             let noise = &self.noise[self.random.usize(..=NOISE - width)..][..width];
             pixels.extend(row.iter().zip(noise).map(|(&grey, noise)| {
                 let (mean, deviation) = exposed[usize::from(grey)];
+                // The cast saturates, as the sensor does.
                 (mean + deviation * noise) as u8
             }));
         }

@@ -1,9 +1,9 @@
 //! Cameras of a Linux machine, by V4L2: webcams, and sensors on a board's camera port.
 //!
 //! ```text
-//!  device ── modes, format, rate ──▶ stream ── filled buffer ──▶ pixels ─▶ Gray ─┐
-//!    ▲                                  │                                        ├─▶ camera ─▶ Capture
-//!  control: shutter, gain               └── the driver's time ──▶ stamp ─────────┘
+//! device ── modes, format, rate ──▶ stream ── filled buffer ──▶ pixels ─▶ Gray ─┐
+//!   ▲                                  │                                        ├─▶ Capture
+//! control: shutter, gain               └── driver's stamp ──▶ stamp ────────────┘
 //! ```
 //!
 //! V4L2 cannot trigger a camera. These cameras run free, and their images are paired by the

@@ -95,7 +95,7 @@ fn record(faults: &[&str], rate: &str, frames: &str) -> Option<Recorded> {
         text.split(", ")
             .find_map(|part| part.strip_suffix(words)?.rsplit(' ').next()?.parse().ok())
     };
-    let strays = number(" more that nobody asked for").unwrap_or(0);
+    let strays = number(" more that svl did not request").unwrap_or(0);
     let counted = strays + number(" pulses").unwrap_or_else(|| panic!("no pulses in: {text}"));
     let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
     let frames = std::iter::from_fn(|| source.next().unwrap());

@@ -31,7 +31,7 @@ fn cameras_are_recorded_and_what_was_done_is_told() {
         "pulses",
         "0 pairs dropped",
         "skew p50 0.000 p99 0.000 max 0.000 ms",
-        "lateness p50",
+        "latency p50",
         "a.mcap: 20 pairs",
     ] {
         assert!(text.contains(words), "'{words}' is not in: {text}");

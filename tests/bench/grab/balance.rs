@@ -1,6 +1,6 @@
 //! The exposure balance.
 
-use super::stage::{Fired, Stage, slow};
+use super::stage::{Stage, Triggered, slow};
 use proptest::prelude::*;
 use svl::grab::{Balance, Limits, Rule, Settings};
 use svl::stereo::{Frame, Gray};
@@ -16,7 +16,7 @@ fn grab(light: f64, first: Settings) -> Vec<Frame> {
         balance_every: 5,
         ..Stage::new(slow(1.0, 0.0), slow(2.0, 4.0))
     };
-    stage.grab(Fired::WhenArmed, Rule::Trigger, 120).0
+    stage.grab(Triggered::WhenArmed, Rule::Trigger, 120).0
 }
 
 #[test]
@@ -124,7 +124,7 @@ struct Before {
     scene: Vec<f64>,
     /// Grey values go with this power of the light; 0.45 is that of a webcam.
     gamma: f64,
-    /// The camera rounds its shutter to so many microseconds.
+    /// The camera rounds its shutter to this many microseconds.
     step_us: u32,
 }
 
@@ -227,18 +227,18 @@ fn a_window_in_a_dark_room_does_not_make_it_pump() {
 }
 
 proptest! {
-    /// Whatever a scene's histogram and its cameras: it comes to rest, and when the light changes
+    /// Whatever a scene's histogram and its cameras: it converges, and when the light changes
     /// it follows.
     #[test]
-    fn it_comes_to_rest_on_every_scene_and_follows_the_light(
+    fn it_converges_on_every_scene_and_follows_the_light(
         parts in prop::collection::vec((-1.0f64..3.7, 1usize..60), 1..7),
         gamma in prop::sample::select(vec![0.45, 1.0, 1.3]),
         step_us in prop::sample::select(vec![1, 100]),
         first_us in 100u32..16_666,
         change in -1.5f64..1.5,
     ) {
-        let scene = parts.into_iter().flat_map(|(log, count)| vec![10f64.powf(log); count]);
-        let scene = scene.collect();
+        let part = |(log, count)| vec![10f64.powf(log); count];
+        let scene = parts.into_iter().flat_map(part).collect();
         let mut before = Before { scene, gamma, step_us };
         let mut balance = Balance::new(WIDE, Settings { shutter_us: first_us, gain_mdb: 0 }, 1);
         prop_assert_eq!(before.is_right(&mut balance), Ok(()));

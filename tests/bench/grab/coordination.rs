@@ -1,6 +1,6 @@
 //! Figures 4.2 and 4.3 of the thesis.
 
-use super::stage::{Fired, MS, PERIOD_NS, Stage, slow};
+use super::stage::{MS, PERIOD_NS, Stage, Triggered, slow};
 use svl::grab::simulated::CameraBehavior;
 use svl::grab::{Rule, Unpaired};
 
@@ -13,7 +13,7 @@ const NEAR: Rule = Rule::Stamp {
 fn a_slow_camera_slows_the_rate_and_never_shifts_the_phase() {
     for rule in [Rule::Trigger, NEAR, Rule::Arrival] {
         let (frames, tally) =
-            Stage::new(slow(1.0, 0.0), slow(20.0, 50.0)).grab(Fired::WhenArmed, rule, 300);
+            Stage::new(slow(1.0, 0.0), slow(20.0, 50.0)).grab(Triggered::WhenArmed, rule, 300);
         assert_eq!(frames.len(), 300);
         assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0));
         assert!(
@@ -35,7 +35,7 @@ fn a_slow_camera_slows_the_rate_and_never_shifts_the_phase() {
 #[test]
 fn quick_cameras_keep_the_rate() {
     let (frames, _) =
-        Stage::new(slow(1.0, 2.0), slow(3.0, 3.0)).grab(Fired::WhenArmed, Rule::Trigger, 100);
+        Stage::new(slow(1.0, 2.0), slow(3.0, 3.0)).grab(Triggered::WhenArmed, Rule::Trigger, 100);
     let periods: Vec<_> = frames
         .windows(2)
         .map(|two| two[1].stamp_ns - two[0].stamp_ns)
@@ -51,7 +51,7 @@ fn at_a_fixed_rate_a_late_camera_shifts_the_phase_for_good() {
     // The right camera is ready in time but for about every tenth pulse: each time the pairs by
     // arrival shift by a period.
     let stage = || Stage::new(slow(1.0, 0.0), slow(1.0, 10.0));
-    let (frames, tally) = stage().grab(Fired::AtFixedRate, Rule::Arrival, 100);
+    let (frames, tally) = stage().grab(Triggered::AtFixedRate, Rule::Arrival, 100);
     let skews: Vec<_> = frames.iter().map(|frame| frame.exposure.skew_ns).collect();
     assert_eq!(skews[0], 0, "both begin with one pulse");
     assert!(
@@ -67,7 +67,7 @@ fn at_a_fixed_rate_a_late_camera_shifts_the_phase_for_good() {
 
     // What a pulse's number or the stamps would have shown:
     for (rule, reason) in [(Rule::Trigger, Unpaired::Missed), (NEAR, Unpaired::Skew)] {
-        let (frames, tally) = stage().grab(Fired::AtFixedRate, rule, 100);
+        let (frames, tally) = stage().grab(Triggered::AtFixedRate, rule, 100);
         assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0));
         assert!(tally.unpaired[reason as usize] >= 3, "{tally}");
         // The recording itself says how many are missing.
@@ -82,8 +82,11 @@ fn at_a_fixed_rate_a_late_camera_shifts_the_phase_for_good() {
 
 #[test]
 fn the_phase_goes_on_shifting() {
-    let (frames, tally) =
-        Stage::new(slow(1.0, 0.0), slow(1.0, 10.0)).grab(Fired::AtFixedRate, Rule::Arrival, 600);
+    let (frames, tally) = Stage::new(slow(1.0, 0.0), slow(1.0, 10.0)).grab(
+        Triggered::AtFixedRate,
+        Rule::Arrival,
+        600,
+    );
     let last = frames.last().unwrap().exposure.skew_ns;
     assert!(last > 30 * PERIOD_NS as i64, "{last}");
     assert_eq!(tally.unpaired[Unpaired::Overdue as usize], 0, "{tally}");
@@ -96,15 +99,18 @@ fn by_stamp_the_nearest_are_paired_however_much_may_be_between() {
         period_ns: PERIOD_NS,
     };
     let (frames, tally) =
-        Stage::new(slow(1.0, 0.0), slow(1.0, 10.0)).grab(Fired::AtFixedRate, rule, 200);
+        Stage::new(slow(1.0, 0.0), slow(1.0, 10.0)).grab(Triggered::AtFixedRate, rule, 200);
     assert!(tally.unpaired[Unpaired::Skew as usize] > 10, "{tally}");
     assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0));
 }
 
 #[test]
 fn at_twice_the_rate_a_camera_answers_every_other_pulse() {
-    let (frames, tally) =
-        Stage::new(slow(1.0, 0.0), slow(18.0, 0.0)).grab(Fired::AtFixedRate, Rule::Trigger, 100);
+    let (frames, tally) = Stage::new(slow(1.0, 0.0), slow(18.0, 0.0)).grab(
+        Triggered::AtFixedRate,
+        Rule::Trigger,
+        100,
+    );
     let ids: Vec<_> = frames
         .iter()
         .map(|frame| frame.exposure.trigger_id)
@@ -128,7 +134,7 @@ fn free_running_cameras_drift_apart() {
             },
         )
     };
-    let (frames, _) = stage().grab(Fired::Freely, Rule::Arrival, 100);
+    let (frames, _) = stage().grab(Triggered::Never, Rule::Arrival, 100);
     let skews: Vec<_> = frames.iter().map(|frame| frame.exposure.skew_ns).collect();
     assert_eq!(
         skews[0],
@@ -141,7 +147,7 @@ fn free_running_cameras_drift_apart() {
         "{skews:?}"
     );
 
-    let (frames, tally) = stage().grab(Fired::Freely, NEAR, 400);
+    let (frames, tally) = stage().grab(Triggered::Never, NEAR, 400);
     assert!(
         frames
             .iter()
@@ -154,7 +160,7 @@ fn free_running_cameras_drift_apart() {
 fn a_scripted_run_is_the_same_every_time() {
     let run = || {
         Stage::new(slow(2.0, 20.0), slow(2.0, 20.0))
-            .grab(Fired::WhenArmed, Rule::Trigger, 50)
+            .grab(Triggered::WhenArmed, Rule::Trigger, 50)
             .0
     };
     assert_eq!(run(), run());

@@ -1,6 +1,6 @@
 //! Cameras that hang or are unplugged.
 
-use super::stage::{Fired, MS, PERIOD_NS, Stage, adds_up, slow};
+use super::stage::{MS, PERIOD_NS, Stage, Triggered, adds_up, slow};
 use svl::Error;
 use svl::grab::simulated::CameraBehavior;
 use svl::grab::{Rule, Unpaired};
@@ -11,12 +11,12 @@ const NEAR: Rule = Rule::Stamp {
 };
 
 /// Grabs by trigger until it fails; returns the pairs before and the error.
-fn until_it_fails(fired: Fired, right: CameraBehavior) -> (usize, String) {
-    until(fired, Rule::Trigger, Stage::new(slow(1.0, 0.0), right))
+fn until_it_fails(triggered: Triggered, right: CameraBehavior) -> (usize, String) {
+    until(triggered, Rule::Trigger, Stage::new(slow(1.0, 0.0), right))
 }
 
-fn until(fired: Fired, rule: Rule, stage: Stage) -> (usize, String) {
-    let mut grabber = stage.start(fired, rule);
+fn until(triggered: Triggered, rule: Rule, stage: Stage) -> (usize, String) {
+    let mut grabber = stage.start(triggered, rule);
     let mut pairs = 0;
     let error = loop {
         match grabber.next_pair() {
@@ -29,10 +29,10 @@ fn until(fired: Fired, rule: Rule, stage: Stage) -> (usize, String) {
         }
     };
     assert!(matches!(error, Error::Camera { .. }), "{error}");
-    assert!(grabber.next_pair().unwrap().is_none(), "it is told once");
+    assert!(grabber.next_pair().unwrap().is_none(), "reported once");
     let tally = adds_up(grabber.stop());
     assert_eq!(tally.pairs, pairs as u64);
-    if fired == Fired::WhenArmed && tally.unpaired[Unpaired::Damaged as usize] == 0 {
+    if triggered == Triggered::WhenArmed && tally.unpaired[Unpaired::Damaged as usize] == 0 {
         assert!(
             tally.unpaired[Unpaired::Unfinished as usize] <= 3,
             "one for each time that it was waited for: {tally}"
@@ -43,9 +43,9 @@ fn until(fired: Fired, rule: Rule, stage: Stage) -> (usize, String) {
 
 #[test]
 fn what_came_before_a_camera_hangs_is_kept() {
-    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+    for triggered in [Triggered::WhenArmed, Triggered::AtFixedRate] {
         let (pairs, error) = until_it_fails(
-            fired,
+            triggered,
             CameraBehavior {
                 hang_at: Some(20),
                 ..CameraBehavior::default()
@@ -62,9 +62,9 @@ fn what_came_before_a_camera_hangs_is_kept() {
 
 #[test]
 fn what_came_before_a_camera_is_unplugged_is_kept() {
-    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+    for triggered in [Triggered::WhenArmed, Triggered::AtFixedRate] {
         let (pairs, error) = until_it_fails(
-            fired,
+            triggered,
             CameraBehavior {
                 disconnect_at: Some(20),
                 ..CameraBehavior::default()
@@ -80,16 +80,16 @@ fn what_came_before_a_camera_is_unplugged_is_kept() {
 
 #[test]
 fn a_damaged_image_costs_its_pair_and_is_counted() {
-    for (fired, rule, partner) in [
-        (Fired::WhenArmed, Rule::Trigger, Unpaired::Missed),
-        (Fired::AtFixedRate, Rule::Trigger, Unpaired::Missed),
-        (Fired::Freely, NEAR, Unpaired::Skew),
+    for (triggered, rule, partner) in [
+        (Triggered::WhenArmed, Rule::Trigger, Unpaired::Missed),
+        (Triggered::AtFixedRate, Rule::Trigger, Unpaired::Missed),
+        (Triggered::Never, NEAR, Unpaired::Skew),
     ] {
         let right = CameraBehavior {
             damage_at: Some(5),
             ..slow(1.0, 0.0)
         };
-        let (frames, tally) = Stage::new(slow(1.0, 0.0), right).grab(fired, rule, 20);
+        let (frames, tally) = Stage::new(slow(1.0, 0.0), right).grab(triggered, rule, 20);
         assert_eq!(frames.len(), 20);
         assert!(
             frames.iter().all(|frame| frame.exposure.skew_ns == 0),
@@ -107,7 +107,7 @@ fn a_camera_whose_images_are_all_damaged_is_named() {
         damaged_from: 20,
         ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
     };
-    let mut grabber = stage.start(Fired::WhenArmed, Rule::Trigger);
+    let mut grabber = stage.start(Triggered::WhenArmed, Rule::Trigger);
     assert_eq!(
         (0..20).filter_map(|_| grabber.next_pair().unwrap()).count(),
         20
@@ -122,7 +122,7 @@ fn a_camera_whose_images_are_all_damaged_is_named() {
 
 #[test]
 fn a_camera_that_is_slow_beyond_patience_is_named() {
-    let (pairs, error) = until_it_fails(Fired::WhenArmed, slow(10_000.0, 0.0));
+    let (pairs, error) = until_it_fails(Triggered::WhenArmed, slow(10_000.0, 0.0));
     assert_eq!(pairs, 0);
     assert!(
         error.starts_with("right camera, sim right: silent"),
@@ -138,7 +138,7 @@ fn a_camera_slower_than_the_timeout_slows_the_rate() {
     };
     for right in [transfer, slow(500.0, 600.0), slow(2_500.0, 0.0)] {
         let (frames, tally) =
-            Stage::new(slow(1.0, 0.0), right).grab(Fired::WhenArmed, Rule::Trigger, 8);
+            Stage::new(slow(1.0, 0.0), right).grab(Triggered::WhenArmed, Rule::Trigger, 8);
         assert_eq!(frames.len(), 8, "{tally}");
         assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0));
         let unpaired =
@@ -148,14 +148,14 @@ fn a_camera_slower_than_the_timeout_slows_the_rate() {
 }
 
 #[test]
-fn an_image_is_of_the_pulse_that_fired_it_however_late_it_comes() {
-    // The camera has been armed again meanwhile, and fired.
+fn an_image_is_of_the_pulse_that_triggered_it_however_late_it_comes() {
+    // The camera has been armed again meanwhile, and triggered.
     for on_its_way_ms in [1, 1_050, 1_500, 1_900] {
         let stage = Stage {
             on_its_way_ms,
             ..Stage::new(slow(1.0, 0.0), slow(5.0, 0.0))
         };
-        let (frames, tally) = stage.grab(Fired::WhenArmed, Rule::Trigger, 6);
+        let (frames, tally) = stage.grab(Triggered::WhenArmed, Rule::Trigger, 6);
         assert_eq!(frames.len(), 6, "{tally}");
         assert!(
             frames.iter().all(|frame| frame.exposure.skew_ns == 0),
@@ -164,14 +164,14 @@ fn an_image_is_of_the_pulse_that_fired_it_however_late_it_comes() {
         assert_eq!(
             tally.unpaired[Unpaired::Unready as usize],
             1,
-            "the one that nothing fired: {tally}"
+            "the one of no pulse: {tally}"
         );
     }
     let stage = Stage {
         on_its_way_ms: 5_000,
         ..Stage::new(slow(1.0, 0.0), slow(5.0, 0.0))
     };
-    let (pairs, error) = until(Fired::WhenArmed, Rule::Trigger, stage);
+    let (pairs, error) = until(Triggered::WhenArmed, Rule::Trigger, stage);
     assert_eq!(pairs, 0);
     assert!(
         error.contains("silent for 3.0 s after 1 image; ") && error.ends_with("a longer --timeout"),
@@ -182,23 +182,23 @@ fn an_image_is_of_the_pulse_that_fired_it_however_late_it_comes() {
 #[test]
 fn a_low_rate_is_no_silence() {
     let period_ns = 4_000 * MS;
-    for (fired, rule) in [
-        (Fired::AtFixedRate, Rule::Trigger),
-        (Fired::Freely, NEAR),
-        (Fired::WhenArmed, Rule::Trigger),
+    for (triggered, rule) in [
+        (Triggered::AtFixedRate, Rule::Trigger),
+        (Triggered::Never, NEAR),
+        (Triggered::WhenArmed, Rule::Trigger),
     ] {
         let stage = Stage {
             period_ns,
             ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
         };
-        assert_eq!(stage.grab(fired, rule, 5).0.len(), 5);
+        assert_eq!(stage.grab(triggered, rule, 5).0.len(), 5);
         // Nor are two damaged images all.
         let stage = Stage {
             period_ns,
             damaged_from: 2,
             ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
         };
-        let (pairs, error) = until(fired, rule, stage);
+        let (pairs, error) = until(triggered, rule, stage);
         assert_eq!(pairs, 2);
         assert_eq!(
             error,
@@ -208,7 +208,7 @@ fn a_low_rate_is_no_silence() {
 }
 
 #[test]
-fn cameras_that_never_make_a_pair_are_told_why() {
+fn cameras_that_never_make_a_pair_fail_with_the_reason() {
     let rule = Rule::Stamp {
         max_skew_ns: MS / 10,
         period_ns: PERIOD_NS,
@@ -223,7 +223,7 @@ fn cameras_that_never_make_a_pair_are_told_why() {
             },
         )
     };
-    let (pairs, error) = until(Fired::Freely, rule, apart(8.0, 0.0));
+    let (pairs, error) = until(Triggered::Never, rule, apart(8.0, 0.0));
     assert_eq!(pairs, 0);
     assert!(
         error.starts_with("the cameras: no pair for 3.0 s of 18")
@@ -232,7 +232,7 @@ fn cameras_that_never_make_a_pair_are_told_why() {
     );
     assert!(error.ends_with("allow more with --max-skew-ms"), "{error}");
     // Where there were some, there may be others.
-    let (pairs, error) = until(Fired::Freely, rule, apart(0.0, 100.0));
+    let (pairs, error) = until(Triggered::Never, rule, apart(0.0, 100.0));
     assert!(
         pairs > 0 && error.starts_with("the cameras: no pair for 30.0 s"),
         "{error}"
@@ -241,22 +241,22 @@ fn cameras_that_never_make_a_pair_are_told_why() {
 
 #[test]
 fn a_period_without_end_is_one_pulse() {
-    for fired in [Fired::WhenArmed, Fired::AtFixedRate] {
+    for triggered in [Triggered::WhenArmed, Triggered::AtFixedRate] {
         let stage = Stage {
             period_ns: u64::MAX,
             ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
         };
-        let (frames, tally) = stage.grab(fired, Rule::Trigger, 1);
+        let (frames, tally) = stage.grab(triggered, Rule::Trigger, 1);
         assert_eq!((frames.len(), tally.pulses), (1, 1));
     }
 }
 
 #[test]
-fn a_grabber_that_nobody_reads_ends() {
-    drop(Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)).start(Fired::WhenArmed, Rule::Trigger));
+fn a_grabber_without_a_reader_ends() {
+    drop(Stage::new(slow(1.0, 0.0), slow(1.0, 0.0)).start(Triggered::WhenArmed, Rule::Trigger));
     let stage = Stage {
         queue: 1,
         ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
     };
-    drop(stage.start(Fired::AtFixedRate, Rule::Trigger));
+    drop(stage.start(Triggered::AtFixedRate, Rule::Trigger));
 }

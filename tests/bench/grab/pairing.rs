@@ -97,20 +97,30 @@ proptest! {
         for [left, right] in &pairs {
             prop_assert_eq!(left.ordered, right.ordered);
             match rule {
-                Rule::Trigger => prop_assert!(left.trigger_id.is_some() && left.trigger_id == right.trigger_id),
-                Rule::Stamp { max_skew_ns, .. } => prop_assert!(left.stamp_ns.abs_diff(right.stamp_ns) <= max_skew_ns),
+                Rule::Trigger => {
+                    prop_assert!(left.trigger_id.is_some());
+                    prop_assert_eq!(left.trigger_id, right.trigger_id);
+                }
+                Rule::Stamp { max_skew_ns, .. } => {
+                    prop_assert!(left.stamp_ns.abs_diff(right.stamp_ns) <= max_skew_ns);
+                }
                 Rule::Arrival => {}
             }
         }
         for two in pairs.windows(2) {
-            prop_assert!(two[0][0].stamp_ns < two[1][0].stamp_ns && two[0][1].stamp_ns < two[1][1].stamp_ns);
+            for side in Side::BOTH.map(|side| side as usize) {
+                prop_assert!(two[0][side].stamp_ns < two[1][side].stamp_ns);
+            }
         }
     }
 
     /// Pulses that either camera may miss, heard in any order: all that both have are paired, and
     /// by number and by stamp alike, as long as neither camera is too far behind.
     #[test]
-    fn what_both_have_is_paired(missed in prop::collection::vec((any::<bool>(), any::<bool>()), 0..100), lag in 0..WAITING / 2) {
+    fn what_both_have_is_paired(
+        missed in prop::collection::vec((any::<bool>(), any::<bool>()), 0..100),
+        lag in 0..WAITING / 2,
+    ) {
         let sent = |right: bool| {
             let has = move |(id, missed): (usize, &(bool, bool))| {
                 (!if right { missed.1 } else { missed.0 }).then_some(id as u64)
@@ -120,13 +130,17 @@ proptest! {
         let both: Vec<_> = sent(false).into_iter().filter(|id| sent(true).contains(id)).collect();
         for rule in [Rule::Trigger, NEAR] {
             let mut pairing = Pairing::new(rule);
-            // The right camera's images come so many pulses later.
-            let mut events: Vec<_> = sent(false).into_iter().map(|id| (id, Side::Left, id)).collect();
-            events.extend(sent(true).into_iter().map(|id| (id + lag as u64, Side::Right, id)));
+            // The right camera's images come `lag` pulses later.
+            let left = sent(false).into_iter().map(|id| (id, Side::Left, id));
+            let right = sent(true).into_iter().map(|id| (id + lag as u64, Side::Right, id));
+            let mut events: Vec<_> = left.chain(right).collect();
             events.sort_by_key(|(when, side, _)| (*when, *side as usize));
-            let events = events.into_iter().map(|(_, side, id)| (side, capture(100 * id + side as u64, Some(id), 100)));
+            let events = events.into_iter().map(|(_, side, id)| {
+                (side, capture(100 * id + side as u64, Some(id), 100))
+            });
             let [pairs, late] = paired(&mut pairing, events);
-            prop_assert_eq!(pairs.iter().map(|[left, _]| left.trigger_id.unwrap()).collect::<Vec<_>>(), both.clone());
+            let ids: Vec<_> = pairs.iter().map(|[left, _]| left.trigger_id.unwrap()).collect();
+            prop_assert_eq!(ids, both.clone());
             prop_assert!(late.is_empty(), "so near, none waits for its next");
         }
     }
@@ -141,18 +155,31 @@ proptest! {
         lag_ns in 0u64..1200,
     ) {
         let mut at = [0; 2];
-        let stamps: Vec<_> = steps.iter().map(|(left, right)| { at[0] += left; at[1] += right; at }).collect();
+        let stamps: Vec<_> = steps
+            .iter()
+            .map(|(left, right)| {
+                at = [at[0] + left, at[1] + right];
+                at
+            })
+            .collect();
         let of = |side: Side| stamps.iter().map(|both| both[side as usize]).collect::<Vec<_>>();
         let pairs_of = |sides: Vec<Side>| {
             let mut next = Side::BOTH.map(|side| of(side).into_iter());
-            let arrivals = sides.into_iter().filter_map(|side| Some((side, next[side as usize].next()?)));
+            let arrivals: Vec<_> = sides
+                .into_iter()
+                .filter_map(|side| Some((side, next[side as usize].next()?)))
+                .map(|(side, stamp)| (side, capture(stamp, None, 100)))
+                .collect();
             let mut pairing = Pairing::new(Rule::Stamp { max_skew_ns, period_ns: 100 });
-            let arrivals: Vec<_> = arrivals.map(|(side, stamp)| (side, capture(stamp, None, 100))).collect();
             let pairs = paired(&mut pairing, arrivals).concat();
-            pairs.iter().map(|pair| pair.each_ref().map(|capture| capture.stamp_ns)).collect::<Vec<_>>()
+            let stamps = |pair: &[Capture; 2]| pair.each_ref().map(|capture| capture.stamp_ns);
+            pairs.iter().map(stamps).collect::<Vec<_>>()
         };
         let arriving = |lag_ns: u64| {
-            let taken = |side: Side| of(side).into_iter().map(move |at| (at + if side == Side::Right { lag_ns } else { 600 }, side));
+            let taken = |side: Side| {
+                let latency_ns = if side == Side::Right { lag_ns } else { 600 };
+                of(side).into_iter().map(move |at| (at + latency_ns, side))
+            };
             let mut arrivals: Vec<_> = taken(Side::Left).chain(taken(Side::Right)).collect();
             arrivals.sort_by_key(|(at, _)| *at);
             arrivals.into_iter().map(|(_, side)| side).collect()
@@ -164,16 +191,22 @@ proptest! {
             prop_assert!(is_near([left, right]));
             let skew = left.abs_diff(right);
             let is_free = |side: usize, at: u64| pairs[..i].iter().all(|pair| pair[side] < at);
-            prop_assert!(of(Side::Left).into_iter().all(|at| at.abs_diff(right) >= skew || !is_free(0, at)));
-            prop_assert!(of(Side::Right).into_iter().all(|at| at.abs_diff(left) >= skew || !is_free(1, at)));
+            for (side, partner) in [(Side::Left, right), (Side::Right, left)] {
+                let nearer = |at: u64| at.abs_diff(partner) < skew && is_free(side as usize, at);
+                prop_assert!(!of(side).into_iter().any(nearer));
+            }
         }
         // Two that are the nearest to each other, and alone so, are a pair.
         for &left in &of(Side::Left) {
             for &right in &of(Side::Right) {
                 let skew = left.abs_diff(right);
-                let nearest = of(Side::Left).iter().all(|&at| at == left || at.abs_diff(right) > skew)
-                    && of(Side::Right).iter().all(|&at| at == right || at.abs_diff(left) > skew);
-                prop_assert!(!(nearest && is_near([left, right])) || pairs.contains(&[left, right]));
+                let farther = |at: u64, own: u64, partner: u64| {
+                    at == own || at.abs_diff(partner) > skew
+                };
+                let nearest = of(Side::Left).iter().all(|&at| farther(at, left, right))
+                    && of(Side::Right).iter().all(|&at| farther(at, right, left));
+                let is_pair = pairs.contains(&[left, right]);
+                prop_assert!(is_pair || !nearest || !is_near([left, right]));
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The queue to the writer: in = out + dropped, whatever the policy.
 
-use super::stage::{Fired, Stage, adds_up, slow};
+use super::stage::{Stage, Triggered, adds_up, slow};
 use svl::Error;
 use svl::grab::{Pushed, Queue, Rule, WhenFull};
 
@@ -39,7 +39,7 @@ fn a_full_queue_waits_for_the_reader() {
 }
 
 #[test]
-fn who_waits_for_a_reader_that_leaves_is_told() {
+fn a_writer_that_waits_learns_that_the_reader_has_stopped() {
     let queue = Queue::new(1, WhenFull::Wait);
     assert_eq!(queue.push(0), Pushed::Taken);
     std::thread::scope(|scope| {
@@ -67,7 +67,7 @@ fn every_pair_is_read_or_counted() {
             when_full,
             ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
         };
-        let mut grabber = stage.start(Fired::WhenArmed, Rule::Trigger);
+        let mut grabber = stage.start(Triggered::WhenArmed, Rule::Trigger);
         // The clock runs as fast as it can meanwhile, so a queue of two is full in no time.
         let frames: Vec<_> = (0..50)
             .map(|_| grabber.next_pair().unwrap().unwrap())

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use svl::Result;
 use svl::grab::simulated::{
-    CameraBehavior, Pictures, SimulatedCamera, SimulatedTrigger, TriggerCable, TriggerInput,
+    CameraBehavior, RenderedPictures, SimulatedCamera, SimulatedTrigger, TriggerCable, TriggerInput,
 };
 use svl::grab::{
     Camera, Capture, GrabClock, Grabber, Limits, Policy, Rule, Settings, Setup, Taken, Tally,
@@ -16,12 +16,12 @@ pub const MS: u64 = 1_000_000;
 /// 60 a second, nearly.
 pub const PERIOD_NS: u64 = 16 * MS;
 
-/// How the cameras are fired.
+/// What triggers the cameras.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Fired {
+pub enum Triggered {
     WhenArmed,
     AtFixedRate,
-    Freely,
+    Never,
 }
 
 /// What a test changes of the usual.
@@ -67,7 +67,7 @@ impl Stage {
         }
     }
 
-    pub fn start(self, fired: Fired, rule: Rule) -> Grabber {
+    pub fn start(self, triggered: Triggered, rule: Rule) -> Grabber {
         let Self {
             clock,
             behaviors,
@@ -83,8 +83,8 @@ impl Stage {
         let pictures = Arc::new(pictures());
         let [left, right] = behaviors;
         let camera = |side, behavior| -> Box<dyn Camera> {
-            let input = match fired {
-                Fired::Freely => TriggerInput::FreeRunning { period_ns },
+            let input = match triggered {
+                Triggered::Never => TriggerInput::FreeRunning { period_ns },
                 _ => TriggerInput::Cable(cable.clone()),
             };
             Box::new(SimulatedCamera::new(
@@ -98,10 +98,10 @@ impl Stage {
         };
         let cameras = [camera(Side::Left, left), right];
         let trigger = Box::new(SimulatedTrigger::new(&cable));
-        let policy = match fired {
-            Fired::WhenArmed => Policy::Coordinated { trigger, period_ns },
-            Fired::AtFixedRate => Policy::FixedRate { trigger, period_ns },
-            Fired::Freely => Policy::FreeRunning { period_ns },
+        let policy = match triggered {
+            Triggered::WhenArmed => Policy::Coordinated { trigger, period_ns },
+            Triggered::AtFixedRate => Policy::FixedRate { trigger, period_ns },
+            Triggered::Never => Policy::FreeRunning { period_ns },
         };
         Grabber::start(Setup {
             clock,
@@ -119,9 +119,9 @@ impl Stage {
         .unwrap()
     }
 
-    /// Grabs so many pairs, fewer when it ends by itself, and stops.
-    pub fn grab(self, fired: Fired, rule: Rule, pairs: usize) -> (Vec<Frame>, Tally) {
-        let mut grabber = self.start(fired, rule);
+    /// Grabs that many pairs, fewer when it ends by itself, and stops.
+    pub fn grab(self, triggered: Triggered, rule: Rule, pairs: usize) -> (Vec<Frame>, Tally) {
+        let mut grabber = self.start(triggered, rule);
         let frames = (0..pairs)
             .map_while(|_| grabber.next_pair().unwrap())
             .collect();
@@ -153,7 +153,7 @@ impl<F: FnMut(&mut dyn Camera, Duration) -> Result<Option<Taken>> + Send> Camera
     }
 }
 
-/// A camera that after so many whole images gives damaged ones only.
+/// A camera that after that many intact images gives damaged ones only.
 fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
     let capture = move |camera: &mut dyn Camera, timeout: Duration| {
         let Some(taken) = camera.capture(timeout)? else {
@@ -167,7 +167,7 @@ fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
 }
 
 /// A camera by a driver that does not know pulses, nor how to call back an image that is on its
-/// way. At first it gives an image that nothing fired.
+/// way. At first it gives an image of no pulse.
 fn belated(camera: Box<dyn Camera>, clock: &Arc<GrabClock>, late_ns: u64) -> Box<dyn Camera> {
     let (clock, mut coming, mut is_new) = (clock.clone(), None::<(u64, Capture)>, true);
     let capture = move |camera: &mut dyn Camera, timeout: Duration| {
@@ -216,12 +216,12 @@ pub fn adds_up(tally: Tally) -> Tally {
 }
 
 /// Small pictures, each of one grey: what a frame shows says when it was exposed.
-fn pictures() -> Pictures {
+fn pictures() -> RenderedPictures {
     let pair = |grey| {
         let image = Gray::filled(32, 24, grey).unwrap();
         StereoPair::new(image.clone(), image).unwrap()
     };
-    Pictures::new((0..60).map(|i| pair(70 + i)).collect(), 60.0, None).unwrap()
+    RenderedPictures::new((0..60).map(|i| pair(70 + i)).collect(), 60.0, None).unwrap()
 }
 
 /// A camera that needs so long to get ready, and up to so much longer.

@@ -94,6 +94,7 @@ pub(super) struct FormatDescription {
 #[derive(Clone, Copy, Default)]
 pub(super) struct AbiFormat {
     pub kind: u32,
+    // Takes no space; aligns the union as its pointers do.
     pub align: [usize; 0],
     pub width: u32,
     pub height: u32,
@@ -102,6 +103,7 @@ pub(super) struct AbiFormat {
     pub bytes_per_line: u32,
     pub size_image: u32,
     pub color: [u32; 6],
+    // Two arrays, as arrays beyond 32 elements have no `Default`.
     pub rest: [[u32; 19]; 2],
 }
 

@@ -25,6 +25,7 @@ impl V4l2Config {
         let mut device = || {
             parts
                 .next()
+                // An option in the place of a device: one camera is missing.
                 .filter(|name| !name.is_empty() && !name.contains('='))
         };
         let (Some(left), Some(right)) = (device(), device()) else {

@@ -8,7 +8,7 @@ use super::stream::{ControlRange, VideoStream};
 use crate::grab::camera::{Limits, Settings};
 use rustix::io::Errno;
 
-/// The controls that svl sets; none when the exposure of the camera cannot be set: then it keeps its
+/// The controls that svl sets; none where the exposure cannot be set: such a camera keeps its
 /// automatic.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Controls {
@@ -66,6 +66,7 @@ impl Controls {
             .gain
             .map_or(0, |(_, range)| range.mdb(range.max).round() as i32);
         Limits {
+            // A minimum of 0 units is none: the balance divides by the shutter time.
             shutter_us: us(exposure.min)..=us(exposure.max),
             gain_mdb: 0..=greatest_mdb,
         }
@@ -108,8 +109,8 @@ impl ControlRange {
         (min + ((value.clamp(min, max) - min) / step).round() * step).min(max) as i32
     }
 
-    /// Whether the values are multiples of the least gain, as in the registers of sensors (16 is 1×,
-    /// 64 is 4×).
+    /// Whether the values are multiples of the least gain, as in sensors' registers (16 is 1×, 64 is
+    /// 4×).
     fn is_linear(&self) -> bool {
         self.min > 0
     }

@@ -96,8 +96,9 @@ impl V4l2Device {
         modes
     }
 
-    fn sizes(&self, format: PixelFormat, asked: Option<(usize, usize)>) -> Vec<(usize, usize)> {
+    fn sizes(&self, format: PixelFormat, wanted: Option<(usize, usize)>) -> Vec<(usize, usize)> {
         let mut sizes = Vec::new();
+        // Drivers end a list with an error, EINVAL.
         for index in 0..LISTED {
             let mut listed = abi::FrameSize {
                 index,
@@ -115,7 +116,7 @@ impl V4l2Device {
             let fits = |n: usize, [min, max, step]: [usize; 3]| {
                 (min..=max).contains(&n) && (n - min).is_multiple_of(step.max(1))
             };
-            let within = asked
+            let within = wanted
                 .into_iter()
                 .chain([USUAL])
                 .filter(|&(w, h)| fits(w, [a, b, c]) && fits(h, [d, e, f]));
@@ -199,6 +200,7 @@ impl V4l2Device {
 
     /// Asks for a rate, and returns the rate that the driver sets, if it reports one.
     pub(super) fn set_rate(&self, wanted_hz: f64) -> Option<f64> {
+        // Seconds per image as a fraction: rates like 29.97 need more than whole numbers.
         let interval = [1000, ((wanted_hz * 1000.0).round() as u32).max(1)];
         let mut set = abi::StreamParameters {
             kind: VIDEO_CAPTURE,

@@ -31,6 +31,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let triggered = controller.is_some();
     let [left, right] = &config.devices;
     let devices = [V4l2Device::open(left)?, V4l2Device::open(right)?];
+    // By device number, as links under /dev/v4l/by-path name the same camera.
     if devices[0].is(&devices[1]) {
         let [left, right] = devices.map(|device| device.name);
         let reason = format!("{left} and {right} are one camera; name two");
@@ -44,10 +45,12 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     };
     let modes = [devices[0].modes(config.size), devices[1].modes(config.size)];
     let (format, size) = choose(wish, [&modes[0], &modes[1]])?;
+    // Taken once for both cameras: two readings of the clocks would add a constant skew.
     let times = Times::begin(request.clock, monotonic_ns());
     let ready = |device: V4l2Device| -> Result<(Box<dyn Camera>, f64)> {
         let layout = device.set_format(format, size)?;
         let hz = device.set_rate(rate_hz).unwrap_or(rate_hz);
+        // Triggered cameras expose when they are told, whatever their rate.
         if !triggered && (hz / rate_hz - 1.0).abs() > 0.01 {
             tracing::warn!(
                 "{}: gives {hz:.1} images per second in {format} of {}x{}",

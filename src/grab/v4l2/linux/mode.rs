@@ -78,12 +78,13 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (u
     let common = modes[0].iter().filter_map(|left| {
         let right = modes[1]
             .iter()
+            // Equal formats, as one JPEG and one raw image would differ in noise and latency.
             .find(|right| (right.format, right.size) == (left.format, left.size))?;
-        let asked = wish.format.is_none_or(|f| f == left.format)
+        let is_wanted = wish.format.is_none_or(|f| f == left.format)
             && wish.size.is_none_or(|size| size == left.size);
         // Rates are integer fractions of the camera's clock: 29.97 holds 30.
         let missing_hz = (0.99 * wish.rate_hz - rate_hz(left).min(rate_hz(right))).max(0.0);
-        asked.then_some((missing_hz, left.size.0 * left.size.1, *left))
+        is_wanted.then_some((missing_hz, left.size.0 * left.size.1, *left))
     });
     let best = common.min_by(|(a_hz, a_px, a), (b_hz, b_px, b)| {
         let off = |px: &usize| px.abs_diff(USUAL.0 * USUAL.1);
@@ -173,7 +174,7 @@ mod tests {
         // The other camera holds less.
         let slow = [mode(Yuyv, (640, 480), 15.0), mode(Yuyv, (320, 240), 29.97)];
         assert_eq!(choose(ANY, [&webcam, &slow]).unwrap(), (Yuyv, (320, 240)));
-        // Rates that nobody tells are taken to do.
+        // Unknown rates count as sufficient.
         let silent = [Mode {
             max_rate_hz: None,
             ..mode(Grey, (1280, 800), 0.0)
@@ -185,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_that_have_nothing_in_common_are_told() {
+    fn cameras_without_a_common_mode_are_an_error() {
         let (grey, yuyv) = (
             [mode(PixelFormat::Grey, (64, 48), 30.0)],
             [mode(PixelFormat::Yuyv, (64, 48), 30.0)],

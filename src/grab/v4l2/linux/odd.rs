@@ -81,7 +81,7 @@ fn webcam() -> Vec<(u32, ControlRange)> {
     ]
 }
 
-/// Two pixels, the second being the number; the exposure begins at so many milliseconds.
+/// Two pixels, the second being the number; the exposure starts at that many milliseconds.
 fn image(number: u8) -> Filled {
     let ns = u64::from(number) * 1_000_000;
     let flags = FLAG_TIMESTAMP_MONOTONIC | FLAG_STAMPED_AT_BEGIN;
@@ -210,7 +210,7 @@ fn stamps_are_of_the_middle_of_the_exposure_in_the_grabbers_time() {
 }
 
 #[test]
-fn what_the_driver_makes_of_the_settings_is_told() {
+fn settings_are_those_that_the_driver_used() {
     let (mut camera, driver) = camera(false, (1..9).map(image));
     driver.state().gain_step = 20;
     // 41.3 hundreds of microseconds, and 34 sixteenths, of which the driver makes 20.
@@ -279,7 +279,7 @@ fn damaged_buffers_are_no_images_and_the_camera_goes_on() {
 }
 
 #[test]
-fn a_stream_that_ends_is_told_with_the_cure() {
+fn a_stream_that_ends_is_an_error_with_the_cure() {
     for triggered in [true, false] {
         let (mut camera, driver) = camera(triggered, []);
         driver

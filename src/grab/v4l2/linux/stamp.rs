@@ -22,6 +22,7 @@ const TOLERANCE_NS: u64 = 1_000_000_000;
 impl Times {
     /// Before the streams begin, at `monotonic_ns`.
     pub(super) fn begin(clock: &GrabClock, monotonic_ns: u64) -> Self {
+        // Wraps where the grabber's clock is behind, and wraps back when it is added.
         let offset_ns = clock.now_ns().wrapping_sub(monotonic_ns);
         Self {
             offset_ns,
@@ -41,8 +42,8 @@ pub(super) struct BufferStamp {
 }
 
 impl BufferStamp {
-    /// The middle of the exposure on the monotonic clock. A driver stamps the start of the exposure,
-    /// or the end of the transfer, whose duration no driver reports: that stamp is taken as the end
+    /// Middle of the exposure on the monotonic clock. A driver stamps the start of the exposure, or
+    /// the end of the transfer, whose duration no driver reports: that stamp is taken as the end
     /// of the exposure. `None` when the driver gives no stamp, or one from before `earliest_ns` or
     /// far in the future.
     pub(super) fn middle_ns(&self, exposure_us: u32, earliest_ns: u64) -> Option<u64> {
@@ -52,6 +53,8 @@ impl BufferStamp {
         }
         let half_ns = u64::from(exposure_us) * 500;
         Some(match self.flags & FLAG_STAMPED_AT_MASK {
+            // uvcvideo stamps the start of the exposure by default, most sensor drivers the end of
+            // the transfer.
             FLAG_STAMPED_AT_BEGIN => self.ns + half_ns,
             _ => self.ns.saturating_sub(half_ns),
         })

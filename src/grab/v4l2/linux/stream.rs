@@ -94,9 +94,11 @@ impl MappedStream {
             ..Default::default()
         };
         abi::REQBUFS.call(&self.device, &mut request)?;
+        // Drivers may grant fewer buffers than asked for, even none.
         if request.count == 0 {
             return Err(Errno::NOMEM);
         }
+        // A driver may also insist on more.
         for index in 0..request.count.min(MAX_BUFFERS) {
             let mut buffer = buffer(index);
             abi::QUERYBUF.call(&self.device, &mut buffer)?;
