@@ -1,5 +1,4 @@
-//! The library's one error type: every variant says what was read, what was expected and what to
-//! do.
+//! The library's error type: every variant has what was read, what was expected and what to do.
 
 use std::path::PathBuf;
 
@@ -70,20 +69,20 @@ pub enum Error {
     /// A file is not what it should be.
     #[error("{}: {reason}", path.display())]
     Format { path: PathBuf, reason: String },
-    /// A recording that ends early or is damaged. What was read of it before is good.
+    /// A truncated or corrupt recording. What was read of it before is good.
     #[error("{}: {reason}", path.display())]
     Damaged { path: PathBuf, reason: String },
-    /// A program that matches pairs failed; `stderr` is the end of what it said there.
+    /// A program that matches pairs failed; `stderr` is the end of its standard error.
     #[error("program `{command}` {reason}{}", said(.stderr))]
     Program {
         command: String,
         reason: String,
         stderr: String,
     },
-    /// A file could not be got from where it is published.
+    /// A download failed.
     #[error("{url}: {reason}")]
     Download { url: String, reason: String },
-    /// A camera or its trigger failed while it was being grabbed from. What came before is good.
+    /// A camera or its trigger failed during the recording. The frames before are good.
     #[error("{camera}: {reason}")]
     Camera { camera: String, reason: String },
     /// A request that contradicts itself, or an option that what is named does not take.
@@ -154,7 +153,7 @@ fn said(stderr: &str) -> String {
     }
 }
 
-/// What went wrong with a file, with the cure where there is one.
+/// The cause of an I/O error, with the cure where there is one.
 fn words(cause: &std::io::Error) -> String {
     use std::io::ErrorKind::{
         IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem, StorageFull,
@@ -179,8 +178,7 @@ pub(crate) fn did_you_mean(nearest: &Option<String>) -> String {
         .unwrap_or_default()
 }
 
-/// The candidate nearest to `name` by edit distance, if it is near enough to be a slip of the
-/// finger.
+/// The candidate nearest to `name` by edit distance, if it is near enough to be a typing error.
 pub(crate) fn nearest<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,

@@ -1,4 +1,4 @@
-//! Where a frame's time goes.
+//! Time per stage of a frame, and the clock that measures it.
 
 use std::time::{Duration, Instant};
 
@@ -71,18 +71,20 @@ impl Clock {
         self.last = now;
     }
 
-    /// Ends the lap, of which only `time` belongs to `stage`: the rest was not the method's.
+    /// Ends the lap, of which only `time` belongs to `stage`: the rest is overhead that does not
+    /// count.
     pub fn lap_of(&mut self, stage: Stage, time: Duration) {
         let now = Instant::now();
         self.times.add(stage, time.min(now - self.last));
         self.last = now;
     }
 
-    /// Ends the lap: the time since the last one is divided among the stages as `times` are, which
-    /// threads took side by side.
+    /// Ends the lap: the time since the last one is divided among the stages in proportion to
+    /// `times`, the sums over threads that ran side by side.
     pub fn lap_as(&mut self, times: StageTimes) {
         let now = Instant::now();
         let share =
+            // Without any time the quotient is no number; this way every share is 0.
             (now - self.last).as_secs_f64() / times.total().as_secs_f64().max(f64::MIN_POSITIVE);
         for stage in Stage::ALL {
             self.times.add(

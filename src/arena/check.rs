@@ -1,5 +1,4 @@
-//! What the arena's numbers must be, each on its own; what they mean together is checked where they
-//! meet.
+//! Ranges of the arena's numbers, each on its own; combinations are checked where they are used.
 
 use super::config::{ArenaConfig, WorldConfig};
 use crate::error::{Error, Result};

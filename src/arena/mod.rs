@@ -6,9 +6,9 @@
 //!        └▶ path (robot, gait) ─▶ view ─▶ render (rays, truth) ─▶ sensor (grey values) ─▶ Frame
 //! ```
 //!
-//! What it leaves out: lens distortion, since pairs are rectified; gloss and shadows other than
-//! those at the foot of things; defocus of outlines (surfaces do blur) and exact motion blur at
-//! them; fixed-pattern noise.
+//! Not simulated: lens distortion, since pairs are rectified; gloss, and shadows other than those
+//! at the foot of objects; defocus of outlines (surfaces do blur) and exact motion blur at them;
+//! fixed-pattern noise.
 //!
 //! Every frame is a pure function of (configuration, seed, index): it can be rendered in any order
 //! and on any thread.
@@ -128,6 +128,7 @@ impl Arena {
         let twist = self.walk.twist(self.time_s(index));
         let beside = Vector3::x() * rig.baseline_m;
         let right_pose = pose * Translation3::from(beside);
+        // The right camera moves as a point of the same rigid body.
         let right_twist = Twist {
             linear_m_per_s: twist.linear_m_per_s + twist.angular_rad_per_s.cross(&beside),
             angular_rad_per_s: twist.angular_rad_per_s,
@@ -144,9 +145,11 @@ impl Arena {
             let key = mix(self.noise ^ mix(2 * index + camera));
             sensor::expose(sensor, gain_db, &shot, view, twist, key).map(|image| (shot, image))
         };
+        // One image per thread; each renders its rows in parallel too.
         let (left, right) = rayon::join(
             || {
                 let (shot, image) = expose(&left_view, &twist, sensor.gain_db, 0)?;
+                // The truth is of the rectified rig, without the skew of the right image.
                 let exact_right = CameraView::new(&right_pose, &self.rig, ImageSkew::NONE);
                 let truth =
                     render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
@@ -194,6 +197,7 @@ impl Arena {
 /// The robot's head keeps half its width from every object and stays inside the arena.
 fn check_clearance(config: &ArenaConfig, walk: &Walk, objects: &Objects) -> Result<()> {
     let half_width_m = config.robot.half_width_m;
+    // Every centimetre: half-widths are several.
     let steps = (walk.length_m() / 0.01).ceil() as u64;
     for step in 0..=steps {
         let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);

@@ -1,4 +1,4 @@
-//! Randomness that depends on nothing but its key: the same numbers in any order, on any thread.
+//! Counter-based random numbers: a pure function of the key, in any order and on any thread.
 
 /// Scrambles 64 bits (the finalizer of splitmix64, Steele et al., OOPSLA 2014).
 pub(super) fn mix(key: u64) -> u64 {
@@ -21,7 +21,7 @@ pub(super) fn gaussian(bits: u64) -> f32 {
 /// A stream of random numbers for building things in a fixed order.
 pub(super) struct Dice(u64);
 
-/// What a stream of a run is for; each has its own numbers.
+/// Purpose of a stream of random numbers; each has its own.
 #[derive(Clone, Copy)]
 pub(super) enum NoiseStream {
     Gait,
@@ -53,6 +53,7 @@ impl Dice {
 
     /// Uniform in `from..to`.
     pub(super) fn between(&mut self, from: f32, to: f32) -> f32 {
+        // 24 bits, as many as the mantissa of a float holds.
         from + (to - from) * ((self.bits() >> 40) as f32 / (1u64 << 24) as f32)
     }
 
@@ -66,6 +67,7 @@ impl Dice {
         loop {
             let (x, y) = (self.between(-1.0, 1.0), self.between(-1.0, 1.0));
             let square = x * x + y * y;
+            // Rejection from the square keeps directions uniform; near 0 the quotient is coarse.
             if (0.01..=1.0).contains(&square) {
                 let length = square.sqrt();
                 return (x / length, y / length);

@@ -1,4 +1,4 @@
-//! What stands in the arena: walls, blocks, balls, with their names.
+//! The arena's objects: walls, blocks and balls, with their names.
 
 use super::config::{Block, WorldConfig};
 use super::solid::{FaceHit, Solid, Vec3};

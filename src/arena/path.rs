@@ -1,5 +1,5 @@
-//! The robot's way: a smooth curve through the waypoints, the gait around it, and the pose of its
-//! head at any time.
+//! The robot's trajectory: a smooth curve through the waypoints, the gait around it, and the pose
+//! of the stereo head at any time.
 
 use super::config::{ArenaConfig, RobotConfig, Waypoint};
 use super::noise::{Dice, NoiseStream};
@@ -62,6 +62,7 @@ impl Walk {
     pub(super) fn pose(&self, time_s: f64) -> Pose {
         let along_m = time_s * self.speed_m_per_s;
         let near = 0.005;
+        // The direction of the path with its deviation, by a difference over a centimetre.
         let travel = self.middle(along_m + near) - self.middle(along_m - near);
         let swing = |degrees: f64, times: f64, phase: f64| {
             degrees.to_radians() * (TAU * self.robot.sway_hz * times * time_s + phase).sin()
@@ -71,6 +72,7 @@ impl Walk {
         let pitch = swing(self.robot.pitch_sway_deg, 2.0, self.phases[2]);
         let heading = travel.y.atan2(travel.x) + yaw;
         let (sin, cos) = heading.sin_cos();
+        // Columns: the camera's right, down and forward in the world, with the horizon level.
         let level = nalgebra::Matrix3::new(sin, 0.0, cos, -cos, 0.0, sin, 0.0, -1.0, 0.0);
         let gait = Rotation3::from_axis_angle(&Vector3::x_axis(), pitch)
             * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
@@ -136,6 +138,7 @@ impl Spline {
                 let (sin, cos) = p.heading_deg.to_radians().sin_cos();
                 Vec2::new(cos, sin) * chord_m
             });
+            // A waypoint between two curves is a knot once.
             for step in usize::from(i > 0)..=Self::STEPS {
                 let t = step as f64 / Self::STEPS as f64;
                 let (t2, t3) = (t * t, t * t * t);
@@ -147,6 +150,7 @@ impl Spline {
                     + start * (3.0 * t2 - 4.0 * t + 1.0)
                     + end * (3.0 * t2 - 2.0 * t);
                 let direction = slope.try_normalize(1.0e-9).unwrap_or((to - from) / chord_m);
+                // Arc length by chords: at millimetres the error is far below one.
                 let along_m = knots
                     .last()
                     .map_or(0.0, |last| last.along_m + (at - last.at).norm());

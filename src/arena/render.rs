@@ -1,4 +1,4 @@
-//! Rays to light: one camera's sharp image and its geometry, and the truth between two cameras.
+//! Ray casting: the sharp image of a camera with its geometry, and the truth between two cameras.
 
 use super::scene::{ArenaScene, Hit};
 use super::view::{CameraView, Candidates};
@@ -90,6 +90,8 @@ impl SharpImage {
                         above[x],
                         below[x],
                     ];
+                    // Only there one ray per pixel aliases: inside a surface the texture is
+                    // filtered.
                     if around.iter().any(|hit| hit.surface != own) {
                         let set = candidates.at(x, y);
                         let sum: f32 = SAMPLES_PX
@@ -133,6 +135,8 @@ pub(super) fn truth(
         .enumerate()
         .for_each(|(y, ((disparity, visibility), hits))| {
             for (x, hit) in hits.iter().enumerate() {
+                // Of the exact rig: neither lens blur nor the skew of the right image moves the
+                // truth.
                 disparity[x] = focal_baseline / hit.t;
                 let right_x = x as f32 - disparity[x];
                 let inside = right_x > -0.5 && right_x < width as f32 - 0.5;

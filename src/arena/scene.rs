@@ -37,6 +37,8 @@ impl ArenaScene {
         let mut end_m = 0.0;
         let piece = |(i, solid): (usize, &Solid)| {
             let girth_m = solid.girth_m();
+            // Unrolled coordinates begin at minus half a side: at most a quarter of the girth below
+            // 0.
             let begin_m = end_m + 0.25 * girth_m;
             // Of the walls only the inner side is seen, half of their girth.
             end_m += if i < WALLS { 0.5 } else { 1.0 } * girth_m;
@@ -48,6 +50,7 @@ impl ArenaScene {
             let near =
                 |solid: &Solid| (1.0 - solid.distance(&Vec3::new(x, y, 0.0)) / 0.09).max(0.0);
             solids.iter().fold(1.0, |light, solid| {
+                // Ambient occlusion: the floor is darker at the foot of things.
                 light * (1.0 - 0.45 * near(solid) * near(solid))
             })
         };

@@ -1,5 +1,5 @@
-//! Light to grey values: lens blur, motion during the exposure, vignetting, photons, amplifier, 8
-//! bits.
+//! Sensor model, light to grey values: lens blur, motion blur, vignetting, shot and read noise,
+//! gain, 8 bits.
 
 use super::config::SensorConfig;
 use super::noise::{gaussian, mix};
@@ -39,11 +39,14 @@ pub(super) fn expose(
                 let blur = motion.blur_px(view.slope(x as f32, y as f32), shot.hits[i].t);
                 let light = smear(&soft, (width, height), (x, y), blur);
                 let mean_e = light * white_e * (1.0 - vignetting * view.eccentricity(x, y));
+                // Shot noise has the variance of the mean; a Gaussian stands for the Poisson
+                // distribution.
                 let deviation = if config.noise {
                     (mean_e + read_variance).sqrt() * gaussian(mix(key ^ i as u64))
                 } else {
                     0.0
                 };
+                // The cast saturates: clipped at 0 and at 255 as a sensor is.
                 *grey = ((mean_e + deviation) * grey_per_e + 0.5) as u8;
             }
         });
@@ -97,6 +100,7 @@ impl Motion {
     /// How far the image of a resting point moves (Longuet-Higgins and Prazdny, 1980).
     fn blur_px(&self, (x, y): (f32, f32), depth_m: f32) -> (f32, f32) {
         let ([vx, vy, vz], [wx, wy, wz]) = (self.linear, self.angular);
+        // Only the translational part depends on depth.
         let turn = wx * y - wy * x;
         let u = (x * vz - vx) / depth_m - (wy - wz * y - x * turn);
         let v = (y * vz - vy) / depth_m - (wz * x - wx - y * turn);

@@ -1,4 +1,4 @@
-//! The two primitives and where rays meet them.
+//! The two primitives, box and sphere, and their intersections with rays.
 
 use super::config::{Ball, Block};
 
@@ -10,7 +10,7 @@ pub(super) enum Solid {
     Ball { center: Vec3, radius: f32 },
 }
 
-/// A box, turned about the vertical.
+/// A box, rotated about the vertical axis.
 pub(super) struct Slab {
     /// Centre of the box.
     center: Vec3,
@@ -170,6 +170,7 @@ impl Slab {
             let middle = -from[axis] * inverse;
             let reach = self.half[axis] * inverse.abs();
             let (near, far) = (middle - reach, middle + reach);
+            // The ray is inside the box between its last entry and its first exit.
             if near > enter {
                 enter = near;
                 face = 2 * axis as u8 + u8::from(inverse < 0.0);

@@ -1,4 +1,4 @@
-//! A camera at one instant: the rays of its pixels, and which solids each of them can meet.
+//! A pinhole camera at one instant: the rays of its pixels, and the solids that each can meet.
 
 use super::solid::{Solid, Vec3};
 use crate::stereo::{Pose, Rig};
@@ -14,7 +14,7 @@ pub(super) struct CameraView {
     skew: ImageSkew,
 }
 
-/// How an image stands off from the rectified one: turned about its centre, then moved down.
+/// Misalignment of an image against the rectified one: rotated about its centre, then moved down.
 #[derive(Clone, Copy)]
 pub(super) struct ImageSkew {
     pub(super) sin_roll: f32,
@@ -108,6 +108,8 @@ impl Candidates {
             })
         };
         Self {
+            // A tile has the solids that both its column and its row have: perhaps a few more than
+            // its rays meet, but quickly found.
             columns: (0..width.div_ceil(TILE_PX))
                 .map(|tile| between(0, view.center_px.0, tile))
                 .collect(),

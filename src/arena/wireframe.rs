@@ -1,4 +1,4 @@
-//! The geometry as lines, for eyes.
+//! Wireframe of the arena for 3D viewers.
 
 use super::config::WorldConfig;
 use super::objects::Objects;

@@ -1,14 +1,14 @@
-//! The distance curve of the thesis: a polynomial of degree 5 through measured pairs (annex B;
-//! section 5.1, figure 5.1).
+//! Distance curve of the thesis: a polynomial of degree 5 fitted to measured distances and
+//! disparities (annex B; section 5.1, figure 5.1).
 //!
-//! A target was moved from 130 cm towards the cameras and its disparity noted;
-//! `polyfit(disparity, cm, 5)` made the table that the robot used.
+//! A target was moved from 130 cm towards the cameras and its disparity noted. The robot used the
+//! table of `polyfit(disparity, cm, 5)`.
 //!
-//! Departure from the thesis: no extrapolation. Beyond its measurements a polynomial of degree 5
-//! says anything, and the thesis's table is filled by it for every disparity from 1 on.
+//! Departure from the thesis: no extrapolation. Outside its measurements a polynomial of degree 5
+//! is arbitrary, and the thesis's table has it for every disparity from 1 on.
 //!
-//! Even inside, where annex B's measurements are far apart, the curve swings: it passes within 1.2
-//! cm of most of them, but between 38 and 81 px it says 15 cm at 50 px and 38 cm at 70 px. The
+//! Even inside, where annex B's measurements are far apart, the curve oscillates: it passes within
+//! 1.2 cm of most of them, but between 38 and 81 px it gives 15 cm at 50 px and 38 cm at 70 px. The
 //! pinhole model does not.
 
 use crate::error::{Error, Result};
@@ -16,7 +16,7 @@ use nalgebra::{SMatrix, SVector};
 
 const COEFFICIENTS: usize = 6;
 
-/// Places between two measurements at which the curve is looked at.
+/// Points between two measurements at which the curve is evaluated.
 const STEPS: u32 = 20;
 
 /// Distance as a polynomial of degree 5 in disparity, within the disparities it was measured at.
@@ -95,8 +95,7 @@ impl DistanceCurve {
         Self::fit(&Self::TABLE_B1)
     }
 
-    /// Distance in centimetres; nothing outside [`DistanceCurve::measured_px`], where the curve
-    /// knows nothing.
+    /// Distance in centimetres; none outside [`DistanceCurve::measured_px`].
     pub fn distance_cm(&self, disparity_px: f64) -> Option<f64> {
         let measured = self.measured_px().contains(&disparity_px);
         measured.then(|| self.powers(disparity_px).dot(&self.coefficients))

@@ -1,4 +1,4 @@
-//! The median grid (thesis, section 5.1, figure 5.2).
+//! Depth grid of medians (thesis, section 5.1, figure 5.2).
 //!
 //! Departure from the thesis: percentiles are by nearest rank, so each is a disparity that was
 //! measured.

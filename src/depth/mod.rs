@@ -1,4 +1,4 @@
-//! From disparity to the grid of depths and to distance (thesis, section 5.1 and annex B).
+//! Disparities to the depth grid and to distances (thesis, section 5.1 and annex B).
 
 mod curve;
 mod grid;

@@ -1,24 +1,24 @@
-//! The physical distance curve: a pinhole pair sees a target at distance `Z` with disparity
-//! `d = a/Z − b`, hence `Z = a/(d + b)`, where `a` is `f·B` and `b` what the principal points
-//! differ by (`doffs`).
+//! Robust fit of the pinhole distance curve: a target at distance `Z` has the disparity
+//! `d = a/Z − b`, hence `Z = a/(d + b)`, where `a` is `f·B` and `b` the difference of the principal
+//! points (`doffs`).
 //!
-//! In `1/Z` that is a straight line. Disparities are taken to be good to a whole pixel and
-//! distances to half a centimetre of a rule, which is a pixel and more for a near target; how good
-//! they all are, the residuals say. The fit begins with the line of median slope (Theil 1950, Sen
-//! 1968), which bears nearly a third of wrong measurements, and goes on with Tukey's biweight
-//! (Beaton and Tukey 1974).
+//! In `1/Z` that is a straight line. A priori, disparities are rounded to whole pixels and
+//! distances have a standard deviation of half a centimetre, which is a pixel and more for a near
+//! target; the residuals scale both. The fit begins with the line of median slope (Theil 1950, Sen
+//! 1968), which tolerates nearly a third of outliers, and goes on with Tukey's biweight (Beaton and
+//! Tukey 1974).
 
 use crate::error::{Error, Result};
 use crate::statistics::midpoint_median;
 use nalgebra::{Matrix2, Vector2};
 
-/// Least measurements: with fewer nothing is left over to tell how good they are.
+/// Least measurements: two parameters and one degree of freedom for the residuals.
 const LEAST: usize = 3;
 
 /// Tukey's constant: 95 % of the efficiency of least squares where all errors are normal.
 const BIWEIGHT: f64 = 4.685;
 
-/// Steps to the robust line; it moves no more after about ten.
+/// Limit of iterations; the fit converges after about ten.
 const STEPS: usize = 50;
 
 /// Standard deviation of disparities that are rounded to whole pixels: `1/√12`.
@@ -27,10 +27,10 @@ const DISPARITY_PX: f64 = 0.29;
 /// Standard deviation of a distance that is measured with a rule.
 const DISTANCE_CM: f64 = 0.5;
 
-/// However well a few measurements agree, they are no better than this share of the above.
+/// Floor of the scale of both deviations: a few measurements may agree by chance.
 const BEST: f64 = 0.03;
 
-/// Distance as `a/(d + b)`, with what is known of `a` and `b`.
+/// Distance as `a/(d + b)`, with the covariance of `a` and `b`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PinholeFit {
     a_cm_px: f64,
@@ -156,12 +156,12 @@ impl PinholeFit {
         self.noise_px
     }
 
-    /// How much each measurement counted, 0 (left aside) ..= 1, in the order of the pairs.
+    /// Weight of each measurement, 0 (outlier) ..= 1, in the order of the pairs.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// Distance in centimetres; nothing at or beyond infinity.
+    /// Distance in centimetres; none at or beyond infinity.
     pub fn distance_cm(&self, disparity_px: f64) -> Option<f64> {
         let shift = disparity_px + self.b_px;
         (shift > 0.0).then(|| self.a_cm_px / shift)

@@ -1,5 +1,5 @@
-//! Capped sums of squared differences (SSD) between windows of one image, for all rows of a block at
-//! once: what the self check compares with.
+//! Capped sums of squared differences (SSD) between windows of one image, for all rows of a block
+//! at once: what the self check compares with.
 //!
 //! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3,
 //! "Optimization", and figure 5.10). The sums are kept in 16 bits, twice as many to a vector as 32

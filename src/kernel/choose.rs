@@ -1,5 +1,5 @@
-//! Winner-takes-all: the disparity of the least aggregated cost of every pixel, in both images, with
-//! uniqueness test and sub-pixel fraction.
+//! Winner-takes-all: the disparity of the least aggregated cost of every pixel, in both images,
+//! with uniqueness test and sub-pixel fraction.
 
 use super::{Lanes, VolumeShape};
 use crate::stereo::Reason;
@@ -107,8 +107,8 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
             };
         }
     }
-    // The right image's winners come from the same sums (Hirschmüller 2008, section 2.3): those on a
-    // diagonal of the volume.
+    // The right image's winners come from the same sums (Hirschmüller 2008, section 2.3): those on
+    // a diagonal of the volume.
     for (block, right) in row.right.as_chunks_mut::<N>().0.iter_mut().enumerate() {
         // The right pixel x meets the left one x + d.
         let x = (block * N) as i32 + shape.first;

@@ -90,12 +90,12 @@ kernels! {
     /// strongly as the coarse one.
     pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = texture::dog;
 
-    /// Marks the pixels of `row` whose window has `9·ΣI² − (ΣI)²` of at least `least`; none where no
-    /// window fits.
+    /// Marks the pixels of `row` whose window has `9·ΣI² − (ΣI)²` of at least `least`; none where
+    /// no window fits.
     pub fn deviating_row(row: &[u8], least: u32, out: &mut [bool]) = texture::deviation;
 
-    /// Transposes the rows `y ..` of `image`, as many as a block has, into columns of lanes: one per
-    /// pixel of a row. Lanes below the image are zero or stay.
+    /// Transposes the rows `y ..` of `image`, as many as a block has, into columns of lanes: one
+    /// per pixel of a row. Lanes below the image are zero or stay.
     pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = lanes::transpose;
 
     /// The least capped SSD of each window of a block of rows with the windows up to `sums.len()`
@@ -275,8 +275,8 @@ kernels! {
     /// per cent.
     pub fn choose_row(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) = choose::choose;
 
-    /// Medians of nine, three rows by three columns; the outermost columns count twice, as they have
-    /// no neighbour beyond them.
+    /// Medians of nine, three rows by three columns; the outermost columns count twice, as they
+    /// have no neighbour beyond them.
     pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = filter::median;
 
     /// Bilinear interpolation between the four pixels of `source` from each of `places` on, whose

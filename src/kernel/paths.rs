@@ -1,5 +1,5 @@
-//! SGM cost aggregation along paths (Hirschmüller 2008, equation 13): the three directions that come
-//! from the previous row of a sweep over the image.
+//! SGM cost aggregation along paths (Hirschmüller 2008, equation 13): the three directions that
+//! come from the previous row of a sweep over the image.
 //!
 //! Path costs fit a byte: the matching cost is at most 62 and what a path adds to it at most P2.
 //! What three paths add fits a byte too, with P2 up to [`Paths::LARGEST_PENALTY`].

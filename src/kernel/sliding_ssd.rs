@@ -1,4 +1,5 @@
-//! Sums of squared differences (SSD) of windows of nine pixels that slide along the rows of a block.
+//! Sums of squared differences (SSD) of windows of nine pixels that slide along the rows of a
+//! block.
 //!
 //! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3,
 //! "Optimization", and figure 5.10). What comes in less what goes out is

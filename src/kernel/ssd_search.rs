@@ -1,5 +1,5 @@
-//! Block matching by SSD: for each window the cheapest disparity, and filters that look at the costs
-//! of all of them.
+//! Block matching by SSD: for each window the cheapest disparity, and filters that look at the
+//! costs of all of them.
 
 use super::Lanes;
 use super::lanes::transpose_back;

@@ -12,8 +12,8 @@ const CHUNK: usize = 2 * Group::ROWS;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
 
-/// Sums this far apart are looked up first: most windows find their match there, and its cost bounds
-/// the rest of the search.
+/// Sums this far apart are looked up first: most windows find their match there, and its cost
+/// bounds the rest of the search.
 const FIRST: u32 = 32;
 /// Invalid value: the sum of a window that is in no table.
 pub const NO_SUM: u16 = u16::MAX;
@@ -49,8 +49,8 @@ impl WindowTable {
         }
     }
 
-    /// Fills the table with the windows of the rows of `image` around row `y`, up to `row_tolerance`
-    /// away. `sums` are their sums, [`NO_SUM`] for windows to be left out.
+    /// Fills the table with the windows of the rows of `image` around row `y`, up to
+    /// `row_tolerance` away. `sums` are their sums, [`NO_SUM`] for windows to be left out.
     pub fn fill(&mut self, image: &Gray, sums: &Plane<u16>, y: usize, row_tolerance: usize) {
         let rows = || y.saturating_sub(row_tolerance)..sums.height().min(y + row_tolerance + 1);
         self.starts.fill(0);

@@ -12,12 +12,13 @@
 //! image are *border*; the speckle filter's step is in pixels, and what it removes is
 //! *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
 
-use super::stage::{Claims, DisparityRange, Edges, Prefilter, SadSearch, Speckles, both};
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::method::{Method, matcher};
+use super::stage::{DisparityRange, EdgeImage, OnePassCheck, Prefilter, SadSearch, Speckles, both};
+use super::{MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
-use crate::stereo::{ExtraPlanes, RectifiedPair};
-use crate::timing::Stage;
+use crate::stereo::{DisparityMap, ExtraPlanes, StereoPair};
+use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "bm",
@@ -60,11 +61,11 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             },
             description: "by how much every other disparity must be worse, 0 = not tested",
         },
-        Claims::TOLERANCE,
+        OnePassCheck::TOLERANCE,
         Speckles::SIZE,
         Speckles::RANGE,
     ],
-    build: |parameters, isa| Ok(Box::new(Bm::new(parameters, isa)?)),
+    build: |parameters, isa| Ok(matcher(Bm::new(parameters, isa)?)),
 };
 
 struct Bm {
@@ -76,17 +77,15 @@ struct Bm {
     uniqueness: u32,
     tolerance: i32,
     speckles: (i32, f64),
-    scratch: Option<Scratch>,
 }
 
 /// Memory for pairs of one size.
 struct Scratch {
-    size: (usize, usize),
-    left: Edges,
-    right: Edges,
+    left: EdgeImage,
+    right: EdgeImage,
     band_rows: usize,
     /// One per band.
-    searches: Vec<(SadSearch, Option<Claims>)>,
+    searches: Vec<(SadSearch, Option<OnePassCheck>)>,
     speckles: Option<Speckles>,
 }
 
@@ -100,10 +99,7 @@ impl Bm {
         }
         Ok(Self {
             isa,
-            range: DisparityRange::new(
-                parameters.int("min_disparity"),
-                parameters.int("max_disparity"),
-            )?,
+            range: DisparityRange::from_parameters(parameters)?,
             prefilter: Prefilter::new(parameters.choice("prefilter")),
             window: window as usize,
             texture: parameters.int("texture_threshold") as u16,
@@ -113,11 +109,15 @@ impl Bm {
                 parameters.int("speckle_size"),
                 parameters.real("speckle_range"),
             ),
-            scratch: None,
         })
     }
+}
 
-    fn scratch(&self, (width, height): (usize, usize)) -> Scratch {
+impl Method for Bm {
+    type Scratch = Scratch;
+    const PLANES: ExtraPlanes = ExtraPlanes::NONE;
+
+    fn scratch(&self, (width, height): (usize, usize)) -> Result<Scratch> {
         // Each band sums its first window anew, so a band is several windows high.
         let bands = match rayon::current_num_threads() {
             1 => 1,
@@ -133,45 +133,32 @@ impl Bm {
                 self.uniqueness,
             )
         };
-        Scratch {
-            size: (width, height),
-            left: Edges::new(width, height),
-            right: Edges::new(width, height),
+        Ok(Scratch {
+            left: EdgeImage::new(width, height),
+            right: EdgeImage::new(width, height),
             band_rows,
             searches: (0..height.div_ceil(band_rows))
-                .map(|_| (search(), Claims::new(width, self.tolerance)))
+                .map(|_| (search(), OnePassCheck::new(width, self.tolerance)))
                 .collect(),
             speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
-        }
+        })
     }
-}
 
-impl Matcher for Bm {
     fn compute(
-        &mut self,
-        pair: RectifiedPair<'_>,
-        _: &MatchContext,
-        output: &mut MatchOutput,
-    ) -> Result<()> {
-        let MatchOutput {
-            disparity: map,
-            clock,
-            ..
-        } = output;
-        let (isa, size) = (self.isa, pair.size());
-        map.resize(size.0, size.1, ExtraPlanes::NONE)?;
-        let mut scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {
-            Some(scratch) => scratch,
-            None => self.scratch(size),
-        };
+        &self,
+        scratch: &mut Scratch,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) {
+        let isa = self.isa;
         let Scratch {
             left,
             right,
             band_rows,
             searches,
             speckles,
-            ..
-        } = &mut scratch;
+        } = scratch;
 
         both(
             || left.load(isa, self.prefilter, pair.left()),
@@ -179,12 +166,14 @@ impl Matcher for Bm {
         );
         clock.lap(Stage::Smoothing);
 
-        map.each_band_mut(*band_rows, searches, |top, band, (search, claims)| {
+        map.each_band_mut(*band_rows, searches, |top, band, (search, check)| {
             search.restart();
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 search.match_row(isa, y, left, right, &mut row);
-                if let Some(claims) = claims {
-                    claims.check_row(|x| search.sad(x), &mut row);
+                if let Some(check) = check {
+                    // Here, as the SADs are those of the row last matched; the time counts as
+                    // matching.
+                    check.check_row(|x| search.sad(x), &mut row);
                 }
             }
         });
@@ -194,7 +183,5 @@ impl Matcher for Bm {
             speckles.remove(map);
         }
         clock.lap(Stage::Checks);
-        self.scratch = Some(scratch);
-        Ok(())
     }
 }

@@ -1,5 +1,6 @@
 //! OpenCV 1.0's `CV_DISPARITY_BIRCHFIELD`, the thesis's first try (section 5.2 and appendix A):
-//! dynamic programming along each row, then reliable disparities spread along columns and rows.
+//! dynamic programming along each row, then reliable disparities are propagated along columns and
+//! rows.
 //!
 //! The thesis gave it up: it minimises a global error by local assumptions, sees no escape between
 //! obstacles, and is wrong throughout in the dark and on even texture. It answers for every pixel,
@@ -15,16 +16,17 @@
 //! OpenCV's public documentation names its parameters 3 and 5 the wrong way round, "highly" and
 //! "slightly reliable". In the code, and here, parameter 3 (12) is what a *slightly* reliable
 //! disparity needs to withstand a larger one, and parameter 5 (25) what makes a disparity *highly*
-//! reliable, so that it spreads even over one that is larger by one.
+//! reliable, so that it is propagated even over one that is larger by one.
 
+use super::method::{Method, matcher};
 use super::stage::{
-    Blocks, PathCosts, Scanlines, Spread, SpreadPixel, both, bridge, each_band, each_row,
+    Blocks, PathCosts, Propagation, PropagationPixel, Scanlines, both, bridge, each_band, each_row,
 };
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
-use crate::stereo::{DisparityMap, ExtraPlanes, Gray, RectifiedPair, StereoPair};
-use crate::timing::Stage;
+use crate::stereo::{DisparityMap, ExtraPlanes, Gray, StereoPair};
+use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "dp",
@@ -75,15 +77,15 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         run(
             "moderately_reliable",
             15,
-            "run whose disparity spreads (OpenCV's parameter 4)",
+            "run whose disparity is propagated (OpenCV's parameter 4)",
         ),
         run(
             "highly_reliable",
             25,
-            "run whose disparity spreads over one larger by one (OpenCV's parameter 5)",
+            "run whose disparity is propagated over one larger by one (OpenCV's parameter 5)",
         ),
     ],
-    build: |parameters, isa| Ok(Box::new(Dp::new(parameters, isa))),
+    build: |parameters, isa| Ok(matcher(Dp::new(parameters, isa))),
 };
 
 const fn run(name: &'static str, default: i32, description: &'static str) -> Parameter {
@@ -103,8 +105,7 @@ struct Dp {
     isa: Isa,
     max_disparity: u8,
     costs: PathCosts,
-    spread: Spread,
-    scratch: Option<Scratch>,
+    propagation: Propagation,
 }
 
 /// Memory for pairs of one size.
@@ -115,8 +116,8 @@ struct Scratch {
     band_rows: usize,
     /// One per band, as `rows`.
     scanlines: Vec<Scanlines>,
-    rows: Vec<Vec<SpreadPixel>>,
-    columns: Vec<SpreadPixel>,
+    rows: Vec<Vec<PropagationPixel>>,
+    columns: Vec<PropagationPixel>,
     column_band: usize,
     /// Per band of columns, edges up and down in one column and in both beside it.
     steep: Vec<[Vec<bool>; 3]>,
@@ -132,12 +133,11 @@ impl Dp {
                 occlusion: parameters.int("occlusion"),
                 reward: parameters.int("reward"),
             },
-            spread: Spread {
+            propagation: Propagation {
                 slightly_reliable: reliability("slightly_reliable"),
                 moderately_reliable: reliability("moderately_reliable"),
                 highly_reliable: reliability("highly_reliable"),
             },
-            scratch: None,
         }
     }
 }
@@ -146,6 +146,7 @@ impl Scratch {
     fn new((width, height): (usize, usize), max_disparity: u8, costs: PathCosts) -> Self {
         let (bands, band_rows) = Blocks::bands(height);
         let rows = band_rows.min(height);
+        // Columns differ in how far disparities propagate: more bands than threads.
         let column_band = match rayon::current_num_threads() {
             1 => width,
             threads => width.div_ceil(4 * threads),
@@ -159,9 +160,9 @@ impl Scratch {
                 .map(|_| Scanlines::new(width, rows, max_disparity, costs))
                 .collect(),
             rows: (0..bands)
-                .map(|_| vec![SpreadPixel::default(); width])
+                .map(|_| vec![PropagationPixel::default(); width])
                 .collect(),
-            columns: vec![SpreadPixel::default(); width * height],
+            columns: vec![PropagationPixel::default(); width * height],
             column_band,
             steep: (0..width.div_ceil(column_band))
                 .map(|_| [(); 3].map(|()| vec![false; height]))
@@ -188,7 +189,7 @@ impl Scratch {
         });
     }
 
-    fn refine_columns(&mut self, spread: Spread) {
+    fn refine_columns(&mut self, propagation: Propagation) {
         let Self {
             size: (width, height),
             left,
@@ -207,6 +208,7 @@ impl Scratch {
                 mark_steep(left.column(first.saturating_sub(1)), here);
                 mark_steep(left.column(first), after);
                 for (x, column) in (first..).zip(columns.chunks_exact_mut(*height)) {
+                    // The marks of three columns roll along, so that each column is marked once.
                     std::mem::swap(before, here);
                     std::mem::swap(here, after);
                     mark_steep(left.column((x + 1).min(*width - 1)), after);
@@ -214,20 +216,20 @@ impl Scratch {
                     let inner = x > 0 && x + 1 < *width;
                     let disparities = scanlines.iter().flat_map(|band| band.column(x));
                     for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
-                        *pixel = SpreadPixel {
+                        *pixel = PropagationPixel {
                             disparity,
                             edge: here[y] & (!inner | (before[y] & after[y])),
                             run: 0,
                         };
                     }
                     bridge(column);
-                    spread.apply(column);
+                    propagation.apply(column);
                 }
             },
         );
     }
 
-    fn refine_rows(&mut self, spread: Spread, image: &Gray, map: &mut DisparityMap) {
+    fn refine_rows(&mut self, propagation: Propagation, image: &Gray, map: &mut DisparityMap) {
         let Self {
             size: (width, height),
             band_rows,
@@ -240,13 +242,14 @@ impl Scratch {
                 let grey = image.row(y);
                 for (x, pixel) in line.iter_mut().enumerate() {
                     let [edge] = edge_before(x, *width, |x| [u16::from(grey[x])]);
-                    *pixel = SpreadPixel {
+                    *pixel = PropagationPixel {
+                        // The result of the columns, which lie one after the other, transposed.
                         disparity: columns[x * *height + y].disparity,
                         edge,
                         run: 0,
                     };
                 }
-                spread.apply(line);
+                propagation.apply(line);
                 for (x, pixel) in line.iter().enumerate() {
                     row.accept(x, f32::from(pixel.disparity));
                 }
@@ -255,30 +258,26 @@ impl Scratch {
     }
 }
 
-impl Matcher for Dp {
+impl Method for Dp {
+    type Scratch = Scratch;
+    const PLANES: ExtraPlanes = ExtraPlanes::NONE;
+
+    fn scratch(&self, size: (usize, usize)) -> Result<Scratch> {
+        Ok(Scratch::new(size, self.max_disparity, self.costs))
+    }
+
     fn compute(
-        &mut self,
-        pair: RectifiedPair<'_>,
-        _: &MatchContext,
-        output: &mut MatchOutput,
-    ) -> Result<()> {
-        let MatchOutput {
-            disparity: map,
-            clock,
-            ..
-        } = output;
-        let size = pair.size();
-        map.resize(size.0, size.1, ExtraPlanes::NONE)?;
-        self.scratch.take_if(|scratch| scratch.size != size);
-        let scratch = self
-            .scratch
-            .get_or_insert_with(|| Scratch::new(size, self.max_disparity, self.costs));
-        scratch.match_rows(self.isa, &pair);
+        &self,
+        scratch: &mut Scratch,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) {
+        scratch.match_rows(self.isa, pair);
         clock.lap(Stage::Matching);
-        scratch.refine_columns(self.spread);
-        scratch.refine_rows(self.spread, pair.left(), map);
+        scratch.refine_columns(self.propagation);
+        scratch.refine_rows(self.propagation, pair.left(), map);
         clock.lap(Stage::Checks);
-        Ok(())
     }
 }
 
@@ -289,6 +288,7 @@ fn mark_steep(column: impl Iterator<Item = u16>, steep: &mut [bool]) {
     let (mut window, mut marked) = ([0; 3], false);
     for (y, pixel) in column.take(steep.len()).enumerate() {
         window = [window[1], window[2], pixel];
+        // OpenCV steps on by two after a window that holds an edge.
         marked = y >= 2 && !marked && edge(window.map(|v| [v])) == [true];
         if marked {
             steep[y - 2..=y].fill(true);

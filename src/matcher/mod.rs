@@ -1,14 +1,15 @@
-//! Matchers: from a rectified pair to disparities. [`MATCHERS`] is the one table of them.
+//! Matchers: rectified pair to disparity map. [`MATCHERS`] is the table of algorithms.
 
+mod block_matching;
 mod bm;
 mod dp;
 #[cfg(feature = "exec")]
 mod exec;
+mod method;
 mod parameter;
 mod quotes;
 mod sgm;
 pub mod stage;
-mod symmetric;
 mod v1;
 mod v2;
 mod v3;
@@ -199,6 +200,7 @@ impl Algorithm {
         };
         match (bound("min_disparity"), bound("max_disparity")?) {
             (Some(Value::Int(min)), Value::Int(max)) => u32::try_from(max - min + 1).ok(),
+            // Algorithms without a lower bound (dp) begin at 0.
             (_, Value::Int(max)) => u32::try_from(max + 1).ok(),
             _ => None,
         }

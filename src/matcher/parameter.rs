@@ -129,8 +129,8 @@ impl Parameters {
         )
     }
 
-    /// The defaults changed by `settings`, written `key=value,key=value`. A text with commas stands
-    /// in quotes, single or double ones, as a whole or where the commas are.
+    /// The defaults changed by `settings`, written `key=value,key=value`. A text with commas needs
+    /// quotes, single or double ones, as a whole or around the commas.
     ///
     /// # Errors
     /// [`Error::UnknownParameter`] with the nearest name, [`Error::ParameterValue`] with what is
@@ -138,6 +138,7 @@ impl Parameters {
     pub fn parse(spec: &MatcherSpec, settings: &str) -> Result<Self> {
         let mut parameters = Self::defaults(spec);
         for setting in split(settings, ',').filter(|s| !s.is_empty()) {
+            // A name alone has an empty value, which the ranges of all kinds but texts refuse.
             let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
             let index = spec
                 .parameters
@@ -149,6 +150,7 @@ impl Parameters {
                     nearest: nearest(name, spec.parameters.iter().map(|p| p.name)),
                 })?;
             let range = &spec.parameters[index].range;
+            // The defaults are in the order of the table, so they share its indices.
             parameters.0[index].1 = range.parse(text).ok_or_else(|| Error::ParameterValue {
                 algorithm: spec.name,
                 name: name.to_owned(),

@@ -1,4 +1,4 @@
-//! Quotes in settings and commands: what stands in `'…'` or `"…"` is not taken apart.
+//! Quoting in settings and commands: text in `'…'` or `"…"` is not split.
 
 /// The parts of `text` between separators outside quotes, quotes kept.
 pub(super) fn split(text: &str, separator: char) -> impl Iterator<Item = &str> {
@@ -30,6 +30,7 @@ pub(super) fn words(command: &str) -> Vec<String> {
     let mut words = Vec::new();
     for word in split(command, ' ').filter(|word| !word.is_empty()) {
         let mut open = None;
+        // A character that opens or closes a quote is the quote itself: it is dropped.
         let kept = word.chars().filter(|&c| {
             let before = open;
             open = after(before, c);

@@ -12,12 +12,13 @@
 //! interpolated; speckles are *inconsistent*. Left pixels near the edge try the disparities that
 //! stay inside the right image.
 
-use super::stage::{Chosen, CostVolume, DisparityRange, PathSums, Speckles};
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::method::{Method, matcher};
+use super::stage::{Aggregation, Chosen, CostVolume, DisparityRange, Speckles};
+use super::{MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::{ChosenRow, Isa, Paths, Penalties, VolumeShape, median_row};
-use crate::stereo::{ExtraPlanes, Reason, RectifiedPair, RowMut};
-use crate::timing::Stage;
+use crate::stereo::{DisparityMap, ExtraPlanes, Reason, RowMut, StereoPair};
+use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "sgm",
@@ -78,7 +79,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
                 min: -1,
                 max: 1024,
             },
-            description: "farthest that left and right image may disagree, -1 = not checked",
+            description: "largest difference between left and right disparity, -1 = no check",
         },
         Parameter {
             name: "median",
@@ -89,7 +90,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Speckles::SIZE,
         Speckles::RANGE,
     ],
-    build: |parameters, isa| Ok(Box::new(Sgm::new(parameters, isa)?)),
+    build: |parameters, isa| Ok(matcher(Sgm::new(parameters, isa)?)),
 };
 
 struct Sgm {
@@ -100,14 +101,12 @@ struct Sgm {
     tolerance: i32,
     median: bool,
     speckles: (i32, f64),
-    scratch: Option<Scratch>,
 }
 
 /// Memory for pairs of one size.
 struct Scratch {
-    size: (usize, usize),
     costs: CostVolume,
-    sums: PathSums,
+    aggregation: Aggregation,
     chosen: Chosen,
     band_rows: usize,
     /// A row of medians per band.
@@ -126,13 +125,12 @@ impl Sgm {
                 "sgm: p2={p2} is below p1={p1}: a large step costs at least a small one"
             )));
         }
+        // P2 is divided by the gradient (Hirschmüller, equation 13), but only from `edge` on and
+        // never falls below P1.
         let large = |difference: i32| p1.max(p2 * edge / edge.max(difference)) as u8;
         Ok(Self {
             isa,
-            range: DisparityRange::new(
-                parameters.int("min_disparity"),
-                parameters.int("max_disparity"),
-            )?,
+            range: DisparityRange::from_parameters(parameters)?,
             penalties: Penalties {
                 small: p1 as u8,
                 large: std::array::from_fn(|difference| large(difference as i32)),
@@ -144,54 +142,16 @@ impl Sgm {
                 parameters.int("speckle_size"),
                 parameters.real("speckle_range"),
             ),
-            scratch: None,
         })
     }
 
-    /// Nothing when no disparity leads into an image of that size.
-    fn scratch(&self, (width, height): (usize, usize)) -> Result<Option<Scratch>> {
-        let farthest = width as i32 - 1;
-        let range = self.range.min().max(-farthest)..=self.range.max().min(farthest);
-        if range.is_empty() {
-            return Ok(None);
-        }
-        let (first, count) = (*range.start(), range.count());
-        let shape = VolumeShape {
-            width,
-            height,
-            first,
-            count,
-        };
-        let bytes = shape.stride() * height * PathSums::BYTES;
-        if bytes > Self::MEMORY {
-            return Err(Error::Invalid(format!(
-                "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow \
-                 the range",
-                count,
-                bytes >> 20,
-                Self::MEMORY >> 20
-            )));
-        }
-        let costs = CostVolume::new(shape);
-        let band_rows = height.div_ceil(4 * rayon::current_num_threads());
-        Ok(Some(Scratch {
-            size: (width, height),
-            sums: PathSums::new(shape),
-            chosen: Chosen::new(shape),
-            costs,
-            band_rows,
-            medians: (0..height.div_ceil(band_rows))
-                .map(|_| vec![0; width])
-                .collect(),
-            speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
-        }))
-    }
-
-    /// Writes row `y` of what was chosen: the median of `rows`, checked.
+    /// Writes row `y`: the chosen `disparities`, or their medians, that pass the left-right check.
     fn write(&self, chosen: &Chosen, y: usize, disparities: &[i16], row: &mut RowMut<'_>) {
         let right = chosen.right(y);
         for (x, (&disparity, &why)) in disparities.iter().zip(chosen.why(y)).enumerate() {
             let consistent = || {
+                // Sixteenths, rounded to the nearest pixel of the right image, whose disparities
+                // are whole.
                 let match_x = x as i32 - (i32::from(disparity) + 8).div_euclid(16);
                 let agrees = |&right: &i16| {
                     right != ChosenRow::NONE
@@ -210,42 +170,75 @@ impl Sgm {
     }
 }
 
-impl Matcher for Sgm {
+impl Method for Sgm {
+    /// None where no disparity leads into an image of that size.
+    type Scratch = Option<Scratch>;
+    const PLANES: ExtraPlanes = ExtraPlanes::NONE;
+
+    fn scratch(&self, (width, height): (usize, usize)) -> Result<Option<Scratch>> {
+        // Disparities beyond the width lead nowhere and would only cost memory.
+        let farthest = width as i32 - 1;
+        let range = self.range.min().max(-farthest)..=self.range.max().min(farthest);
+        if range.is_empty() {
+            return Ok(None);
+        }
+        let (first, count) = (*range.start(), range.count());
+        let shape = VolumeShape {
+            width,
+            height,
+            first,
+            count,
+        };
+        let bytes = shape.stride() * height * Aggregation::BYTES;
+        // Refused here: the allocation itself may succeed, and the machine then swaps.
+        if bytes > Self::MEMORY {
+            return Err(Error::Invalid(format!(
+                "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow \
+                 the range",
+                count,
+                bytes >> 20,
+                Self::MEMORY >> 20
+            )));
+        }
+        let costs = CostVolume::new(shape);
+        // More bands than threads, so that a thread that finishes early finds another.
+        let band_rows = height.div_ceil(4 * rayon::current_num_threads());
+        Ok(Some(Scratch {
+            aggregation: Aggregation::new(shape),
+            chosen: Chosen::new(shape),
+            costs,
+            band_rows,
+            medians: (0..height.div_ceil(band_rows))
+                .map(|_| vec![0; width])
+                .collect(),
+            speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
+        }))
+    }
+
     fn compute(
-        &mut self,
-        pair: RectifiedPair<'_>,
-        _: &MatchContext,
-        output: &mut MatchOutput,
-    ) -> Result<()> {
-        let MatchOutput {
-            disparity: map,
-            clock,
-            ..
-        } = output;
-        let (isa, size) = (self.isa, pair.size());
-        map.resize(size.0, size.1, ExtraPlanes::NONE)?;
-        let scratch = match self.scratch.take().filter(|scratch| scratch.size == size) {
-            Some(scratch) => Some(scratch),
-            None => self.scratch(size)?,
+        &self,
+        scratch: &mut Option<Scratch>,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) {
+        let Some(scratch) = scratch else {
+            return map.rows_mut().for_each(|mut row| row.clear(Reason::Border));
         };
-        let Some(mut scratch) = scratch else {
-            map.rows_mut().for_each(|mut row| row.clear(Reason::Border));
-            return Ok(());
-        };
+        let (isa, last) = (self.isa, pair.size().1 - 1);
         let Scratch {
             costs,
-            sums,
+            aggregation,
             chosen,
             band_rows,
             medians,
             speckles,
-            ..
-        } = &mut scratch;
+        } = scratch;
 
         costs.load(isa, pair.left(), pair.right());
         clock.lap(Stage::Matching);
 
-        sums.choose(
+        aggregation.choose(
             isa,
             costs,
             pair.left(),
@@ -255,7 +248,7 @@ impl Matcher for Sgm {
         );
         clock.lap(Stage::Matching);
 
-        let (chosen, last) = (&*chosen, size.1 - 1);
+        let chosen = &*chosen;
         map.each_band_mut(*band_rows, medians, |top, band, medians| {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 if self.median {
@@ -271,7 +264,5 @@ impl Matcher for Sgm {
             speckles.remove(map);
         }
         clock.lap(Stage::Checks);
-        self.scratch = Some(scratch);
-        Ok(())
     }
 }

@@ -6,11 +6,14 @@
 //! Departures from the thesis: all in integers; windows near the left edge try the disparities that
 //! stay inside the right image; the error filter takes no disparity beside the winner for a rival.
 
-use super::MatcherSpec;
+use super::block_matching::BlockMatching;
+use super::method::matcher;
 use super::stage::{
-    BACK_CHECK, DisparityRange, ErrorFilter, SUBPIXEL, SymmetricCheck, VerticalSmoothing,
+    BACK_CHECK, CostFilter, CostSearch, DisparityRange, SUBPIXEL, SymmetricCheck, VerticalSmoothing,
 };
-use super::symmetric::Symmetric;
+use super::{MatcherSpec, Parameter, Parameters, Range};
+use crate::error::{Error, Result};
+use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, matches_and_rivals};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v1",
@@ -29,7 +32,64 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         BACK_CHECK,
     ],
     build: |parameters, isa| {
-        let filter = ErrorFilter::new(parameters.real(ErrorFilter::UNIQUENESS.name));
-        Ok(Box::new(Symmetric::new(parameters, isa, None, filter)?))
+        let filter = ErrorFilter::from_parameters(parameters)?;
+        let tolerance_px = parameters.int(SymmetricCheck::TOLERANCE.name);
+        let matching = BlockMatching::new(parameters, isa, None, move |width, range| {
+            let check = SymmetricCheck::new(tolerance_px, width, range);
+            (CostSearch::new(filter, width, range), check)
+        })?;
+        Ok(matcher(matching))
     },
 };
+
+/// The error filter (after Hirschmüller): the second least cost must lie clearly above the least.
+///
+/// Departure from the thesis: disparities beside the winner are no rivals. That its filter ignores
+/// how far apart the two minima are is a weakness the thesis names in its remarks.
+#[derive(Clone, Copy)]
+struct ErrorFilter {
+    thousandths: u32,
+}
+
+impl ErrorFilter {
+    const UNIQUENESS: Parameter = Parameter {
+        name: "uniqueness",
+        unit: "%",
+        range: Range::Real {
+            default: 10.0,
+            min: 0.0,
+            max: 1000.0,
+        },
+        description: "by how much every other disparity not beside the winner must be worse",
+    };
+
+    /// # Errors
+    /// [`Error::Invalid`] for a share, as earlier versions took it.
+    fn from_parameters(parameters: &Parameters) -> Result<Self> {
+        let percent = parameters.real(Self::UNIQUENESS.name);
+        if percent > 0.0 && percent < 1.0 {
+            // Rounded, as 100 · 0.07 is not 7.
+            let written = (1e6 * percent).round() / 1e4;
+            return Err(Error::Invalid(format!(
+                "v1: uniqueness is per cent: write {written} for {percent}"
+            )));
+        }
+        Ok(Self {
+            thousandths: (10.0 * percent).round() as u32,
+        })
+    }
+}
+
+impl CostFilter for ErrorFilter {
+    fn search(
+        &self,
+        isa: Isa,
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut SsdSearch,
+        matches: &mut [Match],
+        doubts: &mut [Doubt],
+    ) {
+        matches_and_rivals(isa, left, right, search, self.thousandths, matches, doubts);
+    }
+}

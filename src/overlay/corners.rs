@@ -27,6 +27,7 @@ pub fn corners_drawn(
             } else {
                 viridis(1.0 - 0.8 * row)
             };
+            // The cast saturates, so that a corner far outside stays outside.
             let (x, y) = (corner.x.round() as isize, corner.y.round() as isize);
             for step in -ARM..=ARM {
                 for (x, y) in [(x + step, y), (x, y + step)] {

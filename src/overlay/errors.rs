@@ -1,4 +1,4 @@
-//! Errors as colours.
+//! Error maps: disparity errors as colours.
 
 use super::picture::Picture;
 use crate::stereo::{DisparityMap, Truth, Visibility};
@@ -19,11 +19,11 @@ pub const BINS: [(f32, [u8; 3]); 10] = [
     (f32::INFINITY, [165, 0, 38]),
 ];
 
-/// No estimate where there should be one: grey, as no error is.
+/// No estimate where there is truth: grey, which no error has.
 pub const SILENT: [u8; 3] = [0xa0, 0xa0, 0xa0];
-/// Hidden from the right camera, as far as is known, so nothing is judged.
+/// Occluded from the right camera or not known to be visible: not scored.
 pub const HIDDEN: [u8; 3] = [0x50, 0x50, 0x50];
-/// No truth, so nothing is judged.
+/// No truth: not scored.
 pub const UNKNOWN: [u8; 3] = [0, 0, 0];
 
 /// The size of an error as KITTI 2015 counts it: 1 at 3 px or at 5 % of the true disparity,
@@ -42,7 +42,8 @@ pub fn bin(error_size: f32) -> usize {
 }
 
 /// The errors of `map`, which has the size of `truth`: blue to red where both cameras see and the
-/// truth is known, grey where the algorithm is silent there; the darker greys are not judged.
+/// truth is known, grey where the algorithm has no disparity there; the darker greys are not
+/// scored.
 pub fn errors(map: &DisparityMap, truth: &Truth) -> Picture {
     let neutrals = [SILENT, HIDDEN, UNKNOWN];
     let [silent, hidden, unknown] = [0, 1, 2].map(|i| (BINS.len() + i) as u8);
@@ -51,6 +52,7 @@ pub fn errors(map: &DisparityMap, truth: &Truth) -> Picture {
     for (y, truths) in truth.disparity.rows().enumerate() {
         let visible = truth.visibility.as_ref().map(|v| v.row(y));
         for (x, (&estimate, &true_px)) in estimates.row(y).iter().zip(truths).enumerate() {
+            // The order decides: without truth nothing is scored, hidden or not.
             let code = match visible.map(|v| v[x]) {
                 _ if !true_px.is_finite() => unknown,
                 Some(Visibility::Occluded | Visibility::Unknown) => hidden,

@@ -1,15 +1,14 @@
-//! From cells to squares.
+//! Geometry of the depth grid's overlay: cells to squares.
 
 use crate::stereo::{CellDepth, DepthGrid, Frame, Rig};
 use serde::Serialize;
 
 /// Distance at which an obstacle fills its cell where the camera moves, metres.
 pub const NEAR_M: f64 = 0.2;
-/// Disparity that fills a cell where nothing is known of the camera: the end of svl's default
-/// search range.
+/// Disparity that fills a cell of an unknown camera: the end of svl's default search range.
 const NEAR_PX: f64 = 80.0;
 
-/// The scale of the squares: how near a disparity is, so that a size means the same in every frame
+/// The scale of the squares: nearness of a disparity, so that a size means the same in every frame
 /// of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearness {
@@ -22,6 +21,7 @@ impl Nearness {
     /// [`NEAR_M`], or as near as it measures within a quarter of its width. A still scene with
     /// truth fills it at its own nearest point.
     pub fn of_frame(frame: &Frame) -> Self {
+        // A moving camera keeps one scale, or sizes would not compare between frames.
         let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
         let nearest = still.and_then(|truth| {
             truth

@@ -1,8 +1,8 @@
-//! Pictures of few colours.
+//! Indexed pictures, of at most 256 colours.
 
 use crate::stereo::Plane;
 
-/// A picture of at most 256 colours: per pixel the place of its colour in the palette.
+/// A picture of at most 256 colours: per pixel the index of its colour in the palette.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     pub codes: Plane<u8>,
@@ -11,8 +11,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The picture in at most `width` columns, in its proportions: every so many pixels one, none
-    /// mixed, so that every colour still means what it says.
+    /// The picture subsampled to at most `width` columns, in its proportions, without
+    /// interpolation: every colour keeps its meaning.
     pub fn at_most(self, width: usize) -> Self {
         let (w, h) = self.codes.size();
         if w <= width || width == 0 {

@@ -1,4 +1,4 @@
-//! Disparities as colours.
+//! Previews of disparity maps in the colours of viridis.
 
 use super::picture::Picture;
 use crate::stereo::{DisparityMap, Plane};
@@ -26,6 +26,7 @@ const STEPS: u8 = 63;
 pub fn disparities(plane: &Plane<f32>, max_px: f32) -> Picture {
     let step = |d: f32| {
         if d.is_finite() {
+            // Code 0 is black: no disparity.
             1 + ((d / max_px).clamp(0.0, 1.0) * f32::from(STEPS - 1)).round() as u8
         } else {
             0

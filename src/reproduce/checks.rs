@@ -3,7 +3,8 @@
 use crate::error::Result;
 use crate::kernel::{Isa, isa};
 use crate::matcher::stage::{
-    BlockSearch, Blocks, DisparityRange, DogTexture, SelfCheck, SymmetricCheck, VerticalSmoothing,
+    BlockSearch, Blocks, DisparityRange, DogTexture, RowCheck, RowSearch, SelfCheck,
+    SymmetricCheck, TextureFilter, VerticalSmoothing,
 };
 use crate::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, StereoPair};
 
@@ -54,50 +55,37 @@ impl Correlated {
         for (y, mut row) in this.matches.rows_mut().enumerate() {
             let lane = y % Blocks::ROWS;
             if lane == 0 {
-                search.search(
-                    isa,
-                    left_blocks.around(y),
-                    right_blocks.around(y),
-                    Blocks::ROWS.min(height - y),
-                );
+                let rows = Blocks::ROWS.min(height - y);
+                search.search(isa, left_blocks.around(y), right_blocks.around(y), rows);
             }
-            search.write_row(isa, lane, textured.row(y), &mut row);
+            let pair = [this.left.row(y), this.right.row(y)];
+            search.write_row(isa, lane, pair, textured.row(y), &mut row);
         }
         Ok(this)
     }
 
     /// The matches that pass the self check: what v3 gives.
     pub(super) fn self_checked(&self) -> DisparityMap {
-        let (left, _) = self.blocks();
-        let mut map = self.matches.clone();
-        let mut check = SelfCheck::new(self.left.width(), self.range);
-        for (y, mut row) in map.rows_mut().enumerate() {
-            let lane = y % Blocks::ROWS;
-            if lane == 0 {
-                check.search(self.isa, left.around(y));
-            }
-            check.check_row(self.isa, lane, self.left.row(y), &mut row);
-        }
-        map
+        self.checked(SelfCheck::new(self.left.width(), self.range))
     }
 
     /// The matches that the right image shares, to `tolerance_px`: v1's and v2's symmetric check.
     pub(super) fn symmetric(&self, tolerance_px: i32) -> DisparityMap {
+        let width = self.left.width();
+        self.checked(SymmetricCheck::new(tolerance_px, width, self.range))
+    }
+
+    fn checked(&self, mut check: impl RowCheck) -> DisparityMap {
         let (left, right) = self.blocks();
         let height = self.left.height();
         let mut map = self.matches.clone();
-        let mut check = SymmetricCheck::new(tolerance_px, self.left.width(), self.range);
         for (y, mut row) in map.rows_mut().enumerate() {
             let lane = y % Blocks::ROWS;
             if lane == 0 {
-                check.search(
-                    self.isa,
-                    left.around(y),
-                    right.around(y),
-                    Blocks::ROWS.min(height - y),
-                );
+                let rows = Blocks::ROWS.min(height - y);
+                check.search(self.isa, left.around(y), right.around(y), rows);
             }
-            check.check_row(lane, &mut row);
+            check.check_row(self.isa, lane, self.left.row(y), &mut row);
         }
         map
     }

@@ -4,7 +4,7 @@ use super::measure::{gray_picture, percent};
 use super::{Context, Experiment, Finding, Value, stage};
 use crate::error::Result;
 use crate::kernel::{NO_SUM, isa, window_sums};
-use crate::matcher::stage::{DogTexture, VerticalSmoothing};
+use crate::matcher::stage::{DogTexture, TextureFilter, VerticalSmoothing};
 use crate::report::plot::{Axis, Chart, Form, Series};
 use crate::stereo::{Gray, Plane, StereoPair};
 

@@ -5,7 +5,7 @@ use super::{Context, Experiment, Finding, Value};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
 use crate::kernel::isa;
-use crate::matcher::stage::{DeviationTexture, DogTexture, VerticalSmoothing};
+use crate::matcher::stage::{DeviationTexture, DogTexture, TextureFilter, VerticalSmoothing};
 use crate::report::plot::{Axis, Chart, Form, Series};
 use crate::stereo::{Gray, Plane};
 
@@ -199,7 +199,7 @@ impl Filtered {
         let mask = |image: &Gray, deviating: bool| {
             let mut mask = Plane::filled(width, height, false)?;
             if deviating {
-                (0..height).for_each(|y| deviation.apply_row(isa, image.row(y), mask.row_mut(y)));
+                deviation.apply(isa, image, &mut mask);
             } else {
                 dog.apply(isa, image, &mut mask);
             }

@@ -243,5 +243,11 @@ fn a_contradiction_is_one_clear_line() {
         "{upside_down}"
     );
     assert!(error("v3:max_disparity=5000").contains("-1024..=1024"));
+    let share = error("v1:uniqueness=0.10");
+    assert!(
+        share.contains("uniqueness is per cent: write 10 for 0.1"),
+        "{share}"
+    );
+    assert!(error("v1:uniqueness=0.07").contains("write 7 for 0.07"));
     assert!(error("v33").contains("'v3'"));
 }

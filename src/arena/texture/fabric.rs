@@ -1,4 +1,4 @@
-//! What pictures are woven from.
+//! Elements of the textures: clouds of noise, leaves, trunks.
 
 use crate::arena::noise::Dice;
 
@@ -12,6 +12,7 @@ pub(super) fn clouds(width: usize, height: usize, octaves: u32, dice: &mut Dice)
         let (wide, high) = (coarse(width, octave), coarse(height, octave));
         let mut finer = Vec::with_capacity(wide * high);
         for y in 0..high {
+            // Each octave doubles the previous one bilinearly and adds its own noise.
             let (low, up) = ((y / 2).min(h - 1), (y / 2 + y % 2).min(h - 1));
             for x in 0..wide {
                 let (left, right) = ((x / 2).min(w - 1), (x / 2 + x % 2).min(w - 1));

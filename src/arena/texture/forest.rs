@@ -19,6 +19,7 @@ pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
     let mut rest = WIDTH;
     while rest > 0 {
         let width = (dice.between(280.0, 460.0) as usize).min(rest);
+        // No sliver of a sheet is left over at the end.
         let width = if rest - width < 280 { rest } else { width };
         widths.push(width);
         rest -= width;

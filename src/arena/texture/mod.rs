@@ -1,4 +1,4 @@
-//! What the surfaces look like: albedo pictures with their mip-maps, sampled by footprint.
+//! Textures of the surfaces: albedo pictures with mip-maps, sampled by footprint.
 
 mod fabric;
 mod floor;
@@ -78,6 +78,7 @@ impl Texture {
         let scale = 1.0 / (1u32 << fine) as f32;
         let a = self.levels[fine].bilinear(u * scale, v * scale);
         match self.levels.get(fine + 1) {
+            // A smaller share of the second level is not worth its four look-ups.
             Some(coarse) if blend > 0.02 => {
                 a + blend * (coarse.bilinear(u * scale * 0.5, v * scale * 0.5) - a)
             }
@@ -126,6 +127,7 @@ impl Level {
         let column = |i: i32| i as usize & (self.width - 1);
         let row = |i: i32| (i as usize & (self.height - 1)) * self.width;
         let (c0, c1, r0, r1) = (column(iu), column(iu + 1), row(iv), row(iv + 1));
+        // Sides are powers of two, so a mask repeats the picture in both directions.
         let texel = |i: usize| f32::from(self.texels[i]);
         let low = texel(r0 + c0) + fu * (texel(r0 + c1) - texel(r0 + c0));
         let high = texel(r1 + c0) + fu * (texel(r1 + c1) - texel(r1 + c0));

@@ -1,4 +1,4 @@
-//! Any program as a matcher.
+//! Matching by an external program, over its standard input and output.
 //!
 //! svl starts the program once. Per pair it writes to its standard input one line of JSON and the
 //! pixels of both images, row by row, without gaps:
@@ -16,14 +16,13 @@
 //! W·H · 4 bytes                nothing
 //! ```
 //!
-//! `millis` is what the matching took, without the transfer; it is the time that svl reports. At
-//! the end of its input the program shall end. What it says on its standard error is kept for error
-//! messages, the last of it. An error reply concerns its pair alone; a program that ends, that does
-//! not answer in time or answers anything else is ended and started again for the next pair,
-//! [`RESTARTS`] times. `adapters/opencv.py` is such a program.
+//! `millis` is the self-reported time of the matching, without the transfer; it is the time that
+//! svl reports. At the end of its input the program must end. The end of its standard error is kept
+//! for error messages. An error reply concerns its pair alone. A program that ends, times out or
+//! answers anything else is killed and started again for the next pair, [`RESTARTS`] times.
+//! `adapters/opencv.py` is such a program.
 //!
-//! No shell is involved: the command's words stand between spaces, and quotes keep spaces in a
-//! word.
+//! No shell is involved: the command is split at spaces, and quotes keep spaces in a word.
 
 mod program;
 mod protocol;
@@ -34,21 +33,21 @@ use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Paramete
 use crate::error::{Error, Result};
 use crate::stereo::{ExtraPlanes, Reason, RectifiedPair, StereoPair};
 use crate::timing::Stage;
-use program::{Failure, Program};
+use program::{Program, ProgramFailure};
 use std::time::Duration;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "exec",
     aliases: &[],
-    summary: "any program, over its standard input and output: how to compare what svl does not \
-              know",
+    summary: "any program, over its standard input and output: to compare with an algorithm that \
+              svl does not have",
     paper: "whatever the program does; adapters/opencv.py explains the protocol and is an example",
     parameters: &[
         Parameter {
             name: "command",
             unit: "",
             range: Range::Text { default: "" },
-            description: "program and arguments; what has commas or spaces in it stands in quotes",
+            description: "program and arguments; parts with commas or spaces are quoted",
         },
         DisparityRange::MIN,
         DisparityRange::MAX,
@@ -89,15 +88,12 @@ impl Exec {
                 "exec needs a program: exec:command=PROGRAM ARGUMENTS".to_owned(),
             ));
         }
-        let range = DisparityRange::new(
-            parameters.int("min_disparity"),
-            parameters.int("max_disparity"),
-        )?;
+        let range = DisparityRange::from_parameters(parameters)?;
         Ok(Self {
             command: command.to_owned(),
             range,
             timeout: Duration::from_secs_f64(parameters.real("timeout_s")),
-            program: Some(Program::start(&words).map_err(|failure| failure.of(command))?),
+            program: Some(Program::start(&words).map_err(|failure| failure.into_error(command))?),
             words,
             restarts: 0,
             sequence: 0,
@@ -105,11 +101,11 @@ impl Exec {
     }
 
     /// The program, started again if it failed before.
-    fn program(&mut self) -> std::result::Result<&mut Program, Failure> {
+    fn program(&mut self) -> std::result::Result<&mut Program, ProgramFailure> {
         let program = match self.program.take() {
             Some(program) => program,
             None if self.restarts == RESTARTS => {
-                return Err(Failure::new(format!(
+                return Err(ProgramFailure::new(format!(
                     "failed {} times and is given up",
                     RESTARTS + 1
                 )));
@@ -122,7 +118,7 @@ impl Exec {
         Ok(self.program.insert(program))
     }
 
-    fn ask(&mut self, pair: &StereoPair) -> std::result::Result<protocol::Reply, Failure> {
+    fn ask(&mut self, pair: &StereoPair) -> std::result::Result<protocol::Reply, ProgramFailure> {
         let (sequence, timeout) = (self.sequence, self.timeout);
         let request = protocol::request(pair, self.range, sequence);
         self.program()?.ask(request, sequence, pair.size(), timeout)
@@ -136,17 +132,14 @@ impl Matcher for Exec {
         _: &MatchContext,
         output: &mut MatchOutput,
     ) -> Result<()> {
-        let MatchOutput {
-            disparity: map,
-            clock,
-            ..
-        } = output;
+        let (map, (width, height)) = (&mut output.disparity, pair.size());
+        // Also for pairs that fail, so that no two requests share a number.
         self.sequence += 1;
-        map.resize(pair.size().0, pair.size().1, ExtraPlanes::NONE)?;
+        map.resize(width, height, ExtraPlanes::NONE)?;
         let reply = self.ask(&pair).map_err(|failure| {
             // Dropped, so ended.
             self.program = None;
-            failure.of(&self.command)
+            failure.into_error(&self.command)
         })?;
         let (millis, disparities) = match reply {
             protocol::Reply::Matched {
@@ -154,10 +147,12 @@ impl Matcher for Exec {
                 disparities,
             } => (millis, disparities),
             protocol::Reply::Refused(why) => {
-                return Err(Failure::new(format!("answered: {why}")).of(&self.command));
+                return Err(
+                    ProgramFailure::new(format!("answered: {why}")).into_error(&self.command)
+                );
             }
         };
-        for (mut row, disparities) in map.rows_mut().zip(disparities.chunks_exact(pair.size().0)) {
+        for (mut row, disparities) in map.rows_mut().zip(disparities.chunks_exact(width)) {
             for (x, &disparity) in disparities.iter().enumerate() {
                 if disparity.is_finite() {
                     row.accept(x, disparity);
@@ -167,7 +162,8 @@ impl Matcher for Exec {
                 }
             }
         }
-        clock.lap_of(Stage::Matching, Duration::from_secs_f64(millis / 1e3));
+        let matching = Duration::from_secs_f64(millis / 1e3);
+        output.clock.lap_of(Stage::Matching, matching);
         Ok(())
     }
 }

@@ -1,5 +1,5 @@
-//! A program that runs beside svl. Threads write to it and read from it, so that it can neither
-//! block svl nor be blocked by what it says on its standard error.
+//! A child process that matches pairs. Threads write to it and read from it, so that it can neither
+//! block svl nor be blocked by a full pipe of its standard error.
 
 use super::protocol::{Reply, one_line, read_reply};
 use crate::error::Error;
@@ -15,17 +15,17 @@ use std::time::{Duration, Instant};
 /// How much of its standard error is kept, in bytes.
 const KEPT: usize = 4096;
 
-/// How long a program that closed its output may take to end and to finish speaking.
+/// How long a program that closed its output may take to end and to close its standard error.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
-/// What went wrong, in words that follow the program's name.
+/// A failure of the program, in words that follow its name.
 #[derive(Debug)]
-pub(super) struct Failure {
+pub(super) struct ProgramFailure {
     reason: String,
     stderr: String,
 }
 
-impl Failure {
+impl ProgramFailure {
     pub(super) fn new(reason: impl Into<String>) -> Self {
         Self {
             reason: reason.into(),
@@ -34,7 +34,7 @@ impl Failure {
     }
 
     /// The error of that command.
-    pub(super) fn of(self, command: &str) -> Error {
+    pub(super) fn into_error(self, command: &str) -> Error {
         Error::Program {
             command: command.to_owned(),
             reason: self.reason,
@@ -46,7 +46,7 @@ impl Failure {
 /// A pair to be answered: its number and its size.
 type Question = (u64, (usize, usize));
 
-enum Event {
+enum ProgramEvent {
     Answered(Result<Reply, String>),
     /// The program does not take what is written to it.
     Refused(std::io::Error),
@@ -57,7 +57,7 @@ pub(super) struct Program {
     child: Child,
     requests: Sender<Vec<u8>>,
     questions: Sender<Question>,
-    events: Receiver<Event>,
+    events: Receiver<ProgramEvent>,
     /// Bytes of the answer under way.
     came: Arc<AtomicUsize>,
     said: Arc<Mutex<VecDeque<u8>>>,
@@ -66,7 +66,7 @@ pub(super) struct Program {
 
 impl Program {
     /// Starts the program `words[0]`.
-    pub(super) fn start(words: &[String]) -> Result<Self, Failure> {
+    pub(super) fn start(words: &[String]) -> Result<Self, ProgramFailure> {
         let mut command = Command::new(&words[0]);
         command
             .args(&words[1..])
@@ -81,7 +81,7 @@ impl Program {
                 ErrorKind::NotFound => "no such program; check its name and the PATH".to_owned(),
                 _ => error.to_string(),
             };
-            Failure::new(format!("cannot be started: {why}"))
+            ProgramFailure::new(format!("cannot be started: {why}"))
         })?;
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         // All three were asked for above.
@@ -121,15 +121,15 @@ impl Program {
         sequence: u64,
         size: (usize, usize),
         timeout: Duration,
-    ) -> Result<Reply, Failure> {
+    ) -> Result<Reply, ProgramFailure> {
         self.came.store(0, Ordering::Relaxed);
         // A thread that is gone has left an event, which says more.
         let _ = self.questions.send((sequence, size));
         let _ = self.requests.send(request);
         match self.events.recv_timeout(timeout) {
-            Ok(Event::Answered(Ok(reply))) => Ok(reply),
-            Ok(Event::Answered(Err(reason))) => Err(self.failed(reason)),
-            Ok(Event::Refused(error)) => {
+            Ok(ProgramEvent::Answered(Ok(reply))) => Ok(reply),
+            Ok(ProgramEvent::Answered(Err(reason))) => Err(self.failed(reason)),
+            Ok(ProgramEvent::Refused(error)) => {
                 Err(self.failed(format!("does not read its input: {error}")))
             }
             Err(RecvTimeoutError::Timeout) => {
@@ -141,7 +141,7 @@ impl Program {
                     ),
                 };
                 let reason = format!("did not answer within {timeout:?}: {came}");
-                Err(Failure {
+                Err(ProgramFailure {
                     reason,
                     stderr: self.last_words(),
                 })
@@ -153,9 +153,10 @@ impl Program {
     }
 
     /// The failure, which is first of all that it ended, if it did.
-    fn failed(&mut self, reason: String) -> Failure {
+    fn failed(&mut self, reason: String) -> ProgramFailure {
         let deadline = Instant::now() + LAST_WORDS;
         let mut ended: Option<ExitStatus> = None;
+        // Polled, as `wait` would block for a program that closed its output and goes on.
         while ended.is_none() && Instant::now() < deadline {
             ended = self.child.try_wait().ok().flatten();
             thread::sleep(Duration::from_millis(5));
@@ -169,8 +170,9 @@ impl Program {
         };
         // What it still has to say comes through once it is gone.
         let _ = self.child.kill();
+        // The channel closes when the thread that reads standard error is done.
         let _ = self.silent.recv_timeout(LAST_WORDS);
-        Failure {
+        ProgramFailure {
             reason,
             stderr: self.last_words(),
         }
@@ -210,20 +212,24 @@ impl Read for Counted {
     }
 }
 
-fn write(mut stdin: ChildStdin, requests: &Receiver<Vec<u8>>, events: &Sender<Event>) {
+fn write(mut stdin: ChildStdin, requests: &Receiver<Vec<u8>>, events: &Sender<ProgramEvent>) {
     for request in requests {
         if let Err(error) = stdin.write_all(&request).and_then(|()| stdin.flush()) {
-            let _ = events.send(Event::Refused(error));
+            let _ = events.send(ProgramEvent::Refused(error));
             return;
         }
     }
 }
 
-fn read(stdout: Counted, questions: &Receiver<Question>, events: &Sender<Event>) {
+fn read(stdout: Counted, questions: &Receiver<Question>, events: &Sender<ProgramEvent>) {
     let mut stdout = BufReader::new(stdout);
     for (sequence, size) in questions {
         if events
-            .send(Event::Answered(read_reply(&mut stdout, sequence, size)))
+            .send(ProgramEvent::Answered(read_reply(
+                &mut stdout,
+                sequence,
+                size,
+            )))
             .is_err()
         {
             return;
@@ -237,6 +243,7 @@ fn listen(mut stderr: ChildStderr, kept: &Mutex<VecDeque<u8>>, _speaking: Sender
     while let Ok(count @ 1..) = stderr.read(&mut bytes) {
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.extend(&bytes[..count]);
+        // The end says most: an error message follows what led to it.
         let surplus = kept.len().saturating_sub(KEPT);
         kept.drain(..surplus);
     }

@@ -66,6 +66,7 @@ pub(super) fn read_reply(
     let broken = |error: std::io::Error| format!("cannot be read from: {error}");
     let mut line = Vec::new();
     from.by_ref()
+        // A program that prints no end of line must not fill the memory.
         .take(LONGEST_LINE)
         .read_until(b'\n', &mut line)
         .map_err(broken)?;
@@ -102,6 +103,7 @@ pub(super) fn read_reply(
         },
         _ => return Err(garbage("neither millis, 0 or more, nor error")),
     };
+    // What is left over would be read as the reply to the next pair.
     match from.buffer().len() {
         0 => Ok(reply),
         more => Err(format!(

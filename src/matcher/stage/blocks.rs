@@ -1,4 +1,4 @@
-//! An image cut into blocks of rows, each laid out for the kernels that take its rows as lanes.
+//! An image in blocks of rows, transposed for the kernels that take rows as lanes.
 
 use super::each_row;
 use crate::kernel::{Isa, Lanes, transpose};
@@ -48,6 +48,7 @@ impl Blocks {
     pub fn bands(height: usize) -> (usize, usize) {
         let blocks = height.div_ceil(Self::ROWS);
         let wanted = match rayon::current_num_threads() {
+            // One thread needs one band's scratch only.
             1 => 1,
             threads => blocks.min(4 * threads),
         };

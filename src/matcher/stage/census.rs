@@ -1,6 +1,6 @@
-//! Matching costs by the census transform (Zabih & Woodfill 1994): which of a pixel's 62 neighbours
-//! in 9 x 7 are darker. It is indifferent to gain and offset of the cameras. At the edges of the
-//! image the nearest pixels stand for what is outside.
+//! Cost volume of the census transform (Zabih & Woodfill 1994): which of a pixel's 62 neighbours in
+//! 9 x 7 are darker. It is invariant to gain and offset of the cameras. Edges of the image are
+//! replicated.
 
 use super::each_row;
 use crate::kernel::{
@@ -31,6 +31,7 @@ impl CostVolume {
     /// For images of that size. Some disparity of the range leads into the image.
     pub fn new(shape: VolumeShape) -> Self {
         let mut outside = vec![OUTSIDE; shape.padded() + 2 * CENSUS_MARGIN];
+        // ORed into the costs, so that the inner loop has no test for the image's edges.
         outside[CENSUS_MARGIN..][..shape.width].fill(0);
         Self {
             shape,
@@ -92,6 +93,7 @@ impl Census {
         let padded_width = width + 2 * reach_x;
         each_row(padded, padded_width, 16, |y, out| {
             let row = image.row(y);
+            // Replicated at the sides here and at the top and bottom below, where rows are chosen.
             out[..reach_x].fill(row[0]);
             out[reach_x..][..width].copy_from_slice(row);
             out[reach_x + width..].fill(row[width - 1]);

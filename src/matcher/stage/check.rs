@@ -1,8 +1,8 @@
 //! Checks of a match that need no second matching (thesis, section 5.3.3, "Validity Test" and "Back
 //! checking").
 
-use super::DisparityRange;
 use super::ssd::{farthest_shift, ssd};
+use super::{DisparityRange, RowCheck};
 use crate::kernel::{CAP, Isa, Lanes, REACH, least_ssd, self_check_row, transpose_back};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{DisparityMap, Reason, RowMut};
@@ -31,15 +31,28 @@ impl SelfCheck {
         }
     }
 
+    /// Whether some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are
+    /// the likeliest.
+    fn resembles(&self, left: &[u8], x: usize, ssdpi: u32) -> bool {
+        let inside = REACH..left.len() - REACH;
+        // Left of the image the subtraction wraps to a number that is not inside.
+        let around = (1..=self.farthest).flat_map(|o| [x.wrapping_sub(o), x + o]);
+        around
+            .filter(|u| inside.contains(u))
+            .any(|u| ssd(left, x, left, u) <= ssdpi)
+    }
+}
+
+impl RowCheck for SelfCheck {
     /// Finds the references of a block of rows of the left image.
-    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>]) {
+    fn search(&mut self, isa: Isa, left: &[Lanes<u16>], _: &[Lanes<u16>], _: usize) {
         least_ssd(isa, left, &mut self.sums, &mut self.columns);
         transpose_back(isa, &self.columns, &mut self.references);
     }
 
     /// Rejects the matches of `row`, the one of that `lane` in the block, whose SSDPI is not below
     /// their reference. A window that has no other window to resemble passes.
-    pub fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
+    fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
         self_check_row(
             isa,
             &self.references[lane * row.width()..][..row.width()],
@@ -52,16 +65,6 @@ impl SelfCheck {
             }
         });
     }
-
-    /// Whether some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are
-    /// the likeliest.
-    fn resembles(&self, left: &[u8], x: usize, ssdpi: u32) -> bool {
-        let inside = REACH..left.len() - REACH;
-        let around = (1..=self.farthest).flat_map(|o| [x.wrapping_sub(o), x + o]);
-        around
-            .filter(|u| inside.contains(u))
-            .any(|u| ssd(left, x, left, u) <= ssdpi)
-    }
 }
 
 /// Calls `look_up` with each pixel of `row` that has an SSD which may be capped; they are few.
@@ -72,6 +75,7 @@ fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<
         let end = row.width().min(start + CHUNK);
         if row.ssdpi()[start..end]
             .iter()
+            // Without a branch per pixel: nearly all chunks have none that is capped.
             .fold(false, |any, &ssd| any | capped(ssd))
         {
             (start..end).for_each(|x| {

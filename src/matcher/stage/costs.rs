@@ -1,9 +1,30 @@
 //! Block matching with a filter on all costs of a window (thesis, sections 5.3.1 and 5.3.2).
 
-use super::filter::CostFilter;
+use super::RowSearch;
 use super::ssd::{DisparityRange, search, ssd};
 use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, weight};
 use crate::stereo::{Reason, RowMut};
+
+/// A filter on the costs of a window, run along with the search for the winner.
+pub trait CostFilter: Copy + Send + Sync + 'static {
+    /// Finds the matches of rows of two blocks, and what the filter says of each.
+    fn search(
+        &self,
+        isa: Isa,
+        left: &[Lanes<u16>],
+        right: &[Lanes<u16>],
+        search: &mut SsdSearch,
+        matches: &mut [Match],
+        doubts: &mut [Doubt],
+    );
+
+    /// Whether a window is ambiguous that [`CostFilter::search`] left open, by its least cost and
+    /// all its costs, as pairs with their disparities. Not called for a filter that leaves nothing
+    /// open.
+    fn settle(&self, _least: u32, _costs: impl Iterator<Item = (i32, u32)>) -> bool {
+        false
+    }
+}
 
 /// Finds the cheapest match of each pixel and asks a filter whether other disparities come close.
 /// It holds one thread's scratch.
@@ -28,8 +49,17 @@ impl<F: CostFilter> CostSearch<F> {
         }
     }
 
-    /// Matches the first `rows` of a block of the left image with the same rows of the right one.
-    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
+    fn settle(&self, left: &[u8], right: &[u8], x: usize, winner: Match) -> bool {
+        // Rare: single precision left it open, so all costs are computed once more.
+        let least = winner.ssd() * self.search.weight(winner.index());
+        let admissible = self.range.admissible(x, left.len());
+        let cost = |d: i32| ssd(left, x, right, (x as i32 - d) as usize) * weight(d);
+        self.filter.settle(least, admissible.map(|d| (d, cost(d))))
+    }
+}
+
+impl<F: CostFilter> RowSearch for CostSearch<F> {
+    fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
         let (matches, doubts) = (
             &mut self.matches[..rows * left.len()],
             &mut self.doubts[..rows * left.len()],
@@ -38,11 +68,10 @@ impl<F: CostFilter> CostSearch<F> {
             .search(isa, left, right, &mut self.search, matches, doubts);
     }
 
-    /// Fills `row`, the one of that `lane` in the block: *border* where no disparity is admissible,
-    /// *untextured* where `textured` says so, *ambiguous* where the filter does, elsewhere the
-    /// winners.
-    pub fn write_row(
+    /// *Ambiguous* where the filter says so.
+    fn write_row(
         &self,
+        _: Isa,
         lane: usize,
         [left, right]: [&[u8]; 2],
         textured: &[bool],
@@ -56,6 +85,7 @@ impl<F: CostFilter> CostSearch<F> {
                 row.reject(x, Reason::Untextured);
                 continue;
             }
+            // Kept also for ambiguous pixels: it is of a pair that was compared.
             row.set_ssdpi(x, winner.ssd());
             if doubt == Doubt::Ambiguous
                 || doubt == Doubt::Open && self.settle(left, right, x, winner)
@@ -65,12 +95,5 @@ impl<F: CostFilter> CostSearch<F> {
                 row.accept(x, (self.search.first() + winner.index() as i32) as f32);
             }
         }
-    }
-
-    fn settle(&self, left: &[u8], right: &[u8], x: usize, winner: Match) -> bool {
-        let least = winner.ssd() * self.search.weight(winner.index());
-        let admissible = self.range.admissible(x, left.len());
-        let cost = |d: i32| ssd(left, x, right, (x as i32 - d) as usize) * weight(d);
-        self.filter.settle(least, admissible.map(|d| (d, cost(d))))
     }
 }

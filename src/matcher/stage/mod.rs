@@ -1,46 +1,71 @@
 //! The published steps that the matchers are composed of.
 
+mod aggregation;
 mod blocks;
 mod census;
 mod check;
-mod claims;
+mod consistency;
 mod costs;
-mod deviation;
-mod filter;
-mod paths;
 mod prefilter;
+mod propagation;
 mod sad;
 mod scanline;
 mod smoothing;
 mod speckle;
-mod spread;
 mod ssd;
 mod strip;
 mod subpixel;
 mod symmetry;
 mod texture;
 
+pub use aggregation::{Aggregation, Chosen};
 pub use blocks::Blocks;
 pub use census::CostVolume;
 pub use check::{BACK_CHECK, SelfCheck, back_check};
-pub use claims::Claims;
-pub use costs::CostSearch;
-pub use deviation::DeviationTexture;
-pub use filter::{CostFilter, ErrorFilter, SpreadFilter};
-pub use paths::{Chosen, PathSums};
-pub use prefilter::{Edges, Prefilter};
+pub use consistency::OnePassCheck;
+pub use costs::{CostFilter, CostSearch};
+pub use prefilter::{EdgeImage, Prefilter};
+pub use propagation::{Propagation, PropagationPixel, bridge};
 pub use sad::SadSearch;
 pub use scanline::{PathCosts, Scanlines};
 pub use smoothing::VerticalSmoothing;
 pub use speckle::Speckles;
-pub use spread::{Spread, SpreadPixel, bridge};
 pub use ssd::{BlockSearch, DisparityRange};
 pub use strip::{Bands, Strip};
 pub use subpixel::{SUBPIXEL, refine};
 pub use symmetry::SymmetricCheck;
-pub use texture::DogTexture;
+pub use texture::{DeviationTexture, DogTexture, TextureFilter};
 
+use crate::kernel::{Isa, Lanes};
+use crate::stereo::{Plane, RowMut};
 use rayon::prelude::*;
+
+/// Finds the matches of a block of rows, which are the lanes of its columns. It holds one thread's
+/// scratch.
+pub trait RowSearch: Send + 'static {
+    /// Matches the first `rows` of a block of the left image with the same rows of the right one.
+    fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize);
+
+    /// Writes the winners of the row of that `lane` of the block, whose pixels are `pair`: *border*
+    /// where no disparity is admissible, *untextured* where `textured` says so.
+    fn write_row(
+        &self,
+        isa: Isa,
+        lane: usize,
+        pair: [&[u8]; 2],
+        textured: &[bool],
+        row: &mut RowMut<'_>,
+    );
+}
+
+/// Checks the matches of a block of rows. It holds one thread's scratch.
+pub trait RowCheck: Send + 'static {
+    /// Searches for what the matches of the block's first `rows` are compared with.
+    fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize);
+
+    /// Rejects matches of the row of that `lane` of the block, whose left pixels are `left`.
+    fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>);
+}
 
 /// Runs `work` on each row of `plane` with its number, on the threads of rayon's current pool, at
 /// least `together` rows on one thread.
@@ -62,6 +87,24 @@ pub(super) fn each_row<T: Send>(
             .with_min_len(together)
             .for_each(|(y, row)| work(y, row));
     }
+}
+
+/// As [`each_row`], on the rows of a plane without gaps.
+///
+/// # Panics
+/// When the plane has gaps between its rows: scratch planes have none.
+pub(super) fn each_plane_row<T: Copy + Send>(
+    plane: &mut Plane<T>,
+    together: usize,
+    work: impl Fn(usize, &mut [T]) + Sync,
+) {
+    let width = plane.width();
+    each_row(
+        plane.as_mut_slice().expect("gapless"),
+        width,
+        together,
+        work,
+    );
 }
 
 /// Runs `work` on bands of `plane`, of `pixels` each, with their number and one element of
@@ -94,6 +137,7 @@ pub(super) fn both(a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
         a();
         b();
     } else {
+        // The calling thread runs one of the two, or both where the pool is busy.
         rayon::join(a, b);
     }
 }

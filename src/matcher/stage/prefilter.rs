@@ -1,5 +1,5 @@
-//! Prefilters of block matching: edges, capped, instead of grey levels, so that cameras may differ
-//! in brightness (Konolige 1997, section 3, where the Laplacian of a Gaussian serves; OpenCV's
+//! Prefilters of block matching: capped edges instead of grey levels, so that cameras may differ in
+//! brightness (Konolige 1997, section 3, where the Laplacian of a Gaussian serves; OpenCV's
 //! StereoBM takes x-Sobel).
 
 use super::each_row;
@@ -10,8 +10,8 @@ use crate::stereo::Gray;
 /// Which edges count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prefilter {
-    /// x-Sobel, three rows. The last row of an image of odd height answers nothing, as in OpenCV,
-    /// which filters rows in twos.
+    /// x-Sobel, three rows. The response in the last row of an image of odd height is 0, as in
+    /// OpenCV, which filters rows in twos.
     Sobel,
     /// A Laplacian of a Gaussian, five rows, isotropic.
     Log,
@@ -40,15 +40,15 @@ impl Prefilter {
     }
 }
 
-/// A filtered image. Its rows go on for two blocks of pixels beyond their end, for kernels that
-/// work on whole blocks.
-pub struct Edges {
+/// A filtered image. Its rows are padded with two blocks of pixels, for kernels that work on whole
+/// blocks.
+pub struct EdgeImage {
     width: usize,
     stride: usize,
     data: Vec<u8>,
 }
 
-impl Edges {
+impl EdgeImage {
     /// For images of that size.
     pub fn new(width: usize, height: usize) -> Self {
         let stride = width + 2 * PIXELS;
@@ -83,7 +83,7 @@ impl Edges {
         });
     }
 
-    /// Row `y` and what lies beyond its end.
+    /// Row `y` with its padding.
     pub fn row(&self, y: usize) -> &[u8] {
         &self.data[y * self.stride..][..self.stride]
     }

@@ -4,7 +4,7 @@
 //! wide as the highest disparity is lost at the left, which the thesis criticises in section 7 and
 //! the matchers of the thesis avoid.
 
-use super::{DisparityRange, Edges};
+use super::{DisparityRange, EdgeImage};
 use crate::kernel::{
     Isa, PIXELS, SadTest, SadWinners, accept_sads, least_sads, run_sums, slide_columns,
     slide_texture,
@@ -12,10 +12,9 @@ use crate::kernel::{
 use crate::stereo::{Reason, RowMut};
 use std::ops;
 
-/// Where windows fit, in an image of a given size.
+/// Centres of the windows that fit an image of a given size.
 #[derive(Clone, Debug)]
 struct Room {
-    /// Centres of the windows.
     columns: ops::Range<usize>,
     rows: ops::Range<usize>,
 }
@@ -35,7 +34,7 @@ pub struct SadSearch {
     texture_sums: Vec<u16>,
     textures: Vec<u16>,
     winners: Vec<SadWinners>,
-    /// Stands for the row that goes out where none does: equal in both images, without texture.
+    /// Stands for the leaving row where none leaves: equal in both images, without texture.
     blank: Vec<u8>,
 }
 
@@ -52,6 +51,7 @@ impl SadSearch {
         let reach = window / 2;
         // Columns of the left image that every disparity keeps inside the right one.
         let first = range.max().max(0) as usize;
+        // Negative disparities need as many columns on the right.
         let end = width.saturating_sub(range.min().min(0).unsigned_abs() as usize);
         let room = |first: usize, end: usize| {
             if first + window <= end {
@@ -73,6 +73,7 @@ impl SadSearch {
             room
         };
         let blocks = room.columns.len().div_ceil(PIXELS);
+        // A block more, as the sums of a window's columns reach beyond its first pixel.
         let stride = (blocks + 1) * PIXELS;
         let count = if blocks == 0 {
             0
@@ -99,14 +100,14 @@ impl SadSearch {
         }
     }
 
-    /// Fills `row`, the one of number `y`. Rows come in order; a jump sums anew; another image
-    /// wants `restart`.
+    /// Writes `row`, the one of number `y`. Consecutive rows reuse the column sums; after a jump
+    /// they are summed anew; another image needs [`SadSearch::restart`].
     pub fn match_row(
         &mut self,
         isa: Isa,
         y: usize,
-        left: &Edges,
-        right: &Edges,
+        left: &EdgeImage,
+        right: &EdgeImage,
         row: &mut RowMut<'_>,
     ) {
         let width = row.width();
@@ -129,7 +130,7 @@ impl SadSearch {
         );
     }
 
-    /// Forgets the rows seen: the next one is of another image.
+    /// Forgets the column sums: the next row is of another image.
     pub fn restart(&mut self) {
         self.at = None;
     }
@@ -142,8 +143,8 @@ impl SadSearch {
         }
     }
 
-    /// Brings the column sums to the windows around row `y`.
-    fn move_to(&mut self, isa: Isa, y: usize, left: &Edges, right: &Edges) {
+    /// Makes the column sums those of the windows around row `y`.
+    fn move_to(&mut self, isa: Isa, y: usize, left: &EdgeImage, right: &EdgeImage) {
         let reach = self.window / 2;
         match self.at {
             Some(at) if at + 1 == y => self.slide(isa, y + reach, Some(at - reach), left, right),
@@ -156,7 +157,14 @@ impl SadSearch {
         self.at = Some(y);
     }
 
-    fn slide(&mut self, isa: Isa, new: usize, old: Option<usize>, left: &Edges, right: &Edges) {
+    fn slide(
+        &mut self,
+        isa: Isa,
+        new: usize,
+        old: Option<usize>,
+        left: &EdgeImage,
+        right: &EdgeImage,
+    ) {
         let from = self.room.columns.start - self.window / 2;
         let met = (from as i32 - self.range.max()) as usize;
         let left_old = old.map_or(&self.blank[..], |y| &left.row(y)[from..]);

@@ -57,6 +57,7 @@ impl Scanlines {
             );
             let found = &mut self.found[block * self.width..][..self.width];
             for lane in 0..ScanlinePaths::ROWS.min(rows.end - y) {
+                // Block rows are lanes: a column of disparities is read as one later.
                 self.paths.trace(lane, |x, d| found[x].0[first + lane] = d);
             }
         }

@@ -1,11 +1,11 @@
-//! Vertical smoothing (thesis, section 5.3.1 and figure 5.3): a Gaussian along each column lets a
-//! match survive rows that are a little misaligned.
+//! Vertical smoothing (thesis, section 5.3.1 and figure 5.3): with a Gaussian along each column a
+//! match survives a small vertical misalignment.
 //!
 //! Departure from the thesis: fixed point, so that every machine gives the same grey levels.
 
-use super::each_row;
+use super::each_plane_row;
 use crate::kernel::{Isa, smooth_row};
-use crate::matcher::{Parameter, Range};
+use crate::matcher::{Parameter, Parameters, Range};
 use crate::stereo::Gray;
 
 /// Convolution of each column with a Gaussian of radius ⌈3σ⌉, edges replicated.
@@ -42,17 +42,19 @@ impl VerticalSmoothing {
         let mut weights: Vec<u32> = (0..=radius)
             .map(|k| (65536.0 * gaussian(k) / sum + 0.5).floor() as u32)
             .collect();
+        // The centre takes the rounding errors, so that a flat area keeps its grey level.
         weights[0] = 65536 - 2 * weights[1..].iter().sum::<u32>();
         Self { weights }
     }
 
+    /// As the parameters of a matcher have it.
+    pub fn from_parameters(parameters: &Parameters) -> Self {
+        Self::new(parameters.real(Self::SIGMA.name))
+    }
+
     /// Smooths `image` into `out`, which holds as many pixels.
     pub fn apply(&self, isa: Isa, image: &Gray, out: &mut Gray) {
-        let width = image.width();
-        // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
-        each_row(out.as_mut_slice().expect("gapless"), width, 16, |y, row| {
-            self.apply_row(isa, image, y, row);
-        });
+        each_plane_row(out, 16, |y, row| self.apply_row(isa, image, y, row));
     }
 
     /// Smooths row `y` of `image` into `out`.

@@ -1,4 +1,4 @@
-//! Speckle filter: small islands of disparity that differ from all around them are mistakes
+//! Speckle filter: small regions of disparity that differ from all around them are outliers
 //! (Hirschmüller 2008, section 2.5.1).
 
 use crate::matcher::{Parameter, Range};
@@ -86,6 +86,7 @@ impl Speckles {
     fn unite(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         if a != b {
+            // The smaller index is the root, so that regions do not depend on the order of unions.
             let (root, child) = (a.min(b), a.max(b));
             self.parents[child as usize] = root;
             self.sizes[root as usize] += self.sizes[child as usize];
@@ -96,6 +97,7 @@ impl Speckles {
     fn root(&mut self, mut pixel: u32) -> u32 {
         while self.parents[pixel as usize] != pixel {
             let parent = self.parents[pixel as usize];
+            // Path halving (van Leeuwen and Tarjan): nearly linear without a second pass.
             self.parents[pixel as usize] = self.parents[parent as usize];
             pixel = parent;
         }

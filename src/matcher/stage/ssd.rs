@@ -3,6 +3,7 @@
 //! Departures from the thesis: the cost `SSD · (0.16 d + 1)` is taken 25 times, in integers, and
 //! with |d|, so that it is also a penalty behind the point where the view axes cross.
 
+use super::RowSearch;
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, Lanes, Match, REACH, SsdSearch, WINDOW, accept_row, matches, weight};
 use crate::matcher::{Parameter, Parameters, Range};
@@ -63,7 +64,7 @@ impl DisparityRange {
     ///
     /// # Errors
     /// As [`DisparityRange::new`].
-    pub fn of(parameters: &Parameters) -> Result<Self> {
+    pub fn from_parameters(parameters: &Parameters) -> Result<Self> {
         Self::new(
             parameters.int(Self::MIN.name),
             parameters.int(Self::MAX.name),
@@ -114,6 +115,7 @@ pub(super) fn search(width: usize, range: DisparityRange) -> SsdSearch {
     let disparities = range.within(width);
     SsdSearch::new(
         width,
+        // Disparities that no window of the row can have are left out of the search.
         *disparities.start(),
         disparities.map(weight).collect(),
     )
@@ -136,9 +138,10 @@ impl BlockSearch {
             matches: vec![Match::NONE; width * Lanes::COUNT],
         }
     }
+}
 
-    /// Matches the first `rows` of a block of the left image with the same rows of the right one.
-    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
+impl RowSearch for BlockSearch {
+    fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
         matches(
             isa,
             left,
@@ -148,9 +151,14 @@ impl BlockSearch {
         );
     }
 
-    /// Fills `row`, the one of that `lane` in the block: the winners, *border* where no disparity
-    /// is admissible, *untextured* elsewhere.
-    pub fn write_row(&self, isa: Isa, lane: usize, textured: &[bool], row: &mut RowMut<'_>) {
+    fn write_row(
+        &self,
+        isa: Isa,
+        lane: usize,
+        _: [&[u8]; 2],
+        textured: &[bool],
+        row: &mut RowMut<'_>,
+    ) {
         let (width, columns) = (row.width(), self.range.columns(row.width()));
         let matches = &self.matches[lane * width..][..width];
         row.part_mut(0..columns.start).clear(Reason::Border);

@@ -1,5 +1,5 @@
-//! Rows of a pair that are matched together, with all that is done to them: one task for a thread
-//! from the smoothing to the last check, which finds its rows in the cache.
+//! Blocks of rows of a pair, one task for a thread from the smoothing to the last check: every step
+//! finds the rows in the thread's cache.
 
 use super::{Blocks, VerticalSmoothing};
 use crate::error::Result;
@@ -72,37 +72,24 @@ impl Strip {
     }
 }
 
-/// The scratch of all bands that images are cut into.
+/// The bands that images of one height are cut into, each with its scratch.
 pub struct Bands<S> {
-    size: (usize, usize),
     rows: usize,
     /// With the time that the last pair took there.
     scratch: Vec<(S, StageTimes)>,
 }
 
 impl<S: Send> Bands<S> {
-    /// For images of `size`: the `earlier` ones where they fit, else new ones, each band with its
-    /// own scratch.
+    /// For images of `height` rows.
     ///
     /// # Errors
-    /// What `scratch` says.
-    pub fn fitting(
-        earlier: Option<Self>,
-        size: (usize, usize),
-        scratch: impl Fn() -> Result<S>,
-    ) -> Result<Self> {
-        if let Some(earlier) = earlier.filter(|bands| bands.size == size) {
-            return Ok(earlier);
-        }
-        let (bands, rows) = Blocks::bands(size.1);
+    /// Those of `scratch`.
+    pub fn new(height: usize, scratch: impl Fn() -> Result<S>) -> Result<Self> {
+        let (bands, rows) = Blocks::bands(height);
         let scratch = (0..bands)
             .map(|_| Ok((scratch()?, StageTimes::default())))
             .collect::<Result<_>>()?;
-        Ok(Self {
-            size,
-            rows,
-            scratch,
-        })
+        Ok(Self { rows, scratch })
     }
 
     /// Runs `work` on each block of rows of `map` with the number of the first, on the threads of
@@ -125,6 +112,8 @@ impl<S: Send> Bands<S> {
             },
         );
         let mut times = StageTimes::default();
+        // Bands run side by side: their times add up to more than the wall time, which is shared
+        // out among the stages in their proportion.
         for (_, band) in &self.scratch {
             Stage::ALL
                 .into_iter()

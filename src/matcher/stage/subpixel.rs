@@ -36,6 +36,7 @@ pub fn refine<'a>(
             let ssd = |d: i32| ssd(left, x, right(x), (x as i32 - d) as usize) as i32;
             let (previous, middle, next) = (ssd(d - 1), ssd(d), ssd(d + 1));
             let curvature = previous - 2 * middle + next;
+            // A neighbour with a lower SSD lost by its weight alone: no minimum lies here.
             if middle <= previous.min(next) && curvature > 0 {
                 let offset = (previous - next) as f32 / (2 * curvature) as f32;
                 row.accept(x, d as f32 + offset);

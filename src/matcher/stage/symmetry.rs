@@ -1,6 +1,7 @@
 //! The symmetric check (thesis, section 5.3.3, "Validity Test", after Fua): the right image must
 //! prefer the same match.
 
+use super::RowCheck;
 use super::ssd::{DisparityRange, search};
 use crate::kernel::{Isa, Lanes, Match, SsdSearch, matches};
 use crate::matcher::{Parameter, Range};
@@ -23,7 +24,7 @@ pub struct SymmetricCheck {
 }
 
 impl SymmetricCheck {
-    /// Farthest that the two disparities may be apart, as the matchers' tables have it.
+    /// Largest difference between the two disparities, as the matchers' tables have it.
     pub const TOLERANCE: Parameter = Parameter {
         name: "symmetry_tolerance",
         unit: "px",
@@ -32,7 +33,7 @@ impl SymmetricCheck {
             min: 0,
             max: 2 * DisparityRange::LIMIT,
         },
-        description: "farthest that the right image's own disparity may be from the left image's",
+        description: "largest difference between the disparities of the left and the right image",
     };
 
     /// For rows of `width` pixels.
@@ -45,12 +46,15 @@ impl SymmetricCheck {
             matches: vec![Match::NONE; width * Lanes::COUNT],
         }
     }
+}
 
+impl RowCheck for SymmetricCheck {
     /// Matches the first `rows` of a block of the right image with the same rows of the left one.
-    pub fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
+    fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
         for (mirrored, block) in [(&mut self.left, left), (&mut self.right, right)] {
             mirrored
                 .iter_mut()
+                // Columns in reverse order mirror the image; the lanes are rows and stay.
                 .zip(block.iter().rev())
                 .for_each(|(to, from)| *to = *from);
         }
@@ -65,7 +69,7 @@ impl SymmetricCheck {
 
     /// Rejects the matches of `row`, the one of that `lane` in the block, that the right image does
     /// not share.
-    pub fn check_row(&self, lane: usize, row: &mut RowMut<'_>) {
+    fn check_row(&self, _: Isa, lane: usize, _: &[u8], row: &mut RowMut<'_>) {
         let width = row.width();
         let matches = &self.matches[lane * width..][..width];
         for x in 0..width {

@@ -1,9 +1,9 @@
-//! Texture filter by differences of Gaussians (thesis, section 5.3.3, figures 5.4 and 5.5, annexes
-//! C and D).
+//! Texture filters: by differences of Gaussians (thesis, section 5.3.3, figures 5.4 and 5.5,
+//! annexes C and D) and by the standard deviation of a window (section 5.3.2).
 //!
-//! Along the row the image is convolved with two differences of Gaussians, of σ and σ+Δ and of σ+Δ
-//! and σ+2Δ. Where the fine one answers at least as strongly as the coarse one, the pixel lies on
-//! texture.
+//! **Differences of Gaussians.** Along the row the image is convolved with two differences of
+//! Gaussians, of σ and σ+Δ and of σ+Δ and σ+2Δ. Where the fine one answers at least as strongly as
+//! the coarse one, the pixel lies on texture.
 //!
 //! **Why 24 taps and not 25.** The thesis's filter stands at −12 ..= +11, one tap short of
 //! symmetry, and lives by it: its kernels do not sum to zero. With 24 taps they sum to 0.0865
@@ -13,13 +13,31 @@
 //!
 //! Departure from the thesis: fixed point, and rows are replicated at their ends instead of
 //! skipping 12 pixels.
+//!
+//! **Standard deviation.** The thesis itself names its weakness: it follows the light. A darker
+//! room has a lower deviation everywhere, and the threshold must follow. Departure from the thesis:
+//! squares instead of roots, so that the test is exact in integers.
 
-use super::each_row;
-use crate::kernel::{DogTaps, Isa, textured_row};
-use crate::matcher::{Parameter, Range};
+use super::each_plane_row;
+use crate::kernel::{DogTaps, Isa, WINDOW, deviating_row, textured_row};
+use crate::matcher::{Parameter, Parameters, Range};
 use crate::stereo::{Gray, Plane};
 
-/// Marks the pixels on texture.
+/// Finds the pixels on texture.
+pub trait TextureFilter: Send + Sync {
+    /// Marks in `textured`, which holds as many pixels, where `row` has texture.
+    fn apply_row(&self, isa: Isa, row: &[u8], textured: &mut [bool]);
+
+    /// Marks in `textured`, which has its size, where `image` has texture.
+    fn apply(&self, isa: Isa, image: &Gray, textured: &mut Plane<bool>) {
+        each_plane_row(textured, 16, |y, row| {
+            self.apply_row(isa, image.row(y), row)
+        });
+    }
+}
+
+/// Marks the pixels where the fine difference of Gaussians answers at least as strongly as the
+/// coarse one.
 #[derive(Clone, Debug)]
 pub struct DogTexture {
     taps: DogTaps,
@@ -68,23 +86,52 @@ impl DogTexture {
         }
     }
 
-    /// Marks in `textured`, which holds as many pixels, where `image` has texture.
-    pub fn apply(&self, isa: Isa, image: &Gray, textured: &mut Plane<bool>) {
-        let width = image.width();
-        // Scratch planes are made by `Plane::filled`, so their rows have no gaps.
-        each_row(
-            textured.as_mut_slice().expect("gapless"),
-            width,
-            16,
-            |y, row| {
-                self.apply_row(isa, image.row(y), row);
-            },
-        );
+    /// As the parameters of a matcher have it.
+    pub fn from_parameters(parameters: &Parameters) -> Self {
+        Self::new(
+            parameters.real(Self::SIGMA.name),
+            parameters.real(Self::DELTA.name),
+        )
     }
+}
 
-    /// Marks in `textured` where `row` has texture.
-    pub fn apply_row(&self, isa: Isa, row: &[u8], textured: &mut [bool]) {
+impl TextureFilter for DogTexture {
+    fn apply_row(&self, isa: Isa, row: &[u8], textured: &mut [bool]) {
         textured_row(isa, row, &self.taps, textured);
+    }
+}
+
+/// Marks the pixels whose window of nine has a standard deviation of at least a threshold.
+#[derive(Clone, Copy, Debug)]
+pub struct DeviationTexture {
+    /// Least `9·ΣI² − (ΣI)²`, 81 times the variance.
+    least: u32,
+}
+
+impl DeviationTexture {
+    /// The threshold, as the matchers' tables have it.
+    pub const THRESHOLD: Parameter = Parameter {
+        name: "texture_threshold",
+        unit: "grey levels",
+        range: Range::Real {
+            default: 4.0,
+            min: 0.0,
+            max: 128.0,
+        },
+        description: "least standard deviation of a window's pixels",
+    };
+
+    /// With that threshold, in grey levels.
+    pub fn new(threshold: f64) -> Self {
+        Self {
+            least: (WINDOW as f64 * threshold).powi(2).ceil() as u32,
+        }
+    }
+}
+
+impl TextureFilter for DeviationTexture {
+    fn apply_row(&self, isa: Isa, row: &[u8], textured: &mut [bool]) {
+        deviating_row(isa, row, self.least, textured);
     }
 }
 

@@ -1,33 +1,34 @@
 //! Stereoscopic Machine Vision Algo v.4 (thesis, section 5.3.4), a feasibility study for cameras
 //! that are not aligned.
 //!
-//! No scan along the row: all textured windows of the left image stand in a hash table under the
-//! sum of their nine pixels, and each window of the right image looks up those of similar sum,
-//! close by, also on other rows. So each match says how far apart its rows are, and their median
-//! measures how badly the pair is aligned.
+//! No scan along the row: all textured windows of the left image are in a hash table under the sum
+//! of their nine pixels, and each window of the right image looks up those of similar sum nearby,
+//! also on other rows. So each match has a row offset, and the median row offset measures the
+//! pair's vertical misalignment.
 //!
 //! Departures from the thesis: all in integers; a table for each right row instead of one for the
-//! image, so that a look-up meets no window of a row too far away; the cheapest of several claims
-//! on a window holds; v3's self check follows.
+//! image, so that a look-up meets no window of a row too far away; of several right windows that
+//! propose one left window the cheapest match holds; v3's self check follows.
 
-mod claims;
+mod proposals;
 
+use super::method::{Method, matcher};
 use super::stage::{
-    BACK_CHECK, Blocks, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, VerticalSmoothing,
-    back_check, each_row, refine,
+    BACK_CHECK, Blocks, DisparityRange, DogTexture, RowCheck, SUBPIXEL, SelfCheck, TextureFilter,
+    VerticalSmoothing, back_check, each_plane_row, refine,
 };
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameters};
+use super::{MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::{Isa, Proposal};
-use crate::stereo::{ExtraPlanes, Gray, Plane, Reason, RectifiedPair, RowMut};
-use crate::timing::Stage;
-use claims::{Claims, Tolerance};
+use crate::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, RowMut, StereoPair};
+use crate::timing::{Clock, Stage};
+use proposals::{Proposals, Tolerance};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v4",
     aliases: &[],
-    summary: "windows in a hash table, matched across rows: for cameras out of line, and measures \
-              by how much they are",
+    summary: "windows in a hash table, matched across rows: for cameras that are not aligned, and \
+              measures their vertical misalignment",
     paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
             2007, section 5.3.4",
     parameters: &[
@@ -41,7 +42,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         SUBPIXEL,
         BACK_CHECK,
     ],
-    build: |parameters, isa| Ok(Box::new(V4::new(parameters, isa)?)),
+    build: |parameters, isa| Ok(matcher(V4::new(parameters, isa)?)),
 };
 
 struct V4 {
@@ -52,7 +53,6 @@ struct V4 {
     tolerance: Tolerance,
     subpixel: bool,
     back_check: bool,
-    scratch: Option<Scratch>,
 }
 
 /// Memory for pairs of one size.
@@ -61,7 +61,7 @@ struct Scratch {
     right: Gray,
     textured: Plane<bool>,
     left_blocks: Blocks,
-    claims: Claims,
+    proposals: Proposals,
     band_rows: usize,
     /// One per band.
     checks: Vec<SelfCheck>,
@@ -71,30 +71,43 @@ impl V4 {
     fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
         Ok(Self {
             isa,
-            range: DisparityRange::of(parameters)?,
-            smoothing: VerticalSmoothing::new(parameters.real(VerticalSmoothing::SIGMA.name)),
-            texture: DogTexture::new(
-                parameters.real(DogTexture::SIGMA.name),
-                parameters.real(DogTexture::DELTA.name),
-            ),
-            tolerance: Tolerance {
-                sum: parameters.int(Tolerance::SUM.name).unsigned_abs(),
-                rows: parameters.int(Tolerance::ROWS.name).unsigned_abs() as usize,
-            },
+            range: DisparityRange::from_parameters(parameters)?,
+            smoothing: VerticalSmoothing::from_parameters(parameters),
+            texture: DogTexture::from_parameters(parameters),
+            tolerance: Tolerance::from_parameters(parameters),
             subpixel: parameters.flag(SUBPIXEL.name),
             back_check: parameters.flag(BACK_CHECK.name),
-            scratch: None,
         })
     }
 
-    fn scratch(&self, (width, height): (usize, usize)) -> Result<Scratch> {
+    fn write_row(&self, accepted: &[Proposal], textured: &[bool], row: &mut RowMut<'_>) {
+        row.clear(Reason::Border);
+        for x in self.range.columns(row.width()) {
+            if !textured[x] {
+                row.reject(x, Reason::Untextured);
+            } else if accepted[x] == Proposal::NONE {
+                // Textured, but no window of the right image proposed it.
+                row.reject(x, Reason::Unmatched);
+            } else {
+                row.accept(x, f32::from(accepted[x].disparity));
+                row.set_ssdpi(x, accepted[x].ssd);
+            }
+        }
+    }
+}
+
+impl Method for V4 {
+    type Scratch = Scratch;
+    const PLANES: ExtraPlanes = ExtraPlanes::ALL;
+
+    fn scratch(&self, (width, height): (usize, usize)) -> Result<Self::Scratch> {
         let (bands, band_rows) = Blocks::bands(height);
         Ok(Scratch {
             left: Gray::filled(width, height, 0)?,
             right: Gray::filled(width, height, 0)?,
             textured: Plane::filled(width, height, false)?,
             left_blocks: Blocks::new(width, height),
-            claims: Claims::new((width, height), self.range, self.tolerance)?,
+            proposals: Proposals::new((width, height), self.range, self.tolerance)?,
             band_rows,
             checks: (0..bands)
                 .map(|_| SelfCheck::new(width, self.range))
@@ -102,49 +115,23 @@ impl V4 {
         })
     }
 
-    fn write_row(&self, granted: &[Proposal], textured: &[bool], row: &mut RowMut<'_>) {
-        row.clear(Reason::Border);
-        for x in self.range.columns(row.width()) {
-            if !textured[x] {
-                row.reject(x, Reason::Untextured);
-            } else if granted[x] == Proposal::NONE {
-                row.reject(x, Reason::Unmatched);
-            } else {
-                row.accept(x, f32::from(granted[x].disparity));
-                row.set_ssdpi(x, granted[x].ssd);
-            }
-        }
-    }
-}
-
-impl Matcher for V4 {
     fn compute(
-        &mut self,
-        pair: RectifiedPair<'_>,
-        _: &MatchContext,
-        output: &mut MatchOutput,
-    ) -> Result<()> {
-        let MatchOutput {
-            disparity: map,
-            clock,
-            ..
-        } = output;
-        let (isa, size) = (self.isa, pair.size());
-        map.resize(size.0, size.1, ExtraPlanes::ALL)?;
-        let fitting = self
-            .scratch
-            .take()
-            .filter(|scratch| scratch.left.size() == size);
-        let mut scratch = fitting.map_or_else(|| self.scratch(size), Ok)?;
+        &self,
+        scratch: &mut Scratch,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) {
+        let isa = self.isa;
         let Scratch {
             left,
             right,
             textured,
             left_blocks,
-            claims,
+            proposals,
             band_rows,
             checks,
-        } = &mut scratch;
+        } = scratch;
 
         self.smoothing.apply(isa, pair.left(), left);
         self.smoothing.apply(isa, pair.right(), right);
@@ -153,17 +140,16 @@ impl Matcher for V4 {
         self.texture.apply(isa, left, textured);
         clock.lap(Stage::Texture);
 
-        let granted = claims.settle(isa, left, right, textured);
+        let accepted = proposals.resolve(isa, left, right, textured);
         map.each_band_mut(*band_rows, checks, |top, band, _| {
             for (y, mut row) in (top..).zip(band.into_rows()) {
-                self.write_row(granted.row(y), textured.row(y), &mut row);
+                self.write_row(accepted.row(y), textured.row(y), &mut row);
             }
         });
-        // The plane was asked for above, and as all planes of a map its rows have no gaps.
-        let offsets = map.row_offset_mut().and_then(Plane::as_mut_slice);
-        each_row(offsets.expect("gapless"), size.0, 64, |y, offsets| {
-            let claims = offsets.iter_mut().zip(granted.row(y));
-            claims.for_each(|(offset, claim)| *offset = claim.row_offset);
+        let offsets = map.row_offset_mut().expect("among the planes of v4");
+        each_plane_row(offsets, 64, |y, offsets| {
+            let proposals = offsets.iter_mut().zip(accepted.row(y));
+            proposals.for_each(|(offset, proposal)| *offset = proposal.row_offset);
         });
         clock.lap(Stage::Matching);
 
@@ -172,13 +158,15 @@ impl Matcher for V4 {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 let lane = y % Blocks::ROWS;
                 if lane == 0 {
-                    check.search(isa, left_blocks.around(y));
+                    // The self check looks at the left image alone.
+                    let columns = left_blocks.around(y);
+                    check.search(isa, columns, columns, Blocks::ROWS);
                 }
                 check.check_row(isa, lane, left.row(y), &mut row);
                 if self.subpixel {
-                    let matched = |x| {
-                        right.row((y as i32 + i32::from(granted.get(x, y).row_offset)) as usize)
-                    };
+                    let row_offset = |x| i32::from(accepted.get(x, y).row_offset);
+                    // The row of the match, which tolerances keep inside the image.
+                    let matched = |x| right.row((y as i32 + row_offset(x)) as usize);
                     refine(self.range, left.row(y), matched, &mut row);
                 }
                 if self.back_check {
@@ -187,7 +175,5 @@ impl Matcher for V4 {
             }
         });
         clock.lap(Stage::Checks);
-        self.scratch = Some(scratch);
-        Ok(())
     }
 }

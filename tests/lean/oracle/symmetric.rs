@@ -124,7 +124,7 @@ impl Symmetric {
                     .map(|&d| cost(x, d))
                     .min();
                 rival.is_some_and(|rival| {
-                    1000 * (rival - least) < (1000.0 * uniqueness).round() as i64 * least
+                    1000 * (rival - least) < (10.0 * uniqueness).round() as i64 * least
                 })
             }
             Filter::V2 {

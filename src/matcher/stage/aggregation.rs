@@ -1,10 +1,10 @@
-//! Semi-global aggregation (Hirschmüller 2008, section 2.3): the costs of eight paths that end in a
-//! pixel, summed, and the disparity of the least sum.
+//! SGM cost aggregation (Hirschmüller 2008, section 2.3) along eight paths that end in a pixel, and
+//! the disparity of the least sum.
 //!
-//! Two sweeps follow four directions each, one downwards and one upwards, and run at the same time:
-//! each leaves its sums in the rows that it comes to first and adds them in those that the other
-//! was in before, where the disparities then are chosen. The result depends on nothing but the
-//! costs.
+//! Two sweeps follow three directions each, one downwards and one upwards, and run at the same
+//! time. In its first half of the image each stores what its paths add. Then they change halves:
+//! each adds its paths and those along the row to what the other has stored, and chooses the
+//! disparities. The result depends on nothing but the costs.
 
 use super::{CostVolume, both};
 use crate::kernel::{
@@ -14,13 +14,13 @@ use crate::kernel::{
 use crate::stereo::{Gray, Reason};
 use std::ops::Range;
 
-/// What paths add to the costs, with all that is needed to sum it.
-pub struct PathSums {
+/// The aggregation, with its scratch memory.
+pub struct Aggregation {
     shape: VolumeShape,
-    /// By the sweep that came to a row first.
+    /// What the paths of the sweep that came to a row first add to its costs.
     sums: Vec<Lanes<u8>>,
-    down: Sweep,
-    up: Sweep,
+    down: PathSweep,
+    up: PathSweep,
 }
 
 /// The disparities chosen from the sums.
@@ -33,7 +33,7 @@ pub struct Chosen {
     right: Vec<i16>,
 }
 
-struct Sweep {
+struct PathSweep {
     upwards: bool,
     paths: Paths,
     along: RowPaths,
@@ -41,19 +41,19 @@ struct Sweep {
 }
 
 /// Neighbouring rows of [`Chosen`].
-struct Part<'a> {
+struct ChosenRows<'a> {
     left: &'a mut [i16],
     why: &'a mut [Reason],
     right: &'a mut [i16],
 }
 
-impl PathSums {
-    /// Bytes per [`Lanes`] of the volume of costs, for that and for what is added.
+impl Aggregation {
+    /// Bytes per [`Lanes`] of the cost volume, for that and for the sums.
     pub const BYTES: usize = 2 * size_of::<Lanes<u8>>();
 
     /// For costs of that shape.
     pub fn new(shape: VolumeShape) -> Self {
-        let sweep = |upwards| Sweep {
+        let sweep = |upwards| PathSweep {
             upwards,
             paths: Paths::new(shape),
             along: RowPaths::new(shape),
@@ -67,8 +67,8 @@ impl PathSums {
         }
     }
 
-    /// Sums `costs`, those of the left image `image`, and chooses. Other disparities must be worse
-    /// by `uniqueness` per cent.
+    /// Aggregates `costs`, those of the left image `image`, and chooses the disparities. Other
+    /// disparities must be worse by `uniqueness` per cent.
     pub fn choose(
         &mut self,
         isa: Isa,
@@ -92,6 +92,7 @@ impl PathSums {
             penalties,
             uniqueness,
         };
+        // The sweeps meet in the middle: until there they write disjoint halves and need no lock.
         let (top, bottom) = sums.split_at_mut(middle * stride);
         down.paths.restart();
         up.paths.restart();
@@ -99,6 +100,7 @@ impl PathSums {
             || work.begin(down, 0..middle, 0, top),
             || work.begin(up, (middle..height).rev(), middle, bottom),
         );
+        // Then each goes on over the half that the other has left its sums in.
         let (top_chosen, bottom_chosen) = chosen.split(middle);
         both(
             || work.finish(down, middle..height, bottom, bottom_chosen),
@@ -107,7 +109,7 @@ impl PathSums {
     }
 }
 
-/// What both sweeps read.
+/// Inputs of both sweeps.
 struct Work<'a> {
     isa: Isa,
     costs: &'a CostVolume,
@@ -117,8 +119,8 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Row `y` of the image and the one behind it. The first row of a sweep has none; no path of it
-    /// looks there.
+    /// Row `y` of the image and the previous one of the sweep. The first row of a sweep has none;
+    /// no path of it looks there.
     fn grey(&self, upwards: bool, y: usize) -> [&[u8]; 2] {
         let behind = if upwards {
             (y + 1).min(self.image.height() - 1)
@@ -128,11 +130,11 @@ impl Work<'_> {
         [self.image.row(y), self.image.row(behind)]
     }
 
-    /// Follows the paths over `rows` of a half of the image, whose first row is `top`, and keeps
-    /// what they add.
+    /// Aggregates over `rows` of the first half of a sweep, whose top row is `top`, and stores what
+    /// the paths add.
     fn begin(
         &self,
-        sweep: &mut Sweep,
+        sweep: &mut PathSweep,
         rows: impl Iterator<Item = usize>,
         top: usize,
         sums: &mut [Lanes<u8>],
@@ -154,16 +156,16 @@ impl Work<'_> {
         }
     }
 
-    /// Follows them over the half that the other sweep began with, adds everything and chooses.
+    /// Aggregates over the half that the other sweep began with, sums everything and chooses.
     fn finish(
         &self,
-        sweep: &mut Sweep,
+        sweep: &mut PathSweep,
         half: Range<usize>,
         sums: &[Lanes<u8>],
-        mut chosen: Part<'_>,
+        mut chosen: ChosenRows<'_>,
     ) {
         let shape = self.costs.shape();
-        let Sweep {
+        let PathSweep {
             upwards,
             paths,
             along,
@@ -208,11 +210,12 @@ impl Work<'_> {
     }
 }
 
-/// What a sweep comes to, in its order.
+/// `items` in the order of a sweep.
 fn in_order<T>(
     items: impl DoubleEndedIterator<Item = T> + Clone,
     upwards: bool,
 ) -> impl Iterator<Item = T> {
+    // Both directions as one type of iterator, without boxing it.
     let (down, up) = if upwards {
         (None, Some(items.rev()))
     } else {
@@ -250,13 +253,13 @@ impl Chosen {
     }
 
     /// The rows above `middle`, and the others.
-    fn split(&mut self, middle: usize) -> (Part<'_>, Part<'_>) {
+    fn split(&mut self, middle: usize) -> (ChosenRows<'_>, ChosenRows<'_>) {
         let (left, left_below) = self.left.split_at_mut(middle * self.shape.width);
         let (why, why_below) = self.why.split_at_mut(middle * self.shape.width);
         let (right, right_below) = self.right.split_at_mut(middle * self.shape.padded());
         (
-            Part { left, why, right },
-            Part {
+            ChosenRows { left, why, right },
+            ChosenRows {
                 left: left_below,
                 why: why_below,
                 right: right_below,
@@ -265,7 +268,7 @@ impl Chosen {
     }
 }
 
-impl Part<'_> {
+impl ChosenRows<'_> {
     fn row(&mut self, y: usize, shape: &VolumeShape) -> ChosenRow<'_> {
         ChosenRow {
             left: &mut self.left[y * shape.width..][..shape.width],

@@ -1,32 +1,32 @@
-//! Reliable disparities spread over unreliable ones, along columns and rows up to the image's edges
-//! (Birchfield and Tomasi 1998, section 4, as OpenCV 1.0 does it).
+//! Propagation of reliable disparities over unreliable ones, along columns and rows up to the
+//! image's edges (Birchfield and Tomasi 1998, section 4, as OpenCV 1.0 does it).
 //!
 //! The reliability of a pixel is the length of the run of equal disparities that it lies in.
 
 /// A pixel of a column or a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SpreadPixel {
+pub struct PropagationPixel {
     pub disparity: u8,
-    /// On an edge of the image, which stops spreading.
+    /// On an edge of the image, which stops the propagation.
     pub edge: bool,
-    /// Length of its run, set by [`Spread::apply`].
+    /// Length of its run, set by [`Propagation::apply`].
     pub run: u16,
 }
 
-/// Which runs spread and which are overwritten, by their length in pixels.
+/// Which runs propagate and which are overwritten, by their length in pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct Spread {
+pub struct Propagation {
     /// From this on a smaller disparity is not overwritten.
     pub slightly_reliable: u16,
-    /// From this on a disparity spreads.
+    /// From this on a disparity propagates.
     pub moderately_reliable: u16,
-    /// From this on a disparity spreads also over one that is larger by one.
+    /// From this on a disparity propagates also over one that is larger by one.
     pub highly_reliable: u16,
 }
 
-impl Spread {
-    /// Spreads disparities along a line, from its beginning on and in place.
-    pub fn apply(&self, line: &mut [SpreadPixel]) {
+impl Propagation {
+    /// Propagates disparities along a line, from its beginning on and in place.
+    pub fn apply(&self, line: &mut [PropagationPixel]) {
         measure_runs(line);
         let mut i = 0;
         while i < line.len() {
@@ -37,15 +37,16 @@ impl Spread {
             }
             let (before, after) = line.split_at_mut(i);
             self.overwrite(from, before.iter_mut().rev());
+            // The pixels just written have this disparity, and need no propagation of their own.
             i += 1 + self.overwrite(from, after[1..].iter_mut());
         }
     }
 
-    /// Writes the disparity of `from` until something stops it; how many pixels it got.
+    /// Writes the disparity of `from` until something stops it; returns the number of pixels.
     fn overwrite<'a>(
         &self,
-        from: SpreadPixel,
-        line: impl Iterator<Item = &'a mut SpreadPixel>,
+        from: PropagationPixel,
+        line: impl Iterator<Item = &'a mut PropagationPixel>,
     ) -> usize {
         let nearer = u16::from(from.disparity) + 1;
         let mut count = 0;
@@ -63,7 +64,7 @@ impl Spread {
     }
 }
 
-fn measure_runs(line: &mut [SpreadPixel]) {
+fn measure_runs(line: &mut [PropagationPixel]) {
     for run in line.chunk_by_mut(|a, b| a.disparity == b.disparity) {
         // Lines are no longer than `MAX_SIDE`.
         let length = run.len() as u16;
@@ -73,7 +74,7 @@ fn measure_runs(line: &mut [SpreadPixel]) {
 
 /// Gives a pixel the disparity of its neighbours where these agree, from the line's beginning on
 /// and in place.
-pub fn bridge(line: &mut [SpreadPixel]) {
+pub fn bridge(line: &mut [PropagationPixel]) {
     for i in 1..line.len().saturating_sub(1) {
         if line[i - 1].disparity == line[i + 1].disparity {
             line[i].disparity = line[i - 1].disparity;

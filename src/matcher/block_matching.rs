@@ -1,0 +1,136 @@
+//! Block matching of v1, v2 and v3 (thesis, section 5.3): vertical smoothing, texture filter,
+//! search, check, sub-pixel refinement and back check, one block of rows after the other.
+
+use super::Parameters;
+use super::method::Method;
+use super::stage::{
+    BACK_CHECK, Bands, Blocks, DisparityRange, RowCheck, RowSearch, SUBPIXEL, Strip, TextureFilter,
+    VerticalSmoothing, back_check, refine,
+};
+use crate::error::Result;
+use crate::kernel::Isa;
+use crate::stereo::{BandMut, DisparityMap, ExtraPlanes, Plane, StereoPair};
+use crate::timing::{Clock, Stage};
+
+/// The method, with the search `S` and the check `C` of one algorithm.
+pub(super) struct BlockMatching<S, C> {
+    isa: Isa,
+    range: DisparityRange,
+    smoothing: VerticalSmoothing,
+    /// Without one every pixel is matched.
+    texture: Option<Box<dyn TextureFilter>>,
+    steps: Steps<S, C>,
+    subpixel: bool,
+    back_check: bool,
+}
+
+/// Makes the search and the check for rows of a width.
+type Steps<S, C> = Box<dyn Fn(usize, DisparityRange) -> (S, C) + Send + Sync>;
+
+/// Memory for a block of rows.
+pub(super) struct Scratch<S, C> {
+    strip: Strip,
+    textured: Plane<bool>,
+    search: S,
+    check: C,
+}
+
+impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
+    /// With the parameters that all three have: range, smoothing, `subpixel` and `back_check`.
+    ///
+    /// # Errors
+    /// As [`DisparityRange::new`].
+    pub(super) fn new(
+        parameters: &Parameters,
+        isa: Isa,
+        texture: Option<Box<dyn TextureFilter>>,
+        steps: impl Fn(usize, DisparityRange) -> (S, C) + Send + Sync + 'static,
+    ) -> Result<Self> {
+        Ok(Self {
+            isa,
+            range: DisparityRange::from_parameters(parameters)?,
+            smoothing: VerticalSmoothing::from_parameters(parameters),
+            texture,
+            steps: Box::new(steps),
+            subpixel: parameters.flag(SUBPIXEL.name),
+            back_check: parameters.flag(BACK_CHECK.name),
+        })
+    }
+
+    /// Matches the rows from `top` on, at most a block.
+    fn match_rows(
+        &self,
+        pair: &StereoPair,
+        top: usize,
+        mut rows: BandMut<'_>,
+        scratch: &mut Scratch<S, C>,
+        clock: &mut Clock,
+    ) {
+        let (isa, count) = (self.isa, rows.rows());
+        let Scratch {
+            strip,
+            textured,
+            search,
+            check,
+        } = scratch;
+        strip.load(isa, &self.smoothing, pair, top, count);
+        clock.lap(Stage::Smoothing);
+
+        if let Some(texture) = &self.texture {
+            (0..count)
+                .for_each(|lane| texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
+        }
+        clock.lap(Stage::Texture);
+
+        strip.transpose(isa);
+        let [left, right] = strip.columns();
+        search.search(isa, left, right, count);
+        for (lane, mut row) in rows.rows_mut().enumerate() {
+            let pair = [strip.left(lane), strip.right(lane)];
+            search.write_row(isa, lane, pair, textured.row(lane), &mut row);
+        }
+        clock.lap(Stage::Matching);
+
+        check.search(isa, left, right, count);
+        for (lane, mut row) in rows.rows_mut().enumerate() {
+            let (left, right) = (strip.left(lane), strip.right(lane));
+            check.check_row(isa, lane, left, &mut row);
+            if self.subpixel {
+                refine(self.range, left, |_| right, &mut row);
+            }
+            if self.back_check {
+                back_check(&mut row);
+            }
+        }
+        clock.lap(Stage::Checks);
+    }
+}
+
+impl<S: RowSearch, C: RowCheck> Method for BlockMatching<S, C> {
+    type Scratch = Bands<Scratch<S, C>>;
+    const PLANES: ExtraPlanes = ExtraPlanes::SSDPI;
+
+    fn scratch(&self, (width, height): (usize, usize)) -> Result<Self::Scratch> {
+        Bands::new(height, || {
+            let (search, check) = (self.steps)(width, self.range);
+            Ok(Scratch {
+                strip: Strip::new(width)?,
+                textured: Plane::filled(width, Blocks::ROWS, true)?,
+                search,
+                check,
+            })
+        })
+    }
+
+    fn compute(
+        &self,
+        bands: &mut Self::Scratch,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    ) {
+        bands.each_block(map, clock, |top, rows, scratch, clock| {
+            self.match_rows(pair, top, rows, scratch, clock)
+        });
+    }
+}

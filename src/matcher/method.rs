@@ -1,0 +1,63 @@
+//! Matchers as a method and its scratch memory, which lasts as long as the pairs keep their size.
+
+use super::{MatchContext, MatchOutput, Matcher};
+use crate::error::Result;
+use crate::stereo::{DisparityMap, ExtraPlanes, RectifiedPair, StereoPair};
+use crate::timing::Clock;
+
+/// An algorithm apart from its memory.
+pub(super) trait Method: Send + 'static {
+    /// Memory for pairs of one size.
+    type Scratch: Send;
+
+    /// What it makes besides disparities and reasons.
+    const PLANES: ExtraPlanes;
+
+    /// Memory for pairs of `size`, width and height.
+    ///
+    /// # Errors
+    /// When the algorithm cannot match pairs of that size.
+    fn scratch(&self, size: (usize, usize)) -> Result<Self::Scratch>;
+
+    /// Matches `pair` and writes every pixel of `map`, which has its size and [`Self::PLANES`].
+    fn compute(
+        &self,
+        scratch: &mut Self::Scratch,
+        pair: &StereoPair,
+        map: &mut DisparityMap,
+        clock: &mut Clock,
+    );
+}
+
+/// A matcher of `method`.
+pub(super) fn matcher<M: Method>(method: M) -> Box<dyn Matcher> {
+    Box::new(MethodMatcher {
+        method,
+        scratch: None,
+    })
+}
+
+struct MethodMatcher<M: Method> {
+    method: M,
+    /// With the size of pairs that it fits.
+    scratch: Option<((usize, usize), M::Scratch)>,
+}
+
+impl<M: Method> Matcher for MethodMatcher<M> {
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        let (size, map) = (pair.size(), &mut output.disparity);
+        map.resize(size.0, size.1, M::PLANES)?;
+        self.scratch.take_if(|(fits, _)| *fits != size);
+        let (_, scratch) = match &mut self.scratch {
+            Some(scratch) => scratch,
+            none => none.insert((size, self.method.scratch(size)?)),
+        };
+        self.method.compute(scratch, &pair, map, &mut output.clock);
+        Ok(())
+    }
+}
