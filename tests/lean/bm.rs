@@ -1,12 +1,11 @@
 //! bm against its oracle on images of every kind, and against OpenCV itself on real scenes.
 
-use crate::common;
 use crate::oracle::bm::Bm;
-use crate::oracle::scenes::{Scene, difference, pair, pairs};
+use crate::oracle::scenes::pairs;
+use crate::{common, contract};
 use proptest::prelude::*;
 use std::process::Command;
 use svl::kernel::Isa;
-use svl::stereo::Reason;
 
 impl Bm {
     fn text(&self) -> String {
@@ -75,12 +74,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn equals_the_oracle_on_every_instruction_set(pair in pairs(sizes()), bm in matchers()) {
-        let expected = bm.compute(&pair);
-        for isa in Isa::available() {
-            let got = common::run(&bm.text(), isa, &pair);
-            prop_assert_eq!(difference(&got, &expected), None, "{} on {}", bm.text(), isa);
-        }
+    fn equals_the_oracle(pair in pairs(sizes()), bm in matchers()) {
+        contract::equals(&bm.text(), &bm.compute(&pair), &pair)?;
     }
 }
 
@@ -89,43 +84,7 @@ proptest! {
 
     #[test]
     fn threads_do_not_matter(pair in pairs((40usize..=80, 30usize..=90)), bm in matchers()) {
-        let [one, two] = [1, 2].map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| common::run(&bm.text(), Isa::available().next().unwrap(), &pair))
-        });
-        prop_assert_eq!(difference(&two, &one), None);
-    }
-}
-
-/// The generators above are worth nothing if some reason never occurs in them.
-#[test]
-fn every_reason_of_bm_occurs() {
-    let mut tally = [0; 7];
-    for scene in Scene::ALL {
-        let noise = if matches!(scene, Scene::Constant) {
-            0
-        } else {
-            9
-        };
-        let pair = pair(scene, (60, 20), 5, noise, 42);
-        let map = common::run(
-            "bm:max_disparity=20,symmetry_tolerance=0,block_size=5",
-            Isa::PORTABLE,
-            &pair,
-        );
-        tally
-            .iter_mut()
-            .zip(map.tally())
-            .for_each(|(sum, n)| *sum += n);
-    }
-    for reason in [
-        Reason::Valid,
-        Reason::Border,
-        Reason::Untextured,
-        Reason::Ambiguous,
-        Reason::Inconsistent,
-    ] {
-        assert!(tally[reason as usize] > 0, "{reason:?} {tally:?}");
+        contract::threads_do_not_matter(&bm.text(), &pair)?;
     }
 }
 

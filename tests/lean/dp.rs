@@ -1,12 +1,13 @@
 //! dp against its oracle, on every instruction set and thread count, and against what OpenCV's own
 //! code gave.
 
-use crate::common;
 use crate::oracle::dp::Dp;
+use crate::oracle::scenes::difference;
+use crate::{common, contract};
 use proptest::prelude::*;
 use svl::kernel::Isa;
 use svl::matcher::Algorithm;
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl::stereo::{DisparityMap, Gray, StereoPair};
 
 const DEFAULTS: Dp = Dp {
     max: 80,
@@ -122,46 +123,12 @@ fn algorithms() -> impl Strategy<Value = Dp> {
     )
 }
 
-/// The first pixel at which the maps differ, with what each says.
-fn difference(got: &DisparityMap, expected: &DisparityMap) -> Option<String> {
-    assert_eq!(got.size(), expected.size());
-    let (width, height) = got.size();
-    (0..height)
-        .flat_map(|y| (0..width).map(move |x| (x, y)))
-        .find(|&(x, y)| got.at(x, y) != expected.at(x, y))
-        .map(|(x, y)| {
-            format!(
-                "({x}, {y}): got {:?}, expected {:?}",
-                got.at(x, y),
-                expected.at(x, y)
-            )
-        })
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(600))]
 
     #[test]
-    fn equals_the_oracle_on_every_instruction_set(pair in scenes(), dp in algorithms()) {
-        let expected = dp.compute(&pair);
-        for isa in Isa::available() {
-            let got = common::run(&dp.text(), isa, &pair);
-            prop_assert_eq!(difference(&got, &expected), None, "{} on {}", dp.text(), isa);
-            prop_assert_eq!(got.tally()[Reason::Valid as usize], pair.size().0 * pair.size().1);
-        }
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
-
-    #[test]
-    fn threads_do_not_matter(pair in scenes(), dp in algorithms()) {
-        let [one, two] = [1, 2].map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| common::run(&dp.text(), Isa::available().next().unwrap(), &pair))
-        });
-        prop_assert!(one == two);
+    fn equals_the_oracle(pair in scenes(), dp in algorithms()) {
+        contract::equals(&dp.text(), &dp.compute(&pair), &pair)?;
     }
 }
 

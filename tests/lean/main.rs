@@ -8,6 +8,7 @@ mod calibration_files;
 mod claims;
 #[path = "../common/mod.rs"]
 mod common;
+mod contract;
 mod dp;
 #[cfg(feature = "exec")]
 mod exec;

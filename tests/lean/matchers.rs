@@ -1,6 +1,7 @@
 //! What holds for every matcher of the table.
 
 use crate::common;
+use crate::oracle::scenes::pool;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use svl::kernel::Isa;
@@ -40,13 +41,6 @@ static ALLOCATOR: Counting = Counting;
 /// contract.
 fn matchers() -> impl Iterator<Item = &'static MatcherSpec> {
     MATCHERS.iter().filter(|spec| spec.name != "exec")
-}
-
-fn one_thread() -> rayon::ThreadPool {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .unwrap()
 }
 
 fn build(name: &str) -> Box<dyn Matcher> {
@@ -116,16 +110,14 @@ fn results_repeat_whatever_was_matched_before() {
 fn instruction_sets_and_threads_do_not_matter() {
     let pair = pair(150, 40);
     for spec in matchers() {
-        let expected = one_thread()
+        let expected = pool(1)
             .install(|| common::run(spec.name, Isa::PORTABLE, &pair))
             .hash();
         for isa in Isa::available() {
             for threads in [1, 2, 3] {
-                let pool = rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads)
-                    .build()
-                    .unwrap();
-                let got = pool.install(|| common::run(spec.name, isa, &pair)).hash();
+                let got = pool(threads)
+                    .install(|| common::run(spec.name, isa, &pair))
+                    .hash();
                 assert_eq!(got, expected, "{} {isa} {threads} threads", spec.name);
             }
         }
@@ -136,7 +128,7 @@ fn instruction_sets_and_threads_do_not_matter() {
 fn nothing_is_allocated_after_the_first_pair() {
     let pairs = [pair(150, 20), pair(150, 20)];
     for spec in matchers() {
-        let allocations = one_thread().install(|| {
+        let allocations = pool(1).install(|| {
             let mut matcher = build(spec.name);
             let mut output = MatchOutput::new().unwrap();
             common::compute(&mut *matcher, &pairs[0], &mut output).unwrap();
@@ -165,7 +157,7 @@ fn nothing_is_allocated_to_rectify_a_second_pair() {
     let calibration = StereoCalibration::new(camera, camera, apart, LengthUnit::Metres).unwrap();
     let rectifier = Rectifier::new(&calibration).unwrap();
     let pair = pair(size.0, size.1);
-    let allocations = one_thread().install(|| {
+    let allocations = pool(1).install(|| {
         let [mut left, mut right] = [(); 2].map(|()| Gray::filled(1, 1, 0).unwrap());
         rectifier.apply(&pair, &mut left, &mut right).unwrap();
         let before = ALLOCATIONS.get();

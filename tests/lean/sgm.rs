@@ -1,11 +1,10 @@
 //! sgm against its oracle on images of every kind, and its quality on real scenes.
 
-use crate::common;
-use crate::oracle::scenes::{Scene, difference, pair, pairs};
+use crate::oracle::scenes::pairs;
 use crate::oracle::sgm::Sgm;
+use crate::{common, contract};
 use proptest::prelude::*;
 use svl::kernel::Isa;
-use svl::stereo::Reason;
 
 impl Sgm {
     fn text(&self) -> String {
@@ -60,12 +59,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn equals_the_oracle_on_every_instruction_set(pair in pairs(sizes()), sgm in matchers()) {
-        let expected = sgm.compute(&pair);
-        for isa in Isa::available() {
-            let got = common::run(&sgm.text(), isa, &pair);
-            prop_assert_eq!(difference(&got, &expected), None, "{} on {}", sgm.text(), isa);
-        }
+    fn equals_the_oracle(pair in pairs(sizes()), sgm in matchers()) {
+        contract::equals(&sgm.text(), &sgm.compute(&pair), &pair)?;
     }
 }
 
@@ -74,36 +69,7 @@ proptest! {
 
     #[test]
     fn threads_do_not_matter(pair in pairs((1usize..=80, 1usize..=60)), sgm in matchers()) {
-        let [one, two] = [1, 2].map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| common::run(&sgm.text(), Isa::available().next().unwrap(), &pair))
-        });
-        prop_assert_eq!(difference(&two, &one), None);
-    }
-}
-
-/// The generators above are worth nothing if some reason never occurs in them.
-#[test]
-fn every_reason_of_sgm_occurs() {
-    let mut tally = [0; 7];
-    for scene in Scene::ALL {
-        let map = common::run(
-            "sgm:min_disparity=2,max_disparity=20",
-            Isa::PORTABLE,
-            &pair(scene, (60, 20), 5, 9, 42),
-        );
-        tally
-            .iter_mut()
-            .zip(map.tally())
-            .for_each(|(sum, n)| *sum += n);
-    }
-    for reason in [
-        Reason::Valid,
-        Reason::Border,
-        Reason::Ambiguous,
-        Reason::Inconsistent,
-    ] {
-        assert!(tally[reason as usize] > 0, "{reason:?} {tally:?}");
+        contract::threads_do_not_matter(&sgm.text(), &pair)?;
     }
 }
 

@@ -1,13 +1,13 @@
 //! v1, v2 and v4 against their oracles: on images of every kind, size and range, on every
 //! instruction set and thread count.
 
-use crate::common;
-use crate::oracle::scenes::{Scene, difference, pair, pool, scenes};
+use crate::oracle::scenes::{Scene, pair, scenes};
 use crate::oracle::symmetric::{Filter, Symmetric};
 use crate::oracle::v4::V4;
+use crate::{common, contract};
 use proptest::prelude::*;
 use svl::kernel::Isa;
-use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, StereoPair};
+use svl::stereo::{ExtraPlanes, Gray, StereoPair};
 
 /// Disparity ranges: near zero, and beyond any image.
 fn ends() -> impl Strategy<Value = (i32, i32)> {
@@ -78,41 +78,12 @@ fn lowered(pair: &StereoPair, rows: i32) -> StereoPair {
     StereoPair::new(pair.left().clone(), lower).unwrap()
 }
 
-fn check(text: &str, expected: &DisparityMap, pair: &StereoPair) -> Result<(), TestCaseError> {
-    for isa in Isa::available() {
-        for threads in [1, 2] {
-            let got = pool(threads).install(|| common::run(text, isa, pair));
-            prop_assert_eq!(
-                difference(&got, expected),
-                None,
-                "{} on {}, {} threads",
-                text,
-                isa,
-                threads
-            );
-            let offsets = |map: &DisparityMap| {
-                map.row_offset()
-                    .map(|plane| plane.pixels().collect::<Vec<_>>())
-            };
-            prop_assert_eq!(
-                offsets(&got),
-                offsets(expected),
-                "{} on {}, {} threads",
-                text,
-                isa,
-                threads
-            );
-        }
-    }
-    Ok(())
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(500))]
 
     #[test]
     fn v1_and_v2_equal_their_oracle(pair in scenes(), algorithm in symmetric()) {
-        check(&algorithm.text(), &algorithm.compute(&pair), &pair)?;
+        contract::equals(&algorithm.text(), &algorithm.compute(&pair), &pair)?;
     }
 }
 
@@ -122,7 +93,7 @@ proptest! {
     #[test]
     fn v4_equals_its_oracle(pair in scenes(), rows in -3i32..=3, algorithm in v4()) {
         let pair = lowered(&pair, rows);
-        check(&algorithm.text(), &algorithm.compute(&pair), &pair)?;
+        contract::equals(&algorithm.text(), &algorithm.compute(&pair), &pair)?;
     }
 }
 
@@ -139,7 +110,7 @@ fn tall_pairs_equal_their_oracles() {
         subpixel: true,
         back_check: false,
     };
-    check(&v4.text(), &v4.compute(&pair), &pair).unwrap();
+    contract::equals(&v4.text(), &v4.compute(&pair), &pair).unwrap();
     for filter in [
         Filter::V1 { uniqueness: 10.0 },
         Filter::V2 {
@@ -156,55 +127,7 @@ fn tall_pairs_equal_their_oracles() {
             subpixel: true,
             back_check: false,
         };
-        check(&algorithm.text(), &algorithm.compute(&pair), &pair).unwrap();
-    }
-}
-
-/// The generators above are worth nothing if some reason never occurs in them.
-#[test]
-fn every_reason_occurs() {
-    let tally = |algorithm: &str| {
-        let mut tally = [0; 7];
-        for scene in [
-            Scene::Noise,
-            Scene::Constant,
-            Scene::Faint,
-            Scene::BlackAndWhite,
-            Scene::Periodic,
-        ] {
-            let map = common::run(algorithm, Isa::PORTABLE, &pair(scene, (60, 8), 5, 9, 42));
-            tally
-                .iter_mut()
-                .zip(map.tally())
-                .for_each(|(sum, n)| *sum += n);
-        }
-        tally
-    };
-    use Reason::{Ambiguous, Border, Inconsistent, SelfCheck, Unmatched, Untextured, Valid};
-    for (algorithm, reasons) in [
-        (
-            "v1:max_disparity=20",
-            &[Valid, Border, Ambiguous, Inconsistent][..],
-        ),
-        (
-            "v2:max_disparity=20,spread_threshold=4",
-            &[Valid, Border, Untextured, Ambiguous, Inconsistent],
-        ),
-        (
-            "v4:max_disparity=20",
-            &[Valid, Border, Untextured, SelfCheck, Unmatched],
-        ),
-    ] {
-        let tally = tally(algorithm);
-        assert!(
-            reasons.iter().all(|&reason| tally[reason as usize] > 0),
-            "{algorithm} {tally:?}"
-        );
-        assert_eq!(
-            tally.iter().filter(|&&n| n > 0).count(),
-            reasons.len(),
-            "{algorithm} {tally:?}"
-        );
+        contract::equals(&algorithm.text(), &algorithm.compute(&pair), &pair).unwrap();
     }
 }
 

@@ -1,9 +1,8 @@
 //! v3 against its oracle: on images of every kind, size and range, on every instruction set and
 //! thread count.
 
-use crate::common;
-use crate::oracle;
-use crate::oracle::scenes::{Scene, difference, pair, pool, scenes};
+use crate::oracle::scenes::{Scene, pair, scenes};
+use crate::{common, contract, oracle};
 use proptest::prelude::*;
 use svl::kernel::Isa;
 use svl::stereo::{Gray, Reason, StereoPair};
@@ -58,57 +57,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(600))]
 
     #[test]
-    fn equals_the_oracle_on_every_instruction_set(pair in scenes(), v3 in algorithms()) {
-        let expected = v3.compute(&pair);
-        for isa in Isa::available() {
-            let got = common::run(&v3.text(), isa, &pair);
-            prop_assert_eq!(difference(&got, &expected), None, "{} on {}", v3.text(), isa);
-        }
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
-
-    #[test]
-    fn threads_do_not_matter(pair in scenes(), v3 in algorithms()) {
-        let [one, two] = [1, 2].map(|threads| {
-            let isa = Isa::available().next().unwrap();
-            pool(threads).install(|| common::run(&v3.text(), isa, &pair))
-        });
-        prop_assert_eq!(one.hash(), two.hash());
-        prop_assert!(one == two);
-    }
-}
-
-/// The generators above are worth nothing if some reason never occurs in them.
-#[test]
-fn every_reason_of_v3_occurs() {
-    let mut tally = [0; 7];
-    for scene in [
-        Scene::Noise,
-        Scene::Constant,
-        Scene::Faint,
-        Scene::BlackAndWhite,
-        Scene::Periodic,
-    ] {
-        let map = common::run(
-            "v3:max_disparity=20",
-            Isa::PORTABLE,
-            &pair(scene, (60, 8), 5, 9, 42),
-        );
-        tally
-            .iter_mut()
-            .zip(map.tally())
-            .for_each(|(sum, n)| *sum += n);
-    }
-    for reason in [
-        Reason::Valid,
-        Reason::Border,
-        Reason::Untextured,
-        Reason::SelfCheck,
-    ] {
-        assert!(tally[reason as usize] > 0, "{reason:?} {tally:?}");
+    fn equals_the_oracle(pair in scenes(), v3 in algorithms()) {
+        contract::equals(&v3.text(), &v3.compute(&pair), &pair)?;
     }
 }
 

@@ -102,6 +102,7 @@ pub(crate) fn difference(got: &DisparityMap, expected: &DisparityMap) -> Option<
             map.at(x, y),
             map.disparity().get(x, y),
             map.ssdpi().map(|plane| plane.get(x, y)),
+            map.row_offset().map(|plane| plane.get(x, y)),
         )
     };
     (0..height)

@@ -1,0 +1,77 @@
+//! What every matcher owes its oracle: the same result on every instruction set and thread count,
+//! and all reasons it can give, no other.
+
+use crate::common;
+use crate::oracle::scenes::{Scene, difference, pair, pool};
+use proptest::prelude::*;
+use svl::kernel::Isa;
+use svl::matcher::MATCHERS;
+use svl::stereo::{DisparityMap, Reason, StereoPair};
+
+/// `algorithm` gives the `expected` map on every instruction set, on one thread and on two.
+pub(crate) fn equals(
+    algorithm: &str,
+    expected: &DisparityMap,
+    pair: &StereoPair,
+) -> Result<(), TestCaseError> {
+    for isa in Isa::available() {
+        for threads in [1, 2] {
+            let got = pool(threads).install(|| common::run(algorithm, isa, pair));
+            let context = format!("{algorithm} on {isa}, {threads} threads");
+            prop_assert_eq!(difference(&got, expected), None, "{}", context);
+        }
+    }
+    Ok(())
+}
+
+/// `algorithm` gives on two threads what it gives on one.
+pub(crate) fn threads_do_not_matter(
+    algorithm: &str,
+    pair: &StereoPair,
+) -> Result<(), TestCaseError> {
+    let isa = Isa::available().next().unwrap();
+    let [one, two] =
+        [1, 2].map(|threads| pool(threads).install(|| common::run(algorithm, isa, pair)));
+    prop_assert_eq!(difference(&two, &one), None, "{}", algorithm);
+    prop_assert_eq!(one.hash(), two.hash());
+    Ok(())
+}
+
+/// The generators of scenes are worth nothing if some reason never occurs in them.
+#[test]
+fn every_reason_occurs_and_no_other() {
+    use Reason::{Ambiguous, Border, Inconsistent, SelfCheck, Unmatched, Untextured, Valid};
+    for spec in MATCHERS.iter().filter(|spec| spec.name != "exec") {
+        let (settings, reasons) = match spec.name {
+            "dp" => ("", &[Valid][..]),
+            "v1" => ("", &[Valid, Border, Ambiguous, Inconsistent][..]),
+            "v2" => (
+                ",spread_threshold=4",
+                &[Valid, Border, Untextured, Ambiguous, Inconsistent][..],
+            ),
+            "v3" => ("", &[Valid, Border, Untextured, SelfCheck][..]),
+            "v4" => ("", &[Valid, Border, Untextured, SelfCheck, Unmatched][..]),
+            "bm" => (
+                ",symmetry_tolerance=0,block_size=5",
+                &[Valid, Border, Untextured, Ambiguous, Inconsistent][..],
+            ),
+            "sgm" => (
+                ",min_disparity=2",
+                &[Valid, Border, Ambiguous, Inconsistent][..],
+            ),
+            other => panic!("no reasons are expected of {other}"),
+        };
+        let algorithm = format!("{}:max_disparity=20{settings}", spec.name);
+        let noisy = Scene::ALL.map(|scene| (scene, 9));
+        let mut occurring = [false; Reason::ALL.len()];
+        for (scene, noise) in noisy.into_iter().chain([(Scene::Constant, 0)]) {
+            let pair = pair(scene, (60, 20), 5, noise, 42);
+            let tally = common::run(&algorithm, Isa::PORTABLE, &pair).tally();
+            Reason::ALL
+                .iter()
+                .for_each(|&reason| occurring[reason as usize] |= tally[reason as usize] > 0);
+        }
+        let expected = Reason::ALL.map(|reason| reasons.contains(&reason));
+        assert_eq!(occurring, expected, "{algorithm}, {:?}", Reason::ALL);
+    }
+}
