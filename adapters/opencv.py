@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""OpenCV's block matching and semi-global matching for svl's matcher `exec`, and an example of its protocol.
+"""OpenCV's StereoBM and StereoSGBM for svl's matcher `exec`, and an example of its protocol.
 
     pip install numpy opencv-python-headless
-    svl match left.png right.png -o d.pfm --algo "exec:command=python3 adapters/opencv.py sgbm --block 5"
+    svl match left.png right.png -o d.pfm \\
+        --algo "exec:command=python3 adapters/opencv.py sgbm --block 5"
 
 svl starts the program once. Per pair it sends one line of JSON and the pixels of both images:
 
@@ -13,8 +14,9 @@ and reads one line of JSON and W*H little-endian floats, +inf for none, row by r
 
     {"seq":n,"millis":t}  or, and nothing after it,  {"seq":n,"error":"why"}
 
-Standard output is the answer and nothing else; what is printed to standard error appears in svl's error messages. A left
-pixel (x, y) with disparity d matches (x - d, y) in the right image. At the end of the input the program ends.
+Standard output is the answer and nothing else; standard error appears in svl's error messages. A
+left pixel (x, y) with disparity d matches (x - d, y) in the right image. At the end of the input
+the program ends.
 """
 
 import argparse
@@ -30,9 +32,11 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("method", choices=["bm", "sgbm"])
     parser.add_argument("--block", type=int, help="side of the window, odd (default: bm 9, sgbm 3)")
-    parser.add_argument("--uniqueness", type=int, help="margin of the best over the second best, percent")
-    parser.add_argument("--speckle-window", type=int, help="smallest patch of disparities that is kept, pixels; 0 = all")
-    parser.add_argument("--speckle-range", type=int, default=1, help="largest step within a patch")
+    parser.add_argument("--uniqueness", type=int, help="margin over the second best, percent")
+    parser.add_argument(
+        "--speckle-window", type=int, help="smallest region that is kept, pixels; 0 = all"
+    )
+    parser.add_argument("--speckle-range", type=int, default=1, help="largest step within a region")
     parser.add_argument("--texture", type=int, help="bm: least texture of a window")
     parser.add_argument("--p1", type=int, help="sgbm: cost of a step by one (default 8 * block^2)")
     parser.add_argument("--p2", type=int, help="sgbm: cost of a larger step (default 32 * block^2)")
@@ -75,9 +79,8 @@ def main():
     for text in iter(source.readline, b""):
         line = json.loads(text)
         width, height = line["width"], line["height"]
-        left, right = (
-            np.frombuffer(source.read(width * height), np.uint8).reshape(height, width) for _ in range(2)
-        )
+        images = (np.frombuffer(source.read(width * height), np.uint8) for _ in range(2))
+        left, right = (image.reshape(height, width) for image in images)
         start = time.perf_counter()
         try:
             answer = disparities(options, line, left, right).astype("<f4").tobytes()

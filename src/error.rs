@@ -34,7 +34,7 @@ pub enum Error {
         right: (usize, usize),
     },
     /// No algorithm of that name.
-    #[error("unknown algorithm '{name}'{}; `svl algos` lists them", did_you_mean(.nearest))]
+    #[error("unknown algorithm '{name}'{}; `svl algos` lists them", hint(.nearest))]
     UnknownAlgorithm {
         name: String,
         nearest: Option<String>,
@@ -42,7 +42,7 @@ pub enum Error {
     /// The algorithm has no such parameter.
     #[error(
         "{algorithm} has no parameter '{name}'{}; `svl algos {algorithm}` lists them",
-        did_you_mean(.nearest)
+        hint(.nearest)
     )]
     UnknownParameter {
         algorithm: &'static str,
@@ -73,7 +73,7 @@ pub enum Error {
     #[error("{}: {reason}", path.display())]
     Damaged { path: PathBuf, reason: String },
     /// A program that matches pairs failed; `stderr` is the end of its standard error.
-    #[error("program `{command}` {reason}{}", said(.stderr))]
+    #[error("program `{command}` {reason}{}", stderr_note(.stderr))]
     Program {
         command: String,
         reason: String,
@@ -145,7 +145,7 @@ impl Error {
     }
 }
 
-fn said(stderr: &str) -> String {
+fn stderr_note(stderr: &str) -> String {
     if stderr.is_empty() {
         String::new()
     } else {
@@ -165,13 +165,22 @@ fn words(cause: &std::io::Error) -> String {
         PermissionDenied => "permission denied; name another place or change its permissions",
         ReadOnlyFilesystem => "cannot be written on a read-only file system; name another place",
         StorageFull => "no space left on the device; free some or name another place",
+        // Rarer causes: the system's own message.
         _ => return cause.to_string(),
     };
     words.to_owned()
 }
 
-/// The hint to `nearest`, empty without one.
-pub(crate) fn did_you_mean(nearest: &Option<String>) -> String {
+/// A hint to the candidate nearest to an unknown `name`, to follow it in a message; empty without
+/// one.
+pub(crate) fn did_you_mean<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> String {
+    hint(&nearest(name, candidates))
+}
+
+fn hint(nearest: &Option<String>) -> String {
     nearest
         .as_ref()
         .map(|n| format!(" (did you mean '{n}'?)"))
@@ -186,6 +195,7 @@ pub(crate) fn nearest<'a>(
     candidates
         .into_iter()
         .map(|c| (strsim::damerau_levenshtein(&name.to_lowercase(), c), c))
+        // With more than half of its letters changed it is another word.
         .filter(|(distance, c)| *distance <= (c.len() / 2).max(1))
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, c)| c.to_owned())

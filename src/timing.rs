@@ -75,6 +75,7 @@ impl Clock {
     /// count.
     pub fn lap_of(&mut self, stage: Stage, time: Duration) {
         let now = Instant::now();
+        // A self-reported time longer than the lap is not believed.
         self.times.add(stage, time.min(now - self.last));
         self.last = now;
     }

@@ -36,6 +36,7 @@ impl ArenaConfig {
             "sensor.shutter_us",
             f64::from(sensor.shutter_us),
             1.0,
+            // The exposure ends before the next one begins.
             1.0e6 / rate_hz,
         )?;
         within("sensor.gain_db", sensor.gain_db, -40.0, 60.0)?;

@@ -40,7 +40,7 @@ use objects::Objects;
 use path::{Twist, Walk};
 use render::{Lens, SharpImage};
 use scene::ArenaScene;
-use view::{CameraView, ImageSkew};
+use view::{ImageSkew, PinholeView};
 
 /// Raised when the same configuration and seed come to give other pixels, so that cached recordings
 /// are made anew.
@@ -137,10 +137,10 @@ impl Arena {
             sin_roll: rig.right_roll_deg.to_radians().sin() as f32,
             row_offset_px: rig.right_row_offset_px as f32,
         };
-        let left_view = CameraView::new(&pose, &self.rig, ImageSkew::NONE);
-        let right_view = CameraView::new(&right_pose, &self.rig, skew);
+        let left_view = PinholeView::new(&pose, &self.rig, ImageSkew::NONE);
+        let right_view = PinholeView::new(&right_pose, &self.rig, skew);
 
-        let expose = |view: &CameraView, twist: &Twist, gain_db: f64, camera: u64| {
+        let expose = |view: &PinholeView, twist: &Twist, gain_db: f64, camera: u64| {
             let shot = SharpImage::take(&self.scene, view, &lens, size);
             let key = mix(self.noise ^ mix(2 * index + camera));
             sensor::expose(sensor, gain_db, &shot, view, twist, key).map(|image| (shot, image))
@@ -150,7 +150,7 @@ impl Arena {
             || {
                 let (shot, image) = expose(&left_view, &twist, sensor.gain_db, 0)?;
                 // The truth is of the rectified rig, without the skew of the right image.
-                let exact_right = CameraView::new(&right_pose, &self.rig, ImageSkew::NONE);
+                let exact_right = PinholeView::new(&right_pose, &self.rig, ImageSkew::NONE);
                 let truth =
                     render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
                 Ok::<_, Error>((image, truth))

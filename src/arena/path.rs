@@ -79,6 +79,7 @@ impl Walk {
         let rotation = Rotation3::from_matrix_unchecked(level) * gait;
         let middle = self.middle(along_m);
         let head = Vector3::new(middle.x, middle.y, self.above_floor_m);
+        // The path is that of the head's middle, a pose that of the left camera.
         let left = head - rotation * Vector3::x() * (0.5 * self.baseline_m);
         Pose::from_parts(
             Translation3::from(left),

@@ -1,7 +1,7 @@
 //! Ray casting: the sharp image of a camera with its geometry, and the truth between two cameras.
 
 use super::scene::{ArenaScene, Hit};
-use super::view::{CameraView, Candidates};
+use super::view::{Candidates, PinholeView};
 use crate::stereo::{Plane, Rig, Truth, Visibility};
 use rayon::prelude::*;
 
@@ -44,7 +44,7 @@ impl SharpImage {
     /// not.
     pub(super) fn take(
         scene: &ArenaScene,
-        view: &CameraView,
+        view: &PinholeView,
         lens: &Lens,
         size: (usize, usize),
     ) -> Self {
@@ -118,7 +118,7 @@ impl SharpImage {
 pub(super) fn truth(
     scene: &ArenaScene,
     left: &SharpImage,
-    [left_view, right_view]: [&CameraView; 2],
+    [left_view, right_view]: [&PinholeView; 2],
     rig: &Rig,
 ) -> crate::Result<Truth> {
     let width = left.width;

@@ -5,7 +5,7 @@ use super::config::SensorConfig;
 use super::noise::{gaussian, mix};
 use super::path::Twist;
 use super::render::SharpImage;
-use super::view::CameraView;
+use super::view::PinholeView;
 use crate::stereo::Gray;
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ pub(super) fn expose(
     config: &SensorConfig,
     gain_db: f64,
     shot: &SharpImage,
-    view: &CameraView,
+    view: &PinholeView,
     twist: &Twist,
     key: u64,
 ) -> crate::Result<Gray> {

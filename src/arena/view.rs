@@ -5,7 +5,7 @@ use crate::stereo::{Pose, Rig};
 use nalgebra::Matrix3;
 
 /// A pinhole camera in the world.
-pub(super) struct CameraView {
+pub(super) struct PinholeView {
     pub(super) origin: Vec3,
     /// Columns: right, down, forward.
     axes: Matrix3<f32>,
@@ -28,7 +28,7 @@ impl ImageSkew {
     };
 }
 
-impl CameraView {
+impl PinholeView {
     pub(super) fn new(pose: &Pose, rig: &Rig, skew: ImageSkew) -> Self {
         let (cx, cy) = rig.center_px();
         Self {
@@ -77,7 +77,7 @@ const TILE_PX: usize = 16;
 
 impl Candidates {
     pub(super) fn new(
-        view: &CameraView,
+        view: &PinholeView,
         solids: &[Solid],
         (width, height): (usize, usize),
     ) -> Self {

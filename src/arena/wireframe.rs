@@ -42,6 +42,8 @@ fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
             let corners = solid.corners().map(|c| [c.x, c.y, c.z]);
             let strip = |order: &[usize]| order.iter().map(|&i| corners[i]).collect();
             vec![
+                // Corners are numbered by the bits of x, y and z: one line around the bottom, up,
+                // and around the top; three edges are left.
                 strip(&[0, 1, 3, 2, 0, 4, 5, 7, 6, 4]),
                 strip(&[1, 5]),
                 strip(&[3, 7]),

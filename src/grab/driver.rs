@@ -5,7 +5,7 @@ use super::camera::Camera;
 use super::clock::GrabClock;
 use super::serial::SerialTrigger;
 use super::trigger::{Trigger, TriggerSource};
-use crate::error::{Error, Result, did_you_mean, nearest};
+use crate::error::{Error, Result, did_you_mean};
 use crate::matcher::{Parameter, Value};
 use crate::stereo::{Rig, Side};
 use std::ops::RangeInclusive;
@@ -175,7 +175,7 @@ impl Driver {
     fn unknown_option(&self, name: &str) -> Error {
         let names = |options: &'static [Parameter]| options.iter().map(|option| option.name);
         let both = names(self.options).chain(names(self.camera_options));
-        let nearest = did_you_mean(&nearest(name, both));
+        let nearest = did_you_mean(name, both);
         let join = |options| names(options).collect::<Vec<_>>().join(", ");
         let of_one_camera = match self.camera_options {
             [] => String::new(),

@@ -80,8 +80,10 @@ impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
             (0..count)
                 .for_each(|lane| texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
         }
+        // Also without a texture filter, so that every run of the method has all stages.
         clock.lap(Stage::Texture);
 
+        // Texture and checks read rows, the search reads columns of lanes: both are kept.
         strip.transpose(isa);
         let [left, right] = strip.columns();
         search.search(isa, left, right, count);
@@ -115,6 +117,7 @@ impl<S: RowSearch, C: RowCheck> Method for BlockMatching<S, C> {
             let (search, check) = (self.steps)(width, self.range);
             Ok(Scratch {
                 strip: Strip::new(width)?,
+                // Stays all true where there is no texture filter.
                 textured: Plane::filled(width, Blocks::ROWS, true)?,
                 search,
                 check,

@@ -13,7 +13,9 @@
 //! *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
 
 use super::method::{Method, matcher};
-use super::stage::{DisparityRange, EdgeImage, OnePassCheck, Prefilter, SadSearch, Speckles, both};
+use super::stage::{
+    DisparityRange, EdgeImage, OnePassCheck, Prefilter, SadSearch, Speckles, both, uniqueness,
+};
 use super::{MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
@@ -51,17 +53,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             },
             description: "least sum of the strength of edges over the window",
         },
-        Parameter {
-            name: "uniqueness",
-            unit: "%",
-            range: Range::Int {
-                default: 15,
-                min: 0,
-                max: 100,
-            },
-            description: "by how much every other disparity must be worse, 0 = not tested",
-        },
-        OnePassCheck::TOLERANCE,
+        uniqueness(15),
+        OnePassCheck::tolerance(-1),
         Speckles::SIZE,
         Speckles::RANGE,
     ],

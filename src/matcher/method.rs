@@ -52,6 +52,7 @@ impl<M: Method> Matcher for MethodMatcher<M> {
     ) -> Result<()> {
         let (size, map) = (pair.size(), &mut output.disparity);
         map.resize(size.0, size.1, M::PLANES)?;
+        // Freed before the new memory is allocated, so that both sizes are never held at once.
         self.scratch.take_if(|(fits, _)| *fits != size);
         let (_, scratch) = match &mut self.scratch {
             Some(scratch) => scratch,

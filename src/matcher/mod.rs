@@ -163,6 +163,7 @@ impl std::str::FromStr for Algorithm {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
+        // The first colon alone: values may hold more, as paths of programs do.
         let (name, settings) = text.split_once(':').unwrap_or((text, ""));
         let spec = find(name)?;
         let parameters = Parameters::parse(spec, settings)?;

@@ -13,7 +13,9 @@
 //! stay inside the right image.
 
 use super::method::{Method, matcher};
-use super::stage::{Aggregation, Chosen, CostVolume, DisparityRange, Speckles};
+use super::stage::{
+    Aggregation, Chosen, CostVolume, DisparityRange, OnePassCheck, Speckles, uniqueness,
+};
 use super::{MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::{ChosenRow, Isa, Paths, Penalties, VolumeShape, median_row};
@@ -61,26 +63,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             description: "difference of neighbours beyond which p2 falls in proportion, 256 = \
                           never",
         },
-        Parameter {
-            name: "uniqueness",
-            unit: "%",
-            range: Range::Int {
-                default: 5,
-                min: 0,
-                max: 100,
-            },
-            description: "by how much every other disparity must be worse, 0 = not tested",
-        },
-        Parameter {
-            name: "symmetry_tolerance",
-            unit: "px",
-            range: Range::Int {
-                default: 1,
-                min: -1,
-                max: 1024,
-            },
-            description: "largest difference between left and right disparity, -1 = no check",
-        },
+        uniqueness(5),
+        OnePassCheck::tolerance(1),
         Parameter {
             name: "median",
             unit: "",

@@ -30,6 +30,7 @@ impl Nearness {
                 .filter(|d| d.is_finite())
                 .reduce(f32::max)
         });
+        // Search ranges rarely reach farther: the cell would never be filled.
         let quarter_px = frame.pair.size().0 as f64 / 4.0;
         let near_px = match (nearest, frame.rig()) {
             (Some(nearest), _) => f64::from(nearest).max(1.0),

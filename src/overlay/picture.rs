@@ -18,6 +18,7 @@ impl Picture {
         if w <= width || width == 0 {
             return self;
         }
+        // A wide strip of few rows keeps at least one.
         let height = (h * width / w).max(1);
         match Plane::from_fn(width, height, |x, y| {
             self.codes.get(x * w / width, y * h / height)

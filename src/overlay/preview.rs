@@ -55,6 +55,7 @@ pub fn viridis(t: f32) -> [u8; 3] {
     ];
     let steps = COLOURS.len() - 1;
     let at = t.clamp(0.0, 1.0) * steps as f32;
+    // At the yellow end there is no colour above: the last step serves.
     let below = (at as usize).min(steps - 1);
     let between = |i: usize| {
         let (a, b) = (

@@ -27,7 +27,7 @@ mod validity;
 pub use finding::{Condition, Drawn, Exhibit, Finding, Quantity, Table, Value, Verdict};
 pub use page::{Entry, Page};
 
-use crate::error::{Error, Result, did_you_mean, nearest};
+use crate::error::{Error, Result, did_you_mean};
 use crate::matcher::Algorithm;
 use crate::run::Monitor;
 use crate::scenario::Scenario;
@@ -71,11 +71,11 @@ pub fn find(figure: &str) -> Result<&'static Experiment> {
         .iter()
         .find(|e| e.figures.contains(&figure))
         .ok_or_else(|| {
-            let nearest = nearest(figure, EXPERIMENTS.iter().flat_map(|e| e.figures).copied());
+            let figures = EXPERIMENTS.iter().flat_map(|e| e.figures).copied();
             let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
             Error::Invalid(format!(
                 "unknown figure '{figure}'{}; known are {}",
-                did_you_mean(&nearest),
+                did_you_mean(figure, figures),
                 known.join(", ")
             ))
         })

@@ -133,6 +133,7 @@ impl DisparityMap {
         let offsets = self.row_offset.as_ref()?.pixels().zip(self.why.pixels());
         offsets
             .filter(|&(_, why)| why == Reason::Valid)
+            // A histogram of all 256 offsets instead of sorting a map's pixels.
             .for_each(|(offset, _)| counts[usize::from(offset as u8)] += 1);
         let half = counts.iter().sum::<usize>().div_ceil(2);
         let mut below = 0;
@@ -214,6 +215,7 @@ impl DisparityMap {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&(width as u32).to_le_bytes());
         hasher.update(&(height as u32).to_le_bytes());
+        // Row by row in little endian, so that neither gaps nor the machine's byte order matter.
         let mut bytes = Vec::with_capacity(width * 5);
         for (disparity, why) in self.disparity.rows().zip(self.why.rows()) {
             bytes.clear();
@@ -242,6 +244,7 @@ fn fit<T: Copy>(
     match (wanted, &plane) {
         (false, _) => *plane = None,
         (true, None) => *plane = Some(Plane::filled(width, height, none)?),
+        // Stale content is fine: a matcher writes every pixel of every plane.
         (true, Some(_)) => {}
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Why a pixel has no disparity.
+//! Reasons of pixels without a disparity.
 
 /// Why a pixel has no disparity. The discriminant is the code in files (`WHY.png`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -11,13 +11,13 @@ pub enum Reason {
     Border = 1,
     /// Too little texture to tell windows apart.
     Untextured = 2,
-    /// Another disparity is nearly as good.
+    /// Another disparity costs nearly as little.
     Ambiguous = 3,
     /// The right image prefers another match.
     Inconsistent = 4,
     /// The window resembles its own surroundings as much as its match.
     SelfCheck = 5,
-    /// Nothing in the right image claimed it.
+    /// No window of the right image has it as its best match.
     Unmatched = 6,
 }
 

@@ -25,6 +25,7 @@ pub(crate) fn floor(seed: u64, contrast: f32, light: impl Fn(f32, f32) -> f32) -
         for _ in 0..dice.between(10.0, 90.0) as usize {
             (x, y) = (x + along.0, y + along.1);
             let (column, row) = (x.max(0.0) as usize, y.max(0.0) as usize);
+            // A scuff that leaves the picture is not continued on the other side.
             if column < WIDTH && row < HEIGHT {
                 speckles[row * WIDTH + column] += tone;
             }
@@ -61,6 +62,7 @@ impl Shade {
     }
 
     fn at(&self, x: usize, y: usize) -> f32 {
+        // Bilinear between the eighth texels: light varies slowly and is expensive to compute.
         let fraction = |v: usize| (v % Self::STEP) as f32 / Self::STEP as f32;
         let first = y / Self::STEP * self.columns + x / Self::STEP;
         let row = |i: usize| self.light[i] + fraction(x) * (self.light[i + 1] - self.light[i]);

@@ -37,6 +37,7 @@ pub(crate) fn room(seed: u64) -> Texture {
                 albedo[row * WIDTH + column] = tone + 0.02 * paint[row * WIDTH + column];
             }
         }
+        // Furniture never overlaps, but may be cut off at the end.
         left += gap + width;
     }
     Texture::new(WIDTH, &albedo, TEXEL_M)

@@ -25,7 +25,7 @@ pub use kitti::read_projections;
 pub use middlebury::read_calib;
 pub use unit::FileUnit;
 
-use crate::error::{Error, Result, did_you_mean, nearest};
+use crate::error::{Error, Result, did_you_mean};
 use crate::stereo::StereoCalibration;
 use document::Document;
 use format::Written;
@@ -174,7 +174,7 @@ pub fn write_as(
 /// [`Error::Invalid`] that suggests the nearest name and lists all.
 pub fn format(name: &str) -> Result<&'static CalibrationFormat> {
     FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
-        let hint = did_you_mean(&nearest(name, FORMATS.iter().map(|f| f.name)));
+        let hint = did_you_mean(name, FORMATS.iter().map(|f| f.name));
         let names = FORMATS
             .iter()
             .map(|f| f.name)

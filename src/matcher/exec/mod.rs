@@ -106,7 +106,7 @@ impl Exec {
             Some(program) => program,
             None if self.restarts == RESTARTS => {
                 return Err(ProgramFailure::new(format!(
-                    "failed {} times and is given up",
+                    "failed {} times and is not started again",
                     RESTARTS + 1
                 )));
             }

@@ -13,10 +13,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// How much of its standard error is kept, in bytes.
-const KEPT: usize = 4096;
+const STDERR_KEPT: usize = 4096;
 
 /// How long a program that closed its output may take to end and to close its standard error.
-const LAST_WORDS: Duration = Duration::from_millis(300);
+const GRACE: Duration = Duration::from_millis(300);
 
 /// A failure of the program, in words that follow its name.
 #[derive(Debug)]
@@ -59,9 +59,9 @@ pub(super) struct Program {
     questions: Sender<Question>,
     events: Receiver<ProgramEvent>,
     /// Bytes of the answer under way.
-    came: Arc<AtomicUsize>,
-    said: Arc<Mutex<VecDeque<u8>>>,
-    silent: Receiver<()>,
+    received: Arc<AtomicUsize>,
+    stderr_tail: Arc<Mutex<VecDeque<u8>>>,
+    stderr_closed: Receiver<()>,
 }
 
 impl Program {
@@ -91,26 +91,26 @@ impl Program {
         let (requests, to_write) = channel();
         let (questions, to_read) = channel();
         let (event, events) = channel();
-        let (speaking, silent) = channel();
-        let came = Arc::new(AtomicUsize::new(0));
-        let said = Arc::new(Mutex::new(VecDeque::with_capacity(KEPT)));
+        let (open, stderr_closed) = channel();
+        let received = Arc::new(AtomicUsize::new(0));
+        let stderr_tail = Arc::new(Mutex::new(VecDeque::with_capacity(STDERR_KEPT)));
         let stdout = Counted {
             from: stdout,
-            count: Arc::clone(&came),
+            count: Arc::clone(&received),
         };
-        let (writing, kept) = (event.clone(), Arc::clone(&said));
+        let (writing, kept) = (event.clone(), Arc::clone(&stderr_tail));
         // The threads end with the pipes or with the channels, whichever closes first.
         thread::spawn(move || write(stdin, &to_write, &writing));
         thread::spawn(move || read(stdout, &to_read, &event));
-        thread::spawn(move || listen(stderr, &kept, speaking));
+        thread::spawn(move || keep_stderr(stderr, &kept, open));
         Ok(Self {
             child,
             requests,
             questions,
             events,
-            came,
-            said,
-            silent,
+            received,
+            stderr_tail,
+            stderr_closed,
         })
     }
 
@@ -122,7 +122,7 @@ impl Program {
         size: (usize, usize),
         timeout: Duration,
     ) -> Result<Reply, ProgramFailure> {
-        self.came.store(0, Ordering::Relaxed);
+        self.received.store(0, Ordering::Relaxed);
         // A thread that is gone has left an event, which says more.
         let _ = self.questions.send((sequence, size));
         let _ = self.requests.send(request);
@@ -133,17 +133,17 @@ impl Program {
                 Err(self.failed(format!("does not read its input: {error}")))
             }
             Err(RecvTimeoutError::Timeout) => {
-                let came = match self.came.load(Ordering::Relaxed) {
-                    0 => "nothing came".to_owned(),
+                let received = match self.received.load(Ordering::Relaxed) {
+                    0 => "nothing received".to_owned(),
                     bytes => format!(
-                        "{bytes} bytes came, its line and {} are due",
+                        "{bytes} bytes received, its line and {} expected",
                         size.0 * size.1 * 4
                     ),
                 };
-                let reason = format!("did not answer within {timeout:?}: {came}");
+                let reason = format!("timed out after {timeout:?}: {received}");
                 Err(ProgramFailure {
                     reason,
-                    stderr: self.last_words(),
+                    stderr: self.stderr_end(),
                 })
             }
             Err(RecvTimeoutError::Disconnected) => {
@@ -154,7 +154,7 @@ impl Program {
 
     /// The failure, which is first of all that it ended, if it did.
     fn failed(&mut self, reason: String) -> ProgramFailure {
-        let deadline = Instant::now() + LAST_WORDS;
+        let deadline = Instant::now() + GRACE;
         let mut ended: Option<ExitStatus> = None;
         // Polled, as `wait` would block for a program that closed its output and goes on.
         while ended.is_none() && Instant::now() < deadline {
@@ -162,7 +162,7 @@ impl Program {
             thread::sleep(Duration::from_millis(5));
         }
         let reason = match ended {
-            Some(status) if self.came.load(Ordering::Relaxed) == 0 => {
+            Some(status) if self.received.load(Ordering::Relaxed) == 0 => {
                 format!("ended ({status}) before it answered")
             }
             Some(status) => format!("ended ({status}): it {reason}"),
@@ -171,17 +171,18 @@ impl Program {
         // What it still has to say comes through once it is gone.
         let _ = self.child.kill();
         // The channel closes when the thread that reads standard error is done.
-        let _ = self.silent.recv_timeout(LAST_WORDS);
+        let _ = self.stderr_closed.recv_timeout(GRACE);
         ProgramFailure {
             reason,
-            stderr: self.last_words(),
+            stderr: self.stderr_end(),
         }
     }
 
     /// The last lines of its standard error, as one.
-    fn last_words(&self) -> String {
-        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
-        let text = String::from_utf8_lossy(&said.iter().copied().collect::<Vec<_>>()).into_owned();
+    fn stderr_end(&self) -> String {
+        let tail = self.stderr_tail.lock();
+        let mut tail = tail.unwrap_or_else(PoisonError::into_inner);
+        let text = String::from_utf8_lossy(tail.make_contiguous());
         let lines: Vec<_> = text
             .lines()
             .filter(|line| !line.trim().is_empty())
@@ -237,14 +238,14 @@ fn read(stdout: Counted, questions: &Receiver<Question>, events: &Sender<Program
     }
 }
 
-/// Keeps the end of what the program says; `_speaking` is dropped when it says no more.
-fn listen(mut stderr: ChildStderr, kept: &Mutex<VecDeque<u8>>, _speaking: Sender<()>) {
-    let mut bytes = [0; KEPT];
+/// Keeps the end of the program's standard error; `_open` is dropped where that ends.
+fn keep_stderr(mut stderr: ChildStderr, kept: &Mutex<VecDeque<u8>>, _open: Sender<()>) {
+    let mut bytes = [0; STDERR_KEPT];
     while let Ok(count @ 1..) = stderr.read(&mut bytes) {
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.extend(&bytes[..count]);
         // The end says most: an error message follows what led to it.
-        let surplus = kept.len().saturating_sub(KEPT);
+        let surplus = kept.len().saturating_sub(STDERR_KEPT);
         kept.drain(..surplus);
     }
 }

@@ -19,16 +19,18 @@ const UNMATCHED: (u16, f32) = (u16::MAX, 0.0);
 
 impl OnePassCheck {
     /// The tolerance, as the matchers' tables have it.
-    pub const TOLERANCE: Parameter = Parameter {
-        name: "symmetry_tolerance",
-        unit: "px",
-        range: Range::Int {
-            default: -1,
-            min: -1,
-            max: 1024,
-        },
-        description: "largest difference between left and right disparity, -1 = no check",
-    };
+    pub const fn tolerance(default: i32) -> Parameter {
+        Parameter {
+            name: "symmetry_tolerance",
+            unit: "px",
+            range: Range::Int {
+                default,
+                min: -1,
+                max: 1024,
+            },
+            description: "largest difference between left and right disparity, -1 = no check",
+        }
+    }
 
     /// For rows of `width` pixels; none when `tolerance` is negative, which switches the check off.
     pub fn new(width: usize, tolerance: i32) -> Option<Self> {

@@ -37,8 +37,23 @@ pub use symmetry::SymmetricCheck;
 pub use texture::{DeviationTexture, DogTexture, TextureFilter};
 
 use crate::kernel::{Isa, Lanes};
+use crate::matcher::{Parameter, Range};
 use crate::stereo::{Plane, RowMut};
 use rayon::prelude::*;
+
+/// The uniqueness ratio, as the matchers' tables have it.
+pub const fn uniqueness(default: i32) -> Parameter {
+    Parameter {
+        name: "uniqueness",
+        unit: "%",
+        range: Range::Int {
+            default,
+            min: 0,
+            max: 100,
+        },
+        description: "by how much every other disparity must be worse, 0 = not tested",
+    }
+}
 
 /// Finds the matches of a block of rows, which are the lanes of its columns. It holds one thread's
 /// scratch.
@@ -84,6 +99,7 @@ pub(super) fn each_row<T: Send>(
         plane
             .par_chunks_exact_mut(width)
             .enumerate()
+            // A task per row would cost more than the row.
             .with_min_len(together)
             .for_each(|(y, row)| work(y, row));
     }

@@ -74,6 +74,7 @@ impl DogTexture {
             std::array::from_fn(|t| {
                 let g = (gaussian(a, t as f64) - gaussian(b, t as f64))
                     / (2.0 * std::f64::consts::PI).sqrt();
+                // Halves round up also below zero, where `round` would go away from it.
                 (65536.0 * g + 0.5).floor() as i32
             })
         };
@@ -124,6 +125,7 @@ impl DeviationTexture {
     /// With that threshold, in grey levels.
     pub fn new(threshold: f64) -> Self {
         Self {
+            // The integer test against a real bound: at least its next integer.
             least: (WINDOW as f64 * threshold).powi(2).ceil() as u32,
         }
     }

@@ -19,7 +19,7 @@ pub use densify::densify;
 pub use numbers::{Number, Numbers, Unit};
 
 use super::judged::judged;
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result, did_you_mean};
 use crate::stereo::{Plane, Visibility};
 use std::str::FromStr;
 
@@ -136,9 +136,7 @@ impl FromStr for Protocol {
             .find(|protocol| protocol.name() == name)
             .ok_or_else(|| {
                 let names = Self::ALL.map(Self::name);
-                let meant = nearest(name, names)
-                    .map(|n| format!(" (did you mean '{n}'?)"))
-                    .unwrap_or_default();
+                let meant = did_you_mean(name, names);
                 Error::Invalid(format!(
                     "unknown protocol '{name}'{meant}; there are {}",
                     names.join(", ")

@@ -15,7 +15,7 @@ pub use entry::{Dataset, Part};
 pub use folder::FolderSource;
 pub use scene::{Scene, SceneSource};
 
-use crate::error::nearest;
+use crate::error::did_you_mean;
 use entry::{Files, PairFiles, Seen, TruthFile};
 
 /// The data sets svl knows. Where a folder could be of several, the first is taken.
@@ -59,10 +59,7 @@ const OTHERS: Files = Files {
 /// One line that suggests the nearest name.
 pub fn find(name: &str) -> Result<&'static Dataset, String> {
     DATASETS.iter().find(|d| d.name == name).ok_or_else(|| {
-        let near = nearest(name, DATASETS.iter().map(|d| d.name));
-        let hint = near
-            .map(|near| format!(" (did you mean '{near}'?)"))
-            .unwrap_or_default();
+        let hint = did_you_mean(name, DATASETS.iter().map(|d| d.name));
         format!("unknown data set '{name}'{hint}; `svl datasets` lists them")
     })
 }

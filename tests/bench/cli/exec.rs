@@ -52,13 +52,13 @@ fn the_others_go_on_when_one_fails() {
     assert_eq!(
         told.len(),
         2,
-        "once for the same reason, once when it is given up:\n{}",
+        "once for the same reason, once when it is not started again:\n{}",
         ran.stderr
     );
     assert!(
         told[0].contains("exit status: 3")
             && told[0].contains("sorry")
-            && told[1].contains("given up"),
+            && told[1].contains("not started again"),
         "{told:?}"
     );
     assert!(
