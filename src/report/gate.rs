@@ -1,10 +1,10 @@
 //! Limits that a run has to keep: what `svl score --gate` and a CI trust.
 
-use super::metric::Metric;
 use super::summary::{AlgorithmSummary, Summary};
 use crate::error::{Error, Result};
 use crate::manifest::{Contestant, Manifest};
-use serde::{Deserialize, Serialize};
+use crate::score::{METRICS, Metric, Origin, Unit};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A limit, as a scenario's `[[gate]]` says it.
 ///
@@ -15,7 +15,8 @@ use serde::{Deserialize, Serialize};
 pub struct Limit {
     /// An algorithm as the run names it, or a bare name for it with any parameters.
     pub algorithm: String,
-    pub metric: Metric,
+    #[serde(deserialize_with = "metric")]
+    pub metric: &'static Metric,
     /// Of one checkpoint, by its number; `passed` without it is of all.
     pub checkpoint: Option<u32>,
     /// The algorithm whose median time is the unit.
@@ -27,6 +28,18 @@ pub struct Limit {
     /// Line of the scenario file.
     #[serde(skip_deserializing)]
     pub line: usize,
+}
+
+/// The metric of that name.
+fn metric<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<&'static Metric, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    Metric::find(&name).ok_or_else(|| {
+        let names: Vec<_> = METRICS.iter().map(|metric| metric.name).collect();
+        let names = names.join(", ");
+        serde::de::Error::custom(format!("unknown metric '{name}': expected one of {names}"))
+    })
 }
 
 /// What a limit says of a run.
@@ -61,7 +74,9 @@ impl Limit {
             {
                 wrong("min and max are numbers, 0 or more")
             }
-            _ if self.metric.is_share() && bounds.iter().flatten().any(|bound| *bound > 1.0) => {
+            _ if self.metric.unit == Unit::Share
+                && bounds.iter().flatten().any(|bound| *bound > 1.0) =>
+            {
                 wrong("a share is 0..=1, so 5 % is 0.05")
             }
             Self {
@@ -70,10 +85,12 @@ impl Limit {
                 ..
             } if min > max => wrong("min is above max"),
             Self {
-                metric: Metric::Time,
+                metric,
                 relative_to: None,
                 ..
-            } => wrong("time is judged as a ratio: name another algorithm with relative_to"),
+            } if metric.unit == Unit::Ms => {
+                wrong("time is judged as a ratio: name another algorithm with relative_to")
+            }
             Self {
                 algorithm,
                 relative_to: Some(other),
@@ -85,14 +102,16 @@ impl Limit {
                 metric,
                 relative_to: Some(_),
                 ..
-            } if *metric != Metric::Time => {
+            } if metric.unit != Unit::Ms => {
                 wrong("relative_to belongs to metric = \"time\"; quality has absolute limits")
             }
             Self {
                 metric,
                 checkpoint: Some(_),
                 ..
-            } if *metric != Metric::Passed => wrong("checkpoint belongs to metric = \"passed\""),
+            } if !matches!(metric.origin, Origin::Checkpoints) => {
+                wrong("checkpoint belongs to metric = \"passed\"")
+            }
             _ => Ok(()),
         }
     }
@@ -151,8 +170,8 @@ impl Limit {
     }
 
     fn value(&self, of: &AlgorithmSummary, summary: &Summary) -> Option<f64> {
-        if self.metric != Metric::Passed {
-            return self.metric.of(of);
+        if !matches!(self.metric.origin, Origin::Checkpoints) {
+            return of.value(self.metric);
         }
         let visited = summary
             .checkpoints
@@ -183,7 +202,7 @@ impl std::fmt::Display for Ruling {
             f,
             "{}: {}",
             self.algorithm.as_ref().unwrap_or(algorithm),
-            metric.words()
+            metric.words
         )?;
         if let Some(number) = checkpoint {
             write!(f, " at checkpoint {number}")?;
@@ -196,18 +215,17 @@ impl std::fmt::Display for Ruling {
             (_, None) => f.write_str(" is not measured in this run")?,
             (_, Some(value)) => {
                 // Rounded to the bound itself it would not be seen to break it.
-                let hidden = [min, max]
-                    .into_iter()
-                    .flatten()
-                    .any(|b| *b != value && metric.show(*b) == metric.show(value));
-                match (hidden, metric.is_share()) {
+                let hidden = [min, max].into_iter().flatten().any(|b| {
+                    *b != value && metric.show_relative(*b) == metric.show_relative(value)
+                });
+                match (hidden, metric.unit == Unit::Share) {
                     (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
-                    _ => write!(f, " {}", metric.show(value))?,
+                    _ => write!(f, " {}", metric.show_relative(value))?,
                 }
             }
         }
         let bounds = [("at least", min), ("at most", max)]
-            .map(|(words, bound)| bound.map(|b| (words, metric.show(b))));
+            .map(|(words, bound)| bound.map(|b| (words, metric.show_relative(b))));
         for (i, (words, bound)) in bounds.into_iter().flatten().enumerate() {
             write!(f, "{} {words} {bound}", if i == 0 { "," } else { " and" })?;
         }

@@ -1,7 +1,7 @@
 //! A summary as Markdown.
 
 use super::summary::Summary;
-use super::words::{COLUMNS, Cell, Checkpoints, Column, SPEED, VERDICTS, notes, shown};
+use super::words::{Cell, Checkpoints, Column, VERDICTS, columns, notes, shown, speed_columns};
 
 impl Summary {
     /// The summary as a Markdown page under `title`.
@@ -10,13 +10,13 @@ impl Summary {
         if let Some(why) = &self.incomplete {
             page.push_str(&format!("\n**Incomplete:** {}\n", escape(why)));
         }
-        self.algorithms_markdown(&mut page, COLUMNS);
+        self.algorithms_markdown(&mut page, columns());
         if let Some(checkpoints) = Checkpoints::of(self) {
             page.push_str("\n## Checkpoints\n");
             checkpoints_markdown(&mut page, &checkpoints);
         }
         page.push_str("\n## Speed\n");
-        self.algorithms_markdown(&mut page, SPEED);
+        self.algorithms_markdown(&mut page, speed_columns());
         page
     }
 
@@ -31,14 +31,14 @@ impl Summary {
         page
     }
 
-    fn algorithms_markdown(&self, page: &mut String, columns: &'static [Column]) {
+    fn algorithms_markdown(&self, page: &mut String, columns: Vec<Column>) {
         let columns = shown(columns, self);
         let heads = columns.iter().map(|c| match c.group {
             "" => c.head.to_owned(),
             group => format!("{group}: {}", c.head),
         });
         let lines = self.algorithms.iter().map(|a| {
-            let cells = columns.iter().map(|column| (column.cell)(a));
+            let cells = columns.iter().map(|column| column.cell(a));
             std::iter::once(escape(&a.algorithm)).chain(cells).collect()
         });
         table(
@@ -49,8 +49,8 @@ impl Summary {
             lines,
         );
         page.push('\n');
-        for (term, meaning) in notes(&columns) {
-            page.push_str(&format!("- {}: {}\n", escape(term), escape(meaning)));
+        for (term, meaning) in notes(&columns, self.rule) {
+            page.push_str(&format!("- {}: {}\n", escape(term), escape(&meaning)));
         }
     }
 }

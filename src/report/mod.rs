@@ -13,7 +13,6 @@ pub mod compare;
 mod gate;
 pub mod html;
 mod markdown;
-mod metric;
 pub mod plot;
 mod read;
 mod rows;
@@ -25,8 +24,7 @@ mod text;
 mod words;
 
 pub use gate::{Limit, Ruling};
-pub use metric::Metric;
 pub use read::read_rows;
-pub use rows::{CellRow, CheckpointRow, Record, Row};
+pub use rows::{CellRow, CheckpointRow, ColumnValue, CsvCells, Record, Row, Totals};
 pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
 pub use tables::Table;

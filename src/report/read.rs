@@ -1,6 +1,6 @@
 //! Tables read back.
 
-use super::rows::Record;
+use super::rows::{CsvCells, Record};
 use super::tables::csv_error;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -22,8 +22,18 @@ pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
             format!("is not a table: expected a CSV file of at most {MAX_BYTES} bytes"),
         ));
     }
-    csv::Reader::from_reader(file)
-        .into_deserialize()
-        .map(|row| row.map_err(|e| csv_error(path, e)))
-        .collect()
+    let mut reader = csv::Reader::from_reader(file);
+    let heads = reader.headers().map_err(|e| csv_error(path, e))?.clone();
+    let row = |line: csv::Result<csv::StringRecord>| {
+        let line = line.map_err(|e| csv_error(path, e))?;
+        let cells = CsvCells {
+            heads: &heads,
+            line: &line,
+        };
+        R::parse(cells).map_err(|why| match line.position() {
+            Some(place) => Error::format(path, format!("line {}: {why}", place.line())),
+            None => Error::format(path, why),
+        })
+    };
+    reader.records().map(row).collect()
 }

@@ -1,16 +1,25 @@
-//! The rows of the tables: plain structs, filled by whoever scores a run.
+//! The rows of the tables and their columns, as CSV, JSON and polars have them.
 //!
 //! Shares are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
 //! number that needs truth is absent where there is none.
 
-use crate::score::Verdict;
-use polars::prelude::{DataFrame, PolarsResult};
-use serde::{Serialize, de::DeserializeOwned};
+use crate::score::{METRICS, Metric, MetricValues, Verdict};
+use polars::prelude::{Column, DataFrame, PolarsResult};
+use std::str::FromStr;
 
-/// A row that can also stand as the columns of a data frame.
-pub trait Record: Serialize + DeserializeOwned {
-    /// Names of the columns, in the order of the fields.
-    const COLUMNS: &'static [&'static str];
+/// A row of a table: named columns, each of one type.
+pub trait Record: Sized {
+    /// Names of the columns, in their order.
+    fn columns() -> Vec<&'static str>;
+
+    /// A value per column.
+    fn values(&self) -> Vec<ColumnValue<'_>>;
+
+    /// The row with the text that `cells` has in each column.
+    ///
+    /// # Errors
+    /// The column that is missing or holds no value of its type, in words.
+    fn parse(cells: CsvCells<'_>) -> Result<Self, String>;
 
     /// The rows as a data frame, typed also when there are none.
     ///
@@ -19,22 +28,76 @@ pub trait Record: Serialize + DeserializeOwned {
     fn frame(rows: &[Self]) -> PolarsResult<DataFrame>;
 }
 
-/// Declares a row and its columns from one list of fields.
+/// What stands in a column of a row.
+#[derive(serde::Serialize)]
+#[serde(untagged)]
+pub enum ColumnValue<'a> {
+    Text(&'a str),
+    Whole(Option<u64>),
+    Real(Option<f64>),
+    Flag(Option<bool>),
+}
+
+/// A line of a CSV file.
+#[derive(Clone, Copy)]
+pub struct CsvCells<'a> {
+    pub(super) heads: &'a csv::StringRecord,
+    pub(super) line: &'a csv::StringRecord,
+}
+
+impl<'a> CsvCells<'a> {
+    fn get(self, column: &str) -> Option<&'a str> {
+        let place = self.heads.iter().position(|head| head == column)?;
+        self.line.get(place)
+    }
+}
+
+/// Declares a row of one list of fields, each a column or several.
 macro_rules! record {
     ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $field:ident: $kind:ty,)* }) => {
         $(#[$about])*
-        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[derive(Clone, Debug, PartialEq)]
         pub struct $name { $($(#[$doc])* pub $field: $kind,)* }
 
         impl $crate::report::rows::Record for $name {
-            const COLUMNS: &'static [&'static str] = &[$(stringify!($field),)*];
+            fn columns() -> Vec<&'static str> {
+                let mut columns = Vec::new();
+                $(<$kind as $crate::report::rows::Field>::columns(
+                    stringify!($field),
+                    &mut columns,
+                );)*
+                columns
+            }
+
+            fn values(&self) -> Vec<$crate::report::rows::ColumnValue<'_>> {
+                let mut values = Vec::new();
+                $($crate::report::rows::Field::values(&self.$field, &mut values);)*
+                values
+            }
+
+            fn parse(cells: $crate::report::rows::CsvCells<'_>) -> Result<Self, String> {
+                Ok(Self {$(
+                    $field: $crate::report::rows::Field::parse(stringify!($field), cells)?,
+                )*})
+            }
 
             fn frame(rows: &[Self]) -> polars::prelude::PolarsResult<polars::prelude::DataFrame> {
-                use $crate::report::rows::Stored as _;
-                polars::prelude::DataFrame::new(rows.len(), vec![$({
-                    let values: Vec<_> = rows.iter().map(|row| row.$field.stored()).collect();
-                    polars::prelude::Column::new(stringify!($field).into(), values)
-                },)*])
+                let mut columns = Vec::new();
+                $(
+                    let fields: Vec<_> = rows.iter().map(|row| &row.$field).collect();
+                    columns.extend($crate::report::rows::Field::stored(
+                        stringify!($field),
+                        &fields,
+                    ));
+                )*
+                polars::prelude::DataFrame::new(rows.len(), columns)
+            }
+        }
+
+        impl serde::Serialize for $name {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                use $crate::report::rows::Record as _;
+                serializer.collect_map(Self::columns().into_iter().zip(self.values()))
             }
         }
     };
@@ -66,19 +129,8 @@ record! {
         matching_us: u64,
         checks_us: u64,
         total_us: u64,
-        /// Share of all pixels with a disparity.
-        coverage: f64,
-        /// Share of the estimated visible pixels that are off by more than 1 px.
-        bad1: Option<f64>,
-        /// As `bad1`, by more than 2 px.
-        bad2: Option<f64>,
-        /// Share of the visible pixels with truth that have no estimate.
-        invalid: Option<f64>,
-        cells_right: Option<u64>,
-        cells_wrong: Option<u64>,
-        cells_unknown: Option<u64>,
-        missed_obstacles: Option<u64>,
-        false_obstacles: Option<u64>,
+        /// A column per metric of frames.
+        metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
         result_hash: String,
     }
@@ -135,38 +187,143 @@ record! {
     }
 }
 
-/// A field as polars stores it.
-pub(super) trait Stored {
-    type As;
-    fn stored(&self) -> Self::As;
-}
-
-macro_rules! stored_as_itself {
-    ($($kind:ty),*) => {
-        $(impl Stored for $kind {
-            type As = Self;
-            fn stored(&self) -> Self {
-                self.clone()
-            }
-        })*
-    };
-}
-
-stored_as_itself!(
-    String,
-    u32,
-    u64,
-    f64,
-    bool,
-    Option<u32>,
-    Option<u64>,
-    Option<f64>,
-    Option<bool>
-);
-
-impl Stored for Verdict {
-    type As = &'static str;
-    fn stored(&self) -> &'static str {
-        self.name()
+/// A field of a row: one column of its name, or several.
+pub(super) trait Field: Sized {
+    fn columns(name: &'static str, columns: &mut Vec<&'static str>) {
+        columns.push(name);
     }
+
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>);
+
+    fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String>;
+
+    fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
+}
+
+/// Types that are one column: how it is written, read, and kept by polars.
+macro_rules! columns {
+    ($($kind:ty: |$field:ident| $value:expr, $read:expr, $stored:expr;)*) => {$(
+        impl Field for $kind {
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                let $field = self;
+                values.push($value);
+            }
+
+            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                let text = cells.get(name).ok_or_else(|| format!("has no column '{name}'"))?;
+                let read: fn(&str) -> Option<Self> = $read;
+                read(text).ok_or_else(|| format!("'{text}' in column '{name}' cannot be read"))
+            }
+
+            fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let values: Vec<_> = fields.iter().copied().map($stored).collect();
+                vec![Column::new(name.into(), values)]
+            }
+        }
+    )*};
+}
+
+columns! {
+    String: |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone;
+    Verdict: |verdict| ColumnValue::Text(verdict.name()), Verdict::from_name, |verdict| verdict.name();
+    u32: |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
+    u64: |n| ColumnValue::Whole(Some(*n)), read, u64::clone;
+    f64: |v| ColumnValue::Real(Some(*v)), read, f64::clone;
+    bool: |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone;
+    Option<u32>: |n| ColumnValue::Whole(n.map(Into::into)), optional, Option::clone;
+    Option<u64>: |n| ColumnValue::Whole(*n), optional, Option::clone;
+    Option<f64>: |v| ColumnValue::Real(*v), optional, Option::clone;
+    Option<bool>: |flag| ColumnValue::Flag(*flag), optional, Option::clone;
+}
+
+fn read<T: FromStr>(text: &str) -> Option<T> {
+    text.parse().ok()
+}
+
+fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
+    match text {
+        "" => Some(None),
+        _ => text.parse().ok().map(Some),
+    }
+}
+
+/// The metrics whose columns come first in rows; the others follow as [`METRICS`] has them.
+const FIRST_IN_ROWS: [&str; 4] = ["coverage", "bad1", "bad2", "invalid"];
+
+fn metrics_in_rows() -> Vec<(&'static Metric, &'static str)> {
+    let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
+    let rest = METRICS
+        .iter()
+        .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
+    first
+        .chain(rest)
+        .filter_map(|metric| Some((metric, metric.column()?.0)))
+        .collect()
+}
+
+fn metrics_in_summaries() -> Vec<(&'static Metric, &'static str)> {
+    METRICS
+        .iter()
+        .filter_map(|metric| Some((metric, metric.column()?.0)))
+        .collect()
+}
+
+/// The metrics' columns of all frames of an algorithm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Totals(pub MetricValues);
+
+impl std::ops::Deref for Totals {
+    type Target = MetricValues;
+
+    fn deref(&self) -> &MetricValues {
+        &self.0
+    }
+}
+
+/// The values of metrics: a column each, whole numbers where the metric counts.
+macro_rules! metric_columns {
+    ($($kind:ident, $order:ident, $new:expr;)*) => {$(
+        impl Field for $kind {
+            fn columns(_: &'static str, columns: &mut Vec<&'static str>) {
+                columns.extend($order().into_iter().map(|(_, column)| column));
+            }
+
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                values.extend($order().into_iter().map(|(metric, _)| match self.get(metric.name) {
+                    value if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
+                    value => ColumnValue::Real(value),
+                }));
+            }
+
+            /// A column that is missing is that of a metric younger than the file.
+            fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                let mut metrics = MetricValues::default();
+                for (metric, column) in $order() {
+                    if cells.get(column).is_some() {
+                        metrics.set(metric.name, Field::parse(column, cells)?);
+                    }
+                }
+                Ok($new(metrics))
+            }
+
+            fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let column = |(metric, column): (&'static Metric, &'static str)| {
+                    let values = fields.iter().map(|field| field.get(metric.name));
+                    match metric.counts() {
+                        true => {
+                            let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
+                            Column::new(column.into(), counts)
+                        }
+                        false => Column::new(column.into(), values.collect::<Vec<_>>()),
+                    }
+                };
+                $order().into_iter().map(column).collect()
+            }
+        }
+    )*};
+}
+
+metric_columns! {
+    MetricValues, metrics_in_rows, std::convert::identity;
+    Totals, metrics_in_summaries, Totals;
 }

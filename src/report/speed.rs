@@ -104,15 +104,7 @@ mod tests {
             matching_us: total_us / 2,
             checks_us: 0,
             total_us,
-            coverage: 1.0,
-            bad1: None,
-            bad2: None,
-            invalid: None,
-            cells_right: None,
-            cells_wrong: None,
-            cells_unknown: None,
-            missed_obstacles: None,
-            false_obstacles: None,
+            metrics: Default::default(),
             result_hash: String::new(),
         }
     }

@@ -1,9 +1,11 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
-use super::rows::{CheckpointRow, Record, Row, record};
+use super::rows::{CheckpointRow, Record, Row, Totals, record};
 use super::speed::Speed;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
+use crate::score::{METRICS, Metric, MetricValues, Origin, Total};
+use crate::stereo::CellRule;
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
 
@@ -19,6 +21,9 @@ pub struct Summary {
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
+    /// How cells were judged.
+    #[serde(skip)]
+    pub rule: CellRule,
 }
 
 record! {
@@ -26,16 +31,8 @@ record! {
     AlgorithmSummary {
         algorithm: String,
         pairs: u64,
-        cells_right: Option<u64>,
-        cells_wrong: Option<u64>,
-        cells_unknown: Option<u64>,
-        missed_obstacles: Option<u64>,
-        false_obstacles: Option<u64>,
-        /// Mean of the pairs' shares, 0..=1, as are the next three.
-        coverage: f64,
-        invalid: Option<f64>,
-        bad1: Option<f64>,
-        bad2: Option<f64>,
+        /// Per metric of frames the sum of what it counts, or its mean.
+        totals: Totals,
         /// Median time a pair by nearest rank.
         p50_ms: f64,
         /// Percentiles by nearest rank: the 99th is the slowest pair when there are fewer than a
@@ -79,9 +76,14 @@ record! {
 }
 
 impl AlgorithmSummary {
-    /// Cells that were judged: right, wrong and unknown.
-    pub fn cells(&self) -> Option<u64> {
-        Some(self.cells_right? + self.cells_wrong? + self.cells_unknown?)
+    /// The value of a metric, absent where the run does not measure it; of checkpoints see
+    /// [`CheckpointSummary::share`].
+    pub fn value(&self, metric: &Metric) -> Option<f64> {
+        match metric.origin {
+            Origin::Frame { .. } => self.totals.value(metric),
+            Origin::Time => Some(self.p50_ms),
+            Origin::Checkpoints => None,
+        }
     }
 }
 
@@ -134,6 +136,7 @@ impl Summary {
             pairs_hash: pairs_hash(rows)?,
             algorithms,
             checkpoints,
+            rule: CellRule::default(),
         })
     }
 }
@@ -154,15 +157,7 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     Ok(AlgorithmSummary {
         algorithm: first(rows, "algorithm")?,
         pairs: rows.height() as u64,
-        cells_right: sum(rows, "cells_right")?,
-        cells_wrong: sum(rows, "cells_wrong")?,
-        cells_unknown: sum(rows, "cells_unknown")?,
-        missed_obstacles: sum(rows, "missed_obstacles")?,
-        false_obstacles: sum(rows, "false_obstacles")?,
-        coverage: mean(rows, "coverage")?.unwrap_or_default(),
-        invalid: mean(rows, "invalid")?,
-        bad1: mean(rows, "bad1")?,
-        bad2: mean(rows, "bad2")?,
+        totals: totals(rows)?,
         p50_ms: speed.rank_ms(0.50),
         p95_ms: speed.rank_ms(0.95),
         p99_ms: speed.rank_ms(0.99),
@@ -177,6 +172,19 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         other_ms,
         results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
     })
+}
+
+fn totals(rows: &DataFrame) -> PolarsResult<Totals> {
+    let mut totals = MetricValues::default();
+    for metric in METRICS {
+        let value = match metric.column() {
+            Some((column, Total::Mean)) => mean(rows, column)?,
+            Some((column, _)) => sum(rows, column)?.map(|count| count as f64),
+            None => continue,
+        };
+        totals.set(metric.name, value);
+    }
+    Ok(Totals(totals))
 }
 
 fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {

@@ -78,7 +78,7 @@ impl<R: Record> Table<R> {
         for row in rows {
             if let Some(csv) = &mut self.csv {
                 csv.writer
-                    .serialize(&row)
+                    .serialize(row.values())
                     .map_err(|e| csv_error(&csv.path, e))?;
             }
             if let Some(parquet) = &mut self.parquet {
@@ -107,7 +107,7 @@ impl Csv {
             .has_headers(false)
             .from_writer(file);
         writer
-            .write_record(R::COLUMNS)
+            .write_record(R::columns())
             .map_err(|e| csv_error(path, e))?;
         writer.flush().map_err(|e| Error::io(path, e))?;
         Ok(Self {

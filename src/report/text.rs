@@ -1,7 +1,7 @@
 //! A summary on the terminal: plain text, aligned, at most 100 columns.
 
 use super::summary::Summary;
-use super::words::{COLUMNS, Checkpoints, Column, VERDICTS, notes, shown};
+use super::words::{Checkpoints, Column, VERDICTS, columns, notes, shown};
 use std::fmt::{Display, Formatter, Result};
 
 const WIDTH: usize = 100;
@@ -17,58 +17,74 @@ impl Display for Summary {
         if self.algorithms.is_empty() {
             return writeln!(f, "No pairs.");
         }
-        let columns = shown(COLUMNS, self);
-        // Two blanks between groups, one within.
-        let gap = |i: usize| {
-            if i == 0 || columns[i - 1].group != columns[i].group {
-                2
-            } else {
-                1
-            }
-        };
-        let numbers: usize = columns
+        let columns = shown(columns(), self);
+        let blocks = blocks(&columns);
+        let widest = blocks
             .iter()
-            .enumerate()
-            .map(|(i, column)| gap(i) + column.width)
-            .sum();
-        let name = name_width(
-            self.algorithms.iter().map(|a| a.algorithm.as_str()),
-            WIDTH - numbers,
-        );
+            .map(|block| width(block))
+            .max()
+            .unwrap_or_default();
+        let names = self.algorithms.iter().map(|a| a.algorithm.as_str());
+        let name = name_width(names, WIDTH - widest);
+        for block in blocks {
+            self.block(f, name, block)?;
+        }
+        notes(&columns, self.rule)
+            .iter()
+            .try_for_each(|(term, meaning)| writeln!(f, "{term}: {meaning}"))?;
+        Checkpoints::of(self).map_or(Ok(()), |table| checkpoints(&table, f))
+    }
+}
 
-        writeln!(f, "{}", head_of_groups(name, &columns).trim_end())?;
+impl Summary {
+    /// A line per algorithm with these columns.
+    fn block(&self, f: &mut Formatter<'_>, name: usize, columns: &[Column]) -> Result {
+        writeln!(f, "{}", head_of_groups(name, columns).trim_end())?;
         write!(f, "{:name$}", "algorithm")?;
         for (i, column) in columns.iter().enumerate() {
-            write!(
-                f,
-                "{:gap$}{:>width$}",
-                "",
-                column.head,
-                gap = gap(i),
-                width = column.width
-            )?;
+            let width = gap(columns, i) + column.width;
+            write!(f, "{:>width$}", column.head)?;
         }
         writeln!(f)?;
         for algorithm in &self.algorithms {
             label(f, &algorithm.algorithm, name)?;
             for (i, column) in columns.iter().enumerate() {
-                write!(
-                    f,
-                    "{:gap$}{:>width$}",
-                    "",
-                    (column.cell)(algorithm),
-                    gap = gap(i),
-                    width = column.width
-                )?;
+                let width = gap(columns, i) + column.width;
+                write!(f, "{:>width$}", column.cell(algorithm))?;
             }
             writeln!(f)?;
         }
-        writeln!(f)?;
-        notes(&columns)
-            .iter()
-            .try_for_each(|(term, meaning)| writeln!(f, "{term}: {meaning}"))?;
-        Checkpoints::of(self).map_or(Ok(()), |table| checkpoints(&table, f))
+        writeln!(f)
     }
+}
+
+/// Blanks before a column: two between groups, one within.
+fn gap(columns: &[Column], i: usize) -> usize {
+    let begins_group = i == 0 || columns[i - 1].group != columns[i].group;
+    1 + usize::from(begins_group)
+}
+
+fn width(columns: &[Column]) -> usize {
+    let columns = columns
+        .iter()
+        .enumerate()
+        .map(|(i, column)| gap(columns, i) + column.width);
+    columns.sum()
+}
+
+/// The columns in blocks that fit beside the shortest names, groups undivided.
+fn blocks(columns: &[Column]) -> Vec<&[Column]> {
+    let (mut blocks, mut begin, mut end) = (Vec::new(), 0, 0);
+    for group in columns.chunk_by(|a, b| a.group == b.group) {
+        let next = end + group.len();
+        if end > begin && width(&columns[begin..next]) > WIDTH - "algorithm".len() {
+            blocks.push(&columns[begin..end]);
+            begin = end;
+        }
+        end = next;
+    }
+    blocks.push(&columns[begin..end]);
+    blocks
 }
 
 /// Width of the column of names: the longest, where there is room.
@@ -91,7 +107,7 @@ fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
 }
 
 /// The line above the heads, a group's word centred over its columns.
-fn head_of_groups(name: usize, columns: &[&Column]) -> String {
+fn head_of_groups(name: usize, columns: &[Column]) -> String {
     let mut line = " ".repeat(name);
     for group in columns.chunk_by(|a, b| a.group == b.group) {
         let span = group.iter().map(|column| column.width).sum::<usize>() + group.len() - 1;

@@ -1,200 +1,98 @@
 //! How a summary's numbers are worded, once for terminal, Markdown and HTML.
 
 use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
+use crate::score::{METRICS, Metric, Unit};
+use crate::stereo::CellRule;
 
 /// Stands for a number that does not exist.
 pub(super) const NONE: &str = "–";
 
-/// A column of the table of algorithms.
+/// A column of a table with a line per algorithm.
 pub(super) struct Column {
     /// Heads the column and its neighbours of the same group.
     pub(super) group: &'static str,
     pub(super) head: &'static str,
     /// Characters it takes on the terminal.
     pub(super) width: usize,
-    pub(super) cell: fn(&AlgorithmSummary) -> String,
+    number: Source,
 }
 
-/// The table of algorithms, after the algorithm's name.
-pub(super) const COLUMNS: &[Column] = &[
-    Column {
-        group: "",
-        head: "pairs",
-        width: 6,
-        cell: |a| a.pairs.to_string(),
-    },
-    Column {
-        group: "cells, %",
-        head: "right",
-        width: 5,
-        cell: |a| share_of_cells(a, a.cells_right),
-    },
-    Column {
-        group: "cells, %",
-        head: "wrong",
-        width: 5,
-        cell: |a| share_of_cells(a, a.cells_wrong),
-    },
-    Column {
-        group: "cells, %",
-        head: "unknown",
-        width: 7,
-        cell: |a| share_of_cells(a, a.cells_unknown),
-    },
-    Column {
-        group: "obstacles",
-        head: "missed",
-        width: 6,
-        cell: |a| count(a.missed_obstacles),
-    },
-    Column {
-        group: "obstacles",
-        head: "false",
-        width: 5,
-        cell: |a| count(a.false_obstacles),
-    },
-    Column {
-        group: "pixels, %",
-        head: "cover",
-        width: 5,
-        cell: |a| percent(Some(a.coverage)),
-    },
-    Column {
-        group: "pixels, %",
-        head: "invalid",
-        width: 7,
-        cell: |a| percent(a.invalid),
-    },
-    Column {
-        group: "pixels, %",
-        head: ">1 px",
-        width: 5,
-        cell: |a| percent(a.bad1),
-    },
-    Column {
-        group: "pixels, %",
-        head: ">2 px",
-        width: 5,
-        cell: |a| percent(a.bad2),
-    },
-    Column {
-        group: "ms per pair",
-        head: "p50",
-        width: 7,
-        cell: |a| ms(a.p50_ms),
-    },
-    Column {
-        group: "ms per pair",
-        head: "p99",
-        width: 7,
-        cell: |a| ms(a.p99_ms),
-    },
-];
+enum Source {
+    Metric(&'static Metric),
+    Summary(fn(&AlgorithmSummary) -> String),
+}
+
+impl Column {
+    const fn new(
+        group: &'static str,
+        head: &'static str,
+        width: usize,
+        number: fn(&AlgorithmSummary) -> String,
+    ) -> Self {
+        Self {
+            group,
+            head,
+            width,
+            number: Source::Summary(number),
+        }
+    }
+
+    /// Its number of an algorithm in words.
+    pub(super) fn cell(&self, summary: &AlgorithmSummary) -> String {
+        match self.number {
+            Source::Metric(metric) => summary
+                .value(metric)
+                .map_or_else(|| NONE.to_owned(), |value| number(metric.unit, value)),
+            Source::Summary(number) => number(summary),
+        }
+    }
+}
+
+/// The table of algorithms, after the algorithm's name: the metrics of frames, and the time.
+pub(super) fn columns() -> Vec<Column> {
+    let metrics = METRICS.iter().filter(|metric| metric.column().is_some());
+    let metrics = metrics.map(|metric| Column {
+        group: metric.group,
+        head: metric.head,
+        // At least as wide as 100.0.
+        width: metric.head.chars().count().max(5),
+        number: Source::Metric(metric),
+    });
+    let pairs = Column::new("", "pairs", 6, |a| a.pairs.to_string());
+    let times = [
+        Column::new("ms per pair", "p50", 7, |a| ms(a.p50_ms)),
+        Column::new("ms per pair", "p99", 7, |a| ms(a.p99_ms)),
+    ];
+    std::iter::once(pairs).chain(metrics).chain(times).collect()
+}
 
 /// The table of speeds, likewise.
-pub(super) const SPEED: &[Column] = &[
-    Column {
-        group: "ms per pair",
-        head: "p50",
-        width: 7,
-        cell: |a| ms(a.p50_ms),
-    },
-    Column {
-        group: "ms per pair",
-        head: "p95",
-        width: 7,
-        cell: |a| ms(a.p95_ms),
-    },
-    Column {
-        group: "ms per pair",
-        head: "p99",
-        width: 7,
-        cell: |a| ms(a.p99_ms),
-    },
-    Column {
-        group: "ms per pair",
-        head: "max",
-        width: 7,
-        cell: |a| ms(a.max_ms),
-    },
-    Column {
-        group: "by size",
-        head: "s/MP",
-        width: 7,
-        cell: |a| digits(Some(a.time_per_mp_s)),
-    },
-    Column {
-        group: "by size",
-        head: "s/GD",
-        width: 7,
-        cell: |a| digits(a.time_per_gd_s),
-    },
-    Column {
-        group: "by size",
-        head: "MDE/s",
-        width: 6,
-        cell: |a| digits(a.mde_per_s),
-    },
-    Column {
-        group: "stages, ms",
-        head: "smoothing",
-        width: 9,
-        cell: |a| ms(a.smoothing_ms),
-    },
-    Column {
-        group: "stages, ms",
-        head: "texture",
-        width: 7,
-        cell: |a| ms(a.texture_ms),
-    },
-    Column {
-        group: "stages, ms",
-        head: "matching",
-        width: 8,
-        cell: |a| ms(a.matching_ms),
-    },
-    Column {
-        group: "stages, ms",
-        head: "checks",
-        width: 6,
-        cell: |a| ms(a.checks_ms),
-    },
-    Column {
-        group: "stages, ms",
-        head: "other",
-        width: 6,
-        cell: |a| ms(a.other_ms),
-    },
-];
-
-/// The columns in which some algorithm has a number.
-pub(super) fn shown(columns: &'static [Column], summary: &Summary) -> Vec<&'static Column> {
-    let told = |column: &&Column| summary.algorithms.iter().any(|a| (column.cell)(a) != NONE);
-    columns.iter().filter(told).collect()
+pub(super) fn speed_columns() -> Vec<Column> {
+    let column = Column::new;
+    vec![
+        column("ms per pair", "p50", 7, |a| ms(a.p50_ms)),
+        column("ms per pair", "p95", 7, |a| ms(a.p95_ms)),
+        column("ms per pair", "p99", 7, |a| ms(a.p99_ms)),
+        column("ms per pair", "max", 7, |a| ms(a.max_ms)),
+        column("by size", "s/MP", 7, |a| digits(Some(a.time_per_mp_s))),
+        column("by size", "s/GD", 7, |a| digits(a.time_per_gd_s)),
+        column("by size", "MDE/s", 6, |a| digits(a.mde_per_s)),
+        column("stages, ms", "smoothing", 9, |a| ms(a.smoothing_ms)),
+        column("stages, ms", "texture", 7, |a| ms(a.texture_ms)),
+        column("stages, ms", "matching", 8, |a| ms(a.matching_ms)),
+        column("stages, ms", "checks", 6, |a| ms(a.checks_ms)),
+        column("stages, ms", "other", 6, |a| ms(a.other_ms)),
+    ]
 }
 
-/// What the columns mean, below the tables: term and meaning.
-const NOTES: &[(&str, &str)] = &[
-    (
-        "cells",
-        "of those with truth; right within the scenario's tolerance; unknown is not wrong",
-    ),
-    (
-        "obstacles",
-        "cells truly nearer than 0.5 m reported beyond 0.75 m (missed), and the reverse (false)",
-    ),
-    (
-        "cover",
-        "pixels with a disparity; a mean over the pairs, as are the next three",
-    ),
-    (
-        "invalid",
-        "pixels without one, of those with truth that both cameras see",
-    ),
-    (
-        ">1 px, >2 px",
-        "pixels off by more, of those with truth that both cameras see and a disparity",
-    ),
+/// The columns in which some algorithm has a number.
+pub(super) fn shown(mut columns: Vec<Column>, summary: &Summary) -> Vec<Column> {
+    columns.retain(|column| summary.algorithms.iter().any(|a| column.cell(a) != NONE));
+    columns
+}
+
+/// What the columns of times mean: term and meaning.
+const TIME_NOTES: &[(&str, &str)] = &[
     (
         "p50, p99",
         "by nearest rank, so that p99 is the slowest pair where there are fewer than 100",
@@ -214,18 +112,29 @@ const NOTES: &[(&str, &str)] = &[
     ),
 ];
 
-/// The notes on those columns.
-pub(super) fn notes(columns: &[&Column]) -> Vec<(&'static str, &'static str)> {
-    let about = |term: &str| {
+/// The notes on those columns, which stand below their table.
+pub(super) fn notes(columns: &[Column], rule: CellRule) -> Vec<(&'static str, String)> {
+    let metrics = columns.iter().filter_map(|column| match column.number {
+        Source::Metric(metric) => metric.note,
+        Source::Summary(_) => None,
+    });
+    let times = TIME_NOTES.iter().filter(|(term, _)| {
         columns
             .iter()
             .any(|c| c.group.starts_with(term) || term.contains(c.head))
-    };
-    NOTES
-        .iter()
-        .filter(|(term, _)| about(term))
-        .copied()
-        .collect()
+    });
+    let times = times.map(|(term, meaning)| (*term, (*meaning).to_owned()));
+    metrics.map(|note| note(rule)).chain(times).collect()
+}
+
+/// A value in a table, whose head says the unit.
+pub(super) fn number(unit: Unit, value: f64) -> String {
+    match unit {
+        Unit::Share => format!("{:.1}", 100.0 * value),
+        Unit::Count => format!("{value:.0}"),
+        Unit::Px => format!("{value:.2}"),
+        Unit::Ms => ms(value),
+    }
 }
 
 /// A share as a percentage with one decimal.
@@ -260,19 +169,6 @@ pub(super) const VERDICTS: &str = "✓ passes, ✗ fails: best, then worst frame
 /// A mark for a frame that passed or failed.
 pub(super) fn mark(passed: bool) -> char {
     if passed { '✓' } else { '✗' }
-}
-
-fn count(number: Option<u64>) -> String {
-    number.map_or_else(|| NONE.to_owned(), |n| n.to_string())
-}
-
-fn share_of_cells(algorithm: &AlgorithmSummary, number: Option<u64>) -> String {
-    let cells = algorithm.cells().filter(|&n| n > 0);
-    percent(
-        number
-            .zip(cells)
-            .map(|(number, cells)| number as f64 / cells as f64),
-    )
 }
 
 /// The checkpoints as a table: a line per algorithm, a column per checkpoint and one for all of

@@ -29,6 +29,11 @@ impl Verdict {
             Self::NoTruth => "no-truth",
         }
     }
+
+    pub fn from_name(name: &str) -> Option<Self> {
+        let all = [Self::Right, Self::Wrong, Self::Unknown, Self::NoTruth];
+        all.into_iter().find(|verdict| verdict.name() == name)
+    }
 }
 
 /// A cell's report beside its truth.

@@ -1,7 +1,8 @@
 //! Scores a frame once: hashes, true grid, cells, checkpoints and metrics, for every sink alike.
 
 use super::{
-    CellJudgement, CellTally, Checkpoint, CheckpointFrame, DisparityScore, judge_cells, true_grid,
+    CellJudgement, CellTally, Checkpoint, CheckpointFrame, DisparityScore, FrameFacts,
+    MetricValues, judge_cells, true_grid,
 };
 use crate::depth::GridSettings;
 use crate::stereo::{CellRule, DepthGrid, Estimate, Frame};
@@ -34,21 +35,11 @@ pub struct JudgedEstimate {
     pub estimate: Estimate,
     /// Hash of the disparity map.
     pub hash: u128,
-    /// Share of all pixels with a disparity, 0..=1.
-    pub coverage: f64,
-    /// Errors of the disparities; absent without truth.
-    pub score: Option<DisparityScore>,
+    pub metrics: MetricValues,
     /// The cells in raster order; absent without truth.
     pub cells: Option<Vec<CellJudgement>>,
     /// The checkpoints that the frame shows, as indices of [`Judge::checkpoints`].
     pub checkpoints: Vec<(usize, CheckpointFrame)>,
-}
-
-impl JudgedEstimate {
-    /// Counts of the cells; absent without truth.
-    pub fn tally(&self) -> Option<CellTally> {
-        self.cells.as_deref().map(CellTally::of)
-    }
 }
 
 impl Judge {
@@ -78,13 +69,17 @@ impl Judge {
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
         let cells = true_grid.map(|truth| judge_cells(truth, &estimate.grid, self.cells));
+        let truth = frame.truth.as_ref();
+        let facts = FrameFacts {
+            frame,
+            estimate: &estimate,
+            rule: self.cells,
+            pixels: truth.map(|truth| DisparityScore::of(map, truth)),
+            cells: cells.as_deref().map(CellTally::of),
+        };
         JudgedEstimate {
             hash: map.hash(),
-            coverage: map.coverage(),
-            score: frame
-                .truth
-                .as_ref()
-                .map(|truth| DisparityScore::of(map, truth)),
+            metrics: MetricValues::of_frame(&facts),
             checkpoints: self.checkpoints_of(frame, &estimate.grid, cells.as_deref()),
             cells,
             estimate,

@@ -6,9 +6,11 @@ mod checkpoint;
 mod disparity;
 mod judge;
 mod judged;
+mod metrics;
 pub mod protocol;
 
 pub use cells::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
 pub use checkpoint::{Checkpoint, CheckpointFrame, CheckpointTally};
 pub use disparity::DisparityScore;
 pub use judge::{Judge, Judged, JudgedEstimate};
+pub use metrics::{Better, FrameFacts, METRICS, Metric, MetricValues, Origin, Total, Unit};

@@ -4,8 +4,7 @@ use super::{Outbox, RunStart, Sink};
 use crate::error::Result;
 use crate::manifest::Contestant;
 use crate::report::{CellRow, Row, Table};
-use crate::score::{CellJudgement, DisparityScore, Judged, JudgedEstimate};
-use crate::stereo::CellRule;
+use crate::score::{CellJudgement, Judged, JudgedEstimate};
 use crate::timing::Stage;
 use std::path::Path;
 use std::time::Duration;
@@ -91,7 +90,6 @@ pub(super) struct Identity {
     pub scenario: String,
     pub seed: Option<u64>,
     algorithms: Vec<Contestant>,
-    rule: CellRule,
 }
 
 impl Identity {
@@ -101,7 +99,6 @@ impl Identity {
             scenario: start.manifest.scenario.clone(),
             seed: start.seed,
             algorithms: start.manifest.algorithms.clone(),
-            rule: start.judge.cells,
         }
     }
 
@@ -113,12 +110,6 @@ impl Identity {
             .iter()
             .find(|algorithm| algorithm.label == estimate.algorithm);
         let (width, height) = frame.pair.size();
-        let tally = scored.tally();
-        let count = |n: usize| n as u64;
-        // Obstacles are a matter of distance: without distances, none missed would be said of none
-        // looked for.
-        let obstacles = tally
-            .filter(|_| matches!(self.rule, CellRule::Distance { .. }) && frame.rig().is_some());
         let us = |time: Duration| time.as_micros() as u64;
         let stage = |stage| us(estimate.times.get(stage));
         Row {
@@ -139,15 +130,7 @@ impl Identity {
             matching_us: stage(Stage::Matching),
             checks_us: stage(Stage::Checks),
             total_us: us(estimate.times.total()),
-            coverage: scored.coverage,
-            bad1: scored.score.as_ref().and_then(DisparityScore::bad1),
-            bad2: scored.score.as_ref().and_then(DisparityScore::bad2),
-            invalid: scored.score.as_ref().and_then(DisparityScore::invalid),
-            cells_right: tally.map(|t| count(t.right)),
-            cells_wrong: tally.map(|t| count(t.wrong)),
-            cells_unknown: tally.map(|t| count(t.unknown)),
-            missed_obstacles: obstacles.map(|t| count(t.missed_obstacles)),
-            false_obstacles: obstacles.map(|t| count(t.false_obstacles)),
+            metrics: scored.metrics,
             result_hash: format!("{:032x}", scored.hash),
         }
     }

@@ -4,11 +4,11 @@ mod bootstrap;
 mod sample;
 mod text;
 
-use super::metric::{Better, Metric};
 use super::read_rows;
 use super::rows::{CheckpointRow, Row};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
+use crate::score::{Better, METRICS, Metric, Unit};
 use bootstrap::{Interval, Resamples};
 use sample::Sample;
 use serde::de::DeserializeOwned;
@@ -69,7 +69,7 @@ pub struct AlgorithmChange {
 /// A number in both runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
-    pub metric: Metric,
+    pub metric: &'static Metric,
     pub base: f64,
     pub other: f64,
     /// `other - base`; of times `other / base`.
@@ -262,7 +262,7 @@ impl AlgorithmChange {
         let independent = pairs.iter().all(|(row, _)| !row.name.is_empty());
         let resamples = Resamples::draw(&stretches, independent);
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-        let change = |&metric: &Metric| {
+        let change = |metric: &'static Metric| {
             Change::of(
                 metric,
                 &Sample::of(metric, &a)?,
@@ -301,7 +301,7 @@ impl AlgorithmChange {
                 .iter()
                 .filter(|(a, b)| a.result_hash == b.result_hash)
                 .count(),
-            metrics: Metric::OF_PAIRS.iter().filter_map(change).collect(),
+            metrics: METRICS.iter().filter_map(change).collect(),
             checkpoints: base
                 .checkpoints(label, &seeds)
                 .into_iter()
@@ -312,8 +312,19 @@ impl AlgorithmChange {
 }
 
 impl Change {
-    fn of(metric: Metric, base: &Sample, other: &Sample, resamples: &Resamples) -> Option<Self> {
-        let difference = |a: f64, b: f64| if metric == Metric::Time { b / a } else { b - a };
+    fn of(
+        metric: &'static Metric,
+        base: &Sample,
+        other: &Sample,
+        resamples: &Resamples,
+    ) -> Option<Self> {
+        let difference = |a: f64, b: f64| {
+            if metric.unit == Unit::Ms {
+                b / a
+            } else {
+                b - a
+            }
+        };
         let all: Vec<_> = (0..base.len()).collect();
         let (a, b) = (base.value(&all)?, other.value(&all)?);
         let interval =
@@ -326,7 +337,7 @@ impl Change {
             |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
         let (a, b) = (share(base)?, share(other)?);
         Some(Self::new(
-            Metric::Passed,
+            Metric::find("passed")?,
             (a, b),
             b - a,
             bootstrap::shares(base, other),
@@ -341,7 +352,7 @@ impl Change {
     }
 
     fn new(
-        metric: Metric,
+        metric: &'static Metric,
         (base, other): (f64, f64),
         difference: f64,
         interval: Option<Interval>,
@@ -350,9 +361,9 @@ impl Change {
             _ if base == other => Judgement::Equal,
             // The pairs of a run share its moment: their times say nothing of how the machine was
             // at another.
-            _ if metric == Metric::Time => Judgement::Unclear,
+            _ if metric.unit == Unit::Ms => Judgement::Unclear,
             Some((low, high)) if low > 0.0 || high < 0.0 => {
-                match (metric.better(), difference > 0.0) {
+                match (metric.better, difference > 0.0) {
                     (Better::Neither, _) => Judgement::Differs,
                     (Better::More, true) | (Better::Less, false) => Judgement::Better,
                     _ => Judgement::Worse,

@@ -1,7 +1,7 @@
 //! What a metric takes from every pair, ready to be drawn from again and again.
 
-use super::super::metric::Metric;
 use super::super::rows::Row;
+use crate::score::{Metric, Origin, Total};
 use crate::statistics::lower_median;
 
 /// A metric's part in every pair of a run.
@@ -16,45 +16,32 @@ pub(super) enum Sample {
 
 impl Sample {
     /// Nothing where no pair has the metric.
-    pub(super) fn of(metric: Metric, rows: &[&Row]) -> Option<Self> {
-        let cells =
-            |row: &Row| Some((row.cells_right? + row.cells_wrong? + row.cells_unknown?) as f64);
-        let of_cells = |part: fn(&Row) -> Option<u64>| {
-            let ratio = |row: &&Row| {
-                part(row)
-                    .zip(cells(row))
-                    .map_or((0.0, 0.0), |(part, all)| (part as f64, all))
-            };
-            Some(Self::Ratio(rows.iter().map(ratio).collect()))
-        };
-        let count = |part: fn(&Row) -> Option<u64>| {
-            let counts: Vec<_> = rows.iter().map(|row| part(row)).collect();
-            let some = counts.iter().any(Option::is_some);
-            some.then(|| Self::Count(counts.into_iter().map(|n| n.unwrap_or(0) as f64).collect()))
-        };
-        let mean = |part: fn(&Row) -> Option<f64>| {
-            Some(Self::Ratio(
-                rows.iter()
-                    .map(|row| part(row).map_or((0.0, 0.0), |v| (v, 1.0)))
-                    .collect(),
-            ))
-        };
-        match metric {
-            Metric::Right => of_cells(|row| row.cells_right),
-            Metric::Wrong => of_cells(|row| row.cells_wrong),
-            Metric::Unknown => of_cells(|row| row.cells_unknown),
-            Metric::Missed => count(|row| row.missed_obstacles),
-            Metric::False => count(|row| row.false_obstacles),
-            Metric::Coverage => mean(|row| Some(row.coverage)),
-            Metric::Invalid => mean(|row| row.invalid),
-            Metric::Bad1 => mean(|row| row.bad1),
-            Metric::Bad2 => mean(|row| row.bad2),
-            Metric::Time => Some(Self::Median(
+    pub(super) fn of(metric: &Metric, rows: &[&Row]) -> Option<Self> {
+        let values = || rows.iter().map(|row| row.metrics.get(metric.name));
+        match metric.origin {
+            Origin::Frame { total, .. } => match total {
+                Total::Mean => Some(Self::Ratio(
+                    values()
+                        .map(|v| v.map_or((0.0, 0.0), |v| (v, 1.0)))
+                        .collect(),
+                )),
+                Total::Sum => values()
+                    .any(|v| v.is_some())
+                    .then(|| Self::Count(values().map(Option::unwrap_or_default).collect())),
+                Total::ShareOf(_) => {
+                    let part = |row: &&Row| {
+                        let part = row.metrics.get(metric.name);
+                        part.zip(row.metrics.whole(metric)).unwrap_or_default()
+                    };
+                    Some(Self::Ratio(rows.iter().map(part).collect()))
+                }
+            },
+            Origin::Time => Some(Self::Median(
                 rows.iter()
                     .map(|row| row.total_us as f64 / 1000.0)
                     .collect(),
             )),
-            Metric::Passed => None,
+            Origin::Checkpoints => None,
         }
     }
 

@@ -1,8 +1,8 @@
 //! A comparison on the terminal.
 
-use super::super::metric::Metric;
 use super::{AlgorithmChange, Change, Comparison, Judgement};
 use crate::counted;
+use crate::score::Unit;
 use std::fmt::{Display, Formatter, Result};
 
 impl Display for Comparison {
@@ -74,7 +74,7 @@ impl Display for AlgorithmChange {
             "", "base", "other", "change"
         )?;
         for change in &self.metrics {
-            line(f, change.metric.words(), change)?;
+            line(f, change.metric.words, change)?;
         }
         for c in &self.checkpoints {
             line(
@@ -96,12 +96,9 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
         interval,
         judgement,
     } = change;
-    let (base, other) = match metric {
-        Metric::Time => (format!("{base:.2} ms"), format!("{other:.2} ms")),
-        _ => (metric.show(*base), metric.show(*other)),
-    };
-    let signed = |v: f64| match metric {
-        Metric::Time => metric.show(v),
+    let (base, other) = (metric.show(*base), metric.show(*other));
+    let signed = |v: f64| match metric.unit {
+        Unit::Ms => metric.show_relative(v),
         // Rounded first, lest a trace of less than nothing be shown as -0.0.
         _ => format!(
             "{}{}",

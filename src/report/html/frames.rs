@@ -1,11 +1,11 @@
 //! The checkpoints' frames: the thesis's figure 7.3, worst and best of every algorithm.
 
 use super::super::rows::{CellRow, Row};
-use super::super::words::{ms, percent};
+use super::super::words::ms;
 use super::view::Images;
 use super::{Figure, Rank, Shot};
 use crate::overlay::Mark;
-use crate::score::Verdict;
+use crate::score::{METRICS, Metric, Total, Verdict};
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -141,12 +141,15 @@ fn origin(row: &Row) -> String {
     format!("{seed}frame {}", row.sequence)
 }
 
+/// How many cells of each kind.
 pub(super) fn cells(row: &Row) -> String {
-    match (row.cells_right, row.cells_wrong, row.cells_unknown) {
-        (Some(right), Some(wrong), Some(unknown)) => {
-            format!("cells: {right} right, {wrong} wrong, {unknown} unknown")
-        }
-        _ => String::new(),
+    let is_share = |metric: &&Metric| matches!(metric.column(), Some((_, Total::ShareOf(_))));
+    let count =
+        |metric: &Metric| Some(format!("{} {}", row.metrics.get(metric.name)?, metric.head));
+    let counts: Vec<_> = METRICS.iter().filter(is_share).filter_map(count).collect();
+    match counts[..] {
+        [] => String::new(),
+        _ => format!("cells: {}", counts.join(", ")),
     }
 }
 
@@ -179,19 +182,21 @@ fn wrong(cell: &CellRow) -> String {
     )
 }
 
+/// What is measured of the frame's pixels, and the time.
 pub(super) fn numbers(row: &Row) -> String {
-    let shares = [
-        (Some(row.coverage), "covered"),
-        (row.invalid, "invalid"),
-        (row.bad1, ">\u{a0}1\u{a0}px"),
-        (row.bad2, ">\u{a0}2\u{a0}px"),
-    ];
-    let shares = shares.into_iter().filter(|(share, _)| share.is_some());
-    let mut words: Vec<_> = shares
-        .map(|(share, what)| format!("{}\u{a0}%\u{a0}{what}", percent(share)))
-        .collect();
-    words.push(format!("{}\u{a0}ms", ms(row.total_us as f64 / 1000.0)));
-    words.join(", ")
+    let is_mean = |metric: &&Metric| matches!(metric.column(), Some((_, Total::Mean)));
+    let words = |metric: &Metric| {
+        let value = metric.show(row.metrics.get(metric.name)?);
+        Some(format!("{value} {}", metric.head))
+    };
+    let time = format!("{} ms", ms(row.total_us as f64 / 1000.0));
+    let numbers = METRICS
+        .iter()
+        .filter(is_mean)
+        .filter_map(words)
+        .chain([time]);
+    let unbroken = numbers.map(|words| words.replace(' ', "\u{a0}"));
+    unbroken.collect::<Vec<_>>().join(", ")
 }
 
 /// A distance where there is one, else the disparity.

@@ -25,14 +25,16 @@ fn percent(share: f64) -> f64 {
 
 /// Wrong among the cells that the algorithm claims to know; nothing where it knows none.
 fn wrong_of_known(a: &AlgorithmSummary) -> Option<f64> {
-    let (right, wrong) = (a.cells_right? as f64, a.cells_wrong? as f64);
+    let (right, wrong) = (a.totals.get("right")?, a.totals.get("wrong")?);
     (right + wrong > 0.0).then(|| percent(wrong / (right + wrong)))
 }
 
 /// Known cells of all with truth.
 fn known(a: &AlgorithmSummary) -> Option<f64> {
-    let cells = a.cells().filter(|n| *n > 0)? as f64;
-    Some(percent((a.cells_right? + a.cells_wrong?) as f64 / cells))
+    let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(|name| a.totals.get(name));
+    let known = right? + wrong?;
+    let cells = known + unknown?;
+    (cells > 0.0).then(|| percent(known / cells))
 }
 
 /// Accuracy against speed: cells, and pixels.
@@ -42,7 +44,7 @@ pub(super) fn accuracy(page: &Page) -> Result<Vec<PlotView>> {
         ..Axis::new("median ms per pair")
     };
     let cells: Place = |a| Some((a.p50_ms, wrong_of_known(a)?));
-    let pixels: Place = |a| Some((a.p50_ms, percent(a.bad2?)));
+    let pixels: Place = |a| Some((a.p50_ms, percent(a.totals.get("bad2")?)));
     let about = "Better is farther left and lower.";
     let plots = [
         (
@@ -69,7 +71,12 @@ pub(super) fn accuracy(page: &Page) -> Result<Vec<PlotView>> {
 /// Coverage against error: cells, and pixels.
 pub(super) fn coverage(page: &Page) -> Result<Vec<PlotView>> {
     let cells: Place = |a| Some((known(a)?, wrong_of_known(a)?));
-    let pixels: Place = |a| Some((percent(1.0 - a.invalid?), percent(a.bad2?)));
+    let pixels: Place = |a| {
+        Some((
+            percent(1.0 - a.totals.get("invalid")?),
+            percent(a.totals.get("bad2")?),
+        ))
+    };
     let about = "Better is farther right and lower.";
     let plots = [
         (

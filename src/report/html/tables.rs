@@ -12,7 +12,7 @@ pub(super) struct TableView<'a> {
     narrow: Vec<GroupView>,
     /// Name and cells.
     lines: Vec<(&'a str, Vec<CellView>)>,
-    notes: Vec<(&'static str, &'static str)>,
+    notes: Vec<(&'static str, String)>,
 }
 
 /// Neighbouring columns.
@@ -39,7 +39,7 @@ impl<'a> TableView<'a> {
     /// A line per algorithm; nothing without pairs.
     pub(super) fn of_algorithms(
         label: &'static str,
-        columns: &'static [Column],
+        columns: Vec<Column>,
         summary: &'a Summary,
     ) -> Option<Self> {
         let columns = shown(columns, summary);
@@ -53,7 +53,7 @@ impl<'a> TableView<'a> {
                 algorithm.algorithm.as_str(),
                 columns
                     .iter()
-                    .map(|column| plain((column.cell)(algorithm)))
+                    .map(|column| plain(column.cell(algorithm)))
                     .collect(),
             )
         });
@@ -63,7 +63,7 @@ impl<'a> TableView<'a> {
             groups: groups(&columns, |a, b| a.group == b.group),
             narrow: groups(&columns, |a, b| a.group == b.group || a.group.is_empty()),
             lines,
-            notes: notes(&columns),
+            notes: notes(&columns, summary.rule),
         })
     }
 
@@ -91,12 +91,9 @@ impl<'a> TableView<'a> {
 }
 
 /// Neighbours that belong `together`, under the title of the last.
-fn groups(
-    columns: &[&'static Column],
-    together: impl Fn(&Column, &Column) -> bool,
-) -> Vec<GroupView> {
+fn groups(columns: &[Column], together: impl Fn(&Column, &Column) -> bool) -> Vec<GroupView> {
     let mut from = 0;
-    let group = |group: &[&'static Column]| {
+    let group = |group: &[Column]| {
         let to = from + group.len();
         let title = group.last().map_or("", |column| column.group).to_owned();
         let view = GroupView {

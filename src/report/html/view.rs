@@ -1,6 +1,6 @@
 //! What the template sees: the page with every number worded.
 
-use super::super::words::{COLUMNS, SPEED, VERDICTS};
+use super::super::words::{VERDICTS, columns, speed_columns};
 use super::Page;
 use super::frames::FigureView;
 use super::plots::{PlotView, accuracy, coverage, speed};
@@ -98,12 +98,12 @@ impl<'a> View<'a> {
                 .filter(|p| !p.is_empty())
                 .collect(),
             identity: &page.identity,
-            summary: TableView::of_algorithms("Summary per algorithm", COLUMNS, summary),
+            summary: TableView::of_algorithms("Summary per algorithm", columns(), summary),
             accuracy: accuracy(page)?,
             coverage: coverage(page)?,
             checkpoints: TableView::of_checkpoints(summary),
             verdicts: VERDICTS,
-            speed: TableView::of_algorithms("Speed per algorithm", SPEED, summary),
+            speed: TableView::of_algorithms("Speed per algorithm", speed_columns(), summary),
             speed_plots: speed(page)?,
             figures,
             scenes: page.scenes.iter().map(SceneView::of).collect(),

@@ -5,6 +5,7 @@ use super::info::AlgorithmPath;
 use super::picture::LEGEND_SHARE;
 use super::{CAMERA, IMAGE, LEGEND, RerunTarget};
 use crate::error::Result;
+use crate::score::{Metric, Unit};
 use ::rerun::datatypes::Range2D;
 use ::rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, EyeControls3D, LineGrid3D, PlotLegend, ScalarAxis, SpatialInformation,
@@ -23,6 +24,8 @@ pub(super) struct Facts {
     pub size: Option<(usize, usize)>,
     /// Position and target of the 3D view, world frame, metres.
     pub eye: [[f32; 3]; 2],
+    /// The metrics that are plotted.
+    pub plots: Vec<&'static Metric>,
 }
 
 /// The layout of a run: the world and the overlays above, the maps below them, plots and text at
@@ -118,23 +121,23 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
             )
         }
     };
-    let coverage = plot(
-        "coverage, %",
-        algorithms.iter().map(|a| a.path("coverage")),
-        false,
-    )
-    .with("ScalarAxis", ScalarAxis::new().with_range([0.0, 100.0]));
-    let mut nodes = vec![latency, coverage.into()];
-    if facts.truth && facts.rig {
-        nodes.push(
-            plot(
-                "wrong cells",
-                algorithms.iter().map(|a| a.path("wrong_cells")),
-                false,
-            )
-            .into(),
-        );
-    }
+    let metric = |metric: &&'static Metric| {
+        let plots = metric.plot.into_iter();
+        let paths = plots.flat_map(|plot| algorithms.iter().map(move |a| a.path(plot)));
+        match metric.counts() {
+            true => plot(metric.words, paths, false),
+            false if metric.unit == Unit::Share => {
+                plot(&format!("{}, %", metric.words), paths, false)
+                    .with("ScalarAxis", ScalarAxis::new().with_range([0.0, 100.0]))
+            }
+            false => plot(&format!("{}, px", metric.words), paths, false),
+        }
+        .into()
+    };
+    // The shares first, as they are always there.
+    let (counts, others): (Vec<_>, Vec<_>) = facts.plots.iter().partition(|m| m.counts());
+    let mut nodes = vec![latency];
+    nodes.extend(others.iter().chain(&counts).map(metric));
     let mut texts: Vec<LayoutNode> = vec![
         LayoutView::new("TextDocument", "verdicts", "run/verdicts", ["$origin"]).into(),
         LayoutView::new("TextDocument", "parameters", "run/parameters", ["$origin"]).into(),

@@ -39,7 +39,7 @@ pub use target::{RerunTarget, VIEWER_HINT};
 use super::{RunStart, Sink};
 use crate::arena::WireObject;
 use crate::error::{Error, Result};
-use crate::score::Judged;
+use crate::score::{Judged, METRICS, Metric};
 use crate::stereo::{ExtraPlanes, Frame, Pose, Rig};
 use crate::timing::Stage;
 use ::rerun::{
@@ -184,7 +184,8 @@ impl RerunSink {
                 &line(stage.name(), color),
             )?;
         }
-        for number in ["latency/total", "coverage", "wrong_cells"] {
+        let plots = METRICS.iter().filter_map(|metric| metric.plot);
+        for number in plots.chain(["latency/total"]) {
             self.log_static(&algorithm.path(number), &line(&algorithm.label, color))?;
         }
         Ok(())
@@ -209,12 +210,22 @@ impl RerunSink {
                 )?;
             }
         }
+        // A share of nothing is no value: its plot would stay empty.
+        let has = |metric: &&Metric| {
+            let mut estimates = judged.estimates.iter();
+            estimates.any(|scored| scored.metrics.value(metric).is_some())
+        };
         let facts = layout::Facts {
             truth: frame.truth.is_some(),
             rig: frame.rig().is_some(),
             named: frame.name.is_some(),
             size: frame.name.is_none().then(|| frame.pair.size()),
             eye: world::eye(&self.wireframe, scale),
+            plots: METRICS
+                .iter()
+                .filter(|m| m.plot.is_some())
+                .filter(has)
+                .collect(),
         };
         let root = layout::run(&self.algorithms, &facts);
         blueprint::send(&root, APPLICATION.into(), TIMELINES[0], &self.stream)

@@ -5,7 +5,7 @@ use super::overlay::Overlay;
 use super::scale::Scale;
 use super::{CAMERA, IMAGE, MAPS, MapState, RerunSink, picture, world};
 use crate::error::Result;
-use crate::score::{Judged, JudgedEstimate};
+use crate::score::{Judged, JudgedEstimate, METRICS};
 use crate::stereo::{DepthGrid, DisparityMap, Frame, Plane};
 use crate::timing::Stage;
 use ::rerun::{AsComponents, Clear, Scalars, TextLog};
@@ -74,19 +74,17 @@ impl RerunSink {
             &algorithm.path("latency/total"),
             &millis(estimate.times.total()),
         )?;
-        self.log(
-            &algorithm.path("coverage"),
-            &Scalars::single(100.0 * scored.coverage),
-        )?;
         if map.row_offset().is_some() {
             let rows = map.median_row_offset().map(f64::from);
             self.log_or_clear(&algorithm.path("row_offset"), rows.map(Scalars::single))?;
         }
-        let tally = scored.tally();
-        self.log_or_clear(
-            &algorithm.path("wrong_cells"),
-            tally.map(|tally| Scalars::single(tally.wrong as f64)),
-        )
+        for metric in METRICS {
+            let Some(plot) = metric.plot else { continue };
+            let value = scored.metrics.get(metric.name);
+            let shown = value.map(|value| Scalars::single(metric.of_frame_shown(value)));
+            self.log_or_clear(&algorithm.path(plot), shown)?;
+        }
+        Ok(())
     }
 
     fn push_maps(

@@ -3,8 +3,8 @@
 use polars::prelude::{DataFrame, ParquetReader, SerReader};
 use std::fs::File;
 use std::path::Path;
-use svl::report::{CellRow, CheckpointRow, Record, Row, Summary};
-use svl::score::Verdict;
+use svl::report::{CellRow, CheckpointRow, Row, Summary};
+use svl::score::{MetricValues, Verdict};
 
 /// A pair with truth that took `total_us`.
 pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
@@ -26,15 +26,17 @@ pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
         matching_us: 300,
         checks_us: 400,
         total_us,
-        coverage: 0.1 + 0.2,
-        bad1: Some(0.04),
-        bad2: Some(0.02),
-        invalid: Some(0.5),
-        cells_right: Some(12),
-        cells_wrong: Some(1),
-        cells_unknown: Some(2),
-        missed_obstacles: Some(1),
-        false_obstacles: Some(0),
+        metrics: MetricValues::from([
+            ("coverage", 0.1 + 0.2),
+            ("bad1", 0.04),
+            ("bad2", 0.02),
+            ("invalid", 0.5),
+            ("right", 12.0),
+            ("wrong", 1.0),
+            ("unknown", 2.0),
+            ("missed", 1.0),
+            ("false", 0.0),
+        ]),
         result_hash: "00ff".into(),
     }
 }
@@ -44,14 +46,7 @@ pub fn blind(algorithm: &str, total_us: u64) -> Row {
     Row {
         seed: None,
         disparities: None,
-        bad1: None,
-        bad2: None,
-        invalid: None,
-        cells_right: None,
-        cells_wrong: None,
-        cells_unknown: None,
-        missed_obstacles: None,
-        false_obstacles: None,
+        metrics: MetricValues::from([("coverage", 0.1 + 0.2)]),
         ..row(algorithm, 0, total_us)
     }
 }
@@ -128,14 +123,6 @@ pub fn example() -> Summary {
                 .map(move |(algorithm, passed)| checkpoint(number, name, algorithm, passed))
         });
     summary(rows, checkpoints.collect())
-}
-
-pub fn csv_rows<R: Record>(path: &Path) -> Vec<R> {
-    csv::Reader::from_path(path)
-        .unwrap()
-        .deserialize()
-        .map(Result::unwrap)
-        .collect()
 }
 
 pub fn parquet(path: &Path) -> DataFrame {

@@ -1,6 +1,7 @@
 //! Sums of a run, on the terminal and as Markdown.
 
 use super::fixture::{blind, checkpoint, example, row, summary};
+use svl::score::Metric;
 
 #[test]
 fn an_algorithm_is_summed_up() {
@@ -10,8 +11,8 @@ fn an_algorithm_is_summed_up() {
         row("v3", 1, 2_000),
         blind("v3", 9_000),
     ];
-    rows[2].cells_wrong = Some(4);
-    rows[2].bad1 = Some(0.08);
+    rows[2].metrics.set("wrong", Some(4.0));
+    rows[2].metrics.set("bad1", Some(0.08));
     let summary = summary(rows, Vec::new());
     assert_eq!(
         summary
@@ -23,16 +24,30 @@ fn an_algorithm_is_summed_up() {
     );
     let v3 = &summary.algorithms[0];
     assert_eq!(
-        (v3.pairs, v3.cells_right, v3.cells_wrong, v3.cells_unknown),
-        (3, Some(24), Some(5), Some(4))
+        (
+            v3.pairs,
+            ["right", "wrong", "unknown"].map(|name| v3.totals.get(name))
+        ),
+        (3, [Some(24.0), Some(5.0), Some(4.0)])
     );
     assert_eq!(
-        (v3.missed_obstacles, v3.false_obstacles, v3.cells()),
-        (Some(2), Some(0), Some(33))
+        ["missed", "false"].map(|name| v3.totals.get(name)),
+        [Some(2.0), Some(0.0)]
     );
     // A pair without truth does not thin the means out.
-    assert!((v3.bad1.unwrap() - 0.06).abs() < 1e-12 && (v3.bad2.unwrap() - 0.02).abs() < 1e-12);
-    assert!((v3.coverage - 0.3).abs() < 1e-12 && (v3.invalid.unwrap() - 0.5).abs() < 1e-12);
+    for (name, mean) in [
+        ("bad1", 0.06),
+        ("bad2", 0.02),
+        ("coverage", 0.3),
+        ("invalid", 0.5),
+    ] {
+        assert!(
+            (v3.totals.get(name).unwrap() - mean).abs() < 1e-12,
+            "{name}"
+        );
+    }
+    let right = v3.value(Metric::find("right").unwrap()).unwrap();
+    assert!((right - 24.0 / 33.0).abs() < 1e-12);
     assert_eq!(
         (v3.p50_ms, v3.p95_ms, v3.p99_ms, v3.max_ms),
         (4.0, 9.0, 9.0, 9.0)

@@ -1,9 +1,10 @@
 //! Tables on disk.
 
-use super::fixture::{blind, cell, checkpoint, csv_rows, example, parquet, row};
+use super::fixture::{blind, cell, checkpoint, example, parquet, row};
 use svl::Error;
 use svl::report::{
     AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, Record, Row, Summary, Table,
+    read_rows,
 };
 use svl::score::Verdict;
 
@@ -30,10 +31,10 @@ fn csv_and_parquet_hold_what_was_pushed() {
     write(folder.path(), "checkpoints", &checkpoints);
 
     let file = |name: &str| folder.path().join(name);
-    assert_eq!(csv_rows::<Row>(&file("rows.csv")), rows);
-    assert_eq!(csv_rows::<CellRow>(&file("cells.csv")), cells);
+    assert_eq!(read_rows::<Row>(&file("rows.csv")).unwrap(), rows);
+    assert_eq!(read_rows::<CellRow>(&file("cells.csv")).unwrap(), cells);
     assert_eq!(
-        csv_rows::<CheckpointRow>(&file("checkpoints.csv")),
+        read_rows::<CheckpointRow>(&file("checkpoints.csv")).unwrap(),
         checkpoints
     );
     assert!(parquet(&file("rows.parquet")).equals_missing(&Row::frame(&rows).unwrap()));
@@ -51,11 +52,11 @@ fn the_summary_is_two_tables() {
     summary.write_tables(folder.path()).unwrap();
     let file = |name: &str| folder.path().join(name);
     assert_eq!(
-        csv_rows::<AlgorithmSummary>(&file("summary.csv")),
+        read_rows::<AlgorithmSummary>(&file("summary.csv")).unwrap(),
         summary.algorithms
     );
     assert_eq!(
-        csv_rows::<CheckpointSummary>(&file("verdicts.csv")),
+        read_rows::<CheckpointSummary>(&file("verdicts.csv")).unwrap(),
         summary.checkpoints
     );
     let frames = [
@@ -73,11 +74,11 @@ fn the_summary_is_two_tables() {
 #[test]
 fn the_heads_of_the_tables_are_fixed() {
     let tables = [
-        Row::COLUMNS,
-        CellRow::COLUMNS,
-        CheckpointRow::COLUMNS,
-        AlgorithmSummary::COLUMNS,
-        CheckpointSummary::COLUMNS,
+        Row::columns(),
+        CellRow::columns(),
+        CheckpointRow::columns(),
+        AlgorithmSummary::columns(),
+        CheckpointSummary::columns(),
     ];
     let heads = tables.map(|columns| columns.join("\n"));
     insta::assert_snapshot!("columns", heads.join("\n\n"));
@@ -90,7 +91,7 @@ fn a_single_table_goes_by_its_extension() {
     let mut table = Table::create(&path).unwrap();
     table.push([row("v3", 0, 5_000)]).unwrap();
     table.finish().unwrap();
-    assert_eq!(csv_rows::<Row>(&path), [row("v3", 0, 5_000)]);
+    assert_eq!(read_rows::<Row>(&path).unwrap(), [row("v3", 0, 5_000)]);
     let error = Table::<Row>::create(&folder.path().join("rows.xlsx"))
         .err()
         .unwrap();
@@ -112,11 +113,11 @@ fn a_crash_keeps_the_rows() {
     // Not even dropped: what is on disk now is all there is after a kill.
     std::mem::forget((rows, cells));
     assert_eq!(
-        csv_rows::<Row>(&folder.path().join("rows.csv")),
+        read_rows::<Row>(&folder.path().join("rows.csv")).unwrap(),
         [row("v3", 0, 5_000)]
     );
     assert_eq!(
-        csv_rows::<CellRow>(&folder.path().join("cells.csv")),
+        read_rows::<CellRow>(&folder.path().join("cells.csv")).unwrap(),
         [cell("v3", 0, Verdict::Wrong)]
     );
 }
@@ -173,7 +174,11 @@ fn an_empty_run_has_tables_and_says_so() {
     assert_eq!(summary.to_string(), "No pairs.\n");
     assert_eq!(
         parquet(&folder.path().join("cells.parquet")).shape(),
-        (0, CellRow::COLUMNS.len())
+        (0, CellRow::columns().len())
     );
-    assert!(csv_rows::<Row>(&folder.path().join("rows.csv")).is_empty());
+    assert!(
+        read_rows::<Row>(&folder.path().join("rows.csv"))
+            .unwrap()
+            .is_empty()
+    );
 }

@@ -301,6 +301,7 @@ impl Report {
         let mut summary = summary(&self.rows, &self.checkpoints)?;
         let ReportPictures { figures, scenes } = self.pictures.take().unwrap_or_default();
         summary.incomplete = incomplete;
+        summary.rule = scenario.cells;
         summary.complete(&mut manifest);
         summary.write_tables(&folder)?;
         write(&folder.join("summary.md"), summary.markdown(&scenario.name))?;

@@ -1,0 +1,431 @@
+//! The metrics of a run: one table that everything reads which shows or compares a number.
+//!
+//! Rows, CSV, Parquet, summaries, pages, Rerun's plots, `svl compare` and a scenario's `[[gate]]`
+//! take their columns, headings and words from [`METRICS`]. A new metric is computed where it
+//! belongs (pixels: `disparity.rs`, cells: `cells.rs`) and gets an entry here.
+
+use super::{CellTally, DisparityScore};
+use crate::stereo::{CellRule, Estimate, Frame};
+use serde::{Serialize, Serializer};
+
+/// What a metric of a frame is computed of.
+pub struct FrameFacts<'a> {
+    pub frame: &'a Frame,
+    pub estimate: &'a Estimate,
+    /// How cells are judged.
+    pub rule: CellRule,
+    /// The disparities against the truth; absent without truth.
+    pub pixels: Option<DisparityScore>,
+    /// The cells against the truth; absent without truth.
+    pub cells: Option<CellTally>,
+}
+
+impl FrameFacts<'_> {
+    fn cells(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
+        self.cells.as_ref().map(|cells| count(cells) as f64)
+    }
+
+    /// As `cells`, where distances are judged: elsewhere no obstacle is looked for, and none missed
+    /// would say too much.
+    fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
+        let distances = self.rule == CellRule::Distance && self.frame.rig().is_some();
+        self.cells(count).filter(|_| distances)
+    }
+}
+
+/// A number that an algorithm is measured by.
+#[derive(Clone, Copy)]
+pub struct Metric {
+    /// Its key in a scenario's gate and in the JSON of a comparison.
+    pub name: &'static str,
+    pub words: &'static str,
+    /// Heads its column and the neighbours of the same group.
+    pub group: &'static str,
+    pub head: &'static str,
+    pub unit: Unit,
+    pub better: Better,
+    pub origin: Origin,
+    /// Where Rerun plots its value per frame, below the algorithm.
+    pub plot: Option<&'static str>,
+    /// Term and meaning, below the tables.
+    pub note: Option<fn(CellRule) -> (&'static str, String)>,
+}
+
+/// What a metric counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// 0..=1, shown in percent.
+    Share,
+    Count,
+    Px,
+    /// Limited and compared as a ratio, as machines differ.
+    Ms,
+}
+
+/// Which way is better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    More,
+    Less,
+    /// Neither: an algorithm that leaves pixels open is not wrong there.
+    Neither,
+}
+
+/// Where a metric's value comes from.
+#[derive(Clone, Copy)]
+pub enum Origin {
+    /// One frame through one algorithm.
+    Frame {
+        /// Its column in the rows, and of its total in the summary.
+        column: &'static str,
+        of: fn(&FrameFacts<'_>) -> Option<f64>,
+        total: Total,
+    },
+    /// The time per pair; over frames the median by nearest rank.
+    Time,
+    /// The frames that show a checkpoint; share of those in which it passes.
+    Checkpoints,
+}
+
+/// How the values of frames add up; frames without a value are left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Total {
+    Mean,
+    Sum,
+    /// The sum, divided by the sum of these metrics.
+    ShareOf(&'static [&'static str]),
+}
+
+const JUDGED_CELLS: Total = Total::ShareOf(&["right", "wrong", "unknown"]);
+
+/// All metrics, in the order of tables and comparisons.
+pub const METRICS: &[Metric] = &[
+    Metric {
+        name: "right",
+        words: "right cells",
+        group: "cells, %",
+        head: "right",
+        unit: Unit::Share,
+        better: Better::More,
+        origin: Origin::Frame {
+            column: "cells_right",
+            of: |facts| facts.cells(|cells| cells.right),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "of those with truth; right within the scenario's tolerance; unknown is \
+                         not wrong";
+            ("cells", words.into())
+        }),
+    },
+    Metric {
+        name: "wrong",
+        words: "wrong cells",
+        group: "cells, %",
+        head: "wrong",
+        unit: Unit::Share,
+        better: Better::Less,
+        origin: Origin::Frame {
+            column: "cells_wrong",
+            of: |facts| facts.cells(|cells| cells.wrong),
+            total: JUDGED_CELLS,
+        },
+        plot: Some("wrong_cells"),
+        note: None,
+    },
+    Metric {
+        name: "unknown",
+        words: "unknown cells",
+        group: "cells, %",
+        head: "unknown",
+        unit: Unit::Share,
+        better: Better::Neither,
+        origin: Origin::Frame {
+            column: "cells_unknown",
+            of: |facts| facts.cells(|cells| cells.unknown),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "missed",
+        words: "missed obstacles",
+        group: "obstacles",
+        head: "missed",
+        unit: Unit::Count,
+        better: Better::Less,
+        origin: Origin::Frame {
+            column: "missed_obstacles",
+            of: |facts| facts.obstacles(|cells| cells.missed_obstacles),
+            total: Total::Sum,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "cells truly nearer than 0.5 m reported beyond 0.75 m (missed), and the \
+                         reverse (false)";
+            ("obstacles", words.into())
+        }),
+    },
+    Metric {
+        name: "false",
+        words: "false obstacles",
+        group: "obstacles",
+        head: "false",
+        unit: Unit::Count,
+        better: Better::Less,
+        origin: Origin::Frame {
+            column: "false_obstacles",
+            of: |facts| facts.obstacles(|cells| cells.false_obstacles),
+            total: Total::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "coverage",
+        words: "coverage",
+        group: "pixels, %",
+        head: "cover",
+        unit: Unit::Share,
+        better: Better::Neither,
+        origin: Origin::Frame {
+            column: "coverage",
+            of: |facts| Some(facts.estimate.disparity.coverage()),
+            total: Total::Mean,
+        },
+        plot: Some("coverage"),
+        note: Some(|_| {
+            let words = "pixels with a disparity; a mean over the pairs, as are the next three";
+            ("cover", words.into())
+        }),
+    },
+    Metric {
+        name: "invalid",
+        words: "invalid pixels",
+        group: "pixels, %",
+        head: "invalid",
+        unit: Unit::Share,
+        better: Better::Neither,
+        origin: Origin::Frame {
+            column: "invalid",
+            of: |facts| facts.pixels?.invalid(),
+            total: Total::Mean,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "pixels without one, of those with truth that both cameras see";
+            ("invalid", words.into())
+        }),
+    },
+    Metric {
+        name: "bad1",
+        words: "pixels off > 1 px",
+        group: "pixels, %",
+        head: ">1 px",
+        unit: Unit::Share,
+        better: Better::Less,
+        origin: Origin::Frame {
+            column: "bad1",
+            of: |facts| facts.pixels?.bad1(),
+            total: Total::Mean,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "pixels off by more, of those with truth that both cameras see and a \
+                         disparity";
+            (">1 px, >2 px", words.into())
+        }),
+    },
+    Metric {
+        name: "bad2",
+        words: "pixels off > 2 px",
+        group: "pixels, %",
+        head: ">2 px",
+        unit: Unit::Share,
+        better: Better::Less,
+        origin: Origin::Frame {
+            column: "bad2",
+            of: |facts| facts.pixels?.bad2(),
+            total: Total::Mean,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "time",
+        words: "median time",
+        group: "ms per pair",
+        head: "p50",
+        unit: Unit::Ms,
+        better: Better::Less,
+        origin: Origin::Time,
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "passed",
+        words: "frames passed",
+        group: "",
+        head: "passed",
+        unit: Unit::Share,
+        better: Better::More,
+        origin: Origin::Checkpoints,
+        plot: None,
+        note: None,
+    },
+];
+
+impl Metric {
+    pub fn find(name: &str) -> Option<&'static Self> {
+        METRICS.iter().find(|metric| metric.name == name)
+    }
+
+    /// Its column in rows and summary, and how that adds up; absent where it is not of frames.
+    pub fn column(&self) -> Option<(&'static str, Total)> {
+        match self.origin {
+            Origin::Frame { column, total, .. } => Some((column, total)),
+            _ => None,
+        }
+    }
+
+    /// Whether its column holds whole numbers.
+    pub fn counts(&self) -> bool {
+        self.column().is_some_and(|(_, total)| total != Total::Mean)
+    }
+
+    /// The value of a frame as Rerun plots it: shares in percent.
+    pub fn of_frame_shown(&self, value: f64) -> f64 {
+        match self.unit {
+            Unit::Share if !self.counts() => 100.0 * value,
+            _ => value,
+        }
+    }
+
+    /// A value with its unit.
+    pub fn show(&self, value: f64) -> String {
+        match self.unit {
+            Unit::Share => format!("{:.1} %", 100.0 * value),
+            Unit::Count => format!("{value:.0}"),
+            Unit::Px => format!("{value:.2} px"),
+            Unit::Ms => format!("{value:.2} ms"),
+        }
+    }
+
+    /// As [`Metric::show`], of a time that is a multiple of another.
+    pub fn show_relative(&self, value: f64) -> String {
+        match self.unit {
+            Unit::Ms => format!("{value:.2}x"),
+            _ => self.show(value),
+        }
+    }
+}
+
+impl PartialEq for Metric {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl std::fmt::Debug for Metric {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl Serialize for Metric {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+/// The metrics' columns of a frame or of a run, those of [`METRICS`] that have one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MetricValues([Option<f64>; METRICS.len()]);
+
+impl MetricValues {
+    /// One frame through one algorithm.
+    pub fn of_frame(facts: &FrameFacts<'_>) -> Self {
+        Self::from_fn(|metric| match metric.origin {
+            Origin::Frame { of, .. } => of(facts),
+            _ => None,
+        })
+    }
+
+    pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
+        Self(std::array::from_fn(|i| value(&METRICS[i])))
+    }
+
+    /// What its column holds.
+    ///
+    /// # Panics
+    /// When no metric of [`METRICS`] has that name.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        let place = METRICS.iter().position(|metric| metric.name == name);
+        self.0[place.expect("a metric of METRICS")]
+    }
+
+    pub fn set(&mut self, name: &str, value: Option<f64>) {
+        let place = METRICS.iter().position(|metric| metric.name == name);
+        self.0[place.expect("a metric of METRICS")] = value;
+    }
+
+    /// The denominator of a metric that is a share of others.
+    pub fn whole(&self, metric: &Metric) -> Option<f64> {
+        match metric.column()?.1 {
+            Total::ShareOf(parts) => parts.iter().map(|part| self.get(part)).sum(),
+            _ => None,
+        }
+    }
+
+    /// The metric: its column, or the share that this is; absent where that is of nothing.
+    pub fn value(&self, metric: &Metric) -> Option<f64> {
+        let value = self.get(metric.name)?;
+        match metric.column()?.1 {
+            Total::ShareOf(_) => Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?),
+            _ => Some(value),
+        }
+    }
+}
+
+impl<const N: usize> From<[(&str, f64); N]> for MetricValues {
+    fn from(values: [(&str, f64); N]) -> Self {
+        let mut metrics = Self::default();
+        values.map(|(name, value)| metrics.set(name, Some(value)));
+        metrics
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn names_and_columns_stand_once_and_shares_are_of_metrics() {
+        let columns: Vec<_> = METRICS.iter().filter_map(Metric::column).collect();
+        let distinct: BTreeSet<_> = columns.iter().map(|(column, _)| column).collect();
+        assert_eq!(distinct.len(), columns.len());
+        let names: BTreeSet<_> = METRICS.iter().map(|metric| metric.name).collect();
+        assert_eq!(names.len(), METRICS.len());
+        for (_, total) in columns {
+            if let Total::ShareOf(parts) = total {
+                assert!(parts.iter().all(|part| Metric::find(part).is_some()));
+            }
+        }
+    }
+
+    #[test]
+    fn a_share_is_of_the_whole_and_of_nothing_absent() {
+        let metric = |name| Metric::find(name).unwrap();
+        let values = MetricValues::from([("right", 3.0), ("wrong", 1.0), ("unknown", 4.0)]);
+        assert_eq!(values.value(metric("right")), Some(0.375));
+        assert_eq!(
+            (values.get("right"), values.value(metric("bad1"))),
+            (Some(3.0), None)
+        );
+        let none = MetricValues::from([("right", 0.0), ("wrong", 0.0), ("unknown", 0.0)]);
+        assert_eq!(none.value(metric("right")), None);
+    }
+}
