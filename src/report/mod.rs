@@ -13,13 +13,13 @@ pub mod compare;
 mod gate;
 pub mod html;
 mod markdown;
+pub(crate) mod page;
 pub mod plot;
 mod read;
 mod rows;
 mod speed;
 mod summary;
 mod tables;
-pub(crate) mod template;
 mod text;
 mod words;
 

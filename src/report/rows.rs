@@ -75,7 +75,9 @@ macro_rules! record {
                 values
             }
 
-            fn parse(cells: $crate::report::rows::CsvCells<'_>) -> Result<Self, String> {
+            fn parse(
+                cells: $crate::report::rows::CsvCells<'_>,
+            ) -> std::result::Result<Self, String> {
                 Ok(Self {$(
                     $field: $crate::report::rows::Field::parse(stringify!($field), cells)?,
                 )*})
@@ -95,7 +97,10 @@ macro_rules! record {
         }
 
         impl serde::Serialize for $name {
-            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            fn serialize<S: serde::Serializer>(
+                &self,
+                serializer: S,
+            ) -> std::result::Result<S::Ok, S::Error> {
                 use $crate::report::rows::Record as _;
                 serializer.collect_map(Self::columns().into_iter().zip(self.values()))
             }

@@ -392,7 +392,9 @@ impl MetricValues {
 impl<const N: usize> From<[(&str, f64); N]> for MetricValues {
     fn from(values: [(&str, f64); N]) -> Self {
         let mut metrics = Self::default();
-        values.map(|(name, value)| metrics.set(name, Some(value)));
+        for (name, value) in values {
+            metrics.set(name, Some(value));
+        }
         metrics
     }
 }

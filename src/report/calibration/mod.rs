@@ -2,7 +2,7 @@
 
 mod view;
 
-use super::template::fill;
+use super::page::fill;
 use crate::calibrate::Solution;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -31,12 +31,8 @@ impl CalibrationPage<'_> {
     /// # Errors
     /// [`Error::Invalid`] with the message of the template engine.
     pub fn render(&self) -> Result<String> {
-        fill(
-            include_str!("page.html"),
-            &[("page.css", include_str!("page.css"))],
-            view::CalibrationView::new(self),
-        )
-        .map_err(|e| Error::Invalid(format!("calibration page: {e:#}")))
+        let view = view::CalibrationView::new(self);
+        fill(include_str!("page.html"), include_str!("page.css"), view)
     }
 }
 

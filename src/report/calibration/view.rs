@@ -25,6 +25,8 @@ pub(super) struct CalibrationView<'a> {
     views: Vec<FitView>,
     all: [String; 3],
     refused: Vec<(String, &'a str)>,
+    images: [(); 0],
+    incomplete: Option<&'static str>,
     identity: &'a [(String, String)],
 }
 
@@ -98,6 +100,8 @@ impl<'a> CalibrationView<'a> {
                 .refused()
                 .map(|(id, why)| (page.name(id), why))
                 .collect(),
+            images: [],
+            incomplete: None,
             identity,
         }
     }

@@ -2,9 +2,9 @@
 
 use super::super::rows::{CellRow, Row};
 use super::super::words::ms;
-use super::view::Images;
 use super::{Figure, Rank, Shot};
 use crate::overlay::Mark;
+use crate::report::page::{MarkView, PageImages, PictureView};
 use crate::score::{METRICS, Metric, Total, Verdict};
 use serde::Serialize;
 
@@ -24,31 +24,11 @@ struct ShotView<'a> {
     cells: String,
     wrong: Vec<String>,
     numbers: String,
-    width: usize,
-    height: usize,
-    pictures: Vec<PictureView>,
-}
-
-#[derive(Serialize)]
-struct PictureView {
-    label: &'static str,
-    image: usize,
-    marks: Vec<MarkView>,
-}
-
-#[derive(Serialize)]
-struct MarkView {
-    #[serde(flatten)]
-    mark: Mark,
-    center: (f64, f64),
-    radius: f64,
-    /// What the cell says, for pointer and screen reader.
-    words: String,
-    wrong: bool,
+    pictures: Vec<PictureView<'a>>,
 }
 
 impl<'a> FigureView<'a> {
-    pub(super) fn of(figure: &'a Figure, images: &mut Images<'a>) -> Self {
+    pub(super) fn of(figure: &'a Figure, images: &mut PageImages<'a>) -> Self {
         let shots = figure
             .shots
             .iter()
@@ -62,32 +42,24 @@ impl<'a> FigureView<'a> {
     }
 }
 
-fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut Images<'a>) -> ShotView<'a> {
-    let (width, height) = shot.size;
-    let left = images.index(&shot.left, shot.size);
+fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut PageImages<'a>) -> ShotView<'a> {
     let estimate = |cell: &CellRow| match cell.verdict {
         Verdict::Unknown => "unknown".to_owned(),
         Verdict::Wrong => format!("{}, wrong", depth(cell.distance_m, cell.median_px)),
         _ => depth(cell.distance_m, cell.median_px),
     };
     let truth = |cell: &CellRow| depth(cell.true_distance_m, cell.true_median_px);
-    let mut pictures = vec![PictureView {
-        label: "estimate",
-        image: left,
-        marks: mark_views(shot, &shot.estimate, estimate, true),
-    }];
+    let mut picture = |label, file, marks| images.picture(label, file, shot.size, marks);
+    let marks = mark_views(shot, &shot.estimate, estimate, true);
+    let mut pictures = vec![picture("estimate", &shot.left, marks)];
     if let Some(marks) = &shot.truth {
-        pictures.push(PictureView {
-            label: "truth",
-            image: left,
-            marks: mark_views(shot, marks, truth, false),
-        });
+        pictures.push(picture(
+            "truth",
+            &shot.left,
+            mark_views(shot, marks, truth, false),
+        ));
     }
-    pictures.push(PictureView {
-        label: "disparity",
-        image: images.index(&shot.preview, shot.size),
-        marks: Vec::new(),
-    });
+    pictures.push(picture("disparity", &shot.preview, Vec::new()));
     ShotView {
         algorithm: &shot.row.algorithm,
         rank: match rank {
@@ -99,8 +71,6 @@ fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut Images<'a>) -> ShotVie
         cells: cells(&shot.row),
         wrong: wrong_cells(&shot.cells),
         numbers: numbers(&shot.row),
-        width,
-        height,
         pictures,
     }
 }
@@ -117,18 +87,9 @@ fn mark_views(
             .cells
             .iter()
             .find(|c| (c.column as usize, c.row as usize) == at);
-        MarkView {
-            mark: *mark,
-            center: mark.cell.center(),
-            radius: mark.cell.width.min(mark.cell.height) / 16.0,
-            words: format!(
-                "({}, {}): {}",
-                at.0,
-                at.1,
-                cell.map_or_else(|| "unknown".to_owned(), &words)
-            ),
-            wrong: judged && cell.is_some_and(|c| c.verdict == Verdict::Wrong),
-        }
+        let words = cell.map_or_else(|| "unknown".to_owned(), &words);
+        let wrong = judged && cell.is_some_and(|c| c.verdict == Verdict::Wrong);
+        MarkView::new(*mark, format!("({}, {}): {words}", at.0, at.1), wrong)
     };
     marks.iter().map(view).collect()
 }

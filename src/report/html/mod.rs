@@ -7,9 +7,9 @@ mod scenes;
 mod tables;
 mod view;
 
+use super::page::fill;
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
-use super::template::fill;
 use crate::error::{Error, Result};
 use crate::overlay::Mark;
 use std::path::Path;
@@ -108,7 +108,6 @@ impl Page {
     /// [`Error::Invalid`] with what the template engine or the plotting library says.
     pub fn render(&self) -> Result<String> {
         let view = view::View::of(self)?;
-        fill(include_str!("index.html"), &[], view)
-            .map_err(|e| Error::Invalid(format!("report page: {e:#}")))
+        fill(include_str!("index.html"), "", view)
     }
 }

@@ -1,9 +1,9 @@
 //! Scenes of data sets: left image, truth, and every algorithm's disparities and errors.
 
 use super::frames::{cells, numbers};
-use super::view::data_url;
 use super::{Scene, SceneShot};
 use crate::overlay::errors::{BINS, HIDDEN, SILENT, UNKNOWN};
+use crate::report::page::data_url;
 use serde::Serialize;
 
 #[derive(Serialize)]

@@ -8,7 +8,7 @@ use super::scenes::{ErrorKey, SceneView};
 use super::tables::TableView;
 use crate::error::Result;
 use crate::overlay::viridis;
-use base64::{Engine as _, engine::general_purpose::STANDARD};
+use crate::report::page::{ImageView, PageImages};
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -34,51 +34,9 @@ pub(super) struct View<'a> {
     images: Vec<ImageView>,
 }
 
-#[derive(Serialize)]
-struct ImageView {
-    url: String,
-    width: usize,
-    height: usize,
-}
-
-/// Images in order of their first appearance, each once.
-#[derive(Default)]
-pub(super) struct Images<'a>(Vec<(&'a [u8], (usize, usize))>);
-
-impl<'a> Images<'a> {
-    pub(super) fn index(&mut self, file: &'a [u8], size: (usize, usize)) -> usize {
-        self.0
-            .iter()
-            .position(|image| *image == (file, size))
-            .unwrap_or_else(|| {
-                self.0.push((file, size));
-                self.0.len() - 1
-            })
-    }
-
-    fn into_views(self) -> Vec<ImageView> {
-        let view = |(file, (width, height))| ImageView {
-            url: data_url(file),
-            width,
-            height,
-        };
-        self.0.into_iter().map(view).collect()
-    }
-}
-
-/// An image file as an address that holds it.
-pub(super) fn data_url(file: &[u8]) -> String {
-    let kind = if file.starts_with(&[0xff, 0xd8]) {
-        "jpeg"
-    } else {
-        "png"
-    };
-    format!("data:image/{kind};base64,{}", STANDARD.encode(file))
-}
-
 impl<'a> View<'a> {
     pub(super) fn of(page: &'a Page) -> Result<Self> {
-        let mut images = Images::default();
+        let mut images = PageImages::default();
         let figures = page
             .figures
             .iter()

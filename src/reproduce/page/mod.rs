@@ -3,8 +3,7 @@
 
 use super::{Drawn, Exhibit, Experiment, Finding, Quantity, Table, Value, Verdict};
 use crate::error::{Error, Result};
-use crate::report::template::fill;
-use base64::{Engine as _, engine::general_purpose::STANDARD};
+use crate::report::page::{ImageView, MarkView, PageImages, PictureView, fill};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -64,29 +63,13 @@ struct TableView<'a> {
 }
 
 #[derive(Serialize)]
-struct PictureView<'a> {
-    caption: &'a str,
-    base64: String,
-    width: usize,
-    height: usize,
-    marks: Vec<MarkView>,
-}
-
-#[derive(Serialize)]
-struct MarkView {
-    #[serde(flatten)]
-    drawn: Drawn,
-    center: (f64, f64),
-    radius: f64,
-}
-
-#[derive(Serialize)]
 struct PageView<'a> {
     incomplete: &'a Option<String>,
     identity: &'a [(String, String)],
     scenes: String,
     tally: String,
     sections: Vec<SectionView<'a>>,
+    images: Vec<ImageView>,
 }
 
 impl Page<'_> {
@@ -188,20 +171,21 @@ impl Page<'_> {
             scenes,
             ..
         } = self;
-        let sections = self.entries.iter().map(Entry::section).collect();
+        let mut images = PageImages::default();
+        let sections = self
+            .entries
+            .iter()
+            .map(|entry| entry.section(&mut images))
+            .collect();
         let view = PageView {
             incomplete,
             identity,
             scenes: scenes.join(", "),
             tally: self.tally(),
             sections,
+            images: images.into_views(),
         };
-        fill(
-            include_str!("page.html"),
-            &[("page.css", include_str!("page.css"))],
-            view,
-        )
-        .map_err(|e| Error::Invalid(format!("page of experiments: {e:#}")))
+        fill(include_str!("page.html"), include_str!("page.css"), view)
     }
 }
 
@@ -224,7 +208,7 @@ impl Entry {
         }
     }
 
-    fn section(&self) -> SectionView<'_> {
+    fn section<'a>(&'a self, images: &mut PageImages<'a>) -> SectionView<'a> {
         let (mut plots, mut pictures) = (Vec::new(), Vec::new());
         for exhibit in &self.finding.exhibits {
             match exhibit {
@@ -232,15 +216,14 @@ impl Entry {
                 Exhibit::Picture {
                     caption,
                     png,
-                    size: (width, height),
+                    size,
                     marks,
-                } => pictures.push(PictureView {
-                    caption,
-                    base64: STANDARD.encode(png),
-                    width: *width,
-                    height: *height,
-                    marks: marks.iter().map(mark).collect(),
-                }),
+                } => {
+                    let mark =
+                        |drawn: &Drawn| MarkView::new(drawn.mark, String::new(), drawn.wrong);
+                    let marks = marks.iter().map(mark).collect();
+                    pictures.push(images.picture(caption, png, *size, marks));
+                }
             }
         }
         let words = self.finding.verdict().words();
@@ -253,16 +236,6 @@ impl Entry {
             pictures,
             entry: self.view(),
         }
-    }
-}
-
-fn mark(drawn: &Drawn) -> MarkView {
-    let cell = drawn.mark.cell;
-    let radius = cell.width.min(cell.height) / 16.0;
-    MarkView {
-        drawn: *drawn,
-        center: cell.center(),
-        radius,
     }
 }
 
