@@ -348,6 +348,49 @@ mod tests {
     }
 
     #[test]
+    fn cells_take_tolerances_and_distances() {
+        let cells = |keys: &str| {
+            parse(&MINIMAL.replacen("\"distance\"", &format!("\"distance\"\n{keys}"), 1))
+        };
+        assert_eq!(cells("").unwrap().cells, CellRule::default());
+        let set = cells("tolerance_m = 0.05\nobstacle_m = 0.4\nclear_m = 0.9")
+            .unwrap()
+            .cells;
+        let expected = CellRule::Distance {
+            tolerance_m: 0.05,
+            tolerance_percent: 20.0,
+            obstacle_m: 0.4,
+            clear_m: 0.9,
+        };
+        assert_eq!(set, expected);
+        assert!(set.right_words().starts_with("within 0.05 m or 20 %"));
+        for (keys, words) in [
+            (
+                "tolerance_m = 0",
+                "cells.tolerance_m = 0: must be a positive number",
+            ),
+            (
+                "tolerance_percent = -5",
+                "cells.tolerance_percent = -5: must be",
+            ),
+            ("obstacle_m = inf", "cells.obstacle_m = inf: must be"),
+            ("clear_m = nan", "cells.clear_m = NaN: must be"),
+            (
+                "clear_m = 0.5",
+                "cells.obstacle_m = 0.5: must be below cells.clear_m = 0.5",
+            ),
+            ("tolerance_px = 2", "tolerance_px"),
+            ("obstacle_m = \"near\"", "expected f64"),
+        ] {
+            let error = cells(keys).unwrap_err().to_string();
+            assert!(
+                error.contains(words) && !error.contains('\n'),
+                "{keys}: {error}"
+            );
+        }
+    }
+
+    #[test]
     fn limits_are_checked_and_know_their_lines() {
         let gate = |limit: &str| parse(&format!("{MINIMAL}[[gate]]\nalgorithm = \"v3\"\n{limit}"));
         let scenario = gate("metric = \"time\"\nrelative_to = \"bm\"\nmax = 2").unwrap();

@@ -162,9 +162,9 @@ record! {
         true_median_px: Option<f64>,
         true_distance_m: Option<f64>,
         verdict: Verdict,
-        /// Truly nearer than 0.5 m, reported farther than 0.75 m.
+        /// Truly nearer than the scenario's `obstacle_m`, reported farther than its `clear_m`.
         missed_obstacle: bool,
-        /// Reported nearer than 0.5 m, truly farther than 0.75 m.
+        /// The reverse.
         false_obstacle: bool,
     }
 }

@@ -31,7 +31,7 @@ impl Display for Summary {
         }
         notes(&columns, self.rule)
             .iter()
-            .try_for_each(|(term, meaning)| writeln!(f, "{term}: {meaning}"))?;
+            .try_for_each(|(term, meaning)| wrapped(f, &format!("{term}: {meaning}")))?;
         Checkpoints::of(self).map_or(Ok(()), |table| checkpoints(&table, f))
     }
 }
@@ -85,6 +85,22 @@ fn blocks(columns: &[Column]) -> Vec<&[Column]> {
     }
     blocks.push(&columns[begin..end]);
     blocks
+}
+
+/// Writes a text in lines that fit, all but the first indented.
+fn wrapped(f: &mut Formatter<'_>, text: &str) -> Result {
+    let mut line = String::new();
+    for word in text.split(' ') {
+        if line.chars().count() + 1 + word.chars().count() > WIDTH {
+            writeln!(f, "{line}")?;
+            line = " ".to_owned();
+        }
+        if !line.is_empty() {
+            line.push(' ');
+        }
+        line.push_str(word);
+    }
+    writeln!(f, "{line}")
 }
 
 /// Width of the column of names: the longest, where there is room.

@@ -326,7 +326,7 @@ fn judged(
     let grid = depth::grid(map.disparity(), SHAPE.into(), frame.rig());
     let truth = true_grid(frame, SHAPE);
     let judgements = truth.map_or_else(Vec::new, |truth| {
-        judge_cells(&truth, &grid, CellRule::Distance)
+        judge_cells(&truth, &grid, CellRule::default())
     });
     let size = frame.pair.size();
     let drawn = marks(&grid, size, Nearness::of_frame(frame))

@@ -3,11 +3,6 @@
 use crate::depth::{self, GridSettings};
 use crate::stereo::{CellDepth, CellRule, DepthGrid, Frame, GridShape};
 
-/// True distance below which something is an obstacle, metres.
-const OBSTACLE_M: f64 = 0.5;
-/// Distance beyond which nothing needs to be avoided yet, metres.
-const CLEAR_M: f64 = 0.75;
-
 /// What a report about a cell is worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -44,9 +39,9 @@ pub struct CellJudgement {
     pub true_px: Option<f64>,
     /// True distance, metres; nothing without truth, without a rig, or at infinity.
     pub true_m: Option<f64>,
-    /// True distance < 0.5 m, reported farther than 0.75 m.
+    /// Truly nearer than the rule's `obstacle_m`, reported farther than its `clear_m`.
     pub missed_obstacle: bool,
-    /// Reported < 0.5 m, true > 0.75 m.
+    /// Reported nearer than `obstacle_m`, truly farther than `clear_m`.
     pub false_obstacle: bool,
 }
 
@@ -116,18 +111,28 @@ fn judge_cell(
 ) -> CellJudgement {
     let true_m = truth.and_then(|t| t.distance_m);
     let distances = true_m.zip(reported.and_then(|r| r.distance_m));
-    let within = match rule {
-        CellRule::Distance => {
-            distances.map(|(z_true, z)| (z - z_true).abs() <= (0.2 * z_true).max(0.10))
+    let (has_truth, within) = match rule {
+        CellRule::Distance {
+            tolerance_m,
+            tolerance_percent,
+            ..
+        } => {
+            let tolerance = |z_true: f64| (tolerance_percent / 100.0 * z_true).max(tolerance_m);
+            let within = distances.map(|(z_true, z)| (z - z_true).abs() <= tolerance(z_true));
+            (true_m.is_some(), within)
         }
-        CellRule::Disparity { tolerance_px } => truth
-            .zip(reported)
-            .map(|(t, r)| (f64::from(r.median_px) - f64::from(t.median_px)).abs() <= tolerance_px),
+        CellRule::Disparity { tolerance_px } => {
+            let disparities = truth.zip(reported);
+            let error = |(t, r): (&CellDepth, &CellDepth)| {
+                (f64::from(r.median_px) - f64::from(t.median_px)).abs()
+            };
+            (
+                truth.is_some(),
+                disparities.map(|both| error(both) <= tolerance_px),
+            )
+        }
     };
-    let has_truth = match rule {
-        CellRule::Distance => true_m.is_some(),
-        CellRule::Disparity { .. } => truth.is_some(),
-    };
+    let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
     let verdict = match (has_truth, reported, within) {
         (false, ..) => Verdict::NoTruth,
         (true, None, _) => Verdict::Unknown,
@@ -139,9 +144,9 @@ fn judge_cell(
         verdict,
         true_px: truth.map(|t| t.median_px.into()),
         true_m,
-        missed_obstacle: true_m.is_some_and(|t| t < OBSTACLE_M)
-            && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > CLEAR_M)),
-        false_obstacle: distances.is_some_and(|(z_true, z)| z < OBSTACLE_M && z_true > CLEAR_M),
+        missed_obstacle: true_m.is_some_and(|t| t < obstacle_m)
+            && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > clear_m)),
+        false_obstacle: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
     }
 }
 
@@ -162,7 +167,7 @@ mod tests {
         judge_cell(
             Some(&reported(true_m)),
             Some(&reported(reported_m)),
-            CellRule::Distance,
+            CellRule::default(),
         )
     }
 
@@ -172,6 +177,26 @@ mod tests {
         assert_eq!(judged(0.30, 0.41).verdict, Verdict::Wrong);
         assert_eq!(judged(2.00, 1.61).verdict, Verdict::Right);
         assert_eq!(judged(2.00, 2.41).verdict, Verdict::Wrong);
+    }
+
+    #[test]
+    fn the_scenario_sets_tolerances_and_distances() {
+        let rule = CellRule::Distance {
+            tolerance_m: 0.02,
+            tolerance_percent: 5.0,
+            obstacle_m: 0.4,
+            clear_m: 0.9,
+        };
+        let judged = |true_m, reported_m| {
+            judge_cell(Some(&reported(true_m)), Some(&reported(reported_m)), rule)
+        };
+        assert_eq!(judged(0.30, 0.319).verdict, Verdict::Right);
+        assert_eq!(judged(0.30, 0.321).verdict, Verdict::Wrong);
+        assert_eq!(judged(2.00, 2.09).verdict, Verdict::Right);
+        assert_eq!(judged(2.00, 2.11).verdict, Verdict::Wrong);
+        assert!(judged(0.39, 0.91).missed_obstacle && !judged(0.39, 0.89).missed_obstacle);
+        assert!(!judged(0.41, 0.91).missed_obstacle);
+        assert!(judged(0.91, 0.39).false_obstacle && !judged(0.89, 0.39).false_obstacle);
     }
 
     #[test]
@@ -185,20 +210,20 @@ mod tests {
     fn unknown_is_not_wrong_and_infinity_is() {
         let truth = reported(0.48);
         assert_eq!(
-            judge_cell(Some(&truth), None, CellRule::Distance).verdict,
+            judge_cell(Some(&truth), None, CellRule::default()).verdict,
             Verdict::Unknown
         );
         let infinity = CellDepth {
             distance_m: None,
             ..reported(1.0)
         };
-        let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::Distance);
+        let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::default());
         assert_eq!(
             (judgement.verdict, judgement.missed_obstacle),
             (Verdict::Wrong, true)
         );
         assert_eq!(
-            judge_cell(None, Some(&reported(1.0)), CellRule::Distance).verdict,
+            judge_cell(None, Some(&reported(1.0)), CellRule::default()).verdict,
             Verdict::NoTruth
         );
     }
@@ -220,7 +245,7 @@ mod tests {
             Verdict::Wrong
         );
         assert_eq!(
-            judge_cell(Some(&of(12.5)), Some(&of(10.0)), CellRule::Distance).verdict,
+            judge_cell(Some(&of(12.5)), Some(&of(10.0)), CellRule::default()).verdict,
             Verdict::NoTruth
         );
     }

@@ -28,7 +28,8 @@ impl FrameFacts<'_> {
     /// As `cells`, where distances are judged: elsewhere no obstacle is looked for, and none missed
     /// would say too much.
     fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
-        let distances = self.rule == CellRule::Distance && self.frame.rig().is_some();
+        let distances =
+            matches!(self.rule, CellRule::Distance { .. }) && self.frame.rig().is_some();
         self.cells(count).filter(|_| distances)
     }
 }
@@ -113,10 +114,10 @@ pub const METRICS: &[Metric] = &[
             total: JUDGED_CELLS,
         },
         plot: None,
-        note: Some(|_| {
-            let words = "of those with truth; right within the scenario's tolerance; unknown is \
-                         not wrong";
-            ("cells", words.into())
+        note: Some(|rule| {
+            let right = rule.right_words();
+            let words = format!("of those with truth; right: {right}; unknown is not wrong");
+            ("cells", words)
         }),
     },
     Metric {
@@ -162,10 +163,13 @@ pub const METRICS: &[Metric] = &[
             total: Total::Sum,
         },
         plot: None,
-        note: Some(|_| {
-            let words = "cells truly nearer than 0.5 m reported beyond 0.75 m (missed), and the \
-                         reverse (false)";
-            ("obstacles", words.into())
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells truly nearer than {obstacle_m} m reported beyond {clear_m} m (missed), and \
+                 the reverse (false)"
+            );
+            ("obstacles", words)
         }),
     },
     Metric {

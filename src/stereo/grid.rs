@@ -105,30 +105,118 @@ impl DepthGrid {
     }
 }
 
-/// When a reported cell counts as right.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize, serde::Serialize)]
+/// How a reported cell is judged against the truth, as a scenario's `[cells]` says it.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 #[serde(tag = "judge", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CellRule {
-    /// `|Z - Z_true| <= max(0.10 m, 20 % of Z_true)`; needs a rig.
-    #[default]
-    Distance,
-    /// `|d - d_true| <= tolerance_px`; for scenes without calibration.
+    /// Right when `|Z - Z_true| <= max(tolerance_m, tolerance_percent % of Z_true)`; needs a rig.
+    Distance {
+        #[serde(default = "CellRule::tolerance_m")]
+        tolerance_m: f64,
+        #[serde(default = "CellRule::tolerance_percent")]
+        tolerance_percent: f64,
+        /// What is nearer is an obstacle.
+        #[serde(default = "CellRule::obstacle_m")]
+        obstacle_m: f64,
+        /// What is farther need not be avoided yet.
+        #[serde(default = "CellRule::clear_m")]
+        clear_m: f64,
+    },
+    /// Right when `|d - d_true| <= tolerance_px`; for scenes without calibration.
     Disparity { tolerance_px: f64 },
 }
 
+impl Default for CellRule {
+    fn default() -> Self {
+        Self::Distance {
+            tolerance_m: Self::tolerance_m(),
+            tolerance_percent: Self::tolerance_percent(),
+            obstacle_m: Self::obstacle_m(),
+            clear_m: Self::clear_m(),
+        }
+    }
+}
+
 impl CellRule {
+    // Functions, as serde takes defaults from nothing else.
+    const fn tolerance_m() -> f64 {
+        0.10
+    }
+
+    const fn tolerance_percent() -> f64 {
+        20.0
+    }
+
+    const fn obstacle_m() -> f64 {
+        0.5
+    }
+
+    const fn clear_m() -> f64 {
+        0.75
+    }
+
     /// # Errors
-    /// [`Error::Invalid`] for a tolerance that is not a positive number.
+    /// [`Error::Invalid`] for what is not a positive number, and for obstacles that are not nearer
+    /// than what is clear.
     pub fn validate(&self) -> Result<()> {
+        let numbers = match *self {
+            Self::Distance {
+                tolerance_m,
+                tolerance_percent,
+                obstacle_m,
+                clear_m,
+            } => vec![
+                ("tolerance_m", tolerance_m),
+                ("tolerance_percent", tolerance_percent),
+                ("obstacle_m", obstacle_m),
+                ("clear_m", clear_m),
+            ],
+            Self::Disparity { tolerance_px } => vec![("tolerance_px", tolerance_px)],
+        };
+        let is_positive = |value: f64| value > 0.0 && value.is_finite();
+        if let Some((key, value)) = numbers.into_iter().find(|(_, value)| !is_positive(*value)) {
+            return Err(Error::Invalid(format!(
+                "cells.{key} = {value}: must be a positive number"
+            )));
+        }
         match *self {
-            Self::Disparity { tolerance_px }
-                if !(tolerance_px > 0.0 && tolerance_px.is_finite()) =>
-            {
-                Err(Error::Invalid(format!(
-                    "cells.tolerance_px = {tolerance_px} is not a positive number"
-                )))
-            }
+            Self::Distance {
+                obstacle_m,
+                clear_m,
+                ..
+            } if obstacle_m >= clear_m => Err(Error::Invalid(format!(
+                "cells.obstacle_m = {obstacle_m}: must be below cells.clear_m = {clear_m}"
+            ))),
             _ => Ok(()),
+        }
+    }
+
+    /// Below which distance something is an obstacle, and beyond which it need not be avoided yet.
+    pub fn obstacle_and_clear_m(&self) -> (f64, f64) {
+        match *self {
+            Self::Distance {
+                obstacle_m,
+                clear_m,
+                ..
+            } => (obstacle_m, clear_m),
+            Self::Disparity { .. } => (Self::obstacle_m(), Self::clear_m()),
+        }
+    }
+
+    /// When a cell is right, in words.
+    pub fn right_words(&self) -> String {
+        match self {
+            Self::Distance {
+                tolerance_m,
+                tolerance_percent,
+                ..
+            } => format!(
+                "within {tolerance_m} m or {tolerance_percent} % of the true distance, whichever \
+                 is more"
+            ),
+            Self::Disparity { tolerance_px } => {
+                format!("within {tolerance_px} px of the true disparity")
+            }
         }
     }
 }
