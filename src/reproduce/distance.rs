@@ -2,12 +2,12 @@
 
 use super::{Context, Experiment, Finding, Value, stage};
 use crate::arena::ArenaConfig;
-use crate::depth::{self, DistanceCurve};
+use crate::depth::DistanceCurve;
 use crate::error::Result;
 use crate::report::plot::distance_chart;
-use crate::score::true_grid;
+use crate::score::{Judge, Judged};
 use crate::statistics::lower_median;
-use crate::stereo::{Cell, DepthGrid, Frame, GridShape};
+use crate::stereo::{Cell, GridShape};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.1"],
@@ -34,18 +34,21 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut config = stage::empty();
     config.rig.above_floor_m = 0.5;
     config.rig.baseline_m = product / 100.0 / focal_px(&config);
-    let mut measured = Vec::new();
-    let mut off_px: f64 = 0.0;
+    let mut frames = Vec::new();
     for (cm, _) in table {
         config.world.blocks = vec![stage::block(cm / 100.0, 0.0, [0.8, 0.1, 1.0], 0.0)];
-        let frame = context.still(&config)?;
-        let map = context.matched(ALGORITHM, &frame.pair)?;
+        frames.push(context.still(&config)?);
+    }
+    let judge = Judge {
+        grid: SHAPE.into(),
+        ..Judge::default()
+    };
+    let judged = context.judged(frames, &[ALGORITHM], &judge)?;
+    let mut measured = Vec::new();
+    let mut off_px: f64 = 0.0;
+    for ((cm, _), judged) in table.into_iter().zip(&judged) {
         let true_px = product / cm;
-        match target_px(
-            &frame,
-            &depth::grid(map.disparity(), SHAPE.into(), frame.rig()),
-            true_px,
-        ) {
+        match target_px(judged, true_px) {
             Some(px) => {
                 off_px = off_px.max((px - true_px).abs());
                 measured.push((cm, px));
@@ -180,8 +183,9 @@ fn focal_px(config: &ArenaConfig) -> f64 {
 }
 
 /// The median of the medians of the cells that show the target; nothing of less than three.
-fn target_px(frame: &Frame, grid: &DepthGrid, true_px: f64) -> Option<f64> {
-    let truth = true_grid(frame, grid.shape())?;
+fn target_px(judged: &Judged, true_px: f64) -> Option<f64> {
+    let truth = judged.true_grid.as_ref()?;
+    let grid = &judged.estimates.first()?.estimate.grid;
     let near = |px: f32| (f64::from(px) - true_px).abs() < 0.5;
     let shows = |cell: &Cell| cell.depth.is_some_and(|d| near(d.p20_px) && near(d.p80_px));
     let cells = grid

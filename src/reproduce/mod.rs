@@ -28,12 +28,14 @@ pub use finding::{Condition, Drawn, Exhibit, Finding, Quantity, Table, Value, Ve
 pub use page::{Entry, Page};
 
 use crate::error::{Error, Result, did_you_mean};
-use crate::matcher::Algorithm;
-use crate::run::Monitor;
+use crate::manifest::Manifest;
+use crate::run::{self, Matchers, Monitor, Pace};
 use crate::scenario::Scenario;
+use crate::score::{Judge, Judged};
+use crate::sink::{self, Outbox, RunStart, Sink};
 use crate::source::Source;
 use crate::source::dataset::Scene;
-use crate::stereo::{DisparityMap, Frame, RectifiedPair, StereoPair};
+use crate::stereo::Frame;
 
 /// One of the thesis's figures or tables, and what svl does in its place.
 pub struct Experiment {
@@ -164,13 +166,65 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// What an algorithm, `NAME[:key=value,...]`, makes of a pair.
-    fn matched(&mut self, algorithm: &str, pair: &StereoPair) -> Result<DisparityMap> {
-        let output = algorithm
-            .parse::<Algorithm>()?
-            .match_pair(RectifiedPair::assume(pair), None)?;
-        self.step()?;
-        Ok(output.disparity)
+    /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink, which is finished.
+    ///
+    /// # Errors
+    /// Those of the run; [`Error::Invalid`] when an algorithm fails or the monitor ends the work.
+    fn run(
+        &mut self,
+        source: &mut dyn Source,
+        algorithms: &[&str],
+        judge: &Judge,
+        sink: impl Sink + 'static,
+    ) -> Result<()> {
+        let algorithms = algorithms
+            .iter()
+            .map(|a| a.parse())
+            .collect::<Result<Vec<_>>>()?;
+        let manifest = Manifest::new("reproduce", None, &algorithms)?;
+        let start = RunStart {
+            manifest: &manifest,
+            seed: None,
+            judge,
+        };
+        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
+        let mut monitor = Counting {
+            done: &mut self.done,
+            monitor: self.monitor,
+        };
+        let mut matchers = Matchers::new(&algorithms)?;
+        let (outcome, ran) = run::run(
+            source,
+            &mut matchers,
+            &start,
+            Pace::Asap,
+            &mut sinks,
+            &mut monitor,
+        );
+        ran?;
+        if outcome.interrupted {
+            return Err(Error::Invalid("stopped".into()));
+        }
+        if outcome.failures > 0 {
+            return Err(Error::Invalid("an algorithm failed, as warned".into()));
+        }
+        sink::finish(sinks)
+    }
+
+    /// The frames with their scored estimates, in the order of the algorithms.
+    ///
+    /// # Errors
+    /// As [`Context::run`].
+    fn judged(
+        &mut self,
+        frames: Vec<Frame>,
+        algorithms: &[&str],
+        judge: &Judge,
+    ) -> Result<Vec<Judged>> {
+        let sink = Collected::default();
+        let outbox = sink.outbox.clone();
+        self.run(&mut Frames(frames.into_iter()), algorithms, judge, sink)?;
+        Ok(outbox.take().unwrap_or_default())
     }
 
     /// The real scenes as frames.
@@ -179,6 +233,55 @@ impl<'a> Context<'a> {
             .iter()
             .enumerate()
             .map(|(i, scene)| scene.read(i as u64))
+    }
+}
+
+/// Frames that an experiment made.
+struct Frames(std::vec::IntoIter<Frame>);
+
+impl Source for Frames {
+    fn name(&self) -> String {
+        "frames".into()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        Ok(self.0.next())
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        Some(self.0.len() as u64)
+    }
+}
+
+/// Keeps everything that it takes.
+#[derive(Default)]
+struct Collected {
+    judged: Vec<Judged>,
+    outbox: Outbox<Vec<Judged>>,
+}
+
+impl Sink for Collected {
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        self.judged.push(judged.clone());
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.outbox.put(self.judged);
+        Ok(())
+    }
+}
+
+/// Counts pairs over several runs.
+struct Counting<'a> {
+    done: &'a mut u64,
+    monitor: &'a mut dyn Monitor,
+}
+
+impl Monitor for Counting<'_> {
+    fn go_on(&mut self, _: u64) -> bool {
+        *self.done += 1;
+        self.monitor.go_on(*self.done)
     }
 }
 

@@ -4,16 +4,13 @@ use super::measure::percent;
 use super::{Context, Drawn, Exhibit, Experiment, Finding, Value};
 use crate::error::{Error, Result};
 use crate::files::encode_png;
-use crate::manifest::Manifest;
-use crate::matcher::Algorithm;
 use crate::overlay::{Nearness, marks};
 use crate::report::plot::Bars;
-use crate::run::{Matchers, Pace, run as run_loop};
 use crate::scenario::Scenario;
 use crate::score::{
     CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, Verdict,
 };
-use crate::sink::{self, Outbox, RunStart, Sink};
+use crate::sink::{Outbox, Sink};
 use crate::stereo::{DepthGrid, Frame};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -43,35 +40,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let Some((scenario, mut source)) = context.recording.take() else {
         return Err(Error::Invalid("figure 7.3 needs a run of the arena".into()));
     };
-    let algorithms = ALGORITHMS
-        .map(str::parse::<Algorithm>)
-        .into_iter()
-        .collect::<Result<Vec<_>>>()?;
-    let mut matchers = Matchers::new(&algorithms)?;
-    let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &algorithms)?;
-    let judge = scenario.judge();
-    let start = RunStart {
-        manifest: &manifest,
-        seed: None,
-        judge: &judge,
-    };
     let points = Points::new(&scenario);
     let outbox = points.outbox.clone();
-    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(points)];
-    let monitor = &mut *context.monitor;
-    let (outcome, ran) = run_loop(
-        &mut *source,
-        &mut matchers,
-        &start,
-        Pace::Asap,
-        &mut sinks,
-        monitor,
-    );
-    ran?;
-    if outcome.interrupted {
-        return Err(Error::Invalid("stopped".into()));
-    }
-    sink::finish(sinks)?;
+    context.run(&mut *source, &ALGORITHMS, &scenario.judge(), points)?;
     // The sink leaves its points when it is finished.
     outbox
         .take()

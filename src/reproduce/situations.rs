@@ -2,13 +2,12 @@
 
 use super::{Context, Drawn, Exhibit, Experiment, Finding, Value, stage};
 use crate::arena::{Arena, ArenaConfig};
-use crate::depth;
 use crate::error::Result;
 use crate::files::encode_png;
 use crate::overlay::{Nearness, marks};
 use crate::report::plot::Bars;
-use crate::score::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
-use crate::stereo::{CellRule, Frame, GridShape};
+use crate::score::{CellJudgement, CellTally, Judge, Judged, Verdict};
+use crate::stereo::{Frame, GridShape};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["table5.1", "A.1", "A.2"],
@@ -157,10 +156,18 @@ fn too_far() -> ArenaConfig {
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
     let mut outcomes = Vec::new();
+    let judge = Judge {
+        grid: SHAPE.into(),
+        ..Judge::default()
+    };
     for situation in &SITUATIONS {
         let frame = most_tilted(context, &(situation.view)())?;
-        let [dp, v3] = ALGORITHMS.map(|algorithm| judged(context, algorithm, situation, &frame));
-        outcomes.push([dp?, v3?]);
+        for judged in context.judged(vec![frame], &ALGORITHMS, &judge)? {
+            outcomes.push([
+                answer(situation, &judged, 0)?,
+                answer(situation, &judged, 1)?,
+            ]);
+        }
     }
     let rows = finding.table([
         "cells of 18",
@@ -177,7 +184,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         } else {
             situation.thesis
         };
-        let [dp, v3] = outcome.each_ref().map(Judged::tally);
+        let [dp, v3] = outcome.each_ref().map(Answers::tally);
         let [a, b, c, d, e] =
             [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown].map(|n| Value::from(n as f64));
         rows.row(
@@ -189,7 +196,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         outcomes
             .iter_mut()
             .flatten()
-            .filter_map(|judged| judged.exhibit.take()),
+            .filter_map(|answers| answers.exhibit.take()),
     );
     conclude(&outcomes, &mut finding);
     let bars = SITUATIONS
@@ -199,13 +206,13 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             ALGORITHMS
                 .iter()
                 .zip(outcome)
-                .map(move |(algorithm, judged)| {
+                .map(move |(algorithm, answers)| {
                     let CellTally {
                         right,
                         wrong,
                         unknown,
                         ..
-                    } = judged.tally();
+                    } = answers.tally();
                     (
                         format!("{}, {algorithm}", situation.name),
                         [right, wrong, unknown].map(|n| n as f64).to_vec(),
@@ -223,7 +230,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
 }
 
 /// The conditions, and what they come to.
-fn conclude(outcomes: &[[Judged; 2]], finding: &mut Finding) {
+fn conclude(outcomes: &[[Answers; 2]], finding: &mut Finding) {
     let wrong = |situation: usize, algorithm: usize| outcomes[situation][algorithm].tally().wrong;
     let cells = SHAPE.cells();
     let [normal, escape, low] = [0, 1, 2];
@@ -301,12 +308,12 @@ fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame>
 }
 
 /// An algorithm's answer to a situation.
-struct Judged {
+struct Answers {
     judgements: Vec<CellJudgement>,
     exhibit: Option<Exhibit>,
 }
 
-impl Judged {
+impl Answers {
     fn tally(&self) -> CellTally {
         CellTally::of(&self.judgements)
     }
@@ -316,20 +323,11 @@ impl Judged {
     }
 }
 
-fn judged(
-    context: &mut Context<'_>,
-    algorithm: &str,
-    situation: &Situation,
-    frame: &Frame,
-) -> Result<Judged> {
-    let map = context.matched(algorithm, &frame.pair)?;
-    let grid = depth::grid(map.disparity(), SHAPE.into(), frame.rig());
-    let truth = true_grid(frame, SHAPE);
-    let judgements = truth.map_or_else(Vec::new, |truth| {
-        judge_cells(&truth, &grid, CellRule::default())
-    });
+fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<Answers> {
+    let (frame, scored) = (&judged.frame, &judged.estimates[algorithm]);
+    let judgements = scored.cells.clone().unwrap_or_default();
     let size = frame.pair.size();
-    let drawn = marks(&grid, size, Nearness::of_frame(frame))
+    let drawn = marks(&scored.estimate.grid, size, Nearness::of_frame(frame))
         .into_iter()
         .zip(&judgements);
     let CellTally {
@@ -340,8 +338,8 @@ fn judged(
     } = CellTally::of(&judgements);
     let exhibit = Exhibit::Picture {
         caption: format!(
-            "{}, {algorithm}: {right} right, {wrong} wrong, {unknown} unknown",
-            situation.name
+            "{}, {}: {right} right, {wrong} wrong, {unknown} unknown",
+            situation.name, ALGORITHMS[algorithm]
         ),
         png: encode_png(
             size.0,
@@ -356,7 +354,7 @@ fn judged(
             })
             .collect(),
     };
-    Ok(Judged {
+    Ok(Answers {
         judgements,
         exhibit: Some(exhibit),
     })
@@ -365,9 +363,10 @@ fn judged(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::true_grid;
 
     /// An answer with so many wrong cells from the first on; the others are right.
-    fn answer(wrong: usize) -> Judged {
+    fn answers(wrong: usize) -> Answers {
         let cell = |i| CellJudgement {
             verdict: if i < wrong {
                 Verdict::Wrong
@@ -376,7 +375,7 @@ mod tests {
             },
             ..CellJudgement::NO_TRUTH
         };
-        Judged {
+        Answers {
             judgements: (0..SHAPE.cells()).map(cell).collect(),
             exhibit: None,
         }
@@ -388,7 +387,7 @@ mod tests {
             let mut finding = Finding::default();
             let outcomes: Vec<_> = dp
                 .into_iter()
-                .map(|wrong| [answer(wrong), answer(v3)])
+                .map(|wrong| [answers(wrong), answers(v3)])
                 .collect();
             conclude(&outcomes, &mut finding);
             finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>()

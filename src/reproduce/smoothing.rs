@@ -5,6 +5,7 @@ use super::{Context, Experiment, Finding, Value};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
 use crate::report::plot::{Axis, Chart, Form, Series};
+use crate::score::Judge;
 use crate::stereo::{DisparityMap, Frame, Gray, StereoPair};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -177,13 +178,14 @@ const HEADS: [&str; 6] = [
 
 /// Maps of the frames without and with smoothing.
 fn both(context: &mut Context<'_>, frames: &[Frame]) -> Result<[Vec<DisparityMap>; 2]> {
-    let mut maps = |algorithm| {
-        frames
+    let judged = context.judged(frames.to_vec(), &[SHARP, SMOOTH], &Judge::default())?;
+    let maps = |i: usize| {
+        let maps = judged
             .iter()
-            .map(|f| context.matched(algorithm, &f.pair))
-            .collect::<Result<_>>()
+            .map(|judged| &judged.estimates[i].estimate.disparity);
+        maps.cloned().collect()
     };
-    Ok([maps(SHARP)?, maps(SMOOTH)?])
+    Ok([maps(0), maps(1)])
 }
 
 /// The frame with the right image one row lower.
