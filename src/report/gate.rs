@@ -3,7 +3,7 @@
 use super::summary::{AlgorithmSummary, Summary};
 use crate::error::{Error, Result};
 use crate::manifest::{Contestant, Manifest};
-use crate::score::{METRICS, Metric, Origin, Unit};
+use crate::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// A limit, as a scenario's `[[gate]]` says it.
@@ -74,7 +74,7 @@ impl Limit {
             {
                 wrong("min and max are numbers, 0 or more")
             }
-            _ if self.metric.unit == Unit::Share
+            _ if self.metric.unit == MetricUnit::Share
                 && bounds.iter().flatten().any(|bound| *bound > 1.0) =>
             {
                 wrong("a share is 0..=1, so 5 % is 0.05")
@@ -88,7 +88,7 @@ impl Limit {
                 metric,
                 relative_to: None,
                 ..
-            } if metric.unit == Unit::Ms => {
+            } if metric.unit == MetricUnit::Ms => {
                 wrong("time is judged as a ratio: name another algorithm with relative_to")
             }
             Self {
@@ -102,14 +102,14 @@ impl Limit {
                 metric,
                 relative_to: Some(_),
                 ..
-            } if metric.unit != Unit::Ms => {
+            } if metric.unit != MetricUnit::Ms => {
                 wrong("relative_to belongs to metric = \"time\"; quality has absolute limits")
             }
             Self {
                 metric,
                 checkpoint: Some(_),
                 ..
-            } if !matches!(metric.origin, Origin::Checkpoints) => {
+            } if !matches!(metric.origin, MetricOrigin::Checkpoints) => {
                 wrong("checkpoint belongs to metric = \"passed\"")
             }
             _ => Ok(()),
@@ -170,7 +170,7 @@ impl Limit {
     }
 
     fn value(&self, of: &AlgorithmSummary, summary: &Summary) -> Option<f64> {
-        if !matches!(self.metric.origin, Origin::Checkpoints) {
+        if !matches!(self.metric.origin, MetricOrigin::Checkpoints) {
             return of.value(self.metric);
         }
         let visited = summary
@@ -218,7 +218,7 @@ impl std::fmt::Display for Ruling {
                 let hidden = [min, max].into_iter().flatten().any(|b| {
                     *b != value && metric.show_relative(*b) == metric.show_relative(value)
                 });
-                match (hidden, metric.unit == Unit::Share) {
+                match (hidden, metric.unit == MetricUnit::Share) {
                     (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
                     _ => write!(f, " {}", metric.show_relative(value))?,
                 }

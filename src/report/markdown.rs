@@ -1,7 +1,9 @@
 //! A summary as Markdown.
 
 use super::summary::Summary;
-use super::words::{Cell, Checkpoints, Column, VERDICTS, columns, notes, shown, speed_columns};
+use super::words::{
+    CheckpointCell, Checkpoints, Column, VERDICTS, columns, notes, shown, speed_columns,
+};
 
 impl Summary {
     /// The summary as a Markdown page under `title`.
@@ -59,7 +61,7 @@ fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
     let heads = std::iter::once("algorithm".to_owned())
         .chain(checkpoints.heads.iter().map(|head| escape(head)));
     // Blanks align on the terminal alone.
-    let told = |cell: &Cell| {
+    let told = |cell: &CheckpointCell| {
         cell.to_string()
             .split_whitespace()
             .collect::<Vec<_>>()

@@ -25,6 +25,6 @@ mod words;
 
 pub use gate::{Limit, Ruling};
 pub use read::read_rows;
-pub use rows::{CellRow, CheckpointRow, ColumnValue, CsvCells, Record, Row, Totals};
+pub use rows::{CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row};
 pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
 pub use tables::Table;

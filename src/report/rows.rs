@@ -62,7 +62,7 @@ macro_rules! record {
         impl $crate::report::rows::Record for $name {
             fn columns() -> Vec<&'static str> {
                 let mut columns = Vec::new();
-                $(<$kind as $crate::report::rows::Field>::columns(
+                $(<$kind as $crate::report::rows::RowField>::columns(
                     stringify!($field),
                     &mut columns,
                 );)*
@@ -71,7 +71,7 @@ macro_rules! record {
 
             fn values(&self) -> Vec<$crate::report::rows::ColumnValue<'_>> {
                 let mut values = Vec::new();
-                $($crate::report::rows::Field::values(&self.$field, &mut values);)*
+                $($crate::report::rows::RowField::values(&self.$field, &mut values);)*
                 values
             }
 
@@ -79,7 +79,7 @@ macro_rules! record {
                 cells: $crate::report::rows::CsvCells<'_>,
             ) -> std::result::Result<Self, String> {
                 Ok(Self {$(
-                    $field: $crate::report::rows::Field::parse(stringify!($field), cells)?,
+                    $field: $crate::report::rows::RowField::parse(stringify!($field), cells)?,
                 )*})
             }
 
@@ -87,7 +87,7 @@ macro_rules! record {
                 let mut columns = Vec::new();
                 $(
                     let fields: Vec<_> = rows.iter().map(|row| &row.$field).collect();
-                    columns.extend($crate::report::rows::Field::stored(
+                    columns.extend($crate::report::rows::RowField::stored(
                         stringify!($field),
                         &fields,
                     ));
@@ -193,7 +193,7 @@ record! {
 }
 
 /// A field of a row: one column of its name, or several.
-pub(super) trait Field: Sized {
+pub(super) trait RowField: Sized {
     fn columns(name: &'static str, columns: &mut Vec<&'static str>) {
         columns.push(name);
     }
@@ -208,7 +208,7 @@ pub(super) trait Field: Sized {
 /// Types that are one column: how it is written, read, and kept by polars.
 macro_rules! columns {
     ($($kind:ty: |$field:ident| $value:expr, $read:expr, $stored:expr;)*) => {$(
-        impl Field for $kind {
+        impl RowField for $kind {
             fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
                 let $field = self;
                 values.push($value);
@@ -275,9 +275,9 @@ fn metrics_in_summaries() -> Vec<(&'static Metric, &'static str)> {
 
 /// The metrics' columns of all frames of an algorithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Totals(pub MetricValues);
+pub struct MetricTotals(pub MetricValues);
 
-impl std::ops::Deref for Totals {
+impl std::ops::Deref for MetricTotals {
     type Target = MetricValues;
 
     fn deref(&self) -> &MetricValues {
@@ -288,7 +288,7 @@ impl std::ops::Deref for Totals {
 /// The values of metrics: a column each, whole numbers where the metric counts.
 macro_rules! metric_columns {
     ($($kind:ident, $order:ident, $new:expr;)*) => {$(
-        impl Field for $kind {
+        impl RowField for $kind {
             fn columns(_: &'static str, columns: &mut Vec<&'static str>) {
                 columns.extend($order().into_iter().map(|(_, column)| column));
             }
@@ -305,7 +305,7 @@ macro_rules! metric_columns {
                 let mut metrics = MetricValues::default();
                 for (metric, column) in $order() {
                     if cells.get(column).is_some() {
-                        metrics.set(metric.name, Field::parse(column, cells)?);
+                        metrics.set(metric.name, RowField::parse(column, cells)?);
                     }
                 }
                 Ok($new(metrics))
@@ -330,5 +330,5 @@ macro_rules! metric_columns {
 
 metric_columns! {
     MetricValues, metrics_in_rows, std::convert::identity;
-    Totals, metrics_in_summaries, Totals;
+    MetricTotals, metrics_in_summaries, MetricTotals;
 }

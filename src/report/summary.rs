@@ -1,10 +1,10 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
-use super::rows::{CheckpointRow, Record, Row, Totals, record};
+use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
 use super::speed::Speed;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
-use crate::score::{METRICS, Metric, MetricValues, Origin, Total};
+use crate::score::{METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
 use crate::stereo::CellRule;
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
@@ -32,7 +32,7 @@ record! {
         algorithm: String,
         pairs: u64,
         /// Per metric of frames the sum of what it counts, or its mean.
-        totals: Totals,
+        totals: MetricTotals,
         /// Median time a pair by nearest rank.
         p50_ms: f64,
         /// Percentiles by nearest rank: the 99th is the slowest pair when there are fewer than a
@@ -80,9 +80,9 @@ impl AlgorithmSummary {
     /// [`CheckpointSummary::share`].
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         match metric.origin {
-            Origin::Frame { .. } => self.totals.value(metric),
-            Origin::Time => Some(self.p50_ms),
-            Origin::Checkpoints => None,
+            MetricOrigin::Frame { .. } => self.totals.value(metric),
+            MetricOrigin::Time => Some(self.p50_ms),
+            MetricOrigin::Checkpoints => None,
         }
     }
 }
@@ -174,17 +174,17 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     })
 }
 
-fn totals(rows: &DataFrame) -> PolarsResult<Totals> {
+fn totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {
     let mut totals = MetricValues::default();
     for metric in METRICS {
         let value = match metric.column() {
-            Some((column, Total::Mean)) => mean(rows, column)?,
+            Some((column, MetricTotal::Mean)) => mean(rows, column)?,
             Some((column, _)) => sum(rows, column)?.map(|count| count as f64),
             None => continue,
         };
         totals.set(metric.name, value);
     }
-    Ok(Totals(totals))
+    Ok(MetricTotals(totals))
 }
 
 fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {

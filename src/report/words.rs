@@ -1,7 +1,7 @@
 //! How a summary's numbers are worded, once for terminal, Markdown and HTML.
 
 use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
-use crate::score::{METRICS, Metric, Unit};
+use crate::score::{METRICS, Metric, MetricUnit};
 use crate::stereo::CellRule;
 
 /// Stands for a number that does not exist.
@@ -14,10 +14,10 @@ pub(super) struct Column {
     pub(super) head: &'static str,
     /// Characters it takes on the terminal.
     pub(super) width: usize,
-    number: Source,
+    number: ColumnSource,
 }
 
-enum Source {
+enum ColumnSource {
     Metric(&'static Metric),
     Summary(fn(&AlgorithmSummary) -> String),
 }
@@ -33,17 +33,17 @@ impl Column {
             group,
             head,
             width,
-            number: Source::Summary(number),
+            number: ColumnSource::Summary(number),
         }
     }
 
     /// Its number of an algorithm in words.
     pub(super) fn cell(&self, summary: &AlgorithmSummary) -> String {
         match self.number {
-            Source::Metric(metric) => summary
+            ColumnSource::Metric(metric) => summary
                 .value(metric)
                 .map_or_else(|| NONE.to_owned(), |value| number(metric.unit, value)),
-            Source::Summary(number) => number(summary),
+            ColumnSource::Summary(number) => number(summary),
         }
     }
 }
@@ -56,7 +56,7 @@ pub(super) fn columns() -> Vec<Column> {
         head: metric.head,
         // At least as wide as 100.0.
         width: metric.head.chars().count().max(5),
-        number: Source::Metric(metric),
+        number: ColumnSource::Metric(metric),
     });
     let pairs = Column::new("", "pairs", 6, |a| a.pairs.to_string());
     let times = [
@@ -115,8 +115,8 @@ const TIME_NOTES: &[(&str, &str)] = &[
 /// The notes on those columns, which stand below their table.
 pub(super) fn notes(columns: &[Column], rule: CellRule) -> Vec<(&'static str, String)> {
     let metrics = columns.iter().filter_map(|column| match column.number {
-        Source::Metric(metric) => metric.note,
-        Source::Summary(_) => None,
+        ColumnSource::Metric(metric) => metric.note,
+        ColumnSource::Summary(_) => None,
     });
     let times = TIME_NOTES.iter().filter(|(term, _)| {
         columns
@@ -128,12 +128,12 @@ pub(super) fn notes(columns: &[Column], rule: CellRule) -> Vec<(&'static str, St
 }
 
 /// A value in a table, whose head says the unit.
-pub(super) fn number(unit: Unit, value: f64) -> String {
+pub(super) fn number(unit: MetricUnit, value: f64) -> String {
     match unit {
-        Unit::Share => format!("{:.1}", 100.0 * value),
-        Unit::Count => format!("{value:.0}"),
-        Unit::Px => format!("{value:.2}"),
-        Unit::Ms => ms(value),
+        MetricUnit::Share => format!("{:.1}", 100.0 * value),
+        MetricUnit::Count => format!("{value:.0}"),
+        MetricUnit::Px => format!("{value:.2}"),
+        MetricUnit::Ms => ms(value),
     }
 }
 
@@ -177,12 +177,12 @@ pub(super) struct Checkpoints<'a> {
     /// Heads of the columns, the last being that of all.
     pub(super) heads: Vec<String>,
     /// Each algorithm with its cells.
-    pub(super) lines: Vec<(&'a str, Vec<Cell>)>,
+    pub(super) lines: Vec<(&'a str, Vec<CheckpointCell>)>,
 }
 
 /// A checkpoint's verdict on an algorithm, or the sum of all.
 #[derive(Clone, Copy)]
-pub(super) enum Cell {
+pub(super) enum CheckpointCell {
     NeverSeen,
     Seen {
         best: bool,
@@ -199,7 +199,7 @@ pub(super) enum Cell {
     },
 }
 
-impl Cell {
+impl CheckpointCell {
     fn of(checkpoint: Option<&CheckpointSummary>) -> Self {
         let seen = checkpoint.and_then(|c| {
             Some(Self::Seen {
@@ -232,7 +232,7 @@ impl Cell {
     }
 }
 
-impl std::fmt::Display for Cell {
+impl std::fmt::Display for CheckpointCell {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match *self {
             Self::NeverSeen => f.write_str(NEVER_SEEN),
@@ -283,8 +283,11 @@ impl<'a> Checkpoints<'a> {
             };
             let cells = numbers
                 .iter()
-                .map(|(number, _)| Cell::of(own().find(|c| c.checkpoint == *number)));
-            (algorithm, cells.chain([Cell::all(own())]).collect())
+                .map(|(number, _)| CheckpointCell::of(own().find(|c| c.checkpoint == *number)));
+            (
+                algorithm,
+                cells.chain([CheckpointCell::all(own())]).collect(),
+            )
         };
         let heads = numbers
             .iter()

@@ -1,10 +1,10 @@
 //! Figure 5.7: the SSDPI of one subject, close and far.
 
 use super::checks::Correlated;
-use super::measure::{SSDPI_TOP, Spread, Valid, gray_picture, ssdpi_picture, valid};
-use super::{Context, Experiment, Finding, Value, stage};
+use super::measure::{MeanMedian, SSDPI_TOP, Valid, gray_picture, ssdpi_picture, valid};
+use super::{Context, Experiment, Finding, TableValue, stage};
 use crate::error::Result;
-use crate::report::plot::{Axis, Chart, Form, Series};
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::stereo::Frame;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -61,7 +61,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let (close, far) = (subject(CLOSE_M, "close")?, subject(FAR_M, "far")?);
     let histograms = vec![("close", histogram(&close)), ("far", histogram(&far))];
     let spread = |values: Vec<f64>| {
-        Spread::of(values).unwrap_or(Spread {
+        MeanMedian::of(values).unwrap_or(MeanMedian {
             mean: f64::NAN,
             median: f64::NAN,
         })
@@ -78,8 +78,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         close.mean > far.mean,
         format!("So is the mean: {:.2} and {:.2}.", close.mean, far.mean),
     );
-    let values =
-        |near: Spread, far: Spread| [near.median, far.median, near.mean, far.mean].map(Value::from);
+    let values = |near: MeanMedian, far: MeanMedian| {
+        [near.median, far.median, near.mean, far.mean].map(TableValue::from)
+    };
     let mut rows = vec![("arena".to_owned(), values(close, far))];
     let (mut scenes, mut higher) = (0, 0);
     for frame in context.real() {
@@ -123,7 +124,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     let series = |(name, points): (&str, Vec<(f64, f64)>)| Series {
         name: name.into(),
-        form: Form::Line,
+        form: SeriesStyle::Line,
         points,
     };
     finding.plot(&Chart {
@@ -152,7 +153,7 @@ fn histogram(values: &[f64]) -> Vec<(f64, f64)> {
 }
 
 /// Of the matches with a truth, the nearer and the farther half; nothing without truth.
-fn halves(frame: &Frame) -> Result<Option<[Spread; 2]>> {
+fn halves(frame: &Frame) -> Result<Option<[MeanMedian; 2]>> {
     let Some(truth) = &frame.truth else {
         return Ok(None);
     };
@@ -163,8 +164,8 @@ fn halves(frame: &Frame) -> Result<Option<[Spread; 2]>> {
     let mut known: Vec<(f32, f64)> = valid(&matches).filter_map(known).collect();
     known.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (near, far) = known.split_at(known.len() / 2);
-    let spread = |half: &[(f32, f64)]| Spread::of(half.iter().map(|(_, ln_ssdpi)| *ln_ssdpi));
-    Ok(spread(near).zip(spread(far)).map(<[Spread; 2]>::from))
+    let spread = |half: &[(f32, f64)]| MeanMedian::of(half.iter().map(|(_, ln_ssdpi)| *ln_ssdpi));
+    Ok(spread(near).zip(spread(far)).map(<[MeanMedian; 2]>::from))
 }
 
 #[cfg(test)]

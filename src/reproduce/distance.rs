@@ -1,6 +1,6 @@
 //! Figure 5.1: the distance curve, from the thesis's measurements and from a simulated target.
 
-use super::{Context, Experiment, Finding, Value, stage};
+use super::{Context, Experiment, Finding, TableValue, stage};
 use crate::arena::ArenaConfig;
 use crate::depth::DistanceCurve;
 use crate::error::Result;
@@ -126,7 +126,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     for (cm, px) in table {
         let found = measured.iter().find(|(at, _)| *at == cm).map(|(_, px)| *px);
         let curve = found.and_then(|px| ours.distance_cm(px));
-        let here = [Some(product / cm), found, curve].map(Value::from);
+        let here = [Some(product / cm), found, curve].map(TableValue::from);
         let [true_px, found, curve] = here;
         rows.row(
             format!("{cm:.0}"),

@@ -14,7 +14,7 @@ pub struct Finding {
     pub conditions: Vec<Condition>,
     /// Numbers beside those of the thesis.
     pub quantities: Vec<Quantity>,
-    pub tables: Vec<Table>,
+    pub tables: Vec<FindingTable>,
     #[serde(skip)]
     pub exhibits: Vec<Exhibit>,
 }
@@ -40,16 +40,16 @@ pub struct Quantity {
 
 /// Numbers of several things of one kind.
 #[derive(Clone, Debug, Serialize)]
-pub struct Table {
+pub struct FindingTable {
     /// Of the columns, the first of which names the things.
     pub heads: Vec<String>,
-    pub rows: Vec<(String, Vec<Value>)>,
+    pub rows: Vec<(String, Vec<TableValue>)>,
 }
 
 /// What stands in a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Value {
+pub enum TableValue {
     Number(f64),
     Text(String),
     Nothing,
@@ -58,7 +58,7 @@ pub enum Value {
 /// Whether the thesis's claim holds here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Verdict {
+pub enum ClaimVerdict {
     /// Every condition is met.
     Holds,
     /// Some conditions are met and some are not.
@@ -79,13 +79,13 @@ pub enum Exhibit {
         caption: String,
         png: Vec<u8>,
         size: (usize, usize),
-        marks: Vec<Drawn>,
+        marks: Vec<DrawnCell>,
     },
 }
 
 /// What is drawn in one cell of a picture.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Drawn {
+pub struct DrawnCell {
     #[serde(flatten)]
     pub mark: Mark,
     /// Whether the cell is crossed out.
@@ -94,13 +94,13 @@ pub struct Drawn {
 
 impl Finding {
     /// What the conditions come to.
-    pub fn verdict(&self) -> Verdict {
+    pub fn verdict(&self) -> ClaimVerdict {
         let met = self.conditions.iter().filter(|c| c.met).count();
         match (met, self.conditions.len()) {
-            (_, 0) => Verdict::CannotBeTold,
-            (0, _) => Verdict::DoesNotHold,
-            (met, all) if met == all => Verdict::Holds,
-            _ => Verdict::HoldsInPart,
+            (_, 0) => ClaimVerdict::CannotBeTold,
+            (0, _) => ClaimVerdict::DoesNotHold,
+            (met, all) if met == all => ClaimVerdict::Holds,
+            _ => ClaimVerdict::HoldsInPart,
         }
     }
 
@@ -129,8 +129,8 @@ impl Finding {
         });
     }
 
-    pub(super) fn table<const N: usize>(&mut self, heads: [&str; N]) -> &mut Table {
-        self.tables.push(Table {
+    pub(super) fn table<const N: usize>(&mut self, heads: [&str; N]) -> &mut FindingTable {
+        self.tables.push(FindingTable {
             heads: heads.map(str::to_owned).to_vec(),
             rows: Vec::new(),
         });
@@ -144,14 +144,14 @@ impl Finding {
     }
 }
 
-impl Table {
-    pub(super) fn row<const N: usize>(&mut self, name: impl Into<String>, values: [Value; N]) {
+impl FindingTable {
+    pub(super) fn row<const N: usize>(&mut self, name: impl Into<String>, values: [TableValue; N]) {
         debug_assert_eq!(N + 1, self.heads.len());
         self.rows.push((name.into(), values.into()));
     }
 }
 
-impl<V: Into<Option<f64>>> From<V> for Value {
+impl<V: Into<Option<f64>>> From<V> for TableValue {
     fn from(value: V) -> Self {
         value
             .into()
@@ -160,7 +160,7 @@ impl<V: Into<Option<f64>>> From<V> for Value {
     }
 }
 
-impl Verdict {
+impl ClaimVerdict {
     /// All verdicts, the best first.
     pub const ALL: [Self; 4] = [
         Self::Holds,
@@ -201,9 +201,9 @@ mod tests {
             met.iter().for_each(|&met| finding.condition(met, ""));
             finding.verdict()
         };
-        assert_eq!(verdict(&[]), Verdict::CannotBeTold);
-        assert_eq!(verdict(&[true, true]), Verdict::Holds);
-        assert_eq!(verdict(&[false, true]), Verdict::HoldsInPart);
-        assert_eq!(verdict(&[false, false]), Verdict::DoesNotHold);
+        assert_eq!(verdict(&[]), ClaimVerdict::CannotBeTold);
+        assert_eq!(verdict(&[true, true]), ClaimVerdict::Holds);
+        assert_eq!(verdict(&[false, true]), ClaimVerdict::HoldsInPart);
+        assert_eq!(verdict(&[false, false]), ClaimVerdict::DoesNotHold);
     }
 }

@@ -1,11 +1,11 @@
 //! Figure 5.11: how many windows share a hash value of v4's table, and how many a look-up compares.
 
 use super::measure::{gray_picture, percent};
-use super::{Context, Experiment, Finding, Value, stage};
+use super::{Context, Experiment, Finding, TableValue, stage};
 use crate::error::Result;
 use crate::kernel::{NO_SUM, isa, window_sums};
 use crate::matcher::stage::{DogTexture, TextureFilter, VerticalSmoothing};
-use crate::report::plot::{Axis, Chart, Form, Series};
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::stereo::{Gray, Plane, StereoPair};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -67,7 +67,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     finding.quantity("times those of a scan", "", "4", times);
     let mut series = vec![Series {
         name: "forest wall".into(),
-        form: Form::Line,
+        form: SeriesStyle::Line,
         points: wall.points(),
     }];
     let mut rows = vec![("arena, forest wall".to_owned(), wall.values())];
@@ -80,7 +80,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         if i == 0 {
             series.push(Series {
                 name,
-                form: Form::Line,
+                form: SeriesStyle::Line,
                 points: scene.points(),
             });
         }
@@ -132,7 +132,7 @@ impl Occupancy {
         self.buckets.iter().sum::<usize>() as f64 / SUMS as f64
     }
 
-    fn values(&self) -> [Value; 5] {
+    fn values(&self) -> [TableValue; 5] {
         let times = self.compared / DISPARITIES as f64;
         [
             self.textured_percent,
@@ -141,7 +141,7 @@ impl Occupancy {
             self.compared,
             times,
         ]
-        .map(Value::from)
+        .map(TableValue::from)
     }
 
     fn most(&self) -> f64 {

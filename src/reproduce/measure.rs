@@ -9,12 +9,12 @@ use crate::stereo::{DisparityMap, Gray, Truth};
 
 /// Mean and median.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Spread {
+pub(super) struct MeanMedian {
     pub(super) mean: f64,
     pub(super) median: f64,
 }
 
-impl Spread {
+impl MeanMedian {
     /// Of values that are finite; nothing of none. The median is by nearest rank.
     pub(super) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let values: Vec<f64> = values.into_iter().collect();
@@ -53,8 +53,8 @@ pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
 }
 
 /// Mean and median ln SSDPI of all valid pixels of some maps.
-pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> Option<Spread> {
-    Spread::of(maps.into_iter().flat_map(valid).map(|v| v.ln_ssdpi))
+pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> Option<MeanMedian> {
+    MeanMedian::of(maps.into_iter().flat_map(valid).map(|v| v.ln_ssdpi))
 }
 
 /// Whether a disparity is within 2 px of the truth; nothing where there is no truth.
@@ -108,17 +108,17 @@ mod tests {
 
     #[test]
     fn medians_are_nearest_ranks() {
-        assert_eq!(Spread::of([]), None);
+        assert_eq!(MeanMedian::of([]), None);
         assert_eq!(
-            Spread::of([4.0, 1.0, 1.0, 2.0]),
-            Some(Spread {
+            MeanMedian::of([4.0, 1.0, 1.0, 2.0]),
+            Some(MeanMedian {
                 mean: 2.0,
                 median: 1.0
             })
         );
         assert_eq!(
-            Spread::of([4.0, 0.0, 2.0]),
-            Some(Spread {
+            MeanMedian::of([4.0, 0.0, 2.0]),
+            Some(MeanMedian {
                 mean: 2.0,
                 median: 2.0
             })
@@ -138,7 +138,7 @@ mod tests {
         let spread = ssdpi([&map]).unwrap();
         assert_eq!(
             spread,
-            Spread {
+            MeanMedian {
                 mean: 0.5 * 100f64.ln(),
                 median: 0.0
             }

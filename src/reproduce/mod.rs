@@ -2,7 +2,7 @@
 //! whether its claim holds.
 //!
 //! ```text
-//! EXPERIMENTS ──run(Context)──▶ Finding (conditions, quantities, exhibits) ──▶ Page: HTML, Markdown, JSON
+//! EXPERIMENTS ──run(Context)──▶ Finding (conditions, quantities, exhibits) ──▶ FindingsPage: HTML, Markdown, JSON
 //! ```
 //!
 //! What an experiment looks at is built from the arena's parts, with exact truth, and real scenes
@@ -24,8 +24,10 @@ mod stage;
 mod texture;
 mod validity;
 
-pub use finding::{Condition, Drawn, Exhibit, Finding, Quantity, Table, Value, Verdict};
-pub use page::{Entry, Page};
+pub use finding::{
+    ClaimVerdict, Condition, DrawnCell, Exhibit, Finding, FindingTable, Quantity, TableValue,
+};
+pub use page::{ExperimentFinding, FindingsPage};
 
 use crate::error::{Error, Result, did_you_mean};
 use crate::manifest::Manifest;

@@ -1,7 +1,7 @@
 //! Figure 7.3: the arena's six points through v3 and through the Small Vision System.
 
 use super::measure::percent;
-use super::{Context, Drawn, Exhibit, Experiment, Finding, Value};
+use super::{Context, DrawnCell, Exhibit, Experiment, Finding, TableValue};
 use crate::error::{Error, Result};
 use crate::files::encode_png;
 use crate::overlay::{Nearness, marks};
@@ -95,10 +95,12 @@ impl Cells {
 impl Point {
     /// Best and worst frame, the share that passes and that with a wrong cell, and the share of
     /// right cells.
-    fn values(&self) -> [Value; 5] {
+    fn values(&self) -> [TableValue; 5] {
         let leading = |lead: &Option<(Exhibit, CheckpointFrame)>| match lead {
-            Some((_, frame)) => Value::Text(if frame.passed { "pass" } else { "fail" }.to_owned()),
-            None => Value::Nothing,
+            Some((_, frame)) => {
+                TableValue::Text(if frame.passed { "pass" } else { "fail" }.to_owned())
+            }
+            None => TableValue::Nothing,
         };
         let frames = self.tally.frames;
         [
@@ -161,7 +163,19 @@ impl Points {
             let name = format!("{}. {}", checkpoint.number, checkpoint.name);
             rows.row(
                 name,
-                [Value::Text(thesis.to_owned()), a, b, c, d, e, f, g, h, i, j],
+                [
+                    TableValue::Text(thesis.to_owned()),
+                    a,
+                    b,
+                    c,
+                    d,
+                    e,
+                    f,
+                    g,
+                    h,
+                    i,
+                    j,
+                ],
             );
         }
         for (name, cells) in NAMES.iter().zip(cells) {
@@ -363,7 +377,7 @@ fn exhibit(
         )?,
         size,
         marks: drawn
-            .map(|(mark, j)| Drawn {
+            .map(|(mark, j)| DrawnCell {
                 mark,
                 wrong: j.verdict == Verdict::Wrong,
             })

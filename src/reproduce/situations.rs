@@ -1,6 +1,6 @@
 //! Table 5.1 and annex A: the situations in which the thesis gave up dynamic programming.
 
-use super::{Context, Drawn, Exhibit, Experiment, Finding, Value, stage};
+use super::{Context, DrawnCell, Exhibit, Experiment, Finding, TableValue, stage};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
 use crate::files::encode_png;
@@ -185,11 +185,11 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             situation.thesis
         };
         let [dp, v3] = outcome.each_ref().map(Answers::tally);
-        let [a, b, c, d, e] =
-            [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown].map(|n| Value::from(n as f64));
+        let [a, b, c, d, e] = [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown]
+            .map(|n| TableValue::from(n as f64));
         rows.row(
             situation.name,
-            [Value::Text(thesis.to_owned()), a, b, c, d, e],
+            [TableValue::Text(thesis.to_owned()), a, b, c, d, e],
         );
     }
     finding.exhibits.extend(
@@ -348,7 +348,7 @@ fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<An
         )?,
         size,
         marks: drawn
-            .map(|(mark, j)| Drawn {
+            .map(|(mark, j)| DrawnCell {
                 mark,
                 wrong: j.verdict == Verdict::Wrong,
             })

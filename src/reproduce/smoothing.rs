@@ -1,10 +1,10 @@
 //! Figure 5.3: what vertical smoothing does to the matches of a misaligned pair.
 
-use super::measure::{Spread, percent, right, ssdpi, ssdpi_picture, valid};
-use super::{Context, Experiment, Finding, Value};
+use super::measure::{MeanMedian, percent, right, ssdpi, ssdpi_picture, valid};
+use super::{Context, Experiment, Finding, TableValue};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
-use crate::report::plot::{Axis, Chart, Form, Series};
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::score::Judge;
 use crate::stereo::{DisparityMap, Frame, Gray, StereoPair};
 
@@ -45,8 +45,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let [sharp, smooth] = both(context, &frames)?;
         outcomes.push((
             offset_px,
-            Outcome::of(&frames, &sharp),
-            Outcome::of(&frames, &smooth),
+            MatchOutcome::of(&frames, &sharp),
+            MatchOutcome::of(&frames, &smooth),
         ));
         if offset_px == OFFSETS_PX[ONE_PX] {
             finding.exhibits.push(ssdpi_picture(
@@ -102,10 +102,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         outcomes[0].1.wrong_percent,
         outcomes[0].2.wrong_percent
     );
-    let chart = |title: &str, label: &str, of: fn(&Outcome) -> f64| {
+    let chart = |title: &str, label: &str, of: fn(&MatchOutcome) -> f64| {
         let series = |name: &str, points: Vec<f64>| Series {
             name: name.into(),
-            form: Form::Both,
+            form: SeriesStyle::Both,
             points: OFFSETS_PX.into_iter().zip(points).collect(),
         };
         Chart {
@@ -147,7 +147,7 @@ fn real(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     if frames.is_empty() {
         return Ok(());
     }
-    let [sharp, smooth] = both(context, &frames)?.map(|maps| Outcome::of(&frames, &maps));
+    let [sharp, smooth] = both(context, &frames)?.map(|maps| MatchOutcome::of(&frames, &maps));
     finding.condition(
         smooth.ssdpi.median < sharp.ssdpi.median && smooth.wrong_percent < sharp.wrong_percent,
         format!(
@@ -202,8 +202,8 @@ fn lowered(frame: Frame) -> Result<Frame> {
 
 /// What maps come to, all pixels together.
 #[derive(Clone, Copy, Debug)]
-struct Outcome {
-    ssdpi: Spread,
+struct MatchOutcome {
+    ssdpi: MeanMedian,
     valid_percent: f64,
     /// Of all pixels.
     right_percent: f64,
@@ -211,8 +211,8 @@ struct Outcome {
     wrong_percent: f64,
 }
 
-impl Outcome {
-    fn values(&self) -> [Value; 5] {
+impl MatchOutcome {
+    fn values(&self) -> [TableValue; 5] {
         let Self {
             ssdpi,
             valid_percent,
@@ -226,7 +226,7 @@ impl Outcome {
             right_percent,
             wrong_percent,
         ]
-        .map(Value::from)
+        .map(TableValue::from)
     }
 
     fn of(frames: &[Frame], maps: &[DisparityMap]) -> Self {
@@ -244,7 +244,7 @@ impl Outcome {
             }
         }
         Self {
-            ssdpi: ssdpi(maps).unwrap_or(Spread {
+            ssdpi: ssdpi(maps).unwrap_or(MeanMedian {
                 mean: f64::NAN,
                 median: f64::NAN,
             }),
@@ -281,7 +281,7 @@ mod tests {
         row.accept(0, 3.0);
         row.accept(1, 5.5);
         (row.set_ssdpi(0, 0), row.set_ssdpi(1, 6));
-        let outcome = Outcome::of(&[frame], &[map]);
+        let outcome = MatchOutcome::of(&[frame], &[map]);
         assert_eq!(
             (
                 outcome.valid_percent,

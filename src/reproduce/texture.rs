@@ -1,12 +1,12 @@
 //! Figure 5.5: the difference-of-Gaussians filter along a row.
 
-use super::measure::{Spread, gray_picture, percent};
-use super::{Context, Experiment, Finding, Value};
+use super::measure::{MeanMedian, gray_picture, percent};
+use super::{Context, Experiment, Finding, TableValue};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
 use crate::kernel::isa;
 use crate::matcher::stage::{DeviationTexture, DogTexture, TextureFilter, VerticalSmoothing};
-use crate::report::plot::{Axis, Chart, Form, Series};
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::stereo::{Gray, Plane};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -127,7 +127,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
 fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) -> Result<()> {
     let series = |name: &str, values: Vec<f64>| Series {
         name: name.into(),
-        form: Form::Line,
+        form: SeriesStyle::Line,
         points: values
             .into_iter()
             .enumerate()
@@ -211,7 +211,7 @@ impl Filtered {
             let windows =
                 (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
             let windows = windows.filter(|&(x, y)| kept.get(x, y) == which);
-            Spread::of(windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4])))
+            MeanMedian::of(windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4])))
                 .map_or(f64::NAN, |s| s.median)
         };
         let changes = |a: &Plane<bool>, b: &Plane<bool>| {
@@ -229,7 +229,7 @@ impl Filtered {
         })
     }
 
-    fn values(&self) -> [Value; 5] {
+    fn values(&self) -> [TableValue; 5] {
         let Self {
             dropped_percent,
             kept_contrast,
@@ -245,7 +245,7 @@ impl Filtered {
             dog_changes,
             deviation_changes,
         ]
-        .map(Value::from)
+        .map(TableValue::from)
     }
 }
 

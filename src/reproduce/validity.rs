@@ -1,11 +1,11 @@
 //! Figures 5.8 and 5.9: the self check against the symmetric check before a close object.
 
 use super::checks::Correlated;
-use super::measure::{Spread, gray_picture, percent, right, ssdpi_picture, valid};
-use super::{Context, Experiment, Finding, Value, stage};
+use super::measure::{MeanMedian, gray_picture, percent, right, ssdpi_picture, valid};
+use super::{Context, Experiment, Finding, TableValue, stage};
 use crate::arena::ArenaConfig;
 use crate::error::Result;
-use crate::report::plot::{Axis, Chart, Form, Series};
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::stereo::{DisparityMap, Frame};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -137,7 +137,7 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
     }
     let series = |name: &str, check: usize| Series {
         name: name.into(),
-        form: Form::Both,
+        form: SeriesStyle::Both,
         points: dropped
             .iter()
             .map(|(ahead_m, dropped)| (*ahead_m, dropped[check]))
@@ -179,20 +179,24 @@ fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
         x: axis("dropped by the symmetric check, %"),
         y: axis("dropped by the self check, %"),
         series: vec![
-            series("real scenes, as v1 has it", Form::Points, real(1)),
-            series("real scenes, to the letter", Form::Points, real(2)),
+            series("real scenes, as v1 has it", SeriesStyle::Points, real(1)),
+            series("real scenes, to the letter", SeriesStyle::Points, real(2)),
             series(
                 "close object, as v1 has it",
-                Form::Points,
+                SeriesStyle::Points,
                 vec![(close[1], close[0])],
             ),
             series(
                 "close object, to the letter",
-                Form::Points,
+                SeriesStyle::Points,
                 vec![(close[2], close[0])],
             ),
-            series("close object, thesis", Form::Points, vec![(55.0, 35.0)]),
-            series("as much", Form::Line, vec![(0.0, 0.0), (80.0, 80.0)]),
+            series(
+                "close object, thesis",
+                SeriesStyle::Points,
+                vec![(55.0, 35.0)],
+            ),
+            series("as much", SeriesStyle::Line, vec![(0.0, 0.0), (80.0, 80.0)]),
         ],
     }
 }
@@ -214,7 +218,7 @@ impl Checked {
                 .iter()
                 .flat_map(|truth| valid(map).filter_map(|v| right(truth, &v)))
                 .collect();
-            Kept {
+            KeptMatches {
                 matches: map.valid(),
                 known: judged.len(),
                 good: judged.iter().filter(|right| **right).count(),
@@ -247,15 +251,15 @@ struct Contest {
     matches: usize,
     /// Of them, those that are right.
     good: usize,
-    own: Kept,
-    symmetric: Kept,
+    own: KeptMatches,
+    symmetric: KeptMatches,
     /// By the symmetric check, read otherwise: see [`VARIANTS`].
-    variants: [Kept; 3],
+    variants: [KeptMatches; 3],
 }
 
 /// What a check keeps.
 #[derive(Clone, Debug, Default)]
-struct Kept {
+struct KeptMatches {
     matches: usize,
     /// Of them, those whose truth is known ...
     known: usize,
@@ -264,9 +268,9 @@ struct Kept {
     ln_ssdpi: Vec<f64>,
 }
 
-impl Kept {
-    fn spread(&self) -> Option<Spread> {
-        Spread::of(self.ln_ssdpi.iter().copied())
+impl KeptMatches {
+    fn spread(&self) -> Option<MeanMedian> {
+        MeanMedian::of(self.ln_ssdpi.iter().copied())
     }
 
     fn wrong_percent(&self) -> Option<f64> {
@@ -319,8 +323,8 @@ impl Contest {
 
     /// A line per check: matches dropped, mean and median of the rest, right ones dropped, wrong
     /// ones left.
-    fn rows(&self, place: &str) -> Vec<(String, [Value; 5])> {
-        let line = |(name, kept): (&str, &Kept)| {
+    fn rows(&self, place: &str) -> Vec<(String, [TableValue; 5])> {
+        let line = |(name, kept): (&str, &KeptMatches)| {
             let spread = kept.spread();
             let values = [
                 percent(self.matches - kept.matches, self.matches),
@@ -329,7 +333,7 @@ impl Contest {
                 percent(self.good - kept.good, self.good),
                 kept.wrong_percent(),
             ];
-            (format!("{place}, {name}"), values.map(Value::from))
+            (format!("{place}, {name}"), values.map(TableValue::from))
         };
         let checks = [
             ("self check", &self.own),
@@ -367,10 +371,10 @@ fn conditions(place: &str, contest: &Contest, finding: &mut Finding) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reproduce::Verdict;
+    use crate::reproduce::ClaimVerdict;
 
     fn contest(own: usize, symmetric: usize, letter: usize, ssdpi: [f64; 2]) -> Contest {
-        let kept = |matches: usize, ln_ssdpi: f64| Kept {
+        let kept = |matches: usize, ln_ssdpi: f64| KeptMatches {
             matches,
             known: matches,
             good: matches,
@@ -389,7 +393,7 @@ mod tests {
     fn the_thesis_s_numbers_hold() {
         let mut finding = Finding::default();
         conditions("There", &contest(65, 55, 45, [6.0, 6.4]), &mut finding);
-        assert_eq!(finding.verdict(), Verdict::Holds);
+        assert_eq!(finding.verdict(), ClaimVerdict::Holds);
         conditions("There", &contest(45, 65, 40, [6.0, 6.6]), &mut finding);
         assert_eq!(
             finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>(),

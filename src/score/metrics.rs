@@ -43,9 +43,9 @@ pub struct Metric {
     /// Heads its column and the neighbours of the same group.
     pub group: &'static str,
     pub head: &'static str,
-    pub unit: Unit,
+    pub unit: MetricUnit,
     pub better: Better,
-    pub origin: Origin,
+    pub origin: MetricOrigin,
     /// Where Rerun plots its value per frame, below the algorithm.
     pub plot: Option<&'static str>,
     /// Term and meaning, below the tables.
@@ -54,7 +54,7 @@ pub struct Metric {
 
 /// What a metric counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
+pub enum MetricUnit {
     /// 0..=1, shown in percent.
     Share,
     Count,
@@ -74,13 +74,13 @@ pub enum Better {
 
 /// Where a metric's value comes from.
 #[derive(Clone, Copy)]
-pub enum Origin {
+pub enum MetricOrigin {
     /// One frame through one algorithm.
     Frame {
         /// Its column in the rows, and of its total in the summary.
         column: &'static str,
         of: fn(&FrameFacts<'_>) -> Option<f64>,
-        total: Total,
+        total: MetricTotal,
     },
     /// The time per pair; over frames the median by nearest rank.
     Time,
@@ -90,14 +90,14 @@ pub enum Origin {
 
 /// How the values of frames add up; frames without a value are left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Total {
+pub enum MetricTotal {
     Mean,
     Sum,
     /// The sum, divided by the sum of these metrics.
     ShareOf(&'static [&'static str]),
 }
 
-const JUDGED_CELLS: Total = Total::ShareOf(&["right", "wrong", "unknown"]);
+const JUDGED_CELLS: MetricTotal = MetricTotal::ShareOf(&["right", "wrong", "unknown"]);
 
 /// All metrics, in the order of tables and comparisons.
 pub const METRICS: &[Metric] = &[
@@ -106,9 +106,9 @@ pub const METRICS: &[Metric] = &[
         words: "right cells",
         group: "cells, %",
         head: "right",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::More,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "cells_right",
             of: |facts| facts.cells(|cells| cells.right),
             total: JUDGED_CELLS,
@@ -125,9 +125,9 @@ pub const METRICS: &[Metric] = &[
         words: "wrong cells",
         group: "cells, %",
         head: "wrong",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::Less,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "cells_wrong",
             of: |facts| facts.cells(|cells| cells.wrong),
             total: JUDGED_CELLS,
@@ -140,9 +140,9 @@ pub const METRICS: &[Metric] = &[
         words: "unknown cells",
         group: "cells, %",
         head: "unknown",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::Neither,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "cells_unknown",
             of: |facts| facts.cells(|cells| cells.unknown),
             total: JUDGED_CELLS,
@@ -155,12 +155,12 @@ pub const METRICS: &[Metric] = &[
         words: "missed obstacles",
         group: "obstacles",
         head: "missed",
-        unit: Unit::Count,
+        unit: MetricUnit::Count,
         better: Better::Less,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "missed_obstacles",
             of: |facts| facts.obstacles(|cells| cells.missed_obstacles),
-            total: Total::Sum,
+            total: MetricTotal::Sum,
         },
         plot: None,
         note: Some(|rule| {
@@ -177,12 +177,12 @@ pub const METRICS: &[Metric] = &[
         words: "false obstacles",
         group: "obstacles",
         head: "false",
-        unit: Unit::Count,
+        unit: MetricUnit::Count,
         better: Better::Less,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "false_obstacles",
             of: |facts| facts.obstacles(|cells| cells.false_obstacles),
-            total: Total::Sum,
+            total: MetricTotal::Sum,
         },
         plot: None,
         note: None,
@@ -192,12 +192,12 @@ pub const METRICS: &[Metric] = &[
         words: "coverage",
         group: "pixels, %",
         head: "cover",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::Neither,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "coverage",
             of: |facts| Some(facts.estimate.disparity.coverage()),
-            total: Total::Mean,
+            total: MetricTotal::Mean,
         },
         plot: Some("coverage"),
         note: Some(|_| {
@@ -210,12 +210,12 @@ pub const METRICS: &[Metric] = &[
         words: "invalid pixels",
         group: "pixels, %",
         head: "invalid",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::Neither,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "invalid",
             of: |facts| facts.pixels?.invalid(),
-            total: Total::Mean,
+            total: MetricTotal::Mean,
         },
         plot: None,
         note: Some(|_| {
@@ -228,12 +228,12 @@ pub const METRICS: &[Metric] = &[
         words: "pixels off > 1 px",
         group: "pixels, %",
         head: ">1 px",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::Less,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "bad1",
             of: |facts| facts.pixels?.bad1(),
-            total: Total::Mean,
+            total: MetricTotal::Mean,
         },
         plot: None,
         note: Some(|_| {
@@ -247,12 +247,12 @@ pub const METRICS: &[Metric] = &[
         words: "pixels off > 2 px",
         group: "pixels, %",
         head: ">2 px",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::Less,
-        origin: Origin::Frame {
+        origin: MetricOrigin::Frame {
             column: "bad2",
             of: |facts| facts.pixels?.bad2(),
-            total: Total::Mean,
+            total: MetricTotal::Mean,
         },
         plot: None,
         note: None,
@@ -262,9 +262,9 @@ pub const METRICS: &[Metric] = &[
         words: "median time",
         group: "ms per pair",
         head: "p50",
-        unit: Unit::Ms,
+        unit: MetricUnit::Ms,
         better: Better::Less,
-        origin: Origin::Time,
+        origin: MetricOrigin::Time,
         plot: None,
         note: None,
     },
@@ -273,9 +273,9 @@ pub const METRICS: &[Metric] = &[
         words: "frames passed",
         group: "",
         head: "passed",
-        unit: Unit::Share,
+        unit: MetricUnit::Share,
         better: Better::More,
-        origin: Origin::Checkpoints,
+        origin: MetricOrigin::Checkpoints,
         plot: None,
         note: None,
     },
@@ -287,22 +287,23 @@ impl Metric {
     }
 
     /// Its column in rows and summary, and how that adds up; absent where it is not of frames.
-    pub fn column(&self) -> Option<(&'static str, Total)> {
+    pub fn column(&self) -> Option<(&'static str, MetricTotal)> {
         match self.origin {
-            Origin::Frame { column, total, .. } => Some((column, total)),
+            MetricOrigin::Frame { column, total, .. } => Some((column, total)),
             _ => None,
         }
     }
 
     /// Whether its column holds whole numbers.
     pub fn counts(&self) -> bool {
-        self.column().is_some_and(|(_, total)| total != Total::Mean)
+        self.column()
+            .is_some_and(|(_, total)| total != MetricTotal::Mean)
     }
 
     /// The value of a frame as Rerun plots it: shares in percent.
     pub fn of_frame_shown(&self, value: f64) -> f64 {
         match self.unit {
-            Unit::Share if !self.counts() => 100.0 * value,
+            MetricUnit::Share if !self.counts() => 100.0 * value,
             _ => value,
         }
     }
@@ -310,17 +311,17 @@ impl Metric {
     /// A value with its unit.
     pub fn show(&self, value: f64) -> String {
         match self.unit {
-            Unit::Share => format!("{:.1} %", 100.0 * value),
-            Unit::Count => format!("{value:.0}"),
-            Unit::Px => format!("{value:.2} px"),
-            Unit::Ms => format!("{value:.2} ms"),
+            MetricUnit::Share => format!("{:.1} %", 100.0 * value),
+            MetricUnit::Count => format!("{value:.0}"),
+            MetricUnit::Px => format!("{value:.2} px"),
+            MetricUnit::Ms => format!("{value:.2} ms"),
         }
     }
 
     /// As [`Metric::show`], of a time that is a multiple of another.
     pub fn show_relative(&self, value: f64) -> String {
         match self.unit {
-            Unit::Ms => format!("{value:.2}x"),
+            MetricUnit::Ms => format!("{value:.2}x"),
             _ => self.show(value),
         }
     }
@@ -352,7 +353,7 @@ impl MetricValues {
     /// One frame through one algorithm.
     pub fn of_frame(facts: &FrameFacts<'_>) -> Self {
         Self::from_fn(|metric| match metric.origin {
-            Origin::Frame { of, .. } => of(facts),
+            MetricOrigin::Frame { of, .. } => of(facts),
             _ => None,
         })
     }
@@ -378,7 +379,7 @@ impl MetricValues {
     /// The denominator of a metric that is a share of others.
     pub fn whole(&self, metric: &Metric) -> Option<f64> {
         match metric.column()?.1 {
-            Total::ShareOf(parts) => parts.iter().map(|part| self.get(part)).sum(),
+            MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get(part)).sum(),
             _ => None,
         }
     }
@@ -387,7 +388,9 @@ impl MetricValues {
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         let value = self.get(metric.name)?;
         match metric.column()?.1 {
-            Total::ShareOf(_) => Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?),
+            MetricTotal::ShareOf(_) => {
+                Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?)
+            }
             _ => Some(value),
         }
     }
@@ -416,7 +419,7 @@ mod tests {
         let names: BTreeSet<_> = METRICS.iter().map(|metric| metric.name).collect();
         assert_eq!(names.len(), METRICS.len());
         for (_, total) in columns {
-            if let Total::ShareOf(parts) = total {
+            if let MetricTotal::ShareOf(parts) = total {
                 assert!(parts.iter().all(|part| Metric::find(part).is_some()));
             }
         }

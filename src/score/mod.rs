@@ -13,4 +13,6 @@ pub use cells::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
 pub use checkpoint::{Checkpoint, CheckpointFrame, CheckpointTally};
 pub use disparity::DisparityScore;
 pub use judge::{Judge, Judged, JudgedEstimate};
-pub use metrics::{Better, FrameFacts, METRICS, Metric, MetricValues, Origin, Total, Unit};
+pub use metrics::{
+    Better, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues,
+};

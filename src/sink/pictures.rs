@@ -5,7 +5,7 @@ use super::{Outbox, RunStart, Sink};
 use crate::error::Result;
 use crate::files;
 use crate::overlay::{self, Nearness, Picture};
-use crate::report::html::{Figure, Rank, Scene, SceneShot, Shot};
+use crate::report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use crate::score::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
 use crate::stereo::{DepthGrid, Plane};
 
@@ -23,9 +23,9 @@ const PICTURED: usize = 8;
 #[derive(Default)]
 pub struct ReportPictures {
     /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3).
-    pub figures: Vec<Figure>,
+    pub figures: Vec<CheckpointFigure>,
     /// One per frame where there are no checkpoints and frames have names.
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<SceneFigure>,
 }
 
 /// Collects the pictures over all runs.
@@ -35,8 +35,8 @@ pub struct PictureSink {
     algorithms: Vec<String>,
     checkpoints: Vec<Checkpoint>,
     /// By checkpoint and algorithm, with the pictures of the leading frames of all runs.
-    tallies: Vec<Vec<CheckpointTally<Shot>>>,
-    scenes: Vec<Scene>,
+    tallies: Vec<Vec<CheckpointTally<FrameShot>>>,
+    scenes: Vec<SceneFigure>,
     outbox: Outbox<ReportPictures>,
 }
 
@@ -93,10 +93,12 @@ impl Sink for PictureSink {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let figure = |(checkpoint, tallies): (Checkpoint, Vec<CheckpointTally<Shot>>)| Figure {
-            title: format!("{}. {}", checkpoint.number, checkpoint.name),
-            about: checkpoint.description,
-            shots: tallies.into_iter().flat_map(leading_shots).collect(),
+        let figure = |(checkpoint, tallies): (Checkpoint, Vec<CheckpointTally<FrameShot>>)| {
+            CheckpointFigure {
+                title: format!("{}. {}", checkpoint.number, checkpoint.name),
+                about: checkpoint.description,
+                shots: tallies.into_iter().flat_map(leading_shots).collect(),
+            }
         };
         self.outbox.put(ReportPictures {
             figures: self
@@ -113,7 +115,7 @@ impl Sink for PictureSink {
 
 impl PictureSink {
     /// A scene with what the pictured algorithms make of it.
-    fn scene(&self, name: &str, judged: &Judged) -> Result<Scene> {
+    fn scene(&self, name: &str, judged: &Judged) -> Result<SceneFigure> {
         let frame = &judged.frame;
         let max_px = Nearness::of_frame(frame).near_px();
         let disparities =
@@ -124,7 +126,7 @@ impl PictureSink {
                 .truth
                 .as_ref()
                 .map(|truth| png(overlay::errors::errors(map, truth), SCENE_WIDTH));
-            Ok(SceneShot {
+            Ok(SceneResult {
                 row: self.identity.row(judged, scored),
                 disparities: disparities(map.disparity())?,
                 errors: errors.transpose()?,
@@ -134,7 +136,7 @@ impl PictureSink {
             .estimates
             .iter()
             .filter(|scored| self.is_pictured(&scored.estimate.algorithm));
-        Ok(Scene {
+        Ok(SceneFigure {
             title: name.to_owned(),
             size: frame.pair.size(),
             left: files::encode_jpeg(frame.pair.left(), SCENE_WIDTH)?,
@@ -156,7 +158,7 @@ fn pictured(algorithms: &[String]) -> Vec<&str> {
     (0..count).map(|i| algorithms[place(i)].as_str()).collect()
 }
 
-fn leading_shots(tally: CheckpointTally<Shot>) -> impl Iterator<Item = (Rank, Shot)> {
+fn leading_shots(tally: CheckpointTally<FrameShot>) -> impl Iterator<Item = (Rank, FrameShot)> {
     let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)];
     leading
         .into_iter()
@@ -168,13 +170,13 @@ fn shot(
     judged: &Judged,
     scored: &JudgedEstimate,
     verdict: CheckpointFrame,
-) -> Result<Shot> {
+) -> Result<FrameShot> {
     let (frame, estimate) = (&judged.frame, &scored.estimate);
     let size = frame.pair.size();
     let nearness = Nearness::of_frame(frame);
     let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
     let preview = overlay::disparities(estimate.disparity.disparity(), nearness.near_px() as f32);
-    Ok(Shot {
+    Ok(FrameShot {
         row: identity.row(judged, scored),
         cells: identity.cells(judged, scored),
         passed: verdict.passed,

@@ -3,7 +3,7 @@
 use crate::cli::shared::terminal::{print, print_json};
 use anyhow::bail;
 use std::path::PathBuf;
-use svl::report::compare::{Comparison, Run};
+use svl::report::compare::{Comparison, ScoredRun};
 
 /// Compare reports: what changed, and how sure that is
 ///
@@ -32,7 +32,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let runs = args
         .reports
         .iter()
-        .map(|folder| Run::read(folder))
+        .map(|folder| ScoredRun::read(folder))
         .collect::<Result<Vec<_>, _>>()?;
     let [base, others @ ..] = &runs[..] else {
         bail!("name two reports or more")

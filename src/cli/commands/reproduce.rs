@@ -9,7 +9,9 @@ use anyhow::{Context as _, bail};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
-use svl::reproduce::{Context, EXPERIMENTS, Entry, Experiment, Finding, Page, find, scenes};
+use svl::reproduce::{
+    Context, EXPERIMENTS, Experiment, ExperimentFinding, Finding, FindingsPage, find, scenes,
+};
 use svl::scenario::Scenario;
 use svl::source::Source;
 use svl::source::dataset::Scene;
@@ -26,10 +28,10 @@ Examples:
   svl reproduce 5.9 7.3
   svl reproduce --data DATASETS --out reports/thesis")]
 pub(crate) struct Args {
-    /// Figure of the thesis, `fps` for the speeds of its chapter 7; may be given more than once
+    /// NamedExperiment of the thesis, `fps` for the speeds of its chapter 7; may be given more than once
     /// [default: all]
     #[arg(value_name = "FIGURE", value_parser = figure)]
-    figures: Vec<Figure>,
+    figures: Vec<NamedExperiment>,
     /// Folder for the report; a report of svl's that is there is replaced
     #[arg(long, value_name = "DIR", default_value = "reports/reproduce")]
     out: PathBuf,
@@ -44,10 +46,10 @@ pub(crate) struct Args {
 
 /// An experiment that was asked for.
 #[derive(Clone)]
-struct Figure(&'static Experiment);
+struct NamedExperiment(&'static Experiment);
 
-fn figure(text: &str) -> svl::Result<Figure> {
-    find(text).map(Figure)
+fn figure(text: &str) -> svl::Result<NamedExperiment> {
+    find(text).map(NamedExperiment)
 }
 
 /// The folder of a report, which a later report replaces.
@@ -83,7 +85,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
         let recording = recording.take_if(|_| experiment.records);
         let processor = &manifest.machine.processor;
-        entries.push(Entry {
+        entries.push(ExperimentFinding {
             experiment,
             finding: repeat(experiment, processor, &scenes, recording, quiet)?,
         });
@@ -93,7 +95,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if entries.is_empty() {
         return ran;
     }
-    let page = Page {
+    let page = FindingsPage {
         entries: &entries,
         scenes: scenes.iter().map(|scene| scene.name().to_owned()).collect(),
         identity: manifest.entries(),
@@ -145,16 +147,16 @@ fn repeat(
     }
 }
 
-fn write_report(page: &Page<'_>, out: &Path) -> anyhow::Result<()> {
+fn write_report(page: &FindingsPage<'_>, out: &Path) -> anyhow::Result<()> {
     write_json(&out.join(JSON), &page.json()?)?;
     write(&out.join("reproduce.md"), page.markdown())?;
     write(&out.join("index.html"), page.html()?)
 }
 
 /// What the terminal shows: a line per figure, and what it came to.
-fn told(page: &Page<'_>, out: &Path) -> Result<String, std::fmt::Error> {
+fn told(page: &FindingsPage<'_>, out: &Path) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
-    for Entry {
+    for ExperimentFinding {
         experiment,
         finding,
     } in page.entries

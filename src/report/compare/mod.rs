@@ -8,7 +8,7 @@ use super::read_rows;
 use super::rows::{CheckpointRow, Row};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
-use crate::score::{Better, METRICS, Metric, Unit};
+use crate::score::{Better, METRICS, Metric, MetricUnit};
 use bootstrap::{Interval, Resamples};
 use sample::Sample;
 use serde::de::DeserializeOwned;
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A report of `svl score` as its folder holds it.
-pub struct Run {
+pub struct ScoredRun {
     pub folder: PathBuf,
     pub manifest: Manifest,
     /// Why it is not whole, if it is not.
@@ -102,7 +102,7 @@ pub enum Judgement {
     Differs,
 }
 
-impl Run {
+impl ScoredRun {
     /// Reads a report.
     ///
     /// # Errors
@@ -183,7 +183,7 @@ impl Comparison {
     ///
     /// # Errors
     /// [`Error::Invalid`] when the runs have no algorithm or no pair in common.
-    pub fn of(base: &Run, other: &Run) -> Result<Self> {
+    pub fn of(base: &ScoredRun, other: &ScoredRun) -> Result<Self> {
         let (ours, theirs) = (base.labels(), other.labels());
         let shared: Vec<_> = match (&ours[..], &theirs[..]) {
             ([one], [another]) => vec![(*one, *another)],
@@ -245,7 +245,7 @@ impl Comparison {
 }
 
 impl AlgorithmChange {
-    fn of(base: &Run, other: &Run, (label, other_label): (&str, &str)) -> Self {
+    fn of(base: &ScoredRun, other: &ScoredRun, (label, other_label): (&str, &str)) -> Self {
         let (ours, theirs) = (base.rows(label), other.rows(other_label));
         let pairs: Vec<_> = ours
             .iter()
@@ -319,7 +319,7 @@ impl Change {
         resamples: &Resamples,
     ) -> Option<Self> {
         let difference = |a: f64, b: f64| {
-            if metric.unit == Unit::Ms {
+            if metric.unit == MetricUnit::Ms {
                 b / a
             } else {
                 b - a
@@ -361,7 +361,7 @@ impl Change {
             _ if base == other => Judgement::Equal,
             // The pairs of a run share its moment: their times say nothing of how the machine was
             // at another.
-            _ if metric.unit == Unit::Ms => Judgement::Unclear,
+            _ if metric.unit == MetricUnit::Ms => Judgement::Unclear,
             Some((low, high)) if low > 0.0 || high < 0.0 => {
                 match (metric.better, difference > 0.0) {
                     (Better::Neither, _) => Judgement::Differs,

@@ -1,7 +1,7 @@
 //! What a metric takes from every pair, ready to be drawn from again and again.
 
 use super::super::rows::Row;
-use crate::score::{Metric, Origin, Total};
+use crate::score::{Metric, MetricOrigin, MetricTotal};
 use crate::statistics::lower_median;
 
 /// A metric's part in every pair of a run.
@@ -19,16 +19,16 @@ impl Sample {
     pub(super) fn of(metric: &Metric, rows: &[&Row]) -> Option<Self> {
         let values = || rows.iter().map(|row| row.metrics.get(metric.name));
         match metric.origin {
-            Origin::Frame { total, .. } => match total {
-                Total::Mean => Some(Self::Ratio(
+            MetricOrigin::Frame { total, .. } => match total {
+                MetricTotal::Mean => Some(Self::Ratio(
                     values()
                         .map(|v| v.map_or((0.0, 0.0), |v| (v, 1.0)))
                         .collect(),
                 )),
-                Total::Sum => values()
+                MetricTotal::Sum => values()
                     .any(|v| v.is_some())
                     .then(|| Self::Count(values().map(Option::unwrap_or_default).collect())),
-                Total::ShareOf(_) => {
+                MetricTotal::ShareOf(_) => {
                     let part = |row: &&Row| {
                         let part = row.metrics.get(metric.name);
                         part.zip(row.metrics.whole(metric)).unwrap_or_default()
@@ -36,12 +36,12 @@ impl Sample {
                     Some(Self::Ratio(rows.iter().map(part).collect()))
                 }
             },
-            Origin::Time => Some(Self::Median(
+            MetricOrigin::Time => Some(Self::Median(
                 rows.iter()
                     .map(|row| row.total_us as f64 / 1000.0)
                     .collect(),
             )),
-            Origin::Checkpoints => None,
+            MetricOrigin::Checkpoints => None,
         }
     }
 

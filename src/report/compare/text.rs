@@ -2,7 +2,7 @@
 
 use super::{AlgorithmChange, Change, Comparison, Judgement};
 use crate::counted;
-use crate::score::Unit;
+use crate::score::MetricUnit;
 use std::fmt::{Display, Formatter, Result};
 
 impl Display for Comparison {
@@ -98,7 +98,7 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
     } = change;
     let (base, other) = (metric.show(*base), metric.show(*other));
     let signed = |v: f64| match metric.unit {
-        Unit::Ms => metric.show_relative(v),
+        MetricUnit::Ms => metric.show_relative(v),
         // Rounded first, lest a trace of less than nothing be shown as -0.0.
         _ => format!(
             "{}{}",

@@ -2,10 +2,10 @@
 
 use super::super::rows::{CellRow, Row};
 use super::super::words::ms;
-use super::{Figure, Rank, Shot};
+use super::{CheckpointFigure, FrameShot, Rank};
 use crate::overlay::Mark;
 use crate::report::page::{MarkView, PageImages, PictureView};
-use crate::score::{METRICS, Metric, Total, Verdict};
+use crate::score::{METRICS, Metric, MetricTotal, Verdict};
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -28,7 +28,7 @@ struct ShotView<'a> {
 }
 
 impl<'a> FigureView<'a> {
-    pub(super) fn of(figure: &'a Figure, images: &mut PageImages<'a>) -> Self {
+    pub(super) fn of(figure: &'a CheckpointFigure, images: &mut PageImages<'a>) -> Self {
         let shots = figure
             .shots
             .iter()
@@ -42,7 +42,7 @@ impl<'a> FigureView<'a> {
     }
 }
 
-fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut PageImages<'a>) -> ShotView<'a> {
+fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -> ShotView<'a> {
     let estimate = |cell: &CellRow| match cell.verdict {
         Verdict::Unknown => "unknown".to_owned(),
         Verdict::Wrong => format!("{}, wrong", depth(cell.distance_m, cell.median_px)),
@@ -76,7 +76,7 @@ fn shot_view<'a>(rank: Rank, shot: &'a Shot, images: &mut PageImages<'a>) -> Sho
 }
 
 fn mark_views(
-    shot: &Shot,
+    shot: &FrameShot,
     marks: &[Mark],
     words: impl Fn(&CellRow) -> String,
     judged: bool,
@@ -104,7 +104,7 @@ fn origin(row: &Row) -> String {
 
 /// How many cells of each kind.
 pub(super) fn cells(row: &Row) -> String {
-    let is_share = |metric: &&Metric| matches!(metric.column(), Some((_, Total::ShareOf(_))));
+    let is_share = |metric: &&Metric| matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))));
     let count =
         |metric: &Metric| Some(format!("{} {}", row.metrics.get(metric.name)?, metric.head));
     let counts: Vec<_> = METRICS.iter().filter(is_share).filter_map(count).collect();
@@ -145,7 +145,7 @@ fn wrong(cell: &CellRow) -> String {
 
 /// What is measured of the frame's pixels, and the time.
 pub(super) fn numbers(row: &Row) -> String {
-    let is_mean = |metric: &&Metric| matches!(metric.column(), Some((_, Total::Mean)));
+    let is_mean = |metric: &&Metric| matches!(metric.column(), Some((_, MetricTotal::Mean)));
     let words = |metric: &Metric| {
         let value = metric.show(row.metrics.get(metric.name)?);
         Some(format!("{value} {}", metric.head))

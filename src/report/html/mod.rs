@@ -15,7 +15,7 @@ use crate::overlay::Mark;
 use std::path::Path;
 
 /// Everything the page shows.
-pub struct Page {
+pub struct ReportPage {
     pub title: String,
     /// The scenario's prose; an empty line begins a paragraph.
     pub description: String,
@@ -24,16 +24,16 @@ pub struct Page {
     pub summary: Summary,
     /// Per algorithm what each pair took, ms.
     pub times_ms: Vec<(String, Vec<f64>)>,
-    pub sweeps: Vec<Sweep>,
+    pub sweeps: Vec<ParameterSweep>,
     /// One per checkpoint.
-    pub figures: Vec<Figure>,
+    pub figures: Vec<CheckpointFigure>,
     /// Where the frames are scenes of a data set.
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<SceneFigure>,
 }
 
 /// Algorithms that differ in one parameter alone.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sweep {
+pub struct ParameterSweep {
     /// What is swept, e.g. `v3: texture_sigma`.
     pub name: String,
     /// Values of the parameter, ascending, and the algorithms' labels.
@@ -41,17 +41,17 @@ pub struct Sweep {
 }
 
 /// A row of shots under one heading.
-pub struct Figure {
+pub struct CheckpointFigure {
     /// The checkpoint's name.
     pub title: String,
     /// What is to be seen, may be empty.
     pub about: String,
-    pub shots: Vec<(Rank, Shot)>,
+    pub shots: Vec<(Rank, FrameShot)>,
 }
 
 /// One frame through one algorithm: its overlay, beside it the truth's, and the disparities.
 #[derive(Clone)]
-pub struct Shot {
+pub struct FrameShot {
     pub row: Row,
     /// The frame's cells, from which the caption tells the wrong ones.
     pub cells: Vec<CellRow>,
@@ -68,7 +68,7 @@ pub struct Shot {
 }
 
 /// A scene with what each algorithm makes of it. Pictures are PNG or JPEG files.
-pub struct Scene {
+pub struct SceneFigure {
     pub title: String,
     /// Width and height of the scene, to whose proportions the pictures are.
     pub size: (usize, usize),
@@ -76,11 +76,11 @@ pub struct Scene {
     /// The disparity at the end of the colours' scale, which truth and algorithms share, pixels.
     pub max_px: f64,
     pub truth: Option<Vec<u8>>,
-    pub shots: Vec<SceneShot>,
+    pub shots: Vec<SceneResult>,
 }
 
 /// A scene through one algorithm.
-pub struct SceneShot {
+pub struct SceneResult {
     pub row: Row,
     pub disparities: Vec<u8>,
     pub errors: Option<Vec<u8>>,
@@ -93,7 +93,7 @@ pub enum Rank {
     Best,
 }
 
-impl Page {
+impl ReportPage {
     /// The page as a file.
     ///
     /// # Errors
@@ -107,7 +107,7 @@ impl Page {
     /// # Errors
     /// [`Error::Invalid`] with what the template engine or the plotting library says.
     pub fn render(&self) -> Result<String> {
-        let view = view::View::of(self)?;
+        let view = view::ReportPageView::of(self)?;
         fill(include_str!("index.html"), "", view)
     }
 }

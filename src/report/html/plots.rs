@@ -1,8 +1,8 @@
 //! The plots of the page.
 
-use super::super::plot::{Axis, Bars, Chart, Form, Series, Strips};
+use super::super::plot::{Axis, Bars, Chart, Series, SeriesStyle, Strips};
 use super::super::summary::AlgorithmSummary;
-use super::{Page, Sweep};
+use super::{ParameterSweep, ReportPage};
 use crate::error::Result;
 use serde::Serialize;
 
@@ -14,10 +14,10 @@ pub(super) struct PlotView {
 }
 
 /// A place of an algorithm in a plot, where it has one.
-type Place = fn(&AlgorithmSummary) -> Option<(f64, f64)>;
+type PlotPoint = fn(&AlgorithmSummary) -> Option<(f64, f64)>;
 
 /// A number of every algorithm.
-type Number = fn(&AlgorithmSummary) -> f64;
+type PlotNumber = fn(&AlgorithmSummary) -> f64;
 
 fn percent(share: f64) -> f64 {
     100.0 * share
@@ -38,13 +38,13 @@ fn known(a: &AlgorithmSummary) -> Option<f64> {
 }
 
 /// Accuracy against speed: cells, and pixels.
-pub(super) fn accuracy(page: &Page) -> Result<Vec<PlotView>> {
+pub(super) fn accuracy(page: &ReportPage) -> Result<Vec<PlotView>> {
     let time = || Axis {
         log: true,
         ..Axis::new("median ms per pair")
     };
-    let cells: Place = |a| Some((a.p50_ms, wrong_of_known(a)?));
-    let pixels: Place = |a| Some((a.p50_ms, percent(a.totals.get("bad2")?)));
+    let cells: PlotPoint = |a| Some((a.p50_ms, wrong_of_known(a)?));
+    let pixels: PlotPoint = |a| Some((a.p50_ms, percent(a.totals.get("bad2")?)));
     let about = "Better is farther left and lower.";
     let plots = [
         (
@@ -69,9 +69,9 @@ pub(super) fn accuracy(page: &Page) -> Result<Vec<PlotView>> {
 }
 
 /// Coverage against error: cells, and pixels.
-pub(super) fn coverage(page: &Page) -> Result<Vec<PlotView>> {
-    let cells: Place = |a| Some((known(a)?, wrong_of_known(a)?));
-    let pixels: Place = |a| {
+pub(super) fn coverage(page: &ReportPage) -> Result<Vec<PlotView>> {
+    let cells: PlotPoint = |a| Some((known(a)?, wrong_of_known(a)?));
+    let pixels: PlotPoint = |a| {
         Some((
             percent(1.0 - a.totals.get("invalid")?),
             percent(a.totals.get("bad2")?),
@@ -104,10 +104,10 @@ pub(super) fn coverage(page: &Page) -> Result<Vec<PlotView>> {
 
 /// The algorithms as points, those of a sweep joined; nothing where none has a place.
 fn scatter(
-    page: &Page,
+    page: &ReportPage,
     title: &'static str,
     about: &'static str,
-    place: Place,
+    place: PlotPoint,
     x: Axis,
     y: Axis,
 ) -> Result<Option<PlotView>> {
@@ -134,9 +134,9 @@ fn scatter(
         .iter()
         .filter(|a| !swept(&a.algorithm));
     let mut series: Vec<_> = alone
-        .filter_map(|a| Some(one(&a.algorithm, Form::Named, place(a)?)))
+        .filter_map(|a| Some(one(&a.algorithm, SeriesStyle::Named, place(a)?)))
         .collect();
-    for Sweep { name, points } in &page.sweeps {
+    for ParameterSweep { name, points } in &page.sweeps {
         let places: Vec<_> = points
             .iter()
             .filter_map(|(value, label)| Some((value, label, of(label)?)))
@@ -144,7 +144,7 @@ fn scatter(
         let line = places.iter().map(|(.., point)| *point).collect();
         series.push(Series {
             name: String::new(),
-            form: Form::Both,
+            form: SeriesStyle::Both,
             points: line,
         });
         series.extend(places.iter().enumerate().map(|(i, (value, label, point))| {
@@ -155,8 +155,8 @@ fn scatter(
                 format!("{value}, {label}")
             };
             match i {
-                0 => one(&format!("{name} = {value}"), Form::Caption, *point),
-                _ => one(&value, Form::Label, *point),
+                0 => one(&format!("{name} = {value}"), SeriesStyle::Caption, *point),
+                _ => one(&value, SeriesStyle::Label, *point),
             }
         }));
     }
@@ -174,7 +174,7 @@ fn scatter(
 }
 
 /// Latency, and where the time goes; nothing without pairs.
-pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
+pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
     if page.times_ms.is_empty() {
         return Ok(Vec::new());
     }
@@ -183,7 +183,7 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
         label: "ms per pair".into(),
         strips: page.times_ms.clone(),
     };
-    let stages: [(&str, Number); 5] = [
+    let stages: [(&str, PlotNumber); 5] = [
         ("smoothing", |a| a.smoothing_ms),
         ("texture", |a| a.texture_ms),
         ("matching", |a| a.matching_ms),
@@ -191,7 +191,7 @@ pub(super) fn speed(page: &Page) -> Result<Vec<PlotView>> {
         ("other", |a| a.other_ms),
     ];
     // Rows hold whole microseconds: less than a hundredth is what rounding leaves.
-    let counts = |of: Number| {
+    let counts = |of: PlotNumber| {
         page.summary
             .algorithms
             .iter()

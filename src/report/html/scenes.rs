@@ -1,7 +1,7 @@
 //! Scenes of data sets: left image, truth, and every algorithm's disparities and errors.
 
 use super::frames::{cells, numbers};
-use super::{Scene, SceneShot};
+use super::{SceneFigure, SceneResult};
 use crate::overlay::errors::{BINS, HIDDEN, SILENT, UNKNOWN};
 use crate::report::page::data_url;
 use serde::Serialize;
@@ -27,8 +27,8 @@ struct SceneShotView<'a> {
 }
 
 impl<'a> SceneView<'a> {
-    pub(super) fn of(scene: &'a Scene) -> Self {
-        let shot = |shot: &'a SceneShot| SceneShotView {
+    pub(super) fn of(scene: &'a SceneFigure) -> Self {
+        let shot = |shot: &'a SceneResult| SceneShotView {
             algorithm: &shot.row.algorithm,
             disparities: data_url(&shot.disparities),
             errors: shot.errors.as_deref().map(data_url),

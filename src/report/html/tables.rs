@@ -1,11 +1,11 @@
 //! The tables of the page: one wide table, and for narrow screens one per group of its columns.
 
 use super::super::summary::Summary;
-use super::super::words::{Cell, Checkpoints, Column, notes, percent, shown};
+use super::super::words::{CheckpointCell, Checkpoints, Column, notes, percent, shown};
 use serde::Serialize;
 
 #[derive(Serialize)]
-pub(super) struct TableView<'a> {
+pub(super) struct AlgorithmTableView<'a> {
     label: &'static str,
     groups: Vec<GroupView>,
     /// The groups of the narrow tables, which leave no column without a title.
@@ -35,7 +35,7 @@ struct CellView {
     words: String,
 }
 
-impl<'a> TableView<'a> {
+impl<'a> AlgorithmTableView<'a> {
     /// A line per algorithm; nothing without pairs.
     pub(super) fn of_algorithms(
         label: &'static str,
@@ -109,9 +109,9 @@ fn groups(columns: &[Column], together: impl Fn(&Column, &Column) -> bool) -> Ve
 }
 
 impl CellView {
-    fn of(cell: Cell) -> Self {
+    fn of(cell: CheckpointCell) -> Self {
         match cell {
-            Cell::Seen { best, worst, share } => {
+            CheckpointCell::Seen { best, worst, share } => {
                 let word = |passed| if passed { "passes" } else { "fails" };
                 let share = percent(Some(share));
                 let words = format!(
@@ -125,7 +125,7 @@ impl CellView {
                     words,
                 }
             }
-            Cell::All {
+            CheckpointCell::All {
                 seen,
                 best,
                 worst,
@@ -142,7 +142,7 @@ impl CellView {
                     words,
                 }
             }
-            Cell::NeverSeen => Self {
+            CheckpointCell::NeverSeen => Self {
                 marks: Vec::new(),
                 text: cell.to_string(),
                 words: String::new(),

@@ -1,28 +1,28 @@
 //! What the template sees: the page with every number worded.
 
 use super::super::words::{VERDICTS, columns, speed_columns};
-use super::Page;
+use super::ReportPage;
 use super::frames::FigureView;
 use super::plots::{PlotView, accuracy, coverage, speed};
 use super::scenes::{ErrorKey, SceneView};
-use super::tables::TableView;
+use super::tables::AlgorithmTableView;
 use crate::error::Result;
 use crate::overlay::viridis;
 use crate::report::page::{ImageView, PageImages};
 use serde::Serialize;
 
 #[derive(Serialize)]
-pub(super) struct View<'a> {
+pub(super) struct ReportPageView<'a> {
     title: &'a str,
     paragraphs: Vec<&'a str>,
     incomplete: Option<&'a str>,
     identity: &'a [(String, String)],
-    summary: Option<TableView<'a>>,
+    summary: Option<AlgorithmTableView<'a>>,
     accuracy: Vec<PlotView>,
     coverage: Vec<PlotView>,
-    checkpoints: Option<TableView<'a>>,
+    checkpoints: Option<AlgorithmTableView<'a>>,
     verdicts: &'static str,
-    speed: Option<TableView<'a>>,
+    speed: Option<AlgorithmTableView<'a>>,
     speed_plots: Vec<PlotView>,
     figures: Vec<FigureView<'a>>,
     scenes: Vec<SceneView<'a>>,
@@ -34,8 +34,8 @@ pub(super) struct View<'a> {
     images: Vec<ImageView>,
 }
 
-impl<'a> View<'a> {
-    pub(super) fn of(page: &'a Page) -> Result<Self> {
+impl<'a> ReportPageView<'a> {
+    pub(super) fn of(page: &'a ReportPage) -> Result<Self> {
         let mut images = PageImages::default();
         let figures = page
             .figures
@@ -56,12 +56,16 @@ impl<'a> View<'a> {
                 .filter(|p| !p.is_empty())
                 .collect(),
             identity: &page.identity,
-            summary: TableView::of_algorithms("Summary per algorithm", columns(), summary),
+            summary: AlgorithmTableView::of_algorithms("Summary per algorithm", columns(), summary),
             accuracy: accuracy(page)?,
             coverage: coverage(page)?,
-            checkpoints: TableView::of_checkpoints(summary),
+            checkpoints: AlgorithmTableView::of_checkpoints(summary),
             verdicts: VERDICTS,
-            speed: TableView::of_algorithms("Speed per algorithm", speed_columns(), summary),
+            speed: AlgorithmTableView::of_algorithms(
+                "Speed per algorithm",
+                speed_columns(),
+                summary,
+            ),
             speed_plots: speed(page)?,
             figures,
             scenes: page.scenes.iter().map(SceneView::of).collect(),
@@ -74,7 +78,7 @@ impl<'a> View<'a> {
 }
 
 /// Which algorithms have pictures, where not all have.
-fn left_out(page: &Page) -> Option<String> {
+fn left_out(page: &ReportPage) -> Option<String> {
     let figures = page
         .figures
         .iter()

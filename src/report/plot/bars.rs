@@ -1,6 +1,6 @@
 //! Horizontal bars of several parts.
 
-use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text, text_width};
+use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, svg, text, text_width};
 use crate::error::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -90,10 +90,10 @@ impl Bars {
 
     fn draw(
         &self,
-        canvas: &Canvas,
+        canvas: &PlotCanvas,
         head: i32,
         length: impl Fn(f64) -> f64,
-    ) -> std::result::Result<(), Failure> {
+    ) -> std::result::Result<(), DrawError> {
         let names = self
             .bars
             .iter()

@@ -1,6 +1,6 @@
 //! Lines and points over two axes.
 
-use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, labels, svg, text};
+use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, labels, svg, text};
 use crate::error::Result;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
@@ -28,13 +28,13 @@ pub struct Axis {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
     pub name: String,
-    pub form: Form,
+    pub form: SeriesStyle,
     pub points: Vec<(f64, f64)>,
 }
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum SeriesStyle {
     Line,
     Points,
     /// Points joined by lines.
@@ -113,7 +113,7 @@ impl Chart {
         })
     }
 
-    fn draw<X, Y>(&self, canvas: &Canvas, x: X, y: Y) -> std::result::Result<(), Failure>
+    fn draw<X, Y>(&self, canvas: &PlotCanvas, x: X, y: Y) -> std::result::Result<(), DrawError>
     where
         X: AsRangedCoord<Value = f64>,
         Y: AsRangedCoord<Value = f64>,
@@ -148,22 +148,26 @@ impl Chart {
             .draw()?;
         let shown = |p: &&(f64, f64)| self.x.shows(p.0) && self.y.shows(p.1);
         let keyed = |s: &&Series| {
-            !s.name.is_empty() && matches!(s.form, Form::Line | Form::Points | Form::Both)
+            !s.name.is_empty()
+                && matches!(
+                    s.form,
+                    SeriesStyle::Line | SeriesStyle::Points | SeriesStyle::Both
+                )
         };
-        let named = usize::from(self.series.iter().any(|s| s.form == Form::Named));
+        let named = usize::from(self.series.iter().any(|s| s.form == SeriesStyle::Named));
         let mut colors = (named..).map(color);
         for series in self
             .series
             .iter()
-            .filter(|s| !matches!(s.form, Form::Caption | Form::Label))
+            .filter(|s| !matches!(s.form, SeriesStyle::Caption | SeriesStyle::Label))
         {
-            let color = if series.form == Form::Named {
+            let color = if series.form == SeriesStyle::Named {
                 color(0)
             } else {
                 colors.next().unwrap_or(AXIS)
             };
-            let symbol = series.form != Form::Line;
-            if matches!(series.form, Form::Line | Form::Both) {
+            let symbol = series.form != SeriesStyle::Line;
+            if matches!(series.form, SeriesStyle::Line | SeriesStyle::Both) {
                 for run in series.points.split(|p| !shown(&p)) {
                     chart
                         .draw_series(LineSeries::new(run.iter().copied(), color.stroke_width(4)))?;
@@ -253,7 +257,7 @@ mod tests {
     fn chart(points: Vec<(f64, f64)>) -> Chart {
         let series = Series {
             name: "v3 <&>".into(),
-            form: Form::Both,
+            form: SeriesStyle::Both,
             points,
         };
         Chart {
@@ -293,9 +297,9 @@ mod tests {
             points: vec![(x, 1.0), (x, f64::NAN)],
         };
         let series = vec![
-            series("bm", Form::Named, 1.0),
-            series("sgm", Form::Named, 1.0),
-            series("0.4", Form::Label, 2.0),
+            series("bm", SeriesStyle::Named, 1.0),
+            series("sgm", SeriesStyle::Named, 1.0),
+            series("0.4", SeriesStyle::Label, 2.0),
         ];
         let svg = Chart {
             series,
@@ -315,7 +319,7 @@ mod tests {
     fn a_value_without_room_is_left_out() {
         let label = |i: i32| Series {
             name: format!("value {i}"),
-            form: Form::Label,
+            form: SeriesStyle::Label,
             points: vec![(1.0, 1.0)],
         };
         let svg = Chart {

@@ -1,6 +1,6 @@
 //! The thesis's figure 5.1: distance over disparity.
 
-use super::{Axis, Chart, Form, Series};
+use super::{Axis, Chart, Series, SeriesStyle};
 
 /// Curves of `(disparity_px, distance_cm)` and measurements of `(distance_cm, disparity_px)`, each
 /// under its name, over what was measured. Curves go as far as they are given, and no farther than
@@ -23,12 +23,12 @@ pub fn distance_chart(
     let inside = |p: &(f64, f64)| (0.0..=most_px).contains(&p.0) && (0.0..=most_cm).contains(&p.1);
     let line = |(name, points): (String, Vec<_>)| Series {
         name,
-        form: Form::Line,
+        form: SeriesStyle::Line,
         points: points.into_iter().filter(inside).collect(),
     };
     let points = |(name, pairs): (String, Vec<(f64, f64)>)| Series {
         name,
-        form: Form::Points,
+        form: SeriesStyle::Points,
         points: pairs.into_iter().map(|(cm, px)| (px, cm)).collect(),
     };
     let mut lines: Vec<_> = curves.into_iter().map(line).collect();

@@ -1,7 +1,7 @@
 //! Texts beside points, where they hide least.
 
-use super::chart::{Form, Series};
-use super::{Canvas, Failure, TEXT, text, text_width};
+use super::chart::{Series, SeriesStyle};
+use super::{DrawError, PlotCanvas, TEXT, text, text_width};
 use plotters::element::Text;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -10,16 +10,16 @@ const SIZE: u32 = TEXT - 4;
 /// Writes the names that stand beside points, where `place` says these are if anywhere, within
 /// `bounds`.
 pub(super) fn write(
-    canvas: &Canvas,
+    canvas: &PlotCanvas,
     series: &[Series],
     bounds: Area,
     place: impl Fn(&(f64, f64)) -> Option<(i32, i32)>,
-) -> Result<(), Failure> {
+) -> Result<(), DrawError> {
     let mut labels = Labels::new(bounds, SIZE);
     for series in series {
         let drawn: Vec<_> = series.points.iter().filter_map(&place).collect();
         drawn.iter().for_each(|p| labels.avoid(*p, 10));
-        if series.form == Form::Both {
+        if series.form == SeriesStyle::Both {
             drawn
                 .windows(2)
                 .flat_map(|ends| between(ends[0], ends[1]))
@@ -27,11 +27,15 @@ pub(super) fn write(
         }
     }
     let style = text(SIZE).pos(Pos::new(HPos::Left, VPos::Center));
-    for (form, away) in [(Form::Named, 3), (Form::Caption, 3), (Form::Label, 1)] {
+    for (form, away) in [
+        (SeriesStyle::Named, 3),
+        (SeriesStyle::Caption, 3),
+        (SeriesStyle::Label, 1),
+    ] {
         for series in series.iter().filter(|s| s.form == form) {
             for point in series.points.iter().filter_map(&place) {
                 let (at, hidden) = labels.place(&series.name, point, away);
-                if form == Form::Label && hidden > 0 {
+                if form == SeriesStyle::Label && hidden > 0 {
                     labels.withdraw();
                 } else {
                     canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;

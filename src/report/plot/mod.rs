@@ -10,7 +10,7 @@ mod labels;
 mod strips;
 
 pub use bars::Bars;
-pub use chart::{Axis, Chart, Form, Series};
+pub use chart::{Axis, Chart, Series, SeriesStyle};
 pub use distance::distance_chart;
 pub use strips::Strips;
 
@@ -59,7 +59,7 @@ fn text_width(text: &str, size: u32) -> i32 {
 fn svg(
     height: u32,
     title: &str,
-    draw: impl FnOnce(&Canvas) -> std::result::Result<(), Failure>,
+    draw: impl FnOnce(&PlotCanvas) -> std::result::Result<(), DrawError>,
 ) -> Result<String> {
     let mut svg = String::new();
     let canvas = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
@@ -74,5 +74,5 @@ fn svg(
     ))
 }
 
-type Canvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type Failure = DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>;
+type PlotCanvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type DrawError = DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>;

@@ -1,7 +1,7 @@
 //! Distributions, one below the other.
 
 use super::chart::number;
-use super::{AXIS, Canvas, Failure, TEXT, WIDTH, color, svg, text, text_width};
+use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, svg, text, text_width};
 use crate::error::Result;
 use crate::statistics::nearest_rank;
 use plotters::prelude::*;
@@ -68,7 +68,7 @@ impl Strips {
         })
     }
 
-    fn draw(&self, canvas: &Canvas, head: i32) -> std::result::Result<(), Failure> {
+    fn draw(&self, canvas: &PlotCanvas, head: i32) -> std::result::Result<(), DrawError> {
         let names = self
             .strips
             .iter()
@@ -139,7 +139,11 @@ impl Strips {
 }
 
 /// Draws mark `k` of [`MARKS`] with its foot at that place.
-fn mark(canvas: &Canvas, k: usize, (x, base): (i32, i32)) -> std::result::Result<(), Failure> {
+fn mark(
+    canvas: &PlotCanvas,
+    k: usize,
+    (x, base): (i32, i32),
+) -> std::result::Result<(), DrawError> {
     canvas.draw(&Rectangle::new(
         [(x - 3, base - MARKS[k].2), (x + 3, base)],
         color([1, 3, 2, 0][k]).filled(),

@@ -1,15 +1,17 @@
 //! What experiments leave to read: `index.html`, one file without scripts or anything to fetch,
 //! Markdown and JSON.
 
-use super::{Drawn, Exhibit, Experiment, Finding, Quantity, Table, Value, Verdict};
+use super::{
+    ClaimVerdict, DrawnCell, Exhibit, Experiment, Finding, FindingTable, Quantity, TableValue,
+};
 use crate::error::{Error, Result};
 use crate::report::page::{ImageView, MarkView, PageImages, PictureView, fill};
 use serde::Serialize;
 use std::fmt::Write;
 
 /// Everything there is to read.
-pub struct Page<'a> {
-    pub entries: &'a [Entry],
+pub struct FindingsPage<'a> {
+    pub entries: &'a [ExperimentFinding],
     /// Names of the real scenes that were looked at.
     pub scenes: Vec<String>,
     /// What identifies the machine and the program: names and values.
@@ -19,7 +21,7 @@ pub struct Page<'a> {
 }
 
 /// An experiment and what it came to.
-pub struct Entry {
+pub struct ExperimentFinding {
     pub experiment: &'static Experiment,
     pub finding: Finding,
 }
@@ -31,7 +33,7 @@ struct EntryView<'a> {
     title: &'static str,
     claim: &'static str,
     method: &'static str,
-    verdict: Verdict,
+    verdict: ClaimVerdict,
     #[serde(flatten)]
     finding: &'a Finding,
 }
@@ -48,7 +50,7 @@ struct ReportView<'a> {
 struct SectionView<'a> {
     heading: String,
     words: &'static str,
-    numbers: Vec<TableView<'a>>,
+    numbers: Vec<NumbersView<'a>>,
     plots: Vec<&'a str>,
     pictures: Vec<PictureView<'a>>,
     #[serde(flatten)]
@@ -57,7 +59,7 @@ struct SectionView<'a> {
 
 /// A table with its numbers worded.
 #[derive(Serialize)]
-struct TableView<'a> {
+struct NumbersView<'a> {
     heads: Vec<&'a str>,
     rows: Vec<(&'a str, Vec<String>)>,
 }
@@ -72,7 +74,7 @@ struct PageView<'a> {
     images: Vec<ImageView>,
 }
 
-impl Page<'_> {
+impl FindingsPage<'_> {
     /// How many experiments came to which verdict, in words.
     pub fn tally(&self) -> String {
         let count = |verdict| {
@@ -81,12 +83,12 @@ impl Page<'_> {
                 .filter(|e| e.finding.verdict() == verdict)
                 .count()
         };
-        let words = |verdict: Verdict| match count(verdict) {
+        let words = |verdict: ClaimVerdict| match count(verdict) {
             0 => None,
             1 => Some(format!("1 {}", verdict.words())),
             n => Some(format!("{n} {}", verdict.plural())),
         };
-        Verdict::ALL
+        ClaimVerdict::ALL
             .into_iter()
             .filter_map(words)
             .collect::<Vec<_>>()
@@ -104,7 +106,7 @@ impl Page<'_> {
             scenes,
             ..
         } = self;
-        let experiments = self.entries.iter().map(Entry::view).collect();
+        let experiments = self.entries.iter().map(ExperimentFinding::view).collect();
         let report = ReportView {
             incomplete,
             identity,
@@ -117,7 +119,7 @@ impl Page<'_> {
     /// The report without its figures.
     pub fn markdown(&self) -> String {
         let mut text = format!("# The thesis's experiments\n\n{}.\n", self.tally());
-        for Entry {
+        for ExperimentFinding {
             experiment,
             finding,
         } in self.entries
@@ -144,7 +146,7 @@ impl Page<'_> {
                     condition.says
                 );
             }
-            for TableView { heads, rows } in numbers(finding) {
+            for NumbersView { heads, rows } in numbers(finding) {
                 let _ = writeln!(
                     text,
                     "\n| {} |\n|---|{}",
@@ -189,7 +191,7 @@ impl Page<'_> {
     }
 }
 
-impl Entry {
+impl ExperimentFinding {
     fn view(&self) -> EntryView<'_> {
         let Experiment {
             title,
@@ -220,7 +222,7 @@ impl Entry {
                     marks,
                 } => {
                     let mark =
-                        |drawn: &Drawn| MarkView::new(drawn.mark, String::new(), drawn.wrong);
+                        |drawn: &DrawnCell| MarkView::new(drawn.mark, String::new(), drawn.wrong);
                     let marks = marks.iter().map(mark).collect();
                     pictures.push(images.picture(caption, png, *size, marks));
                 }
@@ -250,8 +252,8 @@ fn heading(experiment: &Experiment) -> String {
 }
 
 /// The quantities beside the thesis's, then the other tables.
-fn numbers(finding: &Finding) -> Vec<TableView<'_>> {
-    let beside = || TableView {
+fn numbers(finding: &Finding) -> Vec<NumbersView<'_>> {
+    let beside = || NumbersView {
         heads: vec!["", "thesis", "here"],
         rows: finding.quantities.iter().map(quantity).collect(),
     };
@@ -287,17 +289,17 @@ fn quantity(quantity: &Quantity) -> (&str, Vec<String>) {
     )
 }
 
-fn table_view(table: &Table) -> TableView<'_> {
-    let cell = |value: &Value| match value {
-        Value::Number(value) => number(*value),
-        Value::Text(text) => text.clone(),
-        Value::Nothing => "–".to_owned(),
+fn table_view(table: &FindingTable) -> NumbersView<'_> {
+    let cell = |value: &TableValue| match value {
+        TableValue::Number(value) => number(*value),
+        TableValue::Text(text) => text.clone(),
+        TableValue::Nothing => "–".to_owned(),
     };
     let rows = table
         .rows
         .iter()
         .map(|(name, values)| (name.as_str(), values.iter().map(cell).collect()));
-    TableView {
+    NumbersView {
         heads: table.heads.iter().map(String::as_str).collect(),
         rows: rows.collect(),
     }
@@ -316,8 +318,8 @@ fn number(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn page(entries: &[Entry]) -> Page<'_> {
-        Page {
+    fn page(entries: &[ExperimentFinding]) -> FindingsPage<'_> {
+        FindingsPage {
             entries,
             scenes: vec!["tsukuba <&>".into()],
             identity: Vec::new(),
@@ -336,7 +338,7 @@ mod tests {
         finding.quantity("nothing", "", "", f64::NAN);
         finding
             .table(["scene", "share, %"])
-            .row("cones & co", [Value::from(12.34)]);
+            .row("cones & co", [TableValue::from(12.34)]);
         let marks = Vec::new();
         finding.exhibits.push(Exhibit::Picture {
             caption: "c & d".into(),
@@ -344,7 +346,7 @@ mod tests {
             size: (4, 2),
             marks,
         });
-        let entries = [Entry {
+        let entries = [ExperimentFinding {
             experiment: &super::super::EXPERIMENTS[0],
             finding,
         }];

@@ -1,7 +1,7 @@
 //! Errors in the colours of KITTI 2015's error maps (`errorImage` of its development kit).
 
-use super::Image;
-use super::kitti::{Maps, stored};
+use super::ProtocolImage;
+use super::kitti::{KittiMaps, stored};
 use crate::overlay::errors::{BINS, bin, error_size};
 use crate::stereo::{Plane, Visibility};
 
@@ -9,7 +9,7 @@ const NO_TRUTH: [u8; 3] = [0; 3];
 const NO_ESTIMATE: [u8; 3] = [128; 3];
 
 /// Each pixel for itself.
-pub(super) fn plain(image: &Image) -> Plane<[u8; 3]> {
+pub(super) fn plain(image: &ProtocolImage) -> Plane<[u8; 3]> {
     let mut rgb = image.truth.map(|_| NO_TRUTH);
     each(image, |x, y, truth, dimmed| {
         let d = image.estimate.get(x, y);
@@ -28,8 +28,8 @@ pub(super) fn plain(image: &Image) -> Plane<[u8; 3]> {
 
 /// As the kit draws: the densified map, each pixel but those of the image's border over its eight
 /// neighbours, the later over the earlier.
-pub(super) fn kitti(image: &Image) -> Plane<[u8; 3]> {
-    let dense = Maps::of(image).dense;
+pub(super) fn kitti(image: &ProtocolImage) -> Plane<[u8; 3]> {
+    let dense = KittiMaps::of(image).dense;
     let mut rgb = image.truth.map(|_| NO_TRUTH);
     let (width, height) = rgb.size();
     each(image, |x, y, truth, dimmed| {
@@ -43,7 +43,7 @@ pub(super) fn kitti(image: &Image) -> Plane<[u8; 3]> {
 
 /// Calls `paint` for the pixels with a truth in raster order, with what halves the colours of those
 /// the mask leaves out.
-fn each(image: &Image, mut paint: impl FnMut(usize, usize, f32, fn([u8; 3]) -> [u8; 3])) {
+fn each(image: &ProtocolImage, mut paint: impl FnMut(usize, usize, f32, fn([u8; 3]) -> [u8; 3])) {
     for (y, row) in image.truth.rows().enumerate() {
         for (x, &truth) in row
             .iter()
@@ -91,8 +91,8 @@ mod tests {
         estimate: &'a Plane<f32>,
         truth: &'a Plane<f32>,
         mask: Option<&'a Plane<Visibility>>,
-    ) -> Image<'a> {
-        Image {
+    ) -> ProtocolImage<'a> {
+        ProtocolImage {
             estimate,
             truth,
             mask,

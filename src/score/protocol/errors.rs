@@ -1,6 +1,6 @@
 //! The absolute errors of one image, from which all numbers but KITTI 2015's are made.
 
-use super::numbers::{Numbers, Unit, percent};
+use super::numbers::{NumberUnit, Numbers, percent};
 use crate::error::{Error, Result};
 
 /// `|d − truth|` of the estimated among the judged pixels, in order of size.
@@ -78,33 +78,33 @@ impl Errors {
             ("bad2.0", 2.0),
             ("bad4.0", 4.0),
         ] {
-            table.add(name, Unit::Percent, bad(threshold_px));
+            table.add(name, NumberUnit::Percent, bad(threshold_px));
         }
         table.add(
             "invalid",
-            Unit::Percent,
+            NumberUnit::Percent,
             percent(self.invalid(), self.pixels),
         );
         table.add(
             "totbad2.0",
-            Unit::Percent,
+            NumberUnit::Percent,
             percent(self.over(2.0) + self.invalid(), self.pixels),
         );
-        table.add("avgerr", Unit::Px, self.mean());
-        table.add("rms", Unit::Px, self.rms());
+        table.add("avgerr", NumberUnit::Px, self.mean());
+        table.add("rms", NumberUnit::Px, self.rms());
         for (name, q) in [("a50", 50), ("a90", 90), ("a95", 95), ("a99", 99)] {
             table.add(
                 name,
-                Unit::Px,
+                NumberUnit::Px,
                 self.sorted.get(rank(q)).map(|&error| error.into()),
             );
         }
         table.add(
             "coverage",
-            Unit::Percent,
+            NumberUnit::Percent,
             percent(self.estimated(), self.pixels),
         );
-        table.add("pixels", Unit::Count, Some(self.pixels as f64));
+        table.add("pixels", NumberUnit::Count, Some(self.pixels as f64));
         table
     }
 

@@ -8,10 +8,10 @@
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
-use super::{Image, judged};
+use super::{ProtocolImage, judged};
 use crate::error::Result;
 
-pub(super) fn numbers(image: &Image) -> Result<Numbers> {
+pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let errors = Errors::collect(
         judged(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))),
     )?;
@@ -23,7 +23,7 @@ pub(super) fn numbers(image: &Image) -> Result<Numbers> {
 }
 
 /// The estimate, `+∞` for none.
-pub(super) fn estimate(image: &Image, x: usize, y: usize) -> f32 {
+pub(super) fn estimate(image: &ProtocolImage, x: usize, y: usize) -> f32 {
     let d = image.estimate.get(x, y);
     if d.abs() <= image.truth.width() as f32 {
         d

@@ -7,18 +7,18 @@
 //! the densified map (`_dense` here, the page's column *All*) and the estimated pixels alone
 //! (`_est`, its column *Est*).
 
-use super::{Image, densify};
+use super::{ProtocolImage, densify};
 use crate::stereo::Plane;
 
 /// A map before and after densifying, `+∞` where there is nothing.
-pub(super) struct Maps {
+pub(super) struct KittiMaps {
     pub(super) sparse: Plane<f32>,
     pub(super) dense: Plane<f32>,
 }
 
-impl Maps {
+impl KittiMaps {
     /// Disparities below 0 are none.
-    pub(super) fn of(image: &Image) -> Self {
+    pub(super) fn of(image: &ProtocolImage) -> Self {
         let sparse = image
             .estimate
             .map(|d| if d >= 0.0 { d } else { f32::INFINITY });

@@ -2,9 +2,9 @@
 //! the images.
 
 use super::errors::Errors;
-use super::kitti::{Maps, stored};
-use super::numbers::{Numbers, Unit, percent};
-use super::{Image, judged};
+use super::kitti::{KittiMaps, stored};
+use super::numbers::{NumberUnit, Numbers, percent};
+use super::{ProtocolImage, judged};
 use crate::error::Result;
 use crate::stereo::Plane;
 
@@ -17,8 +17,8 @@ const OUTLIERS: [(f32, [&str; 3]); 5] = [
     (5.0, ["out5", "out5_dense", "out5_est"]),
 ];
 
-pub(super) fn numbers(image: &Image) -> Result<Numbers> {
-    let Maps { sparse, dense } = Maps::of(image);
+pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
+    let KittiMaps { sparse, dense } = KittiMaps::of(image);
     let errors = |map: &Plane<f32>, read: fn(f32) -> f32| {
         Errors::collect(
             judged(image.truth, image.mask).map(|(x, y, truth)| (truth, read(map.get(x, y)))),
@@ -36,27 +36,27 @@ pub(super) fn numbers(image: &Image) -> Result<Numbers> {
         for (threshold_px, names) in OUTLIERS {
             numbers.add(
                 names[column],
-                Unit::Percent,
+                NumberUnit::Percent,
                 percent(errors.over(threshold_px), errors.estimated()),
             );
         }
     };
     outliers(&mut numbers, 0, &as_is);
     // A hole has no error to average.
-    numbers.add("avgerr", Unit::Px, estimated.mean());
+    numbers.add("avgerr", NumberUnit::Px, estimated.mean());
     numbers.add(
         "density",
-        Unit::Percent,
+        NumberUnit::Percent,
         percent(estimated.estimated(), estimated.pixels()),
     );
     outliers(&mut numbers, 1, &densified);
-    numbers.add("avgerr_dense", Unit::Px, densified.mean());
+    numbers.add("avgerr_dense", NumberUnit::Px, densified.mean());
     numbers.add(
         "density_dense",
-        Unit::Percent,
+        NumberUnit::Percent,
         percent(filled, estimated.pixels()),
     );
     outliers(&mut numbers, 2, &estimated);
-    numbers.add("pixels", Unit::Count, Some(as_is.pixels() as f64));
+    numbers.add("pixels", NumberUnit::Count, Some(as_is.pixels() as f64));
     Ok(numbers)
 }

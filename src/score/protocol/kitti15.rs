@@ -2,9 +2,9 @@
 //! foreground and all; over several images the pixels of all are counted, not their shares
 //! averaged.
 
-use super::kitti::{Maps, stored};
-use super::numbers::{Numbers, Unit, percent};
-use super::{Image, judged};
+use super::kitti::{KittiMaps, stored};
+use super::numbers::{NumberUnit, Numbers, percent};
+use super::{ProtocolImage, judged};
 use crate::error::{Error, Result};
 use std::ops::Add;
 
@@ -14,7 +14,7 @@ const ALL: usize = 2;
 
 /// Outliers and judged pixels by region. Sums of images add up.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Counts {
+pub struct OutlierCounts {
     as_is: [Share; REGIONS],
     dense: [Share; REGIONS],
     estimated: [Share; REGIONS],
@@ -38,9 +38,9 @@ fn is_outlier(truth: f32, d: f32) -> bool {
     error > 3.0 && f64::from(error) / f64::from(truth.abs()) > 0.05
 }
 
-impl Counts {
-    pub(super) fn of(image: &Image) -> Result<Self> {
-        let Maps { sparse, dense } = Maps::of(image);
+impl OutlierCounts {
+    pub(super) fn of(image: &ProtocolImage) -> Result<Self> {
+        let KittiMaps { sparse, dense } = KittiMaps::of(image);
         let none = [Share::default(); REGIONS];
         let regions_known = image.foreground.is_some();
         let mut counts = Self {
@@ -82,7 +82,7 @@ impl Counts {
                     let known = self.regions_known || region == ALL;
                     numbers.add(
                         name,
-                        Unit::Percent,
+                        NumberUnit::Percent,
                         percent(share.outliers, share.pixels).filter(|_| known),
                     );
                 }
@@ -91,7 +91,7 @@ impl Counts {
         d1(&mut numbers, ["d1_bg", "d1_fg", "d1_all"], self.as_is);
         numbers.add(
             "density",
-            Unit::Percent,
+            NumberUnit::Percent,
             percent(self.estimated[ALL].pixels, pixels),
         );
         d1(
@@ -99,13 +99,17 @@ impl Counts {
             ["d1_bg_dense", "d1_fg_dense", "d1_all_dense"],
             self.dense,
         );
-        numbers.add("density_dense", Unit::Percent, percent(self.filled, pixels));
+        numbers.add(
+            "density_dense",
+            NumberUnit::Percent,
+            percent(self.filled, pixels),
+        );
         d1(
             &mut numbers,
             ["d1_bg_est", "d1_fg_est", "d1_all_est"],
             self.estimated,
         );
-        numbers.add("pixels", Unit::Count, Some(pixels as f64));
+        numbers.add("pixels", NumberUnit::Count, Some(pixels as f64));
         numbers
     }
 }
@@ -128,7 +132,7 @@ impl Add for Share {
     }
 }
 
-impl Add for Counts {
+impl Add for OutlierCounts {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {

@@ -9,10 +9,10 @@
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
-use super::{Image, judged};
+use super::{ProtocolImage, judged};
 use crate::error::{Error, Result};
 
-pub(super) fn numbers(image: &Image) -> Result<Numbers> {
+pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let scale = scale(image)?;
     let judged = judged(image.truth, image.mask);
     let errors =
@@ -24,7 +24,7 @@ pub(super) fn numbers(image: &Image) -> Result<Numbers> {
 }
 
 /// By how much the truth is larger than the estimate: 1, 2 or 4.
-pub(super) fn scale(image: &Image) -> Result<usize> {
+pub(super) fn scale(image: &ProtocolImage) -> Result<usize> {
     let ((w, h), (width, height)) = (image.estimate.size(), image.truth.size());
     let fits = |scale: &usize| (w * scale, h * scale) == (width, height);
     [1, 2, 4].into_iter().find(fits).ok_or_else(|| {
@@ -36,7 +36,7 @@ pub(super) fn scale(image: &Image) -> Result<usize> {
 }
 
 /// The estimate for the truth's pixel, clipped; `+∞` for none.
-pub(super) fn estimate(image: &Image, scale: usize, x: usize, y: usize) -> f32 {
+pub(super) fn estimate(image: &ProtocolImage, scale: usize, x: usize, y: usize) -> f32 {
     let d = scale as f32 * image.estimate.get(x / scale, y / scale);
     match image.max_disparity {
         _ if !d.is_finite() => f32::INFINITY,

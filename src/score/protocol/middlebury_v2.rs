@@ -4,10 +4,10 @@
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
-use super::{Image, judged};
+use super::{ProtocolImage, judged};
 use crate::error::Result;
 
-pub(super) fn numbers(image: &Image) -> Result<Numbers> {
+pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let judged = judged(image.truth, image.mask);
     let errors = Errors::collect(judged.map(|(x, y, truth)| (truth, image.estimate.get(x, y))))?;
     Ok(errors.table(

@@ -16,7 +16,7 @@ mod middlebury_v2;
 mod numbers;
 
 pub use densify::densify;
-pub use numbers::{Number, Numbers, Unit};
+pub use numbers::{Number, NumberUnit, Numbers};
 
 use super::judged::judged;
 use crate::error::{Error, Result, did_you_mean};
@@ -41,7 +41,7 @@ pub enum Protocol {
 /// One image to judge. Mask and foreground are of the truth's size; so is the estimate, but for
 /// [`Protocol::Middeval3`].
 #[derive(Clone, Copy, Debug)]
-pub struct Image<'a> {
+pub struct ProtocolImage<'a> {
     pub estimate: &'a Plane<f32>,
     pub truth: &'a Plane<f32>,
     /// Judges the visible pixels alone.
@@ -58,7 +58,7 @@ pub enum Score {
     /// Averaged over images.
     Image(Numbers),
     /// Counted over all pixels of all images.
-    Pooled(kitti15::Counts),
+    Pooled(kitti15::OutlierCounts),
 }
 
 impl Protocol {
@@ -84,14 +84,14 @@ impl Protocol {
     ///
     /// # Errors
     /// [`Error::Invalid`] for sizes that do not go together, and where no pixel has a truth.
-    pub fn score(self, image: &Image) -> Result<Score> {
+    pub fn score(self, image: &ProtocolImage) -> Result<Score> {
         image.check(self)?;
         match self {
             Self::Middeval3 => middeval3::numbers(image).map(Score::Image),
             Self::MiddleburyV2 => middlebury_v2::numbers(image).map(Score::Image),
             Self::Eth3d => eth3d::numbers(image).map(Score::Image),
             Self::Kitti12 => kitti12::numbers(image).map(Score::Image),
-            Self::Kitti15 => kitti15::Counts::of(image).map(Score::Pooled),
+            Self::Kitti15 => kitti15::OutlierCounts::of(image).map(Score::Pooled),
         }
     }
 
@@ -104,12 +104,12 @@ impl Protocol {
     ///
     /// # Errors
     /// [`Error::Invalid`] for sizes that do not go together.
-    pub fn error_map(self, image: &Image) -> Result<Vec<u8>> {
+    pub fn error_map(self, image: &ProtocolImage) -> Result<Vec<u8>> {
         image.check(self)?;
         let (width, height) = image.truth.size();
         let plain = |estimate: &dyn Fn(usize, usize) -> f32| {
             let estimate = Plane::from_fn(width, height, estimate)?;
-            Ok::<_, Error>(error_map::plain(&Image {
+            Ok::<_, Error>(error_map::plain(&ProtocolImage {
                 estimate: &estimate,
                 ..*image
             }))
@@ -167,7 +167,7 @@ impl Score {
     }
 }
 
-impl Image<'_> {
+impl ProtocolImage<'_> {
     fn check(&self, protocol: Protocol) -> Result<()> {
         let (width, height) = self.truth.size();
         let differs = |what: &str, (w, h): (usize, usize)| {

@@ -12,12 +12,12 @@ pub struct Numbers(Vec<Number>);
 pub struct Number {
     pub name: &'static str,
     pub value: Option<f64>,
-    pub unit: Unit,
+    pub unit: NumberUnit,
 }
 
 /// What a number counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
+pub enum NumberUnit {
     /// Of the judged pixels, or as the protocol has it.
     Percent,
     /// Disparity.
@@ -27,7 +27,7 @@ pub enum Unit {
 }
 
 impl Numbers {
-    pub(super) fn add(&mut self, name: &'static str, unit: Unit, value: Option<f64>) {
+    pub(super) fn add(&mut self, name: &'static str, unit: NumberUnit, value: Option<f64>) {
         self.0.push(Number { name, value, unit });
     }
 
@@ -46,7 +46,7 @@ impl Numbers {
         let first = images.first().map_or(&[][..], |numbers| &numbers.0);
         let over = |(i, number): (usize, &Number)| {
             let sum: Option<f64> = images.iter().map(|numbers| numbers.0[i].value).sum();
-            let parts = if number.unit == Unit::Count {
+            let parts = if number.unit == NumberUnit::Count {
                 1.0
             } else {
                 images.len() as f64
@@ -70,7 +70,7 @@ impl Serialize for Numbers {
         let mut map = serializer.serialize_map(Some(self.0.len()))?;
         for Number { name, value, unit } in self.iter() {
             match (unit, value) {
-                (Unit::Count, Some(count)) => map.serialize_entry(name, &(*count as u64))?,
+                (NumberUnit::Count, Some(count)) => map.serialize_entry(name, &(*count as u64))?,
                 _ => map.serialize_entry(name, value)?,
             }
         }

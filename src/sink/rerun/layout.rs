@@ -5,7 +5,7 @@ use super::info::AlgorithmPath;
 use super::picture::LEGEND_SHARE;
 use super::{CAMERA, IMAGE, LEGEND, RerunTarget};
 use crate::error::Result;
-use crate::score::{Metric, Unit};
+use crate::score::{Metric, MetricUnit};
 use ::rerun::datatypes::Range2D;
 use ::rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, EyeControls3D, LineGrid3D, PlotLegend, ScalarAxis, SpatialInformation,
@@ -126,7 +126,7 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
         let paths = plots.flat_map(|plot| algorithms.iter().map(move |a| a.path(plot)));
         match metric.counts() {
             true => plot(metric.words, paths, false),
-            false if metric.unit == Unit::Share => {
+            false if metric.unit == MetricUnit::Share => {
                 plot(&format!("{}, %", metric.words), paths, false)
                     .with("ScalarAxis", ScalarAxis::new().with_range([0.0, 100.0]))
             }

@@ -2,7 +2,7 @@
 
 use super::{NO, image, numbers};
 use proptest::prelude::*;
-use svl::score::protocol::{Image, Protocol, Unit};
+use svl::score::protocol::{NumberUnit, Protocol, ProtocolImage};
 use svl::stereo::{Plane, Visibility};
 
 /// A disparity of 0 up to 60 in sixteenths, or none.
@@ -45,9 +45,9 @@ proptest! {
     #[test]
     fn the_truth_itself_has_no_errors((_, truth, mask) in maps()) {
         for protocol in Protocol::ALL {
-            let image = Image { mask: Some(&mask), ..image(&truth, &truth) };
+            let image = ProtocolImage { mask: Some(&mask), ..image(&truth, &truth) };
             let numbers = protocol.score(&image).unwrap().numbers();
-            for number in numbers.iter().filter(|n| n.unit != Unit::Count) {
+            for number in numbers.iter().filter(|n| n.unit != NumberUnit::Count) {
                 let full = number.name.starts_with("density") || number.name == "coverage";
                 let expected = if full { 100.0 } else { 0.0 };
                 // Without a map of the objects there is neither background nor foreground.
@@ -61,9 +61,9 @@ proptest! {
     #[test]
     fn shares_are_shares_and_fall_with_the_threshold((estimate, truth, mask) in maps()) {
         for protocol in Protocol::ALL {
-            let image = Image { mask: Some(&mask), ..image(&estimate, &truth) };
+            let image = ProtocolImage { mask: Some(&mask), ..image(&estimate, &truth) };
             let numbers = protocol.score(&image).unwrap().numbers();
-            for number in numbers.iter().filter(|n| n.unit == Unit::Percent) {
+            for number in numbers.iter().filter(|n| n.unit == NumberUnit::Percent) {
                 let is_share = number.value.is_none_or(|v| (0.0..=100.0).contains(&v));
                 prop_assert!(is_share, "{}", number.name);
             }

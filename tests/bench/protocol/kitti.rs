@@ -2,7 +2,7 @@
 
 use super::{NO, assert_numbers, image, map, numbers};
 use svl::score::protocol::Protocol::{Kitti12, Kitti15};
-use svl::score::protocol::{Image, Score};
+use svl::score::protocol::{ProtocolImage, Score};
 use svl::stereo::Plane;
 
 #[test]
@@ -68,7 +68,7 @@ fn regions_are_counted_apart() {
     let estimate = map(&[&[10.0, 20.0, NO], &[10.0, 10.0, 10.0]]);
     let truth = map(&[&[10.0, 10.0, 10.0], &[10.0, NO, 20.0]]);
     let foreground = map(&[&[false, false, false], &[true, true, true]]);
-    let with = Image {
+    let with = ProtocolImage {
         foreground: Some(&foreground),
         ..image(&estimate, &truth)
     };

@@ -2,7 +2,7 @@
 
 use super::{NO, assert_numbers, image, map, numbers};
 use svl::score::protocol::Protocol::{self, Eth3d, Middeval3, MiddleburyV2};
-use svl::score::protocol::{Image, Score};
+use svl::score::protocol::{ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility};
 
 /// An estimate below 0, none, off by exactly 2, by exactly 0.5, and far beyond the range; a pixel
@@ -19,7 +19,7 @@ fn middeval3_clips_and_counts_holes_apart() {
     let (estimate, truth) = five();
     let clipped = numbers(
         Middeval3,
-        &Image {
+        &ProtocolImage {
             max_disparity: Some(20.0),
             ..image(&estimate, &truth)
         },
@@ -133,7 +133,7 @@ fn smaller_estimates_are_repeated_times_the_factor() {
         // the factor less 1.5.
         let clipped = numbers(
             Middeval3,
-            &Image {
+            &ProtocolImage {
                 max_disparity: Some(7.0),
                 ..image(&estimate, &truth)
             },
@@ -144,7 +144,8 @@ fn smaller_estimates_are_repeated_times_the_factor() {
 
 #[test]
 fn sizes_must_go_together() {
-    let says = |protocol: Protocol, image: &Image| protocol.score(image).unwrap_err().to_string();
+    let says =
+        |protocol: Protocol, image: &ProtocolImage| protocol.score(image).unwrap_err().to_string();
     let plane = |width, height| Plane::filled(width, height, 1.0).unwrap();
     let (small, truth) = (plane(2, 2), plane(6, 6));
     assert!(says(Middeval3, &image(&small, &truth)).contains("estimate is 2x2, the truth 6x6"));
@@ -152,7 +153,7 @@ fn sizes_must_go_together() {
     assert!(says(Middeval3, &image(&truth, &small)).contains("estimate is 6x6, the truth 2x2"));
     for protocol in Protocol::ALL {
         let mask = Plane::filled(3, 6, Visibility::Visible).unwrap();
-        let masked = Image {
+        let masked = ProtocolImage {
             mask: Some(&mask),
             ..image(&truth, &truth)
         };
@@ -176,7 +177,7 @@ fn masks_leave_255_alone() {
     for protocol in Protocol::ALL {
         let found = numbers(
             protocol,
-            &Image {
+            &ProtocolImage {
                 mask: Some(&mask),
                 ..image(&estimate, &truth)
             },

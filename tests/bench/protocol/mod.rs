@@ -6,7 +6,7 @@ mod kitti;
 mod known;
 mod middlebury;
 
-use svl::score::protocol::{Image, Numbers, Protocol};
+use svl::score::protocol::{Numbers, Protocol, ProtocolImage};
 use svl::stereo::Plane;
 
 pub const NO: f32 = f32::INFINITY;
@@ -16,8 +16,8 @@ pub fn map<T: Copy>(rows: &[&[T]]) -> Plane<T> {
     Plane::from_vec(rows[0].len(), rows.len(), rows.concat()).unwrap()
 }
 
-pub fn image<'a>(estimate: &'a Plane<f32>, truth: &'a Plane<f32>) -> Image<'a> {
-    Image {
+pub fn image<'a>(estimate: &'a Plane<f32>, truth: &'a Plane<f32>) -> ProtocolImage<'a> {
+    ProtocolImage {
         estimate,
         truth,
         mask: None,
@@ -27,7 +27,7 @@ pub fn image<'a>(estimate: &'a Plane<f32>, truth: &'a Plane<f32>) -> Image<'a> {
 }
 
 #[track_caller]
-pub fn numbers(protocol: Protocol, image: &Image) -> Numbers {
+pub fn numbers(protocol: Protocol, image: &ProtocolImage) -> Numbers {
     protocol.score(image).unwrap().numbers()
 }
 

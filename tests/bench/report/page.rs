@@ -3,13 +3,15 @@
 use super::fixture::{cell, example, row};
 use svl::overlay::{Nearness, marks};
 use svl::report::Summary;
-use svl::report::html::{Figure, Page, Rank, Scene, SceneShot, Shot, Sweep};
+use svl::report::html::{
+    CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
+};
 use svl::score::Verdict;
 use svl::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 
 /// A page under a title and with texts that would be HTML.
-fn page(summary: Summary) -> Page {
-    Page {
+fn page(summary: Summary) -> ReportPage {
+    ReportPage {
         title: "<b>".into(),
         description: "A & B.\n\nC.".into(),
         identity: vec![("CPU".into(), "<script>alert(1)</script>".into())],
@@ -26,7 +28,7 @@ fn page(summary: Summary) -> Page {
 }
 
 /// A frame with a wrong cell, a right one and an unknown one.
-fn shot(passed: bool, left: &[u8]) -> Shot {
+fn shot(passed: bool, left: &[u8]) -> FrameShot {
     let depth = CellDepth {
         median_px: 20.0,
         p20_px: 18.0,
@@ -53,7 +55,7 @@ fn shot(passed: bool, left: &[u8]) -> Shot {
         marks(&grid, (30, 10), Nearness::new(40.0, 0.0))
     };
     let verdicts = [Verdict::Wrong, Verdict::Right, Verdict::Unknown];
-    Shot {
+    FrameShot {
         row: row("v3", 143, 5_000),
         cells: verdicts
             .into_iter()
@@ -69,13 +71,13 @@ fn shot(passed: bool, left: &[u8]) -> Shot {
     }
 }
 
-fn scene() -> Scene {
-    let shot = |algorithm: &str| SceneShot {
+fn scene() -> SceneFigure {
+    let shot = |algorithm: &str| SceneResult {
         row: row(algorithm, 0, 5_000),
         disparities: b"disparities".to_vec(),
         errors: Some(b"errors".to_vec()),
     };
-    Scene {
+    SceneFigure {
         title: "teddy <&>".into(),
         size: (45, 37),
         left: vec![0xff, 0xd8, 0xff],
@@ -87,7 +89,7 @@ fn scene() -> Scene {
 
 #[test]
 fn the_page_shows_every_figure_and_holds_every_image_once() {
-    let figure = |title: &str, shots| Figure {
+    let figure = |title: &str, shots| CheckpointFigure {
         title: title.into(),
         about: String::new(),
         shots,
@@ -103,7 +105,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
         figure("2. ball", vec![(Rank::Worst, shot(true, b"one"))]),
         figure("3. bridge", vec![]),
     ];
-    let html = Page {
+    let html = ReportPage {
         figures,
         ..page(example())
     }
@@ -143,7 +145,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
 
 #[test]
 fn the_page_shows_scenes_with_truth_and_errors() {
-    let html = Page {
+    let html = ReportPage {
         scenes: vec![scene()],
         ..page(example())
     }
@@ -172,11 +174,11 @@ fn the_page_shows_scenes_with_truth_and_errors() {
         assert!(html.contains(words), "{words}");
     }
     assert!(!html.contains("Pictures of"));
-    let one = Scene {
+    let one = SceneFigure {
         shots: scene().shots.split_off(1),
         ..scene()
     };
-    let html = Page {
+    let html = ReportPage {
         scenes: vec![one],
         ..page(example())
     }
@@ -199,7 +201,7 @@ fn the_tables_read_on_narrow_screens_too() {
     );
     assert_eq!(count(">never seen</td>"), 4);
     assert!(
-        Page {
+        ReportPage {
             scenes: vec![],
             ..page(Summary::default())
         }
@@ -214,7 +216,7 @@ fn a_sweep_is_a_line_with_its_values() {
     let plain = page(example()).render().unwrap();
     let point = |value: &str, label: &str| (value.to_owned(), label.to_owned());
     let points = vec![point("0.4", "v3"), point("0.8", "v3:texture_sigma=0.8")];
-    let sweep = Sweep {
+    let sweep = ParameterSweep {
         name: "v3: texture_sigma".into(),
         points,
     };
@@ -223,7 +225,7 @@ fn a_sweep_is_a_line_with_its_values() {
         row("v3:texture_sigma=0.8", 0, 2_500),
         row("bm", 0, 1_000),
     ];
-    let swept = Page {
+    let swept = ReportPage {
         sweeps: vec![sweep],
         ..page(super::fixture::summary(rows, Vec::new()))
     }
@@ -241,12 +243,12 @@ fn a_sweep_is_a_line_with_its_values() {
 
 #[test]
 fn the_page_escapes_and_fetches_nothing() {
-    let figure = Figure {
+    let figure = CheckpointFigure {
         title: "<u>".into(),
         about: "<em>".into(),
         shots: vec![(Rank::Best, shot(true, b"x"))],
     };
-    let html = Page {
+    let html = ReportPage {
         figures: vec![figure],
         scenes: vec![scene()],
         ..page(example())

@@ -8,7 +8,7 @@ use crate::cli::shared::usage;
 use files::Files;
 use std::path::PathBuf;
 use svl::files as on_disk;
-use svl::score::protocol::{Image, Protocol, Score};
+use svl::score::protocol::{Protocol, ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility, cross_check};
 
 /// Judge disparity maps as a benchmark does, number for number
@@ -175,8 +175,8 @@ impl Loaded {
     }
 
     /// What is judged in a column of the table.
-    fn image(&self, column: usize, args: &Args) -> Image<'_> {
-        Image {
+    fn image(&self, column: usize, args: &Args) -> ProtocolImage<'_> {
+        ProtocolImage {
             estimate: &self.estimate,
             truth: &self.truth,
             mask: self.masks.get(column),

@@ -5,7 +5,7 @@ use crate::cli::shared::terminal::{print, print_json};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use svl::score::protocol::{Numbers, Protocol, Score, Unit};
+use svl::score::protocol::{NumberUnit, Numbers, Protocol, Score};
 
 /// The contract's keys, and beside them what several masks or images bring.
 #[derive(Serialize)]
@@ -96,9 +96,9 @@ fn table(
     }
     for (row, number) in columns[0].iter().enumerate() {
         let unit = match number.unit {
-            Unit::Percent => "%",
-            Unit::Px => "px",
-            Unit::Count => "",
+            NumberUnit::Percent => "%",
+            NumberUnit::Px => "px",
+            NumberUnit::Count => "",
         };
         write!(text, "{:<14} {unit:<2}", number.name)?;
         for value in columns
@@ -107,7 +107,9 @@ fn table(
             .map(|number| number.value)
         {
             match value {
-                Some(value) if number.unit == Unit::Count => write!(text, "  {value:>width$.0}")?,
+                Some(value) if number.unit == NumberUnit::Count => {
+                    write!(text, "  {value:>width$.0}")?
+                }
                 Some(value) => write!(text, "  {value:>width$.3}")?,
                 None => write!(text, "  {:>width$}", "-")?,
             }

@@ -11,7 +11,7 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
-use svl::report::html::Page;
+use svl::report::html::ReportPage;
 use svl::report::{CheckpointRow, Row, Ruling, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
@@ -307,7 +307,7 @@ impl Report {
         write(&folder.join("summary.md"), summary.markdown(&scenario.name))?;
         write_json(&folder.join("summary.json"), &summary)?;
         write_json(&folder.join(MANIFEST), &manifest)?;
-        let page = Page {
+        let page = ReportPage {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
             identity: manifest.entries(),

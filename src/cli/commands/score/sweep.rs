@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 use svl::matcher::{self, Algorithm, Range, Value};
-use svl::report::html::Sweep;
+use svl::report::html::ParameterSweep;
 
 /// Most algorithms of one run: that many still have room in a table and on a plot.
 pub(super) const MAX_ALGORITHMS: usize = 32;
@@ -127,8 +127,8 @@ fn invalid<T>(what: String) -> svl::Result<T> {
 
 /// What is swept among the algorithms of a run, however they were named: those of one kind that
 /// differ in one number.
-pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<Sweep> {
-    let mut sweeps: Vec<Sweep> = Vec::new();
+pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
+    let mut sweeps: Vec<ParameterSweep> = Vec::new();
     for first in algorithms {
         for (key, _) in first.parameters().iter() {
             let mut points: Vec<_> = algorithms
@@ -143,7 +143,7 @@ pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<Sweep> {
                 .iter()
                 .map(|(v, a)| (v.to_string(), a.label().to_owned()))
                 .collect();
-            let sweep = Sweep {
+            let sweep = ParameterSweep {
                 name: format!("{}: {key}", first.spec().name),
                 points,
             };
