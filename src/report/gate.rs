@@ -44,7 +44,7 @@ fn metric<'de, D: Deserializer<'de>>(
 
 /// What a limit says of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Ruling {
+pub struct GateResult {
     pub limit: Limit,
     /// The algorithm that was judged; nothing when none that it is for took part.
     pub algorithm: Option<String>,
@@ -116,14 +116,14 @@ impl Limit {
         }
     }
 
-    /// Judges a run; one ruling for every algorithm that the limit is for.
-    pub fn judge(&self, summary: &Summary, manifest: &Manifest) -> Vec<Ruling> {
+    /// Judges a run; one result for every algorithm that the limit is for.
+    pub fn judge(&self, summary: &Summary, manifest: &Manifest) -> Vec<GateResult> {
         let is = |a: &&Contestant, name: &str| a.label == name || a.name == name;
         let unit = self
             .relative_to
             .as_deref()
             .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
-        let ruling = |contestant: &Contestant| {
+        let result = |contestant: &Contestant| {
             let found = |contestant: &Contestant| {
                 summary
                     .algorithms
@@ -141,31 +141,31 @@ impl Limit {
                 |v: f64| self.min.is_none_or(|min| v >= min) && self.max.is_none_or(|max| v <= max);
             let absent = matches!(unit, Some(None));
             let kept = (!absent).then(|| value.is_some_and(keeps));
-            Ruling {
+            GateResult {
                 limit: self.clone(),
                 algorithm: Some(contestant.label.clone()),
                 value,
                 kept,
             }
         };
-        let rulings: Vec<_> = manifest
+        let results: Vec<_> = manifest
             .algorithms
             .iter()
             .filter(|a| is(a, &self.algorithm))
-            .map(ruling)
+            .map(result)
             .collect();
         let nobody = || {
-            vec![Ruling {
+            vec![GateResult {
                 limit: self.clone(),
                 algorithm: None,
                 value: None,
                 kept: None,
             }]
         };
-        if rulings.is_empty() {
+        if results.is_empty() {
             nobody()
         } else {
-            rulings
+            results
         }
     }
 
@@ -186,7 +186,7 @@ impl Limit {
     }
 }
 
-impl std::fmt::Display for Ruling {
+impl std::fmt::Display for GateResult {
     /// One line: who, what, how much, and what is allowed.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Limit {

@@ -15,7 +15,6 @@ pub mod html;
 mod markdown;
 pub(crate) mod page;
 pub mod plot;
-mod read;
 mod rows;
 mod speed;
 mod summary;
@@ -23,8 +22,7 @@ mod tables;
 mod text;
 mod words;
 
-pub use gate::{Limit, Ruling};
-pub use read::read_rows;
+pub use gate::{GateResult, Limit};
 pub use rows::{CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row};
 pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
-pub use tables::Table;
+pub use tables::{Table, read_rows};

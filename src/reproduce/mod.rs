@@ -223,7 +223,7 @@ impl<'a> Context<'a> {
         algorithms: &[&str],
         judge: &Judge,
     ) -> Result<Vec<Judged>> {
-        let sink = Collected::default();
+        let sink = JudgedFrames::default();
         let outbox = sink.outbox.clone();
         self.run(&mut Frames(frames.into_iter()), algorithms, judge, sink)?;
         Ok(outbox.take().unwrap_or_default())
@@ -257,12 +257,12 @@ impl Source for Frames {
 
 /// Keeps everything that it takes.
 #[derive(Default)]
-struct Collected {
+struct JudgedFrames {
     judged: Vec<Judged>,
     outbox: Outbox<Vec<Judged>>,
 }
 
-impl Sink for Collected {
+impl Sink for JudgedFrames {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         self.judged.push(judged.clone());
         Ok(())

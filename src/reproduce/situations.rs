@@ -184,7 +184,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         } else {
             situation.thesis
         };
-        let [dp, v3] = outcome.each_ref().map(Answers::tally);
+        let [dp, v3] = outcome.each_ref().map(SituationAnswer::tally);
         let [a, b, c, d, e] = [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown]
             .map(|n| TableValue::from(n as f64));
         rows.row(
@@ -230,7 +230,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
 }
 
 /// The conditions, and what they come to.
-fn conclude(outcomes: &[[Answers; 2]], finding: &mut Finding) {
+fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
     let wrong = |situation: usize, algorithm: usize| outcomes[situation][algorithm].tally().wrong;
     let cells = SHAPE.cells();
     let [normal, escape, low] = [0, 1, 2];
@@ -308,12 +308,12 @@ fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame>
 }
 
 /// An algorithm's answer to a situation.
-struct Answers {
+struct SituationAnswer {
     judgements: Vec<CellJudgement>,
     exhibit: Option<Exhibit>,
 }
 
-impl Answers {
+impl SituationAnswer {
     fn tally(&self) -> CellTally {
         CellTally::of(&self.judgements)
     }
@@ -323,7 +323,7 @@ impl Answers {
     }
 }
 
-fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<Answers> {
+fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<SituationAnswer> {
     let (frame, scored) = (&judged.frame, &judged.estimates[algorithm]);
     let judgements = scored.cells.clone().unwrap_or_default();
     let size = frame.pair.size();
@@ -354,7 +354,7 @@ fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<An
             })
             .collect(),
     };
-    Ok(Answers {
+    Ok(SituationAnswer {
         judgements,
         exhibit: Some(exhibit),
     })
@@ -366,7 +366,7 @@ mod tests {
     use crate::score::true_grid;
 
     /// An answer with so many wrong cells from the first on; the others are right.
-    fn answers(wrong: usize) -> Answers {
+    fn answers(wrong: usize) -> SituationAnswer {
         let cell = |i| CellJudgement {
             verdict: if i < wrong {
                 Verdict::Wrong
@@ -375,7 +375,7 @@ mod tests {
             },
             ..CellJudgement::NO_TRUTH
         };
-        Answers {
+        SituationAnswer {
             judgements: (0..SHAPE.cells()).map(cell).collect(),
             exhibit: None,
         }

@@ -1,7 +1,6 @@
-//! Disparity errors of one map.
+//! Disparity errors of one map, and which pixels every score is of.
 
-use super::judged::judged;
-use crate::stereo::{DisparityMap, Truth};
+use crate::stereo::{DisparityMap, Plane, Truth, Visibility};
 
 /// How far a disparity map is from the truth, over the pixels whose truth is known and that both
 /// cameras see (all known pixels where nobody knows which are hidden).
@@ -25,16 +24,18 @@ impl DisparityScore {
         debug_assert_eq!(map.size(), truth.disparity.size());
         let mut score = Self::default();
         // Not `for`, which is slower over rows in a chain.
-        judged(&truth.disparity, truth.visibility.as_ref()).for_each(|(x, y, true_disparity)| {
-            let estimate = map.disparity().get(x, y);
-            score.pixels += 1;
-            if estimate.is_finite() {
-                let error = (estimate - true_disparity).abs();
-                score.estimated += 1;
-                score.bad1 += usize::from(error > 1.0);
-                score.bad2 += usize::from(error > 2.0);
-            }
-        });
+        scored_pixels(&truth.disparity, truth.visibility.as_ref()).for_each(
+            |(x, y, true_disparity)| {
+                let estimate = map.disparity().get(x, y);
+                score.pixels += 1;
+                if estimate.is_finite() {
+                    let error = (estimate - true_disparity).abs();
+                    score.estimated += 1;
+                    score.bad1 += usize::from(error > 1.0);
+                    score.bad2 += usize::from(error > 2.0);
+                }
+            },
+        );
         score
     }
 
@@ -56,6 +57,21 @@ impl DisparityScore {
     }
 }
 
+/// The pixels whose truth is known, and that both cameras see where `mask` says which, as
+/// `(x, y, true disparity)`. The two are of one size.
+pub(super) fn scored_pixels<'a>(
+    truth: &'a Plane<f32>,
+    mask: Option<&'a Plane<Visibility>>,
+) -> impl Iterator<Item = (usize, usize, f32)> + 'a {
+    truth.rows().enumerate().flat_map(move |(y, row)| {
+        let visible = mask.map(|mask| mask.row(y));
+        let pixels = row.iter().enumerate().map(move |(x, &truth)| (x, y, truth));
+        pixels.filter(move |&(x, _, d)| {
+            d.is_finite() && visible.is_none_or(|v| v[x] == Visibility::Visible)
+        })
+    })
+}
+
 fn share(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
@@ -63,7 +79,7 @@ fn share(part: usize, whole: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Plane, Reason, Visibility};
+    use crate::stereo::Reason;
 
     #[test]
     fn hand_computed() {

@@ -5,7 +5,6 @@ mod cells;
 mod checkpoint;
 mod disparity;
 mod judge;
-mod judged;
 mod metrics;
 pub mod protocol;
 

@@ -1,6 +1,8 @@
 //! Lines and points over two axes.
 
-use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, labels, svg, text};
+use super::{
+    AXIS, DrawError, PlotCanvas, Series, SeriesStyle, TEXT, WIDTH, color, labels, svg, text,
+};
 use crate::error::Result;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
@@ -22,30 +24,6 @@ pub struct Axis {
     pub log: bool,
     /// From where to where, instead of what the data span.
     pub range: Option<(f64, f64)>,
-}
-
-/// Points under one name. What is not finite is left out and interrupts a line.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Series {
-    pub name: String,
-    pub form: SeriesStyle,
-    pub points: Vec<(f64, f64)>,
-}
-
-/// How a series is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SeriesStyle {
-    Line,
-    Points,
-    /// Points joined by lines.
-    Both,
-    /// Points with the series' name beside each, which then stands in no key; all such series have
-    /// one colour.
-    Named,
-    /// The name alone beside each point: what another series is, as a key would say.
-    Caption,
-    /// Likewise where there is room beside it: what a point of another series stands for.
-    Label,
 }
 
 const HEIGHT: u32 = 640;

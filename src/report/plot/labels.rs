@@ -1,7 +1,6 @@
 //! Texts beside points, where they hide least.
 
-use super::chart::{Series, SeriesStyle};
-use super::{DrawError, PlotCanvas, TEXT, text, text_width};
+use super::{DrawError, PlotCanvas, Series, SeriesStyle, TEXT, text, text_width};
 use plotters::element::Text;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 

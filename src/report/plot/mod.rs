@@ -10,13 +10,37 @@ mod labels;
 mod strips;
 
 pub use bars::Bars;
-pub use chart::{Axis, Chart, Series, SeriesStyle};
+pub use chart::{Axis, Chart};
 pub use distance::distance_chart;
 pub use strips::Strips;
 
 use crate::error::{Error, Result};
 use plotters::prelude::*;
 use plotters::style::FontFamily;
+
+/// Points under one name. What is not finite is left out and interrupts a line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    pub name: String,
+    pub form: SeriesStyle,
+    pub points: Vec<(f64, f64)>,
+}
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeriesStyle {
+    Line,
+    Points,
+    /// Points joined by lines.
+    Both,
+    /// Points with the series' name beside each, which then stands in no key; all such series have
+    /// one colour.
+    Named,
+    /// The name alone beside each point: what another series is, as a key would say.
+    Caption,
+    /// Likewise where there is room beside it: what a point of another series stands for.
+    Label,
+}
 
 /// Width of every plot in the SVG's own units, which are whole; a page scales it, to between a
 /// third and two thirds of a pixel each: on a phone and on paper the texts are still texts.

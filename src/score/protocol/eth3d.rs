@@ -8,12 +8,12 @@
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
-use super::{ProtocolImage, judged};
+use super::{ProtocolImage, scored_pixels};
 use crate::error::Result;
 
 pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let errors = Errors::collect(
-        judged(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))),
+        scored_pixels(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))),
     )?;
     let bad = |t| percent(errors.over(t), errors.estimated()).or(Some(100.0));
     // The program multiplies in single precision, which tells where there are some hundred thousand

@@ -4,7 +4,7 @@
 use super::errors::Errors;
 use super::kitti::{KittiMaps, stored};
 use super::numbers::{NumberUnit, Numbers, percent};
-use super::{ProtocolImage, judged};
+use super::{ProtocolImage, scored_pixels};
 use crate::error::Result;
 use crate::stereo::Plane;
 
@@ -21,13 +21,14 @@ pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let KittiMaps { sparse, dense } = KittiMaps::of(image);
     let errors = |map: &Plane<f32>, read: fn(f32) -> f32| {
         Errors::collect(
-            judged(image.truth, image.mask).map(|(x, y, truth)| (truth, read(map.get(x, y)))),
+            scored_pixels(image.truth, image.mask)
+                .map(|(x, y, truth)| (truth, read(map.get(x, y)))),
         )
     };
     let as_is = errors(&sparse, stored)?;
     let densified = errors(&dense, stored)?;
     let estimated = errors(&sparse, |d| d)?;
-    let filled = judged(image.truth, image.mask)
+    let filled = scored_pixels(image.truth, image.mask)
         .filter(|&(x, y, _)| dense.get(x, y).is_finite())
         .count();
 

@@ -4,7 +4,7 @@
 
 use super::kitti::{KittiMaps, stored};
 use super::numbers::{NumberUnit, Numbers, percent};
-use super::{ProtocolImage, judged};
+use super::{ProtocolImage, scored_pixels};
 use crate::error::{Error, Result};
 use std::ops::Add;
 
@@ -50,7 +50,7 @@ impl OutlierCounts {
             filled: 0,
             regions_known,
         };
-        for (x, y, truth) in judged(image.truth, image.mask) {
+        for (x, y, truth) in scored_pixels(image.truth, image.mask) {
             let region = usize::from(
                 image
                     .foreground

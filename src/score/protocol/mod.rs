@@ -11,14 +11,13 @@ mod eth3d;
 mod kitti;
 mod kitti12;
 mod kitti15;
-mod middeval3;
-mod middlebury_v2;
+mod middlebury;
 mod numbers;
 
 pub use densify::densify;
 pub use numbers::{Number, NumberUnit, Numbers};
 
-use super::judged::judged;
+use super::disparity::scored_pixels;
 use crate::error::{Error, Result, did_you_mean};
 use crate::stereo::{Plane, Visibility};
 use std::str::FromStr;
@@ -87,8 +86,8 @@ impl Protocol {
     pub fn score(self, image: &ProtocolImage) -> Result<Score> {
         image.check(self)?;
         match self {
-            Self::Middeval3 => middeval3::numbers(image).map(Score::Image),
-            Self::MiddleburyV2 => middlebury_v2::numbers(image).map(Score::Image),
+            Self::Middeval3 => middlebury::v3(image).map(Score::Image),
+            Self::MiddleburyV2 => middlebury::v2(image).map(Score::Image),
             Self::Eth3d => eth3d::numbers(image).map(Score::Image),
             Self::Kitti12 => kitti12::numbers(image).map(Score::Image),
             Self::Kitti15 => kitti15::OutlierCounts::of(image).map(Score::Pooled),
@@ -116,8 +115,8 @@ impl Protocol {
         };
         let rgb = match self {
             Self::Middeval3 => {
-                let scale = middeval3::scale(image)?;
-                plain(&|x, y| middeval3::estimate(image, scale, x, y))?
+                let scale = middlebury::scale(image)?;
+                plain(&|x, y| middlebury::estimate(image, scale, x, y))?
             }
             Self::Eth3d => plain(&|x, y| eth3d::estimate(image, x, y))?,
             Self::MiddleburyV2 => error_map::plain(image),

@@ -1,6 +1,5 @@
 //! `svl score`: a scenario, judged and reported.
 
-mod gate;
 mod sweep;
 
 use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
@@ -12,7 +11,7 @@ use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::report::html::ReportPage;
-use svl::report::{CheckpointRow, Row, Ruling, Summary};
+use svl::report::{CheckpointRow, GateResult, Row, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::Judge;
@@ -148,17 +147,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (finished, _) => finished?,
     };
     let limits = if args.gate { &scenario.gate[..] } else { &[] };
-    let rulings: Vec<_> = limits
+    let results: Vec<_> = limits
         .iter()
         .flat_map(|limit| limit.judge(&summary, &manifest))
         .collect();
     if args.json {
         print_json(&Answer {
             summary: &summary,
-            gate: &rulings,
+            gate: &results,
         })?;
     } else {
-        let gate: String = rulings.iter().map(gate::line).collect();
+        let gate: String = results.iter().map(gate_line).collect();
         print(&format!(
             "{summary}\n{}\n{gate}",
             folder.join("index.html").display()
@@ -171,7 +170,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     ran?;
     runner::complete(&total)?;
     if args.gate {
-        gate::pass(&rulings)
+        pass_gate(&results)
     } else {
         Ok(())
     }
@@ -183,7 +182,31 @@ struct Answer<'a> {
     #[serde(flatten)]
     summary: &'a Summary,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
-    gate: &'a [Ruling],
+    gate: &'a [GateResult],
+}
+
+/// A result for the terminal.
+fn gate_line(result: &GateResult) -> String {
+    let word = match result.kept {
+        Some(true) => "kept",
+        Some(false) => "BROKEN",
+        None => "–",
+    };
+    format!("{word:<6}  {result}\n")
+}
+
+/// Refuses a run that broke a limit, or that no limit was for.
+fn pass_gate(gate: &[GateResult]) -> anyhow::Result<()> {
+    let broken: Vec<_> = gate
+        .iter()
+        .filter(|result| result.kept == Some(false))
+        .collect();
+    match broken[..] {
+        [] if gate.iter().any(|result| result.kept.is_some()) => Ok(()),
+        [] => bail!("gate: none of the scenario's limits is for the algorithms that took part"),
+        [one] => bail!("gate: {one}"),
+        [first, ..] => bail!("gate: {first}; and {} more", broken.len() - 1),
+    }
 }
 
 /// One run of a scenario.

@@ -1,4 +1,6 @@
-//! Middlebury v3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate
+//! The two protocols of Middlebury.
+//!
+//! Version 3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate
 //! ground truth*, GCPR 2014), as `evaldisp` of MiddEval3-SDK judges.
 //!
 //! Its quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the
@@ -6,19 +8,32 @@
 //! nor bad, and `bad` is a share of all judged pixels while `avgerr` and `rms` are means over the
 //! estimated ones. For A50 … A99, which the web page shows and `evaldisp` does not make, ETH3D's
 //! rule serves.
+//!
+//! Version 2 (D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo
+//! correspondence algorithms*, IJCV 47, 2002), the table of tsukuba, venus, teddy and cones: bad1.0
+//! under each of the masks nonocc, all and disc. Its quirk: a pixel without estimate is bad.
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
-use super::{ProtocolImage, judged};
+use super::{ProtocolImage, scored_pixels};
 use crate::error::{Error, Result};
 
-pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
+pub(super) fn v3(image: &ProtocolImage) -> Result<Numbers> {
     let scale = scale(image)?;
-    let judged = judged(image.truth, image.mask);
+    let judged = scored_pixels(image.truth, image.mask);
     let errors =
         Errors::collect(judged.map(|(x, y, truth)| (truth, estimate(image, scale, x, y))))?;
     Ok(errors.table(
         |t| percent(errors.over(t), errors.pixels()),
+        |q| errors.rank(q),
+    ))
+}
+
+pub(super) fn v2(image: &ProtocolImage) -> Result<Numbers> {
+    let judged = scored_pixels(image.truth, image.mask);
+    let errors = Errors::collect(judged.map(|(x, y, truth)| (truth, image.estimate.get(x, y))))?;
+    Ok(errors.table(
+        |t| percent(errors.over(t) + errors.invalid(), errors.pixels()),
         |q| errors.rank(q),
     ))
 }
