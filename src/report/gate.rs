@@ -1,4 +1,4 @@
-//! Limits that a run has to keep: what `svl score --gate` and a CI trust.
+//! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
 
 use super::summary::{AlgorithmSummary, Summary};
 use crate::error::{Error, Result};
@@ -6,18 +6,18 @@ use crate::manifest::{Contestant, Manifest};
 use crate::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// A limit, as a scenario's `[[gate]]` says it.
+/// A limit of a metric: an entry of a scenario's `[[gate]]`.
 ///
-/// Quality is limited absolutely. Time is limited as a ratio to another algorithm of the same run
-/// (`relative_to`), as nobody knows the machine.
+/// Quality has absolute limits. Time is limited as a ratio to another algorithm of the same run
+/// (`relative_to`), as absolute times depend on the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limit {
-    /// An algorithm as the run names it, or a bare name for it with any parameters.
+    /// Label of an algorithm of the run, or its name alone for any parameters.
     pub algorithm: String,
     #[serde(deserialize_with = "metric")]
     pub metric: &'static Metric,
-    /// Of one checkpoint, by its number; `passed` without it is of all.
+    /// Number of a checkpoint; `passed` without it is over all.
     pub checkpoint: Option<u32>,
     /// The algorithm whose median time is the unit.
     pub relative_to: Option<String>,
@@ -30,7 +30,7 @@ pub struct Limit {
     pub line: usize,
 }
 
-/// The metric of that name.
+/// Reads the name of a metric.
 fn metric<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> std::result::Result<&'static Metric, D::Error> {
@@ -42,21 +42,21 @@ fn metric<'de, D: Deserializer<'de>>(
     })
 }
 
-/// What a limit says of a run.
+/// The result of a limit for one algorithm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GateResult {
     pub limit: Limit,
-    /// The algorithm that was judged; nothing when none that it is for took part.
+    /// Label of the algorithm; absent when no algorithm of the run matches the limit.
     pub algorithm: Option<String>,
-    /// Nothing where the run does not measure it.
+    /// Absent where the run does not measure it.
     pub value: Option<f64>,
-    /// Nothing when it could not be judged because an algorithm did not take part.
+    /// Whether the limit is kept; absent when an algorithm is not in the run.
     pub kept: Option<bool>,
 }
 
 impl Limit {
     /// # Errors
-    /// [`Error::Invalid`] with what contradicts itself.
+    /// [`Error::Invalid`] for contradictions, with the line.
     pub fn validate(&self) -> Result<()> {
         let wrong = |what: &str| {
             Err(Error::Invalid(format!(
@@ -89,7 +89,7 @@ impl Limit {
                 relative_to: None,
                 ..
             } if metric.unit == MetricUnit::Ms => {
-                wrong("time is judged as a ratio: name another algorithm with relative_to")
+                wrong("time is limited as a ratio: name another algorithm with relative_to")
             }
             Self {
                 algorithm,
@@ -116,7 +116,7 @@ impl Limit {
         }
     }
 
-    /// Judges a run; one result for every algorithm that the limit is for.
+    /// Results of a run, one for every algorithm that matches the limit.
     pub fn judge(&self, summary: &Summary, manifest: &Manifest) -> Vec<GateResult> {
         let is = |a: &&Contestant, name: &str| a.label == name || a.name == name;
         let unit = self
@@ -154,7 +154,7 @@ impl Limit {
             .filter(|a| is(a, &self.algorithm))
             .map(result)
             .collect();
-        let nobody = || {
+        let unmatched = || {
             vec![GateResult {
                 limit: self.clone(),
                 algorithm: None,
@@ -163,7 +163,7 @@ impl Limit {
             }]
         };
         if results.is_empty() {
-            nobody()
+            unmatched()
         } else {
             results
         }
@@ -187,7 +187,7 @@ impl Limit {
 }
 
 impl std::fmt::Display for GateResult {
-    /// One line: who, what, how much, and what is allowed.
+    /// One line: algorithm, metric, value and limits.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Limit {
             algorithm,
@@ -211,10 +211,10 @@ impl std::fmt::Display for GateResult {
             write!(f, " in units of {other}'s")?;
         }
         match (self.kept, self.value) {
-            (None, _) => f.write_str(" is not judged, as not all of its algorithms took part")?,
+            (None, _) => f.write_str(" has no result, as an algorithm is not in the run")?,
             (_, None) => f.write_str(" is not measured in this run")?,
             (_, Some(value)) => {
-                // Rounded to the bound itself it would not be seen to break it.
+                // A value that rounds to the bound would look as if it kept it.
                 let hidden = [min, max].into_iter().flatten().any(|b| {
                     *b != value && metric.show_relative(*b) == metric.show_relative(value)
                 });

@@ -61,7 +61,7 @@ fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
     let heads = std::iter::once("algorithm".to_owned())
         .chain(checkpoints.heads.iter().map(|head| escape(head)));
     // Blanks align on the terminal alone.
-    let told = |cell: &CheckpointCell| {
+    let plain = |cell: &CheckpointCell| {
         cell.to_string()
             .split_whitespace()
             .collect::<Vec<_>>()
@@ -69,7 +69,7 @@ fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
     };
     let lines = checkpoints.lines.iter().map(|(algorithm, cells)| {
         std::iter::once(escape(algorithm))
-            .chain(cells.iter().map(told))
+            .chain(cells.iter().map(plain))
             .collect()
     });
     table(page, heads.collect(), lines);

@@ -1,4 +1,4 @@
-//! What a run leaves to read: rows → CSV and Parquet → summary → terminal, Markdown, HTML.
+//! The reports of a run: rows → CSV and Parquet → summary → terminal, Markdown, HTML.
 //!
 //! ```text
 //! Row, CellRow, CheckpointRow ──▶ Tables ──▶ rows.csv cells.csv checkpoints.csv   while the run goes

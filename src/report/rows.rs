@@ -118,16 +118,16 @@ record! {
         stamp_ns: u64,
         /// The scene's name, empty where frames have none.
         name: String,
-        /// What the arena was drawn from.
+        /// Seed of the arena.
         seed: Option<u64>,
         /// Hash of the pair's pixels, hexadecimal.
         pair_hash: String,
-        /// As it was asked for, e.g. `v3:max_disparity=64`.
+        /// Its label, e.g. `v3:max_disparity=64`.
         algorithm: String,
         parameters_hash: String,
         width: u32,
         height: u32,
-        /// How many disparities the algorithm tries for a pixel, where its parameters tell.
+        /// Number of disparities that the algorithm tries per pixel, where its parameters say.
         disparities: Option<u32>,
         smoothing_us: u64,
         texture_us: u64,
@@ -147,7 +147,7 @@ record! {
         run_id: String,
         scenario: String,
         sequence: u64,
-        /// What the arena was drawn from.
+        /// Seed of the arena.
         seed: Option<u64>,
         algorithm: String,
         column: u32,

@@ -9,11 +9,10 @@ use crate::stereo::CellRule;
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
 
-/// What a run comes to. `Display` is a table for the terminal.
+/// The results of a run. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
-    /// Why the run is not whole: it ended before its end, pairs could not be read, or algorithms
-    /// failed.
+    /// Why the run is incomplete: it stopped early, pairs could not be read, or algorithms failed.
     pub incomplete: Option<String>,
     /// Digest of the pairs' hashes in their order; absent when there are none.
     pub pairs_hash: Option<String>,
@@ -21,13 +20,13 @@ pub struct Summary {
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
-    /// How cells were judged.
+    /// How cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
 }
 
 record! {
-    /// One algorithm over all pairs. Absent: no pair has what it takes.
+    /// One algorithm over all pairs. A number is absent when no pair has it.
     AlgorithmSummary {
         algorithm: String,
         pairs: u64,
@@ -107,7 +106,7 @@ impl Summary {
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
 
-    /// Completes what identifies the run with the digests of what it took and gave.
+    /// Completes the manifest with the digests of pairs and results.
     pub fn complete(&self, manifest: &mut Manifest) {
         manifest.pairs_hash.clone_from(&self.pairs_hash);
         for contestant in &mut manifest.algorithms {

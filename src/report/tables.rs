@@ -129,7 +129,7 @@ impl<R: Record> Parquet<R> {
 
     fn finish(mut self) -> Result<()> {
         let mut frame = R::frame(&self.rows).map_err(|e| polars_error(&self.path, e))?;
-        // Encoded in memory: polars tells a full disk as a fault of the format.
+        // Encoded in memory: polars reports a full disk as an error of the format.
         let mut bytes = Vec::new();
         ParquetWriter::new(&mut bytes)
             .finish(&mut frame)
@@ -163,7 +163,7 @@ const MAX_BYTES: u64 = 1 << 31;
 /// The rows of a CSV file that [`super::Tables`] or [`super::Table`] wrote.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] with the line for what is no such table.
+/// [`Error::Io`]; [`Error::Format`] with the line for a file that is no such table.
 pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     let metadata = file.metadata().map_err(|e| Error::io(path, e))?;

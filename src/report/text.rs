@@ -112,8 +112,7 @@ fn name_width<'a>(names: impl Iterator<Item = &'a str>, room: usize) -> usize {
     longest.max("algorithm".len()).min(room)
 }
 
-/// A name too long for its column stands on a line of its own: cut short it could be mistaken for
-/// another.
+/// A name too long for its column gets a line of its own: shortened it could be ambiguous.
 fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
     if name.chars().count() > width {
         write!(f, "{name}\n{:width$}", "")

@@ -1,10 +1,10 @@
-//! How a summary's numbers are worded, once for terminal, Markdown and HTML.
+//! Columns, notes and number formats of a summary, shared by terminal, Markdown and HTML.
 
 use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
 use crate::score::{METRICS, Metric, MetricUnit};
 use crate::stereo::CellRule;
 
-/// Stands for a number that does not exist.
+/// Shown for a number that does not exist.
 pub(super) const NONE: &str = "–";
 
 /// A column of a table with a line per algorithm.

@@ -12,10 +12,10 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     title: "SSDPI of a close and a far object",
     claim: "The closer an object, the more its two images differ: mean and median SSDPI are \
             higher for a close object than for the same one far away (section 5.3.3).",
-    method: "A block turned by 35° and a ball, with forest pictures, 0.25 m and 1 m before the \
-             arena's stereo head. SSDPI, as ln(SSDPI + 1), is of all of v3's matches on the \
-             subject before any check of them; what belongs to the subject the truth tells. Real \
-             scenes stand still, so there the nearer half of the matches, by the truth, is \
+    method: "A block turned by 35° and a ball, both with forest pictures, 0.25 m and 1 m in front \
+             of the arena's stereo head. SSDPI is ln(SSDPI + 1) of all of v3's matches on the \
+             subject, before any check. The truth says which pixels belong to the subject. Real \
+             scenes cannot be moved, so there the nearer half of the matches, by the truth, is \
              compared with the farther half, which shows other things.",
     records: false,
     run,

@@ -1,4 +1,4 @@
-//! What an experiment comes to.
+//! The result of an experiment: conditions, quantities, tables, pictures.
 
 use crate::error::Result;
 use crate::overlay::Mark;
@@ -8,9 +8,9 @@ use serde::Serialize;
 /// The outcome of an experiment.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Finding {
-    /// One sentence that tells the outcome by its numbers.
+    /// The outcome in one sentence, with its numbers.
     pub why: String,
-    /// What must be so for the claim to hold.
+    /// What the claim depends on.
     pub conditions: Vec<Condition>,
     /// Numbers beside those of the thesis.
     pub quantities: Vec<Quantity>,
@@ -19,10 +19,10 @@ pub struct Finding {
     pub exhibits: Vec<Exhibit>,
 }
 
-/// Something that is so if the claim holds, and whether it is.
+/// A condition of the claim, and whether it is met.
 #[derive(Clone, Debug, Serialize)]
 pub struct Condition {
-    /// The rule with its thresholds, and the numbers that it was tested on.
+    /// The rule with its thresholds, and the measured numbers.
     pub says: String,
     pub met: bool,
 }
@@ -32,21 +32,21 @@ pub struct Condition {
 pub struct Quantity {
     pub name: String,
     pub unit: &'static str,
-    /// As the thesis says it; nothing where it does not.
+    /// As the thesis gives it; absent where it does not.
     pub thesis: Option<String>,
-    /// Nothing where there was nothing to measure.
+    /// Absent where there was nothing to measure.
     pub ours: Option<f64>,
 }
 
-/// Numbers of several things of one kind.
+/// A table of numbers.
 #[derive(Clone, Debug, Serialize)]
 pub struct FindingTable {
-    /// Of the columns, the first of which names the things.
+    /// Heads of the columns; the first names the rows.
     pub heads: Vec<String>,
     pub rows: Vec<(String, Vec<TableValue>)>,
 }
 
-/// What stands in a table.
+/// A cell of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum TableValue {
@@ -69,7 +69,7 @@ pub enum ClaimVerdict {
     CannotBeTold,
 }
 
-/// Something to look at.
+/// A plot or a picture.
 #[derive(Clone, Debug)]
 pub enum Exhibit {
     /// A plot as SVG.
@@ -83,7 +83,7 @@ pub enum Exhibit {
     },
 }
 
-/// What is drawn in one cell of a picture.
+/// A cell of the depth grid, drawn on a picture.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct DrawnCell {
     #[serde(flatten)]
@@ -93,7 +93,7 @@ pub struct DrawnCell {
 }
 
 impl Finding {
-    /// What the conditions come to.
+    /// The verdict that follows from the conditions.
     pub fn verdict(&self) -> ClaimVerdict {
         let met = self.conditions.iter().filter(|c| c.met).count();
         match (met, self.conditions.len()) {
@@ -169,7 +169,7 @@ impl ClaimVerdict {
         Self::CannotBeTold,
     ];
 
-    /// The words for it, of several claims.
+    /// In words, of several claims.
     pub fn plural(self) -> &'static str {
         match self {
             Self::Holds => "hold",
@@ -179,7 +179,7 @@ impl ClaimVerdict {
         }
     }
 
-    /// The words for it.
+    /// In words.
     pub fn words(self) -> &'static str {
         match self {
             Self::Holds => "holds",

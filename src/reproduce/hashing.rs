@@ -11,13 +11,13 @@ use crate::stereo::{Gray, Plane, StereoPair};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.11"],
     title: "Hash occupancy",
-    claim: "In a table of the left windows, keyed by the sum of their nine pixels, a value holds \
-            six windows in the mean; a look-up within ±150 meets 1800, 20 % of them close by, so \
-            v4 compares 360 windows where a scan compares 81 (section 5.3.4).",
-    method: "Smoothing and texture filter as v4 has them, then the sums of all textured windows. \
+    claim: "A table holds the left windows by the sum of their nine pixels. A hash value has six \
+            windows on average. A look-up within ±150 meets 1800 windows, 20 % of them close by, \
+            so v4 compares 360 windows where a scan compares 81 (section 5.3.4).",
+    method: "Smoothing and texture filter as in v4, then the sums of all textured windows. \
              Windows are close by when v4 would compare them: disparity 0 to 80, at most 2 rows \
-             apart; the thesis gives no such numbers. The view is as the thesis asks for, neither \
-             dark nor bright and full of texture: a forest wall 0.6 m ahead.",
+             apart. The thesis does not give these limits. The view is what the thesis asks for, \
+             neither dark nor bright and full of texture: a forest wall 0.6 m ahead.",
     records: false,
     run,
 };

@@ -1,4 +1,4 @@
-//! Numbers and pictures that several experiments take of a map.
+//! Numbers and pictures of a disparity map that several experiments use.
 
 use super::Exhibit;
 use crate::error::Result;

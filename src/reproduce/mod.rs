@@ -1,13 +1,12 @@
-//! The thesis's experiments, run anew: each with its figure, its numbers beside the thesis's, and
+//! The thesis's experiments, repeated: each with its figure, its numbers beside the thesis's, and
 //! whether its claim holds.
 //!
 //! ```text
 //! EXPERIMENTS ──run(Context)──▶ Finding (conditions, quantities, exhibits) ──▶ FindingsPage: HTML, Markdown, JSON
 //! ```
 //!
-//! What an experiment looks at is built from the arena's parts, with exact truth, and real scenes
-//! besides where there are some. Its verdict follows from its [`Condition`]s, which it tests on
-//! what it measured.
+//! An experiment measures scenes built from the arena's parts, with exact truth, and real scenes
+//! where a folder of data sets is named. Its verdict follows from its [`Condition`]s.
 
 mod checks;
 mod closeness;
@@ -41,19 +40,19 @@ use crate::stereo::Frame;
 
 /// One of the thesis's figures or tables, and what svl does in its place.
 pub struct Experiment {
-    /// What it is called on the command line, then other figures of the same experiment.
+    /// Its name on the command line, then other figures of the same experiment.
     pub figures: &'static [&'static str],
     pub title: &'static str,
     /// What the thesis claims, with its section.
     pub claim: &'static str,
-    /// What is done here, and where that departs from the thesis.
+    /// What is done here, and where it departs from the thesis.
     pub method: &'static str,
-    /// Whether it looks at a run of the arena, [`Context::recording`].
+    /// Whether it needs a run of the arena, [`Context::recording`].
     pub records: bool,
     pub run: fn(&mut Context<'_>) -> Result<Finding>,
 }
 
-/// Every experiment of the thesis that svl knows how to repeat, in the thesis's order.
+/// The experiments of the thesis that svl repeats, in the thesis's order.
 pub const EXPERIMENTS: &[Experiment] = &[
     distance::EXPERIMENT,
     situations::EXPERIMENT,
@@ -86,17 +85,17 @@ pub fn find(figure: &str) -> Result<&'static Experiment> {
 }
 
 impl Experiment {
-    /// What it is called on the command line.
+    /// Its name on the command line.
     pub fn figure(&self) -> &'static str {
         self.figures[0]
     }
 }
 
-/// What experiments work with.
+/// The input of experiments.
 pub struct Context<'a> {
     /// Real scenes; none where no folder of data sets was named.
     pub scenes: &'a [Scene],
-    /// What the experiments run on, for a person.
+    /// The processor, in words.
     pub machine: &'a str,
     /// A run of the scenario's arena, for the experiment that [`Experiment::records`].
     pub recording: Option<(Scenario, Box<dyn Source>)>,
@@ -104,7 +103,7 @@ pub struct Context<'a> {
     done: u64,
 }
 
-/// The folders of the real scenes that experiments look at, below the folder of data sets:
+/// The folders of the real scenes of experiments, below the folder of data sets:
 /// Middlebury 2001, 2003, 2006 and 2014 in quarter size.
 const SCENES: &[&str] = &[
     "tsukuba",
@@ -119,7 +118,7 @@ const SCENES: &[&str] = &[
     "middlebury2014q/Motorcycle",
 ];
 
-/// The real scenes that are there below `data`.
+/// The real scenes that exist below `data`.
 ///
 /// # Errors
 /// [`Error::Invalid`] when there is none.
@@ -139,7 +138,7 @@ pub fn scenes(data: &std::path::Path) -> Result<Vec<Scene>> {
 }
 
 impl<'a> Context<'a> {
-    /// The monitor is told after every pair and may end the work.
+    /// The monitor is called after every pair and may end the work.
     pub fn new(
         machine: &'a str,
         scenes: &'a [Scene],

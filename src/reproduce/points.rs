@@ -16,16 +16,17 @@ use crate::stereo::{DepthGrid, Frame};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
     title: "The arena through v3 and the SVS",
-    claim: "v3 and the Small Vision System give near results; v3 is wrong on rare occasions only \
-            (point 2), which is not so of the SVS, but the SVS handles close objects better \
-            (points 2 and 6), and its first column is always unknown (chapter 7).",
-    method: "One run of the simulated arena instead of three of the real one. bm stands for the \
-             SVS, whose published relative it is, with the thesis's window of nine and defaults \
-             otherwise. The thesis judged the best and the worst frame of each point by eye; here \
-             every frame that shows a point is judged by the exact truth, and passes when the \
-             cells that matter are right, none of those that an exact matcher could tell is wrong \
-             and the distances are in the scene's order, which the SVS cannot see where it needs \
-             the first column. A cross marks any wrong cell.",
+    claim: "v3 and the Small Vision System give similar results. v3 is wrong on rare occasions \
+            only (point 2), the SVS more often, but the SVS handles close objects better (points \
+            2 and 6). The first column of the SVS is always unknown (chapter 7).",
+    method: "One run of the simulated arena replaces three runs of the real one. bm stands in for \
+             the SVS: it is the published algorithm of the same author, with the thesis's window \
+             of nine and otherwise default parameters. The thesis rated the best and the worst \
+             frame of each point by eye. Here every frame that shows a point is scored against \
+             the exact truth. It passes when the cells that matter are right, no cell that an \
+             exact matcher could measure is wrong, and the distances are in the scene's order. \
+             The SVS cannot see that order where it needs the first column. A cross marks a wrong \
+             cell.",
     records: true,
     run,
 };
@@ -49,7 +50,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         .map_or_else(|| Ok(Finding::default()), Points::finding)
 }
 
-/// What the frames of the six points come to.
+/// Scores over the frames of the six points.
 struct Points {
     scenario: Scenario,
     points: Vec<[Point; 2]>,
@@ -245,7 +246,7 @@ impl Points {
     }
 }
 
-/// The conditions, and what they come to.
+/// Adds the conditions and the sentence that sums them up.
 fn conclude(
     checkpoints: &[Checkpoint],
     points: &[[Point; 2]],
@@ -389,7 +390,7 @@ fn exhibit(
 mod tests {
     use super::*;
 
-    /// Points with so many frames that pass and so many with a wrong cell, of ten.
+    /// Points of ten frames: how many pass, and how many have a wrong cell.
     fn points(v3: [(usize, usize); 6], svs: [(usize, usize); 6]) -> Vec<[Point; 2]> {
         let point = |(passed, wrong)| Point {
             tally: CheckpointTally {

@@ -12,14 +12,14 @@ use crate::stereo::{Frame, GridShape};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["table5.1", "A.1", "A.2"],
     title: "Eight situations through dynamic programming",
-    claim: "Dynamic programming as OpenCV has it answers a normal view as expected, but misses a \
-            small escape and makes a completely wrong depth map where little light leaves an even \
+    claim: "OpenCV's dynamic programming gives the expected answer for a normal view. It misses a \
+            small escape, and its depth map is completely wrong where low light leaves an even \
             texture (section 5.2, annex A).",
-    method: "The thesis shows frames of a walk, most without a word; here each situation of its \
-             tables is a still view with exact truth, and v3 answers beside dp. 6 x 3 cells; a \
-             cell is right within 0.10 m or 20 % of the true distance, and unknown when the \
-             algorithm says so. In the pictures red squares are as large as things are near, a \
-             dot is unknown, a cross is wrong.",
+    method: "The thesis shows frames of a walk, most without comment. Here each situation of its \
+             tables is a still view with exact truth, and v3 runs beside dp. The grid has 6 x 3 \
+             cells. A cell is right within 0.10 m or 20 % of the true distance, and unknown when \
+             the algorithm says so. In the pictures, larger red squares are nearer, a dot is \
+             unknown, a cross is wrong.",
     records: false,
     run,
 };
@@ -229,7 +229,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
-/// The conditions, and what they come to.
+/// Adds the conditions and the sentence that sums them up.
 fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
     let wrong = |situation: usize, algorithm: usize| outcomes[situation][algorithm].tally().wrong;
     let cells = SHAPE.cells();
@@ -239,7 +239,7 @@ fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
     finding.condition(
         4 * wrong(normal, 0) <= cells,
         format!(
-            "In the normal view at most a quarter of dp's {cells} cells is wrong: {} are, {} of \
+            "In the normal view at most a quarter of dp's {cells} cells are wrong: {} are, {} of \
              them in the lowest row, on plain floor.",
             wrong(normal, 0),
             lowest.count()
@@ -278,8 +278,7 @@ fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
     };
     finding.why = format!(
         "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in \
-         low light, {} in all eight situations; v3 has {}, and of {} of the {} it says that it \
-         does not know.",
+         low light, {} in all eight situations; v3 has {}, and leaves {} of the {} unknown.",
         wrong(normal, 0),
         wrong(escape, 0),
         wrong(low, 0),
@@ -365,7 +364,7 @@ mod tests {
     use super::*;
     use crate::score::true_grid;
 
-    /// An answer with so many wrong cells from the first on; the others are right.
+    /// An answer whose first `wrong` cells are wrong and whose others are right.
     fn answers(wrong: usize) -> SituationAnswer {
         let cell = |i| CellJudgement {
             verdict: if i < wrong {

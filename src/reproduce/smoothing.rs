@@ -11,13 +11,13 @@ use crate::stereo::{DisparityMap, Frame, Gray, StereoPair};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.3"],
     title: "Vertical smoothing",
-    claim: "Smoothing both images vertically lowers the median SSDPI of a pair whose rows are not \
-            aligned, and so makes a better disparity map (section 5.3.1).",
-    method: "Four views of the arena of chapter 7, the right image rendered 0, 0.5, 1 and 2 px \
-             too low, through v3 with its vertical Gaussian (σ 1 px) and without. Real scenes: \
-             the right image moved down by 1 px. SSDPI is of valid pixels, as ln(SSDPI + 1). It \
-             falls by smoothing alone, whether that helps or not, as the row at 0 px shows; so \
-             the truth is asked too: a match is wrong when it is off by more than 2 px.",
+    claim: "When the rows of a pair are not aligned, smoothing both images vertically lowers the \
+            median SSDPI, and so gives a better disparity map (section 5.3.1).",
+    method: "Four views of the arena of chapter 7, with the right image rendered 0, 0.5, 1 and 2 \
+             px too low, through v3 with its vertical Gaussian (σ 1 px) and without it. Real \
+             scenes: the right image is moved down by 1 px. SSDPI is of valid pixels, as ln(SSDPI \
+             + 1). Smoothing lowers it in any case, as the row at 0 px shows, so matches are also \
+             compared with the truth: a match is wrong when it is off by more than 2 px.",
     records: false,
     run,
 };
@@ -200,7 +200,7 @@ fn lowered(frame: Frame) -> Result<Frame> {
     })
 }
 
-/// What maps come to, all pixels together.
+/// Matches of several maps, counted over all their pixels.
 #[derive(Clone, Copy, Debug)]
 struct MatchOutcome {
     ssdpi: MeanMedian,

@@ -14,12 +14,13 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["fps"],
     title: "Frames a second",
     claim: "On pairs of 320 x 240 pixels, without MMX, the Small Vision System is slightly faster \
-            than v3: 8 to 9 frames a second against 6 to 8, on a 3 GHz personal computer; a robot \
-            needs 5 to 7 (chapter 7, section 5.1).",
-    method: "Matching alone, one thread, disparities 0 to 80, a pair of the arena of 320 x 240 \
-             pixels, in turns, by the median; bm stands for the SVS. Portable is the code as \
-             compiled for any processor of this kind, which is as near as svl comes to the \
-             thesis's \"without MMX\"; beside it the instruction set that svl picks here.",
+            than v3: 8 to 9 frames per second against 6 to 8, on a 3 GHz personal computer. A \
+            robot needs 5 to 7 (chapter 7, section 5.1).",
+    method: "Matching alone, on one thread, with disparities 0 to 80, on one pair of the arena of \
+             320 x 240 pixels. The algorithms run in turns, and the median counts. bm stands in \
+             for the SVS. Portable is code compiled for any processor of this kind, the nearest \
+             that svl has to the thesis's \"without MMX\". Beside it is the instruction set that \
+             svl picks here.",
     records: false,
     run,
 };

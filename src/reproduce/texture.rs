@@ -12,14 +12,14 @@ use crate::stereo::{Gray, Plane};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.5", "5.4"],
     title: "Texture quality filter",
-    claim: "Where the coarser of two differences of Gaussians answers more strongly, the image is \
-            too homogeneous to match; the answer depends less on how bright the image is than the \
-            standard deviation's (section 5.3.3).",
+    claim: "Where the coarser of two differences of Gaussians has the stronger response, the \
+            image is too homogeneous to match. The filter depends less on brightness than the \
+            standard deviation does (section 5.3.3).",
     method: "σ 0.4, Δ 3.35, 24 taps, as in figure 5.5, on a vertically smoothed view of the \
              arena's first checkpoint. The row crosses blocks, the gap between them and the \
-             arena's wall. Contrast is the standard deviation of a pixel's 1 x 9 window; \"half \
-             as bright\" halves every grey level; the standard deviation's threshold is v2's, 4 \
-             grey levels.",
+             arena's wall. Contrast is the standard deviation of a pixel's 1 x 9 window. \"Half \
+             as bright\" halves every grey level. The threshold of the standard deviation is \
+             v2's, 4 grey levels.",
     records: false,
     run,
 };

@@ -1,17 +1,17 @@
-//! Cells of the depth grid against the truth: what an obstacle avoider would have believed.
+//! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
 use crate::depth::{self, GridSettings};
 use crate::stereo::{CellDepth, CellRule, DepthGrid, Frame, GridShape};
 
-/// What a report about a cell is worth.
+/// The score of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     Right,
     Wrong,
-    /// The algorithm says that it does not know, which is not wrong: the thesis's red dot.
+    /// The algorithm leaves the cell unknown, which is not wrong: the thesis's red dot.
     Unknown,
-    /// Nobody knows the truth there.
+    /// The truth is unknown there.
     NoTruth,
 }
 
@@ -31,7 +31,7 @@ impl Verdict {
     }
 }
 
-/// A cell's report beside its truth.
+/// The score of a cell, with its truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellJudgement {
     pub verdict: Verdict,
@@ -93,7 +93,7 @@ pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
     Some(depth::grid(&truth.disparity, settings, frame.rig()))
 }
 
-/// Judges every cell of `reported` by the true grid, which has the same shape, in raster order.
+/// Scores every cell of `reported` by the true grid, which has the same shape, in raster order.
 pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
     debug_assert_eq!(truth.shape(), reported.shape());
     let pairs = truth.iter().zip(reported.iter());

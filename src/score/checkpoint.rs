@@ -184,7 +184,7 @@ impl<F> Default for CheckpointTally<F> {
 }
 
 impl<F> CheckpointTally<F> {
-    /// Whether a frame judged so would become the best, the worst.
+    /// Whether a frame with that score would become the best, the worst.
     pub fn would_lead(&self, frame: &CheckpointFrame) -> (bool, bool) {
         let best = self
             .best

@@ -3,14 +3,13 @@
 use crate::stereo::{DisparityMap, Plane, Truth, Visibility};
 
 /// How far a disparity map is from the truth, over the pixels whose truth is known and that both
-/// cameras see (all known pixels where nobody knows which are hidden).
+/// cameras see (all known pixels where the occluded ones are unknown).
 ///
 /// Shares are 0..=1. `bad` counts `|d - truth| > t`, strictly, among the *estimated* pixels;
-/// `invalid` is the share of truth pixels without an estimate, so that a method cannot hide behind
-/// silence nor be blamed twice for it.
+/// `invalid` is the share of truth pixels without an estimate: a missing estimate counts once.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DisparityScore {
-    /// Pixels judged.
+    /// Scored pixels.
     pub pixels: usize,
     /// Of them, those with an estimate.
     pub estimated: usize,
@@ -51,7 +50,7 @@ impl DisparityScore {
         share(self.bad2, self.estimated)
     }
 
-    /// Share of the judged pixels without an estimate; nothing where there is no truth.
+    /// Share of the scored pixels without an estimate; absent where there is no truth.
     pub fn invalid(&self) -> Option<f64> {
         share(self.pixels - self.estimated, self.pixels)
     }

@@ -12,7 +12,7 @@ use serde::{Serialize, Serializer};
 pub struct FrameFacts<'a> {
     pub frame: &'a Frame,
     pub estimate: &'a Estimate,
-    /// How cells are judged.
+    /// How cells are scored.
     pub rule: CellRule,
     /// The disparities against the truth; absent without truth.
     pub pixels: Option<DisparityScore>,
@@ -25,8 +25,8 @@ impl FrameFacts<'_> {
         self.cells.as_ref().map(|cells| count(cells) as f64)
     }
 
-    /// As `cells`, where distances are judged: elsewhere no obstacle is looked for, and none missed
-    /// would say too much.
+    /// As `cells`, where distances are known: elsewhere no obstacle can be missed, and a 0 would
+    /// claim too much.
     fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
         let distances =
             matches!(self.rule, CellRule::Distance { .. }) && self.frame.rig().is_some();
@@ -68,7 +68,7 @@ pub enum MetricUnit {
 pub enum Better {
     More,
     Less,
-    /// Neither: an algorithm that leaves pixels open is not wrong there.
+    /// Neither: an unknown is not an error.
     Neither,
 }
 

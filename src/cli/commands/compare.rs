@@ -1,16 +1,16 @@
-//! `svl compare`: reports side by side.
+//! `svl compare`: compares reports.
 
 use crate::cli::shared::terminal::{print, print_json};
 use anyhow::bail;
 use std::path::PathBuf;
 use svl::report::compare::{Comparison, ScoredRun};
 
-/// Compare reports: what changed, and how sure that is
+/// Compare reports: changes of metrics, with confidence intervals
 ///
-/// Every report is compared with the first, algorithm by algorithm, over the pairs that both took.
-/// A change comes with its 95 % bootstrap interval over the pairs, drawn in blocks, as neighbours
-/// resemble each other; it is called better or worse only where that interval leaves no doubt, and
-/// never for fewer than eight blocks or scenes. Times are shown as ratios and not judged: the
+/// Every report is compared with the first, algorithm by algorithm, over the pairs of both. A
+/// change has a 95 % bootstrap interval over the pairs, drawn in blocks, as neighbouring pairs are
+/// correlated. It is called better or worse only where the interval excludes 0, and never for fewer
+/// than eight blocks or scenes. Times are shown as ratios and never called better or worse, as the
 /// machine may have been slower that day.
 #[derive(clap::Args)]
 #[command(after_help = "\

@@ -1,4 +1,4 @@
-//! `svl reproduce`: the thesis's experiments, run anew.
+//! `svl reproduce`: repeats the thesis's experiments.
 
 use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
 use crate::cli::shared::progress::{self, Progress};
@@ -16,7 +16,7 @@ use svl::scenario::Scenario;
 use svl::source::Source;
 use svl::source::dataset::Scene;
 
-/// Repeat the thesis's experiments and tell which of its claims hold
+/// Repeat the thesis's experiments and say which of its claims hold
 ///
 /// Each experiment runs in the simulated arena and, where a folder of data sets is named, on real
 /// scenes. Prints a verdict per figure, and writes index.html with the figures, the numbers beside
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// An experiment that was asked for.
+/// An experiment named on the command line.
 #[derive(Clone)]
 struct NamedExperiment(&'static Experiment);
 
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         });
         Ok(())
     });
-    // What came before an error or Ctrl-C is reported all the same.
+    // An error or Ctrl-C keeps the experiments before it.
     if entries.is_empty() {
         return ran;
     }
@@ -110,7 +110,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.json {
         print_json(&page.json()?)?
     } else {
-        print(&told(&page, &args.out)?)?
+        print(&text(&page, &args.out)?)?
     }
     ran
 }
@@ -153,8 +153,8 @@ fn write_report(page: &FindingsPage<'_>, out: &Path) -> anyhow::Result<()> {
     write(&out.join("index.html"), page.html()?)
 }
 
-/// What the terminal shows: a line per figure, and what it came to.
-fn told(page: &FindingsPage<'_>, out: &Path) -> Result<String, std::fmt::Error> {
+/// The terminal's text: per figure a line with its verdict and a line with its numbers.
+fn text(page: &FindingsPage<'_>, out: &Path) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
     for ExperimentFinding {
         experiment,

@@ -11,20 +11,20 @@ use crate::statistics::upper_rank;
 const DRAWS: usize = 1000;
 const SEED: u64 = 2007;
 
-/// Fewest blocks that say anything of what others would be like.
+/// Fewest blocks for an interval.
 const FEWEST: usize = 8;
 
-/// The middle 95 % of what the resamples come to.
+/// The middle 95 % of the resamples.
 pub type Interval = (f64, f64);
 
 /// Resamples of the items `0..n`.
 pub(super) struct Resamples {
     draws: Vec<Vec<usize>>,
-    /// Of how many blocks each is made.
+    /// Number of blocks in each.
     blocks: usize,
 }
 
-/// How many neighbours are drawn together of a stretch of `length`.
+/// Length of the blocks that are drawn from a stretch of `length`.
 fn block(length: usize) -> usize {
     (2.0 * (length as f64).cbrt()).ceil() as usize
 }

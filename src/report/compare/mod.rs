@@ -1,4 +1,4 @@
-//! Two runs side by side: what changed, and how sure that is.
+//! Comparison of two runs: changes of metrics with confidence intervals.
 
 mod bootstrap;
 mod sample;
@@ -20,27 +20,27 @@ use std::path::{Path, PathBuf};
 pub struct ScoredRun {
     pub folder: PathBuf,
     pub manifest: Manifest,
-    /// Why it is not whole, if it is not.
+    /// Why it is incomplete, if it is.
     incomplete: Option<String>,
     rows: Vec<Row>,
     checkpoints: Vec<CheckpointRow>,
 }
 
-/// What is read of a report's `summary.json`.
+/// The part of `summary.json` that is read.
 #[derive(Deserialize)]
 struct Whole {
     incomplete: Option<String>,
 }
 
-/// How the second run differs from the first.
+/// The differences of the second run from the first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     pub base: PathBuf,
     pub other: PathBuf,
     pub scenario: String,
-    /// Whether both were judged by the same scenario; otherwise nothing is called better or worse.
+    /// Whether both have the same scenario; otherwise nothing is called better or worse.
     pub same_scenario: bool,
-    /// Folders of the reports that are not whole, and why.
+    /// Folders of the incomplete reports, and why.
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
@@ -88,7 +88,7 @@ pub struct CheckpointChange {
     pub change: Change,
 }
 
-/// What an interval says of a difference.
+/// Whether a difference is significant, and which way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Judgement {
@@ -270,7 +270,7 @@ impl AlgorithmChange {
                 &resamples,
             )
         };
-        // Of checkpoints only sums are known: only runs of which both took all pairs are compared.
+        // Checkpoint tables hold sums only, so seeds count whose pairs both runs have completely.
         let count = |rows: &[&Row], seed| rows.iter().filter(|row| row.seed == seed).count();
         let (all_ours, all_theirs): (Vec<_>, Vec<_>) = (
             ours.values().copied().collect(),
@@ -344,7 +344,7 @@ impl Change {
         ))
     }
 
-    /// The two were not measured by one yardstick.
+    /// Takes better and worse back: the two runs have different scenarios.
     fn withdraw(&mut self) {
         if self.judgement != Judgement::Equal {
             self.judgement = Judgement::Unclear;
@@ -359,8 +359,8 @@ impl Change {
     ) -> Self {
         let judgement = match interval {
             _ if base == other => Judgement::Equal,
-            // The pairs of a run share its moment: their times say nothing of how the machine was
-            // at another.
+            // All pairs of a run are of one moment: their spread does not include how the machine
+            // varies between runs.
             _ if metric.unit == MetricUnit::Ms => Judgement::Unclear,
             Some((low, high)) if low > 0.0 || high < 0.0 => {
                 match (metric.better, difference > 0.0) {

@@ -1,10 +1,10 @@
-//! What a metric takes from every pair, ready to be drawn from again and again.
+//! A metric's values per pair, for bootstrap resamples.
 
 use super::super::rows::Row;
 use crate::score::{Metric, MetricOrigin, MetricTotal};
 use crate::statistics::lower_median;
 
-/// A metric's part in every pair of a run.
+/// A metric's values for the pairs of a run.
 pub(super) enum Sample {
     /// Numerator and denominator; the value is the ratio of their sums.
     Ratio(Vec<(f64, f64)>),
@@ -15,7 +15,7 @@ pub(super) enum Sample {
 }
 
 impl Sample {
-    /// Nothing where no pair has the metric.
+    /// The values of a metric; absent where no pair has it.
     pub(super) fn of(metric: &Metric, rows: &[&Row]) -> Option<Self> {
         let values = || rows.iter().map(|row| row.metrics.get(metric.name));
         match metric.origin {

@@ -64,7 +64,7 @@ impl Display for AlgorithmChange {
         if *unmatched > 0 {
             write!(
                 f,
-                "; left out: {} of one run alone",
+                "; not compared: {} of one run alone",
                 counted(*unmatched, "pair")
             )?;
         }
@@ -99,7 +99,7 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
     let (base, other) = (metric.show(*base), metric.show(*other));
     let signed = |v: f64| match metric.unit {
         MetricUnit::Ms => metric.show_relative(v),
-        // Rounded first, lest a trace of less than nothing be shown as -0.0.
+        // Rounded first, as a small negative value would be shown as -0.0.
         _ => format!(
             "{}{}",
             if v < 0.0 && !metric.show(-v).starts_with("0.0 ") {

@@ -1,4 +1,4 @@
-//! The checkpoints' frames: the thesis's figure 7.3, worst and best of every algorithm.
+//! The checkpoints' frames: worst and best frame of every algorithm, as in the thesis's figure 7.3.
 
 use super::super::rows::{CellRow, Row};
 use super::super::words::ms;

@@ -19,10 +19,10 @@ pub struct ReportPage {
     pub title: String,
     /// The scenario's prose; an empty line begins a paragraph.
     pub description: String,
-    /// What identifies the run: names and values of its manifest.
+    /// Names and values of the run's manifest.
     pub identity: Vec<(String, String)>,
     pub summary: Summary,
-    /// Per algorithm what each pair took, ms.
+    /// Per algorithm the time of each pair, ms.
     pub times_ms: Vec<(String, Vec<f64>)>,
     pub sweeps: Vec<ParameterSweep>,
     /// One per checkpoint.
@@ -44,7 +44,7 @@ pub struct ParameterSweep {
 pub struct CheckpointFigure {
     /// The checkpoint's name.
     pub title: String,
-    /// What is to be seen, may be empty.
+    /// Description, may be empty.
     pub about: String,
     pub shots: Vec<(Rank, FrameShot)>,
 }
@@ -53,7 +53,7 @@ pub struct CheckpointFigure {
 #[derive(Clone)]
 pub struct FrameShot {
     pub row: Row,
-    /// The frame's cells, from which the caption tells the wrong ones.
+    /// The frame's cells, of which the caption lists the wrong ones.
     pub cells: Vec<CellRow>,
     /// Whether the checkpoint passes in this frame.
     pub passed: bool,

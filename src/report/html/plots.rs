@@ -23,13 +23,13 @@ fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Wrong among the cells that the algorithm claims to know; nothing where it knows none.
+/// Share of wrong cells among the known ones, percent; absent where none is known.
 fn wrong_of_known(a: &AlgorithmSummary) -> Option<f64> {
     let (right, wrong) = (a.totals.get("right")?, a.totals.get("wrong")?);
     (right + wrong > 0.0).then(|| percent(wrong / (right + wrong)))
 }
 
-/// Known cells of all with truth.
+/// Share of known cells among those with truth, percent.
 fn known(a: &AlgorithmSummary) -> Option<f64> {
     let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(|name| a.totals.get(name));
     let known = right? + wrong?;
@@ -102,7 +102,7 @@ pub(super) fn coverage(page: &ReportPage) -> Result<Vec<PlotView>> {
         .collect())
 }
 
-/// The algorithms as points, those of a sweep joined; nothing where none has a place.
+/// The algorithms as points, those of a sweep joined; absent where no algorithm has both numbers.
 fn scatter(
     page: &ReportPage,
     title: &'static str,
@@ -190,7 +190,7 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         ("checks", |a| a.checks_ms),
         ("other", |a| a.other_ms),
     ];
-    // Rows hold whole microseconds: less than a hundredth is what rounding leaves.
+    // Rows hold whole microseconds, so a stage below 1 % may be rounding alone.
     let counts = |of: PlotNumber| {
         page.summary
             .algorithms
@@ -221,7 +221,7 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
     Ok(vec![
         PlotView {
             title: "Latency",
-            about: "How many pairs took how long, each strip to its own scale of height.",
+            about: "Histogram of the times per pair; each strip has its own height scale.",
             svg: latency.svg()?,
         },
         PlotView {
@@ -231,7 +231,7 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         },
         PlotView {
             title: "Share of each stage",
-            about: "Of the same times.",
+            about: "As shares of the same times.",
             svg: shares.shares_svg()?,
         },
     ])

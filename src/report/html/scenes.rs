@@ -48,14 +48,14 @@ impl<'a> SceneView<'a> {
     }
 }
 
-/// A colour of the error maps with what it says.
+/// A colour of the error maps and its meaning.
 #[derive(Serialize)]
 pub(super) struct Swatch {
     color: String,
     words: String,
 }
 
-/// The colours of the error maps, those of errors and those of what is none.
+/// The colours of the error maps: errors, and pixels without one.
 #[derive(Serialize)]
 pub(super) struct ErrorKey {
     errors: Vec<Swatch>,
@@ -81,8 +81,8 @@ impl ErrorKey {
         });
         let others = [
             swatch(SILENT, "no estimate"),
-            swatch(HIDDEN, "not known to be seen by both cameras, not judged"),
-            swatch(UNKNOWN, "truth unknown, not judged"),
+            swatch(HIDDEN, "not known to be seen by both cameras, not scored"),
+            swatch(UNKNOWN, "truth unknown, not scored"),
         ];
         Self {
             errors: errors.collect(),

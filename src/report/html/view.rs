@@ -1,4 +1,4 @@
-//! What the template sees: the page with every number worded.
+//! The values of the page's template, numbers as text.
 
 use super::super::words::{VERDICTS, columns, speed_columns};
 use super::ReportPage;
@@ -26,7 +26,7 @@ pub(super) struct ReportPageView<'a> {
     speed_plots: Vec<PlotView>,
     figures: Vec<FigureView<'a>>,
     scenes: Vec<SceneView<'a>>,
-    /// What is left out of the pictures, if anything.
+    /// Which algorithms have no pictures, if any.
     left_out: Option<String>,
     errors: ErrorKey,
     /// Stops of the disparities' colours, for a gradient.

@@ -36,9 +36,9 @@ pub enum SeriesStyle {
     /// Points with the series' name beside each, which then stands in no key; all such series have
     /// one colour.
     Named,
-    /// The name alone beside each point: what another series is, as a key would say.
+    /// The name alone beside each point: the caption of another series, in place of a key.
     Caption,
-    /// Likewise where there is room beside it: what a point of another series stands for.
+    /// As a caption, where there is room: the label of a point of another series.
     Label,
 }
 
@@ -73,13 +73,12 @@ fn text<'a>(size: u32) -> TextStyle<'a> {
     (FontFamily::SansSerif, size).into_font().color(&BLACK)
 }
 
-/// Width of a text in the sans-serif fonts that browsers have, about; nobody knows which it will
-/// be.
+/// Approximate width of a text in sans-serif fonts; the browser picks the font.
 fn text_width(text: &str, size: u32) -> i32 {
     (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as i32
 }
 
-/// Draws on an empty canvas of `height` and hands back the SVG.
+/// Draws on an empty canvas of `height` and returns the SVG.
 fn svg(
     height: u32,
     title: &str,

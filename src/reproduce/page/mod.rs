@@ -1,5 +1,5 @@
-//! What experiments leave to read: `index.html`, one file without scripts or anything to fetch,
-//! Markdown and JSON.
+//! The report of the experiments: HTML (one file without scripts or anything to fetch), Markdown and
+//! JSON.
 
 use super::{
     ClaimVerdict, DrawnCell, Exhibit, Experiment, Finding, FindingTable, Quantity, TableValue,
@@ -9,24 +9,24 @@ use crate::report::page::{ImageView, MarkView, PageImages, PictureView, fill};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Everything there is to read.
+/// Everything that the report shows.
 pub struct FindingsPage<'a> {
     pub entries: &'a [ExperimentFinding],
-    /// Names of the real scenes that were looked at.
+    /// Names of the real scenes.
     pub scenes: Vec<String>,
-    /// What identifies the machine and the program: names and values.
+    /// Machine and program: names and values.
     pub identity: Vec<(String, String)>,
-    /// Why the work ended before its end, if it did.
+    /// Why the work stopped early, if it did.
     pub incomplete: Option<String>,
 }
 
-/// An experiment and what it came to.
+/// An experiment and its result.
 pub struct ExperimentFinding {
     pub experiment: &'static Experiment,
     pub finding: Finding,
 }
 
-/// As JSON and for the template.
+/// An experiment for JSON and for the template.
 #[derive(Serialize)]
 struct EntryView<'a> {
     figure: &'static str,
@@ -75,7 +75,7 @@ struct PageView<'a> {
 }
 
 impl FindingsPage<'_> {
-    /// How many experiments came to which verdict, in words.
+    /// Number of experiments per verdict, in words.
     pub fn tally(&self) -> String {
         let count = |verdict| {
             self.entries

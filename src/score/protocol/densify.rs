@@ -1,4 +1,4 @@
-//! Filling what a sparse map leaves out, as KITTI's development kits do before they judge.
+//! Fills the gaps of a sparse map, as KITTI's development kits do before they score it.
 
 use crate::stereo::Plane;
 

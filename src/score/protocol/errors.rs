@@ -3,14 +3,14 @@
 use super::numbers::{NumberUnit, Numbers, percent};
 use crate::error::{Error, Result};
 
-/// `|d − truth|` of the estimated among the judged pixels, in order of size.
+/// `|d − truth|` of the scored pixels with an estimate, ascending.
 pub(super) struct Errors {
     sorted: Vec<f32>,
     pixels: usize,
 }
 
 impl Errors {
-    /// From `(truth, estimate)` of each judged pixel, `+∞` for no estimate.
+    /// From `(truth, estimate)` of each scored pixel, `+∞` for no estimate.
     ///
     /// # Errors
     /// [`Error::Invalid`] when there is none.
@@ -22,7 +22,7 @@ impl Errors {
         let mut sorted: Vec<f32> = estimated.map(|(truth, d)| (d - truth).abs()).collect();
         if pixels == 0 {
             return Err(Error::Invalid(
-                "no pixel has a truth that the mask leaves: nothing to judge".into(),
+                "no pixel within the mask has a truth: nothing to score".into(),
             ));
         }
         sorted.sort_unstable_by(f32::total_cmp);

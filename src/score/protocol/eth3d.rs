@@ -1,6 +1,6 @@
 //! ETH3D's two-view benchmark (T. Schöps et al., *A multi-view stereo benchmark with
 //! high-resolution images and multi-camera videos*, CVPR 2017), as its program
-//! `two-view-evaluation` judges.
+//! `two-view-evaluation` scores.
 //!
 //! Its quirks: a disparity beyond the image's width either way is none; all numbers but coverage
 //! are of the estimated pixels; without any, all of them are bad and the errors infinite (`None`
@@ -16,8 +16,8 @@ pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
         scored_pixels(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))),
     )?;
     let bad = |t| percent(errors.over(t), errors.estimated()).or(Some(100.0));
-    // The program multiplies in single precision, which tells where there are some hundred thousand
-    // pixels.
+    // The program multiplies in single precision, which differs from some hundred thousand pixels
+    // on.
     let rank = |q| (errors.estimated() as f32 * (f32::from(q) / 100.0)).floor() as usize;
     Ok(errors.table(bad, rank))
 }

@@ -2,9 +2,9 @@
 //! Menze and A. Geiger, CVPR 2015): which disparities are valid, and the map before and after
 //! densifying.
 //!
-//! The kits judge thrice. Their Matlab half takes the map as it is, and a pixel without disparity
-//! there is −1, nearly always an outlier. Their C++ half, which makes the web page's tables, judges
-//! the densified map (`_dense` here, the page's column *All*) and the estimated pixels alone
+//! The kits score three times. Their Matlab part scores the map as given: a pixel without disparity
+//! is −1, nearly always an outlier. Their C++ part, which makes the web page's tables, scores the
+//! densified map (`_dense` here, the page's column *All*) and the estimated pixels alone
 //! (`_est`, its column *Est*).
 
 use super::{ProtocolImage, densify};

@@ -12,7 +12,7 @@ use std::ops::Add;
 const REGIONS: usize = 3;
 const ALL: usize = 2;
 
-/// Outliers and judged pixels by region. Sums of images add up.
+/// Outliers and scored pixels by region. Sums of images add up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlierCounts {
     as_is: [Share; REGIONS],
@@ -68,7 +68,7 @@ impl OutlierCounts {
         }
         match counts.as_is[ALL].pixels {
             0 => Err(Error::Invalid(
-                "no pixel has a truth that the mask leaves: nothing to judge".into(),
+                "no pixel within the mask has a truth: nothing to score".into(),
             )),
             _ => Ok(counts),
         }

@@ -1,11 +1,11 @@
 //! The two protocols of Middlebury.
 //!
 //! Version 3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate
-//! ground truth*, GCPR 2014), as `evaldisp` of MiddEval3-SDK judges.
+//! ground truth*, GCPR 2014), as `evaldisp` of MiddEval3-SDK scores.
 //!
 //! Its quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the
 //! factor; estimates are clipped to 0 ..= the largest disparity, invalid ones are neither filled
-//! nor bad, and `bad` is a share of all judged pixels while `avgerr` and `rms` are means over the
+//! nor bad, and `bad` is a share of all scored pixels while `avgerr` and `rms` are means over the
 //! estimated ones. For A50 … A99, which the web page shows and `evaldisp` does not make, ETH3D's
 //! rule serves.
 //!

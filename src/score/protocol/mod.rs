@@ -22,7 +22,7 @@ use crate::error::{Error, Result, did_you_mean};
 use crate::stereo::{Plane, Visibility};
 use std::str::FromStr;
 
-/// A benchmark's way to judge disparity maps.
+/// A benchmark's metric protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// Middlebury v3, the program `evaldisp` of its SDK.
@@ -37,13 +37,13 @@ pub enum Protocol {
     Kitti15,
 }
 
-/// One image to judge. Mask and foreground are of the truth's size; so is the estimate, but for
+/// One image to score. Mask and foreground are of the truth's size; so is the estimate, but for
 /// [`Protocol::Middeval3`].
 #[derive(Clone, Copy, Debug)]
 pub struct ProtocolImage<'a> {
     pub estimate: &'a Plane<f32>,
     pub truth: &'a Plane<f32>,
-    /// Judges the visible pixels alone.
+    /// Restricts the score to visible pixels.
     pub mask: Option<&'a Plane<Visibility>>,
     /// Where moving objects are, for KITTI 2015.
     pub foreground: Option<&'a Plane<bool>>,
@@ -51,7 +51,7 @@ pub struct ProtocolImage<'a> {
     pub max_disparity: Option<f32>,
 }
 
-/// What a protocol says of one image.
+/// A protocol's score of one image.
 #[derive(Clone, Debug)]
 pub enum Score {
     /// Averaged over images.
@@ -79,7 +79,7 @@ impl Protocol {
         }
     }
 
-    /// Judges one image.
+    /// Scores one image.
     ///
     /// # Errors
     /// [`Error::Invalid`] for sizes that do not go together, and where no pixel has a truth.

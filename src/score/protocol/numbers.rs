@@ -18,7 +18,7 @@ pub struct Number {
 /// What a number counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberUnit {
-    /// Of the judged pixels, or as the protocol has it.
+    /// Of the scored pixels, or as the protocol defines it.
     Percent,
     /// Disparity.
     Px,

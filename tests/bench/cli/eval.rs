@@ -161,7 +161,7 @@ fn options_count() {
             ]
             .concat(),
         )
-        .failed(1, &["nothing to judge"]);
+        .failed(1, &["nothing to score"]);
     fixture.write("objects.pgm", pgm(5, 1, &[0, 0, 3, 0, 1]));
     let objects = ["--protocol", "kitti15", "--object-map", "objects.pgm"];
     assert_eq!(
@@ -305,7 +305,7 @@ fn bad_input_is_one_line_that_names_it() {
     run("nan.pfm", "truth.pfm", "middeval3", &[])
         .failed(1, &["nan.pfm: holds NaN at (1, 0)", "+inf"]);
     run("d.pfm", "nan.pfm", "middeval3", &[]).done();
-    run("d.pfm", "nowhere.pfm", "kitti12", &[]).failed(1, &["nowhere.pfm", "nothing to judge"]);
+    run("d.pfm", "nowhere.pfm", "kitti12", &[]).failed(1, &["nowhere.pfm", "nothing to score"]);
     run("d.pfm", "cut.pfm", "kitti12", &[]).failed(1, &["cut.pfm", "got 3"]);
     run("d.pfm", "cut.npz", "kitti12", &[]).failed(1, &["cut.npz: not an npz map"]);
     run("d.pfm", "missing.npz", "kitti12", &[]).failed(1, &["missing.npz: no such file"]);

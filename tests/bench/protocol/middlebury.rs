@@ -227,7 +227,7 @@ fn without_a_truth_there_is_nothing_to_judge() {
     let (estimate, truth) = (map(&[&[1.0, 2.0]]), map(&[&[NO, NO]]));
     for protocol in Protocol::ALL {
         let error = protocol.score(&image(&estimate, &truth)).unwrap_err();
-        assert!(error.to_string().contains("nothing to judge"), "{error}");
+        assert!(error.to_string().contains("nothing to score"), "{error}");
     }
 }
 

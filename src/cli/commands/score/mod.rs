@@ -1,4 +1,4 @@
-//! `svl score`: a scenario, judged and reported.
+//! `svl score`: scores algorithms on a scenario and writes a report.
 
 mod sweep;
 
@@ -102,7 +102,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             );
         };
         scenes.clone_from(&args.scenes);
-        // The page and the scenario's hash say what was judged.
+        // The page and the scenario's hash identify the scenes.
         let named = args.scenes.join(", ");
         scenario.description.push_str(&format!(
             "\n\nOf other scenes than the scenario's: {named}."

@@ -1,4 +1,4 @@
-//! Sweeps: one parameter over a range of values, as so many algorithms.
+//! Sweeps: one parameter over a range of values, one algorithm per value.
 
 use std::str::FromStr;
 use svl::matcher::{self, Algorithm, Range, Value};
@@ -69,7 +69,7 @@ impl<'a> Swept<'a> {
         Ok(found)
     }
 
-    /// The values, written as short as they are exact: from the first in steps up to the last.
+    /// The values from the first to the last, each in its shortest exact form.
     fn values(&self) -> svl::Result<Vec<String>> {
         let range = self.range;
         let wrong = |why: &str| {
@@ -246,7 +246,7 @@ mod tests {
             "sgm:p1=5,p2=84",
         ];
         let algorithms: Vec<Algorithm> = texts.iter().map(|t| t.parse().unwrap()).collect();
-        let told: Vec<_> = sweeps(&algorithms)
+        let found: Vec<_> = sweeps(&algorithms)
             .into_iter()
             .map(|s| {
                 (
@@ -265,7 +265,7 @@ mod tests {
             ("sgm: p2", "80 84"),
         ];
         assert_eq!(
-            told,
+            found,
             expected.map(|(name, values)| (name.to_owned(), values.to_owned()))
         );
         assert!(sweeps(&algorithms[..2]).is_empty());
