@@ -49,39 +49,25 @@ impl ViewCoverage {
         let third =
             |v: f64, side: usize| ((3.0 * (v + 0.5) / side as f64).max(0.0) as usize).min(2);
         for (areas, corners) in self.areas.iter_mut().zip(corners) {
-            corners.iter().for_each(|corner| {
-                areas[3 * third(corner.y, height) + third(corner.x, width)] += 1
-            });
+            for corner in corners {
+                areas[3 * third(corner.y, height) + third(corner.x, width)] += 1;
+            }
         }
-        let tilted = [
-            tilt.x < -TILTED,
-            tilt.x > TILTED,
-            tilt.y < -TILTED,
-            tilt.y > TILTED,
-        ];
-        self.tilts
-            .iter_mut()
-            .zip(tilted)
-            .for_each(|(count, tilted)| *count += u32::from(tilted));
+        let tilts = [-tilt.x, tilt.x, -tilt.y, tilt.y];
+        for (count, tilt) in self.tilts.iter_mut().zip(tilts) {
+            *count += u32::from(tilt > TILTED);
+        }
     }
 
     pub(super) fn missing(&self) -> MissingCoverage {
-        let areas = |side: usize| {
-            let named = AREAS.into_iter().zip(self.areas[side]);
-            named
-                .filter(|(_, corners)| *corners < COVERED)
-                .map(|(name, _)| name)
-                .collect()
+        let below = |names: &[&'static str], counts: &[u32], least: u32| {
+            let short = names.iter().zip(counts).filter(|(_, n)| **n < least);
+            short.map(|(name, _)| *name).collect()
         };
-        let directions = ["left", "right", "up", "down"].into_iter().zip(self.tilts);
-        let tilted = directions
-            .filter(|(_, views)| *views < TILTED_VIEWS)
-            .map(|(name, _)| name)
-            .collect();
         MissingCoverage {
-            left: areas(0),
-            right: areas(1),
-            tilted,
+            left: below(&AREAS, &self.areas[0], COVERED),
+            right: below(&AREAS, &self.areas[1], COVERED),
+            tilted: below(&["left", "right", "up", "down"], &self.tilts, TILTED_VIEWS),
         }
     }
 }

@@ -87,6 +87,7 @@ impl Chooser {
         stamp_ns: Option<u64>,
         seen: &[Detection; 2],
     ) -> Result<StereoView, Refusal> {
+        // Remembered even if this pair is refused: motion is between consecutive pairs.
         let before = self.before.take();
         if let (Some(stamp), Detection::Whole(left)) = (stamp_ns, &seen[0]) {
             self.before = Some((stamp, left.corners.clone()));
@@ -100,6 +101,7 @@ impl Chooser {
         {
             return Err(Refusal::Moving);
         }
+        // The left image alone: the right one shows the same board from almost the same direction.
         let pose = RoughPose::new(&self.board, self.size, &left.corners)
             .ok_or(Refusal::Hidden(Side::Left))?;
         let new = if stamp_ns.is_some() { 1.0 } else { ANOTHER };

@@ -91,6 +91,7 @@ impl<'a> CalibrationView<'a> {
                 camera_view(page, magnified, "Right", &solution.right, |fit| &fit.right),
             ],
             magnified,
+            // Beyond the outer circle of three standard deviations; outliers are not drawn.
             reach_px: 4.5 * solution.corner_deviation_px,
             circles,
             unit: solution.unit_sign(),
@@ -260,6 +261,7 @@ fn drawn(page: &CalibrationPage<'_>, id: usize, all: &[Corner], magnified: f64) 
     } in all.iter().filter(|corner| corner.used)
     {
         // Writing to a String cannot fail.
+        // A path of zero length with round caps is a dot: far fewer bytes than a circle each.
         let _ = write!(corners, "M{x:.1} {y:.1}h0");
         let _ = write!(
             residuals,

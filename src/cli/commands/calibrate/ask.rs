@@ -67,6 +67,7 @@ impl ViewPrompt {
         board: &Board,
         picture: PathBuf,
     ) -> anyhow::Result<Self> {
+        // Without --rerun a viewer is only a convenience, and the machine may have none.
         let viewer = match target.map(|target| BoardView::new(target, board.columns())) {
             Some(Err(error)) if !required => {
                 tracing::warn!(
@@ -92,15 +93,11 @@ impl ViewPrompt {
         seen: &[Detection; 2],
         word: &str,
     ) -> anyhow::Result<()> {
-        match &self.viewer {
-            Some(viewer) => Ok(viewer.show(
-                frame.sequence,
-                &frame.pair,
-                seen.each_ref().map(Detection::corners),
-                word,
-            )?),
-            None => Ok(()),
+        if let Some(viewer) = &self.viewer {
+            let corners = seen.each_ref().map(Detection::corners);
+            viewer.show(frame.sequence, &frame.pair, corners, word)?;
         }
+        Ok(())
     }
 
     pub(super) fn ask(&mut self, offer: &Offer<'_>) -> anyhow::Result<Decision> {
