@@ -162,7 +162,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_target_is_what_agrees_with_the_middle_and_is_joined_to_it() {
+    fn the_target_is_connected_to_the_middle_and_agrees_with_it() {
         let target = TargetMeasurement::measure(&[grid(TARGET)], &[]).unwrap();
         assert_eq!(target.cells, [(1, 0), (2, 0), (2, 1), (3, 1)]);
         assert!(

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn impossible_boards_are_refused() {
         assert!(Board::new((2, 6), None).is_err());
         assert!(Board::new((9, 6), Some(0.0)).is_err());
         assert!(Board::new((9, 6), Some(f64::NAN)).is_err());

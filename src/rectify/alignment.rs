@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_shows_in_the_parts() {
+    fn a_rotation_shows_in_the_parts() {
         let found = alignment(&pair(0.0, 0.01)).unwrap();
         let Misfit::Rotation { degrees, scale } = found.misfit else {
             panic!("{found:?}")
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn without_texture_nothing_is_said() {
+    fn without_texture_there_is_no_result() {
         let flat = Gray::filled(320, 240, 90).unwrap();
         assert_eq!(
             alignment(&StereoPair::new(flat.clone(), flat).unwrap()),

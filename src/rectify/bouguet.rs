@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_rectified_is_told_with_the_cure() {
+    fn errors_say_what_to_do() {
         let one = camera((500.0, 500.0), (319.5, 239.5), [0.0; 5]);
         let at = |x: f64, y: f64, z: f64, right: Intrinsics| {
             let apart = Isometry3::translation(-x, -y, -z);

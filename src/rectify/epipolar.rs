@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn outliers_are_found() {
+    fn outliers_are_rejected() {
         let (good, bad) = seen(200, 0.2, 100);
         let found = EpipolarGeometry::estimate(&[good.clone(), bad].concat(), 1.0).unwrap();
         let kept = good.iter().filter(|m| found.inliers.contains(m)).count();
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_agrees_with_nothing_is_nothing() {
+    fn random_matches_have_no_geometry() {
         let (good, bad) = seen(20, 0.0, 300);
         assert!(EpipolarGeometry::estimate(&bad, 1.0).is_none());
         assert!(EpipolarGeometry::estimate(&good[..10], 1.0).is_none());

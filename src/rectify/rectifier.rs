@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_far_away_is_the_same_in_both_images() {
+    fn points_at_infinity_have_disparity_0() {
         let calibration = calibration();
         let pair = pair(&calibration);
         let rectifier = Rectifier::new(&calibration).unwrap();
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_and_instruction_sets_make_the_same_bytes() {
+    fn threads_and_instruction_sets_give_the_same_bytes() {
         let calibration = calibration();
         let wide = bouguet(
             &calibration,
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rectification_of_its_own_is_kept() {
+    fn the_calibration_s_rectification_is_kept() {
         let calibration = calibration();
         let plain = bouguet(&calibration, &Framing::default()).unwrap();
         let rig = Rig::new(plain.rig.focal_px(), plain.rig.center_px(), 0.1, 4.0).unwrap();

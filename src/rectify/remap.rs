@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_stays_as_it_is_where_it_is_seen_as_it_is() {
+    fn the_identity_changes_nothing() {
         let image = Gray::from_fn(100, 40, |x, y| (x * 7 + y * 13) as u8).unwrap();
         let shifted = Remap::new((100, 40), (98, 38), |p| {
             Some(p + nalgebra::Vector2::new(1.0, 1.0))
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_is_refused_or_black() {
+    fn pixels_from_outside_are_black_and_wrong_sizes_refused() {
         assert!(Remap::new((1, 40), (10, 10), Some).is_err());
         assert!(
             Remap::new((20, 10), (1 << 40, 10), Some).is_err()

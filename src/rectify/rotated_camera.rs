@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn beyond_the_fold_there_is_nothing() {
+    fn directions_beyond_the_fold_are_undefined() {
         let camera = Intrinsics::new(
             (640, 480),
             (500.0, 500.0),
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_are_those_of_the_turned_camera() {
+    fn directions_are_those_of_the_rotated_camera() {
         let camera = Intrinsics::new(
             (640, 480),
             (500.0, 510.0),

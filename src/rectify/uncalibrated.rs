@@ -195,7 +195,7 @@ mod tests {
     use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion};
 
     #[test]
-    fn rows_agree_and_pictures_keep_their_shape() {
+    fn rows_agree_and_images_keep_their_shape() {
         let size = (640, 480);
         let rotation = UnitQuaternion::from_euler_angles(0.03, -0.02, 0.04);
         let motion = Isometry3::from_parts([-0.12, 0.006, 0.004].into(), rotation);
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_matches_are_told() {
+    fn too_few_matches_are_an_error() {
         let error = uncalibrated(&[], (640, 480), &Framing::default())
             .unwrap_err()
             .to_string();

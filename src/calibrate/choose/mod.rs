@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn unrelated_pictures_do_not_move() {
+    fn unrelated_images_do_not_move() {
         let moving = MovingBoard::new(1).unwrap();
         let mut chooser = chooser(&moving);
         let view = moving.view(0).unwrap();
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn each_refusal_has_its_word() {
+    fn refusals_have_their_words() {
         let moving = MovingBoard::new(1).unwrap();
         let mut chooser = chooser(&moving);
         let view = moving.view(0).unwrap();

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_board_has_no_pose() {
+    fn degenerate_corners_have_no_pose() {
         let board = Board::new((3, 3), None).unwrap();
         assert_eq!(RoughPose::new(&board, (640, 480), &[]), None);
         assert_eq!(

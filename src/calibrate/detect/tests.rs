@@ -97,7 +97,7 @@ fn look_at(board: &Board, asked: &Board, pose: Isometry3<f64>) -> Detection {
 }
 
 #[test]
-fn a_board_partly_outside_is_no_board_and_says_where() {
+fn a_board_partly_outside_is_reported_with_its_edge() {
     let board = Board::new((9, 6), None).unwrap();
     let ways = [
         ([-1.0, 0.0], Edge::Left),
@@ -130,7 +130,7 @@ fn a_board_partly_outside_is_no_board_and_says_where() {
 }
 
 #[test]
-fn a_board_of_other_corners_is_named() {
+fn a_board_of_another_size_is_reported() {
     let (board, asked) = (
         Board::new((7, 5), None).unwrap(),
         Board::new((9, 6), None).unwrap(),
@@ -258,7 +258,7 @@ fn boards_out_of_focus_are_found() {
 }
 
 #[test]
-fn images_of_anything_else_and_of_any_size_hold_no_board() {
+fn images_without_a_board_of_any_size_have_no_detection() {
     let board = Board::new((3, 3), None).unwrap();
     let mut detector = Detector::new(board).unwrap();
     let mut random = fastrand::Rng::with_seed(1);

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_xml_is_refused() {
+    fn invalid_xml_is_refused() {
         for (text, word) in [
             ("<a><b></a>", "no XML"),
             ("<a><b x=\"1\"/>", "ends inside <a>"),

@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_named() {
+    fn missing_entries_are_named() {
         let fails = |text: &str, word: &str| {
             let error = parse(text).unwrap_err();
             assert!(

@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn an_adjusted_scene_has_no_slope_left() {
+    fn the_gradient_of_an_adjusted_problem_vanishes() {
         let mut bundle = pair();
         let before = bundle.cost(LossFunction::Squares).unwrap();
         adjust(&mut bundle, LossFunction::Squares).unwrap();

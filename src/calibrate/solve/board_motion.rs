@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn says_what_happened() {
+    fn motions_are_described() {
         let board: Vec<_> = (0..20)
             .map(|i| Point3::new(f64::from(i % 5) * 0.03, f64::from(i / 5) * 0.03, 0.0))
             .collect();

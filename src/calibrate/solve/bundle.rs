@@ -352,7 +352,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_right_hand_side_is_the_slope_of_the_cost() {
+    fn the_right_hand_side_is_the_gradient_of_the_cost() {
         let bundle = pair();
         for loss in [LossFunction::Squares, LossFunction::Robust(1.5)] {
             let normal = bundle.normal(loss);
@@ -390,7 +390,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_is_behind_has_no_cost() {
+    fn corners_behind_the_camera_have_no_cost() {
         let mut bundle = pair();
         bundle.views[0].pose.translation.vector.z = -1.0;
         assert_eq!(bundle.cost(LossFunction::Squares), None);

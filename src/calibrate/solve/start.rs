@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn without_noise_and_lens_the_closed_form_is_exact() {
+    fn without_noise_and_distortion_the_closed_form_is_exact() {
         let camera = Intrinsics::new((640, 480), (700.0, 690.0), (330.0, 230.0), [0.0; 5]).unwrap();
         let homographies: Vec<_> = poses()
             .iter()
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn where_homographies_tell_nothing_a_guess_is_made() {
+    fn degenerate_homographies_give_a_guess() {
         let same = Matrix3::new(500.0, 0.0, 300.0, 0.0, 500.0, 200.0, 0.0, 0.0, 1.0);
         let guess = intrinsics((640, 480), &[same, same, same]).unwrap();
         assert!((300.0..3000.0).contains(&guess.focal_px().0), "{guess:?}");

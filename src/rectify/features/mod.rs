@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_where_there_is_nothing() {
+    fn without_texture_there_are_no_matches() {
         let flat = Gray::filled(320, 240, 90).unwrap();
         assert_eq!(matches(&StereoPair::new(flat.clone(), flat).unwrap()), []);
         let tiny = Gray::from_fn(9, 5, |x, y| (x * y) as u8).unwrap();

@@ -1,3 +1,5 @@
+//! Broken calibration files: errors name the file, the key and what to do.
+
 use super::*;
 
 /// Reads `format`'s file with `from` replaced by `to` in it, or in the first of two.
@@ -21,7 +23,7 @@ fn broken(format: &str, from: &str, to: &str) -> String {
 }
 
 #[test]
-fn what_is_wrong_is_named_with_its_key() {
+fn errors_name_the_key() {
     for (format, from, to, words) in [
         (
             "xml",
@@ -212,7 +214,7 @@ fn what_is_wrong_is_named_with_its_key() {
 }
 
 #[test]
-fn what_ends_early_or_is_cut_anywhere_is_an_error_or_whole() {
+fn a_truncated_file_is_an_error_or_complete() {
     let folder = Folder::new();
     for (format, file) in FILES {
         folder.write(format, &raw()).unwrap();
@@ -225,7 +227,7 @@ fn what_ends_early_or_is_cut_anywhere_is_an_error_or_whole() {
         for end in (0..whole.len()).step_by(17) {
             std::fs::write(&path, &whole[..end]).unwrap();
             match folder.read(format, &hints) {
-                // A number may lose digits that nobody misses.
+                // A cut in the middle of the last number may leave a valid one.
                 Ok(found) => assert!(found.calibration.baseline() > 0.0),
                 Err(error) => {
                     let error = error.to_string();
@@ -241,7 +243,7 @@ fn what_ends_early_or_is_cut_anywhere_is_an_error_or_whole() {
 }
 
 #[test]
-fn folders_pairs_and_strangers_have_cures() {
+fn errors_of_folders_pairs_and_unknown_files_say_what_to_do() {
     let folder = Folder::new();
     let reads = |name: &str, words: &[&str]| {
         let error = files::read(&folder.path(name)).unwrap_err().to_string();

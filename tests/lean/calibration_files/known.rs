@@ -1,4 +1,4 @@
-//! Files that others wrote.
+//! Calibration files written by other programs.
 
 use super::*;
 use std::path::Path;
@@ -52,7 +52,7 @@ fn annex_e_is_read_as_it_is_printed() {
         "{remarks:?}"
     );
 
-    // The poses, the right board turned by a quarter, say nearly the same.
+    // With the right board rotated by 90°, the poses nearly agree.
     let quarter = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
     let left = nalgebra::Matrix3::new(
         0.0123223495,
@@ -84,8 +84,8 @@ fn annex_e_is_read_as_it_is_printed() {
     assert!(apart.to_degrees() < 4.0, "{}", apart.to_degrees());
     println!("apart {}", apart.to_degrees());
 
-    // Its homographies put matching points on one row: so do the rotation and the direction that
-    // were taken of them.
+    // The homographies put corresponding points on one row, so the rotation and the direction of
+    // the baseline taken from them must do so too.
     let essential = c.right_from_left().translation.vector.cross_matrix()
         * c.right_from_left().rotation.to_rotation_matrix();
     let homography =
@@ -120,7 +120,7 @@ fn annex_e_is_read_as_it_is_printed() {
     );
     for (x, y) in [(-0.1, -0.2), (0.1, 0.2), (0.0, 0.0), (0.15, -0.25)] {
         let direction = Vector3::new(x, y, 1.0);
-        // Where the right camera may see it: the epipolar line, crossed at x.
+        // The pixel of the epipolar line in the right image, at column x.
         let line = essential * direction;
         let seen = Vector3::new(x, -(line.x * x + line.z) / line.y, 1.0);
         let row = |h: &nalgebra::Matrix3<f64>, d: Vector3<f64>| (h * d).y / (h * d).z;

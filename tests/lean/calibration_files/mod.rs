@@ -1,4 +1,4 @@
-//! Calibrations in the files of other programs.
+//! Calibration files of other programs.
 
 mod bad_input;
 mod known;
@@ -26,7 +26,7 @@ fn raw() -> StereoCalibration {
     )
 }
 
-/// Two cameras turned by these Euler angles against their rectification.
+/// Two cameras rotated by these Euler angles against their rectification.
 fn calibration(
     left: Intrinsics,
     right: Intrinsics,
@@ -61,7 +61,7 @@ fn unrectified(c: &StereoCalibration) -> StereoCalibration {
     StereoCalibration::new(*c.left(), *c.right(), *c.right_from_left(), c.unit()).unwrap()
 }
 
-/// The rectified cameras, as a calibration of their own.
+/// The calibration of the rectified cameras.
 fn rectified(c: &StereoCalibration) -> StereoCalibration {
     let Rectification { size, rig, .. } = *c.rectification().unwrap();
     let camera = |right| {
@@ -86,7 +86,7 @@ fn rectified(c: &StereoCalibration) -> StereoCalibration {
         })
 }
 
-/// Whether two calibrations are the same but for the last digits of what was calculated.
+/// Asserts that two calibrations agree up to rounding.
 #[track_caller]
 fn assert_same(a: &StereoCalibration, b: &StereoCalibration) {
     assert_eq!(a.unit(), b.unit());
@@ -142,7 +142,7 @@ impl Folder {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// `name` may be two, with a comma between.
+    /// `name`: one file, or two separated by a comma.
     fn path(&self, name: &str) -> PathBuf {
         let names: Vec<_> = name
             .split(',')
@@ -167,7 +167,7 @@ impl Folder {
         files::read_with(&self.path(file_of(format)), hints)
     }
 
-    /// What comes back of a calibration that is written.
+    /// A calibration written and read back.
     fn through(&self, format: &str, calibration: &StereoCalibration) -> StereoCalibration {
         self.write(format, calibration).unwrap();
         let size = calibration.rectification().map(|r| r.size);

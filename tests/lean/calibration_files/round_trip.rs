@@ -1,17 +1,24 @@
+//! Calibrations written and read back in every format.
+
 use super::*;
 use proptest::prelude::*;
 
-fn lens() -> impl Strategy<Value = [f64; 5]> {
+fn distortion() -> impl Strategy<Value = [f64; 5]> {
     (-0.5..0.5, -1.0..1.0, -0.01..0.01, -1e-9..1e-9, -1.0..1.0)
         .prop_map(|(k1, k2, p1, p2, k3)| [k1, k2, p1, p2, k3])
 }
 
 fn camera() -> impl Strategy<Value = Intrinsics> {
-    (200.0..2000.0, 0.9..1.1, 200.0..500.0, 150.0..400.0, lens()).prop_map(
-        |(fx, ratio, cx, cy, lens)| {
-            Intrinsics::new((752, 480), (fx, fx * ratio), (cx, cy), lens).unwrap()
-        },
+    (
+        200.0..2000.0,
+        0.9..1.1,
+        200.0..500.0,
+        150.0..400.0,
+        distortion(),
     )
+        .prop_map(|(fx, ratio, cx, cy, distortion)| {
+            Intrinsics::new((752, 480), (fx, fx * ratio), (cx, cy), distortion).unwrap()
+        })
 }
 
 fn calibrations() -> impl Strategy<Value = StereoCalibration> {
@@ -28,7 +35,7 @@ fn calibrations() -> impl Strategy<Value = StereoCalibration> {
     )
 }
 
-/// What a format holds of a calibration; nothing when it refuses it.
+/// The part of a calibration that a format can hold; `None` when it refuses the calibration.
 fn held(format: &str, c: &StereoCalibration) -> Option<StereoCalibration> {
     let metres = c.unit() == LengthUnit::Metres;
     match format {
@@ -64,7 +71,7 @@ proptest! {
 }
 
 #[test]
-fn what_a_format_cannot_hold_is_said() {
+fn what_a_format_cannot_hold_is_reported() {
     let folder = Folder::new();
     for (format, word) in [
         ("boofcv", "rectification"),
@@ -101,7 +108,7 @@ fn what_a_format_cannot_hold_is_said() {
 }
 
 #[test]
-fn a_rectified_size_of_its_own_is_kept_or_refused() {
+fn another_rectified_size_is_kept_or_refused() {
     let folder = Folder::new();
     let c = raw();
     let wide = Rectification {
@@ -122,7 +129,7 @@ fn a_rectified_size_of_its_own_is_kept_or_refused() {
 }
 
 #[test]
-fn endings_choose_the_format() {
+fn extensions_choose_the_format() {
     let folder = Folder::new();
     let name = |file: &str| {
         files::written_as(&folder.path(file))

@@ -1,26 +1,26 @@
-//! Parameters are as far from the truth as their standard deviations say.
+//! Coverage of the standard deviations: parameters deviate from the truth as much as they predict.
 //!
-//! Counted is every parameter of every rig: 18 of the lenses, 6 of the motion between the cameras,
-//! and the baseline. They are shown one by one by
-//! `cargo test --release --test lean solve::coverage -- --nocapture --test-threads 1`.
+//! Every parameter of every rig counts: 18 intrinsics, 6 extrinsics, and the baseline. For a table
+//! by parameter: `cargo test --release --test lean solve::coverage -- --nocapture --test-threads
+//! 1`.
 
 use super::simulated::{Simulated, Spoil, turn_deg};
 use std::time::{Duration, Instant};
 use svl::calibrate::{CameraEstimate, Estimated, Solution, solve};
 use svl::stereo::Intrinsics;
 
-/// How many standard deviations every parameter is from the truth.
+/// Deviation of every parameter from the truth, in standard deviations.
 fn deviations(solution: &Solution, simulated: &Simulated) -> Vec<(String, f64)> {
     let truth = &simulated.truth;
     let mut all: Vec<(String, Estimated, f64)> = Vec::new();
-    let mut lens = |side: &str, camera: &CameraEstimate, truth: &Intrinsics| {
+    let mut camera_parameters = |side: &str, camera: &CameraEstimate, truth: &Intrinsics| {
         let pairs = camera.parameters().into_iter().zip(truth.parameters());
         all.extend(
             pairs.map(|((name, estimate), truth)| (format!("{side} {name}"), estimate, truth)),
         );
     };
-    lens("left", &solution.left, truth.left());
-    lens("right", &solution.right, truth.right());
+    camera_parameters("left", &solution.left, truth.left());
+    camera_parameters("right", &solution.right, truth.right());
     let (turn, shift) = (
         turn_deg(truth.right_from_left()),
         truth.right_from_left().translation.vector,
@@ -39,8 +39,8 @@ fn deviations(solution: &Solution, simulated: &Simulated) -> Vec<(String, f64)> 
         .collect()
 }
 
-/// Shares of parameters within one, two and three standard deviations, after a table by parameter,
-/// and how many views were wrongly refused or used.
+/// Shares of parameters within one, two and three standard deviations, and numbers of views wrongly
+/// refused or used. Prints a table by parameter.
 fn shares(rigs: u64, noise_px: Option<f64>, spoilt: fn(u64) -> usize) -> ([f64; 3], usize) {
     let mut spent = Duration::ZERO;
     let mut all: Vec<Vec<(String, f64)>> = Vec::new();
@@ -56,7 +56,7 @@ fn shares(rigs: u64, noise_px: Option<f64>, spoilt: fn(u64) -> usize) -> ([f64; 
         spent += begin.elapsed();
         let solution = solution.unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         for (view, spoilt) in solution.views.iter().zip(&simulated.spoilt) {
-            // Of a view with a few outlying corners the others are good.
+            // A view with a few outlying corners keeps the others.
             let wrong = spoilt.is_some_and(|spoil| spoil != Spoil::Corners);
             misjudged += usize::from(wrong != view.refused.is_some());
         }
@@ -78,8 +78,8 @@ fn shares(rigs: u64, noise_px: Option<f64>, spoilt: fn(u64) -> usize) -> ([f64; 
     (shares, misjudged)
 }
 
-/// Normal numbers are 68.3, 95.4 and 99.7 % within; those of one rig go together, so that the
-/// shares vary more than so many independent numbers would.
+/// A normal distribution has 68.3, 95.4 and 99.7 % within. The parameters of one rig are
+/// correlated, so the shares vary more than those of independent numbers.
 fn check(spoilt: fn(u64) -> usize, noise_px: Option<f64>) {
     let ([one, _, three], misjudged) = shares(200, noise_px, spoilt);
     assert!(

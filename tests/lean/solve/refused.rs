@@ -1,4 +1,4 @@
-//! What cannot be calibrated from is said in one line with the cure; nothing panics.
+//! Refused calibrations: the message is one line and says what to do; nothing panics.
 
 use super::simulated::{Simulated, Spoil};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
@@ -11,7 +11,7 @@ fn board() -> Board {
     Board::new((9, 6), Some(0.025)).unwrap()
 }
 
-/// What two pinholes 10 cm apart see of a board in a pose, with a little deterministic noise.
+/// The view of two pinholes 10 cm apart of a board in a pose, with a little deterministic noise.
 fn view(place: Vector3<f64>, turn: Vector3<f64>) -> StereoView {
     let pose = Isometry3::new(place, turn);
     let noise = |i: usize, k: usize| 0.1 * ((i * 7919 + k * 104_729) % 1000) as f64 / 500.0 - 0.1;
@@ -58,7 +58,7 @@ fn parallel_boards_need_tilt() {
 }
 
 #[test]
-fn one_pose_again_and_again_needs_tilt() {
+fn a_repeated_pose_needs_tilt() {
     let views = vec![view(Vector3::new(0.05, 0.0, 0.6), Vector3::new(0.1, 0.2, 0.0)); 8];
     let message = message(&views);
     assert!(message.contains("tilt"), "{message}");
@@ -75,7 +75,7 @@ fn too_few_views() {
 }
 
 #[test]
-fn numbers_that_are_none_lines_and_points() {
+fn not_numbers_lines_and_points_are_refused() {
     let good: Vec<_> = places()
         .zip([(0.5, 0.0), (0.0, 0.5), (-0.5, 0.1), (0.2, -0.5), (0.4, 0.4)])
         .collect();
@@ -131,7 +131,7 @@ fn a_view_of_another_board_and_an_image_of_nothing() {
 }
 
 #[test]
-fn swapped_cameras_are_told() {
+fn swapped_cameras_are_reported() {
     let simulated = Simulated::new(2, Some(0.2), 0);
     let views: Vec<_> = simulated
         .views
@@ -149,7 +149,7 @@ fn swapped_cameras_are_told() {
 }
 
 #[test]
-fn reasons_tell_what_happened() {
+fn reasons_describe_what_happened() {
     let (mut reversed, mut slipped) = (0, 0);
     for seed in 0..20 {
         let simulated = Simulated::new(seed, Some(0.3), 2);

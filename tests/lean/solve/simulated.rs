@@ -1,4 +1,4 @@
-//! Random pairs of cameras before random poses of a board.
+//! Random camera pairs that see a board in random poses.
 
 use fastrand::Rng;
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -9,7 +9,7 @@ pub struct Simulated {
     pub truth: StereoCalibration,
     pub board: Board,
     pub views: Vec<StereoView>,
-    /// What was done to a view, where something was.
+    /// How each view was spoilt, if it was.
     pub spoilt: Vec<Option<Spoil>>,
 }
 
@@ -19,11 +19,11 @@ pub enum Spoil {
     Garbage,
     /// All corners of one image shifted.
     Shifted,
-    /// Counted from the other end in one image.
+    /// Corners numbered from the other end in one image.
     Reversed,
-    /// One square further in one image.
+    /// Corners numbered one square further in one image.
     Slipped,
-    /// Some corners of one image far off: those are refused, not the view.
+    /// Some corners of one image are outliers: they are refused, not the view.
     Corners,
 }
 
@@ -31,7 +31,7 @@ pub fn uniform(rng: &mut Rng, from: f64, to: f64) -> f64 {
     from + rng.f64() * (to - from)
 }
 
-/// Normal noise of standard deviation 1 (Box and Muller).
+/// A standard normal number, by the Box-Muller transform.
 pub fn normal(rng: &mut Rng) -> f64 {
     (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (std::f64::consts::TAU * rng.f64()).cos()
 }
@@ -60,7 +60,8 @@ fn lens(rng: &mut Rng, (width, height): (usize, usize), focal: f64) -> Intrinsic
 }
 
 impl Simulated {
-    /// Baselines of 4 to 30 cm, toe-in, 10 to 25 views with `noise_px`; `spoilt` of them wrong.
+    /// Baselines of 4 to 30 cm, converging cameras, 10 to 25 views with `noise_px`, `spoilt` of
+    /// them wrong.
     pub fn new(seed: u64, noise_px: Option<f64>, spoilt: usize) -> Self {
         let rng = &mut Rng::with_seed(seed);
         let noise_px = noise_px.unwrap_or_else(|| uniform(rng, 0.1, 1.0));
@@ -71,7 +72,7 @@ impl Simulated {
         let apart = 3.0 * baseline * focal / size.0 as f64;
         let near = apart.max(0.25);
         let far = near * 2.5;
-        // The axes cross somewhere in what both see, or nearly not at all.
+        // The optical axes cross in the common field of view, or are nearly parallel.
         let toe = (baseline / uniform(rng, near, 4.0 * far))
             .atan()
             .to_degrees();
@@ -146,7 +147,7 @@ impl Simulated {
                     uniform(rng, 8.0, 30.0),
                 );
                 let middle = corners.iter().fold(0.0, |sum, p| sum + p.x) / corners.len() as f64;
-                // Towards the middle of the image.
+                // Towards the middle, so that the corners stay in the image.
                 let sign = if middle < size.0 as f64 / 2.0 {
                     1.0
                 } else {
@@ -181,7 +182,7 @@ impl Simulated {
     }
 }
 
-/// The board in a random pose; nothing where a camera does not see it whole.
+/// The board in a random pose; `None` unless both cameras see it whole.
 fn view(
     rng: &mut Rng,
     truth: &StereoCalibration,
@@ -208,7 +209,7 @@ fn view(
         let pixel = |point: Point3<f64>| {
             let point = place * (pose * (point - centre));
             let pixel = camera.project(&point)?;
-            // A lens that folds back shows a point twice.
+            // Distortion that is not monotonic maps two directions to one pixel.
             let there = camera.direction(pixel)? - point.xy().coords / point.z;
             let noisy = Point2::new(
                 pixel.x + noise_px * normal(rng),
