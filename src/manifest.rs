@@ -1,4 +1,4 @@
-//! What identifies a run: who computed what from what, on which machine.
+//! The manifest of a run: version, scenario, algorithms with parameters, hashes, machine.
 
 use crate::error::Result;
 use crate::kernel;
@@ -25,16 +25,16 @@ pub struct Manifest {
     pub scenario_hash: Option<String>,
     /// Digest of all pairs' pixels in their order, once the run is over.
     pub pairs_hash: Option<String>,
-    pub algorithms: Vec<Contestant>,
+    pub algorithms: Vec<AlgorithmRecord>,
     pub machine: Machine,
 }
 
 /// An algorithm of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Contestant {
+pub struct AlgorithmRecord {
     /// Its name in the registry.
     pub name: String,
-    /// As it was asked for.
+    /// As the user wrote it.
     pub label: String,
     /// All its parameters, `key=value,...`.
     pub parameters: String,
@@ -45,7 +45,7 @@ pub struct Contestant {
     pub results_hash: Option<String>,
 }
 
-/// The machine: what times depend on, and results do not.
+/// The machine. Times depend on it, results do not.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Machine {
     pub processor: String,
@@ -72,6 +72,7 @@ impl Manifest {
         algorithms: &[Algorithm],
     ) -> Result<Self> {
         let now = jiff::Timestamp::now();
+        // The process id tells apart two runs that begin within one tick of the clock.
         let run_id = hash(&format!(
             "{scenario} {} {}",
             now.as_nanosecond(),
@@ -86,12 +87,12 @@ impl Manifest {
             scenario: scenario.to_owned(),
             scenario_hash: scenario_text.map(hash),
             pairs_hash: None,
-            algorithms: algorithms.iter().map(Contestant::of).collect(),
+            algorithms: algorithms.iter().map(AlgorithmRecord::new).collect(),
             machine: Machine::this()?,
         })
     }
 
-    /// Names and values, as a person reads them. Names differ, and none is empty.
+    /// Names and values for people. Names are unique, and no value is empty.
     pub fn entries(&self) -> Vec<(String, String)> {
         let Machine {
             processor,
@@ -116,13 +117,14 @@ impl Manifest {
             .into_iter()
             .filter_map(|(name, value)| Some((name.to_owned(), value?)));
         fixed
-            .chain(self.algorithms.iter().flat_map(Contestant::entries))
+            .chain(self.algorithms.iter().flat_map(AlgorithmRecord::entries))
             .collect()
     }
 }
 
-impl Contestant {
-    fn of(algorithm: &Algorithm) -> Self {
+impl AlgorithmRecord {
+    fn new(algorithm: &Algorithm) -> Self {
+        // Complete and in the order of the table, so that defaults written out hash alike.
         let parameters = algorithm.parameters().to_string();
         let parameters_hash =
             hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
@@ -168,7 +170,7 @@ impl Machine {
     }
 }
 
-/// The hash by which svl tells texts apart: XXH3, 128 bits, hexadecimal.
+/// Hash of a text: XXH3, 128 bits, hexadecimal.
 pub fn hash(text: &str) -> String {
     format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
 }

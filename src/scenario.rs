@@ -1,4 +1,4 @@
-//! Scenarios: one TOML file says where the frames come from and what is expected of them.
+//! Scenarios: a TOML file with the source, the algorithms, the cell rule, checkpoints and gate.
 
 use crate::arena::{Arena, ArenaConfig, WireObject};
 use crate::depth::GridSettings;
@@ -17,7 +17,7 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Largest number of columns and of rows of a grid.
 const MAX_GRID: usize = 64;
 
-/// A scenario as its file says it, checked.
+/// A validated scenario.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     pub name: String,
@@ -27,9 +27,9 @@ pub struct Scenario {
     pub cells: CellRule,
     pub source: ScenarioSource,
     pub checkpoints: Vec<Checkpoint>,
-    /// What a run has to keep to pass the gate.
+    /// Limits of the gate.
     pub gate: Vec<Limit>,
-    /// The file, to the letter.
+    /// The text of the file.
     pub text: String,
 }
 
@@ -47,7 +47,7 @@ pub enum ScenarioSource {
     Dataset { scenes: Vec<String> },
 }
 
-/// The file's form.
+/// The file before validation.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -142,7 +142,7 @@ impl File {
         let safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(safe) {
             return invalid(format!(
-                "name '{}' must be letters, digits, '-' and '_': folders are called so",
+                "name '{}' must be letters, digits, '-' and '_': it names folders",
                 self.name
             ));
         }
@@ -166,7 +166,7 @@ impl File {
                 .iter()
                 .any(|c| c.number == checkpoint.number)
             {
-                return invalid(format!("checkpoint {} stands twice", checkpoint.number));
+                return invalid(format!("checkpoint {} occurs twice; give each its own number", checkpoint.number));
             }
         }
         if self.algorithms.is_empty() {
@@ -265,12 +265,12 @@ fn invalid<T>(what: String) -> Result<T> {
     Err(Error::Invalid(what))
 }
 
-/// Number of the line in which the byte `at` stands, from 1.
+/// Line number of the byte at `at`, from 1.
 fn line(text: &str, at: usize) -> usize {
     text.get(..at).unwrap_or(text).matches('\n').count() + 1
 }
 
-/// One line with line and column, from the several that the parser prints.
+/// The parser's message, which has several lines, in one, with line and column.
 fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
     let message = error.message().lines().collect::<Vec<_>>().join(" ");
     let place = error.span().map(|span| {

@@ -2,7 +2,7 @@
 
 use super::summary::{AlgorithmSummary, Summary};
 use crate::error::{Error, Result};
-use crate::manifest::{Contestant, Manifest};
+use crate::manifest::{AlgorithmRecord, Manifest};
 use crate::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -118,22 +118,22 @@ impl Limit {
 
     /// Results of a run, one for every algorithm that matches the limit.
     pub fn judge(&self, summary: &Summary, manifest: &Manifest) -> Vec<GateResult> {
-        let is = |a: &&Contestant, name: &str| a.label == name || a.name == name;
+        let is = |a: &&AlgorithmRecord, name: &str| a.label == name || a.name == name;
         let unit = self
             .relative_to
             .as_deref()
             .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
-        let result = |contestant: &Contestant| {
-            let found = |contestant: &Contestant| {
+        let result = |algorithm: &AlgorithmRecord| {
+            let found = |algorithm: &AlgorithmRecord| {
                 summary
                     .algorithms
                     .iter()
-                    .find(|a| a.algorithm == contestant.label)
+                    .find(|a| a.algorithm == algorithm.label)
             };
             let value = match unit {
-                None => found(contestant).and_then(|of| self.value(of, summary)),
+                None => found(algorithm).and_then(|of| self.value(of, summary)),
                 Some(None) => None,
-                Some(Some(unit)) => found(contestant)
+                Some(Some(unit)) => found(algorithm)
                     .zip(found(unit))
                     .map(|(of, unit)| of.p50_ms / unit.p50_ms),
             };
@@ -143,7 +143,7 @@ impl Limit {
             let kept = (!absent).then(|| value.is_some_and(keeps));
             GateResult {
                 limit: self.clone(),
-                algorithm: Some(contestant.label.clone()),
+                algorithm: Some(algorithm.label.clone()),
                 value,
                 kept,
             }

@@ -2,7 +2,7 @@
 
 use super::{Outbox, RunStart, Sink};
 use crate::error::Result;
-use crate::manifest::Contestant;
+use crate::manifest::AlgorithmRecord;
 use crate::report::{CellRow, Row, Table};
 use crate::score::{CellJudgement, Judged, JudgedEstimate};
 use crate::timing::Stage;
@@ -89,7 +89,7 @@ pub(super) struct Identity {
     pub run_id: String,
     pub scenario: String,
     pub seed: Option<u64>,
-    algorithms: Vec<Contestant>,
+    algorithms: Vec<AlgorithmRecord>,
 }
 
 impl Identity {

@@ -1,4 +1,4 @@
-//! Two cameras as they are, before rectification, and how they are rectified.
+//! Stereo calibration: intrinsics, extrinsics and rectification of two cameras.
 
 use super::{Intrinsics, Rig};
 use crate::error::{Error, Result};
@@ -8,8 +8,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion,
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LengthUnit {
     Metres,
-    /// Squares of the calibration board, of a size that nobody measured: directions are right,
-    /// distances unknown.
+    /// Squares of a calibration board of unknown size: directions are right, distances unknown.
     Squares,
 }
 
@@ -99,8 +98,7 @@ impl StereoCalibration {
     }
 }
 
-/// How the images of two cameras become a rectified pair: each camera is turned, and both get one
-/// pinhole.
+/// The rectification of two cameras: a rotation for each, and one pinhole camera for both.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rectification {
     /// Width and height of the rectified images.
@@ -115,7 +113,7 @@ pub struct Rectification {
 }
 
 impl Rectification {
-    /// The motion that it undoes, where nothing else says how the cameras stand: `R = R2ᵀ R1`,
+    /// The extrinsics that the rectification implies, for files without any: `R = R2ᵀ R1`,
     /// `T = R2ᵀ (−B, 0, 0)`.
     pub fn motion(&self) -> Isometry3<f64> {
         let back = self.right.inverse();

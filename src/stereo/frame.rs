@@ -1,4 +1,4 @@
-//! What flows from a source through the matchers into the sinks.
+//! Frames and estimates: what flows from a source through the matchers into the sinks.
 
 use super::{DepthGrid, DisparityMap, Plane, RectifiedPair, Rig, StereoPair};
 use crate::error::{Error, Result};
@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 /// metres.
 pub type Pose = nalgebra::Isometry3<f64>;
 
-/// One synchronized pair and what is known about it.
+/// A synchronized pair with geometry, pose, truth and exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Number of the pair in its source, from 0.
     pub sequence: u64,
     /// Middle of the left exposure, nanoseconds since the source's epoch.
     pub stamp_ns: u64,
-    /// What the source calls it, where it has a name of its own (a data set's scene).
+    /// Name of a data-set scene; frames of a stream have none.
     pub name: Option<String>,
     pub pair: StereoPair,
     pub geometry: Geometry,
@@ -47,12 +47,12 @@ impl Frame {
     }
 }
 
-/// Whether a pair is as the cameras saw it or rectified.
+/// Whether a pair is raw or rectified.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Geometry {
-    /// Lens distortion and misalignment are still in the images: rows do not correspond.
+    /// Images with lens distortion and vertical misalignment: epipolar lines are not rows.
     Raw,
-    /// Rows correspond; distances are known where there is a rig.
+    /// Epipolar lines are rows. A rig gives distances; without one the scale is unknown.
     Rectified(Option<Rig>),
 }
 
@@ -77,7 +77,7 @@ pub struct Exposure {
     pub shutter_us: u32,
     /// Sensor gain in thousandths of a decibel.
     pub gain_mdb: i32,
-    /// Images that are not in the recording since it began: without a partner, or dropped with it.
+    /// Images dropped or unpaired since the recording began.
     pub drops: u64,
 }
 
@@ -86,7 +86,7 @@ pub struct Exposure {
 pub struct Truth {
     /// Disparity in pixels, `+∞` where unknown.
     pub disparity: Plane<f32>,
-    /// Whether the right camera sees the pixel's point; absent where nobody knows.
+    /// Whether the right camera sees the pixel's point; absent where unknown.
     pub visibility: Option<Plane<Visibility>>,
 }
 

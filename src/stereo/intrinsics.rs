@@ -1,4 +1,4 @@
-//! One camera with its lens.
+//! Camera intrinsics: pinhole and lens distortion (Brown 1971; OpenCV `plumb_bob`).
 
 use crate::error::{Error, Result};
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SMatrix, Vector2};
@@ -20,7 +20,7 @@ pub struct Intrinsics {
 
 impl Intrinsics {
     /// `size`: width and height in pixels. `focal_px`: fx and fy. `center_px`: the principal point,
-    /// pixel centres at integers. `distortion`: k1, k2, p1, p2, k3, all 0 without a lens.
+    /// pixel centres at integers. `distortion`: k1, k2, p1, p2, k3, all 0 for an ideal lens.
     ///
     /// # Errors
     /// [`Error::Rig`] unless all are finite, the focal lengths positive and the image of at least
@@ -100,10 +100,10 @@ impl Intrinsics {
 
     /// Pixel that sees in the direction `(X/Z, Y/Z)`.
     pub fn pixel(&self, direction: Vector2<f64>) -> Point2<f64> {
-        let bent = self.distort(direction);
+        let distorted = self.distort(direction);
         Point2::new(
-            self.focal_px.0 * bent.x + self.center_px.0,
-            self.focal_px.1 * bent.y + self.center_px.1,
+            self.focal_px.0 * distorted.x + self.center_px.0,
+            self.focal_px.1 * distorted.y + self.center_px.1,
         )
     }
 
@@ -117,18 +117,18 @@ impl Intrinsics {
         let (x, y) = (direction.x, direction.y);
         let (r2, xy) = (x * x + y * y, 2.0 * x * y);
         let (r4, r6) = (r2 * r2, r2 * r2 * r2);
-        let bent = self.distort(direction);
+        let distorted = self.distort(direction);
         let mut by_direction = self.bend(direction);
         by_direction.row_mut(0).scale_mut(fx);
         by_direction.row_mut(1).scale_mut(fy);
         #[rustfmt::skip]
         let by_parameters = SMatrix::from_row_slice(&[
-            bent.x, 0.0, 1.0, 0.0, fx * x * r2, fx * x * r4, fx * xy, fx * (r2 + 2.0 * x * x), fx * x * r6,
-            0.0, bent.y, 0.0, 1.0, fy * y * r2, fy * y * r4, fy * (r2 + 2.0 * y * y), fy * xy, fy * y * r6,
+            distorted.x, 0.0, 1.0, 0.0, fx * x * r2, fx * x * r4, fx * xy, fx * (r2 + 2.0 * x * x), fx * x * r6,
+            0.0, distorted.y, 0.0, 1.0, fy * y * r2, fy * y * r4, fy * (r2 + 2.0 * y * y), fy * xy, fy * y * r6,
         ]);
         let pixel = Point2::new(
-            fx * bent.x + self.center_px.0,
-            fy * bent.y + self.center_px.1,
+            fx * distorted.x + self.center_px.0,
+            fy * distorted.y + self.center_px.1,
         );
         (pixel, by_direction, by_parameters)
     }

@@ -1,4 +1,4 @@
-//! The vocabulary of stereo, used by every other module and importing none of them.
+//! The vocabulary of stereo vision: images, pairs, rigs, disparities, depth grids, frames.
 //!
 //! **Images.** `x` grows to the right, `y` downwards, pixel centres at integers, row-major.
 //!

@@ -1,4 +1,4 @@
-//! Which pixels both cameras see, from the true disparities of both.
+//! The occlusion mask, from the true disparities of both images.
 
 use super::{Plane, Visibility};
 use crate::error::{Error, Result};
