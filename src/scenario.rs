@@ -166,7 +166,10 @@ impl File {
                 .iter()
                 .any(|c| c.number == checkpoint.number)
             {
-                return invalid(format!("checkpoint {} occurs twice; give each its own number", checkpoint.number));
+                return invalid(format!(
+                    "checkpoint {} occurs twice; give each its own number",
+                    checkpoint.number
+                ));
             }
         }
         if self.algorithms.is_empty() {
