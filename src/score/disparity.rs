@@ -21,21 +21,42 @@ impl DisparityScore {
     /// Compares `map` with `truth`; both are of one size.
     pub fn of(map: &DisparityMap, truth: &Truth) -> Self {
         debug_assert_eq!(map.size(), truth.disparity.size());
+        let mask = truth.visibility.as_ref();
         let mut score = Self::default();
-        // Not `for`, which is slower over rows in a chain.
-        scored_pixels(&truth.disparity, truth.visibility.as_ref()).for_each(
-            |(x, y, true_disparity)| {
-                let estimate = map.disparity().get(x, y);
-                score.pixels += 1;
-                if estimate.is_finite() {
-                    let error = (estimate - true_disparity).abs();
-                    score.estimated += 1;
-                    score.bad1 += usize::from(error > 1.0);
-                    score.bad2 += usize::from(error > 2.0);
-                }
-            },
-        );
+        for (y, truth) in truth.disparity.rows().enumerate() {
+            let visible = mask.map(|mask| mask.row(y));
+            score.add_row(map.disparity().row(y), truth, visible);
+        }
         score
+    }
+
+    /// Counts a row without a branch per pixel, so that the compiler can use vectors: a replay of
+    /// recordings with truth spends a fifth of its time here otherwise.
+    fn add_row(&mut self, estimates: &[f32], truth: &[f32], visible: Option<&[Visibility]>) {
+        let mut counts = [0u32; 4];
+        let mut count = |estimate: f32, truth: f32, is_visible: bool| {
+            let known = truth.is_finite() & is_visible;
+            let estimated = known & estimate.is_finite();
+            let error = (estimate - truth).abs();
+            counts[0] += u32::from(known);
+            counts[1] += u32::from(estimated);
+            counts[2] += u32::from(estimated & (error > 1.0));
+            counts[3] += u32::from(estimated & (error > 2.0));
+        };
+        let pixels = estimates.iter().zip(truth);
+        match visible {
+            Some(visible) => pixels
+                .zip(visible)
+                .for_each(|((&estimate, &truth), &seen)| {
+                    count(estimate, truth, seen == Visibility::Visible);
+                }),
+            None => pixels.for_each(|(&estimate, &truth)| count(estimate, truth, true)),
+        }
+        let [pixels, estimated, bad1, bad2] = counts.map(|count| count as usize);
+        self.pixels += pixels;
+        self.estimated += estimated;
+        self.bad1 += bad1;
+        self.bad2 += bad2;
     }
 
     /// Share of the estimates that are off by more than one pixel; nothing where there is no
