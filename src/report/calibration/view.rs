@@ -272,6 +272,7 @@ fn drawn(page: &CalibrationPage<'_>, id: usize, all: &[Corner], magnified: f64) 
         let _ = write!(scatter, "M{dx:.4} {dy:.4}h0");
     }
     let columns = page.solution.board.0;
+    // The outline of the board: its four outer corners in order.
     let ends = [0, columns - 1, all.len() - 1, all.len() - columns].map(|i| all[i].seen);
     let board = ends.map(|(x, y)| format!("{x:.1} {y:.1}")).join("L");
     ImageDrawing {

@@ -101,6 +101,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
     let (mut folder, claimed) = ReportFolder::claim(&args.output, source, args.force)?;
+    // The calibration is written last, but its path is claimed before the user spends time on
+    // views.
     let mut outputs = outputs.and(claimed);
     outputs.set_aside()?;
     let answers = if args.yes {
@@ -123,7 +125,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let calibrated = calibrate(args, board, opened, prompt, &mut folder, quiet);
     match (&calibrated, folder.pairs()) {
         (Ok(()), _) => outputs.commit(),
-        // The accepted pairs are of use for another attempt.
+        // The accepted pairs are the source of another attempt.
         (Err(_), 1..) => outputs.keep_both(),
         (Err(_), 0) => {}
     }
@@ -155,6 +157,7 @@ fn calibrate(
         Ok(rectification) => {
             solution.calibration = solution.calibration.with_rectification(rectification)
         }
+        // Intrinsics and extrinsics are still of use without a rectification.
         Err(error) => tracing::warn!("not rectified: {error}"),
     }
     for left_out in files::write(&args.output, &solution.calibration)? {

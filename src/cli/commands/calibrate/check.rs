@@ -75,6 +75,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } else {
         print(&text(&name, &alignment))?
     }
+    // The report comes first; then the exit code says that the pairs are not rectified.
     if alignment.is_off() {
         let off = alignment.median_abs_px;
         bail!(

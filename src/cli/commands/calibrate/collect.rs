@@ -47,6 +47,7 @@ pub(super) fn collect(
     folder: &mut ReportFolder,
     quiet: bool,
 ) -> anyhow::Result<Collected> {
+    // Ctrl-C ends the collection, not the program: what was accepted is calibrated.
     listen_for_interrupt();
     let bar = bar(&opened, quiet);
     let mut detector = PairDetector::new(board)?;

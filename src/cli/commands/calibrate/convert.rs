@@ -117,6 +117,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Some(format) => format,
         None => files::written_as(&args.output).map_err(usage::wrong)?,
     };
+    // Names and endings are usage errors; they come before anything is read.
     let outputs = files::outputs(&args.output, to).map_err(usage::wrong)?;
     let inputs = files::inputs(&args.input)?;
     if inputs

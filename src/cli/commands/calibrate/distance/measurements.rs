@@ -103,8 +103,10 @@ fn table(
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
         .from_reader(file.take(MAX_BYTES));
+    // Recordings are named relative to the table, so that both can move together.
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut found = Vec::new();
+    // One row beyond the limit is read, so that the caller sees that there are too many.
     for (number, line) in reader.deserialize().take(MOST + 1).enumerate() {
         let TableLine {
             distance_cm,

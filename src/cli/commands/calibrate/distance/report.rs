@@ -234,6 +234,7 @@ impl DistanceReport {
     pub(super) fn table(&self) -> Result<String, fmt::Error> {
         let mut text = String::from("disparity_px,polynomial_cm,pinhole_cm,pinhole_deviation_cm\n");
         let largest = self.pairs.iter().map(|(_, px)| *px).fold(0.0, f64::max);
+        // Without a valid distance no disparity is large enough.
         let farthest = self.farthest().map_or(f64::INFINITY, |(_, px)| px);
         let decimals = |cm: Option<f64>| cm.map(|cm| format!("{cm:.2}")).unwrap_or_default();
         for px in (1..=largest.ceil() as u32).map(f64::from) {
