@@ -322,7 +322,7 @@ mod tests {
         for (seen, word) in cases {
             assert_eq!(chooser.judge(None, &seen).unwrap_err().to_string(), word);
         }
-        // What somebody did not want is not offered again.
+        // A declined view is not offered again.
         let offered = chooser.judge(None, &seen(&view)).unwrap();
         chooser.decline(&offered);
         assert_eq!(chooser.judge(None, &seen(&view)), Err(Refusal::NothingNew));

@@ -44,8 +44,8 @@ impl RoughPose {
         ];
         let [along, down, first] =
             homography(quad)?.map(|v| Vector3::new(v.x / FOCAL, v.y / FOCAL, v.z));
-        // H = K [r1 r2 t] up to scale: with an assumed K its columns are two board axes and the first
-        // corner; dividing by the number of squares gives lengths in squares.
+        // H = K [r1 r2 t] up to scale: with an assumed K its columns are two board axes and the
+        // first corner; dividing by the number of squares gives lengths in squares.
         let (along, down) = (along / (columns - 1) as f64, down / (rows - 1) as f64);
         let normal = Unit::try_new(along.cross(&down), f64::MIN_POSITIVE)?;
         let distance = first.norm() / (along.norm() * down.norm()).sqrt();

@@ -24,7 +24,7 @@ fn half_camera() -> Intrinsics {
     .unwrap()
 }
 
-/// The middle of the board at `(x, y, z)` squares, turned by `angles`.
+/// The middle of the board at `(x, y, z)` squares, rotated by `angles`.
 fn pose(board: &Board, at: [f64; 3], angles: [f64; 3]) -> Isometry3<f64> {
     let middle = Vector3::new((board.columns() - 1) as f64, (board.rows() - 1) as f64, 0.0) / 2.0;
     let turn = UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2]);
@@ -190,7 +190,7 @@ fn the_first_corner_is_the_same_in_both_images() {
                 place(&right.corners, &right_truth),
                 "{sides:?} {turn}"
             );
-            // One side even, the other odd: the colours tell.
+            // One side even, the other odd: the colours determine the first corner.
             assert!(
                 first == 0 || (sides.0 + sides.1) % 2 == 0,
                 "{sides:?} {turn}: {first}"

@@ -77,7 +77,8 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
             format!("is not a calibration that svl knows: {names}"),
         ));
     };
-    // A file of the wrong number is told apart here, where all names are known for the message.
+    // One file instead of two, or two instead of one: checked here, where the message can name
+    // both.
     match (paths.len(), format.single, format.pairs) {
         (1, false, [[left, right], ..]) => {
             let cure = format!("name both, `{left},{right}`, or their folder");

@@ -284,8 +284,8 @@ pub(super) fn in_front(board: &[Point3<f64>], pose: &Isometry3<f64>) -> bool {
 pub(super) mod tests {
     use super::*;
 
-    /// Two cameras of which one is turned, and what they see of a board in three poses, off by some
-    /// pixels.
+    /// Two cameras, one of them rotated, and their views of a board in three poses, with errors of
+    /// some pixels.
     pub fn pair() -> BundleProblem {
         let intrinsics = |f: f64, k1: f64| {
             Intrinsics::new(

@@ -228,7 +228,7 @@ fn calibrate_pair(
             let pose = start::seen_pose(intrinsics, &bundle.board, pixels)?;
             Some(bundle.cameras[camera].from_first.inverse() * pose)
         };
-        // The two images alone may tell how the board moved between the exposures.
+        // The poses in the two images alone show how the board moved between the exposures.
         let motion = seen(0)
             .zip(seen(1))
             .map(|(left, right)| left.inverse() * right);
