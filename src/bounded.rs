@@ -1,15 +1,15 @@
-//! Whole files, no larger than they may be.
+//! Reads whole files up to a limit of their size.
 
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Reads a file of at most `max_bytes` whole.
+/// Reads a whole file of at most `max_bytes`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what is empty, larger, or no file (a folder, a device, a
-/// pipe).
+/// [`Error::Io`]; [`Error::Format`] for an empty file, a larger one, and what is not a regular file
+/// (a folder, a device, a pipe).
 pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let io = |e| Error::io(path, e);
     let kind = std::fs::metadata(path).map_err(io)?.file_type();

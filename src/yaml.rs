@@ -1,24 +1,24 @@
-//! YAML without what no calibration and no bag needs: aliases and deep nesting are refused, tags
-//! are passed over.
+//! A subset of YAML for calibrations and bags: aliases and deep nesting are refused, tags are
+//! ignored.
 
 use saphyr_parser::{Event, Parser};
 use std::collections::BTreeMap;
 
-/// Deepest nesting; the deepest bag has nine levels, the deepest calibration four.
+/// Limit of nesting; bags have up to nine levels, calibrations four.
 pub(crate) const MAX_DEPTH: usize = 16;
 
-/// Text of a value, a list, or named values.
+/// A scalar as text, a sequence, or a mapping.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Node {
+pub(crate) enum YamlNode {
     Value(String),
-    List(Vec<Node>),
-    Table(BTreeMap<String, Node>),
+    List(Vec<YamlNode>),
+    Table(BTreeMap<String, YamlNode>),
 }
 
 /// # Errors
-/// What is wrong, with its line.
-pub(crate) fn parse(text: &str) -> Result<Node, String> {
-    // OpenCV's first line, `%YAML:1.0`, is no YAML; as a comment it does no harm.
+/// What is wrong, with the line.
+pub(crate) fn parse(text: &str) -> Result<YamlNode, String> {
+    // OpenCV's first line, `%YAML:1.0`, is not a YAML directive; it becomes a comment.
     let text = match text.strip_prefix('%') {
         Some(rest) => format!("#{rest}"),
         None => text.to_owned(),
@@ -33,17 +33,17 @@ pub(crate) fn parse(text: &str) -> Result<Node, String> {
     tree.root.ok_or_else(|| "holds no YAML".into())
 }
 
-/// A tree that grows with the events.
+/// The tree built so far from parser events.
 #[derive(Default)]
 struct Tree {
-    root: Option<Node>,
-    open: Vec<Open>,
+    root: Option<YamlNode>,
+    open: Vec<OpenNode>,
 }
 
-/// A node whose end is still to come.
-enum Open {
-    List(Vec<Node>),
-    Table(BTreeMap<String, Node>, Option<String>),
+/// A sequence or mapping that is not closed yet, with the key that waits for its value.
+enum OpenNode {
+    List(Vec<YamlNode>),
+    Table(BTreeMap<String, YamlNode>, Option<String>),
 }
 
 impl Tree {
@@ -52,12 +52,12 @@ impl Tree {
             Event::Alias(_) => {
                 Err("an alias (*), which is not read; write the value itself".into())
             }
-            Event::Scalar(text, ..) => self.put(Node::Value(text.into_owned())),
-            Event::SequenceStart(..) => self.open(Open::List(Vec::new())),
-            Event::MappingStart(..) => self.open(Open::Table(BTreeMap::new(), None)),
+            Event::Scalar(text, ..) => self.put(YamlNode::Value(text.into_owned())),
+            Event::SequenceStart(..) => self.open(OpenNode::List(Vec::new())),
+            Event::MappingStart(..) => self.open(OpenNode::Table(BTreeMap::new(), None)),
             Event::SequenceEnd | Event::MappingEnd => match self.open.pop() {
-                Some(Open::List(list)) => self.put(Node::List(list)),
-                Some(Open::Table(table, _)) => self.put(Node::Table(table)),
+                Some(OpenNode::List(list)) => self.put(YamlNode::List(list)),
+                Some(OpenNode::Table(table, _)) => self.put(YamlNode::Table(table)),
                 None => Ok(()),
             },
             Event::Nothing | Event::StreamStart | Event::StreamEnd => Ok(()),
@@ -65,7 +65,7 @@ impl Tree {
         }
     }
 
-    fn open(&mut self, open: Open) -> Result<(), String> {
+    fn open(&mut self, open: OpenNode) -> Result<(), String> {
         if self.open.len() == MAX_DEPTH {
             return Err(format!(
                 "more than {MAX_DEPTH} levels, which no file that svl reads has"
@@ -75,13 +75,13 @@ impl Tree {
         Ok(())
     }
 
-    fn put(&mut self, node: Node) -> Result<(), String> {
+    fn put(&mut self, node: YamlNode) -> Result<(), String> {
         match self.open.last_mut() {
             None if self.root.is_some() => return Err("a second document, expected one".into()),
             None => self.root = Some(node),
-            Some(Open::List(list)) => list.push(node),
-            Some(Open::Table(table, key)) => match (key.take(), node) {
-                (None, Node::Value(name)) => *key = Some(name),
+            Some(OpenNode::List(list)) => list.push(node),
+            Some(OpenNode::Table(table, key)) => match (key.take(), node) {
+                (None, YamlNode::Value(name)) => *key = Some(name),
                 (None, _) => return Err("a key that is a list or a table".into()),
                 (Some(name), node) => {
                     if table.insert(name.clone(), node).is_some() {
@@ -109,14 +109,14 @@ mod tests {
             let text = format!(
                 "{header}K: !!opencv-matrix\n   rows: 1\n   data: [ 1., -2.5e-01,\n       .5 ]\n"
             );
-            let Node::Table(root) = parse(&text).unwrap() else {
+            let YamlNode::Table(root) = parse(&text).unwrap() else {
                 panic!()
             };
-            let Node::Table(matrix) = &root["K"] else {
+            let YamlNode::Table(matrix) = &root["K"] else {
                 panic!()
             };
-            let values = ["1.", "-2.5e-01", ".5"].map(|v| Node::Value(v.into()));
-            assert_eq!(matrix["data"], Node::List(values.into()), "{header:?}");
+            let values = ["1.", "-2.5e-01", ".5"].map(|v| YamlNode::Value(v.into()));
+            assert_eq!(matrix["data"], YamlNode::List(values.into()), "{header:?}");
         }
     }
 

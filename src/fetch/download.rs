@@ -1,4 +1,4 @@
-//! One file over HTTP, going on where an earlier download ended.
+//! Downloads one file over HTTP and resumes an earlier download.
 
 use super::{CHUNK, STOPPED, Watch, unfinished};
 use crate::error::{Error, Result};
@@ -9,16 +9,15 @@ use std::time::Duration;
 use ureq::http::{Response, StatusCode, header};
 use ureq::{Agent, Body};
 
-/// Largest file that is taken, bytes: four times the largest archive of a data set.
+/// Limit of a file's size in bytes: four times the largest archive of a data set.
 const MAX_BYTES: u64 = 8 << 30;
 
-/// How often a connection may break before any byte came over it.
+/// Limit of connections in a row that break before any byte came.
 const MAX_IDLE_BREAKS: u32 = 3;
 
-/// Downloads `url` to `path`, which must not exist. Until it is whole the file is called
-/// `path.part`; one that is there is continued (RFC 9110, section 14). A connection that breaks is
-/// taken up again. That the file is still the same then is for the archive's CRCs and the receipts
-/// to see.
+/// Downloads `url` to `path`, which must not exist. Until it is complete the file is called
+/// `path.part`; one that exists is resumed (RFC 9110, section 14), also after a connection broke.
+/// Whether the published file changed in between, the archive's CRCs and the receipts show.
 ///
 /// # Errors
 /// [`Error::Download`] with the cure: no network, no such file, an answer that is not the file, or
@@ -30,8 +29,8 @@ pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
     loop {
         let before = length(&part);
         match attempt(&agent, url, &part, watch)? {
-            Came::Whole => break,
-            Came::Broken(reason) => {
+            Attempt::Whole => break,
+            Attempt::Broken(reason) => {
                 idle_breaks = if length(&part) > before {
                     0
                 } else {
@@ -45,17 +44,17 @@ pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
                     return Err(Error::download(url, reason));
                 }
             }
-            Came::Stale => std::fs::remove_file(&part).map_err(|e| Error::io(&part, e))?,
+            Attempt::Stale => std::fs::remove_file(&part).map_err(|e| Error::io(&part, e))?,
         }
     }
     std::fs::rename(&part, path).map_err(|e| Error::io(path, e))
 }
 
-/// How one request ended.
-enum Came {
+/// Outcome of one request.
+enum Attempt {
     Whole,
     Broken(String),
-    /// What is there is more than the file has: it is of another one.
+    /// The partial file is longer than the published one: it is of another file.
     Stale,
 }
 
@@ -69,9 +68,9 @@ fn agent() -> Agent {
     config.build().new_agent()
 }
 
-fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<Came> {
+fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<Attempt> {
     let mut done = length(part);
-    // A server that compresses on the way would count other bytes than the file's.
+    // With compression, ranges would count other bytes than those of the file.
     let mut request = agent.get(url).header(header::ACCEPT_ENCODING, "identity");
     if done > 0 {
         request = request.header(header::RANGE, format!("bytes={done}-"));
@@ -87,16 +86,16 @@ fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<Ca
                 ));
             }
         },
-        // No ranges here: from the beginning.
+        // The server does not support ranges: start over.
         StatusCode::OK => {
             done = 0;
             response.body().content_length()
         }
         StatusCode::RANGE_NOT_SATISFIABLE if done > 0 => {
             return Ok(if range(&response) == Some((None, Some(done))) {
-                Came::Whole
+                Attempt::Whole
             } else {
-                Came::Stale
+                Attempt::Stale
             });
         }
         status => return Err(refused(url, status)),
@@ -129,7 +128,7 @@ fn receive(
     (mut done, total): (u64, Option<u64>),
     part: &Path,
     watch: Watch<'_>,
-) -> Result<Came> {
+) -> Result<Attempt> {
     let mut body = body.as_reader();
     let mut chunk = vec![0; CHUNK];
     loop {
@@ -138,15 +137,15 @@ fn receive(
         }
         match body.read(&mut chunk) {
             Ok(0) if total.is_some_and(|total| done < total) => {
-                return Ok(Came::Broken("cut short".into()));
+                return Ok(Attempt::Broken("cut short".into()));
             }
-            Ok(0) => return Ok(Came::Whole),
+            Ok(0) => return Ok(Attempt::Whole),
             Ok(n) => {
                 file.write_all(&chunk[..n])
                     .map_err(|e| Error::io(part, e))?;
                 done += n as u64;
             }
-            Err(error) => return Ok(Came::Broken(error.to_string())),
+            Err(error) => return Ok(Attempt::Broken(error.to_string())),
         }
         if done > total.unwrap_or(MAX_BYTES) {
             return Err(too_large(url));
@@ -154,8 +153,7 @@ fn receive(
     }
 }
 
-/// First byte and whole length that `Content-Range` tells: `bytes 5-9/10`, `bytes 5-9/*`, or
-/// `bytes */10`.
+/// First byte and total length in `Content-Range`: `bytes 5-9/10`, `bytes 5-9/*`, or `bytes */10`.
 fn range(response: &Response<Body>) -> Option<(Option<u64>, Option<u64>)> {
     let text = response
         .headers()

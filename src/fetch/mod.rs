@@ -1,5 +1,4 @@
-//! Getting files from where they are published: download, check, unpack. All that arrives is taken
-//! for hostile.
+//! Fetches published data sets: download, checksums, unpacking. Input is untrusted.
 
 mod download;
 mod receipt;
@@ -12,16 +11,16 @@ pub use unpack::{Unpacked, is_archive, unpack};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Told how many bytes are done, and of how many where that is known; says whether to go on.
+/// Progress callback: bytes done, and in all where that is known; returns whether to go on.
 pub type Watch<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> bool;
 
-/// Why something ended that [`Watch`] said should end.
+/// The error after [`Watch`] returned false.
 const STOPPED: &str = "stopped; run it again to go on from there";
 
-/// Bytes moved at once.
+/// Bytes copied at a time.
 const CHUNK: usize = 1 << 17;
 
-/// Where a file is made before it has its name: what has the name is whole.
+/// The name of a file until it is complete, so that a file with its final name always is.
 fn unfinished(path: &Path) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(".part");

@@ -1,4 +1,4 @@
-//! What was fetched, remembered beside it: publishers of data sets give no checksums, so the first
+//! Receipts of fetched files, with their checksums: publishers of data sets give none, so the first
 //! fetch sets them.
 
 use super::{CHUNK, STOPPED, Watch, unfinished};
@@ -17,12 +17,12 @@ const MAX_BYTES: u64 = 1 << 24;
 /// One file that was fetched.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receipt {
-    /// Where it came from.
+    /// URL or path of the source.
     pub from: String,
     pub bytes: u64,
     /// In hexadecimal.
     pub sha256: String,
-    /// What it became, below the folder of the receipts.
+    /// Files and folders made of it, relative to the folder of the receipts.
     pub made: Vec<String>,
 }
 
@@ -34,7 +34,7 @@ pub struct Receipts {
 }
 
 impl Receipts {
-    /// Those of `folder`; none where nothing was fetched.
+    /// Reads the receipts of `folder`; none where nothing was fetched.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for receipts svl did not write.
@@ -52,7 +52,7 @@ impl Receipts {
         Ok(Self { path, by_name })
     }
 
-    /// Whether the file called `name` was fetched and what it became is still there.
+    /// Whether the file `name` was fetched and everything made of it still exists.
     pub fn fulfilled(&self, name: &str) -> bool {
         let folder = self.path.parent().unwrap_or(Path::new("."));
         self.by_name
@@ -60,7 +60,7 @@ impl Receipts {
             .is_some_and(|receipt| receipt.made.iter().all(|made| folder.join(made).exists()))
     }
 
-    /// Whether a file with this checksum is the one that was fetched before under that name.
+    /// Checks that a file has the checksum of the one fetched before under that name.
     ///
     /// # Errors
     /// [`Error::Format`] with both checksums when it is not.

@@ -1,5 +1,5 @@
-//! Zip and 7z archives. Nothing leaves the folder, no link is made, nothing is replaced, sizes are
-//! bounded beforehand.
+//! Unpacks zip and 7z archives. Nothing is written outside the folder, no link is created, nothing
+//! is replaced, sizes are checked beforehand.
 
 use super::{CHUNK, STOPPED, Watch, unfinished};
 use crate::error::{Error, Result};
@@ -8,45 +8,45 @@ use std::fs::File;
 use std::io::{BufReader, Read, Write};
 use std::path::{Component, Path, PathBuf};
 
-/// Largest number of entries of an archive.
+/// Limit of entries in an archive.
 const MAX_ENTRIES: usize = 1 << 20;
 
-/// How many times its own size an archive may hold, beyond a first [`MAX_FREE`] bytes: images
-/// hardly shrink, a map of disparities by ten at most, a bomb by a thousand.
+/// Limit of the compression ratio, beyond the first [`MAX_FREE`] bytes: images hardly shrink,
+/// disparity maps by ten at most, a zip bomb by a thousand.
 const MAX_RATIO: u64 = 100;
 const MAX_FREE: u64 = 1 << 24;
 
-/// Longest name of an entry, bytes.
+/// Limit of an entry's name in bytes.
 const MAX_NAME: usize = 1024;
 
-/// What unpacking made.
+/// Outcome of unpacking.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Unpacked {
     /// Files written.
     pub written: usize,
-    /// Files that were there already and stay as they were.
+    /// Files that existed and were kept.
     pub kept: usize,
-    /// What the archive has at its top.
+    /// Top-level names in the archive.
     pub top: BTreeSet<String>,
 }
 
-/// Whether `name` is that of an archive [`unpack`] takes.
+/// Whether `name` is that of an archive that [`unpack`] reads.
 pub fn is_archive(name: &str) -> bool {
     [".zip", ".7z"].iter().any(|ending| name.ends_with(ending))
 }
 
-/// Unpacks an archive into `folder`, which is made. Every file appears under its name only when it
-/// is whole and its CRC right; what is there already stays.
+/// Unpacks an archive into `folder`, which is created. Every file gets its name only when it is
+/// complete and its CRC matches; existing files are kept.
 ///
 /// # Errors
-/// [`Error::Format`] for what is no archive, is damaged, wants to write elsewhere or holds absurdly
-/// much, or when `watch` says stop; [`Error::Io`].
+/// [`Error::Format`] for a file that is not an archive or is damaged, for entries outside the
+/// folder or of absurd size, or when `watch` returns false; [`Error::Io`].
 pub fn unpack(archive: &Path, folder: &Path, watch: Watch<'_>) -> Result<Unpacked> {
     let file = File::open(archive).map_err(|e| Error::io(archive, e))?;
     let length = file.metadata().map_err(|e| Error::io(archive, e))?.len();
     let most = length.saturating_mul(MAX_RATIO).saturating_add(MAX_FREE);
     let file = BufReader::with_capacity(CHUNK, file);
-    let target = Target {
+    let target = Unpacker {
         archive,
         folder,
         watch,
@@ -64,11 +64,11 @@ pub fn unpack(archive: &Path, folder: &Path, watch: Watch<'_>) -> Result<Unpacke
     }
 }
 
-fn zip(file: BufReader<File>, most: u64, mut target: Target<'_>) -> Result<Unpacked> {
+fn zip(file: BufReader<File>, most: u64, mut target: Unpacker<'_>) -> Result<Unpacked> {
     let path = target.archive;
     let broken = |e: zip::result::ZipError| damaged(path, &e);
     let mut archive = zip::ZipArchive::new(file).map_err(broken)?;
-    // An entry that lies about its size is caught when it is written.
+    // A wrong size of an entry is found when it is written.
     let mut sizes = Vec::new();
     for index in 0..archive.len() {
         sizes.push(archive.by_index_raw(index).map_err(broken)?.size());
@@ -78,16 +78,16 @@ fn zip(file: BufReader<File>, most: u64, mut target: Target<'_>) -> Result<Unpac
         let mut entry = archive.by_index(index).map_err(broken)?;
         let (name, size) = (entry.name().map_err(broken)?.into_owned(), entry.size());
         let kind = match (entry.is_symlink(), entry.is_dir()) {
-            (true, _) => Kind::Other,
-            (_, true) => Kind::Folder,
-            _ => Kind::File(size),
+            (true, _) => EntryKind::Other,
+            (_, true) => EntryKind::Folder,
+            _ => EntryKind::File(size),
         };
         target.take(&name, kind, &mut entry)?;
     }
     Ok(target.made)
 }
 
-fn seven(file: BufReader<File>, most: u64, mut target: Target<'_>) -> Result<Unpacked> {
+fn seven(file: BufReader<File>, most: u64, mut target: Unpacker<'_>) -> Result<Unpacked> {
     let path = target.archive;
     let broken = |e: sevenz_rust2::Error| damaged(path, &e);
     let mut archive =
@@ -103,12 +103,12 @@ fn seven(file: BufReader<File>, most: u64, mut target: Target<'_>) -> Result<Unp
     )?;
     let mut failure = None;
     let walked = archive.for_each_entries(|entry, bytes| {
-        // Unix keeps the kind of a file in the upper half; 0o120000 is a link.
+        // Unix archivers keep the file mode in the upper half; 0o120000 is a symbolic link.
         let link = entry.windows_attributes >> 16 & 0o170_000 == 0o120_000;
         let kind = match (link || entry.is_anti_item, entry.is_directory) {
-            (true, _) => Kind::Other,
-            (_, true) => Kind::Folder,
-            _ => Kind::File(entry.size),
+            (true, _) => EntryKind::Other,
+            (_, true) => EntryKind::Folder,
+            _ => EntryKind::File(entry.size),
         };
         failure = target.take(&entry.name, kind, bytes).err();
         Ok(failure.is_none())
@@ -126,16 +126,16 @@ fn damaged(archive: &Path, error: &dyn std::fmt::Display) -> Error {
     )
 }
 
-/// What an entry is.
-enum Kind {
+/// Kind of an entry.
+enum EntryKind {
     /// With its size in bytes.
     File(u64),
     Folder,
     Other,
 }
 
-/// Where entries go, and what has become of them.
-struct Target<'a> {
+/// Writes the entries of one archive.
+struct Unpacker<'a> {
     archive: &'a Path,
     folder: &'a Path,
     watch: Watch<'a>,
@@ -144,7 +144,7 @@ struct Target<'a> {
     made: Unpacked,
 }
 
-impl Target<'_> {
+impl Unpacker<'_> {
     /// Refuses an archive whose entries are too many or hold more than `most` bytes.
     fn expect(&mut self, sizes: Vec<u64>, most: u64) -> Result<()> {
         self.total = sizes
@@ -164,7 +164,7 @@ impl Target<'_> {
         std::fs::create_dir_all(self.folder).map_err(|e| Error::io(self.folder, e))
     }
 
-    fn take(&mut self, name: &str, kind: Kind, bytes: &mut dyn Read) -> Result<()> {
+    fn take(&mut self, name: &str, kind: EntryKind, bytes: &mut dyn Read) -> Result<()> {
         let refuse = |why: &str| {
             let shown: String = name
                 .chars()
@@ -178,21 +178,21 @@ impl Target<'_> {
         };
         let inside = inside(name).ok_or_else(|| refuse("would be written outside its folder"))?;
         let size = match kind {
-            Kind::Other => return Err(refuse("is a link or a deletion")),
-            Kind::Folder => 0,
-            Kind::File(size) => size,
+            EntryKind::Other => return Err(refuse("is a link or a deletion")),
+            EntryKind::Folder => 0,
+            EntryKind::File(size) => size,
         };
         if let Some(Component::Normal(top)) = inside.components().next() {
             self.made.top.insert(top.to_string_lossy().into_owned());
         }
         let path = self.folder.join(inside);
-        let folder = if matches!(kind, Kind::Folder) {
+        let folder = if matches!(kind, EntryKind::Folder) {
             &path
         } else {
             path.parent().unwrap_or(self.folder)
         };
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        if matches!(kind, Kind::Folder) {
+        if matches!(kind, EntryKind::Folder) {
             return Ok(());
         }
         if path.symlink_metadata().is_ok() {
@@ -234,8 +234,8 @@ impl Target<'_> {
     }
 }
 
-/// The path below a folder that an entry's name means; nothing where it would be elsewhere or not
-/// be portable.
+/// The relative path of an entry's name; nothing where it would leave the folder or is not
+/// portable.
 fn inside(name: &str) -> Option<PathBuf> {
     let strange = |c: char| c.is_control() || c == '\\' || c == ':';
     let path = Path::new(name);

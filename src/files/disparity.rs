@@ -39,7 +39,7 @@ pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Res
     Plane::from_vec(width, height, values)
 }
 
-/// KITTI's multiple of the disparity, which 16-bit images hold.
+/// KITTI's 16-bit images hold 256 times the disparity.
 const KITTI_SCALE: f32 = 256.0;
 
 /// Reads true disparities, `+∞` where unknown, by the file's ending: `.pfm`, `.npz`, or a grey
@@ -53,9 +53,8 @@ pub fn read_truth(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
     Ok(known(&values(path, scale.unwrap_or(KITTI_SCALE), scale)?))
 }
 
-/// As [`read_truth`], for what is to be judged: what has no disparity is `+∞` there, so that
-/// anything else which is not finite is a mistake. Images of 16 bits are KITTI's, whatever the
-/// scale of a truth.
+/// As [`read_truth`], for estimates to be scored: a pixel without disparity is `+∞`, and other
+/// non-finite values are errors. Images of 16 bits always have KITTI's scale.
 ///
 /// # Errors
 /// [`Error::Format`] besides, for NaN and `-∞`.
@@ -75,7 +74,7 @@ pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
     Ok(values)
 }
 
-/// What a file holds, images divided by their scale and `+∞` where they are 0.
+/// The values in a file; those of images are divided by the scale, 0 is `+∞`.
 fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>> {
     if has_ending(path, "pfm") {
         return pfm::values(path);
@@ -115,7 +114,7 @@ fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>
     Plane::from_vec(width, height, values)
 }
 
-/// Whether a file is called so, in small letters or capitals.
+/// Whether a file has this extension, in lower or upper case.
 pub fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case(ending))

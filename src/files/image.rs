@@ -17,7 +17,7 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
     decode_bytes(&bytes).map_err(wrong)
 }
 
-/// As [`decode`], of a file that is in memory.
+/// As [`decode`], for a file in memory.
 pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
@@ -41,7 +41,7 @@ pub fn read_gray(path: &Path) -> Result<Gray> {
     gray(decode(path)?)
 }
 
-/// As [`read_gray`], of a file that is in memory.
+/// As [`read_gray`], for a file in memory.
 pub(crate) fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
     gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
 }
@@ -89,7 +89,7 @@ pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
 /// A PNG of interleaved `rgb` (3 bytes a pixel) or grey (1 byte), `width` x `height`.
 ///
 /// # Errors
-/// [`Error::Size`] when the bytes are not that many.
+/// [`Error::Size`] for another number of bytes.
 pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>> {
     let color = if pixels.len() == width * height {
         ColorType::L8

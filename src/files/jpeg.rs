@@ -1,4 +1,4 @@
-//! JPEG, strictly: an image of which data are missing is no image.
+//! Strict JPEG decoding: an image with missing data is an error.
 
 use crate::stereo::MAX_SIDE;
 use image::{DynamicImage, GrayImage, RgbImage};
@@ -13,12 +13,12 @@ const END: u8 = 0xD9;
 const RESTART_0: u8 = 0xD0;
 const RESTART_7: u8 = 0xD7;
 
-/// A segment which says that this is one image of many. Frames of many cameras lack the Huffman
-/// tables, and with this the decoder takes those of the standard (ITU-T T.81, K.3).
+/// A segment that marks a frame of Motion JPEG. Many cameras omit the Huffman tables, and with this
+/// segment the decoder takes the standard ones (ITU-T T.81, K.3).
 const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
 
-/// 128 ones, each byte with the zero that says it is no marker: twice as many as the decoder reads
-/// ahead.
+/// 128 one bits, each byte with the stuffed zero that makes it no marker: twice as many as the
+/// decoder reads ahead.
 const ONES: [u8; 32] =
     *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
 
@@ -48,8 +48,7 @@ pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     image.ok_or_else(|| format!("a JPEG of {width}x{height} pixels with fewer than these"))
 }
 
-/// The brightness of a camera's image, without its colours; in a few words what is wrong where it
-/// is not of that size.
+/// The luma of a camera's image, or an error in a few words, also for another size.
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub(crate) fn brightness(
     jpeg: &[u8],
@@ -73,8 +72,8 @@ fn open(jpeg: &[u8]) -> Result<(Decoder, (usize, usize)), String> {
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(guarded(jpeg)?), options);
     decoder.decode_headers().map_err(|e| broken(&e))?;
     let (width, height) = decoder.dimensions().unwrap_or_default();
-    // A block of 8x8 pixels takes a bit at least. Room is made for what the file can hold, not for
-    // what it claims.
+    // A block of 8x8 pixels takes at least a bit: memory is allocated for what the file can hold,
+    // not for what it claims.
     if width * height > 64 * 8 * jpeg.len() {
         return Err(format!(
             "a JPEG of {width}x{height} pixels in {} bytes",
@@ -98,9 +97,10 @@ fn broken(error: &DecodeErrors) -> String {
 
 /// The image up to its end marker, with ones before each marker that ends coded data for good.
 ///
-/// Where a marker comes too early, the decoder makes up the rest, strict or not. No code consists
-/// of ones (ITU-T T.81, annex C), so a decoder that reads on meets them and fails. Between the
-/// scans of an image there are none: there it looks for the marker right behind the last code.
+/// Where a marker comes too early, the decoder invents the rest, strict or not. No Huffman code
+/// consists of ones (ITU-T T.81, annex C), so a decoder that reads on fails at them. Between the
+/// scans of an image none are inserted: there the decoder expects the marker right after the last
+/// code.
 fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
     let cut = || {
         format!(
@@ -132,8 +132,7 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
                 ]
                 .concat());
             }
-            // A segment with its length. What looks like markers in it, as those of a small
-            // picture, are none.
+            // A segment with its length; markers inside, as of a thumbnail, do not count.
             _ => {
                 let length = jpeg.get(marker + 2..marker + 4).ok_or_else(cut)?;
                 at = marker + 2 + usize::from(u16::from_be_bytes([length[0], length[1]]));
@@ -142,7 +141,7 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
     }
 }
 
-/// How far the next marker is: 0xFF before what is neither 0, as in coded data, nor another 0xFF.
+/// Offset of the next marker: 0xFF followed neither by 0, as in coded data, nor by another 0xFF.
 fn to_marker(bytes: &[u8]) -> Option<usize> {
     bytes
         .windows(2)

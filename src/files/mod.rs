@@ -1,5 +1,4 @@
-//! Images and disparity maps on disk. Everything read here is taken for hostile: sizes are bounded
-//! before memory is.
+//! Image and disparity files. Input is untrusted: sizes are checked before memory is allocated.
 
 mod disparity;
 mod image;
@@ -22,7 +21,7 @@ pub use picture::{encode_jpeg, encode_palette_png};
 
 use crate::stereo::Plane;
 
-/// Largest image or map that is read, bytes.
+/// Limit of the size of an image or map file, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
 /// The rows of an image in memory: `height` rows of `row_bytes` bytes, each `stride` bytes after

@@ -1,4 +1,4 @@
-//! NumPy's npz: arrays in a zip archive, of which svl reads the one that is a plane of floats.
+//! NumPy's npz: a zip archive with one array, a plane of floats.
 
 use super::{MAX_BYTES, known, read_bounded};
 use crate::error::{Error, Result};
@@ -6,7 +6,7 @@ use crate::stereo::{MAX_SIDE, Plane};
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-/// Longest header that is read, bytes; NumPy's own are 118.
+/// Limit of the header's length in bytes; NumPy's own have 118.
 const MAX_HEADER: usize = 4096;
 
 /// Reads the only array of an npz archive, rows x columns of float32 or float64 in either byte and
@@ -19,7 +19,7 @@ pub fn read_npz(path: &Path) -> Result<Plane<f32>> {
     Ok(known(&values(path)?))
 }
 
-/// The values as they stand in the file.
+/// The values in the file, unchanged.
 pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
     parse(read_bounded(path, MAX_BYTES)?)
         .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
@@ -31,20 +31,20 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
         return Err(format!("it holds {} arrays, expected one", archive.len()));
     }
     let mut file = archive.by_index(0).map_err(|e| e.to_string())?;
-    let Header {
+    let NpyHeader {
         item,
         big_endian,
         fortran,
         width,
         height,
-    } = Header::read(&mut file)?;
+    } = NpyHeader::read(&mut file)?;
     let expected = width * height * item;
     if expected as u64 > MAX_BYTES {
         return Err(format!(
             "{width}x{height} needs {expected} bytes, more than the {MAX_BYTES} it may have"
         ));
     }
-    // One byte more: the archive's check sum is compared at the end of the array.
+    // One byte more, as the CRC of the archive is checked at the end of the array.
     let mut data = Vec::new();
     file.take(expected as u64 + 1)
         .read_to_end(&mut data)
@@ -79,9 +79,9 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
     Plane::from_fn(width, height, |x, y| float(index(x, y))).map_err(|e| e.to_string())
 }
 
-/// What stands before an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }`
-/// (NumPy Enhancement Proposal 1, "A Simple File Format for NumPy Arrays").
-struct Header {
+/// The header of an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }` (NumPy
+/// Enhancement Proposal 1, "A Simple File Format for NumPy Arrays").
+struct NpyHeader {
     /// Bytes of a value.
     item: usize,
     big_endian: bool,
@@ -90,7 +90,7 @@ struct Header {
     height: usize,
 }
 
-impl Header {
+impl NpyHeader {
     fn read(file: &mut impl Read) -> std::result::Result<Self, String> {
         let mut begin = [0; 8];
         let short = |_| "the header is cut short".to_owned();

@@ -15,7 +15,7 @@ pub fn read_pfm(path: &Path) -> Result<Plane<f32>> {
     Ok(known(&values(path)?))
 }
 
-/// The values as they stand in the file.
+/// The values in the file, unchanged.
 pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
     parse(&read_bounded(path, MAX_BYTES)?)
         .map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))

@@ -1,14 +1,14 @@
-//! Small image files for pages.
+//! Small image files for HTML pages: palette PNG and JPEG.
 
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, Plane};
 use image::codecs::jpeg::JpegEncoder;
 use image::{GrayImage, imageops};
 
-/// Quality of a JPEG: grey noise stays what it is to the eye at a fifth of a PNG's bytes.
+/// JPEG quality: grey noise looks unchanged, at a fifth of a PNG's bytes.
 const QUALITY: u8 = 78;
 
-/// A PNG of at most 256 colours: `codes` are places in `palette`, which is RGB.
+/// A PNG of at most 256 colours: `codes` are indices into `palette`, which is RGB.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a palette that is empty or too large, or a code beyond it.
@@ -24,7 +24,7 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
         )));
     }
     let half_bytes = palette.len() <= 16;
-    // A row of half bytes begins with a whole one.
+    // Each row of 4-bit codes begins at a byte.
     let packed = |row: &[u8]| -> Vec<u8> {
         if half_bytes {
             row.chunks(2)
@@ -47,7 +47,7 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
     });
     encoder.set_palette(palette.as_flattened());
     encoder.set_compression(png::Compression::High);
-    // Codes are names, not amounts: their differences mean nothing.
+    // Codes are indices, not amounts: their differences mean nothing to a filter.
     encoder.set_filter(png::Filter::NoFilter);
     encoder
         .write_header()
@@ -56,7 +56,7 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
     Ok(file)
 }
 
-/// A JPEG of `image` in at most `width` columns, in its proportions.
+/// A JPEG of `image`, scaled down to at most `width` columns.
 ///
 /// # Errors
 /// [`Error::Invalid`] with what the encoder says.

@@ -1,24 +1,24 @@
-//! A ROS 2 bag: a folder of MCAP files that one after the other are one recording.
+//! A ROS 2 bag: a folder of MCAP files that make one recording.
 
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::files::read_text;
-use crate::yaml::{self, Node};
+use crate::yaml::{self, YamlNode};
 use std::path::{Path, PathBuf};
 
-/// What rosbag2 writes beside the files when it is done.
+/// The file that rosbag2 writes beside the MCAP files when it ends.
 const METADATA: &str = "metadata.yaml";
-/// What all of the metadata stands under.
+/// Top-level key of the metadata.
 const BAG: &str = "rosbag2_bagfile_information";
-/// Largest that is read, bytes: thousands of files and topics.
+/// Limit of its size in bytes: thousands of files and topics.
 const MAX_BYTES: u64 = 1 << 22;
-/// Files that are named in a message.
+/// Limit of files listed in a message.
 const LISTED: usize = 5;
-/// What makes a bag that svl reads of any other: SQLite, and what is compressed.
+/// Converts a bag that svl does not read, in SQLite or compressed, to one that it reads.
 pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes \
                                   a bag that svl reads (pip install rosbags)";
 
-/// Whether `path` is the folder of a bag: one with its metadata, or with MCAP files and no folders.
+/// Whether `path` is the folder of a bag: with its metadata, or with MCAP files and no folders.
 pub fn is_bag(path: &Path) -> bool {
     let holds_no_folder = || {
         path.read_dir()
@@ -31,8 +31,8 @@ pub fn is_bag(path: &Path) -> bool {
 /// The files of the recording at `path`, in their order: itself, or those of a ROS 2 bag.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for a folder that is no bag, or one that svl does not read,
-/// with the cure.
+/// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, or a bag that svl does not
+/// read, with the cure.
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
@@ -70,13 +70,13 @@ pub fn only_file(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// The error where one file is wanted, and `path` is a bag of these.
+/// The error where one file is wanted, and `path` is a bag of several.
 pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
     let count = counted(files.len() as u64, "file");
     Error::format(path, format!("is a bag of {count}: {}", name_one(files)))
 }
 
-/// What a file is that begins with `start`, not as an MCAP file does, and the cure.
+/// What a file that begins with `start` is, if not MCAP, and the cure.
 pub(super) fn not_mcap(start: &[u8]) -> String {
     match start {
         [0x28, 0xB5, 0x2F, 0xFD, ..] => {
@@ -92,17 +92,17 @@ pub(super) fn not_mcap(start: &[u8]) -> String {
 /// The names of a bag's files by its metadata.
 fn names(metadata: &Path) -> Result<Vec<String>> {
     let wrong = |reason: String| Error::format(metadata, reason);
-    let Node::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)?
+    let YamlNode::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)?
     else {
         return Err(wrong("is not that of a ROS 2 bag".to_owned()));
     };
-    let Some(Node::Table(bag)) = root.remove(BAG) else {
+    let Some(YamlNode::Table(bag)) = root.remove(BAG) else {
         return Err(wrong(format!(
             "is not that of a ROS 2 bag: it has no {BAG}"
         )));
     };
     let text = |key: &str| match bag.get(key) {
-        Some(Node::Value(text)) => text.to_lowercase(),
+        Some(YamlNode::Value(text)) => text.to_lowercase(),
         _ => String::new(),
     };
     match text("storage_identifier").as_str() {
@@ -119,12 +119,12 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
             "the bag is compressed {mode} by {mode}, which svl does not read; {CONVERT}"
         )));
     }
-    let Some(Node::List(paths)) = bag.get("relative_file_paths") else {
+    let Some(YamlNode::List(paths)) = bag.get("relative_file_paths") else {
         return Err(wrong("has no list of relative_file_paths".to_owned()));
     };
-    // The name alone: rosbag2 once wrote the folder before it, and no other folder is to be read.
-    let name = |path: &Node| match path {
-        Node::Value(path) => Path::new(path).file_name()?.to_str().map(str::to_owned),
+    // Only the file name: rosbag2 once wrote the folder too, and a bag must not name other folders.
+    let name = |path: &YamlNode| match path {
+        YamlNode::Value(path) => Path::new(path).file_name()?.to_str().map(str::to_owned),
         _ => None,
     };
     let names: Option<Vec<_>> = paths.iter().map(name).collect();

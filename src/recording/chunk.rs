@@ -12,13 +12,13 @@ pub(super) struct Chunk {
     next: usize,
     /// The current record without its head.
     body: Range<usize>,
-    /// Whether its CRC was there to fit.
+    /// Whether the chunk has a CRC, which matches.
     has_crc: bool,
     zstd: zstd::bulk::Decompressor<'static>,
 }
 
-/// Bytes that a chunk's records have once decompressed, by the beginning of its record of `length`
-/// bytes; nothing where that is not how a chunk begins.
+/// Size of a chunk's records when decompressed, read from the beginning of its record of `length`
+/// bytes; nothing where that cannot be the beginning of a chunk.
 pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
     let name = u32_at(record, 28)? as usize;
     let compression = record.get(32..)?.get(..name)?;
@@ -43,7 +43,7 @@ impl Chunk {
         })
     }
 
-    /// Opens the chunk whose record holds `record`.
+    /// Decompresses and checks the chunk in the body of a record.
     ///
     /// # Errors
     /// Why it cannot be used; then it has no records.
@@ -56,7 +56,7 @@ impl Chunk {
         opened
     }
 
-    /// Leaves out what records there still are.
+    /// Skips the records that are left.
     pub(super) fn clear(&mut self) {
         self.records.clear();
         (self.next, self.body) = (0, 0..0);
@@ -98,13 +98,13 @@ impl Chunk {
         Ok(())
     }
 
-    /// Whether what it holds was checked.
+    /// Whether a CRC was checked.
     pub(super) fn has_crc(&self) -> bool {
         self.has_crc
     }
 
-    /// Whether it holds records, each of a kind that chunks have, and nothing beside them. It is at
-    /// its first one then.
+    /// Whether the chunk consists of whole records of the kinds that chunks have. Goes back to the
+    /// first one.
     pub(super) fn has_only_whole_records(&mut self) -> bool {
         let mut whole = !self.records.is_empty();
         while whole && !self.is_done() {
@@ -119,15 +119,15 @@ impl Chunk {
         self.next >= self.records.len()
     }
 
-    /// Goes to the next record and says what it is.
+    /// Advances to the next record and returns its opcode.
     ///
     /// # Errors
-    /// When the chunk ends inside of it, or it is of a kind that stands outside of chunks alone.
+    /// When the chunk ends inside the record, or the record is of a kind that chunks do not have.
     pub(super) fn advance(&mut self) -> Result<u8, &'static str> {
         let (opcode, body) = self
             .split()
             .ok_or("the rest of a chunk cannot be read: it ends inside one of its records")?;
-        // Those of other programs' own kinds may stand anywhere.
+        // Opcodes from 0x80 on are private to other programs and allowed anywhere.
         if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE | 0x80..) {
             return Err(
                 "the rest of a chunk cannot be read: what follows is none of a chunk's records",

@@ -1,17 +1,17 @@
-//! In whose messages a recording is written.
+//! The message types of a recording: svl's own or ROS 2's.
 
-use super::{Encoded, ImageFormat, Kind, PROFILE, Stamp, frame_id, geometry, gray_image, ros};
+use super::{Encoded, ImageFormat, PROFILE, RosStamp, TopicKind, frame_id, geometry, images, ros};
 use crate::error::Result;
 use crate::stereo::{Gray, Pose, Rig, Side};
 use std::borrow::Cow;
 
-/// In whose messages a recording is written. Both hold the same.
+/// The message types of a recording. Both dialects hold the same data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dialect {
-    /// Foxglove's, with JSON and ROS 2's float images beside them: svl reads back all of it.
+    /// Foxglove messages, JSON, and ROS 2's float images: svl reads back everything.
     #[default]
     Svl,
-    /// ROS 2's alone, in CDR: a bag for its tools and for rosbags.
+    /// ROS 2 messages only, in CDR: a bag for its tools and for rosbags.
     ///
     /// | topic | message |
     /// |---|---|
@@ -27,14 +27,14 @@ pub enum Dialect {
     Ros2,
 }
 
-/// How a recording is written.
+/// Message types and image compression of a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Format {
+pub struct RecordingFormat {
     pub dialect: Dialect,
     pub images: ImageFormat,
 }
 
-impl From<ImageFormat> for Format {
+impl From<ImageFormat> for RecordingFormat {
     fn from(images: ImageFormat) -> Self {
         Self {
             images,
@@ -43,8 +43,8 @@ impl From<ImageFormat> for Format {
     }
 }
 
-/// A message and the topic it belongs to.
-pub(super) type Said = (Cow<'static, str>, Encoded);
+/// A topic and one message of it.
+pub(super) type TopicMessage = (Cow<'static, str>, Encoded);
 
 impl Dialect {
     /// MCAP's profile.
@@ -60,12 +60,12 @@ impl Dialect {
         rig: &Rig,
         size: (usize, usize),
         camera: Side,
-        stamp: Stamp,
-    ) -> Said {
+        stamp: RosStamp,
+    ) -> TopicMessage {
         match self {
             Self::Svl => {
                 let message = geometry::encode_calibration(rig, size, camera, stamp);
-                (Kind::Calibration(camera).topic().into(), message)
+                (TopicKind::Calibration(camera).topic().into(), message)
             }
             Self::Ros2 => {
                 let topic = format!("/stereo/{}/camera_info", camera.name());
@@ -77,25 +77,25 @@ impl Dialect {
         }
     }
 
-    /// The right camera in the frame of the left one, where the calibration alone does not say it.
-    pub(super) fn baseline(self, rig: &Rig, stamp: Stamp) -> Option<Said> {
+    /// The right camera in the frame of the left one; nothing in ROS 2, where P has the baseline.
+    pub(super) fn baseline(self, rig: &Rig, stamp: RosStamp) -> Option<TopicMessage> {
         let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
         let frames = [frame_id(Side::Left), frame_id(Side::Right)];
         let message = || {
             (
-                Kind::Baseline.topic().into(),
+                TopicKind::Baseline.topic().into(),
                 geometry::encode_transform(&right, frames, stamp),
             )
         };
         (self == Self::Svl).then(message)
     }
 
-    /// The left camera in the world.
-    pub(super) fn pose(self, pose: &Pose, stamp: Stamp) -> Said {
+    /// The pose of the left camera in the world.
+    pub(super) fn pose(self, pose: &Pose, stamp: RosStamp) -> TopicMessage {
         let frames = [geometry::WORLD, frame_id(Side::Left)];
         match self {
             Self::Svl => (
-                Kind::Pose.topic().into(),
+                TopicKind::Pose.topic().into(),
                 geometry::encode_transform(pose, frames, stamp),
             ),
             Self::Ros2 => ("/tf".into(), ros::encode_transform(pose, frames, stamp)),
@@ -109,13 +109,13 @@ impl Dialect {
         camera: Side,
         rectified: bool,
         format: ImageFormat,
-        stamp: Stamp,
-    ) -> Result<Said> {
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
         if self == Self::Svl {
-            let message = gray_image::encode(image, format, stamp, frame_id(camera))?;
-            return Ok((Kind::Image(camera).topic().into(), message));
+            let message = images::encode_gray(image, format, stamp, frame_id(camera))?;
+            return Ok((TopicKind::Image(camera).topic().into(), message));
         }
-        // As their calibrations have it.
+        // The frame of both calibrations.
         let frame_id = frame_id(Side::Left);
         let topic = format!(
             "/stereo/{}/{}",
@@ -125,7 +125,7 @@ impl Dialect {
         Ok(match format {
             ImageFormat::Raw => (topic.into(), ros::encode_mono8(image, stamp, frame_id)),
             ImageFormat::Png => {
-                let png = gray_image::png(image)?;
+                let png = images::png(image)?;
                 (
                     format!("{topic}/compressed").into(),
                     ros::encode_png(&png, stamp, frame_id),
@@ -134,13 +134,13 @@ impl Dialect {
         })
     }
 
-    pub(super) fn visibility(self, codes: &Gray, stamp: Stamp) -> Result<Said> {
+    pub(super) fn visibility(self, codes: &Gray, stamp: RosStamp) -> Result<TopicMessage> {
         let frame_id = frame_id(Side::Left);
         let message = match self {
-            Self::Svl => gray_image::encode(codes, ImageFormat::Raw, stamp, frame_id)?,
+            Self::Svl => images::encode_gray(codes, ImageFormat::Raw, stamp, frame_id)?,
             Self::Ros2 => ros::encode_mono8(codes, stamp, frame_id),
         };
-        Ok((Kind::Visibility.topic().into(), message))
+        Ok((TopicKind::Visibility.topic().into(), message))
     }
 
     /// A message of JSON.

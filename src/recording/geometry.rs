@@ -1,20 +1,20 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
-use super::{Encoded, Stamp, decode_protobuf, frame_id};
+use super::{Encoded, RosStamp, decode_protobuf, frame_id};
 use crate::stereo::{Pose, Rig, Side};
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
 use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};
 
 const CALIBRATION: &str = "foxglove.CameraCalibration";
 const TRANSFORM: &str = "foxglove.FrameTransform";
-/// The frame that poses are given in.
+/// Parent frame of poses.
 pub(super) const WORLD: &str = "world";
 
 pub(super) fn encode_calibration(
     rig: &Rig,
     (width, height): (usize, usize),
     camera: Side,
-    stamp: Stamp,
+    stamp: RosStamp,
 ) -> Encoded {
     let right = camera == Side::Right;
     let message = CameraCalibration {
@@ -24,7 +24,7 @@ pub(super) fn encode_calibration(
         height: height as u32,
         distortion_model: "plumb_bob".to_owned(),
         d: vec![0.0; 5],
-        // Row-major, where nalgebra stands column by column.
+        // Row-major in the message, column-major in nalgebra.
         k: rig.intrinsics(right).transpose().as_slice().to_vec(),
         r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p: rig.projection(right).transpose().as_slice().to_vec(),
@@ -41,7 +41,7 @@ pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Matrix3x4<
         .map_err(|_| "its P is not a projection matrix of 12 numbers".to_owned())
 }
 
-/// The rig whose projection matrices are these, bit by bit.
+/// The rig that has exactly these projection matrices, so that rigs survive the round trip.
 pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, String> {
     let rig = Rig::from_projections(left, right, 0.0, 0.0).map_err(|e| e.to_string())?;
     let (focal, center) = (rig.focal_px(), rig.center_px());
@@ -52,7 +52,7 @@ pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, 
 }
 
 /// The decimal number with the fewest digits near `value` that `fits`: several doubles give the
-/// same product, and the one that a person or a calibration file wrote down is the shortest.
+/// same product, and the one in the calibration file is the shortest.
 fn plainest(value: f64, fits: impl Fn(f64) -> bool) -> f64 {
     (0..17)
         .filter_map(|digits| format!("{value:.digits$e}").parse().ok())
@@ -61,7 +61,11 @@ fn plainest(value: f64, fits: impl Fn(f64) -> bool) -> f64 {
 }
 
 /// The pose of the second frame in the first.
-pub(super) fn encode_transform(pose: &Pose, [parent, child]: [&str; 2], stamp: Stamp) -> Encoded {
+pub(super) fn encode_transform(
+    pose: &Pose,
+    [parent, child]: [&str; 2],
+    stamp: RosStamp,
+) -> Encoded {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     let message = FrameTransform {
         timestamp: stamp.foxglove(),
@@ -94,7 +98,7 @@ pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     if (rotation.norm() - 1.0).abs() < 1e-6 && [t.x, t.y, t.z].iter().all(|v| v.is_finite()) {
-        // Not normalised again: it is a unit already, and stays as it was written.
+        // Not normalized again, which would change its last bits.
         Ok(Pose::from_parts(
             Translation3::new(t.x, t.y, t.z),
             UnitQuaternion::new_unchecked(rotation),
@@ -120,7 +124,7 @@ mod tests {
 
     fn back(rig: &Rig) -> Rig {
         let projection = |camera| {
-            let message = encode_calibration(rig, (640, 480), camera, Stamp(0));
+            let message = encode_calibration(rig, (640, 480), camera, RosStamp(0));
             decode_calibration(message.schema, &message.data).unwrap()
         };
         super::rig(&projection(Side::Left), &projection(Side::Right)).unwrap()

@@ -1,27 +1,27 @@
-//! What a recording says of itself.
+//! The metadata record `svl`: the origin of a recording.
 
 use mcap::records::Metadata;
 
 /// Name of the metadata record.
 pub(super) const RECORD: &str = "svl";
 
-/// The metadata record `svl`: who wrote the recording, and of what.
+/// The metadata record `svl`: which svl wrote the recording, and the source of its frames.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Header {
     /// Version of svl that wrote it.
     pub version: String,
-    /// Git revision of that svl, where its build knew it (`SVL_GIT_REVISION`).
+    /// Git revision of that svl, where it was set at build time (`SVL_GIT_REVISION`).
     pub git_revision: Option<String>,
     /// Where the frames came from, e.g. `arena` or a folder.
     pub source: String,
     /// Name of the scenario.
     pub scenario: Option<String>,
     pub seed: Option<u64>,
-    /// What the pairs were rectified by, where svl did it: the name of a file, which is attached,
-    /// or in words.
+    /// What svl rectified the pairs by, if it did: the name of the attached calibration file, or in
+    /// words.
     pub calibration: Option<String>,
-    /// Hash of what determines the frames: recordings of equal hashes are of one run, whole or a
-    /// part of it.
+    /// Hash of everything that determines the frames. Recordings with equal hashes hold frames of
+    /// the same simulated run, all or some.
     pub hash: Option<String>,
 }
 
@@ -59,7 +59,7 @@ impl Header {
         }
     }
 
-    /// The header in a metadata record, if it is svl's.
+    /// The header in a metadata record, if the record is named `svl`.
     pub(super) fn from_record(Metadata { name, metadata }: &Metadata) -> Option<Self> {
         let field = |key: &str| metadata.get(key).cloned();
         (name == RECORD).then(|| Self {

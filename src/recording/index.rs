@@ -4,7 +4,7 @@
 //! file is walked from record to record, past its chunks.
 
 use super::file::McapFile;
-use super::messages::{Contents, Declared, Event, Messages, Section};
+use super::messages::{Contents, Declared, FileEvent, Messages, Section};
 use super::records::Records;
 use crate::error::{Error, Result};
 use mcap::records::{Header, Metadata, Record, op};
@@ -73,12 +73,12 @@ impl Index {
         let mut messages = Messages::beside(file)?;
         loop {
             match messages.next() {
-                Ok(Some(Event::Library(header))) => drop(index.header.get_or_insert(header)),
-                Ok(Some(Event::Metadata(metadata))) => index.metadata.push(metadata),
-                Ok(Some(Event::Attachment { start, name, .. })) => {
+                Ok(Some(FileEvent::Library(header))) => drop(index.header.get_or_insert(header)),
+                Ok(Some(FileEvent::Metadata(metadata))) => index.metadata.push(metadata),
+                Ok(Some(FileEvent::Attachment { start, name, .. })) => {
                     index.attachments.push((name, start));
                 }
-                Ok(Some(Event::Message { .. })) => {}
+                Ok(Some(FileEvent::Message { .. })) => {}
                 Ok(None) => return Ok(index),
                 Err(Error::Damaged { reason, .. }) => {
                     index.damage = Some(reason);

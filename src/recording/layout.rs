@@ -1,8 +1,8 @@
-//! The fields of MCAP's records, as far as they say how long a record is.
+//! The layout of MCAP's records, as far as it determines their length (<https://mcap.dev/spec>).
 
 use mcap::records::op;
 
-/// Longest record and chunk: an image of the largest size in 32-bit floats, and as much again.
+/// Limit of the length of a record and of a chunk: twice the largest image in 32-bit floats.
 pub(super) const MAX_RECORD: u64 = 2 << 30;
 /// Opcode and length of a record.
 pub(super) const HEAD: u64 = 9;
@@ -10,16 +10,16 @@ pub(super) const HEAD: u64 = 9;
 /// A part of a record's body.
 enum Field {
     Bytes(u64),
-    /// A length in 4 bytes, and so many bytes: a string, an array or a map.
+    /// A 4-byte length and as many bytes: a string, an array or a map.
     Sized,
-    /// A length in 8 bytes, and so many bytes.
+    /// An 8-byte length and as many bytes.
     LongSized,
 }
 
 use Field::{Bytes, LongSized, Sized};
 
-/// The fields of a record of this kind, by <https://mcap.dev/spec>; nothing where they do not say
-/// how long it is: messages go on to the end of their record, and what others added is unknown.
+/// The fields of a record of this kind; nothing where they do not determine its length: messages
+/// extend to the end of their record, and private records are unknown.
 fn fields(opcode: u8) -> Option<&'static [Field]> {
     Some(match opcode {
         op::HEADER | op::METADATA => &[Sized, Sized],
@@ -39,9 +39,9 @@ fn fields(opcode: u8) -> Option<&'static [Field]> {
     })
 }
 
-/// How long the body of a record should be by the lengths in it; `body` may be its beginning alone,
-/// up to the last of them. Nothing where the kind of record does not say, or `body` is too short
-/// to.
+/// The length that the body of a record should have by the lengths in it. `body` may be a prefix
+/// that ends after the last of them. Nothing where the kind of record does not determine it, or
+/// `body` is too short.
 pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
     fields(opcode)?.iter().try_fold(0_u64, |size, field| {
         let at = usize::try_from(size);
@@ -53,12 +53,12 @@ pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
     })
 }
 
-/// Whether records of this kind say how long they are.
+/// Whether the fields of this kind of record determine its length.
 pub(super) fn has_fields(opcode: u8) -> bool {
     fields(opcode).is_some()
 }
 
-/// Whether MCAP has records of this kind.
+/// Whether MCAP defines records of this kind.
 pub(super) fn is_record(opcode: u8) -> bool {
     (op::HEADER..=op::DATA_END).contains(&opcode)
 }

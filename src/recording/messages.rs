@@ -1,15 +1,15 @@
-//! The messages of an MCAP file with their channels, and what stands between them.
+//! The messages of an MCAP file with their channels, and its metadata and attachments.
 
 use super::file::McapFile;
-use super::loss::Loss;
 use super::records::{ANOTHER, Records};
+use super::salvage::DamagedPart;
 use crate::counted;
 use crate::error::{Error, Result};
 use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
-/// Where messages of one topic come from, and how to read them.
+/// A topic, and how to decode its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Channel {
     pub(super) topic: String,
@@ -17,8 +17,8 @@ pub(super) struct Channel {
     pub(super) encoding: String,
 }
 
-/// What a file holds, piece by piece.
-pub(super) enum Event<'a> {
+/// One message, metadata record or attachment, or the header of a file.
+pub(super) enum FileEvent<'a> {
     Message {
         channel: &'a Channel,
         log_time: u64,
@@ -34,35 +34,35 @@ pub(super) enum Event<'a> {
     Library(Header),
 }
 
-/// What a file declares.
+/// The schemas and channels of a file.
 #[derive(Clone, Default)]
 pub(super) struct Declared {
     schemas: HashMap<u16, Schema>,
     channels: HashMap<u16, (Channel, records::Channel)>,
-    /// How much it should hold, by its summary.
-    promised: Option<Counts>,
+    /// Record counts in the statistics of the summary.
+    promised: Option<RecordCounts>,
 }
 
 pub(super) type Schema = (SchemaHeader, Vec<u8>);
 
 #[derive(Clone, Default)]
-struct Counts {
+struct RecordCounts {
     /// By channel.
     messages: BTreeMap<u16, u64>,
     attachments: u64,
     metadata: u64,
 }
 
-/// Reads a file from start to end, and those that were appended to it.
+/// Reads a file from start to end, and files that were appended to it.
 pub(super) struct Messages {
     records: Records,
-    /// By the current file, so far.
+    /// Declared in the current file, so far.
     declared: Declared,
-    found: Counts,
-    /// By the files before it.
+    found: RecordCounts,
+    /// Declared in the files before the current one.
     past: Vec<Declared>,
-    /// By each, where it is known before it is read: what a damaged chunk declared, the summary
-    /// declares again.
+    /// Declared in each file, where that is known before it is read: the summary repeats what a
+    /// damaged chunk declared.
     beforehand: Vec<Declared>,
     missing: BTreeMap<String, u64>,
 }
@@ -106,7 +106,7 @@ impl Declared {
         channels
     }
 
-    /// How many messages `topic` has by the summary, where there is one that says so.
+    /// Message count of `topic` in the summary; nothing without statistics.
     pub(super) fn count(&self, topic: &str) -> Option<u64> {
         let of_topic = |id: &u16| {
             self.channels
@@ -130,7 +130,7 @@ impl Messages {
         Ok(Self::of(Records::open(file)?, Vec::new()))
     }
 
-    /// As [`Messages::open`], for what is still good in a damaged file: see [`Records::salvage`].
+    /// As [`Messages::open`], for what is intact in a damaged file: see [`Records::salvage`].
     pub(super) fn salvage(file: &McapFile) -> Result<Self> {
         let beforehand = match Self::summary(file)? {
             Section::Missing => Vec::new(),
@@ -144,7 +144,7 @@ impl Messages {
         Ok(Self::of(Records::salvage(file)?, beforehand))
     }
 
-    /// As [`Messages::open`], for what stands beside the messages alone.
+    /// As [`Messages::open`], for the records outside of chunks only.
     pub(super) fn beside(file: &McapFile) -> Result<Self> {
         let mut messages = Self::open(file)?;
         messages.records.skip_chunks();
@@ -155,7 +155,7 @@ impl Messages {
         Self {
             records,
             declared: Declared::default(),
-            found: Counts::default(),
+            found: RecordCounts::default(),
             past: Vec::new(),
             beforehand,
             missing: BTreeMap::new(),
@@ -198,22 +198,21 @@ impl Messages {
         })))
     }
 
-    /// What was passed over, and messages that the files' own summaries count and that were not
-    /// found, by topic.
-    pub(super) fn take_losses(&mut self) -> (Vec<Loss>, BTreeMap<String, u64>) {
+    /// Damaged parts, and messages by topic that the summaries count and that were not found.
+    pub(super) fn take_losses(&mut self) -> (Vec<DamagedPart>, BTreeMap<String, u64>) {
         (
             self.records.take_losses(),
             std::mem::take(&mut self.missing),
         )
     }
 
-    /// Whether a CRC vouches for all messages read so far.
+    /// Whether all messages read so far are covered by a CRC.
     pub(super) fn is_checked(&self) -> bool {
         self.records.is_checked()
     }
 
-    /// Channels of the file, of the first where several stand one behind the other, in the order of
-    /// their topics. Before its end, those met so far.
+    /// Channels of the file, of the first one where others are appended, in the order of their
+    /// topics. Before the end of the file, those found so far.
     pub(super) fn channels(&self) -> Vec<Channel> {
         self.past.first().unwrap_or(&self.declared).channels()
     }
@@ -265,7 +264,7 @@ impl Messages {
     ///
     /// # Errors
     /// [`crate::Error::Damaged`] where the file ends early or is not what its CRCs say.
-    pub(super) fn next(&mut self) -> Result<Option<Event<'_>>> {
+    pub(super) fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
         while let Some(opcode) = self.advance()? {
             if matches!(
                 opcode,
@@ -382,7 +381,7 @@ impl Messages {
             Record::Attachment { .. } => self.found.attachments += 1,
             Record::Metadata(_) => self.found.metadata += 1,
             Record::Statistics(statistics) => {
-                *promised = Some(Counts {
+                *promised = Some(RecordCounts {
                     messages: statistics.channel_message_counts,
                     attachments: statistics.attachment_count.into(),
                     metadata: statistics.metadata_count.into(),
@@ -429,7 +428,7 @@ impl Messages {
                 *sum = sum.saturating_add(missing);
             }
         }
-        // What was found damaged already explains it.
+        // Damage found before explains missing records.
         if self.records.has_losses() {
             return Ok(());
         }
@@ -458,23 +457,23 @@ impl Messages {
         ))
     }
 
-    fn event(&self, opcode: u8) -> Result<Option<Event<'_>>> {
+    fn event(&self, opcode: u8) -> Result<Option<FileEvent<'_>>> {
         Ok(match self.record(opcode)? {
             Record::Message { header, data } => {
                 let channel = self.channel(header.channel_id);
-                channel.map(|(channel, _)| Event::Message {
+                channel.map(|(channel, _)| FileEvent::Message {
                     channel,
                     log_time: header.log_time,
                     data,
                 })
             }
-            Record::Metadata(metadata) => Some(Event::Metadata(metadata)),
-            Record::Attachment { header, data, .. } => Some(Event::Attachment {
+            Record::Metadata(metadata) => Some(FileEvent::Metadata(metadata)),
+            Record::Attachment { header, data, .. } => Some(FileEvent::Attachment {
                 start: self.records.start(),
                 name: header.name,
                 data,
             }),
-            Record::Header(header) => Some(Event::Library(header)),
+            Record::Header(header) => Some(FileEvent::Library(header)),
             _ => None,
         })
     }

@@ -15,34 +15,32 @@
 //! | `/algo/<name>/result` | JSON with schema (result.schema.json): its hash | a result of a replay |
 //!
 //! log_time and publish_time are the exposure stamp; the right camera's messages carry the right
-//! stamp. Calibration and baseline stand with every pair (200 bytes after compression), so that a
-//! recording cut anywhere still has them. Where there is no depth or disparity, float images are
-//! NaN (REP 118), and a point at infinity has depth +∞. The metadata record `svl` is the
-//! [`Header`], `grabber` counts what came from cameras and why some is not here; the manifest of
-//! the run that wrote it, scenario and calibration files are attachments.
+//! stamp. Calibration and baseline are repeated with every pair (200 bytes after compression), so
+//! that a truncated recording still has them. Pixels without depth or disparity are NaN in float
+//! images (REP 118), and a point at infinity has depth +∞. The metadata record `svl` is the
+//! [`Header`], `grabber` has the counts of a synchronized grabber; scenario, calibration files and
+//! the manifest of the run that wrote the recording are attachments.
 //!
-//! [`Dialect::Ros2`] is the same in ROS 2's messages alone.
+//! [`Dialect::Ros2`] is the same in ROS 2 messages only.
 //!
-//! What svl did not write, ROS 2 bags and Foxglove recordings, is read too: topics of images are
-//! found by their types, and two images are a pair when their stamps are near enough; see
-//! [`Selection`]. A bag may be the folder of its files.
+//! ROS 2 bags and Foxglove recordings of other programs are read too: image topics are found by
+//! their types, and images are paired by their stamps; see [`Selection`]. A bag may be the folder
+//! of its files.
 
-mod append;
+mod append_file;
+mod assembly;
 mod bag;
 mod chunk;
 mod dialect;
 mod file;
-mod float_image;
 mod foreign;
 mod geometry;
-mod gray_image;
 mod header;
+mod images;
 mod index;
 mod layout;
-mod loss;
 mod messages;
 mod opened;
-mod pairing;
 mod reader;
 mod records;
 mod recovery;
@@ -51,24 +49,24 @@ mod ros;
 mod salvage;
 mod search;
 mod skew;
-mod steady;
 mod summary;
 mod sync;
+mod synced_file;
 mod truth;
 mod writer;
 
 pub use bag::{files, is_bag, only_file};
-pub use dialect::{Dialect, Format};
+pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::Selection;
-pub use gray_image::ImageFormat;
 pub use header::Header;
-pub use loss::Loss;
+pub use images::ImageFormat;
 pub use opened::Recording;
 pub use reader::Reader;
 pub use recovery::Recovery;
 pub use result::AlgorithmResult;
-pub use skew::{Skew, SkewBin};
-pub use summary::{Gap, Summary, Topic};
+pub use salvage::DamagedPart;
+pub use skew::{SkewBin, SkewSummary};
+pub use summary::{Gap, RecordingSummary, Topic};
 pub use writer::Writer;
 
 use crate::error::{Error, Result};
@@ -78,20 +76,20 @@ use std::borrow::Cow;
 /// Name of the attachment that is the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
 
-/// What the names of attachments begin with that are files of the calibration by which the pairs
-/// were rectified, or, of raw ones, can be.
+/// Prefix of the names of attached calibration files, by which the pairs were rectified or, if they
+/// are raw, can be.
 pub const CALIBRATION: &str = "calibration/";
 
 /// Name of the attachment that is the manifest of the run which wrote the recording.
 pub const MANIFEST: &str = "manifest.json";
 
-/// Name of the metadata record that says what became of the images of the cameras.
+/// Name of the metadata record with the counts of a synchronized grabber.
 pub const GRABBER: &str = "grabber";
 
-/// MCAP's profile of svl's own recordings.
+/// The MCAP profile of svl's own recordings.
 const PROFILE: &str = "svl";
 
-/// What MCAP files of svl name as their writer.
+/// The library named in MCAP files that svl writes.
 const LIBRARY: &str = concat!("svl ", env!("CARGO_PKG_VERSION"));
 
 /// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
@@ -102,9 +100,9 @@ fn frame_id(side: Side) -> &'static str {
     }
 }
 
-/// What a topic holds.
+/// The kind of data on a topic of svl's own recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum TopicKind {
     Image(Side),
     Calibration(Side),
     Baseline,
@@ -115,32 +113,32 @@ enum Kind {
     Sync,
 }
 
-impl Kind {
-    const ALL: [Kind; 10] = [
-        Kind::Image(Side::Left),
-        Kind::Image(Side::Right),
-        Kind::Calibration(Side::Left),
-        Kind::Calibration(Side::Right),
-        Kind::Baseline,
-        Kind::Pose,
-        Kind::Depth,
-        Kind::Disparity,
-        Kind::Visibility,
-        Kind::Sync,
+impl TopicKind {
+    const ALL: [TopicKind; 10] = [
+        TopicKind::Image(Side::Left),
+        TopicKind::Image(Side::Right),
+        TopicKind::Calibration(Side::Left),
+        TopicKind::Calibration(Side::Right),
+        TopicKind::Baseline,
+        TopicKind::Pose,
+        TopicKind::Depth,
+        TopicKind::Disparity,
+        TopicKind::Visibility,
+        TopicKind::Sync,
     ];
 
     fn topic(self) -> &'static str {
         match self {
-            Kind::Image(Side::Left) => "/stereo/left/image",
-            Kind::Image(Side::Right) => "/stereo/right/image",
-            Kind::Calibration(Side::Left) => "/stereo/left/calibration",
-            Kind::Calibration(Side::Right) => "/stereo/right/calibration",
-            Kind::Baseline => "/rig/baseline",
-            Kind::Pose => "/rig/pose",
-            Kind::Depth => "/truth/depth",
-            Kind::Disparity => "/truth/disparity",
-            Kind::Visibility => "/truth/visibility",
-            Kind::Sync => "/stereo/sync",
+            TopicKind::Image(Side::Left) => "/stereo/left/image",
+            TopicKind::Image(Side::Right) => "/stereo/right/image",
+            TopicKind::Calibration(Side::Left) => "/stereo/left/calibration",
+            TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
+            TopicKind::Baseline => "/rig/baseline",
+            TopicKind::Pose => "/rig/pose",
+            TopicKind::Depth => "/truth/depth",
+            TopicKind::Disparity => "/truth/disparity",
+            TopicKind::Visibility => "/truth/visibility",
+            TopicKind::Sync => "/stereo/sync",
         }
     }
 
@@ -149,7 +147,7 @@ impl Kind {
     }
 }
 
-/// A message ready to be written, with the schema that says how to read it.
+/// An encoded message and its schema.
 struct Encoded {
     schema: &'static str,
     schema_encoding: &'static str,
@@ -161,7 +159,7 @@ struct Encoded {
 impl Encoded {
     fn protobuf<T: foxglove::Encode>(schema: &'static str, message: &T) -> Self {
         let mut data = Vec::with_capacity(message.encoded_len().unwrap_or(0));
-        // A message fails to encode only for want of room, and a vector grows.
+        // Encoding fails only when the buffer is too small, and a vector grows.
         let _ = message.encode(&mut data);
         let definition = T::get_schema().map(|s| s.data).unwrap_or_default();
         Self {
@@ -178,11 +176,11 @@ fn decode_protobuf<T: foxglove::Decode>(data: &[u8]) -> std::result::Result<T, S
     T::decode(data).map_err(|e| e.to_string())
 }
 
-/// A time that ROS 2 messages can say: up to January 2038.
+/// A stamp that fits into ROS 2 messages, whose seconds are signed 32-bit: up to January 2038.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Stamp(u64);
+struct RosStamp(u64);
 
-impl Stamp {
+impl RosStamp {
     const SECOND_NS: u64 = 1_000_000_000;
     const MAX_NS: u64 = i32::MAX as u64 * Self::SECOND_NS;
 

@@ -1,4 +1,4 @@
-//! A recording, opened once: everything that is read of it goes through one handle per file.
+//! A recording, opened once: all readers share one handle per file.
 
 use super::CALIBRATION;
 use super::bag::{files, several_files};
@@ -12,18 +12,18 @@ use mcap::records::Record;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// Files of a bag up to which all are kept open. A process may hold 1024 on most systems.
+/// Limit of files of a bag that are all kept open. A process may hold 1024 on most systems.
 const MAX_OPEN: usize = 256;
 
 /// A recording that is open: one MCAP file, or those of a ROS 2 bag. Clones share the open files.
 #[derive(Clone)]
 pub struct Recording {
     path: PathBuf,
-    parts: Arc<[Part]>,
+    parts: Arc<[RecordingFile]>,
 }
 
-/// One file, with what was read of it so far.
-struct Part {
+/// One file, with its index once it was needed.
+struct RecordingFile {
     file: McapFile,
     index: OnceLock<Index>,
     channels: OnceLock<Vec<Channel>>,
@@ -40,7 +40,7 @@ impl Recording {
         let files = files(&path)?;
         let keep = files.len() <= MAX_OPEN;
         let open = |file: &PathBuf| {
-            McapFile::open(file, keep).map(|file| Part {
+            McapFile::open(file, keep).map(|file| RecordingFile {
                 file,
                 index: OnceLock::new(),
                 channels: OnceLock::new(),
@@ -167,7 +167,7 @@ impl Recording {
     }
 }
 
-impl Part {
+impl RecordingFile {
     fn index(&self) -> Result<&Index> {
         match self.index.get() {
             Some(index) => Ok(index),

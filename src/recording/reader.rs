@@ -1,9 +1,9 @@
-//! Reads recordings.
+//! Reads the pairs of a recording.
 
+use super::assembly::PairAssembler;
 use super::foreign::{Foreign, Selection};
-use super::messages::{Channel, Event, Messages};
-use super::pairing::Pairing;
-use super::{Header, Kind, PROFILE, Recording, sync};
+use super::messages::{Channel, FileEvent, Messages};
+use super::{Header, PROFILE, Recording, TopicKind, sync};
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
@@ -11,30 +11,30 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 /// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in the order of the file,
-/// holding a few in memory at a time.
+/// with few in memory at a time.
 ///
-/// In svl's own recordings left and right belong together as `/stereo/sync` says, in others as
-/// their stamps do.
+/// Left and right are paired by `/stereo/sync` in svl's own recordings, by their stamps in others.
 pub struct Reader {
     recording: Recording,
     messages: Messages,
-    /// Number of the file that is read next.
+    /// Index of the file that is read next.
     next_file: usize,
     pairs_of: PairsOf,
     header: Option<Header>,
     pairs: Option<u64>,
-    /// The first pair, read when the file was opened, and before it those that cannot be read.
+    /// The first pair, read when the file was opened, after the errors of unreadable pairs before
+    /// it.
     ahead: VecDeque<Result<Frame>>,
-    /// Damage that was met, to be told after the pairs that came before it.
+    /// Damage found, reported after the pairs before it.
     damage: Option<Error>,
 }
 
-/// Most pairs before the first good one that are none.
+/// Limit of unreadable pairs before the first readable one.
 const UNREADABLE: usize = 1000;
 
-/// Whose pairs they are.
+/// How messages become pairs: by svl's own topics, or by stamps.
 enum PairsOf {
-    Svl(Pairing),
+    Svl(PairAssembler),
     Others(Box<Foreign>),
 }
 
@@ -42,8 +42,8 @@ impl Reader {
     /// Opens a recording and reads its first pair.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is no recording, or has no pair that can be read;
-    /// [`Error::Damaged`] when it ends before its first pair does.
+    /// [`Error::Io`]; [`Error::Format`] for a file that is not a recording or has no readable pair;
+    /// [`Error::Damaged`] when it ends before its first pair is complete.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         Self::new(Recording::open(path)?, &Selection::default())
     }
@@ -52,8 +52,8 @@ impl Reader {
     /// it.
     ///
     /// # Errors
-    /// As [`Reader::open`]; [`Error::Format`] besides, where no two topics are, or more than two
-    /// may be, the cameras.
+    /// As [`Reader::open`]; [`Error::Format`] also where the topics of the cameras are missing or
+    /// ambiguous.
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
@@ -64,11 +64,11 @@ impl Reader {
             next_file: 1,
             // Without an intact summary the length is unknown.
             pairs: match is_own {
-                true => recording.count(Kind::Sync.topic())?,
+                true => recording.count(TopicKind::Sync.topic())?,
                 false => None,
             },
             pairs_of: match is_own {
-                true => PairsOf::Svl(Pairing::default()),
+                true => PairsOf::Svl(PairAssembler::default()),
                 false => PairsOf::Others(Box::new(Foreign::open(&recording, selection)?)),
             },
             header: recording.header().ok(),
@@ -98,7 +98,7 @@ impl Reader {
             return Err(unreadable);
         }
         let reason = match &self.pairs_of {
-            PairsOf::Svl(pairing) => pairing.why_none(),
+            PairsOf::Svl(assembler) => assembler.why_none(),
             PairsOf::Others(foreign) => foreign.why_none(),
         };
         Err(Error::format(self.recording.path(), reason))
@@ -113,27 +113,26 @@ impl Reader {
         self.recording.path()
     }
 
-    /// What the recording says of itself; nothing when svl did not write it.
+    /// The metadata record `svl`; nothing when svl did not write the recording.
     pub fn header(&self) -> Option<&Header> {
         self.header.as_ref()
     }
 
-    /// Number of pairs by the file's summary; nothing when it has none, as when it was never
-    /// finished, or does not say.
+    /// Number of pairs by the file's summary; nothing without a summary, as in a truncated file.
     pub fn pairs(&self) -> Option<u64> {
         self.pairs
     }
 
-    /// Images read so far that found no partner. Complete once the end is reached.
+    /// Unpaired images so far; final at the end of the recording.
     pub fn unpaired(&self) -> u64 {
         match &self.pairs_of {
-            PairsOf::Svl(pairing) => pairing.unpaired(),
+            PairsOf::Svl(assembler) => assembler.unpaired(),
             PairsOf::Others(foreign) => foreign.unpaired(),
         }
     }
 
-    /// Images read so far that came when those of their time had been given up for want of room, as
-    /// the file is not in the order of their times.
+    /// Images so far that came after the images of their time had been dropped for lack of memory:
+    /// the file is not in the order of its stamps.
     pub fn late(&self) -> u64 {
         match &self.pairs_of {
             PairsOf::Svl(_) => 0,
@@ -141,8 +140,7 @@ impl Reader {
         }
     }
 
-    /// What a person should know before trusting the pairs of a recording that svl did not write, a
-    /// line each.
+    /// Warnings about the pairs of a recording that svl did not write, a line each.
     pub fn remarks(&self) -> Vec<String> {
         match &self.pairs_of {
             PairsOf::Svl(_) => Vec::new(),
@@ -150,8 +148,8 @@ impl Reader {
         }
     }
 
-    /// What rectifies the pairs of a recording that svl did not write, where that says that they
-    /// are raw, and enough of its cameras. Where it says too little, a remark says why.
+    /// The calibration that rectifies raw pairs of a recording that svl did not write, where it
+    /// holds one. Where that is incomplete, a remark says why.
     pub fn calibration(&self) -> Option<StereoCalibration> {
         match &self.pairs_of {
             PairsOf::Svl(_) => None,
@@ -162,9 +160,9 @@ impl Reader {
     /// The next pair, or nothing at the end.
     ///
     /// # Errors
-    /// [`Error::Format`] for a pair that is none, after which the next may be asked for.
-    /// [`Error::Damaged`], once, where a file ends early or is not what its CRCs say: all pairs
-    /// before it are good, and there are no more.
+    /// [`Error::Format`] for an unreadable pair, after which reading may go on. [`Error::Damaged`],
+    /// once, where the file is truncated or corrupt: all pairs before it are good, and there are no
+    /// more.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         match self.ahead.pop_front() {
             Some(next) => next.map(Some),
@@ -187,7 +185,7 @@ impl Reader {
                     .map_or(Ok(None), |damage| Err(self.counted(damage)));
             }
             match self.messages.next() {
-                Ok(Some(Event::Message {
+                Ok(Some(FileEvent::Message {
                     channel,
                     log_time,
                     data,
@@ -209,7 +207,7 @@ impl Reader {
                     }
                     None => ended = true,
                 },
-                // Of this file: it has no more, but a bag may have others.
+                // This file ends here, but a bag may have others.
                 Err(error) => self.damage = self.damage.take().or(Some(error)),
             }
             if ended {
@@ -218,13 +216,13 @@ impl Reader {
         }
     }
 
-    /// The error with the number of pairs that were read.
+    /// The error, with the number of pairs read before it.
     fn counted(&self, error: Error) -> Error {
         let Error::Damaged { path, reason } = error else {
             return error;
         };
         let pairs = match &self.pairs_of {
-            PairsOf::Svl(pairing) => pairing.pairs(),
+            PairsOf::Svl(assembler) => assembler.pairs(),
             PairsOf::Others(foreign) => foreign.pairs(),
         };
         Error::damaged(
@@ -237,7 +235,7 @@ impl Reader {
     }
 }
 
-/// Whether svl wrote the recording, which then is one file.
+/// Whether svl wrote the recording in its own dialect, which is always one file.
 fn is_own(recording: &Recording) -> Result<bool> {
     if recording.only_file().is_err() {
         return Ok(false);
@@ -257,7 +255,7 @@ fn is_own(recording: &Recording) -> Result<bool> {
 }
 
 impl PairsOf {
-    /// Takes in one message, and gives back the pair that it completes.
+    /// Adds one message and returns the pair that it completes.
     fn take_in(
         &mut self,
         channel: &Channel,
@@ -265,15 +263,15 @@ impl PairsOf {
         data: &[u8],
     ) -> std::result::Result<Option<Frame>, String> {
         match self {
-            Self::Svl(pairing) => match Kind::of(&channel.topic) {
-                Some(kind) => pairing.take_in(kind, &channel.schema, log_time, data),
+            Self::Svl(assembler) => match TopicKind::of(&channel.topic) {
+                Some(kind) => assembler.take_in(kind, &channel.schema, log_time, data),
                 None => Ok(None),
             },
             Self::Others(foreign) => foreign.take_in(channel, log_time, data).map(|()| None),
         }
     }
 
-    /// A pair that is ready.
+    /// The next pair that is complete.
     fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
         match self {
             Self::Svl(_) => None,
@@ -281,10 +279,10 @@ impl PairsOf {
         }
     }
 
-    /// There are no more messages.
+    /// Ends the recording: there are no more messages.
     fn end(&mut self) {
         match self {
-            Self::Svl(pairing) => pairing.end(),
+            Self::Svl(assembler) => assembler.end(),
             Self::Others(foreign) => foreign.end(),
         }
     }

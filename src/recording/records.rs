@@ -18,23 +18,21 @@ use super::bag::not_mcap;
 use super::chunk::Chunk;
 use super::file::{FileReader, McapFile};
 use super::layout::{HEAD, MAX_RECORD, body_size, u32_at, u64_at};
-use super::loss::Loss;
-use super::salvage::{self, Salvage};
+use super::salvage::{self, DamagedPart, Salvage};
 use crate::error::{Error, Result};
 use mcap::records::{Record, op};
 use std::cell::Cell;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
-/// Where another file begins in the same. No record has this opcode.
+/// Stands for the magic of an appended file. No record has this opcode.
 pub(super) const ANOTHER: u8 = 0;
 /// Footer record and end magic.
 const TAIL: u64 = HEAD + 20 + 8;
 
-/// Raw records, those inside chunks included.
+/// Reads raw records, including those inside chunks.
 ///
-/// Reading ends at the first damage, unless they are salvaged: then what is damaged is passed over,
-/// and noted.
+/// Reading ends at the first damage. With salvage, damaged parts are skipped and noted.
 pub(super) struct Records {
     path: PathBuf,
     file: BufReader<FileReader>,
@@ -49,32 +47,32 @@ pub(super) struct Records {
     chunk: Chunk,
     /// Whether the current record stands in `chunk`.
     in_chunk: bool,
-    /// In a cell, because whoever finds damage ends the reading.
+    /// In a cell, because a shared reference may find damage, which ends the reading.
     ended: Cell<bool>,
     extent: Extent,
     has_header: bool,
     has_chunks: bool,
-    /// Whether nothing but another file may follow.
+    /// Whether the end magic was read: only an appended file may follow.
     finished: bool,
-    /// Whether messages came that no CRC has vouched for: in this section, and before.
+    /// Whether messages were read that no CRC covers: in this data section, and before.
     unchecked: [bool; 2],
     salvage: Option<Salvage>,
 }
 
-/// What is read of a file.
+/// Which records of a file are read.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Extent {
     All,
-    /// What stands outside of chunks: neither messages nor the damage among them.
+    /// Those outside of chunks: neither messages nor the damage among them.
     Beside,
     /// The summary section.
     Summary,
 }
 
-/// What stands at a place of the file.
+/// What was found at a place of the file.
 enum Top {
     Record(u8),
-    /// Something that was dealt with.
+    /// Handled already; the next one follows.
     Passed,
     End,
 }
@@ -89,7 +87,7 @@ impl Records {
         }
     }
 
-    /// As [`Records::open`], passing over what is damaged.
+    /// As [`Records::open`], but damaged parts are skipped and noted.
     pub(super) fn salvage(file: &McapFile) -> Result<Self> {
         let io = |e| Error::io(file.path(), e);
         let mut records = Self::unread(file)?;
@@ -128,19 +126,18 @@ impl Records {
         })
     }
 
-    /// Whether the magic stands here.
+    /// Whether the magic is read here.
     fn begin(&mut self) -> Result<bool> {
         let mut magic = [0; 8];
         Ok(self.len - self.at >= 8 && self.read(&mut magic).map(|()| magic == *mcap::MAGIC)?)
     }
 
-    /// From here on reads only what stands outside of chunks: neither messages nor the damage among
-    /// them.
+    /// From here on reads only the records outside of chunks.
     pub(super) fn skip_chunks(&mut self) {
         self.extent = Extent::Beside;
     }
 
-    /// Whether everything is read.
+    /// Whether the records in chunks are read too.
     pub(super) fn reads_all(&self) -> bool {
         self.extent == Extent::All
     }
@@ -150,26 +147,26 @@ impl Records {
         self.ended.get()
     }
 
-    /// Whether a CRC vouches for all messages read so far. Without one, changed bytes may go
+    /// Whether all messages read so far are covered by a CRC. Otherwise changed bytes may go
     /// unnoticed.
     pub(super) fn is_checked(&self) -> bool {
         self.unchecked == [false; 2]
     }
 
-    /// What was passed over, in the order of the file.
-    pub(super) fn take_losses(&mut self) -> Vec<Loss> {
+    /// The damaged parts that were skipped, in the order of the file.
+    pub(super) fn take_losses(&mut self) -> Vec<DamagedPart> {
         self.salvage
             .take()
             .map(Salvage::into_losses)
             .unwrap_or_default()
     }
 
-    /// Whether anything of the current file was passed over.
+    /// Whether any part of the current file was skipped.
     pub(super) fn has_losses(&self) -> bool {
         self.salvage.as_ref().is_some_and(Salvage::has_losses)
     }
 
-    /// Goes to the summary section; false where the file has none.
+    /// Moves to the summary section; false where the file has none.
     pub(super) fn seek_summary(&mut self) -> Result<bool> {
         let mut tail = [0; TAIL as usize];
         let Some(footer) = self.len.checked_sub(TAIL) else {
@@ -198,7 +195,7 @@ impl Records {
         self.seek(start)?;
         self.extent = Extent::Beside;
         match self.advance() {
-            // Chunks are passed over, so it may be a later one.
+            // Chunks are skipped, so this may be a later record.
             Ok(Some(opcode)) if self.start == start => Ok(self.parse(opcode).ok()),
             Ok(_) | Err(Error::Damaged { .. }) => Ok(None),
             Err(error) => Err(error),
@@ -247,8 +244,8 @@ impl Records {
         Ok(())
     }
 
-    /// Goes to the next record and says what it is; nothing at the end of the file, and after an
-    /// error.
+    /// Advances to the next record and returns its opcode; nothing at the end of the file, and
+    /// after an error.
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
         let opcode = if self.ended.get() {
             Ok(None)
@@ -261,7 +258,7 @@ impl Records {
         opcode
     }
 
-    /// The record that [`Records::advance`] went to.
+    /// The body of the current record.
     pub(super) fn body(&self) -> &[u8] {
         if self.in_chunk {
             self.chunk.body()
@@ -270,7 +267,7 @@ impl Records {
         }
     }
 
-    /// The current record, taken apart, or why it cannot be read.
+    /// The current record, parsed, or why it cannot be read.
     pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
         let body = self.body();
         // mcap 0.25 panics on an attachment that ends before its CRC.
@@ -322,7 +319,7 @@ impl Records {
         }
     }
 
-    /// Reads the next record of the file itself into `body`.
+    /// Reads the next record outside of chunks into `body`.
     fn top(&mut self) -> Result<Top> {
         let left = self.len - self.at;
         if left < HEAD {
@@ -360,7 +357,7 @@ impl Records {
             salvage.follows(self.start, opcode);
         }
         if opcode == op::CHUNK && self.extent == Extent::Beside {
-            // No more than the file has.
+            // Checked above: no more than the file has.
             self.file
                 .seek_relative(length as i64)
                 .map_err(|e| Error::io(&self.path, e))?;
@@ -409,10 +406,11 @@ impl Records {
         Ok(Top::Record(opcode))
     }
 
-    /// Why the record just read cannot be what was written here. Only salvaging needs to know at
-    /// once.
+    /// Why the record just read cannot be intact. Only salvage has to know before the CRC of the
+    /// section is checked.
     fn examine(&self, opcode: u8) -> std::result::Result<(), String> {
-        // Nobody mixes them, and a record of another kind may have become a message by one bit.
+        // No writer mixes messages inside and outside of chunks, and one flipped bit makes a
+        // message of another record.
         if opcode == op::MESSAGE && self.has_chunks {
             return Err("a message stands outside of the chunks".to_owned());
         }
@@ -438,7 +436,7 @@ impl Records {
         })
     }
 
-    /// Goes on in the file that begins here, see [`ANOTHER`].
+    /// Goes on in the appended file that begins here, see [`ANOTHER`].
     pub(super) fn begin_another(&mut self) -> Result<()> {
         let what = if self.finished {
             "another MCAP file follows"
@@ -458,7 +456,7 @@ impl Records {
         Ok(())
     }
 
-    /// Passes over the current record and notes why; an error unless records are salvaged.
+    /// Skips the current record and notes why; an error without salvage.
     pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
         match &mut self.salvage {
             Some(salvage) if self.in_chunk => salvage.note(self.start..self.at, reason),
@@ -467,7 +465,7 @@ impl Records {
         Ok(())
     }
 
-    /// Notes that something is not there; an error unless records are salvaged.
+    /// Notes that something is missing; an error without salvage.
     pub(super) fn missing(&mut self, reason: &str) -> Result<()> {
         let Some(salvage) = &mut self.salvage else {
             return Err(self.damaged(reason));
@@ -476,13 +474,13 @@ impl Records {
         Ok(())
     }
 
-    /// Passes over what does not say where it ends.
+    /// Skips a part whose end is unknown.
     fn cut(&mut self, reason: &str) -> Result<Top> {
         self.pass_over(self.len, reason).map(|()| Top::Passed)
     }
 
-    /// Passes over the current record of the file itself up to `end`, or to what before that
-    /// vouches for itself.
+    /// Skips the current record up to `end`, or resynchronizes before it at a record that proves to
+    /// be one; an error without salvage.
     fn pass_over(&mut self, end: u64, reason: &str) -> Result<()> {
         let Some(salvage) = &mut self.salvage else {
             return Err(self.damaged(reason));
@@ -494,7 +492,7 @@ impl Records {
         self.seek(found)
     }
 
-    /// Whether a section has a CRC that fits.
+    /// Whether a section has a CRC that matches.
     fn check_crc(
         &mut self,
         section: &str,
@@ -508,7 +506,7 @@ impl Records {
                 .map(|()| false);
         };
         let unread = self.extent == Extent::Beside;
-        // What does not fit may be explained by what was found damaged already.
+        // Damage found before explains a CRC that does not match.
         if saved != 0 && saved != calculated && !unread && !self.has_losses() {
             self.missing(&format!(
                 "the CRC of its {section} is {calculated:08x}, {saved:08x} expected"
@@ -517,10 +515,10 @@ impl Records {
         Ok(saved == calculated && saved != 0)
     }
 
-    /// The error for damage met at this place, after which there are no more records.
+    /// The error for damage at this place, which ends the reading.
     pub(super) fn damaged(&self, reason: &str) -> Error {
         self.ended.set(true);
-        let loss = Loss {
+        let loss = DamagedPart {
             at_byte: self.at,
             bytes: 0,
             reason: reason.to_owned(),
@@ -541,7 +539,7 @@ fn no_mcap(file: &McapFile) -> Error {
     }
 }
 
-/// Whether records of this kind stand in the data section alone, its end included.
+/// Whether records of this kind belong to the data section, including its end.
 fn is_data(opcode: u8) -> bool {
     matches!(
         opcode,

@@ -1,9 +1,9 @@
-//! Saves what an unfinished or damaged file still holds.
+//! Recovers the intact records of a truncated or corrupt file.
 
-use super::append::Append;
-use super::loss::Loss;
+use super::append_file::AppendFile;
 use super::messages::{Messages, Schema};
-use super::{Kind, LIBRARY, Recording};
+use super::salvage::DamagedPart;
+use super::{LIBRARY, Recording, TopicKind};
 use crate::error::{Error, Result};
 use mcap::Attachment;
 use mcap::records::{AttachmentHeader, Channel, MessageHeader, Record, op};
@@ -12,21 +12,21 @@ use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// What was saved, and what was not.
+/// What was recovered, and what was lost.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Recovery {
-    /// Messages saved, by topic.
+    /// Messages recovered, by topic.
     pub messages: BTreeMap<String, u64>,
-    /// Pairs that svl wrote whole.
+    /// Complete pairs of svl's own recordings.
     pub pairs: u64,
     pub attachments: u64,
     pub metadata: u64,
-    /// What is damaged, in the order of the file.
-    pub losses: Vec<Loss>,
+    /// The damaged parts, in the order of the file.
+    pub losses: Vec<DamagedPart>,
     /// Messages that the file's own summary counts and that were not found, by topic. Empty where
     /// it has no summary.
     pub missing: BTreeMap<String, u64>,
-    /// Whether checksums vouch for all messages saved. Without, they may hold changed bytes.
+    /// Whether CRCs cover all messages recovered. Otherwise they may hold changed bytes.
     pub checksums: bool,
 }
 
@@ -48,8 +48,8 @@ impl Recording {
             _ => Default::default(),
         };
         let library = format!("{LIBRARY}, recovered from {library}");
-        let mut copy = Copy {
-            file: Append::create(to.to_owned(), &profile, &library)?,
+        let mut copy = Copier {
+            file: AppendFile::create(to.to_owned(), &profile, &library)?,
             channels: HashMap::new(),
             recovery: Recovery::default(),
         };
@@ -58,7 +58,7 @@ impl Recording {
             copy.file.finish()?;
         } else {
             drop(copy.file);
-            // A file of nothing is of no use, and would stand in the way of the next attempt.
+            // An empty file is of no use, and would block the next attempt.
             let _ = std::fs::remove_file(to);
         }
         match saved? {
@@ -71,22 +71,22 @@ impl Recording {
     }
 }
 
-struct Copy {
-    file: Append,
-    /// Numbers in the new file of the channels of each old one.
+struct Copier {
+    file: AppendFile,
+    /// Channel ids in the new file, by file and channel id in the old one.
     channels: HashMap<(usize, u16), u16>,
     recovery: Recovery,
 }
 
-impl Copy {
-    /// Copies all there is, from the record that was met first; whether there was anything.
+impl Copier {
+    /// Copies everything from the first record on; returns whether there was anything.
     fn all(&mut self, messages: &mut Messages, first: Option<u8>) -> Result<bool> {
         let mut next = first;
         while let Some(opcode) = next {
             self.take_in(messages, opcode)?;
             next = messages.advance()?;
         }
-        // Those without messages too.
+        // Topics without messages too.
         for (channel, schema) in messages.declarations() {
             declare(&mut self.file, channel, schema)?;
         }
@@ -95,7 +95,7 @@ impl Copy {
         recovery.checksums = messages.is_checked();
         recovery.pairs = recovery
             .messages
-            .get(Kind::Sync.topic())
+            .get(TopicKind::Sync.topic())
             .copied()
             .unwrap_or(0);
         Ok(!recovery.messages.is_empty() || recovery.attachments + recovery.metadata > 0)
@@ -158,8 +158,8 @@ impl Copy {
     }
 }
 
-/// Declares a channel in the new file, as it was in the old one.
-fn declare(file: &mut Append, channel: &Channel, schema: Option<&Schema>) -> Result<u16> {
+/// Declares a channel of the old file in the new one.
+fn declare(file: &mut AppendFile, channel: &Channel, schema: Option<&Schema>) -> Result<u16> {
     let schema = schema.map(|(header, data)| {
         (
             header.name.as_str(),

@@ -1,8 +1,8 @@
-//! What an algorithm answered to a pair, in few words.
+//! The result of an algorithm for one pair, as a hash.
 
 use super::Encoded;
 use super::Recording;
-use super::messages::{Event, Messages};
+use super::messages::{FileEvent, Messages};
 use crate::error::{Error, Result};
 use crate::stereo::{Estimate, Frame};
 use std::borrow::Cow;
@@ -10,13 +10,13 @@ use std::borrow::Cow;
 const SCHEMA: &str = "svl.Result";
 const DEFINITION: &str = include_str!("result.schema.json");
 
-/// The message of `/algo/<name>/result`: the result as a hash, so that a replay can prove that it
-/// had the same.
+/// The message of `/algo/<name>/result`: the hash of a result, by which a replay proves that its
+/// own is equal.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct AlgorithmResult {
     /// Number of the pair in its source, from 0.
     pub sequence: u64,
-    /// As it was asked for.
+    /// The algorithm as the user wrote it.
     pub algorithm: String,
     /// [`crate::stereo::DisparityMap::hash`], hexadecimal.
     pub hash: String,
@@ -62,7 +62,7 @@ impl Recording {
         let mut messages = Messages::open(file)?;
         let mut results = Vec::new();
         while let Some(event) = messages.next()? {
-            if let Event::Message {
+            if let FileEvent::Message {
                 channel,
                 log_time,
                 data,

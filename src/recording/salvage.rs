@@ -1,29 +1,47 @@
-//! How damage is passed over, and noted.
+//! Salvage: skips and notes the damaged parts of a file.
 
 use super::file::FileReader;
 use super::layout::{body_size, has_fields, is_record};
-use super::loss::Loss;
-use super::search::Search;
+use super::search::RecordSearch;
 use std::io;
 use std::ops::Range;
 
-/// What is known of a file's damage so far.
+/// A part of a file that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct DamagedPart {
+    pub at_byte: u64,
+    /// Length of the part; 0 where something was never written, or is only noticed here.
+    pub bytes: u64,
+    pub reason: String,
+}
+
+impl std::fmt::Display for DamagedPart {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (at, reason) = (self.at_byte, &self.reason);
+        write!(
+            f,
+            "the recording is incomplete or damaged at byte {at}: {reason}"
+        )
+    }
+}
+
+/// The damage of a file found so far.
 pub(super) struct Salvage {
-    search: Search,
-    losses: Vec<Loss>,
-    /// Losses of the files that stand before the current one in the same.
+    search: RecordSearch,
+    losses: Vec<DamagedPart>,
+    /// Number of damaged parts in the files before the current one, where files are appended.
     before: usize,
-    /// Up to here nothing is hidden: the last record that vouched for itself ends here, or the last
-    /// search did.
+    /// No record is overlooked before this place: the last one that proved to be one ends here, or
+    /// the last search did.
     sure: u64,
-    /// What vouches for itself if another record follows ends here.
+    /// End of a record that proves to be one if another record follows.
     hoped: u64,
 }
 
 impl Salvage {
     pub(super) fn new(file: FileReader, len: u64) -> io::Result<Self> {
         Ok(Self {
-            search: Search::new(file, len)?,
+            search: RecordSearch::new(file, len)?,
             losses: Vec::new(),
             before: 0,
             sure: 0,
@@ -31,10 +49,10 @@ impl Salvage {
         })
     }
 
-    /// Where the records begin in a file of `len` bytes that does not begin as an MCAP file does;
-    /// nothing in what is none.
+    /// Where the records begin in a file of `len` bytes whose beginning is damaged; nothing in a
+    /// file that is not MCAP.
     pub(super) fn begin(&mut self, len: u64) -> io::Result<Option<u64>> {
-        // What has no record that vouches for itself is something else.
+        // A file without any record that proves to be one is not MCAP.
         let Some(found) = self.search.next(0..len)? else {
             return Ok(None);
         };
@@ -49,12 +67,12 @@ impl Salvage {
         (self.before, self.sure) = (self.losses.len(), at);
     }
 
-    /// What ends here has vouched for itself.
+    /// The record that ends here has proved to be one.
     pub(super) fn trust(&mut self, end: u64) {
         self.sure = end;
     }
 
-    /// What ends here has vouched for itself if another record follows.
+    /// The record that ends here proves to be one if another record follows.
     pub(super) fn trust_if_followed(&mut self, end: u64) {
         self.hoped = end;
     }
@@ -72,20 +90,20 @@ impl Salvage {
     }
 
     /// In the order of the file.
-    pub(super) fn into_losses(mut self) -> Vec<Loss> {
+    pub(super) fn into_losses(mut self) -> Vec<DamagedPart> {
         self.losses.sort_by_key(|loss| loss.at_byte);
         self.losses
     }
 
     pub(super) fn note(&mut self, part: Range<u64>, reason: &str) {
-        let loss = Loss {
+        let loss = DamagedPart {
             at_byte: part.start,
             bytes: part.end - part.start,
             reason: reason.to_owned(),
         };
         match self.losses[self.before..].last_mut() {
             Some(last) if *last == loss => {}
-            // One goes on where the other ends, or both are of the same chunk.
+            // Adjacent parts, or parts of the same chunk, are one.
             Some(last)
                 if last.bytes.min(loss.bytes) > 0
                     && (last.at_byte..=last.at_byte + last.bytes).contains(&loss.at_byte) =>
@@ -96,8 +114,8 @@ impl Salvage {
         }
     }
 
-    /// Passes over the record of which `read` was read, and says where records go on: at `end`, or
-    /// at what vouches for itself before that.
+    /// Skips the record of which `read` was read, and returns where records go on: at `end`, or
+    /// before it at a record that proves to be one.
     pub(super) fn pass_over(
         &mut self,
         read: Range<u64>,
@@ -108,7 +126,7 @@ impl Salvage {
         let found = self.search.next(from..end)?.unwrap_or(end);
         self.search.spend(read.end.saturating_sub(found));
         self.sure = found;
-        // What led here may itself have led too far.
+        // The length that led here may itself be damaged, and lead too far.
         let start = if found < read.start {
             from - 1
         } else {
@@ -118,18 +136,18 @@ impl Salvage {
         Ok(found)
     }
 
-    /// Trusts the record at `place` if it vouches for itself. Moves in the file.
+    /// Trusts the record at `place` if it proves to be one.
     pub(super) fn try_trust(&mut self, place: Range<u64>) -> io::Result<()> {
-        if self.search.vouches_at(place.start)? {
+        if self.search.proves_at(place.start)? {
             self.trust(place.end);
         }
         Ok(())
     }
 }
 
-/// Why a record cannot be what was written there.
+/// Why a record cannot be intact.
 pub(super) fn examine(opcode: u8, body: &[u8]) -> Result<(), String> {
-    // From 0x80 on they are other programs' own.
+    // Opcodes from 0x80 on are private to other programs.
     if !is_record(opcode) && opcode < 0x80 {
         return Err(format!("a record is of the unknown kind {opcode:#04x}"));
     }

@@ -1,15 +1,15 @@
-//! Where the records of a damaged file go on: the lengths that lead from one to the next may be
-//! what is damaged.
+//! Resynchronization: searches a damaged file for the next record, as the damage may be in the
+//! lengths that lead from one record to the next.
 //!
-//! A place is taken for the beginning of a record when what stands there vouches for itself:
-//! - a chunk whose lengths agree, that decompresses, falls into records without a rest, and fits
-//!   its CRC or, where it has none, stands before another record;
-//! - an attachment that fits its CRC;
-//! - metadata whose lengths agree, or the end of the data section, before another record;
-//! - the magic of another file that was appended.
+//! A record proves to be one when it is:
+//! - a chunk whose lengths agree, that decompresses into whole records, and matches its CRC or,
+//!   without a CRC, is followed by another record;
+//! - an attachment that matches its CRC;
+//! - metadata whose lengths agree, or the end of the data section, followed by another record;
+//! - the magic of an appended file.
 //!
-//! Every place is looked at once, and a budget bounds what places that only look like records may
-//! cost. So the time is linear in the file's length, whatever it holds.
+//! Every place is examined once, and a budget limits the bytes read for places that only look like
+//! records. So the time is linear in the length of the file, whatever it holds.
 
 use super::chunk::{Chunk, chunk_size};
 use super::file::FileReader;
@@ -18,24 +18,24 @@ use mcap::records::{Record, op};
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
 
-/// Bytes looked through at a time.
+/// Bytes searched at a time.
 const WINDOW: usize = 1 << 18;
-/// As much of a record as tells whether it looks like one.
+/// Bytes of a record that show whether it looks like one.
 const LOOK: usize = 64;
-/// Longest start of an attachment, up to its data, and longest metadata that are looked for.
+/// Limit of the length of an attachment up to its data, and of metadata, that are searched for.
 const MAX_BESIDE: u64 = 1 << 16;
 
 /// Searches one file.
-pub(super) struct Search {
+pub(super) struct RecordSearch {
     file: FileReader,
     len: u64,
-    /// Bytes that may still be read and decompressed for nothing.
+    /// Bytes that may still be read and decompressed in vain.
     budget: u64,
     body: Vec<u8>,
     chunk: Chunk,
 }
 
-impl Search {
+impl RecordSearch {
     pub(super) fn new(file: FileReader, len: u64) -> io::Result<Self> {
         let budget = len.saturating_mul(16).saturating_add(16 << 20);
         Ok(Self {
@@ -47,7 +47,7 @@ impl Search {
         })
     }
 
-    /// The first place in `range` where a record begins that vouches for itself.
+    /// The first place in `range` where a record begins that proves to be one.
     ///
     /// # Errors
     /// Those of reading the file.
@@ -58,13 +58,13 @@ impl Search {
             let bytes = WINDOW.min(usize::try_from(self.len - at).unwrap_or(WINDOW));
             self.file.seek(SeekFrom::Start(at))?;
             self.file.read_exact(&mut window[..bytes])?;
-            // What begins near the end of the window is looked at in the next one.
+            // Records that begin near the end of the window are examined in the next one.
             let last = at + bytes as u64 == self.len;
             let places = if last { bytes } else { bytes - LOOK };
             let places = places.min(usize::try_from(range.end - at).unwrap_or(places));
             for i in 0..places {
                 let place = at + i as u64;
-                if self.vouches(place, &window[i..bytes.min(i + LOOK)])? {
+                if self.proves(place, &window[i..bytes.min(i + LOOK)])? {
                     return Ok(Some(place));
                 }
             }
@@ -73,15 +73,15 @@ impl Search {
         Ok(None)
     }
 
-    /// Whether a record begins at this place of the file that vouches for itself.
-    pub(super) fn vouches_at(&mut self, at: u64) -> io::Result<bool> {
+    /// Whether the record at this place proves to be one.
+    pub(super) fn proves_at(&mut self, at: u64) -> io::Result<bool> {
         self.read(at, (self.len - at).min(LOOK as u64))?;
         let head = self.body.clone();
-        self.vouches(at, &head)
+        self.proves(at, &head)
     }
 
-    /// As [`Search::vouches_at`], where `head` is what stands there.
-    fn vouches(&mut self, at: u64, head: &[u8]) -> io::Result<bool> {
+    /// As [`RecordSearch::proves_at`], where `head` are the first bytes.
+    fn proves(&mut self, at: u64, head: &[u8]) -> io::Result<bool> {
         if head.starts_with(mcap::MAGIC) {
             return self.is_header(at + 8);
         }
@@ -105,7 +105,8 @@ impl Search {
                 let opened =
                     self.chunk.open(&self.body).is_ok() && self.chunk.has_only_whole_records();
                 self.chunk.clear();
-                // A length that is too long may still fall into records, over what follows.
+                // A chunk with a damaged length may still fall into records, over those that
+                // follow.
                 let fits = opened && (self.chunk.has_crc() || self.goes_on(body + length)?);
                 Ok(self.paid(fits, length + size))
             }
@@ -133,7 +134,7 @@ impl Search {
         }
     }
 
-    /// Whether a file's header stands there.
+    /// Whether the header record of a file is there.
     pub(super) fn is_header(&mut self, at: u64) -> io::Result<bool> {
         let Some(left) = self.len.checked_sub(at + HEAD) else {
             return Ok(false);
@@ -149,12 +150,12 @@ impl Search {
         Ok(self.paid(fits, length))
     }
 
-    /// Takes bytes that are read again from the budget.
+    /// Takes bytes from the budget.
     pub(super) fn spend(&mut self, bytes: u64) {
         self.budget = self.budget.saturating_sub(bytes);
     }
 
-    /// `is_right`, which has cost so many bytes where it is not.
+    /// Returns `is_right`, and takes `bytes` from the budget if it is false.
     fn paid(&mut self, is_right: bool, bytes: u64) -> bool {
         if !is_right {
             self.spend(bytes);
@@ -162,7 +163,7 @@ impl Search {
         is_right
     }
 
-    /// Whether what stands `at` looks like a record.
+    /// Whether the bytes at `at` look like a record.
     fn goes_on(&mut self, at: u64) -> io::Result<bool> {
         let Some(left) = self.len.checked_sub(at + HEAD) else {
             return Ok(false);
@@ -172,7 +173,7 @@ impl Search {
             && u64_at(&self.body, 1).is_some_and(|length| length <= left.min(MAX_RECORD)))
     }
 
-    /// Reads `length` bytes, which the file has.
+    /// Reads `length` bytes, which must be in the file.
     fn read(&mut self, at: u64, length: u64) -> io::Result<()> {
         self.body.resize(length as usize, 0);
         self.file.seek(SeekFrom::Start(at))?;

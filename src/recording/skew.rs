@@ -1,14 +1,14 @@
-//! How far the two images of a pair are apart in time.
+//! Statistics of the skew: right stamp minus left stamp.
 
 use crate::statistics::upper_rank;
 
-/// Right stamps minus left stamps of a recording.
+/// Skew over the pairs of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Skew {
+pub struct SkewSummary {
     pub min_ns: i64,
     pub median_ns: i64,
     pub max_ns: i64,
-    /// At most twelve of one width, from the least on, without those between that no pair is in.
+    /// At most twelve bins of equal width, in ascending order; empty bins are omitted.
     pub histogram: Vec<SkewBin>,
 }
 
@@ -22,8 +22,8 @@ pub struct SkewBin {
 
 const MAX_BINS: i128 = 12;
 
-impl Skew {
-    /// Of the skews of all pairs, whose order is lost; nothing without pairs.
+impl SkewSummary {
+    /// From the skews of all pairs, which get sorted; nothing without pairs.
     pub(super) fn of(skews_ns: &mut [i64]) -> Option<Self> {
         skews_ns.sort_unstable();
         let (&[min_ns, ..], &[.., max_ns]) = (&*skews_ns, &*skews_ns) else {
@@ -31,7 +31,7 @@ impl Skew {
         };
         let median_ns = upper_rank(skews_ns, 0.5)?;
         let width = bin_width(i128::from(min_ns), i128::from(max_ns));
-        // Hostile stamps may be as far apart as numbers go.
+        // Damaged stamps may be as far apart as numbers allow.
         let edge = |ns: i128| ns.clamp(i64::MIN.into(), i64::MAX.into()) as i64;
         let number = |ns: i64| i128::from(ns).div_euclid(width);
         let bin = |bin: &[i64]| SkewBin {
@@ -52,7 +52,7 @@ impl Skew {
     }
 }
 
-/// The least of 1, 2, 5, 10, … ns that divides the range into few enough bins.
+/// The smallest of 1, 2, 5, 10, … ns that divides the range into at most twelve bins.
 fn bin_width(min_ns: i128, max_ns: i128) -> i128 {
     let mut decade = 1;
     loop {
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     fn bins(skews_ns: &mut [i64]) -> Vec<(i64, i64, u64)> {
-        let skew = Skew::of(skews_ns).unwrap();
+        let skew = SkewSummary::of(skews_ns).unwrap();
         skew.histogram
             .iter()
             .map(|bin| (bin.from_ns, bin.to_ns, bin.pairs))
@@ -92,9 +92,9 @@ mod tests {
 
     #[test]
     fn the_median_is_one_of_them() {
-        let skew = Skew::of(&mut [4, 1, 3, 2]).unwrap();
+        let skew = SkewSummary::of(&mut [4, 1, 3, 2]).unwrap();
         assert_eq!((skew.min_ns, skew.median_ns, skew.max_ns), (1, 3, 4));
-        assert_eq!(Skew::of(&mut []), None);
+        assert_eq!(SkewSummary::of(&mut []), None);
     }
 
     #[test]

@@ -1,11 +1,11 @@
-//! What a recording holds, for a person to look over.
+//! Summarizes a recording: topics, pairs, gaps, skew, damage.
 
 use super::foreign::{Selection, choose, is_image};
-use super::loss::Loss;
-use super::messages::{Channel, Event, Messages};
-use super::skew::Skew;
+use super::messages::{Channel, FileEvent, Messages};
+use super::salvage::DamagedPart;
+use super::skew::SkewSummary;
 use super::sync::StereoSync;
-use super::{GRABBER, Header, Kind, MANIFEST, PROFILE, Recording};
+use super::{GRABBER, Header, MANIFEST, PROFILE, Recording, TopicKind};
 use crate::error::Result;
 use crate::manifest::Manifest;
 use crate::statistics::upper_rank;
@@ -13,37 +13,36 @@ use crate::stereo::Side;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// A pair later than this many median periods after the last one is behind a gap.
+/// Two pairs more than this many median periods apart are separated by a gap.
 const GAP_PERIODS: f64 = 1.5;
 
-/// What an MCAP file holds, found by reading all of it. Works for any MCAP file, whole or not.
+/// The contents of an MCAP file, found by reading all of it. Works for any MCAP file, intact or
+/// damaged.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Summary {
+pub struct RecordingSummary {
     pub path: PathBuf,
     pub bytes: u64,
-    /// Why the file is not whole, where it is not.
+    /// Why the file is not intact, where it is not.
     pub damage: Option<String>,
-    /// Whether checksums vouch for all messages. Without, changed bytes go unnoticed where they
-    /// leave the records in order.
+    /// Whether CRCs cover all messages. Otherwise bytes changed inside messages go unnoticed.
     pub checksums: bool,
-    /// What cannot be read of it, in the order of the file.
-    pub losses: Vec<Loss>,
-    /// Messages that the file's own summary counts and that are not there, by topic.
+    /// The damaged parts, in the order of the file.
+    pub losses: Vec<DamagedPart>,
+    /// Messages that the file's own summary counts and that were not found, by topic.
     pub missing: BTreeMap<String, u64>,
-    /// Numbers between those of the pairs that none has: pairs lost in the middle, or dropped by
-    /// the recorder.
+    /// Missing numbers in the sequence of pairs: lost by damage, or dropped by the recorder.
     pub missing_pairs: u64,
-    /// Topics of the images that `svl replay` would take for left and right, of a recording that
-    /// svl did not write.
+    /// Image topics that `svl replay` would take for left and right, in a recording that svl did
+    /// not write.
     pub stereo: Option<[String; 2]>,
-    /// Program that wrote it, and the profile of MCAP it claims.
+    /// The library that wrote the file, and its MCAP profile.
     pub library: String,
     pub profile: String,
     /// Nothing when svl did not write it.
     pub header: Option<Header>,
-    /// What became of all images, of a recording of cameras that was finished.
+    /// The counts of a synchronized grabber, in a finished recording of cameras.
     pub grabber: BTreeMap<String, String>,
-    /// The run that wrote it, where it says.
+    /// The manifest of the run that wrote the recording.
     pub manifest: Option<Manifest>,
     /// Names and sizes in bytes.
     pub attachments: Vec<(String, u64)>,
@@ -52,19 +51,19 @@ pub struct Summary {
     /// First and last stamp of any message.
     pub start_ns: u64,
     pub end_ns: u64,
-    /// Pairs that svl wrote whole.
+    /// Complete pairs of svl's own recordings.
     pub pairs: u64,
-    /// Median time from one left image to the next; nothing where it is not known which they are.
+    /// Median period of the left images; nothing where their topic is unknown.
     pub period_ns: Option<u64>,
-    /// Where left images are more than 1.5 median periods apart.
+    /// Intervals of more than 1.5 median periods between left images.
     pub gaps: Vec<Gap>,
-    /// Right minus left stamp, over all pairs.
-    pub skew: Option<Skew>,
-    /// Frames without a partner, as the recorder counted them.
+    /// Right stamp minus left stamp, over all pairs.
+    pub skew: Option<SkewSummary>,
+    /// Unpaired images, as the recorder counted them.
     pub drops: u64,
 }
 
-/// Messages of one kind.
+/// A topic and its messages.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Topic {
     pub name: String,
@@ -75,11 +74,11 @@ pub struct Topic {
     pub bytes: u64,
     pub start_ns: u64,
     pub end_ns: u64,
-    /// Messages a second; nothing for less than two.
+    /// Messages per second; nothing for fewer than two.
     pub rate_hz: Option<f64>,
 }
 
-/// A time without pairs.
+/// An interval without pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Gap {
     /// Stamp of the last pair before it.
@@ -93,10 +92,10 @@ impl Recording {
     /// # Errors
     /// [`crate::Error::Io`]; [`crate::Error::Format`] for what is not an MCAP file, and for a bag
     /// of several.
-    pub fn summary(&self) -> Result<Summary> {
+    pub fn summary(&self) -> Result<RecordingSummary> {
         let file = self.only_file()?;
         let mut messages = Messages::salvage(file)?;
-        let mut seen = Seen::default();
+        let mut seen = SummaryScan::default();
         while let Some(event) = messages.next()? {
             seen.take_in(event);
         }
@@ -110,8 +109,8 @@ impl Recording {
     }
 }
 
-impl Summary {
-    /// Whether the file was finished and is as it was written.
+impl RecordingSummary {
+    /// Whether the file is complete and undamaged.
     pub fn is_whole(&self) -> bool {
         self.damage.is_none()
     }
@@ -122,9 +121,9 @@ impl Summary {
     }
 }
 
-/// What a scan has met.
+/// What was found so far in reading a file.
 #[derive(Default)]
-struct Seen {
+struct SummaryScan {
     library: String,
     profile: String,
     header: Option<Header>,
@@ -132,41 +131,41 @@ struct Seen {
     manifest: Option<Manifest>,
     attachments: Vec<(String, u64)>,
     topics: BTreeMap<String, Topic>,
-    /// Of the images of each topic.
+    /// Stamps of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
     drops: u64,
-    losses: Vec<Loss>,
+    losses: Vec<DamagedPart>,
     missing: BTreeMap<String, u64>,
     checksums: bool,
     stereo: Option<[String; 2]>,
 }
 
-impl Seen {
-    fn take_in(&mut self, event: Event<'_>) {
+impl SummaryScan {
+    fn take_in(&mut self, event: FileEvent<'_>) {
         match event {
-            // The first is that of all, where files stand one behind the other.
-            Event::Library(header) if self.library.is_empty() => {
+            // Where files are appended, the header of the first one counts.
+            FileEvent::Library(header) if self.library.is_empty() => {
                 (self.library, self.profile) = (header.library, header.profile);
             }
-            Event::Library(_) => {}
-            Event::Metadata(metadata) if metadata.name == GRABBER => {
+            FileEvent::Library(_) => {}
+            FileEvent::Metadata(metadata) if metadata.name == GRABBER => {
                 self.grabber = metadata.metadata
             }
-            Event::Metadata(metadata) => {
+            FileEvent::Metadata(metadata) => {
                 self.header = self
                     .header
                     .take()
                     .or_else(|| Header::from_record(&metadata))
             }
-            Event::Attachment { name, data, .. } => {
+            FileEvent::Attachment { name, data, .. } => {
                 if name == MANIFEST && self.manifest.is_none() {
                     self.manifest = serde_json::from_slice(&data).ok();
                 }
                 self.attachments.push((name, data.len() as u64));
             }
-            Event::Message {
+            FileEvent::Message {
                 channel,
                 log_time,
                 data,
@@ -202,7 +201,7 @@ impl Seen {
                 None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
             }
         }
-        if Kind::of(&channel.topic) == Some(Kind::Sync)
+        if TopicKind::of(&channel.topic) == Some(TopicKind::Sync)
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
         {
             self.skews.push(sync.exposure.skew_ns);
@@ -211,11 +210,11 @@ impl Seen {
         }
     }
 
-    fn summary(mut self, path: &Path, bytes: u64) -> Summary {
+    fn summary(mut self, path: &Path, bytes: u64) -> RecordingSummary {
         let left = self
             .stereo
             .as_ref()
-            .map_or(Kind::Image(Side::Left).topic(), |[left, _]| left);
+            .map_or(TopicKind::Image(Side::Left).topic(), |[left, _]| left);
         let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
         left_stamps.sort_unstable();
         left_stamps.dedup();
@@ -229,15 +228,15 @@ impl Seen {
         let is_gap =
             |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
-        let skew = Skew::of(&mut self.skews);
+        let skew = SkewSummary::of(&mut self.skews);
         let numbers = match (self.sequences.first(), self.sequences.last()) {
             (Some(first), Some(last)) => (last - first).saturating_add(1),
             _ => 0,
         };
-        Summary {
+        RecordingSummary {
             path: path.to_owned(),
             bytes,
-            damage: self.losses.first().map(Loss::to_string),
+            damage: self.losses.first().map(DamagedPart::to_string),
             checksums: self.checksums,
             missing: self.missing,
             missing_pairs: numbers - self.sequences.len() as u64,

@@ -1,4 +1,4 @@
-//! What is known of a pair beside its pixels, as JSON.
+//! The JSON message of a pair: its stamps, geometry and exposure.
 
 use super::Encoded;
 use crate::stereo::{Exposure, Frame, Geometry};
@@ -7,13 +7,12 @@ use std::borrow::Cow;
 pub(super) const SCHEMA: &str = "svl.StereoSync";
 const DEFINITION: &str = include_str!("sync.schema.json");
 
-/// The message of `/stereo/sync`. It names the stamps of both images, and so says which two are a
-/// pair.
+/// The message of `/stereo/sync`. The stamps in it say which two images are a pair.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(super) struct StereoSync {
     /// Number of the pair in its source, from 0.
     pub(super) sequence: u64,
-    /// What the source calls the pair, where it has a name of its own.
+    /// Name of the pair in its source, where it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) name: Option<String>,
     /// Middle of the left exposure.
@@ -31,7 +30,7 @@ pub(super) struct StereoSync {
 #[serde(rename_all = "lowercase")]
 pub(super) enum PairGeometry {
     Raw,
-    /// Also of recordings that do not say: those of svl before it told the two apart.
+    /// The default, for recordings of earlier svl, which have no geometry.
     #[default]
     Rectified,
 }

@@ -3,9 +3,9 @@
 use crate::stereo::{Plane, Rig};
 
 /// Depths in metres of the disparities: NaN where there is none, `+∞` at infinity. Nothing where
-/// some disparity lies beyond infinity (`d + doffs < 0`), which no depth says.
+/// some disparity is beyond infinity (`d + doffs < 0`), as no depth stands for that.
 ///
-/// A 32-bit depth gives back its disparity to 2⁻²³ of `d + doffs`: 0.0001 px at 1000 px.
+/// The disparity of a 32-bit depth is exact to 2⁻²³ of `d + doffs`: 0.0001 px at 1000 px.
 pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
     let beyond = |d: f32| d.is_finite() && f64::from(d) + rig.doffs_px() < 0.0;
     if disparity.pixels().any(beyond) {

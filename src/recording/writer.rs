@@ -1,10 +1,11 @@
-//! Writes recordings that survive a crash.
+//! Writes recordings, crash-safe to about a second.
 
-use super::append::Append;
-use super::steady::Steady;
+use super::append_file::AppendFile;
 use super::sync::StereoSync;
+use super::synced_file::SyncedFile;
 use super::{
-    AlgorithmResult, Encoded, Format, Header, Kind, LIBRARY, MANIFEST, Stamp, frame_id, ros, truth,
+    AlgorithmResult, Encoded, Header, LIBRARY, MANIFEST, RecordingFormat, RosStamp, TopicKind,
+    frame_id, ros, truth,
 };
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
@@ -17,30 +18,30 @@ use std::path::PathBuf;
 
 /// Writes one recording.
 ///
-/// Only whole chunks reach the file, in order and without seeking back, so that at every moment it
-/// is the beginning of a recording; about once a second they are synced to the disk. Dropping the
-/// writer finishes the file and discards errors; call [`Writer::finish`] to see them.
+/// Only whole chunks are appended, without seeking back, so that the file is a valid prefix of a
+/// recording at every moment; it is synced about once a second. Dropping the writer finishes the
+/// file and discards errors; call [`Writer::finish`] to see them.
 pub struct Writer {
-    file: Steady,
-    format: Format,
+    file: SyncedFile,
+    format: RecordingFormat,
     channels: HashMap<String, u16>,
 }
 
 impl Writer {
-    /// Begins a recording at `path`.
+    /// Creates the file and writes its header.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file exists already or cannot be made.
+    /// [`Error::Io`] when the file exists already or cannot be created.
     pub fn create(
         path: impl Into<PathBuf>,
         header: &Header,
-        format: impl Into<Format>,
+        format: impl Into<RecordingFormat>,
     ) -> Result<Self> {
         let format = format.into();
         let path = path.into();
-        let mut file = Append::create(path.clone(), format.dialect.profile(), LIBRARY)?;
+        let mut file = AppendFile::create(path.clone(), format.dialect.profile(), LIBRARY)?;
         file.metadata(&header.to_record())?;
-        let file = Steady::new(file).map_err(|e| Error::io(&path, e))?;
+        let file = SyncedFile::new(file).map_err(|e| Error::io(&path, e))?;
         Ok(Self {
             file,
             format,
@@ -48,7 +49,7 @@ impl Writer {
         })
     }
 
-    /// Keeps a file beside the pairs: the scenario, the calibration.
+    /// Attaches a file, e.g. the scenario or a calibration.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -64,7 +65,7 @@ impl Writer {
         self.file.with(|file| file.attach(&attachment))
     }
 
-    /// Keeps the identity of the run that writes this.
+    /// Attaches the manifest of the run that writes the recording.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -74,7 +75,7 @@ impl Writer {
         self.attach(MANIFEST, "application/json", &json)
     }
 
-    /// Keeps facts under a name, as a metadata record.
+    /// Writes a metadata record.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -87,13 +88,13 @@ impl Writer {
         })
     }
 
-    /// Writes a pair and all that is known about it.
+    /// Writes a pair with its geometry, pose, truth and exposure.
     ///
     /// # Errors
     /// [`Error::Io`], after which the file keeps the chunks written before and takes no more;
     /// [`Error::Invalid`] for stamps outside 1970 ..= 2038.
     pub fn write(&mut self, frame: &Frame) -> Result<()> {
-        let left = Stamp::new(frame.stamp_ns)?;
+        let left = RosStamp::new(frame.stamp_ns)?;
         let skew_ns = frame.exposure.skew_ns;
         let right_ns = left.ns().checked_add_signed(skew_ns).ok_or_else(|| {
             Error::Invalid(format!(
@@ -101,10 +102,10 @@ impl Writer {
                 left.ns()
             ))
         })?;
-        let right = Stamp::new(right_ns)?;
+        let right = RosStamp::new(right_ns)?;
         let sequence = frame.sequence as u32;
         let size = frame.pair.size();
-        let Format { dialect, images } = self.format;
+        let RecordingFormat { dialect, images } = self.format;
         if let Some(rig) = frame.rig() {
             for (camera, stamp) in [(Side::Left, left), (Side::Right, right)] {
                 self.put(
@@ -135,22 +136,22 @@ impl Writer {
             self.write_truth(frame, truth, left)?;
         }
         let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
-        self.put((Kind::Sync.topic(), sync), left, sequence)
+        self.put((TopicKind::Sync.topic(), sync), left, sequence)
     }
 
-    fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: Stamp) -> Result<()> {
+    fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: RosStamp) -> Result<()> {
         let sequence = frame.sequence as u32;
         let said = match frame
             .rig()
             .and_then(|rig| truth::depths(&truth.disparity, rig))
         {
             Some(depth) => (
-                Kind::Depth.topic(),
+                TopicKind::Depth.topic(),
                 ros::encode_32fc1(&depth, stamp, frame_id(Side::Left)),
             ),
-            // It has no frame, lest a viewer take it for metres.
+            // Without a frame id: viewers take a float image in a frame for depths in metres.
             None => (
-                Kind::Disparity.topic(),
+                TopicKind::Disparity.topic(),
                 ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, ""),
             ),
         };
@@ -176,7 +177,7 @@ impl Writer {
         estimate: &Estimate,
         hashes: [u128; 2],
     ) -> Result<()> {
-        let stamp = Stamp::new(frame.stamp_ns)?;
+        let stamp = RosStamp::new(frame.stamp_ns)?;
         let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
         let disparity = truth::to_file(estimate.disparity.disparity());
         let sequence = frame.sequence as u32;
@@ -192,12 +193,12 @@ impl Writer {
         self.put((topic("result"), result), stamp, sequence)
     }
 
-    /// Closes the chunk and brings it to the disk.
+    /// Closes the chunk and syncs the file (fsync).
     ///
     /// # Errors
     /// [`Error::Io`], also when the file is gone from its folder.
     pub fn sync(&mut self) -> Result<()> {
-        self.file.with(Append::sync)
+        self.file.with(AppendFile::sync)
     }
 
     /// Completes the file. A second call does nothing.
@@ -205,13 +206,13 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`].
     pub fn finish(&mut self) -> Result<()> {
-        self.file.with(Append::finish)
+        self.file.with(AppendFile::finish)
     }
 
     fn put(
         &mut self,
         (topic, message): (impl AsRef<str>, Encoded),
-        stamp: Stamp,
+        stamp: RosStamp,
         sequence: u32,
     ) -> Result<()> {
         let topic = topic.as_ref();

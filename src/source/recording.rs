@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// A recording as a source.
 ///
-/// A pair that cannot be read is left out and counted, and the first of them told.
+/// Unreadable pairs are dropped and counted, and the first one is reported.
 ///
 /// A damaged recording ends with one [`crate::Error::Damaged`], after which there are no more
 /// frames: a run may show it and go on to score the frames that came before.
@@ -37,8 +37,7 @@ impl RecordingSource {
         })
     }
 
-    /// The scenario file that the recording was made by, where it holds one. Damage is left to be
-    /// told with the pairs.
+    /// The attached scenario file, if any. Damage is reported with the pairs, not here.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -49,7 +48,7 @@ impl RecordingSource {
         }
     }
 
-    /// The recording, to ask it for its header and what it left out.
+    /// The reader, for its header, remarks and losses.
     pub fn reader(&self) -> &Reader {
         &self.reader
     }

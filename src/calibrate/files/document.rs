@@ -4,7 +4,7 @@ use super::markup;
 use crate::bounded::read_text;
 use crate::error::{Error, Result};
 use crate::stereo::{self, MAX_SIDE};
-use crate::yaml::{self, Node};
+use crate::yaml::{self, YamlNode as Node};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -4,7 +4,7 @@
 //! Names are not validated: the example in annex E has attributes called `x(0,0)`, which XML does
 //! not allow.
 
-use crate::yaml::{MAX_DEPTH, Node};
+use crate::yaml::{MAX_DEPTH, YamlNode as Node};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 use std::collections::BTreeMap;

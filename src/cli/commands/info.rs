@@ -5,7 +5,7 @@ use crate::cli::shared::terminal::{print, print_json};
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Recording, Skew, Summary, Topic};
+use svl::recording::{Recording, RecordingSummary, SkewSummary, Topic};
 
 /// Show what a recording holds, and whether it is whole
 #[derive(clap::Args)]
@@ -31,7 +31,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-fn table(summary: &Summary) -> String {
+fn table(summary: &RecordingSummary) -> String {
     let mut lines = vec![
         format!(
             "{}: {}, {}",
@@ -122,7 +122,7 @@ fn table(summary: &Summary) -> String {
     lines.join("\n")
 }
 
-fn pairs(summary: &Summary) -> String {
+fn pairs(summary: &RecordingSummary) -> String {
     let rate = summary
         .period_ns
         .filter(|&period| period > 0)
@@ -151,7 +151,7 @@ fn pairs(summary: &Summary) -> String {
 const BAR: u64 = 30;
 
 /// The skew, and where it varies how many pairs have how much.
-fn skew(skew: &Skew) -> Vec<String> {
+fn skew(skew: &SkewSummary) -> Vec<String> {
     // A unit for all, in which the range has some digits before the point.
     let range_ns = skew.min_ns.unsigned_abs().max(skew.max_ns.unsigned_abs());
     let (unit_ns, unit) = if range_ns < 1_000_000 {
@@ -192,7 +192,7 @@ fn skew(skew: &Skew) -> Vec<String> {
     lines
 }
 
-fn gaps(summary: &Summary) -> Vec<String> {
+fn gaps(summary: &RecordingSummary) -> Vec<String> {
     let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else {
         return summary
             .period_ns

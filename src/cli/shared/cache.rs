@@ -5,7 +5,7 @@ use super::source::{self, RECORDINGS};
 use anyhow::{Context, bail};
 use std::path::Path;
 use std::time::Duration;
-use svl::recording::Format;
+use svl::recording::RecordingFormat;
 use svl::scenario::Scenario;
 use svl::source::RecordingSource;
 
@@ -31,7 +31,7 @@ pub(crate) fn recording(
         source::make_recordings_folder()?;
         remove_abandoned();
         let partial = path.with_extension(format!("{}.partial", std::process::id()));
-        match recorder::write(opened, &partial, Format::default(), quiet) {
+        match recorder::write(opened, &partial, RecordingFormat::default(), quiet) {
             Ok((outcome, Ok(()))) if !outcome.interrupted => {
                 std::fs::rename(&partial, &path)
                     .with_context(|| format!("{}: cannot be named so", path.display()))?;

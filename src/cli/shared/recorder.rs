@@ -5,7 +5,7 @@ use super::runner::report_losses;
 use super::source::Opened;
 use std::path::Path;
 use svl::manifest::Manifest;
-use svl::recording::{Format, SCENARIO, Writer};
+use svl::recording::{RecordingFormat, SCENARIO, Writer};
 use svl::run::{Matchers, Outcome, Pace, run};
 use svl::score::Judge;
 use svl::sink::{self, RecordingSink, RunStart, Sink};
@@ -15,7 +15,7 @@ use svl::sink::{self, RecordingSink, RunStart, Sink};
 pub(crate) fn write(
     mut opened: Opened,
     path: &Path,
-    format: Format,
+    format: RecordingFormat,
     quiet: bool,
 ) -> anyhow::Result<(Outcome, svl::Result<()>)> {
     // From here on Ctrl-C leaves a whole file.

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use std::collections::BTreeMap;
 use svl::counted;
-use svl::recording::Loss;
+use svl::recording::DamagedPart;
 
 /// Prints to standard output. A reader that went away (`| head`) has read enough: no error.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
@@ -23,12 +23,12 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
 pub(crate) const LISTED: usize = 5;
 
 /// What cannot be read of a file, a line each.
-pub(crate) fn losses(losses: &[Loss]) -> Vec<String> {
-    let part = |Loss {
+pub(crate) fn losses(losses: &[DamagedPart]) -> Vec<String> {
+    let part = |DamagedPart {
                     at_byte,
                     bytes,
                     reason,
-                }: &Loss| match bytes {
+                }: &DamagedPart| match bytes {
         0 => format!("lost       at byte {at_byte}: {reason}"),
         1..1000 => format!(
             "lost       {} at byte {at_byte}: {reason}",

@@ -1,4 +1,4 @@
-//! Images of a sensor behind a Bayer mosaic.
+//! Bayer images to grey: bilinear demosaicing.
 
 use crate::error::Result;
 use crate::stereo::{Gray, Plane};
@@ -6,7 +6,7 @@ use crate::stereo::{Gray, Plane};
 /// Colours of the pixels (0,0), (1,0), (0,1), (1,1): 0 red, 1 green, 2 blue.
 pub(super) type Tile = [usize; 4];
 
-/// The tile of `bayer_rggb8` and its kin, and the bits of a sample.
+/// The tile of an encoding like `bayer_rggb8`, and the bits per sample.
 pub(super) fn tile(encoding: &str) -> Option<(Tile, u32)> {
     let (tile, bits) = encoding.strip_prefix("bayer_")?.split_at_checked(4)?;
     let tile = match tile {
@@ -23,9 +23,9 @@ pub(super) fn tile(encoding: &str) -> Option<(Tile, u32)> {
     }
 }
 
-/// Grey of a mosaic, bilinear: a colour that a pixel lacks is the mean, rounded, of those among its
-/// eight neighbours in the image that have it; then [`Gray::from_rgb`]. Where no neighbour has it,
-/// in an image of one row or column, the pixel's own value stands in.
+/// Demosaics bilinearly, then [`Gray::from_rgb`]: a missing colour of a pixel is the rounded mean
+/// of its eight neighbours in the image with that colour. Where no neighbour has it, in an image of
+/// one row or column, it is the pixel's own value.
 ///
 /// # Errors
 /// None: the sizes are those of a plane.

@@ -1,4 +1,4 @@
-//! Calibrations in the messages of ROS 2 and Foxglove, and the rig that two of them make.
+//! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
 
 use super::json;
 use crate::recording::messages::Channel;
@@ -6,11 +6,11 @@ use crate::recording::{decode_protobuf, ros};
 use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, rotation};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 
-/// Messages that are calibrations.
+/// Schemas of calibration messages.
 pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
 
-/// How far the focal lengths of rectified cameras may be apart (relative), and the rows of their
-/// centres in pixels: what rounding in a calibration file makes of equal ones.
+/// Tolerances of rectified cameras, for rounding in calibration files: relative difference of the
+/// focal lengths, difference of the principal points' rows.
 const FOCAL_TOLERANCE: f64 = 1e-4;
 const ROW_TOLERANCE_PX: f64 = 0.1;
 
@@ -19,15 +19,15 @@ const ROW_TOLERANCE_PX: f64 = 0.1;
 pub(super) struct Calibration {
     /// Width and height of its images, pixels.
     size: (u32, u32),
-    /// Name of the lens model.
+    /// Name of the distortion model.
     model: String,
-    /// The camera itself, before rectification.
+    /// Intrinsics before rectification, row-major 3x3.
     k: Vec<f64>,
-    /// Lens distortion.
+    /// Distortion coefficients.
     d: Vec<f64>,
-    /// Rotation into the rectified frame.
+    /// Rotation into the rectified frame, row-major 3x3.
     r: Vec<f64>,
-    /// Projection of the rectified camera.
+    /// Projection of the rectified camera, row-major 3x4.
     p: Vec<f64>,
 }
 
@@ -55,7 +55,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
             })
         }
         ("foxglove.CameraCalibration", "json") => {
-            let json::CameraCalibration {
+            let json::JsonCalibration {
                 width,
                 height,
                 distortion_model: model,
@@ -79,8 +79,8 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
     }
 }
 
-/// The calibration of the images that a sensor gives, which may be a part of it and binned, as
-/// image_geometry's PinholeCameraModel has it.
+/// The calibration of the published images, which may be a binned region of the sensor (as
+/// image_geometry's PinholeCameraModel).
 fn of_images(info: ros::CameraInfo) -> Calibration {
     let ros::CameraInfo {
         width,
@@ -121,10 +121,10 @@ fn of_images(info: ros::CameraInfo) -> Calibration {
 }
 
 impl Calibration {
-    /// Whether it is of images of that size, as far as it says.
+    /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
     ///
     /// # Errors
-    /// Of which it is.
+    /// The size it is for.
     pub(super) fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
         let (w, h) = self.size;
         if [(0, 0), (width, height)].contains(&(w as usize, h as usize)) {
@@ -135,11 +135,10 @@ impl Calibration {
         ))
     }
 
-    /// Whether an image straight from this camera is not rectified: its lens distorts, or it has to
-    /// be turned.
+    /// Whether images of this camera have to be rectified: it has distortion or a rotation.
     pub(super) fn is_of_raw_camera(&self) -> bool {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        // All zeros, as of a camera that was never calibrated, say nothing.
+        // All zeros are those of a camera that was never calibrated.
         let turned = self.r.iter().any(|v| *v != 0.0)
             && self
                 .r
@@ -150,7 +149,7 @@ impl Calibration {
     }
 
     fn camera(&self) -> Result<Intrinsics, String> {
-        // Models with more coefficients are this one where the rest are 0.
+        // Models with more coefficients equal plumb_bob where the rest are 0.
         let (lens, rest) = self.d.split_at(self.d.len().min(5));
         if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
             || rest.iter().any(|c| *c != 0.0)
@@ -199,10 +198,10 @@ pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String
     })
 }
 
-/// What rectifies raw images: cameras with their lenses, and R and P of both.
+/// The calibration of raw images: intrinsics and distortion, R and P of both cameras.
 ///
 /// # Errors
-/// Why the two say too little.
+/// What is missing.
 pub(super) fn calibration(
     left: &Calibration,
     right: &Calibration,

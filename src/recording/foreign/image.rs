@@ -1,6 +1,6 @@
-//! Images in the messages of ROS 2 and Foxglove.
+//! Decodes image messages of ROS 2 and Foxglove.
 
-use super::pixels::{self, Raw};
+use super::pixels::{self, RawPixels};
 use super::{bayer, json};
 use crate::files;
 use crate::recording::messages::Channel;
@@ -8,7 +8,7 @@ use crate::recording::{decode_protobuf, ros};
 use crate::stereo::Gray;
 use foxglove::messages::{CompressedImage, RawImage};
 
-/// Messages that are images.
+/// Schemas of image messages.
 pub(super) const SCHEMAS: [&str; 4] = [
     "sensor_msgs/msg/Image",
     "sensor_msgs/msg/CompressedImage",
@@ -16,8 +16,7 @@ pub(super) const SCHEMAS: [&str; 4] = [
     "foxglove.CompressedImage",
 ];
 
-/// The stamp that stands in a message, where there is one, and its image, or why that cannot be
-/// read.
+/// The stamp in a message, if any, and its image, or why that cannot be read.
 pub(super) type Stamped = (Option<u64>, Result<Gray, String>);
 
 /// # Errors
@@ -25,7 +24,7 @@ pub(super) type Stamped = (Option<u64>, Result<Gray, String>);
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/Image", "cdr") => {
-            let ros::Image {
+            let ros::RosImage {
                 stamp,
                 height,
                 width,
@@ -34,7 +33,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
                 step,
                 data,
             } = ros::read(data, ros::image)?;
-            let image = pixels::grey(&Raw {
+            let image = pixels::grey(&RawPixels {
                 width,
                 height,
                 step,
@@ -61,7 +60,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
                 data,
                 ..
             } = decode_protobuf(data)?;
-            let raw = Raw {
+            let raw = RawPixels {
                 width,
                 height,
                 step,
@@ -87,7 +86,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
             ))
         }
         ("foxglove.RawImage", "json") => {
-            let json::RawImage {
+            let json::JsonRawImage {
                 timestamp,
                 width,
                 height,
@@ -95,7 +94,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
                 step,
                 data,
             } = json::read(data)?;
-            let raw = Raw {
+            let raw = RawPixels {
                 width,
                 height,
                 step,
@@ -109,7 +108,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
             ))
         }
         ("foxglove.CompressedImage", "json") => {
-            let json::CompressedImage {
+            let json::JsonCompressedImage {
                 timestamp,
                 data,
                 format,
@@ -125,8 +124,8 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
     }
 }
 
-/// The image in the bytes of a PNG or JPEG. What its pixels were before it was compressed stands
-/// first in `format`, as image_transport writes it: `bayer_rggb8; png compressed `.
+/// Decodes a PNG or JPEG. The encoding before compression comes first in `format`, as
+/// image_transport writes it: `bayer_rggb8; png compressed `.
 fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
     let image = files::decode_bytes(data).map_err(|e| {
         format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}")
@@ -136,8 +135,8 @@ fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
         .next()
         .and_then(|encoding| bayer::tile(encoding.trim()));
     match mosaic {
-        // One channel is what the sensor saw; with more of them its colours were put together
-        // before.
+        // One channel is the mosaic of the sensor; more channels were demosaiced before
+        // compression.
         Some((tile, _)) if image.color().channel_count() == 1 => {
             files::gray(image).and_then(|samples| bayer::grey(&samples, tile))
         }
@@ -146,7 +145,7 @@ fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
     .map_err(|e| e.to_string())
 }
 
-fn ros_stamp(ros::Time { sec, nanosec }: ros::Time) -> Result<Option<u64>, String> {
+fn ros_stamp(ros::RosTime { sec, nanosec }: ros::RosTime) -> Result<Option<u64>, String> {
     let sec = u32::try_from(sec).map_err(|_| format!("its stamp of {sec} s is before 1970"))?;
     Ok(stamp(Some((sec, nanosec))))
 }

@@ -1,18 +1,18 @@
-//! The Foxglove messages svl reads, in JSON: as protobuf, with bytes in base64.
+//! Foxglove messages in JSON: the fields of the protobuf messages, with bytes in base64.
 
 use base64::Engine as _;
 use serde::{Deserialize, Deserializer, de};
 
 #[derive(Clone, Copy, Default, Deserialize)]
-pub(super) struct Time {
+pub(super) struct JsonTime {
     pub(super) sec: u32,
     pub(super) nsec: u32,
 }
 
 #[derive(Deserialize)]
-pub(super) struct RawImage {
+pub(super) struct JsonRawImage {
     #[serde(default)]
-    pub(super) timestamp: Time,
+    pub(super) timestamp: JsonTime,
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) encoding: String,
@@ -22,9 +22,9 @@ pub(super) struct RawImage {
 }
 
 #[derive(Deserialize)]
-pub(super) struct CompressedImage {
+pub(super) struct JsonCompressedImage {
     #[serde(default)]
-    pub(super) timestamp: Time,
+    pub(super) timestamp: JsonTime,
     #[serde(deserialize_with = "bytes")]
     pub(super) data: Vec<u8>,
     #[serde(default)]
@@ -32,7 +32,7 @@ pub(super) struct CompressedImage {
 }
 
 #[derive(Deserialize)]
-pub(super) struct CameraCalibration {
+pub(super) struct JsonCalibration {
     #[serde(default)]
     pub(super) width: u32,
     #[serde(default)]

@@ -4,32 +4,32 @@ mod bayer;
 mod camera;
 mod image;
 mod json;
-mod partners;
 mod pixels;
+mod stamp_pairing;
 mod topics;
 
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
 use super::Recording;
-use super::messages::{Channel, Event, Messages};
+use super::messages::{Channel, FileEvent, Messages};
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Geometry, Gray, Rig, Side, StereoCalibration, StereoPair};
 use camera::Calibration;
-use partners::Partners;
+use stamp_pairing::StampPairing;
 
-/// Makes pairs of the images of two topics.
+/// Pairs the images of two topics by their stamps.
 pub(super) struct Foreign {
     images: [String; 2],
     calibrations: [Option<String>; 2],
-    /// The last calibration of each camera; until there is one, the first that will be.
+    /// The last calibration of each camera so far; before there is one, the first in the recording.
     cameras: [Option<Calibration>; 2],
-    partners: Partners<std::result::Result<Gray, String>>,
+    partners: StampPairing<std::result::Result<Gray, String>>,
     max_skew_ns: u64,
     /// Images of each camera.
     counts: [u64; 2],
-    /// Pairs put together, and those of them that could be read.
+    /// Pairs so far, and those of them that could be read.
     sequence: u64,
     pairs: u64,
     /// Width and height of the last pair's images.
@@ -53,7 +53,7 @@ impl Foreign {
             images,
             calibrations,
             cameras: [None, None],
-            partners: Partners::new(selection.max_skew_ns),
+            partners: StampPairing::new(selection.max_skew_ns),
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
             sequence: 0,
@@ -64,8 +64,8 @@ impl Foreign {
             let mut messages = Messages::open(file)?;
             while foreign.lacks_calibration() {
                 match messages.next() {
-                    // One that cannot be read is told when its turn comes.
-                    Ok(Some(Event::Message { channel, data, .. })) => {
+                    // An unreadable one is reported when it is read in its turn.
+                    Ok(Some(FileEvent::Message { channel, data, .. })) => {
                         drop(foreign.calibrate(channel, &data))
                     }
                     Ok(Some(_)) => {}
@@ -81,17 +81,17 @@ impl Foreign {
         self.pairs
     }
 
-    /// Images that were given up.
+    /// Images without a partner.
     pub(super) fn unpaired(&self) -> u64 {
         self.partners.unpaired()
     }
 
-    /// Images that came too far out of the order of their times to find a partner.
+    /// Images that came too far out of order to find a partner.
     pub(super) fn late(&self) -> u64 {
         self.partners.late()
     }
 
-    /// Takes in one message.
+    /// Adds one message.
     ///
     /// # Errors
     /// Why it cannot be read.
@@ -116,10 +116,10 @@ impl Foreign {
         self.calibrate(channel, data)
     }
 
-    /// The next pair that is certain.
+    /// The next pair that no later image can change.
     ///
     /// # Errors
-    /// Why two images that belong together are no pair.
+    /// Why two images that belong together cannot be a pair.
     pub(super) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
         let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
         let sequence = self.sequence;
@@ -152,12 +152,12 @@ impl Foreign {
         Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
     }
 
-    /// There will be no more messages; what waits finds its partner or does not.
+    /// Ends the recording: pairs what still waits, as far as it can be.
     pub(super) fn end(&mut self) {
         self.partners.end();
     }
 
-    /// What a person should know before trusting the pairs.
+    /// Warnings about the pairs, a line each.
     pub(super) fn remarks(&self) -> Vec<String> {
         let [left, right] = &self.images;
         if self.are_raw() {
@@ -178,10 +178,10 @@ impl Foreign {
             .collect()
     }
 
-    /// What rectifies the images, where they are raw; nothing where they are not.
+    /// The calibration of raw images; nothing for rectified ones.
     ///
     /// # Errors
-    /// Why what they say of their cameras does not suffice.
+    /// What is missing in the calibrations.
     pub(super) fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
         self.are_raw().then(|| {
             self.both()
@@ -189,8 +189,8 @@ impl Foreign {
         })
     }
 
-    /// Whether the images come straight from a camera whose calibration says that they have to be
-    /// rectified. That of a rectified topic says the same, as ROS has one for both.
+    /// Whether the images are raw by the calibration. On a rectified topic its distortion does not
+    /// count: ROS has one CameraInfo for the raw and the rectified image.
     fn are_raw(&self) -> bool {
         let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
             !topics::is_of_rectified(topic)
@@ -216,8 +216,7 @@ impl Foreign {
         )
     }
 
-    /// What topics and calibrations say; images of which neither says that they are rectified are
-    /// raw.
+    /// Raw, unless topics or calibrations say that the images are rectified.
     fn geometry(&self) -> Geometry {
         let named_rectified = self
             .images
@@ -238,7 +237,7 @@ impl Foreign {
             .and_then(|[left, right]| camera::rig(left, right))
     }
 
-    /// The calibrations of the cameras, for images of the size that they have.
+    /// The calibrations of both cameras, for images of the current size.
     fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
         match &self.cameras {
             [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {

@@ -1,23 +1,23 @@
-//! Pixels in the encodings of ROS and Foxglove, as 8-bit grey.
+//! Converts the pixel encodings of ROS and Foxglove to 8-bit grey.
 
 use super::bayer;
 use crate::files::{every_byte, strided_rows};
 use crate::stereo::{Gray, Plane};
 
-/// An image as it stands in a message.
-pub(super) struct Raw<'a> {
+/// An uncompressed image in a message.
+pub(super) struct RawPixels<'a> {
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Bytes from one row to the next.
+    /// Stride: bytes from one row to the next.
     pub(super) step: u32,
-    /// As sensor_msgs/image_encodings.hpp has it.
+    /// A name of sensor_msgs/image_encodings.hpp.
     pub(super) encoding: &'a str,
     pub(super) big_endian: bool,
     pub(super) data: &'a [u8],
 }
 
-/// How one pixel stands in its bytes.
-enum Form {
+/// The bytes of one pixel.
+enum PixelLayout {
     /// Grey is byte `at` of every `bytes`: of 16 bits the upper 8, of YUV the Y.
     Grey { bytes: usize, at: usize },
     /// Red, green and blue are these bytes of every `bytes`.
@@ -34,13 +34,15 @@ enum Form {
 ///
 /// # Errors
 /// Why it cannot be read.
-pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
-    let form = form(raw.encoding, raw.big_endian)?;
-    let bytes = match form {
-        Form::Grey { bytes, .. } | Form::Colour { bytes, .. } | Form::Bayer { bytes, .. } => bytes,
+pub(super) fn grey(raw: &RawPixels<'_>) -> Result<Gray, String> {
+    let layout = layout(raw.encoding, raw.big_endian)?;
+    let bytes = match layout {
+        PixelLayout::Grey { bytes, .. }
+        | PixelLayout::Colour { bytes, .. }
+        | PixelLayout::Bayer { bytes, .. } => bytes,
     };
     let (width, height, step) = (raw.width as usize, raw.height as usize, raw.step as usize);
-    // Not Plane's own sizes: its rows are bytes here.
+    // Saturating: the sizes are unchecked numbers of a message.
     let row_bytes = width.saturating_mul(bytes);
     let rows = strided_rows(raw.data, row_bytes, height, step).map_err(|_| {
         let (encoding, got) = (raw.encoding, raw.data.len());
@@ -49,14 +51,14 @@ pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
              bytes"
         )
     })?;
-    let image = match form {
-        Form::Grey { at, .. } => Plane::from_vec(width, height, every_byte(rows, bytes, at)),
-        Form::Bayer { at, tile, .. } => {
+    let image = match layout {
+        PixelLayout::Grey { at, .. } => Plane::from_vec(width, height, every_byte(rows, bytes, at)),
+        PixelLayout::Bayer { at, tile, .. } => {
             let samples = Plane::from_vec(width, height, every_byte(rows, bytes, at))
                 .map_err(|e| e.to_string())?;
             bayer::grey(&samples, tile)
         }
-        Form::Colour { rgb, .. } => {
+        PixelLayout::Colour { rgb, .. } => {
             let pixels = rows.flat_map(|row| row.chunks_exact(bytes));
             Gray::from_rgb(
                 width,
@@ -70,39 +72,39 @@ pub(super) fn grey(raw: &Raw<'_>) -> Result<Gray, String> {
     image.map_err(|e| e.to_string())
 }
 
-fn form(encoding: &str, big_endian: bool) -> Result<Form, String> {
+fn layout(encoding: &str, big_endian: bool) -> Result<PixelLayout, String> {
     let upper = if big_endian { 0 } else { 1 };
     Ok(match encoding {
-        "mono8" | "8UC1" => Form::Grey { bytes: 1, at: 0 },
-        "mono16" => Form::Grey {
+        "mono8" | "8UC1" => PixelLayout::Grey { bytes: 1, at: 0 },
+        "mono16" => PixelLayout::Grey {
             bytes: 2,
             at: upper,
         },
-        "yuv422" | "uyvy" | "UYVY" => Form::Grey { bytes: 2, at: 1 },
-        "yuv422_yuy2" | "yuyv" | "YUYV" => Form::Grey { bytes: 2, at: 0 },
-        "rgb8" => Form::Colour {
+        "yuv422" | "uyvy" | "UYVY" => PixelLayout::Grey { bytes: 2, at: 1 },
+        "yuv422_yuy2" | "yuyv" | "YUYV" => PixelLayout::Grey { bytes: 2, at: 0 },
+        "rgb8" => PixelLayout::Colour {
             bytes: 3,
             rgb: [0, 1, 2],
         },
-        "bgr8" | "8UC3" => Form::Colour {
+        "bgr8" | "8UC3" => PixelLayout::Colour {
             bytes: 3,
             rgb: [2, 1, 0],
         },
-        "rgba8" => Form::Colour {
+        "rgba8" => PixelLayout::Colour {
             bytes: 4,
             rgb: [0, 1, 2],
         },
-        "bgra8" | "8UC4" => Form::Colour {
+        "bgra8" | "8UC4" => PixelLayout::Colour {
             bytes: 4,
             rgb: [2, 1, 0],
         },
         _ => match bayer::tile(encoding) {
-            Some((tile, 8)) => Form::Bayer {
+            Some((tile, 8)) => PixelLayout::Bayer {
                 bytes: 1,
                 at: 0,
                 tile,
             },
-            Some((tile, _)) => Form::Bayer {
+            Some((tile, _)) => PixelLayout::Bayer {
                 bytes: 2,
                 at: upper,
                 tile,
@@ -126,7 +128,7 @@ mod tests {
         step: u32,
         data: &[u8],
     ) -> Result<Vec<u8>, String> {
-        let raw = Raw {
+        let raw = RawPixels {
             width,
             height,
             step,
@@ -161,7 +163,7 @@ mod tests {
             read("bgra8", (1, 2), 5, &[10, 10, 10, 0, 0, 200, 200, 200, 0]),
             Ok(vec![10, 200])
         );
-        let big = Raw {
+        let big = RawPixels {
             width: 1,
             height: 1,
             step: 2,

@@ -1,24 +1,24 @@
-//! Which topics of a foreign recording are the two cameras.
+//! Chooses the topics of the two cameras in a recording of another program.
 
 use super::{camera, image};
 use crate::recording::messages::Channel;
 
-/// Which pairs to read of a recording that svl did not write.
+/// The topics and the largest skew of the pairs in a recording that svl did not write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selection {
-    /// Topic of the left images; found by type and name where it is not given.
+    /// Topic of the left images; by default found by type and name.
     pub left: Option<String>,
     pub right: Option<String>,
-    /// How far the stamps of a pair may be apart.
+    /// Largest skew of a pair.
     pub max_skew_ns: u64,
 }
 
 impl Selection {
-    /// A quarter of the period at 50 pairs a second: cameras with one trigger are far below, ones
-    /// that run free above.
+    /// A quarter of the period at 50 pairs per second: cameras with a common trigger are far below,
+    /// free-running ones above.
     pub const MAX_SKEW_NS: u64 = 5_000_000;
 
-    /// Whether it names a topic, so that even svl's own recordings are read as foreign ones are.
+    /// Whether it names a topic: then svl's own recordings too are paired by stamps.
     pub fn names_topics(&self) -> bool {
         self.left.is_some() || self.right.is_some()
     }
@@ -42,7 +42,7 @@ pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
 /// The topics of the left and the right images.
 ///
 /// # Errors
-/// Why there are none, or more than one pair of them, with the cure.
+/// Why they are missing or ambiguous, with the cure.
 pub(in crate::recording) fn choose(
     channels: &[&Channel],
     selection: &Selection,
@@ -102,7 +102,7 @@ pub(in crate::recording) fn choose(
     }
 }
 
-/// Of which kind the images are that svl does not read, if there are such, and what to do.
+/// Image topics of types that svl does not read, if there are any, with the cure.
 fn unread(channels: &[&Channel]) -> Option<String> {
     let name = |channel: &Channel| {
         channel
@@ -140,8 +140,8 @@ fn unread(channels: &[&Channel]) -> Option<String> {
     })
 }
 
-/// Whether two topics differ as left and right do: in these words, or in a number that is one
-/// higher, from 0 or 1.
+/// Whether two topics differ only in left and right, in l and r, or in numbers from 0 or 1 that are
+/// one apart.
 fn are_sides(left: &str, right: &str) -> bool {
     let (left, right) = (left.to_lowercase(), right.to_lowercase());
     if left.contains("left") && left.replace("left", "right") == right {
@@ -163,7 +163,7 @@ fn are_sides(left: &str, right: &str) -> bool {
             .all(|(l, r)| (l.as_str(), r.as_str()) == first)
 }
 
-/// The runs of letters, of digits, and single other characters of a topic.
+/// Splits a topic into runs of letters, runs of digits, and single other characters.
 fn words(topic: &str) -> Vec<String> {
     let kind = |c: char| (c.is_alphabetic(), c.is_numeric());
     let mut words: Vec<String> = Vec::new();
@@ -179,8 +179,8 @@ fn words(topic: &str) -> Vec<String> {
 }
 
 /// Whether the name of a topic says that its images are rectified: `rect` is a word of its last
-/// part, as in `image_rect`, `image_rect_raw` and `rectified/compressed`. The folders of a camera
-/// say nothing of it.
+/// part, as in `image_rect`, `image_rect_raw` and `rectified/compressed`. Its namespace does not
+/// count.
 pub(super) fn is_of_rectified(topic: &str) -> bool {
     let topic = topic.strip_suffix("/compressed").unwrap_or(topic);
     let words = topic
@@ -193,8 +193,7 @@ pub(super) fn is_of_rectified(topic: &str) -> bool {
         .any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
-/// The topic of the calibration that belongs to the images of `topic`: the one that shares the most
-/// of its folders.
+/// The calibration topic for the image topic `topic`: the one that shares the longest namespace.
 pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> {
     let calibrations = channels
         .iter()
@@ -207,7 +206,7 @@ pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> 
             .map_or(0, |(folder, _)| folder.len() + 1)
     };
     let fits = |channel: &&Channel| topic.starts_with(&channel.topic[..folder(channel)]);
-    // By name where several share as much, so that the order in the file does not matter.
+    // Ties are decided by name, so that the order in the file does not matter.
     let found = calibrations
         .filter(fits)
         .max_by_key(|channel| (folder(channel), std::cmp::Reverse(&channel.topic)));

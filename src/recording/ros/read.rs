@@ -1,26 +1,26 @@
-//! Messages taken out of their CDR.
+//! Decodes ROS 2 messages from CDR.
 
 use crate::recording::bag::CONVERT;
 use re_cdr::{CdrReader, Error, LittleEndian, Result};
 
-/// Most coefficients of a lens that any of ROS's distortion models has.
+/// Limit of distortion coefficients: `rational_polynomial` in ROS has up to 14.
 const MAX_DISTORTION: usize = 14;
 
 /// sensor_msgs/msg/Image.
-pub(in crate::recording) struct Image<'a> {
-    pub(in crate::recording) stamp: Time,
+pub(in crate::recording) struct RosImage<'a> {
+    pub(in crate::recording) stamp: RosTime,
     pub(in crate::recording) height: u32,
     pub(in crate::recording) width: u32,
     pub(in crate::recording) encoding: &'a str,
     pub(in crate::recording) big_endian: bool,
-    /// Bytes from one row to the next.
+    /// Stride: bytes from one row to the next.
     pub(in crate::recording) step: u32,
     pub(in crate::recording) data: &'a [u8],
 }
 
 /// sensor_msgs/msg/CompressedImage.
-pub(in crate::recording) struct CompressedImage<'a> {
-    pub(in crate::recording) stamp: Time,
+pub(in crate::recording) struct RosCompressedImage<'a> {
+    pub(in crate::recording) stamp: RosTime,
     pub(in crate::recording) format: &'a str,
     pub(in crate::recording) data: &'a [u8],
 }
@@ -34,13 +34,13 @@ pub(in crate::recording) struct CameraInfo {
     pub(in crate::recording) k: [f64; 9],
     pub(in crate::recording) r: [f64; 9],
     pub(in crate::recording) p: [f64; 12],
-    /// How many columns and rows of the sensor are one of the image; 0 is 1.
+    /// Columns and rows of the sensor per pixel of the image; 0 means 1.
     pub(in crate::recording) binning: [u32; 2],
     pub(in crate::recording) roi: RegionOfInterest,
 }
 
-/// sensor_msgs/msg/RegionOfInterest: the part of the sensor that the image shows, before binning; a
-/// side of 0 is all.
+/// sensor_msgs/msg/RegionOfInterest: the part of the sensor in the image, before binning; a side of
+/// 0 means all.
 pub(in crate::recording) struct RegionOfInterest {
     pub(in crate::recording) x: u32,
     pub(in crate::recording) y: u32,
@@ -50,12 +50,12 @@ pub(in crate::recording) struct RegionOfInterest {
 
 /// builtin_interfaces/msg/Time.
 #[derive(Clone, Copy)]
-pub(in crate::recording) struct Time {
+pub(in crate::recording) struct RosTime {
     pub(in crate::recording) sec: i32,
     pub(in crate::recording) nanosec: u32,
 }
 
-/// The body of a message, which `read` takes apart.
+/// Decodes the body of a message with `read`.
 ///
 /// # Errors
 /// Why it cannot be read.
@@ -77,8 +77,10 @@ pub(in crate::recording) fn read<'a, T>(
     read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
 }
 
-pub(in crate::recording) fn image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> Result<Image<'a>> {
-    Ok(Image {
+pub(in crate::recording) fn image<'a>(
+    cdr: &mut CdrReader<'a, LittleEndian>,
+) -> Result<RosImage<'a>> {
+    Ok(RosImage {
         stamp: header(cdr)?,
         height: cdr.read_u32()?,
         width: cdr.read_u32()?,
@@ -91,8 +93,8 @@ pub(in crate::recording) fn image<'a>(cdr: &mut CdrReader<'a, LittleEndian>) -> 
 
 pub(in crate::recording) fn compressed_image<'a>(
     cdr: &mut CdrReader<'a, LittleEndian>,
-) -> Result<CompressedImage<'a>> {
-    Ok(CompressedImage {
+) -> Result<RosCompressedImage<'a>> {
+    Ok(RosCompressedImage {
         stamp: header(cdr)?,
         format: cdr.read_str()?,
         data: cdr.read_byte_sequence()?,
@@ -135,8 +137,8 @@ pub(in crate::recording) fn camera_info(
     })
 }
 
-fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<Time> {
-    let stamp = Time {
+fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<RosTime> {
+    let stamp = RosTime {
         sec: cdr.read_i32()?,
         nanosec: cdr.read_u32()?,
     };

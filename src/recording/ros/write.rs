@@ -1,7 +1,7 @@
-//! Messages put into CDR, with the definitions that a bag needs to be read without ROS.
+//! Encodes ROS 2 messages as CDR, with the definitions by which a bag is read without ROS.
 
 use super::CDR_LE;
-use crate::recording::{Encoded, Stamp, frame_id, gray_image};
+use crate::recording::{Encoded, RosStamp, frame_id, images};
 use crate::stereo::{Gray, Plane, Pose, Rig, Side};
 use re_cdr::{CdrWriter, LittleEndian};
 use std::borrow::Cow;
@@ -9,21 +9,21 @@ use std::borrow::Cow;
 type Cdr<'a> = CdrWriter<'a, LittleEndian>;
 
 /// A sensor_msgs/msg/Image of grey pixels.
-pub(in crate::recording) fn encode_mono8(image: &Gray, stamp: Stamp, frame_id: &str) -> Encoded {
+pub(in crate::recording) fn encode_mono8(image: &Gray, stamp: RosStamp, frame_id: &str) -> Encoded {
     encode_image(
         image.size(),
         "mono8",
-        &gray_image::pixels(image),
+        &images::pixels(image),
         stamp,
         frame_id,
     )
 }
 
-/// A sensor_msgs/msg/Image of 32-bit floats, which Rerun shows as a depth image in metres where
-/// `frame_id` places it.
+/// A sensor_msgs/msg/Image of 32-bit floats. Where `frame_id` is a known frame, Rerun shows it as a
+/// depth image in metres.
 pub(in crate::recording) fn encode_32fc1(
     plane: &Plane<f32>,
-    stamp: Stamp,
+    stamp: RosStamp,
     frame_id: &str,
 ) -> Encoded {
     let pixels: Vec<u8> = plane
@@ -38,7 +38,7 @@ fn encode_image(
     (width, height): (usize, usize),
     encoding: &str,
     pixels: &[u8],
-    stamp: Stamp,
+    stamp: RosStamp,
     frame_id: &str,
 ) -> Encoded {
     let body = |cdr: &mut Cdr| {
@@ -59,8 +59,8 @@ fn encode_image(
     )
 }
 
-/// A sensor_msgs/msg/CompressedImage of grey pixels; its format is as image_transport says it.
-pub(in crate::recording) fn encode_png(png: &[u8], stamp: Stamp, frame_id: &str) -> Encoded {
+/// A sensor_msgs/msg/CompressedImage of grey pixels, with the format string of image_transport.
+pub(in crate::recording) fn encode_png(png: &[u8], stamp: RosStamp, frame_id: &str) -> Encoded {
     let body = |cdr: &mut Cdr| {
         header(cdr, stamp, frame_id);
         cdr.write_string("mono8; png compressed ");
@@ -75,12 +75,12 @@ pub(in crate::recording) fn encode_png(png: &[u8], stamp: Stamp, frame_id: &str)
 }
 
 /// The sensor_msgs/msg/CameraInfo of a rectified camera. Both are in the frame of the left one, as
-/// ROS's stereo tools ask: P says where the right one is.
+/// ROS's stereo tools require: P places the right one.
 pub(in crate::recording) fn encode_camera_info(
     rig: &Rig,
     (width, height): (usize, usize),
     camera: Side,
-    stamp: Stamp,
+    stamp: RosStamp,
 ) -> Encoded {
     let right = camera == Side::Right;
     let body = |cdr: &mut Cdr| {
@@ -90,7 +90,7 @@ pub(in crate::recording) fn encode_camera_info(
         cdr.write_string("plumb_bob");
         cdr.write_sequence_length(5);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        // Row-major, where nalgebra stands column by column.
+        // Row-major in the message, column-major in nalgebra.
         let (k, p) = (
             rig.intrinsics(right).transpose(),
             rig.projection(right).transpose(),
@@ -117,7 +117,7 @@ pub(in crate::recording) fn encode_camera_info(
 pub(in crate::recording) fn encode_transform(
     pose: &Pose,
     [parent, child]: [&str; 2],
-    stamp: Stamp,
+    stamp: RosStamp,
 ) -> Encoded {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     let body = |cdr: &mut Cdr| {
@@ -146,7 +146,7 @@ pub(in crate::recording) fn encode_string(text: &str) -> Encoded {
     )
 }
 
-/// `bytes` is about how many the largest part of the message has.
+/// `bytes`: approximate length of the largest field.
 fn encode(
     schema: &'static str,
     definition: &'static str,
@@ -166,9 +166,9 @@ fn encode(
     }
 }
 
-fn header(cdr: &mut Cdr, stamp: Stamp, frame_id: &str) {
+fn header(cdr: &mut Cdr, stamp: RosStamp, frame_id: &str) {
     let (seconds, nanoseconds) = stamp.parts();
-    // Stamps end before 2038, so the sign is none.
+    // Stamps end before 2038, so the signed field stays positive.
     cdr.write_u32(seconds);
     cdr.write_u32(nanoseconds);
     cdr.write_string(frame_id);

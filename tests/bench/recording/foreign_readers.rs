@@ -2,7 +2,7 @@
 
 use super::frames::full;
 use std::process::Command;
-use svl::recording::{Dialect, Format, Header, ImageFormat, Writer};
+use svl::recording::{Dialect, Header, ImageFormat, RecordingFormat, Writer};
 use svl::stereo::{Frame, Gray, Visibility};
 
 const SIZE: (usize, usize) = (61, 47);
@@ -51,7 +51,7 @@ fn read_by(
     script: &str,
     modules: &str,
     frames: &[Frame],
-    format: Format,
+    format: RecordingFormat,
 ) -> Option<serde_json::Value> {
     let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let import = format!("import {modules}");
@@ -131,7 +131,7 @@ fn python_reads_compressed_recordings() {
 fn rosbags_reads_a_ros_2_bag() {
     let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
     for images in [ImageFormat::Raw, ImageFormat::Png] {
-        let format = Format {
+        let format = RecordingFormat {
             dialect: Dialect::Ros2,
             images,
         };

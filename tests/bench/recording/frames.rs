@@ -1,7 +1,9 @@
 //! Made-up frames, and recordings of them.
 
 use std::path::{Path, PathBuf};
-use svl::recording::{Format, Header, Reader, Recording, Recovery, Summary, Writer};
+use svl::recording::{
+    Header, Reader, Recording, RecordingFormat, RecordingSummary, Recovery, Writer,
+};
 use svl::stereo::{
     Exposure, Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility,
 };
@@ -72,7 +74,11 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
 }
 
 /// Writes a recording of `frames` into `folder`.
-pub(crate) fn record(folder: &Path, frames: &[Frame], format: impl Into<Format>) -> PathBuf {
+pub(crate) fn record(
+    folder: &Path,
+    frames: &[Frame],
+    format: impl Into<RecordingFormat>,
+) -> PathBuf {
     let path = folder.join("test.mcap");
     let mut writer = Writer::create(&path, &Header::new("test"), format).unwrap();
     frames.iter().for_each(|frame| writer.write(frame).unwrap());
@@ -110,7 +116,7 @@ pub(crate) fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
     Recording::open(path)?.attachment(name)
 }
 
-pub(crate) fn summarize(path: &Path) -> Result<Summary> {
+pub(crate) fn summarize(path: &Path) -> Result<RecordingSummary> {
     Recording::open(path)?.summary()
 }
 

@@ -1,7 +1,7 @@
 //! What is written is what is read.
 
 use super::frames::{attachment, bare, full, header, read, record, summarize};
-use svl::recording::{Dialect, Format, Header, ImageFormat, Recording, Selection, Writer};
+use svl::recording::{Dialect, Header, ImageFormat, Recording, RecordingFormat, Selection, Writer};
 use svl::score::Judge;
 use svl::sink::{RecordingSink, Sink};
 use svl::source::{RecordingSource, Source};
@@ -70,7 +70,7 @@ fn a_ros_2_bag_gives_back_pairs_and_rig() {
         let (back, error) = read(&record(
             folder.path(),
             &frames,
-            Format {
+            RecordingFormat {
                 dialect: Dialect::Ros2,
                 images,
             },
@@ -109,7 +109,7 @@ fn raw_and_rectified_pairs_with_and_without_a_rig_are_told_apart() {
                     ..bare(i, SIZE)
                 })
                 .collect();
-            let path = record(folder.path(), &written, Format { dialect, images });
+            let path = record(folder.path(), &written, RecordingFormat { dialect, images });
             let (frames, error) = read(&path);
             assert!(error.is_none() && frames.len() == 3, "{error:?}");
             for frame in frames {

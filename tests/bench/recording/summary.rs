@@ -2,7 +2,7 @@
 
 use super::bag;
 use super::frames::{PERIOD_NS, bare, full, record, summarize};
-use svl::recording::{Gap, ImageFormat, Skew};
+use svl::recording::{Gap, ImageFormat, SkewSummary};
 use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
@@ -32,7 +32,7 @@ fn a_summary_knows_counts_gaps_and_skew() {
             length_ns: 3 * PERIOD_NS
         }]
     );
-    let Skew {
+    let SkewSummary {
         min_ns,
         median_ns,
         max_ns,

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 use svl::Error;
-use svl::recording::{Recovery, Summary};
+use svl::recording::{RecordingSummary, Recovery};
 
 const SIZE: (usize, usize) = (24, 16);
 const PAIRS: u64 = 20;
@@ -38,7 +38,7 @@ fn chunks(bytes: &[u8]) -> Vec<Range<usize>> {
 }
 
 /// What info and recover say of `bytes`: the same.
-fn judged(folder: &Path, bytes: &[u8]) -> (Summary, Recovery) {
+fn judged(folder: &Path, bytes: &[u8]) -> (RecordingSummary, Recovery) {
     let (recovery, _) = recovery::recovered(folder, bytes);
     let (summary, recovery) = (
         summarize(&folder.join("damaged.mcap")).unwrap(),

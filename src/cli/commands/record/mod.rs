@@ -9,7 +9,7 @@ use crate::cli::shared::{recorder, runner, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
-use svl::recording::{Dialect, Format, ImageFormat};
+use svl::recording::{Dialect, ImageFormat, RecordingFormat};
 use svl::run::Outcome;
 use svl::source::Limited;
 
@@ -116,7 +116,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     outputs.set_aside()?;
     let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
     opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
-    let format = Format {
+    let format = RecordingFormat {
         dialect: if args.ros2 {
             Dialect::Ros2
         } else {

@@ -1,39 +1,39 @@
-//! Brings together what two cameras took at about the same time.
+//! Pairs the images of two topics by their nearest stamps, in whatever order they come.
 
 use crate::pairing::{Nearest, Waiting};
 use crate::stereo::Side;
 use std::collections::BTreeMap;
 use std::ops::Bound;
 
-/// Bytes of images that may wait for their partners: half a minute and more of two cameras, where a
-/// file has first the images of the one and then those of the other.
+/// Limit of the bytes of waiting images: half a minute and more of two cameras, in a file that has
+/// all images of one camera before those of the other.
 const WAITING_BYTES: usize = 1 << 30;
-/// What waiting costs an image besides its pixels, at least.
+/// Memory that a waiting image takes besides its pixels, at least.
 const ENTRY_BYTES: usize = 128;
-/// How many later images of the other camera prove that an image has no partner: so many in a row
-/// are in order by chance in no file that is not in order.
+/// Number of later images of the other camera after which an image is unpaired: a file that is not
+/// in order does not have that many in order by chance.
 const LATER: usize = 8;
-/// How much farther an image may come out of its turn than any did so far.
+/// Factor by which an image may be farther out of order than any before it.
 const FARTHER: usize = 8;
 
-/// Images of two cameras, each waiting for the one of the other camera that is nearest in time.
-pub(super) struct Partners<T> {
+/// Images of two cameras that wait for their partners.
+pub(super) struct StampPairing<T> {
     max_skew_ns: u64,
     waiting: [BTreeMap<u64, (T, usize)>; 2],
-    /// How many later images of each camera must have come before an earlier one can no more: none
-    /// where all came in order.
+    /// Number of later images of each camera after which no earlier one can come: 0 where all came
+    /// in order.
     slack: [usize; 2],
     bytes: usize,
     ended: bool,
     unpaired: u64,
-    /// The least skew that was too much.
+    /// The smallest skew above the limit.
     nearest_miss_ns: Option<u64>,
-    /// The latest image of each camera that was given up for want of room.
+    /// Stamp of the latest image of each camera that was dropped for lack of memory.
     crowded_out: [Option<u64>; 2],
     late: u64,
 }
 
-impl<T> Partners<T> {
+impl<T> StampPairing<T> {
     pub(super) fn new(max_skew_ns: u64) -> Self {
         Self {
             max_skew_ns,
@@ -48,12 +48,12 @@ impl<T> Partners<T> {
         }
     }
 
-    /// Images that were given up.
+    /// Images without a partner.
     pub(super) fn unpaired(&self) -> u64 {
         self.unpaired
     }
 
-    /// Images that came when those of their time had been given up for want of room.
+    /// Images that came after those of their time had been dropped for lack of memory.
     pub(super) fn late(&self) -> u64 {
         self.late
     }
@@ -62,7 +62,7 @@ impl<T> Partners<T> {
         self.nearest_miss_ns
     }
 
-    /// Takes in an image of so many bytes; a second one of the same stamp replaces the first.
+    /// Adds an image of `bytes` bytes; a second one with the same stamp replaces the first.
     pub(super) fn push(&mut self, camera: Side, stamp: u64, image: T, bytes: usize) {
         let bytes = bytes.saturating_add(ENTRY_BYTES);
         let camera = camera as usize;
@@ -70,7 +70,7 @@ impl<T> Partners<T> {
         self.late += u64::from(
             given_up.is_some_and(|given_up| given_up >= stamp.saturating_sub(self.max_skew_ns)),
         );
-        // Beyond some measure the file has no order at all.
+        // Overtaken by that many, the file has no order at all, and everything waits for the end.
         let overtaken = self.waiting[camera]
             .range((Bound::Excluded(stamp), Bound::Unbounded))
             .take(4 * LATER)
@@ -88,7 +88,7 @@ impl<T> Partners<T> {
         }
     }
 
-    /// There will be no more images.
+    /// Ends the recording: there are no more images.
     pub(super) fn end(&mut self) {
         self.ended = true;
     }
@@ -140,7 +140,7 @@ impl<T> Partners<T> {
         }
     }
 
-    /// The earliest image that waits, of whichever camera.
+    /// The earliest waiting image of both cameras.
     fn earliest(&self) -> Option<(usize, u64)> {
         let first = |camera: usize| {
             self.waiting[camera]
@@ -176,9 +176,9 @@ mod tests {
 
     /// The stamps of the pairs made of images that come in this order, and how many are left over.
     fn pairs(max_skew_ns: u64, images: &[(Side, u64)]) -> (Vec<(u64, u64)>, u64) {
-        let mut partners = Partners::new(max_skew_ns);
+        let mut partners = StampPairing::new(max_skew_ns);
         let mut pairs = Vec::new();
-        let mut collect = |partners: &mut Partners<()>| {
+        let mut collect = |partners: &mut StampPairing<()>| {
             while let Some([(left, ()), (right, ())]) = partners.pop() {
                 pairs.push((left, right));
             }
@@ -250,7 +250,7 @@ mod tests {
 
     #[test]
     fn as_many_wait_as_there_is_room_for() {
-        let mut partners = Partners::new(5);
+        let mut partners = StampPairing::new(5);
         let mut push = |camera, stamps: std::ops::Range<u64>| {
             let mut found = 0;
             for stamp in stamps.step_by(10) {
@@ -302,7 +302,7 @@ mod tests {
                 .map(|i| (Right, i * 10 + 1, i * 10 + 1 + i * 11 % (jitter + 1)));
             let mut images: Vec<_> = lefts.chain(rights).collect();
             images.sort_by_key(|&(_, _, logged)| logged);
-            let (mut partners, mut found, mut most) = (Partners::new(2), 0, 0);
+            let (mut partners, mut found, mut most) = (StampPairing::new(2), 0, 0);
             for (camera, stamp, _) in images {
                 partners.push(camera, stamp, (), 1);
                 found += std::iter::from_fn(|| partners.pop()).count();

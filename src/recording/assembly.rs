@@ -1,30 +1,31 @@
-//! Puts the messages of a pair together again.
+//! Assembles the frames of svl's own recordings from their messages, by the stamps in
+//! `/stereo/sync`.
 
 use super::geometry;
 use super::sync::{PairGeometry, StereoSync};
-use super::{Kind, float_image, gray_image, truth};
+use super::{TopicKind, images, truth};
 use crate::counted;
 use crate::stereo::{Frame, Geometry, Gray, Plane, Pose, Rig, Side, StereoPair, Truth, Visibility};
 use nalgebra::Matrix3x4;
 use std::collections::BTreeMap;
 
-/// Stamps that may wait for their partners at the same time. In svl's own recordings it is one.
+/// Limit of stamps that wait for the rest of their pair. svl's writer needs one.
 const WAITING: usize = 16;
 
 /// Messages that wait for the rest of their pair, by stamp.
 #[derive(Default)]
-pub(super) struct Pairing {
-    left: BTreeMap<u64, Left>,
-    right: BTreeMap<u64, Right>,
+pub(super) struct PairAssembler {
+    left: BTreeMap<u64, LeftMessages>,
+    right: BTreeMap<u64, RightMessages>,
     pairs: u64,
     unpaired: u64,
     left_images: u64,
     right_images: u64,
 }
 
-/// What carries a left stamp.
+/// Messages with the left stamp.
 #[derive(Default)]
-struct Left {
+struct LeftMessages {
     image: Option<Gray>,
     calibration: Option<Matrix3x4<f64>>,
     pose: Option<Pose>,
@@ -34,69 +35,69 @@ struct Left {
     sync: Option<StereoSync>,
 }
 
-/// What carries a right stamp.
+/// Messages with the right stamp.
 #[derive(Default)]
-struct Right {
+struct RightMessages {
     image: Option<Gray>,
     calibration: Option<Matrix3x4<f64>>,
 }
 
-impl Pairing {
-    /// Pairs put together.
+impl PairAssembler {
+    /// Pairs assembled.
     pub(super) fn pairs(&self) -> u64 {
         self.pairs
     }
 
-    /// Images that were given up.
+    /// Images without a partner.
     pub(super) fn unpaired(&self) -> u64 {
         self.unpaired
     }
 
-    /// Takes in one message, and gives back the pair that it completes.
+    /// Adds one message and returns the pair that it completes.
     ///
     /// # Errors
-    /// Why the message cannot be read, or the pair is none.
+    /// Why the message cannot be read, or the two images are not a pair.
     pub(super) fn take_in(
         &mut self,
-        kind: Kind,
+        kind: TopicKind,
         schema: &str,
         stamp: u64,
         data: &[u8],
     ) -> Result<Option<Frame>, String> {
         match kind {
-            Kind::Image(Side::Left) => {
+            TopicKind::Image(Side::Left) => {
                 self.left_images += 1;
                 let replaced = self
                     .left(stamp)
                     .image
-                    .replace(gray_image::decode(schema, data)?);
+                    .replace(images::decode_gray(schema, data)?);
                 self.unpaired += u64::from(replaced.is_some());
             }
-            Kind::Image(Side::Right) => {
+            TopicKind::Image(Side::Right) => {
                 self.right_images += 1;
                 let replaced = self
                     .right(stamp)
                     .image
-                    .replace(gray_image::decode(schema, data)?);
+                    .replace(images::decode_gray(schema, data)?);
                 self.unpaired += u64::from(replaced.is_some());
             }
-            Kind::Calibration(Side::Left) => {
+            TopicKind::Calibration(Side::Left) => {
                 self.left(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
             }
-            Kind::Calibration(Side::Right) => {
+            TopicKind::Calibration(Side::Right) => {
                 self.right(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
             }
-            // Said by the calibration already; it is there for viewers.
-            Kind::Baseline => {}
-            Kind::Pose => self.left(stamp).pose = Some(geometry::decode_pose(schema, data)?),
-            Kind::Depth => self.left(stamp).depth = Some(float_image::decode(schema, data)?),
-            Kind::Disparity => {
-                self.left(stamp).disparity = Some(float_image::decode(schema, data)?)
+            // The calibration has it too; this message is for viewers.
+            TopicKind::Baseline => {}
+            TopicKind::Pose => self.left(stamp).pose = Some(geometry::decode_pose(schema, data)?),
+            TopicKind::Depth => self.left(stamp).depth = Some(images::decode_floats(schema, data)?),
+            TopicKind::Disparity => {
+                self.left(stamp).disparity = Some(images::decode_floats(schema, data)?)
             }
-            Kind::Visibility => {
-                self.left(stamp).visibility = Some(gray_image::decode(schema, data)?)
+            TopicKind::Visibility => {
+                self.left(stamp).visibility = Some(images::decode_gray(schema, data)?)
             }
-            Kind::Sync => {
+            TopicKind::Sync => {
                 let sync = StereoSync::decode(schema, data)?;
                 if sync.left_stamp_ns != stamp {
                     return Err(format!("it is of the pair at {} ns", sync.left_stamp_ns));
@@ -107,7 +108,7 @@ impl Pairing {
         self.completed(kind, stamp)
     }
 
-    /// Gives up what still waits.
+    /// Ends the recording: what still waits is unpaired.
     pub(super) fn end(&mut self) {
         self.unpaired += std::mem::take(&mut self.left)
             .values()
@@ -132,7 +133,7 @@ impl Pairing {
                 counted(n, "image")
             ),
             (n, m) => {
-                let sync = Kind::Sync.topic();
+                let sync = TopicKind::Sync.topic();
                 format!(
                     "has no stereo pairs: no {sync} says which of its images, {n} left and {m} \
                      right, belong together"
@@ -141,7 +142,7 @@ impl Pairing {
         }
     }
 
-    fn left(&mut self, stamp: u64) -> &mut Left {
+    fn left(&mut self, stamp: u64) -> &mut LeftMessages {
         if self.left.len() >= WAITING && !self.left.contains_key(&stamp) {
             let oldest = self.left.pop_first();
             self.unpaired += u64::from(oldest.is_some_and(|(_, left)| left.image.is_some()));
@@ -149,7 +150,7 @@ impl Pairing {
         self.left.entry(stamp).or_default()
     }
 
-    fn right(&mut self, stamp: u64) -> &mut Right {
+    fn right(&mut self, stamp: u64) -> &mut RightMessages {
         if self.right.len() >= WAITING && !self.right.contains_key(&stamp) {
             let oldest = self.right.pop_first();
             self.unpaired += u64::from(oldest.is_some_and(|(_, right)| right.image.is_some()));
@@ -157,16 +158,16 @@ impl Pairing {
         self.right.entry(stamp).or_default()
     }
 
-    /// The pair that the message `kind` at `stamp` completed.
-    fn completed(&mut self, kind: Kind, stamp: u64) -> Result<Option<Frame>, String> {
-        let names = |left: &Left| {
+    /// The pair that the message `kind` at `stamp` completes.
+    fn completed(&mut self, kind: TopicKind, stamp: u64) -> Result<Option<Frame>, String> {
+        let names = |left: &LeftMessages| {
             left.sync
                 .as_ref()
                 .is_some_and(|sync| sync.right_stamp_ns == stamp)
         };
         let left_stamp = match kind {
-            Kind::Image(Side::Left) | Kind::Sync => Some(stamp),
-            Kind::Image(Side::Right) => self
+            TopicKind::Image(Side::Left) | TopicKind::Sync => Some(stamp),
+            TopicKind::Image(Side::Right) => self
                 .left
                 .iter()
                 .find(|(_, left)| names(left))
@@ -176,7 +177,7 @@ impl Pairing {
         let Some(left_stamp) = left_stamp else {
             return Ok(None);
         };
-        let Some(Left {
+        let Some(LeftMessages {
             image: Some(_),
             sync: Some(sync),
             ..
@@ -185,7 +186,7 @@ impl Pairing {
             return Ok(None);
         };
         let right_stamp = sync.right_stamp_ns;
-        let Some(Right { image: Some(_), .. }) = self.right.get(&right_stamp) else {
+        let Some(RightMessages { image: Some(_), .. }) = self.right.get(&right_stamp) else {
             return Ok(None);
         };
         let (left, right) = (
@@ -198,8 +199,8 @@ impl Pairing {
     }
 }
 
-/// One frame of all its messages.
-fn frame(left: Left, right: Right) -> Result<Frame, String> {
+/// The frame of all messages of a pair.
+fn frame(left: LeftMessages, right: RightMessages) -> Result<Frame, String> {
     let (Some(left_image), Some(right_image), Some(sync)) = (left.image, right.image, left.sync)
     else {
         return Err("an image or its /stereo/sync is missing".to_owned());

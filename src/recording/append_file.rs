@@ -1,4 +1,4 @@
-//! An MCAP file that is, at every moment, the beginning of a whole one.
+//! An MCAP file of which every prefix of whole chunks is valid: it is only appended to.
 
 use crate::error::{Error, Result};
 use mcap::records::{MessageHeader, Metadata};
@@ -13,9 +13,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Chunks close when they grow beyond this: two pairs of 320x240 with truth.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// A file to which only whole chunks are written, in order and without seeking back. Dropping it
-/// finishes the file and discards errors; call [`Append::finish`] to see them.
-pub(super) struct Append {
+/// A file to which only whole chunks are appended, without seeking back. Dropping it finishes the
+/// file and discards errors; call [`AppendFile::finish`] to see them.
+pub(super) struct AppendFile {
     path: PathBuf,
     file: File,
     /// mcap writes into memory, where it cannot fail: its writer panics when it is dropped after
@@ -24,17 +24,17 @@ pub(super) struct Append {
     memory: Memory,
     /// Bytes in the file.
     written: u64,
-    /// Whether there is something that is not yet on the disk.
+    /// Whether bytes were written since the last fsync.
     unsynced: bool,
     open: bool,
 }
 
-/// A schema: its name, what it is written in, and the text or bytes that say it.
-pub(super) type Schema<'a> = (&'a str, &'a str, &'a [u8]);
+/// A schema: its name, the encoding of its definition, and the definition.
+pub(super) type SchemaParts<'a> = (&'a str, &'a str, &'a [u8]);
 
-impl Append {
+impl AppendFile {
     /// # Errors
-    /// [`Error::Io`] when the file exists already or cannot be made.
+    /// [`Error::Io`] when the file exists already or cannot be created.
     pub(super) fn create(path: PathBuf, profile: &str, library: &str) -> Result<Self> {
         let file = File::create_new(&path).map_err(|e| match e.kind() {
             io::ErrorKind::AlreadyExists => {
@@ -68,12 +68,12 @@ impl Append {
         })
     }
 
-    /// Declares a topic; the same one again has the same number. Nothing is its schema where it has
-    /// none.
+    /// Declares a topic and returns the id of its channel, the same for the same topic. A topic may
+    /// have no schema.
     pub(super) fn channel(
         &mut self,
         topic: &str,
-        schema: Option<Schema<'_>>,
+        schema: Option<SchemaParts<'_>>,
         encoding: &str,
         metadata: &BTreeMap<String, String>,
     ) -> Result<u16> {
@@ -99,8 +99,8 @@ impl Append {
         self.tell(|mcap| mcap.write_metadata(metadata))
     }
 
-    /// Closes the chunk and brings it to the disk, where there is something to bring. A finished
-    /// file is there.
+    /// Closes the chunk and syncs the file (fsync), where anything was written since the last sync.
+    /// A finished file is synced.
     ///
     /// # Errors
     /// [`Error::Io`], also when the file is gone from its folder.
@@ -113,7 +113,7 @@ impl Append {
             self.file.sync_data().map_err(|e| self.failed(e))?;
             self.unsynced = false;
         }
-        // A file whose folder was removed takes bytes without complaint, and they are lost.
+        // Writes to a file whose folder was removed succeed, and the bytes are lost.
         self.path.metadata().map_err(|e| self.failed(e))?;
         Ok(())
     }
@@ -132,7 +132,7 @@ impl Append {
         Ok(())
     }
 
-    /// Tells mcap to do something, and brings what that wrote into the file.
+    /// Lets mcap do something, and appends to the file what that wrote.
     fn tell(
         &mut self,
         act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>,
@@ -146,7 +146,7 @@ impl Append {
         Ok(())
     }
 
-    /// mcap panics when it is told to write into a finished file.
+    /// mcap panics on a write to a finished file.
     fn check_open(&self) -> Result<()> {
         let closed = || {
             Error::format(
@@ -157,7 +157,7 @@ impl Append {
         self.open.then_some(()).ok_or_else(closed)
     }
 
-    /// Gives up: the file keeps what is whole of it.
+    /// Closes the file after an error; it keeps its valid prefix.
     fn failed(&mut self, error: io::Error) -> Error {
         self.open = false;
         // Half a chunk may have been written. Where it cannot be cut off, readers stop before it.
@@ -166,13 +166,13 @@ impl Append {
     }
 }
 
-impl Drop for Append {
+impl Drop for AppendFile {
     fn drop(&mut self) {
         let _ = self.finish();
     }
 }
 
-/// What mcap refuses though it writes to memory: more topics than a file can have.
+/// The error of mcap, which writes to memory: more topics than a file can have.
 fn refused(path: &Path, error: McapError) -> Error {
     Error::format(path, error.to_string())
 }

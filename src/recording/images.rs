@@ -1,9 +1,10 @@
-//! 8-bit images as foxglove.RawImage (mono8) or foxglove.CompressedImage (png).
+//! Images in messages: 8-bit as foxglove.RawImage (mono8) or foxglove.CompressedImage (png), floats
+//! out of sensor_msgs/msg/Image 32FC1.
 
-use super::{Encoded, Stamp, decode_protobuf};
+use super::{Encoded, RosStamp, decode_protobuf, ros};
 use crate::error::Error;
 use crate::files;
-use crate::stereo::Gray;
+use crate::stereo::{Gray, Plane};
 use foxglove::messages::{CompressedImage, RawImage};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
@@ -11,21 +12,22 @@ use std::borrow::Cow;
 
 const RAW: &str = "foxglove.RawImage";
 const COMPRESSED: &str = "foxglove.CompressedImage";
+const FLOATS: &str = "sensor_msgs/msg/Image";
 
-/// How the images of the cameras are kept. Both are lossless.
+/// Compression of the camera images. Both are lossless.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ImageFormat {
-    /// Pixels as they are: fast to write and to read.
+    /// Uncompressed: fast to write and to read.
     #[default]
     Raw,
-    /// PNG: smaller, at several times the work.
+    /// PNG: smaller, several times slower.
     Png,
 }
 
-pub(super) fn encode(
+pub(super) fn encode_gray(
     image: &Gray,
     format: ImageFormat,
-    stamp: Stamp,
+    stamp: RosStamp,
     frame_id: &str,
 ) -> Result<Encoded, Error> {
     let (width, height) = image.size();
@@ -81,7 +83,7 @@ pub(super) fn png(image: &Gray) -> Result<Vec<u8>, Error> {
     Ok(png)
 }
 
-/// The pixels row by row, without what may lie between the rows.
+/// The pixels row by row, without row padding.
 pub(super) fn pixels(image: &Gray) -> Cow<'_, [u8]> {
     image
         .as_slice()
@@ -89,7 +91,7 @@ pub(super) fn pixels(image: &Gray) -> Cow<'_, [u8]> {
 }
 
 /// The image in a message of `schema`, or why there is none.
-pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Gray, String> {
+pub(super) fn decode_gray(schema: &str, data: &[u8]) -> Result<Gray, String> {
     match schema {
         RAW => {
             let RawImage {
@@ -115,4 +117,32 @@ pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Gray, String> {
         }
         other => Err(format!("it is a {other}, svl reads {RAW} and {COMPRESSED}")),
     }
+}
+
+/// The plane in a message of `schema`, or why there is none.
+pub(super) fn decode_floats(schema: &str, data: &[u8]) -> Result<Plane<f32>, String> {
+    if schema != FLOATS {
+        return Err(format!("it is a {schema}, svl reads {FLOATS}"));
+    }
+    let image = ros::read(data, ros::image)?;
+    if image.encoding != "32FC1" || image.big_endian {
+        return Err(format!(
+            "its pixels are '{}', svl reads little-endian 32FC1",
+            image.encoding
+        ));
+    }
+    let row_bytes = image.width as usize * 4;
+    let (step, height) = (image.step as usize, image.height as usize);
+    if image.width == 0 || step < row_bytes || image.data.len() < step.saturating_mul(height) {
+        let (width, got) = (image.width, image.data.len());
+        return Err(format!(
+            "a {width}x{height} 32FC1 image with rows of {step} bytes does not fit its {got} bytes"
+        ));
+    }
+    let rows = image.data.chunks_exact(step).take(height);
+    let floats = rows
+        .flat_map(|row| row[..row_bytes].as_chunks::<4>().0)
+        .map(|&b| f32::from_le_bytes(b))
+        .collect();
+    Plane::from_vec(image.width as usize, height, floats).map_err(|e| e.to_string())
 }

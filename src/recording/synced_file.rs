@@ -1,6 +1,6 @@
-//! Brings a file to the disk about once a second, also while nothing new comes.
+//! Syncs a file (fsync) about once a second, from a thread of its own.
 
-use super::append::Append;
+use super::append_file::AppendFile;
 use crate::error::Result;
 use std::io;
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
@@ -8,27 +8,27 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// How much of a recording a crash may cost.
+/// The part of a recording that a crash may cost.
 const SYNC_PERIOD: Duration = Duration::from_secs(1);
 
-/// A file that a thread of its own syncs. Dropping it ends the thread, then finishes the file.
-pub(super) struct Steady {
+/// A file that a background thread syncs. Dropping it ends the thread, then finishes the file.
+pub(super) struct SyncedFile {
     shared: Arc<Mutex<Shared>>,
-    /// Its end is the thread's.
+    /// Dropping it ends the thread.
     life: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 struct Shared {
-    file: Append,
-    /// What the thread's last sync came to.
+    file: AppendFile,
+    /// Outcome of the thread's last sync.
     synced: Result<()>,
 }
 
-impl Steady {
+impl SyncedFile {
     /// # Errors
-    /// When the machine has no room for a thread.
-    pub(super) fn new(file: Append) -> io::Result<Self> {
+    /// When no thread can be started.
+    pub(super) fn new(file: AppendFile) -> io::Result<Self> {
         let shared = Arc::new(Mutex::new(Shared {
             file,
             synced: Ok(()),
@@ -51,21 +51,21 @@ impl Steady {
         })
     }
 
-    /// Does something with the file.
+    /// Locks the file for `act`.
     ///
     /// # Errors
-    /// As `act`; what the thread failed with, once.
-    pub(super) fn with<T>(&self, act: impl FnOnce(&mut Append) -> Result<T>) -> Result<T> {
+    /// Those of `act`; the error of the thread's last sync, once.
+    pub(super) fn with<T>(&self, act: impl FnOnce(&mut AppendFile) -> Result<T>) -> Result<T> {
         let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         std::mem::replace(&mut shared.synced, Ok(()))?;
         act(&mut shared.file)
     }
 }
 
-impl Drop for Steady {
+impl Drop for SyncedFile {
     fn drop(&mut self) {
         drop(self.life.take());
-        // It does not panic; if it did, the file would be finished all the same.
+        // The thread does not panic; if it did, the file would still be finished.
         self.thread.take().map(JoinHandle::join);
     }
 }
