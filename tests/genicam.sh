@@ -55,7 +55,7 @@ camera() {
 does() { "$@" >"$work/said" 2>&1 || { echo "$*:" && cat "$work/said" && exit 1; }; }
 fails() { ! "$@" >"$work/said" 2>&1 || { echo "$*: did not fail" && exit 1; }; }
 says() { grep -q -e "$1" "$work/said" || { echo "'$1' is not in:" && cat "$work/said" && exit 1; }; }
-whole() { does "$svl" info "$1" && says "whole      yes" && says "pairs      ${2-[1-9]}"; }
+whole() { does "$svl" info "$1" && says "intact     yes" && says "pairs      ${2-[1-9]}"; }
 
 camera 1 -s LEFT7 -r 0
 camera 2 -s RIGHT8 -r 0

@@ -38,7 +38,7 @@ impl Receipts {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for receipts svl did not write.
-    pub fn of(folder: &Path) -> Result<Self> {
+    pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("fetched.json");
         let by_name = match path.exists() {
             true => serde_json::from_str(&read_text(&path, MAX_BYTES)?).map_err(|e| {

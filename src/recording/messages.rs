@@ -127,7 +127,7 @@ impl Messages {
     /// # Errors
     /// [`crate::Error::Io`]; [`crate::Error::Format`] for what is not an MCAP file.
     pub(super) fn open(file: &McapFile) -> Result<Self> {
-        Ok(Self::of(Records::open(file)?, Vec::new()))
+        Ok(Self::new(Records::open(file)?, Vec::new()))
     }
 
     /// As [`Messages::open`], for what is intact in a damaged file: see [`Records::salvage`].
@@ -136,12 +136,12 @@ impl Messages {
             Section::Missing => Vec::new(),
             Section::Intact(contents) => vec![contents.declared],
             Section::Unknown => {
-                let mut messages = Self::of(Records::salvage(file)?, Vec::new());
+                let mut messages = Self::new(Records::salvage(file)?, Vec::new());
                 while messages.advance()?.is_some() {}
                 messages.past
             }
         };
-        Ok(Self::of(Records::salvage(file)?, beforehand))
+        Ok(Self::new(Records::salvage(file)?, beforehand))
     }
 
     /// As [`Messages::open`], for the records outside of chunks only.
@@ -151,7 +151,7 @@ impl Messages {
         Ok(messages)
     }
 
-    fn of(records: Records, beforehand: Vec<Declared>) -> Self {
+    fn new(records: Records, beforehand: Vec<Declared>) -> Self {
         Self {
             records,
             declared: Declared::default(),
@@ -170,7 +170,7 @@ impl Messages {
         let Ok(records) = Records::open(file) else {
             return Ok(Section::Unknown);
         };
-        let mut messages = Self::of(records, Vec::new());
+        let mut messages = Self::new(records, Vec::new());
         if !messages.records.seek_summary()? {
             return Ok(Section::Missing);
         }

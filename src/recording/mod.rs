@@ -142,7 +142,7 @@ impl TopicKind {
         }
     }
 
-    fn of(topic: &str) -> Option<Self> {
+    fn from_topic(topic: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.topic() == topic)
     }
 }

@@ -4,7 +4,6 @@ use super::assembly::PairAssembler;
 use super::foreign::{Foreign, Selection};
 use super::messages::{Channel, FileEvent, Messages};
 use super::{Header, PROFILE, Recording, TopicKind, sync};
-use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
 use std::collections::VecDeque;
@@ -225,13 +224,7 @@ impl Reader {
             PairsOf::Svl(assembler) => assembler.pairs(),
             PairsOf::Others(foreign) => foreign.pairs(),
         };
-        Error::damaged(
-            path,
-            format!(
-                "{reason}; read all the same: {}",
-                counted(pairs, "whole pair")
-            ),
-        )
+        Error::damaged(path, format!("{reason}; intact pairs read: {pairs}"))
     }
 }
 
@@ -263,7 +256,7 @@ impl PairsOf {
         data: &[u8],
     ) -> std::result::Result<Option<Frame>, String> {
         match self {
-            Self::Svl(assembler) => match TopicKind::of(&channel.topic) {
+            Self::Svl(assembler) => match TopicKind::from_topic(&channel.topic) {
                 Some(kind) => assembler.take_in(kind, &channel.schema, log_time, data),
                 None => Ok(None),
             },

@@ -24,7 +24,7 @@ const MAX_BINS: i128 = 12;
 
 impl SkewSummary {
     /// From the skews of all pairs, which get sorted; nothing without pairs.
-    pub(super) fn of(skews_ns: &mut [i64]) -> Option<Self> {
+    pub(super) fn from_skews(skews_ns: &mut [i64]) -> Option<Self> {
         skews_ns.sort_unstable();
         let (&[min_ns, ..], &[.., max_ns]) = (&*skews_ns, &*skews_ns) else {
             return None;
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     fn bins(skews_ns: &mut [i64]) -> Vec<(i64, i64, u64)> {
-        let skew = SkewSummary::of(skews_ns).unwrap();
+        let skew = SkewSummary::from_skews(skews_ns).unwrap();
         skew.histogram
             .iter()
             .map(|bin| (bin.from_ns, bin.to_ns, bin.pairs))
@@ -92,9 +92,9 @@ mod tests {
 
     #[test]
     fn the_median_is_one_of_them() {
-        let skew = SkewSummary::of(&mut [4, 1, 3, 2]).unwrap();
+        let skew = SkewSummary::from_skews(&mut [4, 1, 3, 2]).unwrap();
         assert_eq!((skew.min_ns, skew.median_ns, skew.max_ns), (1, 3, 4));
-        assert_eq!(SkewSummary::of(&mut []), None);
+        assert_eq!(SkewSummary::from_skews(&mut []), None);
     }
 
     #[test]

@@ -201,7 +201,7 @@ impl SummaryScan {
                 None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
             }
         }
-        if TopicKind::of(&channel.topic) == Some(TopicKind::Sync)
+        if TopicKind::from_topic(&channel.topic) == Some(TopicKind::Sync)
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
         {
             self.skews.push(sync.exposure.skew_ns);
@@ -228,7 +228,7 @@ impl SummaryScan {
         let is_gap =
             |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
-        let skew = SkewSummary::of(&mut self.skews);
+        let skew = SkewSummary::from_skews(&mut self.skews);
         let numbers = match (self.sequences.first(), self.sequences.last()) {
             (Some(first), Some(last)) => (last - first).saturating_add(1),
             _ => 0,

@@ -53,7 +53,7 @@ expect 0 "usual.mcap: 60 pairs"
 case "$said" in *"gives no times"*) fail "vivid gives times" ;; esac
 say "$(echo "$said" | head -1)"
 try info usual.mcap
-expect 0 "pairs      60" "whole      yes"
+expect 0 "pairs      60" "intact     yes"
 try record "$small,format=YUYV" --rate 50 --frames 60 -o yuyv.mcap
 expect 0 "60 pairs"
 try record "$both,size=640x480" --frames 10 -o slow.mcap
@@ -124,7 +124,7 @@ ended
 expect 1 "right camera, /dev/video1: disconnected; plug it in and record again"
 for name in gone fatal damaged; do
   try info $name.mcap
-  expect 0 "whole      yes"
+  expect 0 "intact     yes"
 done
 
 # Webcams by the kernel's USB driver, with a shutter and a gain to be set, and JPEGs without Huffman tables.

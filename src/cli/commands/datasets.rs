@@ -175,7 +175,7 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
     ))?;
     print(&format!("Please cite: {}\n", dataset.citation))?;
     let mut fetching = Fetching {
-        receipts: Receipts::of(&folder)?,
+        receipts: Receipts::read(&folder)?,
         folder,
         origin,
         quiet,

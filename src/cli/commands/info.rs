@@ -1,4 +1,4 @@
-//! `svl info`: what a recording holds, and whether it is whole.
+//! `svl info`: what a recording holds, and whether it is intact.
 
 use crate::cli::shared::terminal::{LISTED, losses, missing, size};
 use crate::cli::shared::terminal::{print, print_json};
@@ -7,7 +7,7 @@ use svl::counted;
 use svl::manifest::Manifest;
 use svl::recording::{Recording, RecordingSummary, SkewSummary, Topic};
 
-/// Show what a recording holds, and whether it is whole
+/// Show what a recording holds, and whether it is intact
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -41,10 +41,10 @@ fn table(summary: &RecordingSummary) -> String {
         ),
         match &summary.damage {
             None if !summary.checksums => {
-                "whole      as far as can be told: it has no checksums".to_owned()
+                "intact     as far as can be known: it has no checksums".to_owned()
             }
-            None => "whole      yes".to_owned(),
-            Some(damage) => format!("whole      NO: {damage}"),
+            None => "intact     yes".to_owned(),
+            Some(damage) => format!("intact     NO: {damage}"),
         },
         match &summary.header {
             None => format!("writer     {}", summary.library),
@@ -106,7 +106,7 @@ fn table(summary: &RecordingSummary) -> String {
     if !summary.is_whole() {
         lines.extend(losses(&summary.losses));
         lines.push(format!(
-            "to save    svl recover {} -o OUT.mcap",
+            "cure       svl recover {} -o OUT.mcap",
             summary.path.display()
         ));
     }

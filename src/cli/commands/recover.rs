@@ -1,4 +1,4 @@
-//! `svl recover`: what an unfinished or damaged recording still holds.
+//! `svl recover`: the intact part of a truncated or corrupt recording.
 
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::terminal::{losses, missing, size};
@@ -8,12 +8,12 @@ use std::path::PathBuf;
 use svl::counted;
 use svl::recording::{Recording, Recovery};
 
-/// Save what an unfinished or damaged recording still holds
+/// Recover the intact part of a truncated or corrupt recording
 ///
-/// Everything whole goes into a new file: topics, schemas, messages, attachments and metadata,
-/// chunk by chunk, whoever wrote them. A chunk that is not what its CRC says is passed over; where
-/// the length of one is damaged, the next that can be believed is looked for. The damaged file
-/// stays as it is.
+/// Copies all intact topics, schemas, messages, attachments and metadata into a new file, chunk by
+/// chunk, whoever wrote them. A chunk that does not match its CRC is skipped; where a length is
+/// damaged, reading resynchronizes at the next record that proves to be one. The damaged file is
+/// not changed.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
 pub(crate) struct Args {
@@ -57,7 +57,7 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
     let mut lines = vec![
         format!("{}: {}", args.output.display(), size(bytes)),
         format!(
-            "saved      {pairs}{} of {}, {}, {metadata} metadata",
+            "recovered  {pairs}{} of {}, {}, {metadata} metadata",
             counted(messages, "message"),
             counted(topics, "topic"),
             counted(*attachments, "attachment")
@@ -65,9 +65,9 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
     ];
     let file = args.file.display();
     match (recovery.losses.is_empty(), recovery.checksums) {
-        (true, true) => lines.push(format!("lost       nothing: {file} is whole")),
+        (true, true) => lines.push(format!("lost       nothing: {file} is intact")),
         (true, false) => lines.push(format!(
-            "lost       nothing, as far as can be told: {file} has no checksums"
+            "lost       nothing, as far as can be known: {file} has no checksums"
         )),
         (false, _) => {}
     }

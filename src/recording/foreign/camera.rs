@@ -33,7 +33,9 @@ pub(super) struct Calibration {
 
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
-        ("sensor_msgs/msg/CameraInfo", "cdr") => Ok(of_images(ros::read(data, ros::camera_info)?)),
+        ("sensor_msgs/msg/CameraInfo", "cdr") => {
+            Ok(from_camera_info(ros::read(data, ros::camera_info)?))
+        }
         ("foxglove.CameraCalibration", "protobuf") => {
             let foxglove::messages::CameraCalibration {
                 width,
@@ -81,7 +83,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
 
 /// The calibration of the published images, which may be a binned region of the sensor (as
 /// image_geometry's PinholeCameraModel).
-fn of_images(info: ros::CameraInfo) -> Calibration {
+fn from_camera_info(info: ros::CameraInfo) -> Calibration {
     let ros::CameraInfo {
         width,
         height,
@@ -305,14 +307,14 @@ mod tests {
                 width,
             },
         };
-        let whole = of_images(info([0, 1], (0, 0, 0, 0)));
+        let whole = from_camera_info(info([0, 1], (0, 0, 0, 0)));
         assert_eq!(
             (whole.size, whole.k[0], whole.p[3]),
             ((640, 480), 600.0, -60.0)
         );
         // As image_geometry's PinholeCameraModel: first the offset, then the binning; Tx with it,
         // so the baseline stays.
-        let binned = of_images(info([2, 2], (0, 0, 0, 0)));
+        let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
         assert_eq!(
             (binned.size, &binned.p[..4], &binned.p[4..8]),
             (
@@ -321,7 +323,7 @@ mod tests {
                 &[0.0, 300.0, 121.0, 0.0][..]
             )
         );
-        let part = of_images(info([2, 1], (100, 40, 320, 240)));
+        let part = from_camera_info(info([2, 1], (100, 40, 320, 240)));
         assert_eq!(
             (part.size, &part.k[..6]),
             ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])

@@ -174,7 +174,7 @@ fn what_came_before_a_camera_failed_is_kept() {
             fixture
                 .svl(&["info", name])
                 .done()
-                .contains("whole      yes")
+                .contains("intact     yes")
         );
     }
 }

@@ -58,14 +58,14 @@ fn a_killed_recording_is_recovered() {
     child.wait().unwrap();
     let info = fixture.svl(&["info", "killed.mcap"]).done();
     assert!(
-        info.contains("whole      NO") && info.contains("svl recover killed.mcap -o OUT.mcap"),
+        info.contains("intact     NO") && info.contains("svl recover killed.mcap -o OUT.mcap"),
         "{info}"
     );
     let said = fixture
         .svl(&["recover", "killed.mcap", "-o", "saved.mcap"])
         .done();
     assert!(
-        said.contains("saved      ") && said.contains("lost       "),
+        said.contains("recovered  ") && said.contains("lost       "),
         "{said}"
     );
     let saved = pairs(&fixture.path("saved.mcap"));

@@ -246,7 +246,8 @@ fn a_recording_cut_anywhere_gives_its_whole_pairs_and_says_so() {
         most = most.max(read.len());
         if !read.is_empty() {
             assert!(
-                text.contains("incomplete") && text.contains(&format!("{} whole pair", read.len())),
+                text.contains("incomplete")
+                    && text.contains(&format!("intact pairs read: {}", read.len())),
                 "{text}"
             );
             assert!(summarize(&cut).unwrap().pairs >= read.len() as u64);

@@ -108,7 +108,7 @@ fn the_files_of_a_bag_are_one_recording() {
             "{error}"
         );
         assert!(
-            frames.len() == pairs && error.ends_with(&format!("{pairs} whole pairs")),
+            frames.len() == pairs && error.ends_with(&format!("intact pairs read: {pairs}")),
             "{error}"
         );
     }

@@ -69,7 +69,7 @@ fn what_is_synced_survives_the_writer() {
         error
             .unwrap()
             .to_string()
-            .contains("never finished; read all the same: 3 whole pairs")
+            .contains("never finished; intact pairs read: 3")
     );
 }
 

@@ -106,7 +106,7 @@ fn a_chunk_that_is_not_found_is_missed() {
     let (frames, error) = read(&folder.path().join("damaged.mcap"));
     let text = error.expect("a word").to_string();
     assert!(
-        text.contains(" messages more than it holds; read all the same: "),
+        text.contains(" messages more than it holds; intact pairs read: "),
         "{text}"
     );
     assert!(
