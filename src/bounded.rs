@@ -12,6 +12,7 @@ use std::path::Path;
 /// (a folder, a device, a pipe).
 pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let io = |e| Error::io(path, e);
+    // Before opening: to open a pipe would wait for its writer.
     let kind = std::fs::metadata(path).map_err(io)?.file_type();
     if !kind.is_file() {
         let what = if kind.is_dir() {
@@ -24,6 +25,7 @@ pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)
         .map_err(io)?
+        // One more than allowed: the file may grow while it is read.
         .take(max_bytes + 1)
         .read_to_end(&mut bytes)
         .map_err(io)?;

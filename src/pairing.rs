@@ -14,7 +14,7 @@ pub(crate) enum Nearest {
 }
 
 /// Stamps of waiting images, in nanoseconds.
-pub(crate) struct Waiting {
+pub(crate) struct WaitingStamps {
     /// The earliest image of both cameras.
     pub earliest_ns: u64,
     /// The next image of the same camera, where it is there.
@@ -23,7 +23,7 @@ pub(crate) struct Waiting {
     pub other_ns: u64,
 }
 
-impl Waiting {
+impl WaitingStamps {
     /// Right stamp minus left stamp, without its sign.
     pub(crate) fn skew_ns(&self) -> u64 {
         self.other_ns.abs_diff(self.earliest_ns)
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn a_pair_is_nearest_on_both_sides() {
         let nearest = |next_ns, other_ns| {
-            let waiting = Waiting {
+            let waiting = WaitingStamps {
                 earliest_ns: 100,
                 next_ns,
                 other_ns,

@@ -66,6 +66,7 @@ impl Tree {
     }
 
     fn open(&mut self, open: OpenNode) -> Result<(), String> {
+        // Bounded before nodes are built: recursion on drop would overflow the stack.
         if self.open.len() == MAX_DEPTH {
             return Err(format!(
                 "more than {MAX_DEPTH} levels, which no file that svl reads has"
@@ -84,6 +85,7 @@ impl Tree {
                 (None, YamlNode::Value(name)) => *key = Some(name),
                 (None, _) => return Err("a key that is a list or a table".into()),
                 (Some(name), node) => {
+                    // YAML forbids duplicate keys; most parsers silently take the last.
                     if table.insert(name.clone(), node).is_some() {
                         return Err(format!("'{name}' stands twice"));
                     }

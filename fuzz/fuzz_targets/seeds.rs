@@ -247,7 +247,8 @@ fn foreign(schema: &str, encoding: &str) -> Vec<u8> {
             br#"{"D":[0.1],"R":[1,0,0,0,1,0,0,0,1],"P":[3,0,1,0,0,3,1,0,0,0,1,0]}"#.to_vec()
         }
         (_, "json") => {
-            br#"{"timestamp":{"sec":1,"nsec":2},"width":2,"height":1,"encoding":"mono8","step":2,"data":"ECA="}"#
+            br#"{"timestamp":{"sec":1,"nsec":2},"width":2,"height":1,
+                "encoding":"mono8","step":2,"data":"ECA="}"#
                 .to_vec()
         }
         _ => vec![0x2a, 5, b'm', b'o', b'n', b'o', b'8'],

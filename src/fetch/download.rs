@@ -31,6 +31,7 @@ pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
         match attempt(&agent, url, &part, watch)? {
             Attempt::Whole => break,
             Attempt::Broken(reason) => {
+                // Progress resets the count: slow connections may break any number of times.
                 idle_breaks = if length(&part) > before {
                     0
                 } else {
@@ -60,6 +61,7 @@ enum Attempt {
 
 fn agent() -> Agent {
     let config = Agent::config_builder()
+        // The status decides what to do: 416 means the partial file is complete or stale.
         .http_status_as_error(false)
         .user_agent(concat!("svl/", env!("CARGO_PKG_VERSION")))
         .timeout_connect(Some(Duration::from_secs(20)))
@@ -108,6 +110,7 @@ fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<At
         .append(true)
         .open(part)
         .map_err(|e| Error::io(part, e))?;
+    // Truncated to what is counted, so that a server without ranges starts at 0.
     file.set_len(done).map_err(|e| Error::io(part, e))?;
     let came = receive(
         url,
@@ -147,6 +150,7 @@ fn receive(
             }
             Err(error) => return Ok(Attempt::Broken(error.to_string())),
         }
+        // A server may send more than it announced.
         if done > total.unwrap_or(MAX_BYTES) {
             return Err(too_large(url));
         }

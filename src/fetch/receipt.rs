@@ -41,6 +41,7 @@ impl Receipts {
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("fetched.json");
         let by_name = match path.exists() {
+            // Read with a limit, as it lies among downloaded files.
             true => serde_json::from_str(&read_text(&path, MAX_BYTES)?).map_err(|e| {
                 Error::format(
                     &path,
@@ -94,6 +95,7 @@ impl Receipts {
         let text = serde_json::to_string_pretty(&self.by_name)
             .map_err(|e| Error::Invalid(e.to_string()))?
             + "\n";
+        // Renamed when complete: a crash must not lose the receipts of hours of downloads.
         let part = unfinished(&self.path);
         let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, &self.path));
         written.map_err(|e| Error::io(&self.path, e))

@@ -44,6 +44,7 @@ pub fn is_archive(name: &str) -> bool {
 pub fn unpack(archive: &Path, folder: &Path, watch: Watch<'_>) -> Result<Unpacked> {
     let file = File::open(archive).map_err(|e| Error::io(archive, e))?;
     let length = file.metadata().map_err(|e| Error::io(archive, e))?.len();
+    // Small archives of text compress better than the ratio allows.
     let most = length.saturating_mul(MAX_RATIO).saturating_add(MAX_FREE);
     let file = BufReader::with_capacity(CHUNK, file);
     let target = Unpacker {
@@ -195,8 +196,10 @@ impl Unpacker<'_> {
         if matches!(kind, EntryKind::Folder) {
             return Ok(());
         }
+        // symlink_metadata: a dangling link counts as existing and is not followed.
         if path.symlink_metadata().is_ok() {
             self.made.kept += 1;
+            // Kept files count as done, so that progress reaches the total.
             self.done += size;
         } else {
             self.write(&path, size, bytes)?;
@@ -219,6 +222,7 @@ impl Unpacker<'_> {
             if n == 0 && left == 0 {
                 break;
             }
+            // Neither more nor fewer bytes than announced: the sum of sizes was checked before.
             let Some(rest) = left.checked_sub(n as u64).filter(|_| n > 0) else {
                 return Err(damaged(
                     self.archive,
@@ -237,6 +241,7 @@ impl Unpacker<'_> {
 /// The relative path of an entry's name; nothing where it would leave the folder or is not
 /// portable.
 fn inside(name: &str) -> Option<PathBuf> {
+    // Backslash and colon are separators elsewhere, and would escape the check of components.
     let strange = |c: char| c.is_control() || c == '\\' || c == ':';
     let path = Path::new(name);
     let normal = path

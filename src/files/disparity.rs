@@ -24,6 +24,7 @@ pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Res
         }
     };
     let values = match image {
+        // Only 16-bit grey keeps all its bits; everything else is 8 bits by convention.
         DynamicImage::ImageLuma16(grey) => grey
             .into_raw()
             .into_iter()
@@ -102,6 +103,7 @@ fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>
         }
         other => {
             let rgb = other.into_rgb8();
+            // Palette and RGB files with equal channels are grey.
             if rgb.pixels().any(|p| p[0] != p[1] || p[1] != p[2]) {
                 return Err(Error::format(path, COLOUR));
             }
@@ -147,6 +149,7 @@ pub fn write_disparity(path: &Path, map: &DisparityMap) -> Result<()> {
                         "a 16-bit PNG holds disparities in 0..256 only; write .pfm instead",
                     )
                 })?;
+            // The encoder of `image` takes native byte order and writes big-endian.
             let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_ne_bytes()).collect();
             let png = encode(width, height, &bytes, ExtendedColorType::L16)?;
             std::fs::write(path, png).map_err(|e| Error::io(path, e))
@@ -166,6 +169,7 @@ fn kitti(disparity: f32) -> Option<u16> {
     let code = (disparity * 256.0).round();
     (0.0..=65535.0)
         .contains(&code)
+        // 0 is reserved for no disparity.
         .then(|| (code as u16).max(1))
 }
 

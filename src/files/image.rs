@@ -22,10 +22,12 @@ pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, St
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| e.to_string())?;
+    // `image` accepts truncated JPEGs and invents the missing part.
     if reader.format() == Some(ImageFormat::Jpeg) {
         return jpeg::decode(bytes);
     }
     let mut limits = image::Limits::default();
+    // Checked by the decoder before it allocates.
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(MAX_SIDE as u32);
     reader.limits(limits);

@@ -19,11 +19,8 @@ const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
 
 /// 128 one bits, each byte with the stuffed zero that makes it no marker: twice as many as the
 /// decoder reads ahead.
-const ONES: [u8; 32] =
-    *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
-
-/// Blocks of 8x8 pixels in the largest image.
-const MAX_BLOCKS: usize = (MAX_SIDE / 8).pow(2);
+const ONES: [u8; 32] = *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\
+    \xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
 
 type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
 

@@ -27,6 +27,7 @@ pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
 
 fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
+    // With several arrays it is unknown which one is the map.
     if archive.len() != 1 {
         return Err(format!("it holds {} arrays, expected one", archive.len()));
     }
@@ -38,6 +39,7 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
         width,
         height,
     } = NpyHeader::read(&mut file)?;
+    // No overflow: sides are at most MAX_SIDE.
     let expected = width * height * item;
     if expected as u64 > MAX_BYTES {
         return Err(format!(
@@ -71,6 +73,7 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
     };
     let index = |x, y| {
         if fortran {
+            // Fortran order: columns are contiguous.
             x * height + y
         } else {
             y * width + x
@@ -103,6 +106,7 @@ impl NpyHeader {
         }
         .map_err(short)?;
         let length = u32::from_le_bytes(length) as usize;
+        // Version 2 headers may claim 4 GB.
         if length > MAX_HEADER {
             return Err(format!(
                 "the header is {length} bytes long, more than the {MAX_HEADER} it may be"

@@ -30,11 +30,13 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
             .ok_or("the header is cut short")?;
         let length = rest[start..]
             .iter()
+            // No number is longer; without a limit a binary file would be searched to its end.
             .take(32)
             .position(|b| b.is_ascii_whitespace())
             .ok_or("the header is cut short")?;
         let word = std::str::from_utf8(&rest[start..start + length])
             .map_err(|_| "the header is not text")?;
+        // One whitespace after the scale, then pixels, whose first byte may look like whitespace.
         rest = &rest[start + length + 1..];
         Ok(word)
     };
@@ -69,6 +71,7 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     let mut plane = Plane::filled(width, height, f32::INFINITY).map_err(|e| e.to_string())?;
     for (i, row) in rest[..expected].chunks_exact(width * 4).enumerate() {
         for (pixel, bytes) in plane
+            // PFM stores rows bottom-up.
             .row_mut(height - 1 - i)
             .iter_mut()
             .zip(row.as_chunks::<4>().0)

@@ -1,7 +1,7 @@
 //! Pairs the images of two cameras: by pulse, by nearest stamp, or by order of arrival.
 
 use super::camera::Capture;
-use crate::pairing::{Nearest, Waiting};
+use crate::pairing::{Nearest, WaitingStamps};
 use crate::stereo::Side;
 use std::collections::VecDeque;
 
@@ -200,7 +200,7 @@ impl Pairing {
             false => (Side::Right, right.stamp_ns, left.stamp_ns),
         };
         let next = self.waiting[earlier as usize].get(1);
-        let waiting = Waiting {
+        let waiting = WaitingStamps {
             earliest_ns,
             next_ns: next.map(|capture| capture.stamp_ns),
             other_ns,

@@ -52,6 +52,7 @@ impl AppendFile {
             // at half the speed.
             .compression(Some(Compression::Zstd))
             .compression_level(1)
+            // mcap would use all CPUs, which the cameras and matchers need.
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true)
@@ -140,6 +141,7 @@ impl AppendFile {
         self.check_open()?;
         self.unsynced = true;
         act(&mut self.mcap).map_err(|e| refused(&self.path, e))?;
+        // Nothing, until mcap closes a chunk.
         let bytes = self.memory.take();
         self.file.write_all(&bytes).map_err(|e| self.failed(e))?;
         self.written += bytes.len() as u64;

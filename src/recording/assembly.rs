@@ -66,6 +66,7 @@ impl PairAssembler {
     ) -> Result<Option<Frame>, String> {
         match kind {
             TopicKind::Image(Side::Left) => {
+                // Counted before decoding, so that a file of unreadable images is not called empty.
                 self.left_images += 1;
                 let replaced = self
                     .left(stamp)
@@ -99,6 +100,7 @@ impl PairAssembler {
             }
             TopicKind::Sync => {
                 let sync = StereoSync::decode(schema, data)?;
+                // log_time and the JSON say the same; where they differ, one of them is damaged.
                 if sync.left_stamp_ns != stamp {
                     return Err(format!("it is of the pair at {} ns", sync.left_stamp_ns));
                 }
@@ -144,6 +146,7 @@ impl PairAssembler {
 
     fn left(&mut self, stamp: u64) -> &mut LeftMessages {
         if self.left.len() >= WAITING && !self.left.contains_key(&stamp) {
+            // Bounded memory: the stamp that waits longest is dropped, with everything on it.
             let oldest = self.left.pop_first();
             self.unpaired += u64::from(oldest.is_some_and(|(_, left)| left.image.is_some()));
         }
@@ -160,6 +163,8 @@ impl PairAssembler {
 
     /// The pair that the message `kind` at `stamp` completes.
     fn completed(&mut self, kind: TopicKind, stamp: u64) -> Result<Option<Frame>, String> {
+        // The right image has a stamp of its own; only the sync message knows which left one it is
+        // of.
         let names = |left: &LeftMessages| {
             left.sync
                 .as_ref()
@@ -206,6 +211,7 @@ fn frame(left: LeftMessages, right: RightMessages) -> Result<Frame, String> {
         return Err("an image or its /stereo/sync is missing".to_owned());
     };
     let pair = StereoPair::new(left_image, right_image).map_err(|e| e.to_string())?;
+    // One calibration without the other makes no rig.
     let rig = match (left.calibration, right.calibration) {
         (Some(left), Some(right)) => Some(geometry::rig(&left, &right)?),
         _ => None,
@@ -224,6 +230,8 @@ fn frame(left: LeftMessages, right: RightMessages) -> Result<Frame, String> {
             .into_iter()
             .flatten()
         {
+            // The hash of a pair does not cover its truth, so a wrong size would be found only by a
+            // score.
             if size != pair.size() {
                 let (width, height) = pair.size();
                 return Err(format!(
@@ -262,6 +270,7 @@ fn true_disparity(
     rig: Option<&Rig>,
 ) -> Result<Option<Plane<f32>>, String> {
     match (disparity, depth, rig) {
+        // Written where depth could not stand for the truth, so it wins over a depth.
         (Some(disparity), _, _) => Ok(Some(truth::from_file(&disparity))),
         (None, Some(depth), Some(rig)) => Ok(Some(truth::disparities(&depth, rig))),
         (None, Some(_), None) => {

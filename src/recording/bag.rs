@@ -22,6 +22,7 @@ pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-sto
 pub fn is_bag(path: &Path) -> bool {
     let holds_no_folder = || {
         path.read_dir()
+            // A folder with subfolders is a data set or a project, though MCAP files may lie in it.
             .is_ok_and(|mut entries| !entries.any(|e| e.is_ok_and(|e| e.path().is_dir())))
     };
     read_text(&path.join(METADATA), MAX_BYTES).is_ok_and(|text| text.contains(BAG))
@@ -42,6 +43,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
         let names = names(&metadata)?;
         return Ok(names.into_iter().map(|name| path.join(name)).collect());
     }
+    // No metadata: rosbag2 was killed, or the folder is not a bag.
     let files = mcap_files(path)?;
     match files.len() {
         0 => Err(Error::format(
@@ -79,6 +81,7 @@ pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
 /// What a file that begins with `start` is, if not MCAP, and the cure.
 pub(super) fn not_mcap(start: &[u8]) -> String {
     match start {
+        // zstd's magic number: rosbag2 with compression_mode `file`.
         [0x28, 0xB5, 0x2F, 0xFD, ..] => {
             "is compressed as a whole; `zstd -dc FILE > FILE.mcap` unpacks it".to_owned()
         }
@@ -101,6 +104,7 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
             "is not that of a ROS 2 bag: it has no {BAG}"
         )));
     };
+    // rosbag2 writes modes in capitals.
     let text = |key: &str| match bag.get(key) {
         Some(YamlNode::Value(text)) => text.to_lowercase(),
         _ => String::new(),
@@ -142,6 +146,7 @@ fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files: Vec<_> = entries
         .filter(|path| path.extension().is_some_and(|ending| ending == "mcap"))
         .collect();
+    // read_dir has no order of its own.
     files.sort_unstable();
     Ok(files)
 }

@@ -28,6 +28,7 @@ pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
         b"zstd" | b"lz4" => size <= MAX_RECORD,
         _ => false,
     };
+    // A cheap test that most byte patterns which only look like chunks fail.
     let times_are_in_order = u64_at(record, 0)? <= u64_at(record, 8)?;
     (fits && times_are_in_order && body_size(op::CHUNK, record) == Some(length)).then_some(size)
 }
@@ -79,10 +80,13 @@ impl Chunk {
             "" => (&*data).read_to_end(records),
             "zstd" => {
                 records
+                    // The size is unchecked until the CRC matches. Pages that are reserved and not
+                    // written cost nothing.
                     .try_reserve(size as usize)
                     .map_err(|e| e.to_string())?;
                 self.zstd.decompress_to_buffer(&data, records)
             }
+            // One byte more than claimed, so that a chunk that is longer is found.
             "lz4" => lz4::Decoder::new(&*data).and_then(|d| d.take(size + 1).read_to_end(records)),
             other => return Err(format!("its compression '{other}' is unknown")),
         };
@@ -91,6 +95,7 @@ impl Chunk {
             return Err(format!("it holds {} bytes, {size} expected", records.len()));
         }
         let (saved, calculated) = (header.uncompressed_crc, crc32fast::hash(records));
+        // MCAP's 0 stands for no CRC.
         if saved != 0 && saved != calculated {
             return Err(format!("its CRC is {calculated:08x}, {saved:08x} expected"));
         }

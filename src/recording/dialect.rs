@@ -15,11 +15,11 @@ pub enum Dialect {
     ///
     /// | topic | message |
     /// |---|---|
-    /// | `/stereo/{left,right}/image_rect`, `image_raw` of raw pairs | sensor_msgs/msg/Image mono8 |
-    /// | `/stereo/{left,right}/image_rect/compressed`, `image_raw/compressed` | sensor_msgs/msg/CompressedImage |
+    /// | `/stereo/{left,right}/image_rect`, raw `image_raw` | sensor_msgs/msg/Image mono8 |
+    /// | the same with `/compressed` | sensor_msgs/msg/CompressedImage |
     /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
     /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
-    /// | `/truth/depth`, `/truth/disparity`, `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1 |
+    /// | `/truth/{depth,disparity}`, `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1 |
     /// | `/truth/visibility` | sensor_msgs/msg/Image mono8 |
     /// | `/stereo/sync`, `/algo/<name>/result` | std_msgs/msg/String: their JSON |
     ///
@@ -79,6 +79,7 @@ impl Dialect {
 
     /// The right camera in the frame of the left one; nothing in ROS 2, where P has the baseline.
     pub(super) fn baseline(self, rig: &Rig, stamp: RosStamp) -> Option<TopicMessage> {
+        // Rectified cameras differ by a translation along x alone.
         let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
         let frames = [frame_id(Side::Left), frame_id(Side::Right)];
         let message = || {
@@ -98,6 +99,7 @@ impl Dialect {
                 TopicKind::Pose.topic().into(),
                 geometry::encode_transform(pose, frames, stamp),
             ),
+            // ROS tools look for transforms on /tf, whatever the frames are.
             Self::Ros2 => ("/tf".into(), ros::encode_transform(pose, frames, stamp)),
         }
     }
@@ -123,6 +125,8 @@ impl Dialect {
             if rectified { "image_rect" } else { "image_raw" }
         );
         Ok(match format {
+            // ROS viewers take mono8 for grey; Rerun shows it as depth, which is why svl's own
+            // dialect has RawImage.
             ImageFormat::Raw => (topic.into(), ros::encode_mono8(image, stamp, frame_id)),
             ImageFormat::Png => {
                 let png = images::png(image)?;

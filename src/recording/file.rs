@@ -25,6 +25,7 @@ impl McapFile {
         let io = |e| Error::io(path, e);
         let handle = File::open(path).map_err(io)?;
         let metadata = handle.metadata().map_err(io)?;
+        // Linux opens folders, and fails only on the first read, with a message that names no cure.
         if metadata.is_dir() {
             return Err(Error::format(path, "is a folder, not a recording"));
         }
@@ -35,6 +36,7 @@ impl McapFile {
         Ok(Self {
             path: path.to_owned(),
             len: metadata.len(),
+            // Beyond the limit a handle per file would hit the process's limit of open files.
             handle: keep.then(|| Arc::new(handle)),
         })
     }

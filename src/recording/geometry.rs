@@ -23,6 +23,7 @@ pub(super) fn encode_calibration(
         width: width as u32,
         height: height as u32,
         distortion_model: "plumb_bob".to_owned(),
+        // Foxglove requires all five coefficients of plumb_bob.
         d: vec![0.0; 5],
         // Row-major in the message, column-major in nalgebra.
         k: rig.intrinsics(right).transpose().as_slice().to_vec(),
@@ -97,6 +98,7 @@ pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
         return Err("it lacks translation or rotation".to_owned());
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
+    // A damaged quaternion is refused; a unit one is kept with its last bits.
     if (rotation.norm() - 1.0).abs() < 1e-6 && [t.x, t.y, t.z].iter().all(|v| v.is_finite()) {
         // Not normalized again, which would change its last bits.
         Ok(Pose::from_parts(

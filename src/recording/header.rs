@@ -67,6 +67,8 @@ impl Header {
             git_revision: field("git_revision"),
             source: field("source").unwrap_or_default(),
             scenario: field("scenario"),
+            // A seed that is not a number is damage in a text field; the rest of the header still
+            // holds.
             seed: field("seed").and_then(|seed| seed.parse().ok()),
             calibration: field("calibration"),
             hash: field("hash"),

@@ -72,6 +72,7 @@ pub(super) fn encode_gray(
 pub(super) fn png(image: &Gray) -> Result<Vec<u8>, Error> {
     let (width, height) = image.size();
     let mut png = Vec::new();
+    // Fast, as recording has to keep up with the cameras.
     PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
         .write_image(
             &pixels(image),
@@ -102,6 +103,7 @@ pub(super) fn decode_gray(schema: &str, data: &[u8]) -> Result<Gray, String> {
                 data,
                 ..
             } = decode_protobuf(data)?;
+            // 8UC1: OpenCV's name for the same pixels.
             if encoding != "mono8" && encoding != "8UC1" {
                 return Err(format!("its pixels are '{encoding}', svl reads mono8"));
             }
@@ -133,6 +135,7 @@ pub(super) fn decode_floats(schema: &str, data: &[u8]) -> Result<Plane<f32>, Str
     }
     let row_bytes = image.width as usize * 4;
     let (step, height) = (image.step as usize, image.height as usize);
+    // Also refuses step 0, for which chunks_exact would panic.
     if image.width == 0 || step < row_bytes || image.data.len() < step.saturating_mul(height) {
         let (width, got) = (image.width, image.data.len());
         return Err(format!(

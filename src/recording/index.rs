@@ -31,6 +31,7 @@ impl Index {
         let Section::Intact(contents) = Messages::summary(file)? else {
             return Self::walk(file);
         };
+        // The counts of an intact summary hold even where its index entries do not.
         let index = match Self::from_summary(file, &contents)? {
             Some(index) => index,
             None => Self::walk(file)?,
@@ -78,6 +79,7 @@ impl Index {
                 Ok(Some(FileEvent::Attachment { start, name, .. })) => {
                     index.attachments.push((name, start));
                 }
+                // Only in files without chunks.
                 Ok(Some(FileEvent::Message { .. })) => {}
                 Ok(None) => return Ok(index),
                 Err(Error::Damaged { reason, .. }) => {

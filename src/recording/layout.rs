@@ -26,9 +26,11 @@ fn fields(opcode: u8) -> Option<&'static [Field]> {
         op::FOOTER => &[Bytes(20)],
         op::SCHEMA => &[Bytes(2), Sized, Sized, Sized],
         op::CHANNEL => &[Bytes(4), Sized, Sized, Sized],
+        // Two times, size and CRC; compression; records.
         op::CHUNK => &[Bytes(28), Sized, LongSized],
         op::MESSAGE_INDEX => &[Bytes(2), Sized],
         op::CHUNK_INDEX => &[Bytes(32), Sized, Bytes(8), Sized, Bytes(16)],
+        // Two times; name; media type; data; CRC.
         op::ATTACHMENT => &[Bytes(16), Sized, Sized, LongSized, Bytes(4)],
         op::ATTACHMENT_INDEX => &[Bytes(40), Sized, Sized],
         op::STATISTICS => &[Bytes(42), Sized],
@@ -45,6 +47,7 @@ fn fields(opcode: u8) -> Option<&'static [Field]> {
 pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
     fields(opcode)?.iter().try_fold(0_u64, |size, field| {
         let at = usize::try_from(size);
+        // Checked: damaged lengths may be as large as 2⁶⁴ - 1.
         size.checked_add(match field {
             Bytes(n) => *n,
             Sized => 4 + u64::from(u32_at(body, at.ok()?)?),

@@ -135,6 +135,7 @@ impl Messages {
         let beforehand = match Self::summary(file)? {
             Section::Missing => Vec::new(),
             Section::Intact(contents) => vec![contents.declared],
+            // What damaged chunks declared may be repeated anywhere in the file: one pass finds it.
             Section::Unknown => {
                 let mut messages = Self::new(Records::salvage(file)?, Vec::new());
                 while messages.advance()?.is_some() {}
@@ -167,6 +168,7 @@ impl Messages {
     /// # Errors
     /// [`Error::Io`].
     pub(super) fn summary(file: &McapFile) -> Result<Section> {
+        // The beginning is damaged; salvage looks for the rest.
         let Ok(records) = Records::open(file) else {
             return Ok(Section::Unknown);
         };
@@ -189,6 +191,7 @@ impl Messages {
                 Err(error) => return Err(error),
             }
         }
+        // Writers may list them in any order; the first in the file wins among equal names.
         attachments.sort_by_key(|(_, start)| *start);
         metadata.sort_unstable();
         Ok(Section::Intact(Box::new(Contents {
@@ -335,6 +338,7 @@ impl Messages {
         } = &mut self.declared;
         match self.records.parse(opcode)? {
             Record::Schema { header, data } => {
+                // MCAP allows repetitions, in every chunk and in the summary, if they are equal.
                 let same = |(known, _): &Schema| {
                     (&known.name, &known.encoding) == (&header.name, &header.encoding)
                 };
@@ -374,6 +378,7 @@ impl Messages {
                 if !channels.contains_key(id)
                     && !before.is_some_and(|before| before.channels.contains_key(id))
                 {
+                    // Its topic was in a damaged part, so nothing can be made of the message.
                     return Err("a message is of a channel that is declared nowhere".to_owned());
                 }
                 *self.found.messages.entry(header.channel_id).or_default() += 1;
@@ -416,11 +421,13 @@ impl Messages {
         else {
             return Ok(());
         };
+        // Chunks were skipped, so no messages were counted.
         if !self.records.reads_all() {
             return Ok(());
         }
         let mut messages = 0_u64;
         for (id, n) in &promised.messages {
+            // More messages than counted are no loss.
             let missing = n.saturating_sub(found.messages.get(id).copied().unwrap_or(0));
             messages = messages.saturating_add(missing);
             if let Some((channel, _)) = channels.get(id).filter(|_| missing > 0) {

@@ -3,16 +3,16 @@
 //!
 //! | topic | message | written when |
 //! |---|---|---|
-//! | `/stereo/left/image`, `/stereo/right/image` | foxglove.RawImage mono8, or CompressedImage png | always |
-//! | `/stereo/left/calibration`, `/stereo/right/calibration` | foxglove.CameraCalibration: rectified K, R = I, P | the rig is known |
-//! | `/rig/baseline` | foxglove.FrameTransform, left camera → right camera | the rig is known |
-//! | `/rig/pose` | foxglove.FrameTransform, world → left camera | the pose is known |
-//! | `/truth/depth` | sensor_msgs/msg/Image 32FC1, metres | truth and rig are known |
-//! | `/truth/disparity` | sensor_msgs/msg/Image 32FC1, pixels | depth cannot say the truth |
-//! | `/truth/visibility` | foxglove.RawImage mono8, codes of [`crate::stereo::Visibility`] | known |
+//! | `/stereo/{left,right}/image` | foxglove.RawImage mono8, or CompressedImage png | always |
+//! | `/stereo/{left,right}/calibration` | foxglove.CameraCalibration: K, R = I, P | rig known |
+//! | `/rig/baseline` | foxglove.FrameTransform, left camera → right camera | rig known |
+//! | `/rig/pose` | foxglove.FrameTransform, world → left camera | pose known |
+//! | `/truth/depth` | sensor_msgs/msg/Image 32FC1, metres | truth and rig known |
+//! | `/truth/disparity` | sensor_msgs/msg/Image 32FC1, pixels | truth beyond infinity, or no rig |
+//! | `/truth/visibility` | foxglove.RawImage mono8: [`crate::stereo::Visibility`] | truth known |
 //! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
 //! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
-//! | `/algo/<name>/result` | JSON with schema (result.schema.json): its hash | a result of a replay |
+//! | `/algo/<name>/result` | JSON with schema (result.schema.json): hash | a result of a replay |
 //!
 //! log_time and publish_time are the exposure stamp; the right camera's messages carry the right
 //! stamp. Calibration and baseline are repeated with every pair (200 bytes after compression), so
@@ -185,6 +185,7 @@ impl RosStamp {
     const MAX_NS: u64 = i32::MAX as u64 * Self::SECOND_NS;
 
     fn new(ns: u64) -> Result<Self> {
+        // Refused on writing: a bag that ROS cannot read would be found out too late.
         if ns <= Self::MAX_NS {
             Ok(Self(ns))
         } else {

@@ -38,6 +38,7 @@ impl Recording {
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         let files = files(&path)?;
+        // Bags of a day in pieces of a minute have 1440 files.
         let keep = files.len() <= MAX_OPEN;
         let open = |file: &PathBuf| {
             McapFile::open(file, keep).map(|file| RecordingFile {
@@ -65,6 +66,7 @@ impl Recording {
             if let Some(header) = index.metadata.iter().find_map(Header::from_record) {
                 return Ok(header);
             }
+            // Behind the damage there may be one; absent is known only of a complete index.
             index.check_complete(&part.file)?;
         }
         let reason = format!("is not a recording of svl: it has no metadata record '{RECORD}'");
@@ -173,6 +175,7 @@ impl RecordingFile {
             Some(index) => Ok(index),
             None => {
                 let index = Index::read(&self.file)?;
+                // Another thread may have been first; both read the same.
                 Ok(self.index.get_or_init(|| index))
             }
         }
@@ -185,6 +188,7 @@ impl RecordingFile {
         let mut channels = self.index()?.declared.channels();
         if channels.is_empty() {
             let mut messages = Messages::open(&self.file)?;
+            // Channels are declared inside chunks, so all of the file has to be read.
             while let Ok(Some(_)) = messages.advance() {}
             channels = messages.channels();
         }

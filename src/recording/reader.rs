@@ -82,6 +82,7 @@ impl Reader {
     /// # Errors
     /// Why there is no first pair.
     fn read_first(&mut self) -> Result<()> {
+        // Errors before the first pair are kept, so that they are reported in order, once.
         while self.ahead.len() < UNREADABLE {
             match self.read() {
                 Ok(Some(first)) => {
@@ -199,6 +200,7 @@ impl Reader {
                     }
                 }
                 Ok(Some(_)) => {}
+                // The pairing goes on over the border: left and right may be in different files.
                 Ok(None) => match self.recording.files().nth(self.next_file) {
                     Some(next) => {
                         self.messages = Messages::open(next)?;
@@ -207,6 +209,7 @@ impl Reader {
                     None => ended = true,
                 },
                 // This file ends here, but a bag may have others.
+                // Only the first damage is reported: its cure is svl recover, whatever follows.
                 Err(error) => self.damage = self.damage.take().or(Some(error)),
             }
             if ended {

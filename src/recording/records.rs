@@ -175,6 +175,7 @@ impl Records {
         self.seek(footer)?;
         self.read(&mut tail)?;
         let start = u64_at(&tail, 9).unwrap_or(0);
+        // Read from the end; a file that was truncated or appended to has no footer there.
         if tail[0] != op::FOOTER || tail[29..] != *mcap::MAGIC || start == 0 || start > footer {
             return Ok(false);
         }
@@ -324,11 +325,13 @@ impl Records {
         let left = self.len - self.at;
         if left < HEAD {
             return match (left, self.finished) {
+                // Exactly the end magic was last.
                 (0, true) => Ok(Top::End),
                 (0, false) => self.cut("it was never finished"),
                 _ => self.cut("it ends inside a record"),
             };
         }
+        // The CRC of a section ends before the record that contains it.
         let section = self.crc.clone();
         let mut head = [0; HEAD as usize];
         self.read(&mut head)?;
@@ -356,6 +359,7 @@ impl Records {
         if let Some(salvage) = &mut self.salvage {
             salvage.follows(self.start, opcode);
         }
+        // Seeking is what makes the walk cheap: heads only.
         if opcode == op::CHUNK && self.extent == Extent::Beside {
             // Checked above: no more than the file has.
             self.file
@@ -364,6 +368,7 @@ impl Records {
             self.at += length;
             return Ok(Top::Record(opcode));
         }
+        // At most what is left of the file, so a damaged length cannot allocate more than that.
         self.body.resize(length as usize, 0);
         self.file
             .read_exact(&mut self.body)
@@ -387,6 +392,7 @@ impl Records {
             return Err(self.damaged("its summary is not where its footer says"));
         }
         match opcode {
+            // MCAP wants it first; elsewhere it is accepted, as its place does not matter here.
             op::HEADER => self.has_header = true,
             op::DATA_END => {
                 let checked = self.check_crc("data section", section, u32_at(&self.body, 0))?;
@@ -397,6 +403,7 @@ impl Records {
             op::FOOTER => {
                 let mut summary = section;
                 summary.update(&head);
+                // The CRC covers the footer up to the CRC itself.
                 summary.update(self.body.get(..16).unwrap_or_default());
                 self.check_crc("summary section", summary, u32_at(&self.body, 16))?;
                 return self.finish();
@@ -446,6 +453,7 @@ impl Records {
         let Some(salvage) = &mut self.salvage else {
             return Err(self.damaged(what));
         };
+        // Both files are read; what is noted is that there are two.
         salvage.note(self.start..self.start, what);
         salvage.begin_another(self.start + 8);
         self.seek(self.start + 8)?;
@@ -505,6 +513,7 @@ impl Records {
                 .missing(&format!("the end of its {section} is cut short"))
                 .map(|()| false);
         };
+        // Chunks were skipped, so the CRC was not computed over the section.
         let unread = self.extent == Extent::Beside;
         // Damage found before explains a CRC that does not match.
         if saved != 0 && saved != calculated && !unread && !self.has_losses() {

@@ -47,6 +47,7 @@ impl Recording {
             Some(Record::Header(header)) => (header.profile, header.library),
             _ => Default::default(),
         };
+        // Tells a recovered file from an original, also for other programs.
         let library = format!("{LIBRARY}, recovered from {library}");
         let mut copy = Copier {
             file: AppendFile::create(to.to_owned(), &profile, &library)?,
@@ -112,6 +113,7 @@ impl Copier {
                 let Some((channel, schema)) = messages.declaration(header.channel_id) else {
                     return Ok(());
                 };
+                // Appended files number their channels anew; equal topics become one channel.
                 let channel_id = match self.channels.entry((messages.part(), header.channel_id)) {
                     Entry::Occupied(number) => *number.get(),
                     Entry::Vacant(number) => {

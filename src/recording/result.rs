@@ -67,6 +67,7 @@ impl Recording {
                 log_time,
                 data,
             } = event
+                // By schema, not by topic: names of algorithms are part of the topic.
                 && channel.schema == SCHEMA
             {
                 let topic = &channel.topic;

@@ -122,8 +122,11 @@ impl Salvage {
         end: u64,
         reason: &str,
     ) -> io::Result<u64> {
+        // Not at `sure` itself, where the record begins that is damaged.
         let from = self.sure + 1;
         let found = self.search.next(from..end)?.unwrap_or(end);
+        // Bytes read before and read again after the search count, or two damaged lengths could
+        // loop.
         self.search.spend(read.end.saturating_sub(found));
         self.sure = found;
         // The length that led here may itself be damaged, and lead too far.

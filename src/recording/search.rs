@@ -37,6 +37,7 @@ pub(super) struct RecordSearch {
 
 impl RecordSearch {
     pub(super) fn new(file: FileReader, len: u64) -> io::Result<Self> {
+        // 16 times the file: a flood of fake chunk heads ends the search, not the time of the user.
         let budget = len.saturating_mul(16).saturating_add(16 << 20);
         Ok(Self {
             file,
@@ -93,6 +94,7 @@ impl RecordSearch {
             return Ok(false);
         };
         let body = at + HEAD;
+        // Before anything is read: most fakes have absurd lengths.
         if length > MAX_RECORD.min(self.len - body) || self.budget == 0 {
             return Ok(false);
         }
@@ -117,6 +119,7 @@ impl RecordSearch {
                     return Ok(self.paid(false, start));
                 }
                 self.read(body, length)?;
+                // Without a CRC anything could be an attachment.
                 let has_crc = self.body.last_chunk() != Some(&[0; 4]);
                 let fits = has_crc && mcap::parse_record(op::ATTACHMENT, &self.body).is_ok();
                 Ok(self.paid(fits, length))
@@ -124,7 +127,11 @@ impl RecordSearch {
             op::METADATA if length <= MAX_BESIDE => {
                 self.read(body, length)?;
                 let metadata = mcap::parse_record(op::METADATA, &self.body);
-                let fits = matches!(metadata, Ok(Record::Metadata(metadata)) if !metadata.name.is_empty())
+                let named = match metadata {
+                    Ok(Record::Metadata(metadata)) => !metadata.name.is_empty(),
+                    _ => false,
+                };
+                let fits = named
                     && body_size(op::METADATA, &self.body) == Some(length)
                     && self.goes_on(body + length)?;
                 Ok(self.paid(fits, length))

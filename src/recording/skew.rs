@@ -33,6 +33,7 @@ impl SkewSummary {
         let width = bin_width(i128::from(min_ns), i128::from(max_ns));
         // Damaged stamps may be as far apart as numbers allow.
         let edge = |ns: i128| ns.clamp(i64::MIN.into(), i64::MAX.into()) as i64;
+        // Euclidean, so that bins left of zero are as wide as the others.
         let number = |ns: i64| i128::from(ns).div_euclid(width);
         let bin = |bin: &[i64]| SkewBin {
             from_ns: edge(number(bin[0]) * width),
@@ -55,6 +56,7 @@ impl SkewSummary {
 /// The smallest of 1, 2, 5, 10, … ns that divides the range into at most twelve bins.
 fn bin_width(min_ns: i128, max_ns: i128) -> i128 {
     let mut decade = 1;
+    // Ends at the latest when one bin holds the whole range.
     loop {
         for width in [decade, 2 * decade, 5 * decade] {
             if max_ns.div_euclid(width) - min_ns.div_euclid(width) < MAX_BINS {

@@ -101,6 +101,7 @@ impl Recording {
         }
         (seen.losses, seen.missing) = messages.take_losses();
         seen.checksums = messages.is_checked();
+        // Neither the profile nor a sync message: svl did not write it.
         if seen.profile != PROFILE && seen.sequences.is_empty() {
             let channels = messages.channels();
             seen.stereo = choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).ok();
@@ -206,6 +207,7 @@ impl SummaryScan {
         {
             self.skews.push(sync.exposure.skew_ns);
             self.sequences.insert(sync.sequence);
+            // The counter of the recorder never falls; after damage the last one read holds.
             self.drops = self.drops.max(sync.exposure.drops);
         }
     }
@@ -217,6 +219,7 @@ impl SummaryScan {
             .map_or(TopicKind::Image(Side::Left).topic(), |[left, _]| left);
         let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
         left_stamps.sort_unstable();
+        // A duplicate would count as a period of 0.
         left_stamps.dedup();
         let steps: Vec<_> = left_stamps
             .windows(2)
@@ -229,6 +232,7 @@ impl SummaryScan {
             |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
         let skew = SkewSummary::from_skews(&mut self.skews);
+        // Numbers need not start at 0: a part of a recording keeps them.
         let numbers = match (self.sequences.first(), self.sequences.last()) {
             (Some(first), Some(last)) => (last - first).saturating_add(1),
             _ => 0,

@@ -21,6 +21,7 @@ pub(super) struct StereoSync {
     pub(super) right_stamp_ns: u64,
     #[serde(default)]
     pub(super) geometry: PairGeometry,
+    // Flat, as recordings have always had it.
     #[serde(flatten)]
     pub(super) exposure: Exposure,
 }

@@ -36,8 +36,10 @@ impl SyncedFile {
         let (life, ended) = mpsc::channel();
         let threads = Arc::clone(&shared);
         let keep = move || {
+            // The timeout is the period; a closed channel ends the loop at once.
             while let Err(RecvTimeoutError::Timeout) = ended.recv_timeout(SYNC_PERIOD) {
                 let mut shared = threads.lock().unwrap_or_else(PoisonError::into_inner);
+                // After an error the file is closed; the writer gets the error with its next call.
                 if shared.synced.is_ok() {
                     shared.synced = shared.file.sync();
                 }

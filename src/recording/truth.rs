@@ -12,6 +12,7 @@ pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
         return None;
     }
     Some(disparity.map(|d| match d.is_finite() {
+        // d + doffs = 0 is a point at infinity; less was refused above.
         true => rig.depth_m(d.into()).unwrap_or(f64::INFINITY) as f32,
         false => f32::NAN,
     }))
@@ -20,6 +21,7 @@ pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
 /// Disparities in pixels of the depths, `+∞` where there is none.
 pub(super) fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     depth.map(|z| {
+        // False for NaN, which stands for no truth.
         if z > 0.0 {
             rig.disparity_px(z.into()) as f32
         } else {

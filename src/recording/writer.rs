@@ -96,6 +96,7 @@ impl Writer {
     pub fn write(&mut self, frame: &Frame) -> Result<()> {
         let left = RosStamp::new(frame.stamp_ns)?;
         let skew_ns = frame.exposure.skew_ns;
+        // The right stamp is not in a frame; it is the left one plus the skew.
         let right_ns = left.ns().checked_add_signed(skew_ns).ok_or_else(|| {
             Error::Invalid(format!(
                 "a skew of {skew_ns} ns puts the right stamp of {} ns before 1970",
@@ -115,6 +116,8 @@ impl Writer {
                 )?;
             }
             dialect
+                // Calibration first: a truncated recording that has the images also has what they
+                // need.
                 .baseline(rig, left)
                 .map_or(Ok(()), |said| self.put(said, left, sequence))?;
         }
@@ -135,6 +138,7 @@ impl Writer {
         if let Some(truth) = &frame.truth {
             self.write_truth(frame, truth, left)?;
         }
+        // Last of the pair: whoever has read it has everything of the pair.
         let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
         self.put((TopicKind::Sync.topic(), sync), left, sequence)
     }
@@ -178,6 +182,7 @@ impl Writer {
         hashes: [u128; 2],
     ) -> Result<()> {
         let stamp = RosStamp::new(frame.stamp_ns)?;
+        // Labels may hold paths (exec), and a slash would make namespaces of them.
         let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
         let disparity = truth::to_file(estimate.disparity.disparity());
         let sequence = frame.sequence as u32;

@@ -64,6 +64,7 @@ impl Source for RecordingSource {
             match self.reader.next_pair() {
                 // Of one pair alone: the file goes on.
                 Err(error @ Error::Format { .. }) => {
+                    // One line in the log; the number follows at the end.
                     if self.unreadable == 0 {
                         tracing::warn!("{error}; this pair is left out");
                     }

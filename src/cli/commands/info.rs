@@ -73,6 +73,7 @@ fn table(summary: &RecordingSummary) -> String {
         ..
     }) = &summary.manifest
     {
+        // Behind the writer, before the pairs.
         lines.insert(
             3,
             format!(
@@ -176,9 +177,11 @@ fn skew(skew: &SkewSummary) -> Vec<String> {
             .to_ns
             .abs_diff(skew.histogram[0].from_ns)
             .max(1) as f64;
+        // As many decimals as the bin width needs, so that edges are printed exactly.
         let digits = (unit_ns / width_ns).log10().ceil().max(0.0) as usize;
         let edge = |ns: i64| format!("{:.digits$}", ns as f64 / unit_ns);
         lines.extend(skew.histogram.iter().map(|bin| {
+            // Rounded up: a bin with one pair still shows.
             let bar = "#".repeat((bin.pairs * BAR).div_ceil(most) as usize);
             format!(
                 "           {:>7} .. {:>7} {unit} {bar:<width$} {}",

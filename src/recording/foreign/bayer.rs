@@ -44,6 +44,7 @@ pub(super) fn grey(samples: &Gray, tile: Tile) -> Result<Gray> {
                     counts[colour(u, v)] += 1;
                 }
             }
+            // Its own colour is measured, not averaged with its neighbours.
             (sums[colour(x, y)], counts[colour(x, y)]) = (own, 1);
             let mean = |c: usize| {
                 (sums[c] + counts[c] / 2)

@@ -95,6 +95,7 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
         binning,
         roi,
     } = info;
+    // ROS leaves binning at 0 where nobody set it.
     let [columns, rows] = binning.map(|pixels| pixels.max(1));
     let side = |roi: u32, whole: u32| if roi == 0 { whole } else { roi };
     let size = (
@@ -103,10 +104,12 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
     );
     for matrix in [&mut k[..], &mut p[..]] {
         let row = matrix.len() / 3;
+        // First the offset, in pixels of the sensor, then the binning: the order of image_geometry.
         matrix[2] -= f64::from(roi.x);
         matrix[row + 2] -= f64::from(roi.y);
         matrix[..row]
             .iter_mut()
+            // The whole row, so that P[0][3] = -f·B scales with f and the baseline stays.
             .for_each(|v| *v /= f64::from(columns));
         matrix[row..2 * row]
             .iter_mut()
@@ -141,6 +144,7 @@ impl Calibration {
     pub(super) fn is_of_raw_camera(&self) -> bool {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // All zeros are those of a camera that was never calibrated.
+        // The identity, up to the rounding of a product of rotations.
         let turned = self.r.iter().any(|v| *v != 0.0)
             && self
                 .r
@@ -175,6 +179,7 @@ impl Calibration {
 
     fn projection(&self) -> Result<Matrix3x4<f64>, String> {
         match <[f64; 12]>::try_from(&self.p[..]) {
+            // Uncalibrated cameras publish P of zeros; NaN fails too.
             Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
             _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
         }
@@ -195,6 +200,7 @@ pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String
     let (left, right) = (left.projection()?, right.projection()?);
     let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
     rig.map_err(|e| match left[(0, 3)] < right[(0, 3)] {
+        // Swapped topics are the usual cause of a negative baseline.
         true => format!("{e}: --left and --right name their topics"),
         false => e.to_string(),
     })

@@ -137,6 +137,7 @@ fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
     match mosaic {
         // One channel is the mosaic of the sensor; more channels were demosaiced before
         // compression.
+        // `bayer_*; png compressed`: the PNG holds the mosaic, not its colours.
         Some((tile, _)) if image.color().channel_count() == 1 => {
             files::gray(image).and_then(|samples| bayer::grey(&samples, tile))
         }

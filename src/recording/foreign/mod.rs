@@ -62,6 +62,8 @@ impl Foreign {
         };
         for file in recording.files() {
             let mut messages = Messages::open(file)?;
+            // Pairs may come before the first CameraInfo; with it from the start, all of them get a
+            // rig.
             while foreign.lacks_calibration() {
                 match messages.next() {
                     // An unreadable one is reported when it is read in its turn.
@@ -126,6 +128,7 @@ impl Foreign {
         self.sequence += 1;
         let exposure = Exposure {
             trigger_id: sequence,
+            // Stamps above 2⁶³ ns are damage; wrapping keeps their difference right all the same.
             skew_ns: right_ns.wrapping_sub(left_ns).cast_signed(),
             drops: self.unpaired(),
             ..Exposure::default()
@@ -134,6 +137,7 @@ impl Foreign {
             (Ok(left), Ok(right)) => StereoPair::new(left, right).map_err(|e| e.to_string()),
             (Err(reason), _) | (_, Err(reason)) => Err(reason),
         };
+        // The size is known from the first pair on; calibrations are checked against it.
         if let Ok(pair) = &pair {
             self.pairs += 1;
             self.size = pair.size();
@@ -218,6 +222,7 @@ impl Foreign {
 
     /// Raw, unless topics or calibrations say that the images are rectified.
     fn geometry(&self) -> Geometry {
+        // `image_rect` without CameraInfo: rows correspond, distances are unknown.
         let named_rectified = self
             .images
             .iter()
@@ -240,6 +245,7 @@ impl Foreign {
     /// The calibrations of both cameras, for images of the current size.
     fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
         match &self.cameras {
+            // One topic for both cameras cannot have two projections.
             [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
                 [left, right]
                     .into_iter()

@@ -75,11 +75,14 @@ pub(super) fn grey(raw: &RawPixels<'_>) -> Result<Gray, String> {
 fn layout(encoding: &str, big_endian: bool) -> Result<PixelLayout, String> {
     let upper = if big_endian { 0 } else { 1 };
     Ok(match encoding {
+        // 8UC1 and 8UC3 are OpenCV's names, which cv_bridge writes where the encoding is unknown:
+        // grey and BGR.
         "mono8" | "8UC1" => PixelLayout::Grey { bytes: 1, at: 0 },
         "mono16" => PixelLayout::Grey {
             bytes: 2,
             at: upper,
         },
+        // ROS's yuv422 is UYVY: the luma is the second byte.
         "yuv422" | "uyvy" | "UYVY" => PixelLayout::Grey { bytes: 2, at: 1 },
         "yuv422_yuy2" | "yuyv" | "YUYV" => PixelLayout::Grey { bytes: 2, at: 0 },
         "rgb8" => PixelLayout::Colour {

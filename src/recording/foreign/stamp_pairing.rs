@@ -1,6 +1,6 @@
 //! Pairs the images of two topics by their nearest stamps, in whatever order they come.
 
-use crate::pairing::{Nearest, Waiting};
+use crate::pairing::{Nearest, WaitingStamps};
 use crate::stereo::Side;
 use std::collections::BTreeMap;
 use std::ops::Bound;
@@ -76,6 +76,7 @@ impl<T> StampPairing<T> {
             .take(4 * LATER)
             .count();
         let slack = if overtaken < 4 * LATER {
+            // Jitter seen once may be larger the next time; waiting longer costs memory, not pairs.
             FARTHER * overtaken
         } else {
             usize::MAX
@@ -113,12 +114,14 @@ impl<T> StampPairing<T> {
             if !settled && !forced {
                 return None;
             }
-            let waiting = Waiting {
+            let waiting = WaitingStamps {
                 earliest_ns: stamp,
                 next_ns: own.keys().nth(1).copied(),
                 other_ns: partner,
             };
             match waiting.nearest(self.max_skew_ns, 0) {
+                // A nearer one may still come out of order, until enough later ones prove that it
+                // does not.
                 Nearest::TooFar if !forced && other.len() < LATER => return None,
                 Nearest::TooFar => {
                     let skew = waiting.skew_ns();
@@ -162,6 +165,7 @@ impl<T> StampPairing<T> {
     }
 
     fn give_up(&mut self, camera: usize, stamp: u64) {
+        // At the end of a file images are unpaired, not dropped for lack of memory.
         if !self.ended && self.bytes > WAITING_BYTES {
             self.crowded_out[camera] = self.crowded_out[camera].max(Some(stamp));
         }

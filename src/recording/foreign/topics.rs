@@ -56,6 +56,7 @@ pub(in crate::recording) fn choose(
         .map(|channel| channel.topic.as_str())
         .collect();
     topics.sort_unstable();
+    // The files of a bag repeat the channels.
     topics.dedup();
     let listed = topics.join(", ");
     for (option, named) in [("--left", &selection.left), ("--right", &selection.right)] {
@@ -83,11 +84,13 @@ pub(in crate::recording) fn choose(
     let pairs = pairs.filter(|&[left, right]| {
         free(&selection.left, left) && free(&selection.right, right) && left != right
     });
+    // With both topics named, their names need no resemblance.
     let both_named = selection.left.is_some() && selection.right.is_some();
     let pairs: Vec<_> = pairs
         .filter(|&[left, right]| both_named || are_sides(left, right))
         .collect();
     match (pairs[..].split_first(), &topics[..]) {
+        // Exactly one: two pairs, as of stereo cameras in front and behind, are ambiguous.
         (Some((pair, [])), _) => Ok(pair.map(str::to_owned)),
         (_, []) => Err(unread(channels).map_or(
             "has no stereo pairs: it has no images".to_owned(),
@@ -144,6 +147,7 @@ fn unread(channels: &[&Channel]) -> Option<String> {
 /// one apart.
 fn are_sides(left: &str, right: &str) -> bool {
     let (left, right) = (left.to_lowercase(), right.to_lowercase());
+    // Also where `left` is part of a longer word, as in Left_mono or /left/left_image.
     if left.contains("left") && left.replace("left", "right") == right {
         return true;
     }
@@ -160,6 +164,7 @@ fn are_sides(left: &str, right: &str) -> bool {
         && (first == ("l", "r") || is_number_pair(first))
         && differing
             .iter()
+            // /cam0/image1 and /cam1/image2 differ twice, by different numbers: no pair.
             .all(|(l, r)| (l.as_str(), r.as_str()) == first)
 }
 
@@ -182,6 +187,7 @@ fn words(topic: &str) -> Vec<String> {
 /// part, as in `image_rect`, `image_rect_raw` and `rectified/compressed`. Its namespace does not
 /// count.
 pub(super) fn is_of_rectified(topic: &str) -> bool {
+    // image_transport appends /compressed to the name of the raw topic.
     let topic = topic.strip_suffix("/compressed").unwrap_or(topic);
     let words = topic
         .rsplit('/')

@@ -65,6 +65,7 @@ pub(in crate::recording) fn read<'a, T>(
 ) -> std::result::Result<T, String> {
     // The header's last two bytes are options, which XCDR 1 leaves open.
     let body = match data {
+        // Encapsulation 0x0001: little-endian CDR, the native order of x86 and ARM.
         [0, 1, _, _, body @ ..] => body,
         // zstd's magic number: a bag whose compression_mode is `message`.
         [0x28, 0xB5, 0x2F, 0xFD, ..] => {
@@ -111,6 +112,7 @@ pub(in crate::recording) fn camera_info(
         cdr.read_str()?.to_owned(),
     );
     let coefficients = cdr.read_sequence_length()?;
+    // Checked before anything is allocated for them.
     if coefficients > MAX_DISTORTION {
         return Err(Error::Custom(format!(
             "{coefficients} distortion coefficients, at most {MAX_DISTORTION} expected"

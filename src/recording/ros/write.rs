@@ -153,6 +153,7 @@ fn encode(
     bytes: usize,
     body: impl FnOnce(&mut Cdr),
 ) -> Encoded {
+    // 128 bytes for the header and the fixed fields.
     let mut data = Vec::with_capacity(bytes + 128);
     data.extend_from_slice(&CDR_LE);
     body(&mut CdrWriter::new(&mut data));
