@@ -22,6 +22,9 @@ const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
 const ONES: [u8; 32] = *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\
     \xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
 
+/// Blocks of 8x8 pixels in the largest image.
+const MAX_BLOCKS: usize = (MAX_SIDE / 8).pow(2);
+
 type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
 
 /// The image, grey as it is, of colours as RGB.
