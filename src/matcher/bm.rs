@@ -36,21 +36,13 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "block_size",
             unit: "px",
-            range: Range::Int {
-                default: 9,
-                min: 5,
-                max: 31,
-            },
+            range: Range::int(9, 5..=31),
             description: "side of the square window, odd",
         },
         Parameter {
             name: "texture_threshold",
             unit: "",
-            range: Range::Int {
-                default: 10,
-                min: 0,
-                max: 30_000,
-            },
+            range: Range::int(10, 0..=30_000),
             description: "least sum of the strength of edges over the window",
         },
         uniqueness(15),

@@ -39,33 +39,21 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "max_disparity",
             unit: "px",
-            range: Range::Int {
-                default: 80,
-                min: 0,
-                max: 255,
-            },
+            range: Range::int(80, 0..=255),
             description: "highest disparity tried, from 0 on: the nearest obstacle that can be \
                           seen",
         },
         Parameter {
             name: "occlusion",
             unit: "",
-            range: Range::Int {
-                default: 25,
-                min: 0,
-                max: 1000,
-            },
+            range: Range::int(25, 0..=1000),
             description: "cost of a change of disparity by one pixel, in grey levels (OpenCV's \
                           parameter 1)",
         },
         Parameter {
             name: "reward",
             unit: "",
-            range: Range::Int {
-                default: 5,
-                min: 0,
-                max: 1000,
-            },
+            range: Range::int(5, 0..=1000),
             description: "reward of a pixel that keeps its disparity, in grey levels (OpenCV's \
                           parameter 2)",
         },
@@ -92,11 +80,7 @@ const fn run(name: &'static str, default: i32, description: &'static str) -> Par
     Parameter {
         name,
         unit: "px",
-        range: Range::Int {
-            default,
-            min: 0,
-            max: 16_384,
-        },
+        range: Range::int(default, 0..=16_384),
         description,
     }
 }

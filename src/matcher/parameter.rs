@@ -4,6 +4,7 @@
 use super::MatcherSpec;
 use super::quotes::{closed, split, unquote};
 use crate::error::{Error, Result, nearest};
+use std::ops::RangeInclusive;
 
 /// A parameter of an algorithm.
 pub struct Parameter {
@@ -50,6 +51,24 @@ pub enum Value {
 }
 
 impl Range {
+    /// Whole numbers in `range`.
+    pub const fn int(default: i32, range: RangeInclusive<i32>) -> Self {
+        Self::Int {
+            default,
+            min: *range.start(),
+            max: *range.end(),
+        }
+    }
+
+    /// Real numbers in `range`.
+    pub const fn real(default: f64, range: RangeInclusive<f64>) -> Self {
+        Self::Real {
+            default,
+            min: *range.start(),
+            max: *range.end(),
+        }
+    }
+
     pub fn default(&self) -> Value {
         match *self {
             Range::Int { default, .. } => Value::Int(default),

@@ -35,31 +35,19 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "p1",
             unit: "",
-            range: Range::Int {
-                default: 14,
-                min: 0,
-                max: Paths::LARGEST_PENALTY,
-            },
+            range: Range::int(14, 0..=Paths::LARGEST_PENALTY),
             description: "cost of a step of disparity by one, in bits of the census: slopes",
         },
         Parameter {
             name: "p2",
             unit: "",
-            range: Range::Int {
-                default: 80,
-                min: 0,
-                max: Paths::LARGEST_PENALTY,
-            },
+            range: Range::int(80, 0..=Paths::LARGEST_PENALTY),
             description: "cost of any other step, at least p1: edges of objects",
         },
         Parameter {
             name: "edge",
             unit: "grey levels",
-            range: Range::Int {
-                default: 10,
-                min: 1,
-                max: 256,
-            },
+            range: Range::int(10, 1..=256),
             description: "difference of neighbours beyond which p2 falls in proportion, 256 = \
                           never",
         },

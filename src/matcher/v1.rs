@@ -55,11 +55,7 @@ impl ErrorFilter {
     const UNIQUENESS: Parameter = Parameter {
         name: "uniqueness",
         unit: "%",
-        range: Range::Real {
-            default: 10.0,
-            min: 0.0,
-            max: 1000.0,
-        },
+        range: Range::real(10.0, 0.0..=1000.0),
         description: "by how much every other disparity not beside the winner must be worse",
     };
 

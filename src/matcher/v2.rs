@@ -64,11 +64,7 @@ impl SpreadFilter {
     const THRESHOLD: Parameter = Parameter {
         name: "spread_threshold",
         unit: "px",
-        range: Range::Real {
-            default: 8.0,
-            min: 0.0,
-            max: 2048.0,
-        },
+        range: Range::real(8.0, 0.0..=2048.0),
         description: "standard deviation of the disparities of low cost from which a match is \
                       ambiguous",
     };

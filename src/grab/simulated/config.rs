@@ -56,11 +56,7 @@ pub(super) const OPTIONS: &[Parameter] = &[
     Parameter {
         name: "pictures",
         unit: "",
-        range: Range::Int {
-            default: 60,
-            min: 1,
-            max: 10_000,
-        },
+        range: Range::int(60, 1..=10_000),
         description: "pictures of the arena rendered in advance",
     },
     Parameter {
@@ -123,11 +119,7 @@ pub(super) const CAMERA_OPTIONS: &[Parameter] = &[
 ];
 
 /// Images are counted from 0.
-const EXPOSURE: Range = Range::Int {
-    default: -1,
-    min: -1,
-    max: i32::MAX,
-};
+const EXPOSURE: Range = Range::int(-1, -1..=i32::MAX);
 
 const fn real(default: f64, max: f64) -> Range {
     Range::Real {

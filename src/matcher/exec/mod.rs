@@ -54,11 +54,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "timeout_s",
             unit: "s",
-            range: Range::Real {
-                default: 30.0,
-                min: 0.01,
-                max: 86_400.0,
-            },
+            range: Range::real(30.0, 0.01..=86_400.0),
             description: "longest time to an answer; the first includes the program's start",
         },
     ],

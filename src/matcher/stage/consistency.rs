@@ -23,11 +23,7 @@ impl OnePassCheck {
         Parameter {
             name: "symmetry_tolerance",
             unit: "px",
-            range: Range::Int {
-                default,
-                min: -1,
-                max: 1024,
-            },
+            range: Range::int(default, -1..=1024),
             description: "largest difference between left and right disparity, -1 = no check",
         }
     }

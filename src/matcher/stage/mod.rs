@@ -46,11 +46,7 @@ pub const fn uniqueness(default: i32) -> Parameter {
     Parameter {
         name: "uniqueness",
         unit: "%",
-        range: Range::Int {
-            default,
-            min: 0,
-            max: 100,
-        },
+        range: Range::int(default, 0..=100),
         description: "by how much every other disparity must be worse, 0 = not tested",
     }
 }

@@ -20,11 +20,7 @@ impl VerticalSmoothing {
     pub const SIGMA: Parameter = Parameter {
         name: "smoothing_sigma",
         unit: "px",
-        range: Range::Real {
-            default: 1.0,
-            min: 0.0,
-            max: 20.0,
-        },
+        range: Range::real(1.0, 0.0..=20.0),
         description: "standard deviation of the vertical smoothing of both images, 0 = none",
     };
 

@@ -19,22 +19,14 @@ impl Speckles {
     pub const SIZE: Parameter = Parameter {
         name: "speckle_size",
         unit: "pixels",
-        range: Range::Int {
-            default: 0,
-            min: 0,
-            max: 100_000,
-        },
+        range: Range::int(0, 0..=100_000),
         description: "largest island of disparity that is removed, 0 = none",
     };
     /// Step within a region, as the matchers' tables have it.
     pub const RANGE: Parameter = Parameter {
         name: "speckle_range",
         unit: "px",
-        range: Range::Real {
-            default: 1.0,
-            min: 0.0,
-            max: 1024.0,
-        },
+        range: Range::real(1.0, 0.0..=1024.0),
         description: "largest step of disparity between neighbours of one island",
     };
 

@@ -26,22 +26,14 @@ impl DisparityRange {
     pub const MIN: Parameter = Parameter {
         name: "min_disparity",
         unit: "px",
-        range: Range::Int {
-            default: 0,
-            min: -Self::LIMIT,
-            max: Self::LIMIT,
-        },
+        range: Range::int(0, -Self::LIMIT..=Self::LIMIT),
         description: "lowest disparity tried; below 0 for cameras whose view axes cross",
     };
     /// Highest disparity, as the matchers' tables have it.
     pub const MAX: Parameter = Parameter {
         name: "max_disparity",
         unit: "px",
-        range: Range::Int {
-            default: 80,
-            min: -Self::LIMIT,
-            max: Self::LIMIT,
-        },
+        range: Range::int(80, -Self::LIMIT..=Self::LIMIT),
         description: "highest disparity tried: the nearest obstacle that can be seen",
     };
 

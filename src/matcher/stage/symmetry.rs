@@ -28,11 +28,7 @@ impl SymmetricCheck {
     pub const TOLERANCE: Parameter = Parameter {
         name: "symmetry_tolerance",
         unit: "px",
-        range: Range::Int {
-            default: 1,
-            min: 0,
-            max: 2 * DisparityRange::LIMIT,
-        },
+        range: Range::int(1, 0..=2 * DisparityRange::LIMIT),
         description: "largest difference between the disparities of the left and the right image",
     };
 

@@ -48,22 +48,14 @@ impl DogTexture {
     pub const SIGMA: Parameter = Parameter {
         name: "texture_sigma",
         unit: "px",
-        range: Range::Real {
-            default: 0.4,
-            min: 0.1,
-            max: 12.0,
-        },
+        range: Range::real(0.4, 0.1..=12.0),
         description: "finest Gaussian of the texture filter",
     };
     /// Δ between the three Gaussians, as the matchers' tables have it.
     pub const DELTA: Parameter = Parameter {
         name: "texture_delta",
         unit: "px",
-        range: Range::Real {
-            default: 3.35,
-            min: 0.1,
-            max: 12.0,
-        },
+        range: Range::real(3.35, 0.1..=12.0),
         description: "step between the three Gaussians of the texture filter",
     };
 
@@ -114,11 +106,7 @@ impl DeviationTexture {
     pub const THRESHOLD: Parameter = Parameter {
         name: "texture_threshold",
         unit: "grey levels",
-        range: Range::Real {
-            default: 4.0,
-            min: 0.0,
-            max: 128.0,
-        },
+        range: Range::real(4.0, 0.0..=128.0),
         description: "least standard deviation of a window's pixels",
     };
 

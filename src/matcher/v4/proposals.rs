@@ -27,21 +27,13 @@ impl Tolerance {
     pub(super) const SUM: Parameter = Parameter {
         name: "hash_tolerance",
         unit: "grey levels",
-        range: Range::Int {
-            default: 150,
-            min: 0,
-            max: 9 * 255,
-        },
+        range: Range::int(150, 0..=9 * 255),
         description: "largest difference between the sums of the nine pixels of two windows",
     };
     pub(super) const ROWS: Parameter = Parameter {
         name: "row_tolerance",
         unit: "px",
-        range: Range::Int {
-            default: 2,
-            min: 0,
-            max: 16,
-        },
+        range: Range::int(2, 0..=16),
         description: "largest row offset between a window and its match",
     };
 }
