@@ -258,6 +258,26 @@ pub const METRICS: &[Metric] = &[
         note: None,
     },
     Metric {
+        name: "row_offset",
+        words: "vertical misalignment",
+        group: "rows",
+        head: "lower",
+        unit: MetricUnit::Px,
+        better: Better::Neither,
+        origin: MetricOrigin::Frame {
+            column: "row_offset",
+            of: |facts| facts.estimate.disparity.median_row_offset().map(f64::from),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("row_offset"),
+        note: Some(|_| {
+            let words = "rows that the right image lies too low, as an algorithm that searches \
+                         other rows measures it: the median of a pair's pixels, and the mean of \
+                         the pairs";
+            ("lower", words.into())
+        }),
+    },
+    Metric {
         name: "time",
         words: "median time",
         group: "ms per pair",

@@ -145,11 +145,6 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     if facts.named {
         texts.push(LayoutView::new("TextLog", "frames", "run/frames", ["$origin"]).into());
     }
-    let measuring = algorithms.iter().filter(|a| a.extra.row_offset);
-    let row_offsets: Vec<String> = measuring.map(|a| a.path("row_offset")).collect();
-    if !row_offsets.is_empty() {
-        nodes.push(plot("vertical misalignment, rows", row_offsets, false).into());
-    }
     nodes.push(LayoutNode::tabs("text", texts));
     LayoutNode::row("numbers", nodes, &[])
 }

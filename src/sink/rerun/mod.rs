@@ -199,16 +199,8 @@ impl RerunSink {
             let estimate = estimates.find(|estimate| estimate.algorithm == algorithm.label);
             algorithm.extra = estimate.map_or(ExtraPlanes::NONE, |e| e.disparity.extra());
         }
-        for (algorithm, color) in self.algorithms.iter().zip(COLORS.into_iter().cycle()) {
-            if algorithm.extra.ssdpi {
-                self.log_static(&algorithm.path("ssdpi"), &world::on_image())?;
-            }
-            if algorithm.extra.row_offset {
-                self.log_static(
-                    &algorithm.path("row_offset"),
-                    &line(&algorithm.label, color),
-                )?;
-            }
+        for algorithm in self.algorithms.iter().filter(|a| a.extra.ssdpi) {
+            self.log_static(&algorithm.path("ssdpi"), &world::on_image())?;
         }
         // A share of nothing is no value: its plot would stay empty.
         let has = |metric: &&Metric| {

@@ -74,10 +74,6 @@ impl RerunSink {
             &algorithm.path("latency/total"),
             &millis(estimate.times.total()),
         )?;
-        if map.row_offset().is_some() {
-            let rows = map.median_row_offset().map(f64::from);
-            self.log_or_clear(&algorithm.path("row_offset"), rows.map(Scalars::single))?;
-        }
         for metric in METRICS {
             let Some(plot) = metric.plot else { continue };
             let value = scored.metrics.get(metric.name);
