@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Makes the README's tables anew: bash docs/tables.sh DATASETS
+# Makes the tables of README and docs anew: bash docs/tables.sh DATASETS
 # Between `<!-- NAME -->` and `<!-- end -->` stands what the command of that name printed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 datasets="${1:?the folder of the data sets}"
-svl() { cargo run --release --quiet -- "$@"; }
+svl() { cargo run --release --quiet --locked -- "$@"; }
 
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
@@ -15,11 +15,17 @@ table reports/arena/summary.md 1 >"$work/arena"
 table reports/arena/summary.md 2 >"$work/checkpoints"
 table reports/middlebury/summary.md 1 >"$work/middlebury"
 { echo '```text'; svl bench; echo '```'; } >"$work/bench"
+# The run's manifest names day and processor.
+entry() { sed -n "s/^ *\"$1\": *\"\{0,1\}\([^\",]*\).*/\1/p" reports/arena/manifest.json | head -1; }
+echo "Measured on $(entry began | cut -c1-10), $(entry processor), $(entry isa), $(entry threads) threads, svl $(entry svl)" \
+  "($(entry git_revision))." >"$work/machine"
 
-awk -v work="$work" '
-  /^<!-- end -->$/ { skip = 0 }
-  !skip { print }
-  /^<!-- (arena|checkpoints|middlebury|bench) -->$/ {
-    print ""; while ((getline line < (work "/" $2)) > 0) print line; print ""; skip = 1
-  }' README.md >"$work/README.md"
-cat "$work/README.md" >README.md
+for file in README.md docs/*.md; do
+  awk -v work="$work" '
+    /^<!-- end -->$/ { skip = 0 }
+    !skip { print }
+    /^<!-- (arena|checkpoints|middlebury|bench|machine) -->$/ {
+      print ""; while ((getline line < (work "/" $2)) > 0) print line; close(work "/" $2); print ""; skip = 1
+    }' "$file" >"$work/page.md"
+  cat "$work/page.md" >"$file"
+done

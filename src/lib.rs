@@ -74,6 +74,14 @@ mod words;
 #[cfg(feature = "calibrate")]
 mod yaml;
 
+/// The Rust examples of README and docs, as doctests.
+#[cfg(all(doctest, feature = "bench"))]
+#[doc = include_str!("../README.md")]
+#[doc = include_str!("../CONTRIBUTING.md")]
+#[doc = include_str!("../docs/architecture.md")]
+#[doc = include_str!("../docs/library.md")]
+mod documents {}
+
 pub use error::{Error, Result};
 #[cfg(feature = "calibrate")]
 pub use words::counted;

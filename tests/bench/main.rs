@@ -7,6 +7,8 @@ mod cli;
 #[path = "../common/mod.rs"]
 mod common;
 mod datasets;
+mod documents;
+mod examples;
 mod grab;
 mod protocol;
 mod recording;

@@ -1,6 +1,6 @@
 //! The program as a user meets it: one file per subcommand.
 
-mod fixture;
+pub(crate) mod fixture;
 mod server;
 
 mod algos;

@@ -1,0 +1,48 @@
+//! The programs of `examples/` run.
+
+#[path = "../../examples/match_two_images.rs"]
+mod match_two_images;
+#[path = "../../examples/own_matcher.rs"]
+mod own_matcher;
+#[path = "../../examples/own_sink.rs"]
+mod own_sink;
+#[path = "../../examples/read_recording.rs"]
+mod read_recording;
+#[path = "../../examples/simulated_cameras.rs"]
+mod simulated_cameras;
+
+use super::cli::fixture::Fixture;
+
+#[test]
+fn two_images_are_matched() {
+    let fixture = Fixture::new();
+    fixture.write_pair("left.pgm", "right.pgm", (120, 90), 5);
+    let [left, right, map] = ["left.pgm", "right.pgm", "map.pfm"].map(|name| fixture.path(name));
+    match_two_images::match_images(&left, &right, &map).unwrap();
+    assert!(map.exists() && match_two_images::main().is_err());
+}
+
+#[test]
+fn a_matcher_is_scored() {
+    own_matcher::main().unwrap();
+}
+
+#[test]
+fn a_sink_counts() {
+    own_sink::main().unwrap();
+}
+
+#[test]
+fn a_recording_is_read() {
+    let fixture = Fixture::new();
+    fixture
+        .svl(&["record", "arena", "--frames", "3", "-o", "a.mcap"])
+        .done();
+    assert_eq!(read_recording::read(&fixture.path("a.mcap")).unwrap(), 3);
+    assert!(read_recording::main().is_err());
+}
+
+#[test]
+fn cameras_are_grabbed_from() {
+    simulated_cameras::main().unwrap();
+}
