@@ -8,7 +8,7 @@ use svl::stereo::{DisparityMap, Gray, RectifiedPair, StereoPair};
 /// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there
 /// are none.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
-pub(crate) fn datasets() -> Option<PathBuf> {
+pub fn datasets() -> Option<PathBuf> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/datasets");
     let folder =
         std::env::var_os("SVL_DATASETS").map_or_else(|| PathBuf::from(default), PathBuf::from);

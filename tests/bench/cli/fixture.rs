@@ -1,7 +1,9 @@
 //! A folder of its own for each test, the program in it, and images to give it.
 
+pub use crate::common::datasets;
+
 use assert_cmd::Command;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use tempfile::TempDir;
 
 pub struct Fixture {
@@ -117,16 +119,4 @@ pub fn pgm(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     let mut bytes = format!("P5\n{width} {height}\n255\n").into_bytes();
     bytes.extend_from_slice(pixels);
     bytes
-}
-
-/// The folder of data sets, where there is one.
-pub fn datasets() -> Option<PathBuf> {
-    let folder = std::env::var_os("SVL_DATASETS").map(PathBuf::from);
-    let folder =
-        folder.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/datasets"));
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no data sets");
-    None
 }
