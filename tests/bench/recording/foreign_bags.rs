@@ -545,14 +545,10 @@ fn a_damaged_bag_gives_its_whole_pairs_and_says_so() {
 
 #[test]
 fn real_bags_hold_the_images_of_their_data_set() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/datasets");
-    let folder = std::env::var_os("SVL_DATASETS")
-        .map_or(folder, PathBuf::from)
-        .join("euroc-v1_01_easy");
-    if !folder.is_dir() {
-        println!("skipped: no data sets");
+    let Some(folder) = crate::common::datasets() else {
         return;
-    }
+    };
+    let folder = folder.join("euroc-v1_01_easy");
     for bag in ["euroc_4frames_ros2.mcap", "euroc_4frames_foxglove_png.mcap"] {
         let (frames, error) = read(&folder.join(bag));
         assert!(error.is_none() && frames.len() == 4, "{bag}: {error:?}");
