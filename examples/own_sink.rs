@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 use svl::arena::{Arena, ArenaConfig};
 use svl::manifest::Manifest;
 use svl::run::{Matchers, Monitor, Pace, run};
-use svl::score::{Judge, Judged};
+use svl::score::{Judge, Judged, Verdict};
 use svl::sink::{RunStart, Sink, finish};
 use svl::source::ArenaSource;
 
 #[derive(Default)]
-struct WrongCells(BTreeMap<String, u64>);
+struct WrongCells(BTreeMap<String, usize>);
 
 impl Sink for WrongCells {
     fn take(&mut self, judged: &Judged) -> svl::Result<()> {
         for estimate in &judged.estimates {
-            let wrong = estimate.tally().map_or(0, |tally| tally.wrong as u64);
+            let cells = estimate.cells.iter().flatten();
+            let wrong = cells.filter(|cell| cell.verdict == Verdict::Wrong).count();
             let label = &estimate.estimate.algorithm;
             *self.0.entry(label.clone()).or_default() += wrong;
         }
