@@ -118,6 +118,7 @@ impl Limit {
 
     /// Results of a run, one for every algorithm that matches the limit.
     pub fn judge(&self, summary: &Summary, manifest: &Manifest) -> Vec<GateResult> {
+        // A bare name matches the algorithm with any parameters.
         let is = |a: &&AlgorithmRecord, name: &str| a.label == name || a.name == name;
         let unit = self
             .relative_to
@@ -135,10 +136,13 @@ impl Limit {
                 Some(None) => None,
                 Some(Some(unit)) => found(algorithm)
                     .zip(found(unit))
+                    // Both medians are of one run and machine, so their ratio carries over to other
+                    // machines.
                     .map(|(of, unit)| of.p50_ms / unit.p50_ms),
             };
             let keeps =
                 |v: f64| self.min.is_none_or(|min| v >= min) && self.max.is_none_or(|max| v <= max);
+            // The unit of the ratio is named but not in this run.
             let absent = matches!(unit, Some(None));
             let kept = (!absent).then(|| value.is_some_and(keeps));
             GateResult {

@@ -88,6 +88,7 @@ fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
+            // A backslash does not keep < from beginning an HTML tag.
             '<' => escaped.push_str("&lt;"),
             '\\' | '`' | '*' | '_' | '[' | ']' | '|' | '#' | '>' => escaped.extend(['\\', c]),
             '\n' | '\r' => escaped.push(' '),

@@ -47,6 +47,7 @@ pub struct CsvCells<'a> {
 
 impl<'a> CsvCells<'a> {
     fn get(self, column: &str) -> Option<&'a str> {
+        // By name: older reports have fewer columns, and users may reorder them.
         let place = self.heads.iter().position(|head| head == column)?;
         self.line.get(place)
     }

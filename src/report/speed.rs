@@ -42,6 +42,8 @@ impl Speed {
         };
         let mut order: Vec<_> = (0..total.len()).collect();
         order.sort_by_key(|&i| total[i]);
+        // The interquartile mean of all stages over the same pairs: medians of stages would not add
+        // up to the median of totals.
         let middle = &order[order.len() / 4..(3 * order.len()).div_ceil(4)];
         let mean_ms = |us: &[u64]| {
             middle.iter().map(|&i| us[i] as f64).sum::<f64>() / (1e3 * middle.len().max(1) as f64)
@@ -54,6 +56,7 @@ impl Speed {
         {
             *of = mean_ms(&us(column)?);
         }
+        // Stages are rounded to whole microseconds each, so their sum may exceed the total.
         stages_ms[4] = (mean_ms(&total) - stages_ms[..4].iter().sum::<f64>()).max(0.0);
         Ok(Self {
             per_pixel: ascending(&per_pixel),

@@ -129,6 +129,7 @@ impl Summary {
             .map(checkpoint)
             .collect::<PolarsResult<_>>()?;
         let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
+        // Stable: equal checkpoints of several algorithms follow the order of the rows.
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
         Ok(Self {
             incomplete: None,
@@ -145,6 +146,7 @@ fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
     if frame.height() == 0 {
         Ok(Vec::new())
     } else {
+        // Polars cannot partition an empty frame without columns.
         frame.partition_by_stable(by.iter().copied(), true)
     }
 }
@@ -199,6 +201,7 @@ fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
         algorithm: first(runs, "algorithm")?,
         frames: sum(runs, "frames")?.unwrap_or_default(),
         passed: sum(runs, "passed")?.unwrap_or_default(),
+        // The best frame of all runs passes when the best frame of any run does.
         best_passed: (!best.is_empty()).then(|| best.contains(&true)),
         worst_passed: (!worst.is_empty()).then(|| !worst.contains(&false)),
     })
@@ -215,6 +218,7 @@ fn pairs_hash(rows: &DataFrame) -> PolarsResult<Option<String>> {
         .zip(sequences.iter())
         .zip(rows.column("pair_hash")?.str()?.iter())
         .collect();
+    // Each algorithm has a row per pair; dedup leaves one per pair, as they are neighbours.
     pairs.dedup();
     Ok(Some(digest(pairs.into_iter().filter_map(|(_, hash)| hash))))
 }

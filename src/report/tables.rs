@@ -104,6 +104,7 @@ impl Csv {
     fn create<R: Record>(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
         let mut writer = csv::WriterBuilder::new()
+            // The header is written from the columns, also when no row ever comes.
             .has_headers(false)
             .from_writer(file);
         writer

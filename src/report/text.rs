@@ -19,6 +19,7 @@ impl Display for Summary {
         }
         let columns = shown(columns(), self);
         let blocks = blocks(&columns);
+        // One width of names for all blocks, so that they line up.
         let widest = blocks
             .iter()
             .map(|block| width(block))

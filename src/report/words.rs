@@ -151,6 +151,7 @@ fn digits(number: Option<f64>) -> String {
     let Some(number) = number else {
         return NONE.to_owned();
     };
+    // Digits before the decimal point; negative for leading zeros behind it.
     let whole = if number > 0.0 {
         number.log10().floor() as i32 + 1
     } else {

@@ -27,6 +27,7 @@ impl Correlated {
         let (width, height) = pair.size();
         let isa = isa()?;
         let range = DisparityRange::new(Self::DISPARITIES.0, Self::DISPARITIES.1)?;
+        // The defaults of v3, which the test below holds it to.
         let smoothing = VerticalSmoothing::new(1.0);
         let (mut left, mut right) = (
             Gray::filled(width, height, 0)?,
@@ -53,6 +54,8 @@ impl Correlated {
         let (left_blocks, right_blocks) = this.blocks();
         let mut search = BlockSearch::new(width, range);
         for (y, mut row) in this.matches.rows_mut().enumerate() {
+            // The kernel searches several rows at once: a group is searched at its first row, and
+            // its rows are then written one by one.
             let lane = y % Blocks::ROWS;
             if lane == 0 {
                 let rows = Blocks::ROWS.min(height - y);
@@ -78,6 +81,7 @@ impl Correlated {
     fn checked(&self, mut check: impl RowCheck) -> DisparityMap {
         let (left, right) = self.blocks();
         let height = self.left.height();
+        // A check only rejects: it starts from all matches, so both checks see the same ones.
         let mut map = self.matches.clone();
         for (y, mut row) in map.rows_mut().enumerate() {
             let lane = y % Blocks::ROWS;

@@ -33,6 +33,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         config.world.blocks = vec![stage::block(ahead_m, 0.03, [0.16, 0.10, 0.13], 35.0)];
         config.world.balls = vec![stage::ball(ahead_m + 0.02, -0.07, 0.05)];
         let frame = context.still(&config)?;
+        // Unchecked matches: the checks would drop those with a high SSDPI, which are the subject.
         let matches = Correlated::of(&frame.pair)?.matches;
         // The rig is the arena's: it is always there.
         let farthest_px = frame
@@ -45,6 +46,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
                 .as_ref()
                 .is_some_and(|truth| truth.disparity.get(v.at.0, v.at.1) > farthest_px)
         };
+        // The wall behind is farther than the subject's depth, so the true disparity tells them
+        // apart.
         let values: Vec<f64> = valid(&matches)
             .filter(on_subject)
             .map(|v| v.ln_ssdpi)

@@ -32,7 +32,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let table = DistanceCurve::TABLE_B1;
     let product = pinhole_cm_px(&table);
     let mut config = stage::empty();
+    // High above the floor, so that no cell shows the floor instead of the target.
     config.rig.above_floor_m = 0.5;
+    // f·B in cm·px is fixed by the table and f by the image, so the baseline follows.
     config.rig.baseline_m = product / 100.0 / focal_px(&config);
     let mut frames = Vec::new();
     for (cm, _) in table {
@@ -53,6 +55,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
                 off_px = off_px.max((px - true_px).abs());
                 measured.push((cm, px));
             }
+            // A target that cannot be measured fails the condition.
             None => off_px = f64::INFINITY,
         }
     }
@@ -187,6 +190,7 @@ fn target_px(judged: &Judged, true_px: f64) -> Option<f64> {
     let truth = judged.true_grid.as_ref()?;
     let grid = &judged.estimates.first()?.estimate.grid;
     let near = |px: f32| (f64::from(px) - true_px).abs() < 0.5;
+    // Both percentiles are at the target's disparity: the cell shows nothing else.
     let shows = |cell: &Cell| cell.depth.is_some_and(|d| near(d.p20_px) && near(d.p80_px));
     let cells = grid
         .iter()

@@ -120,6 +120,7 @@ impl Finding {
         ours: impl Into<Option<f64>>,
     ) {
         let thesis = (!thesis.is_empty()).then(|| thesis.to_owned());
+        // NaN stands for a share of nothing; JSON has no NaN.
         let ours = ours.into().filter(|v| v.is_finite());
         self.quantities.push(Quantity {
             name: name.into(),

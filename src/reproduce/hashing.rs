@@ -40,6 +40,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         .exhibits
         .push(gray_picture("the forest wall", frame.pair.left())?);
     let (mean, met, compared) = (wall.mean(), wall.met, wall.compared);
+    // A scan along the row compares one window per disparity.
     let times = compared / DISPARITIES as f64;
     finding.condition(
         (3.0..=12.0).contains(&mean),
@@ -77,6 +78,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let scene = occupancy(&frame.pair)?;
         let name = frame.name.clone().unwrap_or_default();
         rows.push((name.clone(), scene.values()));
+        // One real curve is enough to compare shapes; the table has all scenes.
         if i == 0 {
             series.push(Series {
                 name,
@@ -100,6 +102,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
          textured; here {:.0} % are) and a look-up meets {met:.0} (1800), but close by are {:.2} \
          % of them and not 20 %: v4 compares {compared:.1} windows, {times:.2} times those of a \
          scan and not 4.",
+        // The thesis's mean of 6 gives its number of textured windows, as both tables have equally
+        // many hash values.
         6.0 / mean * wall.textured_percent,
         wall.textured_percent,
         100.0 * compared / met
@@ -173,6 +177,7 @@ fn occupancy(pair: &StereoPair) -> Result<Occupancy> {
     let mut textured = Plane::filled(width, height, false)?;
     DogTexture::new(0.4, 3.35).apply(isa, &left, &mut textured);
     let left = sums(&left, &textured)?;
+    // v4 filters the texture of the left image only: every right window is looked up.
     let right = sums(&right, &Plane::filled(width, height, true)?)?;
     Ok(count(&left, &right))
 }
@@ -189,6 +194,8 @@ fn count(left: &Plane<u16>, right: &Plane<u16>) -> Occupancy {
     left.pixels()
         .filter(|&sum| sum != NO_SUM)
         .for_each(|sum| buckets[usize::from(sum)] += 1);
+    // below[s]: windows with a sum below s. The windows of a range of sums are then one difference,
+    // instead of a sum over 301 buckets per look-up.
     let mut below = vec![0usize; SUMS + 1];
     for (sum, n) in buckets.iter().enumerate() {
         below[sum + 1] = below[sum] + n;
@@ -206,6 +213,7 @@ fn count(left: &Plane<u16>, right: &Plane<u16>) -> Occupancy {
             let to = (usize::from(sum) + SUM_TOLERANCE + 1).min(SUMS);
             lookups += 1;
             met += below[to] - below[from];
+            // The left window of a match lies to the right of the right one, by its disparity.
             let columns = x..left.width().min(x + DISPARITIES);
             let near = |row: usize| {
                 left.row(row)[columns.clone()]
@@ -222,6 +230,7 @@ fn count(left: &Plane<u16>, right: &Plane<u16>) -> Occupancy {
             n as f64 / lookups as f64
         }
     };
+    // A window of nine pixels does not fit at the four columns of each end.
     let windows = left.width().saturating_sub(8) * left.height();
     let textured_percent = percent(buckets.iter().sum(), windows).unwrap_or(f64::NAN);
     Occupancy {

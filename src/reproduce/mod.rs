@@ -194,6 +194,7 @@ impl<'a> Context<'a> {
             monitor: self.monitor,
         };
         let mut matchers = Matchers::new(&algorithms)?;
+        // Called also with one core: the run is then in turn.
         let (outcome, ran) = run::run(
             source,
             &mut matchers,

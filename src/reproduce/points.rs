@@ -234,6 +234,7 @@ impl Points {
                 }) = exhibit
                 {
                     finding.exhibits.push(Exhibit::Picture {
+                        // Whether a frame is the best or the worst is known after the last one.
                         caption: caption.replace("RANK", rank),
                         png,
                         size,
@@ -265,6 +266,7 @@ fn conclude(
     let elsewhere: Vec<_> = checkpoints
         .iter()
         .zip(points)
+        // The thesis itself names point 2.
         .filter(|(c, p)| c.number != 2 && p[0].wrong > 0)
         .collect();
     let places: Vec<_> = elsewhere

@@ -294,10 +294,12 @@ fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
 
 /// The frame of the run in which the head is most on its side.
 fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame> {
+    // Still views have one frame, rendered without motion blur.
     if config.frames == 1 {
         return context.still(config);
     }
     let arena = Arena::new(config, stage::SEED)?;
+    // The roll of the head is the height of its x axis above the floor.
     let roll = |i: &u64| (arena.pose(*i).rotation * nalgebra::Vector3::x()).z.abs();
     let frame = (0..arena.frames())
         .max_by(|a, b| roll(a).total_cmp(&roll(b)))

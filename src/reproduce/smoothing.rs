@@ -36,6 +36,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     for offset_px in OFFSETS_PX {
         let mut config = ArenaConfig::default();
         config.rig.right_row_offset_px = offset_px;
+        // A rolled camera would add its own misalignment, which grows towards the sides.
         config.rig.right_roll_deg = 0.0;
         let arena = Arena::new(&config, 1)?;
         let frames = VIEWS
@@ -192,6 +193,7 @@ fn both(context: &mut Context<'_>, frames: &[Frame]) -> Result<[Vec<DisparityMap
 fn lowered(frame: Frame) -> Result<Frame> {
     let right = frame.pair.right();
     let lower = Gray::from_fn(right.width(), right.height(), |x, y| {
+        // The top row is repeated. Its true disparities stay those of the left image.
         right.get(x, y.saturating_sub(1))
     })?;
     Ok(Frame {
@@ -239,6 +241,7 @@ impl MatchOutcome {
                 .iter()
                 .flat_map(|truth| valid(map).filter_map(|v| right(truth, &v)));
             for right in judged {
+                // Pixels without truth are matches but neither right nor wrong.
                 known += 1;
                 good += usize::from(right);
             }

@@ -37,6 +37,7 @@ const NEEDED: f64 = 7.0;
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let pair = Arena::new(&ArenaConfig::default(), 1)?.frame(140)?.pair;
     let picked = isa()?;
+    // The thesis's computer had one core.
     let one = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
@@ -129,11 +130,14 @@ fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
     };
     let mut matchers = Vec::new();
     for (_, algorithm, _) in CONTESTANTS {
+        // Not svl's run: a run uses the instruction set of the process, and scoring would disturb
+        // the times.
         let mut matcher = algorithm.parse::<Algorithm>()?.build_on(isa)?;
         // Memory is allocated, caches and branches know the pair.
         (0..3).try_for_each(|_| time(&mut *matcher).map(drop))?;
         matchers.push((matcher, Vec::new()));
     }
+    // In turns, so that a change of the processor's clock hits both algorithms.
     while matchers
         .iter()
         .any(|(_, times): &(_, Vec<Duration>)| times.iter().sum::<Duration>() < BUDGET)

@@ -30,6 +30,7 @@ pub(super) fn empty() -> ArenaConfig {
             pitch_sway_deg: 0.0,
             deviation_m: 0.0,
             // Two millimetres in a second: no blur.
+            // The path needs two waypoints and a length.
             path: vec![ahead(0.0), ahead(0.002)],
             ..RobotConfig::default()
         },

@@ -75,6 +75,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             ),
         );
     }
+    // The first view is the arena.
     if let [_, real @ ..] = &all[..]
         && !real.is_empty()
     {
@@ -205,10 +206,12 @@ impl Filtered {
             }
             Ok::<_, crate::Error>(mask)
         };
+        // Integer halving, as a camera with half the exposure would quantize.
         let dark = image.map(|v| v / 2);
         let kept = mask(image, false)?;
         let contrast = |which: bool| {
             let windows =
+                // Windows of 1 x 9 that lie inside the image.
                 (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
             let windows = windows.filter(|&(x, y)| kept.get(x, y) == which);
             MeanMedian::of(windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4])))
@@ -253,6 +256,7 @@ fn deviation_of(window: &[u8]) -> f64 {
     let n = window.len() as f64;
     let sum: f64 = window.iter().map(|&v| f64::from(v)).sum();
     let squares: f64 = window.iter().map(|&v| f64::from(v).powi(2)).sum();
+    // Rounding can make the variance of equal pixels slightly negative.
     (squares / n - (sum / n).powi(2)).max(0.0).sqrt()
 }
 
@@ -263,12 +267,14 @@ fn responses(row: &[u8]) -> [Vec<f64>; 2] {
     };
     let last = row.len() as i64 - 1;
     [0.0, 1.0].map(|scale| {
+        // Annex C: scale s is the difference of Gaussians of width σ + s·Δ and σ + (s + 1)·Δ.
         let (a, b) = (SIGMA + scale * DELTA, SIGMA + (scale + 1.0) * DELTA);
         let tap = |x: i64, t: i64| {
             (gaussian(a, t as f64) - gaussian(b, t as f64))
                 * f64::from(row[(x + t).clamp(0, last) as usize])
         };
         (0..=last)
+            // 24 taps, one more to the left, as the thesis's loop has them.
             .map(|x| (-12..=11).map(|t| tap(x, t)).sum::<f64>().abs())
             .collect()
     })

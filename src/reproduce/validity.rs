@@ -63,6 +63,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut rows = close.contest.rows("close object");
     let approach = approach(context, &mut finding)?;
 
+    // The real scenes are pooled: each match counts once, whatever the size of its scene.
     let mut real = Contest::default();
     let mut shares = Vec::new();
     for frame in context.real() {
@@ -212,6 +213,7 @@ struct Checked {
 impl Checked {
     fn of(frame: &Frame) -> Result<Self> {
         let correlated = Correlated::of(&frame.pair)?;
+        // v1 tolerates a pixel of difference.
         let (own, symmetric) = (correlated.self_checked(), correlated.symmetric(1));
         let kept = |map: &DisparityMap| {
             let judged: Vec<bool> = frame
@@ -223,6 +225,8 @@ impl Checked {
                 matches: map.valid(),
                 known: judged.len(),
                 good: judged.iter().filter(|right| **right).count(),
+                // Kept one by one, as a median of pooled scenes cannot be made of the scenes'
+                // medians.
                 ln_ssdpi: valid(map).map(|v| v.ln_ssdpi).collect(),
             }
         };

@@ -117,6 +117,8 @@ fn judge_cell(
             tolerance_percent,
             ..
         } => {
+            // The larger of the two: near things need centimetres, far ones a share of the
+            // distance.
             let tolerance = |z_true: f64| (tolerance_percent / 100.0 * z_true).max(tolerance_m);
             let within = distances.map(|(z_true, z)| (z - z_true).abs() <= tolerance(z_true));
             (true_m.is_some(), within)

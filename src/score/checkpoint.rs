@@ -83,6 +83,7 @@ impl Checkpoint {
         let at = pose.translation.vector;
         let view = pose.rotation * nalgebra::Vector3::z();
         let heading_deg = view.y.atan2(view.x).to_degrees();
+        // Difference of two directions, in -180..180.
         let off_deg = (heading_deg - self.heading_deg + 180.0).rem_euclid(360.0) - 180.0;
         (at.x - self.at_m[0]).hypot(at.y - self.at_m[1]) <= self.radius_m
             && off_deg.abs() <= self.heading_tolerance_deg
@@ -102,6 +103,7 @@ impl Checkpoint {
             |&[column, row]: &[usize; 2]| grid.cell(column, row).depth.and_then(|d| d.distance_m);
         let order_holds = self.order.iter().all(|cells| {
             let distances: Vec<_> = cells.iter().map(distance).collect();
+            // An unknown cell has no place in an order.
             distances.iter().all(Option::is_some)
                 && distances.is_sorted_by(|nearer, farther| nearer < farther)
         });
@@ -138,6 +140,8 @@ impl CheckpointFrame {
     /// Orders frames from the best to the worst: by what fails, and where that is equal by the
     /// error of distance.
     fn badness(&self, other: &Self) -> Ordering {
+        // In the order of severity: a wrong cell may make the robot hit something, a missing one
+        // makes it stop.
         let failures = |f: &Self| (!f.passed, f.wrong, f.must_missing, !f.order_holds);
         failures(self)
             .cmp(&failures(other))
@@ -189,6 +193,8 @@ impl<F> CheckpointTally<F> {
         let best = self
             .best
             .as_ref()
+            // Strictly better: of equal frames the first stays, so the result does not depend on
+            // how a run is split.
             .is_none_or(|(_, b)| frame.badness(b).is_lt());
         let worst = self
             .worst

@@ -409,6 +409,7 @@ impl MetricValues {
         let value = self.get(metric.name)?;
         match metric.column()?.1 {
             MetricTotal::ShareOf(_) => {
+                // A frame of only unknown truths has cells, but none to be right in.
                 Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?)
             }
             _ => Some(value),

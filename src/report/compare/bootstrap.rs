@@ -43,6 +43,8 @@ impl Resamples {
                 while items.len() < end {
                     let first = random.usize(0..length);
                     let left = end - items.len();
+                    // Circular: a block that begins near the end goes on at the beginning, so all
+                    // items are drawn equally often.
                     items.extend((0..block.min(left)).map(|i| begin + (first + i) % length));
                 }
                 begin = end;
@@ -85,6 +87,7 @@ pub(super) fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
     let mut share = |(passed, frames): (u64, u64)| {
         let blocks = (frames as usize).div_ceil(block(frames as usize)) as f64;
+        // Half a block added on either side: a share of 0 or 1 of few frames is not certain.
         let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
         (0..blocks as usize)
             .filter(|_| random.f64() < expected)

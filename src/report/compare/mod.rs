@@ -187,6 +187,8 @@ impl Comparison {
         let (ours, theirs) = (base.labels(), other.labels());
         let shared: Vec<_> = match (&ours[..], &theirs[..]) {
             ([one], [another]) => vec![(*one, *another)],
+            // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where
+            // their parameters are equal.
             _ => ours
                 .iter()
                 .filter(|label| theirs.contains(label))
@@ -259,6 +261,7 @@ impl AlgorithmChange {
             .chunk_by(|a, b| a.0.seed == b.0.seed)
             .map(<[_]>::len)
             .collect();
+        // Scenes have names and are independent of each other; frames of a run are not.
         let independent = pairs.iter().all(|(row, _)| !row.name.is_empty());
         let resamples = Resamples::draw(&stretches, independent);
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
@@ -318,6 +321,7 @@ impl Change {
         other: &Sample,
         resamples: &Resamples,
     ) -> Option<Self> {
+        // Times scale with the machine, so their change is a factor.
         let difference = |a: f64, b: f64| {
             if metric.unit == MetricUnit::Ms {
                 b / a
@@ -358,6 +362,7 @@ impl Change {
         interval: Option<Interval>,
     ) -> Self {
         let judgement = match interval {
+            // Equal on these pairs: the interval is empty and says nothing.
             _ if base == other => Judgement::Equal,
             // All pairs of a run are of one moment: their spread does not include how the machine
             // varies between runs.

@@ -191,6 +191,7 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         ("other", |a| a.other_ms),
     ];
     // Rows hold whole microseconds, so a stage below 1 % may be rounding alone.
+    // A stage that no algorithm has would only lengthen the key.
     let counts = |of: PlotNumber| {
         page.summary
             .algorithms

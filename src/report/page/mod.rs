@@ -29,6 +29,7 @@ pub(crate) fn fill(
         let mut templates = minijinja::Environment::new();
         templates.set_trim_blocks(true);
         templates.set_lstrip_blocks(true);
+        // A misspelt name in a template fails the tests instead of leaving a gap in a page.
         templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
         // The ending .html makes the engine escape texts.
         for (name, part) in PARTS

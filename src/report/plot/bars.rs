@@ -79,6 +79,7 @@ impl Bars {
         let (mut x, mut y, mut places) = (0, 0, Vec::new());
         for part in &self.parts {
             let width = 34 + text_width(part, SIZE);
+            // A part wider than the plot stays alone on its line.
             if x > 0 && x + width > WIDTH as i32 {
                 (x, y) = (0, y + KEY);
             }
@@ -136,6 +137,7 @@ impl Bars {
             } else {
                 0.0
             };
+            // Ends are rounded, not lengths: neighbouring parts meet without gaps.
             let place = |v: f64| names + (v * unit).round() as i32;
             let mut from = 0.0;
             for (k, part) in parts.iter().enumerate() {

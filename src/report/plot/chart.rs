@@ -53,6 +53,7 @@ impl Axis {
         });
         match (low <= high, self.log) {
             (false, _) => (0.1, 1.0),
+            // A logarithmic axis has room by a factor.
             (true, true) => (low / 1.25, high * 1.25),
             (true, false) => {
                 // A scale that nearly begins at zero begins there.
@@ -82,6 +83,7 @@ impl Chart {
         let (x0, x1) = self.x.span(points().map(|p| p.0));
         let (y0, y1) = self.y.span(points().map(|p| p.1));
         svg(HEIGHT, &self.title, |canvas| {
+            // Plotters has a type per kind of axis, so each combination is its own call.
             match (self.x.log, self.y.log) {
                 (false, false) => self.draw(canvas, x0..x1, y0..y1),
                 (true, false) => self.draw(canvas, (x0..x1).log_scale(), y0..y1),
@@ -120,6 +122,7 @@ impl Chart {
             .axis_style(AXIS.stroke_width(2))
             .set_all_tick_mark_size(8)
             .bold_line_style(AXIS.mix(0.25))
+            // No minor grid lines: they would be invisible at the size of a page.
             .light_line_style(AXIS.mix(0.0))
             .x_label_formatter(&number)
             .y_label_formatter(&number)
@@ -132,6 +135,7 @@ impl Chart {
                     SeriesStyle::Line | SeriesStyle::Points | SeriesStyle::Both
                 )
         };
+        // Named series share the first colour, so the others begin at the second.
         let named = usize::from(self.series.iter().any(|s| s.form == SeriesStyle::Named));
         let mut colors = (named..).map(color);
         for series in self
@@ -146,6 +150,8 @@ impl Chart {
             };
             let symbol = series.form != SeriesStyle::Line;
             if matches!(series.form, SeriesStyle::Line | SeriesStyle::Both) {
+                // A value without a place interrupts the line: joining its neighbours would invent
+                // data.
                 for run in series.points.split(|p| !shown(&p)) {
                     chart
                         .draw_series(LineSeries::new(run.iter().copied(), color.stroke_width(4)))?;
@@ -221,6 +227,7 @@ pub(super) fn number(value: f64) -> String {
     } else {
         &text
     };
+    // A tick just below zero rounds to -0.
     if text == "-0" {
         "0".into()
     } else {

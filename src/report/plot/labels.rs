@@ -17,6 +17,7 @@ pub(super) fn write(
     let mut labels = Labels::new(bounds, SIZE);
     for series in series {
         let drawn: Vec<_> = series.points.iter().filter_map(&place).collect();
+        // The marks of points come first: a label may cover another label's place, but not a point.
         drawn.iter().for_each(|p| labels.avoid(*p, 10));
         if series.form == SeriesStyle::Both {
             drawn
@@ -26,6 +27,8 @@ pub(super) fn write(
         }
     }
     let style = text(SIZE).pos(Pos::new(HPos::Left, VPos::Center));
+    // In the order of importance: an algorithm's name is always drawn, the label of a sweep's value
+    // only where nothing is covered.
     for (form, away) in [
         (SeriesStyle::Named, 3),
         (SeriesStyle::Caption, 3),
@@ -101,6 +104,8 @@ impl Labels {
                     .sum::<i32>()
                     + width * height
                     - shared(&area, &self.bounds);
+                // Strictly less: of equal places the first, which is the nearest and to the right,
+                // wins.
                 if best.is_none_or(|(least, _)| hidden < least) {
                     best = Some((hidden, area));
                 }

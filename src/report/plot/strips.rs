@@ -85,6 +85,7 @@ impl Strips {
         };
         let low = values().fold(f64::INFINITY, f64::min) / 1.15;
         let high = values().fold(0.0, f64::max) * 1.15;
+        // Without positive values any range will do.
         let (low, high) = if low < high { (low, high) } else { (0.1, 1.0) };
         let scale = f64::from(WIDTH as i32 - RIGHT - names) / (high / low).ln();
         let place = |v: f64| names + ((v / low).ln() * scale).round() as i32;
@@ -112,6 +113,7 @@ impl Strips {
             ))?;
             let mut sorted: Vec<f64> = values.iter().copied().filter(|v| *v > 0.0).collect();
             sorted.sort_by(f64::total_cmp);
+            // Bins are as wide on the page, so the histogram is of log time.
             let bins = sorted.chunk_by(|a, b| place(*a) / BIN == place(*b) / BIN);
             let fullest = bins.clone().map(<[_]>::len).max().unwrap_or(1);
             for bin in bins {

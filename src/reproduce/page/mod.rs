@@ -308,6 +308,7 @@ fn table_view(table: &FindingTable) -> NumbersView<'_> {
 /// Three digits or so.
 fn number(value: f64) -> String {
     match value.abs() {
+        // Counts are whole and shown without decimals.
         v if v >= 100.0 || value == value.round() => format!("{value:.0}"),
         v if v >= 10.0 => format!("{value:.1}"),
         _ => format!("{value:.2}"),

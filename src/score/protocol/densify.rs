@@ -16,6 +16,7 @@ pub fn densify(map: &Plane<f32>) -> Plane<f32> {
         let known = |y: &usize| dense.get(x, *y).is_finite();
         if let (Some(top), Some(bottom)) = ((0..height).find(known), (0..height).rev().find(known))
         {
+            // Rows first, then columns: the order of the kits, which matters in the corners.
             (0..top).for_each(|y| dense.set(x, y, dense.get(x, top)));
             (bottom + 1..height).for_each(|y| dense.set(x, y, dense.get(x, bottom)));
         }
@@ -29,6 +30,7 @@ fn fill_row(row: &mut [f32]) {
     for x in 0..row.len() {
         let right = row[x];
         if right.is_finite() {
+            // The smaller disparity is the background, which is what a gap mostly hides.
             row[from..x].fill(left.map_or(right, |left| left.min(right)));
             left = Some(right);
             from = x + 1;

@@ -33,6 +33,7 @@ pub(super) fn kitti(image: &ProtocolImage) -> Plane<[u8; 3]> {
     let mut rgb = image.truth.map(|_| NO_TRUTH);
     let (width, height) = rgb.size();
     each(image, |x, y, truth, dimmed| {
+        // The kit leaves the border of one pixel unpainted.
         if (1..width.saturating_sub(1)).contains(&x) && (1..height.saturating_sub(1)).contains(&y) {
             let colour = dimmed(colour(truth, stored(dense.get(x, y))));
             (y - 1..=y + 1).for_each(|y| rgb.row_mut(y)[x - 1..=x + 1].fill(colour));

@@ -46,6 +46,7 @@ impl Errors {
 
     /// Estimates that are off by more than `threshold_px`, strictly.
     pub(super) fn over(&self, threshold_px: f32) -> usize {
+        // Sorted once, so each threshold is a binary search.
         self.sorted.len() - self.sorted.partition_point(|&error| error <= threshold_px)
     }
 

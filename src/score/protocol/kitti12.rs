@@ -25,6 +25,7 @@ pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
                 .map(|(x, y, truth)| (truth, read(map.get(x, y)))),
         )
     };
+    // A hole is stored as -1 and so counts as an outlier at almost every threshold.
     let as_is = errors(&sparse, stored)?;
     let densified = errors(&dense, stored)?;
     let estimated = errors(&sparse, |d| d)?;

@@ -58,6 +58,7 @@ impl OutlierCounts {
             );
             let (d, filled) = (sparse.get(x, y), dense.get(x, y));
             counts.filled += usize::from(filled.is_finite());
+            // Each pixel counts in its region and in all.
             for region in [region, ALL] {
                 counts.as_is[region].count(is_outlier(truth, stored(d)));
                 counts.dense[region].count(is_outlier(truth, stored(filled)));

@@ -52,6 +52,7 @@ pub(super) fn scale(image: &ProtocolImage) -> Result<usize> {
 
 /// The estimate for the truth's pixel, clipped; `+∞` for none.
 pub(super) fn estimate(image: &ProtocolImage, scale: usize, x: usize, y: usize) -> f32 {
+    // A disparity in pixels grows with the image.
     let d = scale as f32 * image.estimate.get(x / scale, y / scale);
     match image.max_disparity {
         _ if !d.is_finite() => f32::INFINITY,

@@ -45,6 +45,7 @@ impl Numbers {
     pub(super) fn mean(images: &[Self]) -> Self {
         let first = images.first().map_or(&[][..], |numbers| &numbers.0);
         let over = |(i, number): (usize, &Number)| {
+            // One image without the number leaves the mean without one, as in the kits.
             let sum: Option<f64> = images.iter().map(|numbers| numbers.0[i].value).sum();
             let parts = if number.unit == NumberUnit::Count {
                 1.0
