@@ -1,11 +1,12 @@
 //! Numbers and pictures of a disparity map that several experiments use.
 
-use super::Exhibit;
+use super::{DrawnCell, Exhibit};
 use crate::error::Result;
 use crate::files::encode_png;
-use crate::overlay::viridis;
+use crate::overlay::{Nearness, marks, viridis};
+use crate::score::{JudgedEstimate, Verdict};
 use crate::statistics::lower_median;
-use crate::stereo::{DisparityMap, Gray, Truth};
+use crate::stereo::{DisparityMap, Frame, Gray, Truth};
 
 /// Mean and median.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,7 +87,31 @@ pub(super) fn ssdpi_picture(caption: impl Into<String>, map: &DisparityMap) -> R
     picture(caption, (width, height), &rgb)
 }
 
-/// An image as it is.
+/// The left image with the estimate's depth grid over it, wrong cells crossed out.
+pub(super) fn grid_picture(
+    caption: String,
+    frame: &Frame,
+    scored: &JudgedEstimate,
+) -> Result<Exhibit> {
+    let size = frame.pair.size();
+    let marks = marks(&scored.estimate.grid, size, Nearness::of_frame(frame));
+    let drawn = marks.into_iter().zip(scored.cells.iter().flatten());
+    let drawn = drawn.map(|(mark, cell)| DrawnCell {
+        mark,
+        wrong: cell.verdict == Verdict::Wrong,
+    });
+    let marks = drawn.collect();
+    let pixels: Vec<_> = frame.pair.left().pixels().collect();
+    let png = encode_png(size.0, size.1, &pixels)?;
+    Ok(Exhibit::Picture {
+        caption,
+        png,
+        size,
+        marks,
+    })
+}
+
+/// An image without marks.
 pub(super) fn gray_picture(caption: impl Into<String>, image: &Gray) -> Result<Exhibit> {
     picture(caption, image.size(), &image.pixels().collect::<Vec<_>>())
 }

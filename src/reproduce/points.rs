@@ -1,17 +1,13 @@
 //! Figure 7.3: the arena's six points through v3 and through the Small Vision System.
 
-use super::measure::percent;
-use super::{Context, DrawnCell, Exhibit, Experiment, Finding, TableValue};
+use super::measure::{grid_picture, percent};
+use super::{Context, Exhibit, Experiment, Finding, TableValue};
 use crate::error::{Error, Result};
-use crate::files::encode_png;
-use crate::overlay::{Nearness, marks};
 use crate::report::plot::Bars;
 use crate::scenario::Scenario;
-use crate::score::{
-    CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, Verdict,
-};
+use crate::score::{CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Judged, Verdict};
 use crate::sink::{Outbox, Sink};
-use crate::stereo::{DepthGrid, Frame};
+use crate::stereo::DepthGrid;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
@@ -340,8 +336,20 @@ impl Sink for Points {
             self.cells[a].add(grid, cells);
             for (c, verdict) in &scored.checkpoints {
                 let (checkpoint, point) = (&self.scenario.checkpoints[*c], &mut self.points[*c][a]);
-                let exhibit = exhibit(&judged.frame, scored, cells, checkpoint, NAMES[a], verdict)?;
-                point.tally.add(*verdict, || exhibit.clone());
+                let outcome = verdict.reasons().map_or_else(
+                    || "passes".to_owned(),
+                    |reasons| format!("fails, {reasons}"),
+                );
+                let caption = format!("Point {}: {} RANK: {outcome}", checkpoint.number, NAMES[a]);
+                let (best, worst) = point.tally.would_lead(verdict);
+                // Only leading frames are kept, and encoding a picture takes longer than scoring.
+                let exhibit = match best || worst {
+                    true => Some(grid_picture(caption, &judged.frame, scored)?),
+                    false => None,
+                };
+                point
+                    .tally
+                    .add(*verdict, || exhibit.clone().expect("a leading frame"));
                 point.wrong += usize::from(verdict.wrong > 0);
                 point.cells.add(grid, cells);
             }
@@ -353,39 +361,6 @@ impl Sink for Points {
         self.outbox.clone().put(*self);
         Ok(())
     }
-}
-
-fn exhibit(
-    frame: &Frame,
-    scored: &JudgedEstimate,
-    judgements: &[CellJudgement],
-    checkpoint: &Checkpoint,
-    name: &str,
-    verdict: &CheckpointFrame,
-) -> Result<Exhibit> {
-    let size = frame.pair.size();
-    let drawn = marks(&scored.estimate.grid, size, Nearness::of_frame(frame))
-        .into_iter()
-        .zip(judgements);
-    let outcome = verdict.reasons().map_or_else(
-        || "passes".to_owned(),
-        |reasons| format!("fails, {reasons}"),
-    );
-    Ok(Exhibit::Picture {
-        caption: format!("Point {}: {name} RANK: {outcome}", checkpoint.number),
-        png: encode_png(
-            size.0,
-            size.1,
-            &frame.pair.left().pixels().collect::<Vec<_>>(),
-        )?,
-        size,
-        marks: drawn
-            .map(|(mark, j)| DrawnCell {
-                mark,
-                wrong: j.verdict == Verdict::Wrong,
-            })
-            .collect(),
-    })
 }
 
 #[cfg(test)]

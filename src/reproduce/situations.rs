@@ -1,10 +1,9 @@
 //! Table 5.1 and annex A: the situations in which the thesis gave up dynamic programming.
 
-use super::{Context, DrawnCell, Exhibit, Experiment, Finding, TableValue, stage};
+use super::measure::grid_picture;
+use super::{Context, Exhibit, Experiment, Finding, TableValue, stage};
 use crate::arena::{Arena, ArenaConfig};
 use crate::error::Result;
-use crate::files::encode_png;
-use crate::overlay::{Nearness, marks};
 use crate::report::plot::Bars;
 use crate::score::{CellJudgement, CellTally, Judge, Judged, Verdict};
 use crate::stereo::{Frame, GridShape};
@@ -325,39 +324,21 @@ impl SituationAnswer {
 }
 
 fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<SituationAnswer> {
-    let (frame, scored) = (&judged.frame, &judged.estimates[algorithm]);
+    let scored = &judged.estimates[algorithm];
     let judgements = scored.cells.clone().unwrap_or_default();
-    let size = frame.pair.size();
-    let drawn = marks(&scored.estimate.grid, size, Nearness::of_frame(frame))
-        .into_iter()
-        .zip(&judgements);
     let CellTally {
         right,
         wrong,
         unknown,
         ..
     } = CellTally::of(&judgements);
-    let exhibit = Exhibit::Picture {
-        caption: format!(
-            "{}, {}: {right} right, {wrong} wrong, {unknown} unknown",
-            situation.name, ALGORITHMS[algorithm]
-        ),
-        png: encode_png(
-            size.0,
-            size.1,
-            &frame.pair.left().pixels().collect::<Vec<_>>(),
-        )?,
-        size,
-        marks: drawn
-            .map(|(mark, j)| DrawnCell {
-                mark,
-                wrong: j.verdict == Verdict::Wrong,
-            })
-            .collect(),
-    };
+    let caption = format!(
+        "{}, {}: {right} right, {wrong} wrong, {unknown} unknown",
+        situation.name, ALGORITHMS[algorithm]
+    );
     Ok(SituationAnswer {
         judgements,
-        exhibit: Some(exhibit),
+        exhibit: Some(grid_picture(caption, &judged.frame, scored)?),
     })
 }
 

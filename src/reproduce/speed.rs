@@ -26,7 +26,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 /// Name here, algorithm, and the thesis's frames a second.
-const CONTESTANTS: [(&str, &str, &str); 2] = [("v3", "v3", "6–8"), ("SVS (bm)", "bm", "8–9")];
+const ALGORITHMS: [(&str, &str, &str); 2] = [("v3", "v3", "6–8"), ("SVS (bm)", "bm", "8–9")];
 /// Time for each algorithm on each instruction set.
 const BUDGET: Duration = Duration::from_millis(600);
 /// By how much the faster may be faster to be so slightly.
@@ -53,7 +53,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         .zip(&rates)
         .zip([true, false])
     {
-        for ((name, _, said), rate) in CONTESTANTS.iter().zip(rates) {
+        for ((name, _, said), rate) in ALGORITHMS.iter().zip(rates) {
             finding.quantity(
                 format!("{name}, {isa}"),
                 "fps",
@@ -83,7 +83,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         .into_iter()
         .zip(&rates)
         .flat_map(|(isa, rates)| {
-            CONTESTANTS
+            ALGORITHMS
                 .iter()
                 .zip(rates)
                 .map(move |((name, ..), rate)| (format!("{name}, {isa}"), vec![*rate]))
@@ -120,7 +120,7 @@ fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
     );
 }
 
-/// Of the contestants, by their median times.
+/// Of the algorithms, by their median times.
 fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
     let (context, mut output) = (MatchContext::default(), MatchOutput::new()?);
     let mut time = |matcher: &mut dyn Matcher| {
@@ -129,7 +129,7 @@ fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
         Ok::<_, Error>(began.elapsed())
     };
     let mut matchers = Vec::new();
-    for (_, algorithm, _) in CONTESTANTS {
+    for (_, algorithm, _) in ALGORITHMS {
         // Not svl's run: a run uses the instruction set of the process, and scoring would disturb
         // the times.
         let mut matcher = algorithm.parse::<Algorithm>()?.build_on(isa)?;

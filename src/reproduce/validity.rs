@@ -44,10 +44,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
     let frame = context.still(&close_object(CLOSE_M))?;
     let close = Checked::of(&frame)?;
-    let dropped = close.contest.dropped();
+    let dropped = close.comparison.dropped();
     finding.quantity("matches that the self check drops", "%", "35", dropped[0]);
     finding.quantity(
-        "matches that the symmetric check drops, as v1 has it",
+        "matches that the symmetric check drops, as in v1",
         "%",
         "55",
         dropped[1],
@@ -58,18 +58,18 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         "55",
         dropped[2],
     );
-    conditions("Before the close object", &close.contest, &mut finding);
-    let mut why = format!("Before the close object {}", close.contest.words());
-    let mut rows = close.contest.rows("close object");
+    conditions("Before the close object", &close.comparison, &mut finding);
+    let mut why = format!("Before the close object {}", close.comparison.words());
+    let mut rows = close.comparison.rows("close object");
     let approach = approach(context, &mut finding)?;
 
     // The real scenes are pooled: each match counts once, whatever the size of its scene.
-    let mut real = Contest::default();
+    let mut real = CheckComparison::default();
     let mut shares = Vec::new();
     for frame in context.real() {
         let frame = frame?;
         context.step()?;
-        let scene = Checked::of(&frame)?.contest;
+        let scene = Checked::of(&frame)?.comparison;
         shares.push(scene.dropped());
         real.add(scene);
     }
@@ -124,7 +124,7 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
     let mut dropped = Vec::new();
     for ahead_m in APPROACH_M {
         let frame = context.still(&close_object(ahead_m))?;
-        dropped.push((ahead_m, Checked::of(&frame)?.contest.dropped()));
+        dropped.push((ahead_m, Checked::of(&frame)?.comparison.dropped()));
     }
     // The approach is not empty.
     if let (Some((far_m, far)), Some((near_m, near))) = (dropped.first(), dropped.last()) {
@@ -154,7 +154,7 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
         },
         series: vec![
             series("self check", 0),
-            series("symmetric check, as v1 has it", 1),
+            series("symmetric check, as in v1", 1),
             series("symmetric check, to the letter", 2),
         ],
     })
@@ -181,10 +181,10 @@ fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
         x: axis("dropped by the symmetric check, %"),
         y: axis("dropped by the self check, %"),
         series: vec![
-            series("real scenes, as v1 has it", SeriesStyle::Points, real(1)),
+            series("real scenes, as in v1", SeriesStyle::Points, real(1)),
             series("real scenes, to the letter", SeriesStyle::Points, real(2)),
             series(
-                "close object, as v1 has it",
+                "close object, as in v1",
                 SeriesStyle::Points,
                 vec![(close[1], close[0])],
             ),
@@ -207,7 +207,7 @@ struct Checked {
     matches: DisparityMap,
     own: DisparityMap,
     symmetric: DisparityMap,
-    contest: Contest,
+    comparison: CheckComparison,
 }
 
 impl Checked {
@@ -230,7 +230,7 @@ impl Checked {
                 ln_ssdpi: valid(map).map(|v| v.ln_ssdpi).collect(),
             }
         };
-        let contest = Contest {
+        let comparison = CheckComparison {
             matches: correlated.matches.valid(),
             good: kept(&correlated.matches).good,
             own: kept(&own),
@@ -245,14 +245,14 @@ impl Checked {
             matches: correlated.matches,
             own,
             symmetric,
-            contest,
+            comparison,
         })
     }
 }
 
 /// The two checks on the same matches.
 #[derive(Clone, Debug, Default)]
-struct Contest {
+struct CheckComparison {
     matches: usize,
     /// Of them, those that are right.
     good: usize,
@@ -290,7 +290,7 @@ impl KeptMatches {
     }
 }
 
-impl Contest {
+impl CheckComparison {
     fn add(&mut self, other: Self) {
         self.matches += other.matches;
         self.good += other.good;
@@ -320,7 +320,7 @@ impl Contest {
         let wrong = wrong.map(|kept| kept.wrong_percent().unwrap_or(f64::NAN));
         format!(
             "the self check drops {own:.0} % of the matches, the symmetric check {symmetric:.0} % \
-             as v1 has it and {letter:.0} % to the letter; of the rest {:.0} %, {:.0} % and {:.0} \
+             as in v1 and {letter:.0} % to the letter; of the rest {:.0} %, {:.0} % and {:.0} \
              % are wrong",
             wrong[0], wrong[1], wrong[2]
         )
@@ -352,9 +352,9 @@ impl Contest {
     }
 }
 
-fn conditions(place: &str, contest: &Contest, finding: &mut Finding) {
-    let ([own, symmetric, letter], medians) = (contest.dropped(), contest.medians());
-    for (check, dropped) in [("as v1 has it", symmetric), ("to the letter", letter)] {
+fn conditions(place: &str, comparison: &CheckComparison, finding: &mut Finding) {
+    let ([own, symmetric, letter], medians) = (comparison.dropped(), comparison.medians());
+    for (check, dropped) in [("as in v1", symmetric), ("to the letter", letter)] {
         finding.condition(
             own < dropped,
             format!(
@@ -378,14 +378,14 @@ mod tests {
     use super::*;
     use crate::reproduce::ClaimVerdict;
 
-    fn contest(own: usize, symmetric: usize, letter: usize, ssdpi: [f64; 2]) -> Contest {
+    fn comparison(own: usize, symmetric: usize, letter: usize, ssdpi: [f64; 2]) -> CheckComparison {
         let kept = |matches: usize, ln_ssdpi: f64| KeptMatches {
             matches,
             known: matches,
             good: matches,
             ln_ssdpi: vec![ln_ssdpi],
         };
-        Contest {
+        CheckComparison {
             matches: 100,
             good: 80,
             own: kept(own, ssdpi[0]),
@@ -397,9 +397,9 @@ mod tests {
     #[test]
     fn the_thesis_s_numbers_hold() {
         let mut finding = Finding::default();
-        conditions("There", &contest(65, 55, 45, [6.0, 6.4]), &mut finding);
+        conditions("There", &comparison(65, 55, 45, [6.0, 6.4]), &mut finding);
         assert_eq!(finding.verdict(), ClaimVerdict::Holds);
-        conditions("There", &contest(45, 65, 40, [6.0, 6.6]), &mut finding);
+        conditions("There", &comparison(45, 65, 40, [6.0, 6.6]), &mut finding);
         assert_eq!(
             finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>(),
             [true, true, true, false, true, false]
@@ -408,8 +408,8 @@ mod tests {
 
     #[test]
     fn scenes_are_pooled_by_matches() {
-        let mut sum = contest(65, 55, 45, [6.0, 6.4]);
-        sum.add(contest(85, 35, 25, [7.0, 8.0]));
+        let mut sum = comparison(65, 55, 45, [6.0, 6.4]);
+        sum.add(comparison(85, 35, 25, [7.0, 8.0]));
         assert_eq!(sum.dropped(), [25.0, 55.0, 65.0]);
         assert_eq!((sum.good, sum.own.ln_ssdpi.len()), (160, 2));
     }
