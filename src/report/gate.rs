@@ -152,6 +152,7 @@ impl Limit {
                 kept,
             }
         };
+        // A limit for a bare name has a result per variant of the algorithm.
         let results: Vec<_> = manifest
             .algorithms
             .iter()

@@ -1,11 +1,10 @@
 //! The reports of a run: rows → CSV and Parquet → summary → terminal, Markdown, HTML.
 //!
 //! ```text
-//! Row, CellRow, CheckpointRow ──▶ Tables ──▶ rows.csv cells.csv checkpoints.csv   while the run goes
-//!                                   │ finish
-//!                                   ├─▶ rows.parquet cells.parquet checkpoints.parquet
-//!                                   └─▶ Summary ──▶ Display, markdown, JSON, html::Page,
-//!                                                   summary and verdicts as .csv and .parquet
+//! Row, CellRow, CheckpointRow ──▶ Table ──▶ .csv during the run, .parquet at its end
+//!      │
+//!      └──▶ Summary ──▶ Display, markdown, JSON, html::ReportPage,
+//!                       summary and verdicts as .csv and .parquet
 //! ```
 
 pub mod calibration;

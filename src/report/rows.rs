@@ -231,7 +231,7 @@ macro_rules! columns {
 
 columns! {
     String: |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone;
-    Verdict: |verdict| ColumnValue::Text(verdict.name()), Verdict::from_name, |verdict| verdict.name();
+    Verdict: |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name();
     u32: |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
     u64: |n| ColumnValue::Whole(Some(*n)), read, u64::clone;
     f64: |v| ColumnValue::Real(Some(*v)), read, f64::clone;
@@ -258,6 +258,7 @@ const FIRST_IN_ROWS: [&str; 4] = ["coverage", "bad1", "bad2", "invalid"];
 
 fn metrics_in_rows() -> Vec<(&'static Metric, &'static str)> {
     let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
+    // New metrics are appended, so that scripts that read columns by position go on working.
     let rest = METRICS
         .iter()
         .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));

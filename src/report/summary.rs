@@ -183,6 +183,7 @@ fn totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {
             Some((column, _)) => sum(rows, column)?.map(|count| count as f64),
             None => continue,
         };
+        // Polars sums in blocks; the digits of earlier reports depend on its order of addition.
         totals.set(metric.name, value);
     }
     Ok(MetricTotals(totals))

@@ -86,6 +86,7 @@ impl<R: Record> Table<R> {
             }
         }
         match &mut self.csv {
+            // Flushed per call: a killed run leaves complete rows.
             Some(csv) => csv.writer.flush().map_err(|e| Error::io(&csv.path, e)),
             None => Ok(()),
         }
@@ -168,6 +169,7 @@ const MAX_BYTES: u64 = 1 << 31;
 pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
+    // A device or a pipe might never end.
     if !metadata.is_file() || metadata.len() > MAX_BYTES {
         return Err(Error::format(
             path,

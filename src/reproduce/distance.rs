@@ -151,6 +151,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         between.1,
         100.0 * pinhole
     );
+    // Half-pixel steps from 9 to 90 px, the range of the plot.
     let f_b = (18..=180)
         .map(|i| (0.5 * f64::from(i), product / (0.5 * f64::from(i))))
         .collect();

@@ -135,6 +135,7 @@ impl Finding {
             heads: heads.map(str::to_owned).to_vec(),
             rows: Vec::new(),
         });
+        // The table is filled by the caller, row by row.
         let last = self.tables.len() - 1;
         &mut self.tables[last]
     }

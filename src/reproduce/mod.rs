@@ -2,7 +2,8 @@
 //! whether its claim holds.
 //!
 //! ```text
-//! EXPERIMENTS ──run(Context)──▶ Finding (conditions, quantities, exhibits) ──▶ FindingsPage: HTML, Markdown, JSON
+//! EXPERIMENTS ──run(Context)──▶ Finding: conditions, quantities, exhibits
+//!                                  └──▶ FindingsPage: HTML, Markdown, JSON
 //! ```
 //!
 //! An experiment measures scenes built from the arena's parts, with exact truth, and real scenes
@@ -167,7 +168,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink, which is finished.
+    /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink and finishes it.
     ///
     /// # Errors
     /// Those of the run; [`Error::Invalid`] when an algorithm fails or the monitor ends the work.

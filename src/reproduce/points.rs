@@ -133,6 +133,7 @@ impl Points {
             ..
         } = self;
         let mut finding = Finding::default();
+        // A point that no frame shows has no share.
         let share = |p: &Point| percent(p.tally.passed, p.tally.frames).unwrap_or(f64::NAN);
         conclude(&scenario.checkpoints, &points, cells, &mut finding);
         let rows = finding.table([
@@ -331,6 +332,7 @@ fn conclude(
 impl Sink for Points {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         for (a, scored) in judged.estimates.iter().enumerate() {
+            // The arena has truth in every frame; a recording of it could have lost it.
             let Some(cells) = &scored.cells else { continue };
             let grid = &scored.estimate.grid;
             self.cells[a].add(grid, cells);

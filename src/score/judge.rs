@@ -71,6 +71,7 @@ impl Judge {
         let map = &estimate.disparity;
         let cells = true_grid.map(|truth| judge_cells(truth, &estimate.grid, self.cells));
         let truth = frame.truth.as_ref();
+        // Collected once: every metric reads the same scores.
         let facts = FrameFacts {
             frame,
             estimate: &estimate,
@@ -93,6 +94,7 @@ impl Judge {
         grid: &DepthGrid,
         cells: Option<&[CellJudgement]>,
     ) -> Vec<(usize, CheckpointFrame)> {
+        // Frames of cameras have no pose, and without truth nothing passes.
         let (Some(pose), Some(cells)) = (&frame.pose, cells) else {
             return Vec::new();
         };

@@ -109,6 +109,7 @@ impl ScoredRun {
     /// [`Error::Io`], [`Error::Format`] with the file that is missing or is no part of a report.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("manifest.json");
+        // The manifest is written first, so an interrupted report has one too.
         if !path.is_file() {
             return Err(Error::format(
                 folder,
@@ -185,6 +186,7 @@ impl Comparison {
     /// [`Error::Invalid`] when the runs have no algorithm or no pair in common.
     pub fn of(base: &ScoredRun, other: &ScoredRun) -> Result<Self> {
         let (ours, theirs) = (base.labels(), other.labels());
+        // With one algorithm each, two different algorithms can be compared: v1 with v3.
         let shared: Vec<_> = match (&ours[..], &theirs[..]) {
             ([one], [another]) => vec![(*one, *another)],
             // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where
@@ -208,6 +210,7 @@ impl Comparison {
             .map(|labels| AlgorithmChange::of(base, other, *labels))
             .collect();
         let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
+        // Other tolerances or cells give other scores of equal results.
         if !same_scenario {
             let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
             metrics.for_each(Change::withdraw);
@@ -255,6 +258,8 @@ impl AlgorithmChange {
             .collect();
         let pairs: Vec<_> = pairs
             .into_iter()
+            // Equal numbers are not enough: another seed or version of the arena renders other
+            // pixels.
             .filter(|(a, b)| a.pair_hash == b.pair_hash)
             .collect();
         let stretches: Vec<_> = pairs
@@ -265,6 +270,7 @@ impl AlgorithmChange {
         let independent = pairs.iter().all(|(row, _)| !row.name.is_empty());
         let resamples = Resamples::draw(&stretches, independent);
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+        // Metrics that no pair has, and checkpoints, have no sample.
         let change = |metric: &'static Metric| {
             Change::of(
                 metric,
@@ -280,6 +286,7 @@ impl AlgorithmChange {
             theirs.values().copied().collect(),
         );
         let mut seeds: Vec<_> = a.iter().map(|row| row.seed).collect();
+        // The rows of a seed are neighbours.
         seeds.dedup();
         seeds.retain(|&seed| {
             count(&a, seed) == count(&all_ours, seed) && count(&b, seed) == count(&all_theirs, seed)

@@ -149,6 +149,7 @@ fn scatter(
         });
         series.extend(places.iter().enumerate().map(|(i, (value, label, point))| {
             // A label without settings is how the algorithm is called in the tables.
+            // The first point names the sweep, the others only their value.
             let value = if label.contains(':') {
                 (*value).clone()
             } else {

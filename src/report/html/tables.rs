@@ -61,6 +61,7 @@ impl<'a> AlgorithmTableView<'a> {
         (!lines.is_empty()).then(|| Self {
             label,
             groups: groups(&columns, |a, b| a.group == b.group),
+            // Columns without a group would be a table without a title: they join the next group.
             narrow: groups(&columns, |a, b| a.group == b.group || a.group.is_empty()),
             lines,
             notes: notes(&columns, summary.rule),

@@ -51,6 +51,7 @@ impl<'a> ReportPageView<'a> {
             incomplete: summary.incomplete.as_deref(),
             paragraphs: page
                 .description
+                // An empty line ends a paragraph, as in Markdown.
                 .split("\n\n")
                 .map(str::trim)
                 .filter(|p| !p.is_empty())

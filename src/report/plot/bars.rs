@@ -132,6 +132,7 @@ impl Bars {
                 at(HPos::Right),
             ))?;
             let total = sum(parts);
+            // Stretched so that the whole bar gets `length`; its parts keep their proportions.
             let unit = if total > 0.0 {
                 length(total) / total * scale
             } else {

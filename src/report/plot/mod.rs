@@ -87,6 +87,7 @@ fn svg(
     let mut svg = String::new();
     let canvas = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
     let drawn = draw(&canvas).and_then(|()| canvas.present());
+    // The canvas borrows the text that it draws into.
     drop(canvas);
     drawn.map_err(|e| Error::Invalid(format!("plot '{title}': {e}")))?;
     // Sizes in percent let the page decide; `viewBox` keeps the proportions.

@@ -115,6 +115,8 @@ impl Strips {
             sorted.sort_by(f64::total_cmp);
             // Bins are as wide on the page, so the histogram is of log time.
             let bins = sorted.chunk_by(|a, b| place(*a) / BIN == place(*b) / BIN);
+            // Each strip is scaled to its fullest bin: a spread distribution would otherwise
+            // vanish.
             let fullest = bins.clone().map(<[_]>::len).max().unwrap_or(1);
             for bin in bins {
                 let x = place(bin[0]) / BIN * BIN;

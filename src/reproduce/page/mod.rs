@@ -1,5 +1,4 @@
-//! The report of the experiments: HTML (one file without scripts or anything to fetch), Markdown and
-//! JSON.
+//! The report of the experiments: HTML (one file without scripts or downloads), Markdown and JSON.
 
 use super::{
     ClaimVerdict, DrawnCell, Exhibit, Experiment, Finding, FindingTable, Quantity, TableValue,
@@ -157,6 +156,7 @@ impl FindingsPage<'_> {
                     let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
                 }
             }
+            // The method comes last: who reads the result first may stop here.
             let _ = writeln!(text, "\n{method}");
         }
         text

@@ -83,13 +83,16 @@ mod tests {
             let height = values.len() / width;
             let sparse = Plane::from_vec(width, height, values[..width * height].to_vec()).unwrap();
             let dense = densify(&sparse);
-            let kept = sparse.pixels().zip(dense.pixels()).all(|(d, filled)| !d.is_finite() || d == filled);
+            let mut pixels = sparse.pixels().zip(dense.pixels());
+            let kept = pixels.all(|(d, filled)| !d.is_finite() || d == filled);
             prop_assert!(kept);
-            prop_assert_eq!(densify(&dense).pixels().collect::<Vec<_>>(), dense.pixels().collect::<Vec<_>>());
+            let again: Vec<_> = densify(&dense).pixels().collect();
+            prop_assert_eq!(again, dense.pixels().collect::<Vec<_>>());
             let full = |y: &usize| sparse.row(*y).iter().any(|d| d.is_finite());
             let (first, last) = ((0..height).find(full), (0..height).rev().find(full));
             for y in 0..height {
-                let between = first.is_some_and(|first| y > first) && last.is_some_and(|last| y < last);
+                let below = first.is_some_and(|first| y > first);
+                let between = below && last.is_some_and(|last| y < last);
                 let empty = first.is_none() || (between && !full(&y));
                 prop_assert!(dense.row(y).iter().all(|d| d.is_finite() != empty), "row {}", y);
             }

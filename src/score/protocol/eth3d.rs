@@ -15,6 +15,7 @@ pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let errors = Errors::collect(
         scored_pixels(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))),
     )?;
+    // Without estimates the program calls all pixels bad.
     let bad = |t| percent(errors.over(t), errors.estimated()).or(Some(100.0));
     // The program multiplies in single precision, which differs from some hundred thousand pixels
     // on.

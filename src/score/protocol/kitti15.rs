@@ -51,6 +51,7 @@ impl OutlierCounts {
             regions_known,
         };
         for (x, y, truth) in scored_pixels(image.truth, image.mask) {
+            // Without an object map all pixels count as background, which is then not reported.
             let region = usize::from(
                 image
                     .foreground

@@ -107,6 +107,7 @@ impl Protocol {
         image.check(self)?;
         let (width, height) = image.truth.size();
         let plain = |estimate: &dyn Fn(usize, usize) -> f32| {
+            // At the truth's size, as the protocol reads the estimate.
             let estimate = Plane::from_fn(width, height, estimate)?;
             Ok::<_, Error>(error_map::plain(&ProtocolImage {
                 estimate: &estimate,
@@ -159,6 +160,7 @@ impl Score {
             Self::Pooled(counts) => Some(counts),
             Self::Image(_) => None,
         });
+        // All scores are of one protocol, so either all are pooled or none.
         match pooled.copied().reduce(|a, b| a + b) {
             Some(counts) => counts.numbers(),
             None => Numbers::mean(&scores.iter().map(Self::numbers).collect::<Vec<_>>()),
@@ -174,6 +176,7 @@ impl ProtocolImage<'_> {
                 "the {what} is {w}x{h}, the truth {width}x{height}: they must be of one size"
             )))
         };
+        // evaldisp enlarges estimates of a half or a quarter of the size.
         if protocol != Protocol::Middeval3 && self.estimate.size() != (width, height) {
             return differs("estimate", self.estimate.size());
         }

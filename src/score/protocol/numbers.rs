@@ -71,6 +71,7 @@ impl Serialize for Numbers {
         let mut map = serializer.serialize_map(Some(self.0.len()))?;
         for Number { name, value, unit } in self.iter() {
             match (unit, value) {
+                // 12 and not 12.0, as pixels are counted.
                 (NumberUnit::Count, Some(count)) => map.serialize_entry(name, &(*count as u64))?,
                 _ => map.serialize_entry(name, value)?,
             }

@@ -124,7 +124,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let data = data_folder(args.data.as_deref());
     let mut runs = runs(&scenario, data.as_deref(), quiet)?;
     outputs.set_aside()?;
-    let mut report = Report::begin(&scenario, &folder)?;
+    let mut report = ScoreReport::begin(&scenario, &folder)?;
     let mut total = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
         let (outcome, ran) = report.take(run, &mut matchers, quiet);
@@ -152,7 +152,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .flat_map(|limit| limit.judge(&summary, &manifest))
         .collect();
     if args.json {
-        print_json(&Answer {
+        print_json(&ScoreAnswer {
             summary: &summary,
             gate: &results,
         })?;
@@ -178,7 +178,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
 /// What `--json` prints.
 #[derive(serde::Serialize)]
-struct Answer<'a> {
+struct ScoreAnswer<'a> {
     #[serde(flatten)]
     summary: &'a Summary,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
@@ -243,7 +243,7 @@ fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result
 }
 
 /// The report under way.
-struct Report {
+struct ScoreReport {
     folder: PathBuf,
     manifest: Manifest,
     judge: Judge,
@@ -253,7 +253,7 @@ struct Report {
     pictures: Outbox<ReportPictures>,
 }
 
-impl Report {
+impl ScoreReport {
     fn begin(scenario: &Scenario, folder: &Path) -> anyhow::Result<Self> {
         let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
         let table = TableSink::in_folder(folder)?;
