@@ -25,6 +25,14 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Microseconds, thousandths of a decibel.
+    pub const fn new(shutter_us: u32, gain_mdb: i32) -> Self {
+        Self {
+            shutter_us,
+            gain_mdb,
+        }
+    }
+
     /// Whether two exposures are alike: cameras round, and one per cent is not visible.
     pub(super) fn is_near(self, other: Self) -> bool {
         let (a, b) = (self.shutter_us, other.shutter_us);
@@ -47,6 +55,14 @@ pub struct Limits {
 }
 
 impl Limits {
+    /// Microseconds, thousandths of a decibel.
+    pub const fn new(shutter_us: RangeInclusive<u32>, gain_mdb: RangeInclusive<i32>) -> Self {
+        Self {
+            shutter_us,
+            gain_mdb,
+        }
+    }
+
     /// The settings that both cameras have.
     ///
     /// # Errors
@@ -82,12 +98,12 @@ impl Limits {
     /// The nearest settings within the limits.
     pub(super) fn clamp(&self, settings: Settings) -> Settings {
         let (shutter_us, gain_mdb) = (&self.shutter_us, &self.gain_mdb);
-        Settings {
-            shutter_us: settings
+        Settings::new(
+            settings
                 .shutter_us
                 .clamp(*shutter_us.start(), *shutter_us.end()),
-            gain_mdb: settings.gain_mdb.clamp(*gain_mdb.start(), *gain_mdb.end()),
-        }
+            settings.gain_mdb.clamp(*gain_mdb.start(), *gain_mdb.end()),
+        )
     }
 }
 

@@ -24,10 +24,10 @@ enum TimeSource {
 struct ClockState {
     participants: usize,
     next_id: u64,
-    waiting: Vec<Waiting>,
+    waiting: Vec<Waiter>,
 }
 
-struct Waiting {
+struct Waiter {
     id: u64,
     until_ns: u64,
     /// It has checked its condition since the last change.
@@ -80,7 +80,7 @@ impl GrabClock {
         let mut state = self.lock();
         let id = state.next_id;
         state.next_id += 1;
-        state.waiting.push(Waiting {
+        state.waiting.push(Waiter {
             id,
             until_ns,
             settled: false,

@@ -316,14 +316,8 @@ mod tests {
     #[test]
     fn what_was_taken_before_the_end_is_in_a_pair_or_counted() {
         let clock = GrabClock::scripted();
-        let settings = Settings {
-            shutter_us: 100,
-            gain_mdb: 0,
-        };
-        let limits = Limits {
-            shutter_us: 100..=100,
-            gain_mdb: 0..=0,
-        };
+        let settings = Settings::new(100, 0);
+        let limits = Limits::new(100..=100, 0..=0);
         let (reports, tally) = (Mailbox::new(&clock), Arc::<Mutex<Tally>>::default());
         let queue = Arc::new(Queue::new(1, WhenFull::Drop));
         let coordinator = Coordinator {

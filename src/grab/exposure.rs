@@ -115,10 +115,7 @@ impl Balance {
             true => *gain_mdb.start(),
             false => (20_000.0 * (light / f64::from(shutter)).log10()).round() as i32,
         };
-        Settings {
-            shutter_us: shutter,
-            gain_mdb: gain.clamp(*gain_mdb.start(), *gain_mdb.end()),
-        }
+        Settings::new(shutter, gain.clamp(*gain_mdb.start(), *gain_mdb.end()))
     }
 }
 

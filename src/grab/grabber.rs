@@ -56,20 +56,12 @@ impl Grabber {
     /// [`Error::Camera`] when the cameras have no settings in common or a thread cannot be
     /// started.
     pub fn start(setup: Setup) -> Result<Self> {
-        let Setup {
-            clock,
-            cameras,
-            policy,
-            rule,
-            settings,
-            rig,
-            ..
-        } = setup;
+        let (clock, cameras) = (setup.clock, setup.cameras);
         let mut limits = cameras[0].limits().common(&cameras[1].limits())?;
         let (shortest, longest) = (*limits.shutter_us.start(), *limits.shutter_us.end());
         // Never below the shortest shutter: such cameras just do not hold the rate.
         limits.shutter_us = shortest..=longest.min(setup.max_shutter_us).max(shortest);
-        let settings = limits.clamp(settings);
+        let settings = limits.clamp(setup.settings);
         let reports = Mailbox::new(&clock);
         let orders = [Mailbox::new(&clock), Mailbox::new(&clock)];
         let queue = Arc::new(Queue::new(setup.queue, setup.when_full));
@@ -79,13 +71,13 @@ impl Grabber {
             clock: clock.clone(),
             orders: orders.clone(),
             reports: reports.clone(),
-            triggering: policy.into(),
-            pairing: Pairing::new(rule),
+            triggering: setup.policy.into(),
+            pairing: Pairing::new(setup.rule),
             pair_watchdog: PairWatchdog::default(),
             balance: Balance::new(limits, settings, setup.balance_every.max(1)),
             queue: queue.clone(),
             tally: tally.clone(),
-            rig,
+            rig: setup.rig,
             timeout_ns: setup.timeout.as_nanos().min(u64::MAX.into()) as u64,
             cameras: states,
             planned: (0, settings),

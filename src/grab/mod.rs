@@ -62,10 +62,7 @@ pub fn driver(source: &str) -> Option<&'static Driver> {
 }
 
 /// Settings of both cameras before the exposure balance has seen a pair.
-const FIRST: Settings = Settings {
-    shutter_us: 4_000,
-    gain_mdb: 0,
-};
+const FIRST: Settings = Settings::new(4_000, 0);
 /// Pairs from one step of the exposure balance to the next.
 const BALANCE_EVERY: u32 = 10;
 

@@ -1,5 +1,6 @@
 //! `svl completions` and `svl man`: what packagers install beside the program.
 
+use crate::cli::shared::source;
 use crate::cli::shared::terminal::print;
 use clap_complete::Shell;
 
@@ -13,7 +14,15 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut crate::cli::command(), "svl", &mut script);
-    print(&String::from_utf8(script)?)
+    print(&with_files(&String::from_utf8(script)?))
+}
+
+/// zsh offers nothing but the values of an argument that has some: a source may be a file too.
+fn with_files(script: &str) -> String {
+    let names: Vec<_> = source::names().collect();
+    let names = names.join(" ");
+    let both = format!(":{{compadd -- {names}; _default}}'");
+    script.replace(&format!(":({names})'"), &both)
 }
 
 pub(super) fn man() -> anyhow::Result<()> {

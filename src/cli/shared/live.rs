@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::sync::OnceLock;
 use std::time::Duration;
 use svl::grab::{DRIVERS, Driver, GrabRequest, Host, PairBy, RATES_HZ, TriggerSource, WhenFull};
-use svl::matcher::Value;
+use svl::matcher::{Range, Value};
 use svl::recording::Header;
 use svl::source::LiveSource;
 
@@ -204,7 +204,12 @@ fn driver_help(driver: &Driver) -> String {
             default => default.to_string(),
         };
         let head = format!("{:COLUMN$}{}={default}", "", option.name);
-        text += &wrapped(&head, OPTION_COLUMN, option.description);
+        let values = match option.range {
+            Range::Choice { options, .. } => format!(" ({})", options.join(", ")),
+            _ => String::new(),
+        };
+        let words = format!("{}{values}", option.description);
+        text += &wrapped(&head, OPTION_COLUMN, &words);
     }
     if let Some(option) = driver.camera_options.first() {
         let words = format!("from {0} on also of one camera, as right.{0}", option.name);

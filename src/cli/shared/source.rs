@@ -138,7 +138,13 @@ fn sources() -> String {
     )
 }
 
-/// The name of a source: any text, for which completion scripts offer what is no file.
+/// Names of sources that are no files; cameras have theirs after a colon.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    let cameras = DRIVERS.iter().map(|driver| driver.name);
+    ["arena", "board"].into_iter().chain(cameras)
+}
+
+/// The name of a source: any text, for which completion scripts offer [`names`].
 #[derive(Clone)]
 pub(crate) struct SourceParser;
 
@@ -155,9 +161,7 @@ impl TypedValueParser for SourceParser {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let cameras = DRIVERS.iter().map(|driver| driver.name);
-        let names = ["arena", "board"].into_iter().chain(cameras);
-        Some(Box::new(names.map(PossibleValue::new)))
+        Some(Box::new(names().map(PossibleValue::new)))
     }
 }
 

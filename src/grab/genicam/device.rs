@@ -162,10 +162,10 @@ impl GenicamDevice {
             _ => (0.0, 0.0),
         };
         // Casts saturate.
-        Ok(Limits {
-            shutter_us: (shortest_us.ceil() as u32).max(1)..=longest_us.floor() as u32,
-            gain_mdb: (least_db * 1e3).ceil() as i32..=(most_db * 1e3).floor() as i32,
-        })
+        Ok(Limits::new(
+            (shortest_us.ceil() as u32).max(1)..=longest_us.floor() as u32,
+            (least_db * 1e3).ceil() as i32..=(most_db * 1e3).floor() as i32,
+        ))
     }
 
     /// Sets shutter and gain and returns what the camera made of them: the nearest that it has.

@@ -121,10 +121,7 @@ impl Camera for SimulatedCamera {
     }
 
     fn limits(&self) -> Limits {
-        Limits {
-            shutter_us: 50..=30_000,
-            gain_mdb: 0..=18_000,
-        }
+        Limits::new(50..=30_000, 0..=18_000)
     }
 
     fn arm(&mut self, settings: Settings) -> Result<()> {

@@ -51,7 +51,7 @@ pub(super) const OPTIONS: &[Parameter] = &[
             default: "arena",
             options: &["arena", "board"],
         },
-        description: "what they see: the arena, or a moving calibration board",
+        description: "the arena, or a moving calibration board",
     },
     Parameter {
         name: "pictures",

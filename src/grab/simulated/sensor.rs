@@ -5,10 +5,7 @@ use crate::grab::camera::Settings;
 use crate::stereo::Gray;
 
 /// Settings of the rendered pictures, before a sensor exposes them again.
-pub(super) const REFERENCE: Settings = Settings {
-    shutter_us: 8_000,
-    gain_mdb: 0,
-};
+pub(super) const REFERENCE: Settings = Settings::new(8_000, 0);
 
 /// Photoelectrons of grey value 255 at 0 dB, and the standard deviation of the read noise: those of
 /// the arena's cameras.

@@ -22,13 +22,7 @@ fn grab(light: f64, first: Settings) -> Vec<Frame> {
 #[test]
 fn too_dark_and_too_bright_become_right() {
     for (light, first_us) in [(1.0, 200), (1.0, 8_000), (8.0, 8_000), (0.3, 4_000)] {
-        let frames = grab(
-            light,
-            Settings {
-                shutter_us: first_us,
-                gain_mdb: 0,
-            },
-        );
+        let frames = grab(light, Settings::new(first_us, 0));
         let last = frames.last().unwrap();
         for image in [last.pair.left(), last.pair.right()] {
             assert!(
@@ -47,25 +41,13 @@ fn too_dark_and_too_bright_become_right() {
 
 #[test]
 fn the_gain_does_what_the_shutter_cannot() {
-    let bright = grab(
-        2.0,
-        Settings {
-            shutter_us: 4_000,
-            gain_mdb: 6_000,
-        },
-    );
+    let bright = grab(2.0, Settings::new(4_000, 6_000));
     assert_eq!(
         bright.last().unwrap().exposure.gain_mdb,
         0,
         "it takes the gain back first"
     );
-    let dark = grab(
-        0.2,
-        Settings {
-            shutter_us: 4_000,
-            gain_mdb: 0,
-        },
-    );
+    let dark = grab(0.2, Settings::new(4_000, 0));
     let exposure = dark.last().unwrap().exposure;
     assert_eq!(exposure.shutter_us, 8_000, "the rate's limit");
     assert!(
@@ -74,10 +56,7 @@ fn the_gain_does_what_the_shutter_cannot() {
     );
 }
 
-const LIMITS: Limits = Limits {
-    shutter_us: 100..=10_000,
-    gain_mdb: 0..=12_000,
-};
+const LIMITS: Limits = Limits::new(100..=10_000, 0..=12_000);
 
 /// Shows a balance two images again and again, as many times as it may need.
 fn settle(mut balance: Balance, images: [u8; 2]) -> Settings {
@@ -91,25 +70,10 @@ fn settle(mut balance: Balance, images: [u8; 2]) -> Settings {
 
 #[test]
 fn it_stays_within_the_limits_and_still_when_all_is_well() {
-    let begin = Settings {
-        shutter_us: 1_000,
-        gain_mdb: 0,
-    };
+    let begin = Settings::new(1_000, 0);
     let balance = || Balance::new(LIMITS, begin, 1);
-    assert_eq!(
-        settle(balance(), [0, 0]),
-        Settings {
-            shutter_us: 10_000,
-            gain_mdb: 12_000
-        }
-    );
-    assert_eq!(
-        settle(balance(), [255, 255]),
-        Settings {
-            shutter_us: 100,
-            gain_mdb: 0
-        }
-    );
+    assert_eq!(settle(balance(), [0, 0]), Settings::new(10_000, 12_000));
+    assert_eq!(settle(balance(), [255, 255]), Settings::new(100, 0));
     assert_eq!(
         settle(balance(), [95, 105]),
         begin,
@@ -128,10 +92,7 @@ struct Before {
     step_us: u32,
 }
 
-const WIDE: Limits = Limits {
-    shutter_us: 100..=16_666,
-    gain_mdb: 0..=18_000,
-};
+const WIDE: Limits = Limits::new(100..=16_666, 0..=18_000);
 
 impl Before {
     fn greys(&self, settings: Settings) -> Vec<u8> {
@@ -178,16 +139,8 @@ impl Before {
         let settings = balance.settings();
         let (mean, bright) = self.view(settings);
         let said = format!("{settings:?}: mean {mean}, bright {bright}, {changes:?}");
-        let least = settings
-            == Settings {
-                shutter_us: 100,
-                gain_mdb: 0,
-            };
-        let most = settings
-            == Settings {
-                shutter_us: 16_666,
-                gain_mdb: 18_000,
-            };
+        let least = settings == Settings::new(100, 0);
+        let most = settings == Settings::new(16_666, 18_000);
         let is_dark_enough = least || mean <= 112.0 && bright < 250.0;
         let is_bright_enough =
             most || self.gamma != 1.0 || self.step_us > 1 || mean >= 90.0 || bright >= 204.0;
@@ -207,14 +160,7 @@ fn a_window_in_a_dark_room_does_not_make_it_pump() {
         let mut scene = vec![room; 100 - share];
         scene.resize(100, window);
         for first_us in [200, 4_000, 16_666] {
-            let mut balance = Balance::new(
-                WIDE,
-                Settings {
-                    shutter_us: first_us,
-                    gain_mdb: 0,
-                },
-                1,
-            );
+            let mut balance = Balance::new(WIDE, Settings::new(first_us, 0), 1);
             Before {
                 scene: scene.clone(),
                 gamma: 1.0,
@@ -240,7 +186,7 @@ proptest! {
         let part = |(log, count)| vec![10f64.powf(log); count];
         let scene = parts.into_iter().flat_map(part).collect();
         let mut before = Before { scene, gamma, step_us };
-        let mut balance = Balance::new(WIDE, Settings { shutter_us: first_us, gain_mdb: 0 }, 1);
+        let mut balance = Balance::new(WIDE, Settings::new(first_us, 0), 1);
         prop_assert_eq!(before.is_right(&mut balance), Ok(()));
         before.scene.iter_mut().for_each(|radiance| *radiance *= 10f64.powf(change));
         prop_assert_eq!(before.is_right(&mut balance), Ok(()));
@@ -249,21 +195,12 @@ proptest! {
 
 #[test]
 fn pairs_from_before_a_change_do_not_count() {
-    let begin = Settings {
-        shutter_us: 1_000,
-        gain_mdb: 0,
-    };
+    let begin = Settings::new(1_000, 0);
     let mut balance = Balance::new(LIMITS, begin, 1);
     let dark = Gray::filled(64, 48, 50).unwrap();
     balance.observe(&dark, &dark, begin);
     let once = balance.settings();
-    assert_eq!(
-        once,
-        Settings {
-            shutter_us: 2_000,
-            gain_mdb: 0
-        }
-    );
+    assert_eq!(once, Settings::new(2_000, 0));
     balance.observe(&dark, &dark, begin);
     assert_eq!(balance.settings(), once, "or it would overshoot");
 }
@@ -279,10 +216,7 @@ fn limits_in_common() {
                  30000 µs; use two alike";
     assert_eq!(error, words);
     let error = LIMITS
-        .common(&Limits {
-            shutter_us: 0..=0,
-            gain_mdb: 0..=0,
-        })
+        .common(&Limits::new(0..=0, 0..=0))
         .unwrap_err()
         .to_string();
     assert!(error.contains("right has none to be set"), "{error}");
@@ -297,23 +231,10 @@ fn limits_in_common() {
         error.contains("no gain in common: left 0 to 12 dB, right 20.5 to 24 dB"),
         "{error}"
     );
-    let other = Limits {
-        shutter_us: 50..=5_000,
-        gain_mdb: 3_000..=20_000,
-    };
+    let other = Limits::new(50..=5_000, 3_000..=20_000);
     assert_eq!(
         LIMITS.common(&other).unwrap(),
-        Limits {
-            shutter_us: 100..=5_000,
-            gain_mdb: 3_000..=12_000
-        }
+        Limits::new(100..=5_000, 3_000..=12_000)
     );
-    assert!(
-        LIMITS
-            .common(&Limits {
-                shutter_us: 20_000..=30_000,
-                gain_mdb: 0..=0
-            })
-            .is_err()
-    );
+    assert!(LIMITS.common(&Limits::new(20_000..=30_000, 0..=0)).is_err());
 }

@@ -67,10 +67,7 @@ fn cameras_that_round_differently_still_make_pairs() {
     for rule in [Rule::Trigger, NEAR, Rule::Arrival] {
         let left = capture(0, Some(1), 100);
         let right = Capture {
-            settings: Settings {
-                shutter_us: 90,
-                gain_mdb: 0,
-            },
+            settings: Settings::new(90, 0),
             ..left.clone()
         };
         let [pairs, _] = paired(

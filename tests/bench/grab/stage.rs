@@ -42,10 +42,7 @@ pub struct Stage {
     pub period_ns: u64,
 }
 
-pub const FIRST: Settings = Settings {
-    shutter_us: 4_000,
-    gain_mdb: 0,
-};
+pub const FIRST: Settings = Settings::new(4_000, 0);
 
 impl Stage {
     pub fn new(left: CameraBehavior, right: CameraBehavior) -> Self {

@@ -9,7 +9,6 @@ use crate::cli::shared::source::{self, Opened, Topics};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::{anyhow, bail};
-use clap::builder::NonEmptyStringValueParser;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
@@ -42,7 +41,7 @@ Examples:
       without any camera")]
 pub(super) struct Args {
     /// Source of the pairs
-    #[arg(value_parser = NonEmptyStringValueParser::new())]
+    #[arg(value_parser = source::SourceParser, hide_possible_values = true)]
     source: String,
     /// Inner corners of the board along its sides, where four squares meet: one less than its
     /// squares

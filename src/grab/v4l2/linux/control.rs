@@ -56,10 +56,7 @@ impl Controls {
     /// The limits; a shutter of 0 µs where the exposure cannot be set and is unknown.
     pub(super) fn limits(&self) -> Limits {
         let Some(exposure) = self.exposure else {
-            return Limits {
-                shutter_us: 0..=0,
-                gain_mdb: 0..=0,
-            };
+            return Limits::new(0..=0, 0..=0);
         };
         let us = |units: i32| (f64::from(units.max(1)) * US_PER_UNIT) as u32;
         let greatest_mdb = self
@@ -82,10 +79,7 @@ impl Controls {
         driver: &mut impl VideoStream,
     ) -> Result<Settings, Errno> {
         let Some(exposure) = self.exposure else {
-            return Ok(Settings {
-                shutter_us: 0,
-                gain_mdb: 0,
-            });
+            return Ok(Settings::new(0, 0));
         };
         let units = exposure.nearest(f64::from(settings.shutter_us) / US_PER_UNIT);
         let units = driver.set(EXPOSURE_ABSOLUTE, units)?;
@@ -142,11 +136,7 @@ mod tests {
 
     #[test]
     fn shutters_are_in_steps_of_the_control() {
-        let range = ControlRange {
-            min: 3,
-            max: 2047,
-            step: 4,
-        };
+        let range = ControlRange::new(3, 2047, 4);
         assert_eq!(
             [0.0, 3.0, 4.9, 5.1, 1e9].map(|units| range.nearest(units)),
             [3, 3, 3, 7, 2047]
@@ -155,39 +145,19 @@ mod tests {
             exposure: Some(range),
             gain: None,
         };
-        assert_eq!(
-            controls.limits(),
-            Limits {
-                shutter_us: 300..=204_700,
-                gain_mdb: 0..=0
-            }
-        );
+        assert_eq!(controls.limits(), Limits::new(300..=204_700, 0..=0));
         let unknown = Controls {
             exposure: None,
             gain: None,
         };
-        assert_eq!(
-            unknown.limits(),
-            Limits {
-                shutter_us: 0..=0,
-                gain_mdb: 0..=0
-            }
-        );
+        assert_eq!(unknown.limits(), Limits::new(0..=0, 0..=0));
     }
 
     #[test]
     fn gain_is_in_decibels_where_the_values_say_so_and_nominal_else() {
-        let linear = ControlRange {
-            min: 16,
-            max: 64,
-            step: 1,
-        };
+        let linear = ControlRange::new(16, 64, 1);
         assert_eq!(linear.mdb(64).round(), 12_041.0);
-        let nominal = ControlRange {
-            min: 0,
-            max: 255,
-            step: 1,
-        };
+        let nominal = ControlRange::new(0, 255, 1);
         assert_eq!((nominal.mdb(0), nominal.mdb(255)), (0.0, NOMINAL_MDB));
         for range in [linear, nominal] {
             for value in range.min..=range.max {
@@ -199,11 +169,7 @@ mod tests {
             );
         }
         // One with a single value.
-        let still = ControlRange {
-            min: 0,
-            max: 0,
-            step: 0,
-        };
+        let still = ControlRange::new(0, 0, 0);
         assert_eq!(still.of_mdb(3_000.0), 0);
     }
 }

@@ -96,10 +96,7 @@ fn image(number: u8) -> Filled {
 }
 
 /// Twice the least gain is 6.02 dB.
-const SETTINGS: Settings = Settings {
-    shutter_us: 4_000,
-    gain_mdb: 6_021,
-};
+const SETTINGS: Settings = Settings::new(4_000, 6_021);
 
 /// A webcam, armed.
 fn camera(triggered: bool, buffers: impl IntoIterator<Item = Filled>) -> (V4l2Camera<Odd>, Odd) {
@@ -151,13 +148,7 @@ fn numbers(camera: &mut impl Camera) -> Vec<u8> {
 #[test]
 fn the_camera_is_taken_out_of_its_automatic_and_set() {
     let (mut camera, driver) = camera(true, []);
-    assert_eq!(
-        camera.limits(),
-        Limits {
-            shutter_us: 300..=204_700,
-            gain_mdb: 0..=12_041
-        }
-    );
+    assert_eq!(camera.limits(), Limits::new(300..=204_700, 0..=12_041));
     let expected = [
         (EXPOSURE_AUTO, 1),
         (AUTOGAIN, 0),
@@ -172,28 +163,10 @@ fn the_camera_is_taken_out_of_its_automatic_and_set() {
 #[test]
 fn a_camera_without_a_shutter_is_left_to_itself() {
     let driver = Odd::default();
-    driver.state().controls = vec![(
-        AUTOGAIN,
-        ControlRange {
-            min: 0,
-            max: 1,
-            step: 1,
-        },
-    )];
+    driver.state().controls = vec![(AUTOGAIN, ControlRange::new(0, 1, 1))];
     let mut camera = unarmed(&driver, false);
-    assert_eq!(
-        camera.limits(),
-        Limits {
-            shutter_us: 0..=0,
-            gain_mdb: 0..=0
-        }
-    );
-    camera
-        .arm(Settings {
-            shutter_us: 0,
-            gain_mdb: 0,
-        })
-        .unwrap();
+    assert_eq!(camera.limits(), Limits::new(0..=0, 0..=0));
+    camera.arm(Settings::new(0, 0)).unwrap();
     assert!(driver.state().set.is_empty());
 }
 
@@ -214,21 +187,12 @@ fn settings_are_those_that_the_driver_used() {
     let (mut camera, driver) = camera(false, (1..9).map(image));
     driver.state().gain_step = 20;
     // 41.3 hundreds of microseconds, and 34 sixteenths, of which the driver makes 20.
-    let ordered = Settings {
-        shutter_us: 4_130,
-        gain_mdb: 6_547,
-    };
+    let ordered = Settings::new(4_130, 6_547);
     camera.arm(ordered).unwrap();
     let capture = next(&mut camera).unwrap();
     assert_eq!(
         (capture.ordered, capture.settings),
-        (
-            ordered,
-            Settings {
-                shutter_us: 4_100,
-                gain_mdb: 1_938
-            }
-        )
+        (ordered, Settings::new(4_100, 1_938))
     );
     // The third began at 3 ms.
     assert_eq!(capture.stamp_ns, 7_005_050_000);

@@ -22,6 +22,12 @@ pub(super) struct ControlRange {
     pub step: i32,
 }
 
+impl ControlRange {
+    pub(super) const fn new(min: i32, max: i32, step: i32) -> Self {
+        Self { min, max, step }
+    }
+}
+
 /// A camera whose stream runs. Tests implement it with faults.
 pub(super) trait VideoStream: Send {
     /// The range of a control, if the camera has it.
@@ -134,11 +140,7 @@ impl VideoStream for MappedStream {
             ..Default::default()
         };
         abi::QUERYCTRL.call(&self.device, &mut query).ok()?;
-        let range = ControlRange {
-            min: query.minimum,
-            max: query.maximum,
-            step: query.step,
-        };
+        let range = ControlRange::new(query.minimum, query.maximum, query.step);
         let can_be_set = query.flags & (CONTROL_DISABLED | CONTROL_READ_ONLY) == 0;
         (can_be_set && range.min <= range.max).then_some(range)
     }
