@@ -55,7 +55,7 @@ fn what_came_before_a_camera_hangs_is_kept() {
         assert_eq!(
             error,
             "right camera, sim right: silent for 3.0 s after 20 images; check its power, its \
-             cable and its trigger line, or give it a longer --timeout"
+             cable and its trigger line, or set a longer --timeout"
         );
     }
 }
