@@ -169,7 +169,7 @@ fn the_page_shows_scenes_with_truth_and_errors() {
         "&lt;\u{202f}6<",
         "≥\u{202f}48 px<",
         "no estimate",
-        "not judged",
+        "not scored",
     ] {
         assert!(html.contains(words), "{words}");
     }
