@@ -227,7 +227,7 @@ impl<'a> Context<'a> {
         let sink = JudgedFrames::default();
         let outbox = sink.outbox.clone();
         self.run(&mut Frames(frames.into_iter()), algorithms, judge, sink)?;
-        Ok(outbox.take().unwrap_or_default())
+        Ok(outbox.take())
     }
 
     /// The real scenes as frames.

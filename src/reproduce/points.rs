@@ -51,7 +51,7 @@ struct Points {
     scenario: Scenario,
     points: Vec<[Point; 2]>,
     cells: [Cells; 2],
-    outbox: Outbox<Points>,
+    outbox: Outbox<Option<Points>>,
 }
 
 #[derive(Default)]
@@ -360,7 +360,7 @@ impl Sink for Points {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        self.outbox.clone().put(*self);
+        self.outbox.clone().put(Some(*self));
         Ok(())
     }
 }

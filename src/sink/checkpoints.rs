@@ -20,11 +20,11 @@ pub struct CheckpointSink {
 }
 
 impl CheckpointSink {
-    /// Writes `checkpoints` into a folder, as `.csv` and `.parquet`.
+    /// Writes `checkpoints` into a folder, as `.csv` and `.parquet`, and leaves all rows in `outbox`.
     ///
     /// # Errors
     /// As [`Table::create`].
-    pub fn in_folder(folder: &Path) -> Result<Self> {
+    pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<CheckpointRow>>) -> Result<Self> {
         Ok(Self {
             table: Table::create_both(folder, "checkpoints")?,
             identity: Identity::default(),
@@ -32,13 +32,8 @@ impl CheckpointSink {
             checkpoints: Vec::new(),
             tallies: Vec::new(),
             kept: Vec::new(),
-            outbox: Outbox::default(),
+            outbox: outbox.clone(),
         })
-    }
-
-    /// Where all rows are once the sink is finished.
-    pub fn outbox(&self) -> Outbox<Vec<CheckpointRow>> {
-        self.outbox.clone()
     }
 }
 

@@ -1,4 +1,4 @@
-//! Where frames and estimates go.
+//! Sinks: tables, checkpoints, pictures, Rerun, recordings. [`Sinks::open`] builds them.
 
 mod checkpoints;
 mod pictures;
@@ -14,9 +14,12 @@ pub use table::TableSink;
 
 use crate::error::Result;
 use crate::manifest::Manifest;
+use crate::recording::Writer;
+use crate::report::{CheckpointRow, Row, Summary};
 use crate::score::{Judge, Judged};
 use crate::stereo::Losses;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Takes the frames of one run after the other.
 pub trait Sink: Send {
@@ -67,6 +70,96 @@ pub struct RunEnd<'a> {
     pub error: Option<&'a str>,
 }
 
+/// What a run is to write.
+#[derive(Default)]
+pub struct SinkRequest<'a> {
+    /// A file for the rows, `.csv` or `.parquet`.
+    pub rows: Option<&'a Path>,
+    /// A folder for all tables; the pictures of a report page are collected too.
+    pub report: Option<&'a Path>,
+    pub rerun: Option<(RerunTarget, RunInfo)>,
+    /// A recording of the pairs and of every algorithm's disparities.
+    pub recording: Option<Writer>,
+}
+
+/// The sinks of one or several runs.
+pub struct Sinks {
+    sinks: Vec<Box<dyn Sink>>,
+    rows: Outbox<Vec<Row>>,
+    checkpoints: Outbox<Vec<CheckpointRow>>,
+    pictures: Outbox<ReportPictures>,
+}
+
+/// What the sinks collected over all runs.
+#[derive(Default)]
+pub struct RunResults {
+    pub rows: Vec<Row>,
+    pub checkpoints: Vec<CheckpointRow>,
+    pub pictures: ReportPictures,
+}
+
+impl Sinks {
+    /// Opens the sinks: the one place that builds them.
+    ///
+    /// # Errors
+    /// A file that cannot be made, a viewer that does not answer.
+    pub fn open(request: SinkRequest<'_>) -> Result<Self> {
+        let rows = Outbox::default();
+        let checkpoints = Outbox::default();
+        let pictures = Outbox::default();
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        match request.report {
+            None => sinks.push(Box::new(TableSink::new(request.rows, &rows)?)),
+            Some(folder) => {
+                sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
+                sinks.push(Box::new(CheckpointSink::in_folder(folder, &checkpoints)?));
+                sinks.push(Box::new(PictureSink::new(&pictures)));
+            }
+        }
+        if let Some((target, info)) = request.rerun {
+            let sink = RerunSink::new(target, &info)?;
+            // It is finished after the tables, which then have the verdicts.
+            sinks.push(match request.report {
+                None => Box::new(sink),
+                Some(_) => {
+                    let (rows, checkpoints) = (rows.clone(), checkpoints.clone());
+                    Box::new(sink.with_verdicts(move || {
+                        let summary = rows.with(|rows| {
+                            checkpoints.with(|checkpoints| Summary::from_rows(rows, checkpoints))
+                        });
+                        Some(summary.ok()?.verdicts_markdown(&info.scenario))
+                    }))
+                }
+            });
+        }
+        if let Some(writer) = request.recording {
+            sinks.push(Box::new(RecordingSink::new(writer)));
+        }
+        Ok(Self {
+            sinks,
+            rows,
+            checkpoints,
+            pictures,
+        })
+    }
+
+    /// For [`crate::run::run`].
+    pub fn as_mut_slice(&mut self) -> &mut [Box<dyn Sink>] {
+        &mut self.sinks
+    }
+
+    /// Finishes all sinks in their order, also after one that fails. The results hold also then.
+    pub fn finish(self) -> (RunResults, Result<()>) {
+        let finished = finish(self.sinks);
+        let results = RunResults {
+            rows: self.rows.take(),
+            checkpoints: self.checkpoints.take(),
+            pictures: self.pictures.take(),
+        };
+        (results, finished)
+    }
+}
+
 /// Finishes all sinks in their order, also after one that fails.
 ///
 /// # Errors
@@ -79,9 +172,9 @@ pub fn finish(sinks: Vec<Box<dyn Sink>>) -> Result<()> {
 }
 
 /// What a sink leaves when it is finished, for its maker and for the sinks that finish after it.
-pub struct Outbox<T>(Arc<Mutex<Option<T>>>);
+pub struct Outbox<T>(Arc<Mutex<T>>);
 
-impl<T> Default for Outbox<T> {
+impl<T: Default> Default for Outbox<T> {
     fn default() -> Self {
         Self(Arc::default())
     }
@@ -96,21 +189,22 @@ impl<T> Clone for Outbox<T> {
 impl<T> Outbox<T> {
     /// Leaves the value, for who holds a copy of the outbox.
     pub fn put(&self, value: T) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(value);
+        *self.lock() = value;
     }
 
-    /// Looks at what was left; nothing before the sink is finished.
-    pub fn with<R>(&self, look: impl FnOnce(Option<&T>) -> R) -> R {
-        look(
-            self.0
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .as_ref(),
-        )
+    /// Looks at what was left; the default before the sink is finished.
+    pub fn with<R>(&self, look: impl FnOnce(&T) -> R) -> R {
+        look(&self.lock())
     }
 
+    fn lock(&self) -> MutexGuard<'_, T> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<T: Default> Outbox<T> {
     /// Takes what was left.
-    pub fn take(&self) -> Option<T> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    pub fn take(&self) -> T {
+        std::mem::take(&mut *self.lock())
     }
 }

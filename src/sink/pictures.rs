@@ -41,9 +41,12 @@ pub struct PictureSink {
 }
 
 impl PictureSink {
-    /// Where the pictures are once the sink is finished.
-    pub fn outbox(&self) -> Outbox<ReportPictures> {
-        self.outbox.clone()
+    /// Leaves the pictures in `outbox`.
+    pub fn new(outbox: &Outbox<ReportPictures>) -> Self {
+        Self {
+            outbox: outbox.clone(),
+            ..Self::default()
+        }
     }
 
     /// Whether the page has room for the algorithm at that place.

@@ -19,40 +19,39 @@ pub struct TableSink {
 }
 
 impl TableSink {
-    /// Writes the rows to a file where one is given, `.csv` or `.parquet`.
+    /// Writes the rows to a file where one is given, `.csv` or `.parquet`, and leaves all of them in
+    /// `outbox`.
     ///
     /// # Errors
     /// As [`Table::create`].
-    pub fn new(path: Option<&Path>) -> Result<Self> {
+    pub fn new(path: Option<&Path>, outbox: &Outbox<Vec<Row>>) -> Result<Self> {
         let rows = path.map_or_else(|| Ok(Table::in_memory()), Table::create)?;
-        Ok(Self::with_tables(rows, None))
+        Ok(Self::with_tables(rows, None, outbox))
     }
 
-    /// Writes `rows` and `cells` into a folder, each as `.csv` and `.parquet`.
+    /// Writes `rows` and `cells` into a folder, each as `.csv` and `.parquet`, and leaves all rows
+    /// in `outbox`.
     ///
     /// # Errors
     /// As [`Table::create`].
-    pub fn in_folder(folder: &Path) -> Result<Self> {
+    pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<Row>>) -> Result<Self> {
         let rows = Table::create_both(folder, "rows")?;
-        Ok(Self::with_tables(
-            rows,
-            Some(Table::create_both(folder, "cells")?),
-        ))
+        let cells = Table::create_both(folder, "cells")?;
+        Ok(Self::with_tables(rows, Some(cells), outbox))
     }
 
-    fn with_tables(rows: Table<Row>, cells: Option<Table<CellRow>>) -> Self {
+    fn with_tables(
+        rows: Table<Row>,
+        cells: Option<Table<CellRow>>,
+        outbox: &Outbox<Vec<Row>>,
+    ) -> Self {
         Self {
             rows,
             cells,
             identity: Identity::default(),
             kept: Vec::new(),
-            outbox: Outbox::default(),
+            outbox: outbox.clone(),
         }
-    }
-
-    /// Where all rows are once the sink is finished.
-    pub fn outbox(&self) -> Outbox<Vec<Row>> {
-        self.outbox.clone()
     }
 }
 

@@ -8,7 +8,7 @@ use svl::manifest::Manifest;
 use svl::recording::{RecordingFormat, SCENARIO, Writer};
 use svl::run::{Matchers, Outcome, Pace, run};
 use svl::score::Judge;
-use svl::sink::{self, RecordingSink, RunStart, Sink};
+use svl::sink::{RunStart, SinkRequest, Sinks};
 
 /// Records all of a source into `path`, which does not exist yet. The outcome holds also for a run
 /// that failed.
@@ -34,7 +34,10 @@ pub(crate) fn write(
         seed: opened.header.seed,
         judge: &judge,
     };
-    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(RecordingSink::new(writer))];
+    let mut sinks = Sinks::open(SinkRequest {
+        recording: Some(writer),
+        ..SinkRequest::default()
+    })?;
     let source = &mut *opened.source;
     let mut progress = Progress::new(&source.name(), source.pairs(), quiet);
     let mut matchers = Matchers::none();
@@ -43,13 +46,13 @@ pub(crate) fn write(
         &mut matchers,
         &start,
         Pace::Asap,
-        &mut sinks,
+        sinks.as_mut_slice(),
         &mut progress,
     );
     progress.clear();
     report_losses(&source.name(), &outcome.losses);
     // What came before an error is kept: the file is completed first, then the error is returned.
-    let finished = sink::finish(sinks);
+    let finished = sinks.finish().1;
     if ran.is_err() && outcome.frames == 0 {
         // A file without a pair is of no use, and would stand in the way of the next attempt.
         let _ = std::fs::remove_file(path);

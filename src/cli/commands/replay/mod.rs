@@ -17,7 +17,7 @@ use svl::report::Summary;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
 use svl::score::Judge;
-use svl::sink::{self, RecordingSink, RerunSink, RerunTarget, RunInfo, RunStart, Sink, TableSink};
+use svl::sink::{RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
 use svl::source::RecordingSource;
 use verify::{Earlier, Verification};
 
@@ -142,26 +142,28 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
     outputs.set_aside()?;
     let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
-    let table = TableSink::new(args.rows.as_deref())?;
-    let kept = table.outbox();
-    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(table)];
-    if let Some(target) = &args.rerun {
+    let rerun = args.rerun.clone().map(|target| {
         let parsed = scenario_text
             .as_deref()
             .and_then(|text| Scenario::parse(text, &recording).ok());
         let wireframe = parsed.map_or_else(Vec::new, |s| s.wireframe(header.seed));
-        let info = RunInfo::new(&manifest, wireframe);
-        sinks.push(Box::new(RerunSink::new(target.clone(), &info)?));
-    }
-    if let Some(path) = &args.output {
+        (target, RunInfo::new(&manifest, wireframe))
+    });
+    let result = |path: &PathBuf| {
         let mut writer = Writer::create(path, &header, ImageFormat::Raw)?;
         writer.identify(&manifest)?;
         if let Some(text) = &scenario_text {
             writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
         }
         recorded.attach(&mut writer)?;
-        sinks.push(Box::new(RecordingSink::new(writer)));
-    }
+        Ok::<_, svl::Error>(writer)
+    };
+    let mut sinks = Sinks::open(SinkRequest {
+        rows: args.rows.as_deref(),
+        rerun,
+        recording: args.output.as_ref().map(result).transpose()?,
+        ..SinkRequest::default()
+    })?;
     let judge = Judge::default();
     let start = RunStart {
         manifest: &manifest,
@@ -174,13 +176,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         &mut matchers,
         &start,
         args.rate,
-        &mut sinks,
+        sinks.as_mut_slice(),
         &title,
         quiet,
     );
     // Everything that came before an error is kept and reported, so the sinks are finished first.
-    let finished = sink::finish(sinks);
-    let rows = kept.take().unwrap_or_default();
+    let (results, finished) = sinks.finish();
+    let rows = results.rows;
     let pairs = outcome.frames;
     let mut verification = None;
     if pairs > 0 || ran.is_ok() {

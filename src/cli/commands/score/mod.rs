@@ -11,14 +11,11 @@ use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::report::html::ReportPage;
-use svl::report::{CheckpointRow, GateResult, Row, Summary};
+use svl::report::{GateResult, Row, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::Judge;
-use svl::sink::{
-    self, CheckpointSink, Outbox, PictureSink, ReportPictures, RerunSink, RerunTarget, RunInfo,
-    RunStart, Sink, TableSink,
-};
+use svl::sink::{ReportPictures, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
 use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
 use sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
@@ -247,42 +244,24 @@ struct ScoreReport {
     folder: PathBuf,
     manifest: Manifest,
     judge: Judge,
-    sinks: Vec<Box<dyn Sink>>,
-    rows: Outbox<Vec<Row>>,
-    checkpoints: Outbox<Vec<CheckpointRow>>,
-    pictures: Outbox<ReportPictures>,
+    sinks: Sinks,
 }
 
 impl ScoreReport {
     fn begin(scenario: &Scenario, folder: &Path) -> anyhow::Result<Self> {
         let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
-        let table = TableSink::in_folder(folder)?;
-        let checkpoints = CheckpointSink::in_folder(folder)?;
-        let pictures = PictureSink::default();
-        let info = RunInfo::new(&manifest, scenario.wireframe(None));
         write_json(&folder.join(MANIFEST), &manifest)?;
-        let (rows, verdicts) = (table.outbox(), checkpoints.outbox());
-        let (name, of_rows, of_checkpoints) =
-            (scenario.name.clone(), rows.clone(), verdicts.clone());
-        // Finished last, when the tables are known.
-        let rerun = RerunSink::new(RerunTarget::File(folder.join("run.rrd")), &info)?
-            .with_verdicts(move || {
-                let summary = summary(&of_rows, &of_checkpoints).ok()?;
-                Some(summary.verdicts_markdown(&name))
-            });
+        let info = RunInfo::new(&manifest, scenario.wireframe(None));
+        let sinks = Sinks::open(SinkRequest {
+            report: Some(folder),
+            rerun: Some((RerunTarget::File(folder.join("run.rrd")), info)),
+            ..SinkRequest::default()
+        })?;
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
             judge: scenario.judge(),
-            rows,
-            checkpoints: verdicts,
-            pictures: pictures.outbox(),
-            sinks: vec![
-                Box::new(table),
-                Box::new(checkpoints),
-                Box::new(pictures),
-                Box::new(rerun),
-            ],
+            sinks,
         })
     }
 
@@ -304,7 +283,7 @@ impl ScoreReport {
             matchers,
             &start,
             Pace::Asap,
-            &mut self.sinks,
+            self.sinks.as_mut_slice(),
             &title,
             quiet,
         )
@@ -320,9 +299,10 @@ impl ScoreReport {
             mut manifest,
             ..
         } = self;
-        sink::finish(self.sinks)?;
-        let mut summary = summary(&self.rows, &self.checkpoints)?;
-        let ReportPictures { figures, scenes } = self.pictures.take().unwrap_or_default();
+        let (results, finished) = self.sinks.finish();
+        finished?;
+        let mut summary = Summary::from_rows(&results.rows, &results.checkpoints)?;
+        let ReportPictures { figures, scenes } = results.pictures;
         summary.incomplete = incomplete;
         summary.rule = scenario.cells;
         summary.complete(&mut manifest);
@@ -334,9 +314,7 @@ impl ScoreReport {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
             identity: manifest.entries(),
-            times_ms: self
-                .rows
-                .with(|rows| times_ms(rows.map_or(&[], Vec::as_slice))),
+            times_ms: times_ms(&results.rows),
             summary: summary.clone(),
             sweeps: sweeps(&scenario.algorithms),
             figures,
@@ -345,22 +323,6 @@ impl ScoreReport {
         page.write(&folder.join("index.html"))?;
         Ok((summary, manifest))
     }
-}
-
-/// The summary of the rows that the sinks left.
-fn summary(
-    rows: &Outbox<Vec<Row>>,
-    checkpoints: &Outbox<Vec<CheckpointRow>>,
-) -> svl::Result<Summary> {
-    rows.with(|rows| {
-        checkpoints.with(|checkpoints| {
-            let (rows, checkpoints) = (
-                rows.map_or(&[][..], |r| r),
-                checkpoints.map_or(&[][..], |c| c),
-            );
-            Summary::from_rows(rows, checkpoints)
-        })
-    })
 }
 
 /// Per algorithm the time of each pair, ms.
