@@ -156,7 +156,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
         }
         recorded.attach(&mut writer)?;
-        Ok::<_, svl::Error>(writer)
+        anyhow::Ok(writer)
     };
     let mut sinks = Sinks::open(SinkRequest {
         rows: args.rows.as_deref(),
