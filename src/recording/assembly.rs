@@ -2,8 +2,9 @@
 //! `/stereo/sync`.
 
 use super::geometry;
+use super::messages::Channel;
 use super::sync::{PairGeometry, StereoSync};
-use super::{TopicKind, images, truth};
+use super::{PairSource, TopicKind, images, truth};
 use crate::counted;
 use crate::stereo::{Frame, Geometry, Gray, Plane, Pose, Rig, Side, StereoPair, Truth, Visibility};
 use nalgebra::Matrix3x4;
@@ -12,20 +13,20 @@ use std::collections::BTreeMap;
 /// Limit of stamps that wait for the rest of their pair. svl's writer needs one.
 const WAITING: usize = 16;
 
-/// Messages that wait for the rest of their pair, by stamp.
+/// Makes frames of the messages of svl's own recordings.
 #[derive(Default)]
 pub(super) struct PairAssembler {
-    left: BTreeMap<u64, LeftMessages>,
-    right: BTreeMap<u64, RightMessages>,
+    /// Messages that wait for the rest of their pair, by side and stamp.
+    waiting: [BTreeMap<u64, PairMessages>; 2],
+    /// Images by side.
+    images: [u64; 2],
     pairs: u64,
     unpaired: u64,
-    left_images: u64,
-    right_images: u64,
 }
 
-/// Messages with the left stamp.
+/// Messages with one stamp. The right one has image and calibration alone.
 #[derive(Default)]
-struct LeftMessages {
+struct PairMessages {
     image: Option<Gray>,
     calibration: Option<Matrix3x4<f64>>,
     pose: Option<Pose>,
@@ -35,68 +36,53 @@ struct LeftMessages {
     sync: Option<StereoSync>,
 }
 
-/// Messages with the right stamp.
-#[derive(Default)]
-struct RightMessages {
-    image: Option<Gray>,
-    calibration: Option<Matrix3x4<f64>>,
-}
-
 impl PairAssembler {
-    /// Pairs assembled.
-    pub(super) fn pairs(&self) -> u64 {
-        self.pairs
+    /// The messages with a stamp. Bounded memory: the stamp that waits longest is dropped.
+    fn at(&mut self, side: Side, stamp: u64) -> &mut PairMessages {
+        let waiting = &mut self.waiting[side as usize];
+        if waiting.len() >= WAITING && !waiting.contains_key(&stamp) {
+            let oldest = waiting.pop_first();
+            self.unpaired += u64::from(oldest.is_some_and(|(_, one)| one.image.is_some()));
+        }
+        waiting.entry(stamp).or_default()
     }
 
-    /// Images without a partner.
-    pub(super) fn unpaired(&self) -> u64 {
-        self.unpaired
-    }
-
-    /// Adds one message and returns the pair that it completes.
-    ///
-    /// # Errors
-    /// Why the message cannot be read, or the two images are not a pair.
-    pub(super) fn take_in(
+    fn add(
         &mut self,
         kind: TopicKind,
         schema: &str,
         stamp: u64,
         data: &[u8],
-    ) -> Result<Option<Frame>, String> {
+    ) -> Result<(), String> {
         match kind {
-            TopicKind::Image(Side::Left) => {
+            TopicKind::Image(side) => {
                 // Counted before decoding, so that a file of unreadable images is not called empty.
-                self.left_images += 1;
-                let replaced = self
-                    .left(stamp)
-                    .image
-                    .replace(images::decode_gray(schema, data)?);
+                self.images[side as usize] += 1;
+                let image = images::decode_gray(schema, data)?;
+                let replaced = self.at(side, stamp).image.replace(image);
                 self.unpaired += u64::from(replaced.is_some());
             }
-            TopicKind::Image(Side::Right) => {
-                self.right_images += 1;
-                let replaced = self
-                    .right(stamp)
-                    .image
-                    .replace(images::decode_gray(schema, data)?);
-                self.unpaired += u64::from(replaced.is_some());
-            }
-            TopicKind::Calibration(Side::Left) => {
-                self.left(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
-            }
-            TopicKind::Calibration(Side::Right) => {
-                self.right(stamp).calibration = Some(geometry::decode_calibration(schema, data)?);
+            TopicKind::Calibration(side) => {
+                let calibration = geometry::decode_calibration(schema, data)?;
+                self.at(side, stamp).calibration = Some(calibration);
             }
             // The calibration has it too; this message is for viewers.
             TopicKind::Baseline => {}
-            TopicKind::Pose => self.left(stamp).pose = Some(geometry::decode_pose(schema, data)?),
-            TopicKind::Depth => self.left(stamp).depth = Some(images::decode_floats(schema, data)?),
+            TopicKind::Pose => {
+                let pose = geometry::decode_pose(schema, data)?;
+                self.at(Side::Left, stamp).pose = Some(pose);
+            }
+            TopicKind::Depth => {
+                let depth = images::decode_floats(schema, data)?;
+                self.at(Side::Left, stamp).depth = Some(depth);
+            }
             TopicKind::Disparity => {
-                self.left(stamp).disparity = Some(images::decode_floats(schema, data)?)
+                let disparity = images::decode_floats(schema, data)?;
+                self.at(Side::Left, stamp).disparity = Some(disparity);
             }
             TopicKind::Visibility => {
-                self.left(stamp).visibility = Some(images::decode_gray(schema, data)?)
+                let visibility = images::decode_gray(schema, data)?;
+                self.at(Side::Left, stamp).visibility = Some(visibility);
             }
             TopicKind::Sync => {
                 let sync = StereoSync::decode(schema, data)?;
@@ -104,108 +90,103 @@ impl PairAssembler {
                 if sync.left_stamp_ns != stamp {
                     return Err(format!("it is of the pair at {} ns", sync.left_stamp_ns));
                 }
-                self.left(stamp).sync = Some(sync);
+                self.at(Side::Left, stamp).sync = Some(sync);
             }
         }
-        self.completed(kind, stamp)
-    }
-
-    /// Ends the recording: what still waits is unpaired.
-    pub(super) fn end(&mut self) {
-        self.unpaired += std::mem::take(&mut self.left)
-            .values()
-            .filter(|left| left.image.is_some())
-            .count() as u64;
-        self.unpaired += std::mem::take(&mut self.right)
-            .values()
-            .filter(|right| right.image.is_some())
-            .count() as u64;
-    }
-
-    /// Why there was no pair.
-    pub(super) fn why_none(&self) -> String {
-        match (self.left_images, self.right_images) {
-            (0, 0) => "has no pairs: its recording ended before the first".to_owned(),
-            (n, 0) => format!(
-                "has no stereo pairs: {} of the left camera, none of the right",
-                counted(n, "image")
-            ),
-            (0, n) => format!(
-                "has no stereo pairs: {} of the right camera, none of the left",
-                counted(n, "image")
-            ),
-            (n, m) => {
-                let sync = TopicKind::Sync.topic();
-                format!(
-                    "has no stereo pairs: no {sync} says which of its images, {n} left and {m} \
-                     right, belong together"
-                )
-            }
-        }
-    }
-
-    fn left(&mut self, stamp: u64) -> &mut LeftMessages {
-        if self.left.len() >= WAITING && !self.left.contains_key(&stamp) {
-            // Bounded memory: the stamp that waits longest is dropped, with everything on it.
-            let oldest = self.left.pop_first();
-            self.unpaired += u64::from(oldest.is_some_and(|(_, left)| left.image.is_some()));
-        }
-        self.left.entry(stamp).or_default()
-    }
-
-    fn right(&mut self, stamp: u64) -> &mut RightMessages {
-        if self.right.len() >= WAITING && !self.right.contains_key(&stamp) {
-            let oldest = self.right.pop_first();
-            self.unpaired += u64::from(oldest.is_some_and(|(_, right)| right.image.is_some()));
-        }
-        self.right.entry(stamp).or_default()
+        Ok(())
     }
 
     /// The pair that the message `kind` at `stamp` completes.
     fn completed(&mut self, kind: TopicKind, stamp: u64) -> Result<Option<Frame>, String> {
-        // The right image has a stamp of its own; only the sync message knows which left one it is
-        // of.
-        let names = |left: &LeftMessages| {
-            left.sync
-                .as_ref()
-                .is_some_and(|sync| sync.right_stamp_ns == stamp)
+        let [lefts, rights] = &mut self.waiting;
+        // The right image has a stamp of its own; only the sync message knows of which left one it
+        // is the partner.
+        let names = |left: &PairMessages| {
+            let sync = left.sync.as_ref();
+            sync.is_some_and(|sync| sync.right_stamp_ns == stamp)
         };
         let left_stamp = match kind {
             TopicKind::Image(Side::Left) | TopicKind::Sync => Some(stamp),
-            TopicKind::Image(Side::Right) => self
-                .left
-                .iter()
-                .find(|(_, left)| names(left))
-                .map(|(&stamp, _)| stamp),
+            TopicKind::Image(Side::Right) => {
+                let mut lefts = lefts.iter();
+                lefts.find(|(_, left)| names(left)).map(|(&stamp, _)| stamp)
+            }
             _ => None,
         };
-        let Some(left_stamp) = left_stamp else {
-            return Ok(None);
-        };
-        let Some(LeftMessages {
+        let left = left_stamp.and_then(|stamp| lefts.get(&stamp));
+        let Some(PairMessages {
             image: Some(_),
             sync: Some(sync),
             ..
-        }) = self.left.get(&left_stamp)
+        }) = left
         else {
             return Ok(None);
         };
-        let right_stamp = sync.right_stamp_ns;
-        let Some(RightMessages { image: Some(_), .. }) = self.right.get(&right_stamp) else {
+        let (left_stamp, right_stamp) = (sync.left_stamp_ns, sync.right_stamp_ns);
+        if rights
+            .get(&right_stamp)
+            .is_none_or(|right| right.image.is_none())
+        {
             return Ok(None);
-        };
-        let (left, right) = (
-            self.left.remove(&left_stamp),
-            self.right.remove(&right_stamp),
-        );
+        }
+        let (left, right) = (lefts.remove(&left_stamp), rights.remove(&right_stamp));
         let frame = frame(left.unwrap_or_default(), right.unwrap_or_default());
         self.pairs += u64::from(frame.is_ok());
         frame.map(Some)
     }
 }
 
+impl PairSource for PairAssembler {
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> Result<Option<Frame>, String> {
+        let Some(kind) = TopicKind::from_topic(&channel.topic) else {
+            return Ok(None);
+        };
+        self.add(kind, &channel.schema, log_time, data)?;
+        self.completed(kind, log_time)
+    }
+
+    fn end(&mut self) {
+        let waiting = std::mem::take(&mut self.waiting);
+        let left_over = waiting.iter().flat_map(BTreeMap::values);
+        self.unpaired += left_over.filter(|one| one.image.is_some()).count() as u64;
+    }
+
+    fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
+    fn unpaired(&self) -> u64 {
+        self.unpaired
+    }
+
+    fn why_none(&self) -> String {
+        let images = |n: u64| counted(n, "image");
+        match self.images {
+            [0, 0] => "has no pairs: its recording ended before the first".to_owned(),
+            [n, 0] => format!(
+                "has no stereo pairs: {} of the left camera, none of the right",
+                images(n)
+            ),
+            [0, n] => format!(
+                "has no stereo pairs: {} of the right camera, none of the left",
+                images(n)
+            ),
+            [n, m] => format!(
+                "has no stereo pairs: no {} says which of its images, {n} left and {m} right, \
+                 belong together",
+                TopicKind::Sync.topic()
+            ),
+        }
+    }
+}
+
 /// The frame of all messages of a pair.
-fn frame(left: LeftMessages, right: RightMessages) -> Result<Frame, String> {
+fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
     let (Some(left_image), Some(right_image), Some(sync)) = (left.image, right.image, left.sync)
     else {
         return Err("an image or its /stereo/sync is missing".to_owned());

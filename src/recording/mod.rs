@@ -70,7 +70,8 @@ pub use summary::{Gap, RecordingSummary, Topic};
 pub use writer::Writer;
 
 use crate::error::{Error, Result};
-use crate::stereo::Side;
+use crate::stereo::{Frame, Side, StereoCalibration};
+use messages::Channel;
 use std::borrow::Cow;
 
 /// Name of the attachment that is the scenario file.
@@ -144,6 +145,58 @@ impl TopicKind {
 
     fn from_topic(topic: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.topic() == topic)
+    }
+}
+
+/// How messages become pairs: by svl's own topics, or by the stamps of other programs' images.
+trait PairSource: Send {
+    /// Adds one message and returns the pair that it completes.
+    ///
+    /// # Errors
+    /// Why the message cannot be read, or the two images are not a pair.
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<Option<Frame>, String>;
+
+    /// The next pair that is ready without another message.
+    ///
+    /// # Errors
+    /// Why two images that belong together cannot be a pair.
+    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        None
+    }
+
+    /// Ends the recording: there are no more messages.
+    fn end(&mut self);
+
+    /// Pairs that could be read.
+    fn pairs(&self) -> u64;
+
+    /// Images without a partner.
+    fn unpaired(&self) -> u64;
+
+    /// Images that came too far out of order to find a partner.
+    fn late(&self) -> u64 {
+        0
+    }
+
+    /// Why there was no pair.
+    fn why_none(&self) -> String;
+
+    /// Warnings about the pairs, a line each.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// The calibration of raw images; nothing for rectified ones.
+    ///
+    /// # Errors
+    /// What is missing in the calibrations.
+    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        None
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::assembly::PairAssembler;
 use super::foreign::{Foreign, Selection};
-use super::messages::{Channel, FileEvent, Messages};
-use super::{Header, PROFILE, Recording, TopicKind, sync};
+use super::messages::{FileEvent, Messages};
+use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
 use std::collections::VecDeque;
@@ -18,7 +18,7 @@ pub struct Reader {
     messages: Messages,
     /// Index of the file that is read next.
     next_file: usize,
-    pairs_of: PairsOf,
+    source: Box<dyn PairSource>,
     header: Option<Header>,
     pairs: Option<u64>,
     /// The first pair, read when the file was opened, after the errors of unreadable pairs before
@@ -30,12 +30,6 @@ pub struct Reader {
 
 /// Limit of unreadable pairs before the first readable one.
 const UNREADABLE: usize = 1000;
-
-/// How messages become pairs: by svl's own topics, or by stamps.
-enum PairsOf {
-    Svl(PairAssembler),
-    Others(Box<Foreign>),
-}
 
 impl Reader {
     /// Opens a recording and reads its first pair.
@@ -66,9 +60,9 @@ impl Reader {
                 true => recording.count(TopicKind::Sync.topic())?,
                 false => None,
             },
-            pairs_of: match is_own {
-                true => PairsOf::Svl(PairAssembler::default()),
-                false => PairsOf::Others(Box::new(Foreign::open(&recording, selection)?)),
+            source: match is_own {
+                true => Box::new(PairAssembler::default()),
+                false => Box::new(Foreign::open(&recording, selection)?),
             },
             header: recording.header().ok(),
             ahead: VecDeque::new(),
@@ -97,11 +91,7 @@ impl Reader {
         if let Some(Err(unreadable)) = self.ahead.pop_front() {
             return Err(unreadable);
         }
-        let reason = match &self.pairs_of {
-            PairsOf::Svl(assembler) => assembler.why_none(),
-            PairsOf::Others(foreign) => foreign.why_none(),
-        };
-        Err(Error::format(self.recording.path(), reason))
+        Err(Error::format(self.recording.path(), self.source.why_none()))
     }
 
     /// The recording that is read.
@@ -125,36 +115,24 @@ impl Reader {
 
     /// Unpaired images so far; final at the end of the recording.
     pub fn unpaired(&self) -> u64 {
-        match &self.pairs_of {
-            PairsOf::Svl(assembler) => assembler.unpaired(),
-            PairsOf::Others(foreign) => foreign.unpaired(),
-        }
+        self.source.unpaired()
     }
 
     /// Images so far that came after the images of their time had been dropped for lack of memory:
     /// the file is not in the order of its stamps.
     pub fn late(&self) -> u64 {
-        match &self.pairs_of {
-            PairsOf::Svl(_) => 0,
-            PairsOf::Others(foreign) => foreign.late(),
-        }
+        self.source.late()
     }
 
     /// Warnings about the pairs of a recording that svl did not write, a line each.
     pub fn remarks(&self) -> Vec<String> {
-        match &self.pairs_of {
-            PairsOf::Svl(_) => Vec::new(),
-            PairsOf::Others(foreign) => foreign.remarks(),
-        }
+        self.source.remarks()
     }
 
     /// The calibration that rectifies raw pairs of a recording that svl did not write, where it
     /// holds one. Where that is incomplete, a remark says why.
     pub fn calibration(&self) -> Option<StereoCalibration> {
-        match &self.pairs_of {
-            PairsOf::Svl(_) => None,
-            PairsOf::Others(foreign) => foreign.calibration()?.ok(),
-        }
+        self.source.calibration()?.ok()
     }
 
     /// The next pair, or nothing at the end.
@@ -173,7 +151,7 @@ impl Reader {
     fn read(&mut self) -> Result<Option<Frame>> {
         let mut ended = false;
         loop {
-            if let Some(frame) = self.pairs_of.pop() {
+            if let Some(frame) = self.source.pop() {
                 return frame
                     .map(Some)
                     .map_err(|reason| Error::format(self.recording.path(), reason));
@@ -190,7 +168,7 @@ impl Reader {
                     log_time,
                     data,
                 })) => {
-                    let told = self.pairs_of.take_in(channel, log_time, &data);
+                    let told = self.source.take_in(channel, log_time, &data);
                     let bad = |reason| {
                         let reason = format!("{} at {log_time} ns: {reason}", channel.topic);
                         Error::format(self.recording.path(), reason)
@@ -213,7 +191,7 @@ impl Reader {
                 Err(error) => self.damage = self.damage.take().or(Some(error)),
             }
             if ended {
-                self.pairs_of.end();
+                self.source.end();
             }
         }
     }
@@ -223,10 +201,7 @@ impl Reader {
         let Error::Damaged { path, reason } = error else {
             return error;
         };
-        let pairs = match &self.pairs_of {
-            PairsOf::Svl(assembler) => assembler.pairs(),
-            PairsOf::Others(foreign) => foreign.pairs(),
-        };
+        let pairs = self.source.pairs();
         Error::damaged(path, format!("{reason}; intact pairs read: {pairs}"))
     }
 }
@@ -248,38 +223,4 @@ fn is_own(recording: &Recording) -> Result<bool> {
         .iter()
         .any(|channel| channel.schema == sync::SCHEMA)
         || channels.is_empty() && profile.is_none())
-}
-
-impl PairsOf {
-    /// Adds one message and returns the pair that it completes.
-    fn take_in(
-        &mut self,
-        channel: &Channel,
-        log_time: u64,
-        data: &[u8],
-    ) -> std::result::Result<Option<Frame>, String> {
-        match self {
-            Self::Svl(assembler) => match TopicKind::from_topic(&channel.topic) {
-                Some(kind) => assembler.take_in(kind, &channel.schema, log_time, data),
-                None => Ok(None),
-            },
-            Self::Others(foreign) => foreign.take_in(channel, log_time, data).map(|()| None),
-        }
-    }
-
-    /// The next pair that is complete.
-    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
-        match self {
-            Self::Svl(_) => None,
-            Self::Others(foreign) => foreign.pop(),
-        }
-    }
-
-    /// Ends the recording: there are no more messages.
-    fn end(&mut self) {
-        match self {
-            Self::Svl(assembler) => assembler.end(),
-            Self::Others(foreign) => foreign.end(),
-        }
-    }
 }

@@ -37,42 +37,25 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
             Ok(from_camera_info(ros::read(data, ros::camera_info)?))
         }
         ("foxglove.CameraCalibration", "protobuf") => {
-            let foxglove::messages::CameraCalibration {
-                width,
-                height,
-                distortion_model: model,
-                k,
-                d,
-                r,
-                p,
-                ..
-            } = decode_protobuf(data)?;
+            let m: foxglove::messages::CameraCalibration = decode_protobuf(data)?;
             Ok(Calibration {
-                size: (width, height),
-                model,
-                k,
-                d,
-                r,
-                p,
+                size: (m.width, m.height),
+                model: m.distortion_model,
+                k: m.k,
+                d: m.d,
+                r: m.r,
+                p: m.p,
             })
         }
         ("foxglove.CameraCalibration", "json") => {
-            let json::JsonCalibration {
-                width,
-                height,
-                distortion_model: model,
-                k,
-                d,
-                r,
-                p,
-            } = json::read(data)?;
+            let m: json::JsonCalibration = json::read(data)?;
             Ok(Calibration {
-                size: (width, height),
-                model,
-                k,
-                d,
-                r,
-                p,
+                size: (m.width, m.height),
+                model: m.distortion_model,
+                k: m.k,
+                d: m.d,
+                r: m.r,
+                p: m.p,
             })
         }
         (schema, encoding) => Err(format!(

@@ -1,10 +1,10 @@
 //! Decodes image messages of ROS 2 and Foxglove.
 
-use super::pixels::{self, RawPixels};
-use super::{bayer, json};
+use super::{bayer, json, pixels};
 use crate::files;
+use crate::recording::decode_protobuf;
 use crate::recording::messages::Channel;
-use crate::recording::{decode_protobuf, ros};
+use crate::recording::ros::{self, RawPixels};
 use crate::stereo::Gray;
 use foxglove::messages::{CompressedImage, RawImage};
 
@@ -22,101 +22,44 @@ pub(super) type Stamped = (Option<u64>, Result<Gray, String>);
 /// # Errors
 /// Why the message cannot be read.
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
+    let raw = |(width, height, step), encoding: &str, data: &[u8]| {
+        pixels::grey(&RawPixels {
+            width,
+            height,
+            step,
+            encoding,
+            big_endian: false,
+            data,
+        })
+    };
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/Image", "cdr") => {
-            let ros::RosImage {
-                stamp,
-                height,
-                width,
-                encoding,
-                big_endian,
-                step,
-                data,
-            } = ros::read(data, ros::image)?;
-            let image = pixels::grey(&RawPixels {
-                width,
-                height,
-                step,
-                encoding,
-                big_endian,
-                data,
-            });
-            Ok((ros_stamp(stamp)?, image))
+            let (stamp, image) = ros::read(data, ros::image)?;
+            Ok((ros_stamp(stamp)?, pixels::grey(&image)))
         }
         ("sensor_msgs/msg/CompressedImage", "cdr") => {
-            let message = ros::read(data, ros::compressed_image)?;
-            Ok((
-                ros_stamp(message.stamp)?,
-                decompress(message.data, message.format),
-            ))
+            let m = ros::read(data, ros::compressed_image)?;
+            Ok((ros_stamp(m.stamp)?, decompress(m.data, m.format)))
         }
         ("foxglove.RawImage", "protobuf") => {
-            let RawImage {
-                timestamp,
-                width,
-                height,
-                encoding,
-                step,
-                data,
-                ..
-            } = decode_protobuf(data)?;
-            let raw = RawPixels {
-                width,
-                height,
-                step,
-                encoding: &encoding,
-                big_endian: false,
-                data: &data,
-            };
-            Ok((
-                stamp(timestamp.map(|t| (t.sec(), t.nsec()))),
-                pixels::grey(&raw),
-            ))
+            let m: RawImage = decode_protobuf(data)?;
+            let image = raw((m.width, m.height, m.step), &m.encoding, &m.data);
+            Ok((stamp(m.timestamp.map(|t| (t.sec(), t.nsec()))), image))
         }
         ("foxglove.CompressedImage", "protobuf") => {
-            let CompressedImage {
-                timestamp,
-                data,
-                format,
-                ..
-            } = decode_protobuf(data)?;
-            Ok((
-                stamp(timestamp.map(|t| (t.sec(), t.nsec()))),
-                decompress(&data, &format),
-            ))
+            let m: CompressedImage = decode_protobuf(data)?;
+            let image = decompress(&m.data, &m.format);
+            Ok((stamp(m.timestamp.map(|t| (t.sec(), t.nsec()))), image))
         }
         ("foxglove.RawImage", "json") => {
-            let json::JsonRawImage {
-                timestamp,
-                width,
-                height,
-                encoding,
-                step,
-                data,
-            } = json::read(data)?;
-            let raw = RawPixels {
-                width,
-                height,
-                step,
-                encoding: &encoding,
-                big_endian: false,
-                data: &data,
-            };
-            Ok((
-                stamp(Some((timestamp.sec, timestamp.nsec))),
-                pixels::grey(&raw),
-            ))
+            let m: json::JsonRawImage = json::read(data)?;
+            let image = raw((m.width, m.height, m.step), &m.encoding, &m.data);
+            Ok((stamp(Some((m.timestamp.sec, m.timestamp.nsec))), image))
         }
         ("foxglove.CompressedImage", "json") => {
-            let json::JsonCompressedImage {
-                timestamp,
-                data,
-                format,
-            } = json::read(data)?;
-            Ok((
-                stamp(Some((timestamp.sec, timestamp.nsec))),
-                decompress(&data, &format),
-            ))
+            let m: json::JsonCompressedImage = json::read(data)?;
+            let image = decompress(&m.data, &m.format);
+            Ok((stamp(Some((m.timestamp.sec, m.timestamp.nsec))), image))
         }
         (schema, encoding) => Err(format!(
             "its {schema} is in '{encoding}', svl reads cdr, protobuf and json"

@@ -11,8 +11,8 @@ mod topics;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
-use super::Recording;
 use super::messages::{Channel, FileEvent, Messages};
+use super::{PairSource, Recording};
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::stereo::{Exposure, Frame, Geometry, Gray, Rig, Side, StereoCalibration, StereoPair};
@@ -78,121 +78,6 @@ impl Foreign {
         Ok(foreign)
     }
 
-    /// Pairs that could be read.
-    pub(super) fn pairs(&self) -> u64 {
-        self.pairs
-    }
-
-    /// Images without a partner.
-    pub(super) fn unpaired(&self) -> u64 {
-        self.partners.unpaired()
-    }
-
-    /// Images that came too far out of order to find a partner.
-    pub(super) fn late(&self) -> u64 {
-        self.partners.late()
-    }
-
-    /// Adds one message.
-    ///
-    /// # Errors
-    /// Why it cannot be read.
-    pub(super) fn take_in(
-        &mut self,
-        channel: &Channel,
-        log_time: u64,
-        data: &[u8],
-    ) -> std::result::Result<(), String> {
-        for camera in Side::BOTH {
-            if channel.topic == self.images[camera as usize] {
-                self.counts[camera as usize] += 1;
-                let (stamp, image) = image::decode(channel, data)?;
-                let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
-                let bytes = image
-                    .as_ref()
-                    .map_or(0, |image| image.size().0 * image.size().1);
-                self.partners
-                    .push(camera, stamp.unwrap_or(log_time), image, bytes);
-            }
-        }
-        self.calibrate(channel, data)
-    }
-
-    /// The next pair that no later image can change.
-    ///
-    /// # Errors
-    /// Why two images that belong together cannot be a pair.
-    pub(super) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
-        let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
-        let sequence = self.sequence;
-        self.sequence += 1;
-        let exposure = Exposure {
-            trigger_id: sequence,
-            // Stamps above 2⁶³ ns are damage; wrapping keeps their difference right all the same.
-            skew_ns: right_ns.wrapping_sub(left_ns).cast_signed(),
-            drops: self.unpaired(),
-            ..Exposure::default()
-        };
-        let pair = match (left, right) {
-            (Ok(left), Ok(right)) => StereoPair::new(left, right).map_err(|e| e.to_string()),
-            (Err(reason), _) | (_, Err(reason)) => Err(reason),
-        };
-        // The size is known from the first pair on; calibrations are checked against it.
-        if let Ok(pair) = &pair {
-            self.pairs += 1;
-            self.size = pair.size();
-        }
-        let geometry = self.geometry();
-        let frame = pair.map(|pair| Frame {
-            sequence,
-            stamp_ns: left_ns,
-            name: None,
-            pair,
-            geometry,
-            pose: None,
-            truth: None,
-            exposure,
-        });
-        Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
-    }
-
-    /// Ends the recording: pairs what still waits, as far as it can be.
-    pub(super) fn end(&mut self) {
-        self.partners.end();
-    }
-
-    /// Warnings about the pairs, a line each.
-    pub(super) fn remarks(&self) -> Vec<String> {
-        let [left, right] = &self.images;
-        if self.are_raw() {
-            let why = "by their calibration they are not rectified";
-            let so = "rows of left and right do not agree, and distances are left out";
-            let cure = match self.calibration() {
-                Some(Err(reason)) => {
-                    format!("it does not say how to rectify them ({reason}): --calib FILE does")
-                }
-                _ => "it says how to rectify them".to_owned(),
-            };
-            return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
-        }
-        let no_rig = self.rig().err();
-        no_rig
-            .map(|reason| format!("disparities but no distances: {reason}"))
-            .into_iter()
-            .collect()
-    }
-
-    /// The calibration of raw images; nothing for rectified ones.
-    ///
-    /// # Errors
-    /// What is missing in the calibrations.
-    pub(super) fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
-        self.are_raw().then(|| {
-            self.both()
-                .and_then(|[left, right]| camera::calibration(left, right))
-        })
-    }
-
     /// Whether the images are raw by the calibration. On a rectified topic its distortion does not
     /// count: ROS has one CameraInfo for the raw and the rectified image.
     fn are_raw(&self) -> bool {
@@ -201,23 +86,6 @@ impl Foreign {
                 && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
         };
         self.images.iter().zip(&self.cameras).any(is_raw)
-    }
-
-    /// Why there was no pair.
-    pub(super) fn why_none(&self) -> String {
-        let [left, right] = &self.images;
-        let [lefts, rights] = self.counts;
-        let milliseconds = |ns: u64| ns as f64 / 1e6;
-        let skew = milliseconds(self.max_skew_ns);
-        let miss = match self.partners.nearest_miss_ns() {
-            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
-            None => String::new(),
-        };
-        format!(
-            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
-             ms of each other{miss}",
-            counted(lefts, "image")
-        )
     }
 
     /// Raw, unless topics or calibrations say that the images are rectified.
@@ -270,5 +138,121 @@ impl Foreign {
             }
         }
         Ok(())
+    }
+}
+
+impl PairSource for Foreign {
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<Option<Frame>, String> {
+        for side in Side::BOTH {
+            if channel.topic == self.images[side as usize] {
+                self.counts[side as usize] += 1;
+                let (stamp, image) = image::decode(channel, data)?;
+                let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
+                let bytes = image
+                    .as_ref()
+                    .map_or(0, |image| image.size().0 * image.size().1);
+                self.partners
+                    .push(side, stamp.unwrap_or(log_time), image, bytes);
+            }
+        }
+        self.calibrate(channel, data).map(|()| None)
+    }
+
+    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
+        let sequence = self.sequence;
+        self.sequence += 1;
+        let exposure = Exposure {
+            trigger_id: sequence,
+            // Stamps above 2⁶³ ns are damage; wrapping keeps their difference right all the same.
+            skew_ns: right_ns.wrapping_sub(left_ns).cast_signed(),
+            drops: self.unpaired(),
+            ..Exposure::default()
+        };
+        let pair = match (left, right) {
+            (Ok(left), Ok(right)) => StereoPair::new(left, right).map_err(|e| e.to_string()),
+            (Err(reason), _) | (_, Err(reason)) => Err(reason),
+        };
+        // The size is known from the first pair on; calibrations are checked against it.
+        if let Ok(pair) = &pair {
+            self.pairs += 1;
+            self.size = pair.size();
+        }
+        let geometry = self.geometry();
+        let frame = pair.map(|pair| Frame {
+            sequence,
+            stamp_ns: left_ns,
+            name: None,
+            pair,
+            geometry,
+            pose: None,
+            truth: None,
+            exposure,
+        });
+        Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
+    }
+
+    fn end(&mut self) {
+        self.partners.end();
+    }
+
+    fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
+    fn unpaired(&self) -> u64 {
+        self.partners.unpaired()
+    }
+
+    fn late(&self) -> u64 {
+        self.partners.late()
+    }
+
+    fn why_none(&self) -> String {
+        let [left, right] = &self.images;
+        let [lefts, rights] = self.counts;
+        let milliseconds = |ns: u64| ns as f64 / 1e6;
+        let skew = milliseconds(self.max_skew_ns);
+        let miss = match self.partners.nearest_miss_ns() {
+            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
+            None => String::new(),
+        };
+        format!(
+            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
+             ms of each other{miss}",
+            counted(lefts, "image")
+        )
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        let [left, right] = &self.images;
+        if self.are_raw() {
+            let why = "by their calibration they are not rectified";
+            let so = "rows of left and right do not agree, and distances are left out";
+            let cure = match self.calibration() {
+                Some(Err(reason)) => {
+                    format!("it does not say how to rectify them ({reason}): --calib FILE does")
+                }
+                _ => "it says how to rectify them".to_owned(),
+            };
+            return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
+        }
+        let no_rig = self.rig().err();
+        no_rig
+            .map(|reason| format!("disparities but no distances: {reason}"))
+            .into_iter()
+            .collect()
+    }
+
+    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        self.are_raw().then(|| {
+            self.both()
+                .and_then(|[left, right]| camera::calibration(left, right))
+        })
     }
 }

@@ -2,19 +2,8 @@
 
 use super::bayer;
 use crate::files::{every_byte, strided_rows};
+use crate::recording::ros::RawPixels;
 use crate::stereo::{Gray, Plane};
-
-/// An uncompressed image in a message.
-pub(super) struct RawPixels<'a> {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    /// Stride: bytes from one row to the next.
-    pub(super) step: u32,
-    /// A name of sensor_msgs/image_encodings.hpp.
-    pub(super) encoding: &'a str,
-    pub(super) big_endian: bool,
-    pub(super) data: &'a [u8],
-}
 
 /// The bytes of one pixel.
 enum PixelLayout {

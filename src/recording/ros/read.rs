@@ -6,15 +6,15 @@ use re_cdr::{CdrReader, Error, LittleEndian, Result};
 /// Limit of distortion coefficients: `rational_polynomial` in ROS has up to 14.
 const MAX_DISTORTION: usize = 14;
 
-/// sensor_msgs/msg/Image.
-pub(in crate::recording) struct RosImage<'a> {
-    pub(in crate::recording) stamp: RosTime,
-    pub(in crate::recording) height: u32,
+/// An uncompressed image in a message: sensor_msgs/msg/Image, or foxglove.RawImage.
+pub(in crate::recording) struct RawPixels<'a> {
     pub(in crate::recording) width: u32,
-    pub(in crate::recording) encoding: &'a str,
-    pub(in crate::recording) big_endian: bool,
+    pub(in crate::recording) height: u32,
     /// Stride: bytes from one row to the next.
     pub(in crate::recording) step: u32,
+    /// A name of sensor_msgs/image_encodings.hpp.
+    pub(in crate::recording) encoding: &'a str,
+    pub(in crate::recording) big_endian: bool,
     pub(in crate::recording) data: &'a [u8],
 }
 
@@ -78,18 +78,20 @@ pub(in crate::recording) fn read<'a, T>(
     read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
 }
 
+/// The stamp and the pixels of a sensor_msgs/msg/Image.
 pub(in crate::recording) fn image<'a>(
     cdr: &mut CdrReader<'a, LittleEndian>,
-) -> Result<RosImage<'a>> {
-    Ok(RosImage {
-        stamp: header(cdr)?,
+) -> Result<(RosTime, RawPixels<'a>)> {
+    let stamp = header(cdr)?;
+    let image = RawPixels {
         height: cdr.read_u32()?,
         width: cdr.read_u32()?,
         encoding: cdr.read_str()?,
         big_endian: cdr.read_u8()? != 0,
         step: cdr.read_u32()?,
         data: cdr.read_byte_sequence()?,
-    })
+    };
+    Ok((stamp, image))
 }
 
 pub(in crate::recording) fn compressed_image<'a>(
