@@ -111,8 +111,8 @@ impl Scenario {
             .map_err(|e| Error::format(path, e.to_string()))
     }
 
-    /// Outlines of the arena's solids and the robot's path, in the run with that seed. Other sources
-    /// have none.
+    /// Outlines of the arena's solids and the robot's path, in the run with that seed. Other
+    /// sources have none.
     pub fn wireframe(&self, seed: Option<u64>) -> Vec<WireObject> {
         match &self.source {
             ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))

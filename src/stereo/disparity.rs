@@ -1,5 +1,6 @@
 //! A dense disparity map: disparities, and for each pixel without one the reason.
 
+use super::row::NO_SSDPI;
 use super::{BandMut, Plane, Reason, RowMut};
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
@@ -42,7 +43,7 @@ impl ExtraPlanes {
 
 impl DisparityMap {
     /// SSDPI of a pixel that was never compared.
-    pub const NO_SSDPI: u32 = u32::MAX;
+    pub const NO_SSDPI: u32 = NO_SSDPI;
 
     /// A map in which every pixel is [`Reason::Border`], without extra planes.
     ///

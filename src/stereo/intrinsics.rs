@@ -123,8 +123,10 @@ impl Intrinsics {
         by_direction.row_mut(1).scale_mut(fy);
         #[rustfmt::skip]
         let by_parameters = SMatrix::from_row_slice(&[
-            distorted.x, 0.0, 1.0, 0.0, fx * x * r2, fx * x * r4, fx * xy, fx * (r2 + 2.0 * x * x), fx * x * r6,
-            0.0, distorted.y, 0.0, 1.0, fy * y * r2, fy * y * r4, fy * (r2 + 2.0 * y * y), fy * xy, fy * y * r6,
+            distorted.x, 0.0, 1.0, 0.0,
+            fx * x * r2, fx * x * r4, fx * xy, fx * (r2 + 2.0 * x * x), fx * x * r6,
+            0.0, distorted.y, 0.0, 1.0,
+            fy * y * r2, fy * y * r4, fy * (r2 + 2.0 * y * y), fy * xy, fy * y * r6,
         ]);
         let pixel = Point2::new(
             fx * distorted.x + self.center_px.0,

@@ -1,8 +1,11 @@
 //! Row writers of a disparity map: one row, or a band of rows that a thread fills.
 
-use super::{DisparityMap, Reason};
+use super::Reason;
 
-/// Neighbouring rows of a [`DisparityMap`], to write.
+/// SSDPI of a pixel of which nothing was compared.
+pub(super) const NO_SSDPI: u32 = u32::MAX;
+
+/// Neighbouring rows of a [`super::DisparityMap`], to write.
 pub struct BandMut<'a> {
     pub(super) width: usize,
     pub(super) disparity: &'a mut [f32],
@@ -56,7 +59,7 @@ impl<'a> BandMut<'a> {
     }
 }
 
-/// One row of a [`DisparityMap`], to write.
+/// One row of a [`super::DisparityMap`], to write.
 pub struct RowMut<'a> {
     disparity: &'a mut [f32],
     why: &'a mut [Reason],
@@ -102,7 +105,7 @@ impl RowMut<'_> {
         debug_assert!(reason != Reason::Valid);
         self.disparity.fill(f32::INFINITY);
         self.why.fill(reason);
-        self.ssdpi.fill(DisparityMap::NO_SSDPI);
+        self.ssdpi.fill(NO_SSDPI);
     }
 
     /// Writes a disparity; the SSDPI stays.

@@ -330,11 +330,10 @@ fn uses(tokens: &[&str]) -> Vec<Use> {
             });
         }
     }
-    let mentioned = tokens
-        .iter()
-        .zip(&imported)
-        .filter(|(_, imported)| !**imported);
-    let mentioned = mentioned.map(|(token, _)| *token).collect::<BTreeSet<_>>();
+    // Where a module is declared, its name is not used.
+    let is_mention = |i: &usize| !imported[*i] && (*i == 0 || tokens[*i - 1] != "mod");
+    let mentioned = (0..tokens.len()).filter(is_mention).map(|i| tokens[i]);
+    let mentioned = mentioned.collect::<BTreeSet<_>>();
     for used in &mut uses {
         used.facade &= used
             .bound

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 /// Columns of a line.
 const COLUMNS: usize = 100;
 /// How many lines may be longer.
-const LONG_LINES: usize = 110;
+const LONG_LINES: usize = 12;
 /// Lines of a small file: one that should stand in its only user.
 const SMALL: usize = 40;
 /// How many small files there may be, `mod.rs` not counted.
-const SMALL_FILES: usize = 20;
+const SMALL_FILES: usize = 14;
 /// How many type names may stand for two things.
-const COLLIDING: usize = 86;
+const COLLIDING: usize = 19;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

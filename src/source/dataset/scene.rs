@@ -169,7 +169,7 @@ impl Scene {
             sequence,
             stamp_ns: sequence * 1_000_000_000,
             name: Some(self.name.clone()),
-            truth: truth::read(self, pair.size())?,
+            truth: truth::read(|name| self.file(name), pair.size())?,
             pair,
             geometry: Geometry::Rectified(self.rig()?),
             pose: None,

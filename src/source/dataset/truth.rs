@@ -2,22 +2,25 @@
 
 use super::entry::{Form, Seen};
 use super::files;
-use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::files::{read_mask, read_pfm, read_scaled_disparity};
 use crate::stereo::{Plane, Truth, Visibility, cross_check};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// The truth of a scene whose images are of this size, where there is one. Who sees what comes from
-/// its mask, or else from the right truth or the truth of the seen pixels.
+/// The truth of a scene whose images are of this size, where there is one. `file` finds a file of
+/// the scene by its name. Visibility comes from the scene's mask, or else from the right truth or
+/// the truth of the visible pixels.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for what cannot be read, is of another size, or of a scale
 /// nobody knows.
-pub(super) fn read(scene: &Scene, size: (usize, usize)) -> Result<Option<Truth>> {
+pub(super) fn read(
+    file: impl Fn(&str) -> Option<PathBuf>,
+    size: (usize, usize),
+) -> Result<Option<Truth>> {
     let there = files()
         .flat_map(|f| f.truths)
-        .filter_map(|truth| Some((scene.file(truth.name)?, truth)));
+        .filter_map(|truth| Some((file(truth.name)?, truth)));
     let there: Vec<_> = there.collect();
     let Some((path, truth)) = there
         .iter()
@@ -28,17 +31,13 @@ pub(super) fn read(scene: &Scene, size: (usize, usize)) -> Result<Option<Truth>>
     };
     let read = |path: &Path| truth.form.read(path, size);
     let disparity = read(path)?;
-    let mask = files()
-        .flat_map(|f| f.masks)
-        .find_map(|name| scene.file(name));
+    let mask = files().flat_map(|f| f.masks).find_map(&file);
     let visibility = match (mask, &truth.seen) {
         (Some(path), _) => Some(same_size(&path, read_mask(&path)?, size)?),
-        (None, Seen::RightTruth(name)) => scene
-            .file(name)
+        (None, Seen::RightTruth(name)) => file(name)
             .map(|right| cross_check(&disparity, &read(&right)?))
             .transpose()?,
-        (None, Seen::Alone(name)) => scene
-            .file(name)
+        (None, Seen::Alone(name)) => file(name)
             .map(|seen| among(&disparity, &read(&seen)?))
             .transpose()?,
         (None, Seen::Unknown) => None,
