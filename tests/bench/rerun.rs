@@ -1,5 +1,4 @@
-//! What the Rerun sink leaves in a file, read back with the SDK's own decoder and, where there is
-//! one, the viewer.
+//! Files of the Rerun sink, read back with the SDK's decoder and, where there is one, the viewer.
 
 use rerun::StoreKind;
 use rerun::external::re_log_encoding::DecoderApp;

@@ -1,4 +1,4 @@
-//! What several tests share: real scenes and running an algorithm.
+//! Shared helpers: real scenes, and running an algorithm.
 
 use std::path::{Path, PathBuf};
 use svl::kernel::Isa;

@@ -1,4 +1,4 @@
-//! What the thesis claims of its matchers, on real scenes with true disparities (Middlebury 2003
+//! Claims of the thesis about its matchers, on real scenes with true disparities (Middlebury 2003
 //! and 2006).
 //!
 //! Thresholds were set after measuring, with some room, so that a change for the worse shows.

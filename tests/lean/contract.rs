@@ -1,5 +1,5 @@
-//! What every matcher owes its oracle: the same result on every instruction set and thread count,
-//! and all reasons it can give, no other.
+//! The contract between a matcher and its oracle: the same result on every instruction set and
+//! thread count, and all reasons it can give, no other.
 
 use crate::common;
 use crate::oracle::scenes::{Scene, difference, pair, pool};

@@ -1,5 +1,4 @@
-//! Real scenes give, on every pixel, the disparities and reasons that the specification's own
-//! implementation gave.
+//! Real scenes: every disparity and reason equals that of the specification's own implementation.
 
 use crate::common;
 use svl::kernel::Isa;

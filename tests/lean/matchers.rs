@@ -1,4 +1,4 @@
-//! What holds for every matcher of the table.
+//! Properties of every matcher in the table.
 
 use crate::common;
 use crate::oracle::scenes::pool;

@@ -1,4 +1,4 @@
-//! What is refused, and what the wireframe shows of what is accepted.
+//! Arena configurations: those that are refused, and the wireframe of valid ones.
 
 use super::{ball, empty};
 use svl::arena::{Arena, ArenaConfig, Ball, Block};

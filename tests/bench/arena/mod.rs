@@ -1,4 +1,4 @@
-//! The simulated arena: its truth against closed forms, its pictures against its truth, its
+//! The simulated arena: its truth against closed forms, its images against its truth, its
 //! checkpoints against both.
 
 mod config;

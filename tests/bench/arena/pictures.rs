@@ -1,4 +1,4 @@
-//! Grey values: what the right camera sees where the truth says, noise, misalignment, sameness.
+//! Grey values: right image against truth, noise, misalignment, reproducibility.
 
 use super::{clean, empty};
 use rayon::prelude::*;

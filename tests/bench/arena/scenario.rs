@@ -1,4 +1,4 @@
-//! `scenarios/arena.toml`: every run comes by every checkpoint, and the checkpoints tell good
+//! `scenarios/arena.toml`: every run passes every checkpoint, and the checkpoints separate good
 //! matchers from bad ones.
 
 use super::seen;

@@ -1,4 +1,4 @@
-//! Disparities and visibility against formulas written down here a second time.
+//! True disparities and visibility against an independent implementation of their formulas.
 
 use super::{ball, empty, ray, seen};
 use nalgebra::Vector3;

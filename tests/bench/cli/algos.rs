@@ -1,3 +1,5 @@
+//! `svl algos`.
+
 use super::fixture::Fixture;
 
 #[test]

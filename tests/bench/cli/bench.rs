@@ -1,3 +1,5 @@
+//! `svl bench`.
+
 use super::fixture::Fixture;
 
 #[test]

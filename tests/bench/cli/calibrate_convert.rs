@@ -1,3 +1,5 @@
+//! `svl calibrate convert`.
+
 use super::fixture::{Fixture, datasets};
 use std::process::Command;
 

@@ -1,3 +1,5 @@
+//! `svl calibrate distance`.
+
 use super::fixture::Fixture;
 
 const TABLE: &str = include_str!("../../../scenarios/annex-b.csv");

@@ -1,3 +1,5 @@
+//! `svl compare`.
+
 use super::fixture::Fixture;
 
 /// A short arena scored by each of `algorithms` into a folder of that number.

@@ -1,3 +1,5 @@
+//! `svl datasets`.
+
 use super::fixture::{Fixture, Ran, pgm};
 use super::server::{Manners, Server};
 use std::io::{Cursor, Write};

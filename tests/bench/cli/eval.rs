@@ -1,3 +1,5 @@
+//! `svl eval`.
+
 use super::fixture::{Fixture, datasets, pgm};
 use serde_json::Value;
 use std::path::Path;

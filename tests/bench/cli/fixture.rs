@@ -1,4 +1,4 @@
-//! A folder of its own for each test, the program in it, and images to give it.
+//! A temporary folder per test, the program under test, and input images.
 
 pub use crate::common::datasets;
 

@@ -1,3 +1,5 @@
+//! Help, completions and the man page.
+
 use super::fixture::Fixture;
 
 #[test]

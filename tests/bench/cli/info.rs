@@ -1,3 +1,5 @@
+//! `svl info`.
+
 use super::fixture::Fixture;
 
 #[test]

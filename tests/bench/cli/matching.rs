@@ -1,3 +1,5 @@
+//! `svl match`.
+
 use super::fixture::{Fixture, datasets, pgm};
 
 #[test]

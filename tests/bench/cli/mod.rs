@@ -1,4 +1,4 @@
-//! The program as a user meets it: one file per subcommand.
+//! The command line: one file per subcommand.
 
 pub(crate) mod fixture;
 mod server;

@@ -1,3 +1,5 @@
+//! `svl record` from everything but cameras.
+
 use super::fixture::{Fixture, pgm};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{Geometry, StereoPair};

@@ -1,3 +1,5 @@
+//! `--calib` of `svl record` and `svl replay`, and `svl calibrate check`.
+
 use super::fixture::{Fixture, datasets, pgm};
 use nalgebra::Isometry3;
 use svl::calibrate::files;

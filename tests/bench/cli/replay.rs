@@ -1,3 +1,5 @@
+//! `svl replay`.
+
 use super::fixture::Fixture;
 
 fn recorded(frames: &str) -> Fixture {

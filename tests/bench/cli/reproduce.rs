@@ -1,3 +1,5 @@
+//! `svl reproduce`.
+
 use super::fixture::{Fixture, datasets};
 
 /// What the arena shows is the same on every machine, so the verdicts and their numbers are.

@@ -1,3 +1,5 @@
+//! `svl score`.
+
 use super::fixture::{Fixture, datasets};
 
 #[test]

@@ -1,4 +1,4 @@
-//! A file server on this machine, as good or as bad as a test wants it.
+//! A local file server that behaves, or misbehaves, as a test asks.
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Write};

@@ -1,4 +1,4 @@
-//! `svl record` killed, robbed of its folder, on a full disk; `svl recover` after that.
+//! `svl record` killed, with its folder removed, on a full disk; `svl recover` afterwards.
 #![cfg(unix)]
 
 use super::fixture::Fixture;

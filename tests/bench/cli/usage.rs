@@ -1,5 +1,5 @@
-//! Exit code 2 is for the command line itself, 1 for files and machines; the line names the thing
-//! and what was expected.
+//! Exit code 2 is for the command line itself, 1 for files and machines; the message names the
+//! option and what was expected.
 
 use super::fixture::Fixture;
 

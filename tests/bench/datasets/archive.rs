@@ -1,3 +1,5 @@
+//! Archives of data sets, unpacked.
+
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 use svl::fetch::{Unpacked, unpack};

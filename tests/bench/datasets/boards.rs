@@ -1,4 +1,4 @@
-//! Real chessboards, and real pictures without any.
+//! Board detection on real chessboards, and on real images without one.
 
 use crate::common;
 use nalgebra::Vector2;

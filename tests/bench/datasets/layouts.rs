@@ -1,3 +1,5 @@
+//! Layouts of data sets on disk.
+
 use super::tree::{DISPARITY, Tree, WIDTH, expect_truth};
 use svl::stereo::{Frame, Visibility};
 

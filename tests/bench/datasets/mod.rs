@@ -1,5 +1,4 @@
-//! The public data sets: their layouts on disk, their scenarios, and what is refused on the way
-//! there.
+//! The public data sets: their layouts on disk, their scenarios, and what is refused.
 
 mod archive;
 mod boards;

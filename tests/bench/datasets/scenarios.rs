@@ -1,3 +1,5 @@
+//! The scenario files of the data sets.
+
 use std::path::Path;
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::DATASETS;

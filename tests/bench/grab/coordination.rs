@@ -1,4 +1,4 @@
-//! Figures 4.2 and 4.3 of the thesis.
+//! Software trigger against fixed rate: figures 4.2 and 4.3 of the thesis.
 
 use super::stage::{MS, PERIOD_NS, Stage, Triggered, slow};
 use svl::grab::simulated::CameraBehavior;

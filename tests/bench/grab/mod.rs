@@ -1,4 +1,5 @@
-//! The synchronized frames grabber, on a scripted clock: no test here can fail for a slow machine.
+//! The synchronized frames grabber on a scripted clock, so that no test depends on the speed of the
+//! machine.
 
 mod balance;
 mod coordination;

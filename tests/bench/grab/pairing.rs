@@ -1,4 +1,4 @@
-//! What always holds of pairing, whatever the cameras send.
+//! Invariants of pairing, whatever the cameras send.
 
 use proptest::prelude::*;
 use svl::grab::{Capture, Pairing, Rule, Settings, Unpaired, WAITING};

@@ -1,4 +1,4 @@
-//! What holds whatever the maps.
+//! Invariants of the metric protocols, for any map.
 
 use super::{NO, image, numbers};
 use proptest::prelude::*;

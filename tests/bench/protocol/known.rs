@@ -1,4 +1,5 @@
-//! Real maps: scores that others computed, and files of several forms that hold the same map.
+//! Real maps: scores computed by other programs, and files of several formats that hold the same
+//! map.
 
 use super::{assert_numbers, image, numbers};
 use crate::common;

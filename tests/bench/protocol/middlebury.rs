@@ -1,4 +1,4 @@
-//! Middlebury v3 and v2, and ETH3D, whose tables are alike and whose rules are not.
+//! Middlebury v3 and v2, and ETH3D: similar tables, different rules.
 
 use super::{NO, assert_numbers, image, map, numbers};
 use svl::score::protocol::Protocol::{self, Eth3d, Middeval3, MiddleburyV2};

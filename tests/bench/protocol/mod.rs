@@ -1,5 +1,4 @@
-//! The metric protocols: tiny maps computed by hand, what always holds, and real maps with known
-//! scores.
+//! The metric protocols: small maps computed by hand, invariants, and real maps with known scores.
 
 mod always;
 mod kitti;

@@ -1,4 +1,4 @@
-//! Whatever is wrong with a recording, it is said in one line, and no wrong pair comes out.
+//! Invalid recordings: the error is one line, and no wrong pair is returned.
 
 use super::frames::{attachment, bare, full, header, read, record, summarize};
 use std::path::{Path, PathBuf};

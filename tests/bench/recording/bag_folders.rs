@@ -1,4 +1,4 @@
-//! ROS 2 bags as they lie on a disk: folders of files.
+//! ROS 2 bags as folders of files.
 
 use super::bag;
 use super::frames::{image, read};

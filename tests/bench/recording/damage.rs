@@ -1,4 +1,4 @@
-//! Wherever a recording is damaged, what was not touched is saved.
+//! Damage at every place of a recording: what was not touched is salvaged.
 
 use super::frames::{bare, read, record, recover, summarize};
 use super::recovery::{recovered, specimen};

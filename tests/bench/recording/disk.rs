@@ -1,4 +1,4 @@
-//! Full, vanished and forbidden folders; recordings that must not be overwritten.
+//! Full, vanished and read-only folders; recordings that must not be overwritten.
 
 use super::frames::{full, read};
 use std::path::{Path, PathBuf};

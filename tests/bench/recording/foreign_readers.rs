@@ -1,4 +1,4 @@
-//! The public MCAP libraries read in a recording what was written.
+//! svl's recordings, read by the public MCAP libraries.
 
 use super::frames::full;
 use std::process::Command;

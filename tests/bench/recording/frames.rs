@@ -1,4 +1,4 @@
-//! Made-up frames, and recordings of them.
+//! Synthetic frames, and recordings of them.
 
 use std::path::{Path, PathBuf};
 use svl::recording::{

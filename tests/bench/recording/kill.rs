@@ -1,4 +1,4 @@
-//! A recorder that is killed, for real, at any moment: what it had synced is there.
+//! A recorder killed at any moment: everything that it had synced is recovered.
 #![cfg(unix)]
 
 use super::frames::{full, read, recover};

@@ -1,4 +1,4 @@
-//! Recordings: what is written comes back, and what is damaged says so.
+//! Recordings: round trips, other programs' bags, damage, recovery.
 
 mod bad_input;
 mod bag;

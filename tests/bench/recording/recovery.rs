@@ -1,4 +1,4 @@
-//! What is left of a damaged file.
+//! Recovery of damaged and truncated files.
 
 use super::bag;
 use super::frames::{attachment, bare, full, header, image, read, recover, summarize};

@@ -1,4 +1,4 @@
-//! What is written is what is read.
+//! Round trips: every frame is read as it was written.
 
 use super::frames::{attachment, bare, full, header, read, record, summarize};
 use svl::recording::{Dialect, Header, ImageFormat, Recording, RecordingFormat, Selection, Writer};

@@ -1,4 +1,4 @@
-//! What `svl info` is told.
+//! Summaries of recordings, as `svl info` shows them.
 
 use super::bag;
 use super::frames::{PERIOD_NS, bare, full, record, summarize};

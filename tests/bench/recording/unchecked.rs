@@ -1,5 +1,4 @@
-//! Bags without checksums, as ROS 2's own recorder writes them: what can be told of their damage is
-//! told.
+//! Bags without checksums, as ROS 2's recorder writes them: which damage is found.
 
 use super::damage::records;
 use super::frames::{image, read, summarize};

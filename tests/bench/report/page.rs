@@ -1,4 +1,4 @@
-//! The page.
+//! The HTML page.
 
 use super::fixture::{cell, example, row};
 use svl::overlay::{Nearness, marks};

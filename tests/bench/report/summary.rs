@@ -1,4 +1,4 @@
-//! Sums of a run, on the terminal and as Markdown.
+//! The summary of a run, on the terminal and as Markdown.
 
 use super::fixture::{blind, checkpoint, example, row, summary};
 use svl::score::Metric;

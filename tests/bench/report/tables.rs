@@ -1,4 +1,4 @@
-//! Tables on disk.
+//! Tables as CSV and Parquet.
 
 use super::fixture::{blind, cell, checkpoint, example, parquet, row};
 use svl::Error;

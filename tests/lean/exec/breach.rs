@@ -1,4 +1,4 @@
-//! Programs that break the protocol: each in its own words, within its time.
+//! Programs that break the exec protocol: each gets a message of its own, in time.
 
 use super::fixture::{pair, start};
 

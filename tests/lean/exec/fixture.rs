@@ -1,4 +1,4 @@
-//! A matcher that is a program of the test.
+//! A matcher whose program the test writes.
 
 use std::path::PathBuf;
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! Programs that keep the protocol.
+//! Programs that keep the exec protocol.
 
 use super::fixture::{pair, python, start};
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! The plug-in protocol, with programs that keep it and programs that break it.
+//! The exec protocol, with programs that keep it and programs that break it.
 
 mod breach;
 mod fixture;

@@ -1,4 +1,4 @@
-//! How a program is named.
+//! The command of an exec algorithm: words and quotes.
 
 use svl::matcher::{Algorithm, Value};
 

@@ -1,5 +1,4 @@
-//! Block matching and its optional checks, written down again: slow, sharing no code with the
-//! matcher.
+//! Oracle of block matching and its optional checks: slow, sharing no code with the matcher.
 
 use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
 

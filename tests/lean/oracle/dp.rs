@@ -1,5 +1,4 @@
-//! The specification of dp, written down again: slow, unoptimised, sharing no code with the
-//! matcher.
+//! Oracle of dp: slow, unoptimized, sharing no code with the matcher.
 
 use svl::stereo::{DisparityMap, Gray, StereoPair};
 

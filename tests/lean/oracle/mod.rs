@@ -1,5 +1,4 @@
-//! The specifications of the thesis's matchers, written down again: slow, unoptimised, sharing no
-//! code with them.
+//! Oracles of the thesis's matchers: slow, unoptimized, sharing no code with them.
 
 pub(crate) mod bm;
 pub(crate) mod dp;

@@ -1,4 +1,4 @@
-//! Pairs for tests against an oracle.
+//! Synthetic pairs for comparing a matcher with its oracle.
 
 use proptest::prelude::*;
 use svl::stereo::{DisparityMap, Gray, StereoPair};

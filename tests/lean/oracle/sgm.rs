@@ -1,5 +1,5 @@
-//! Semi-global matching, written down again from its equations: slow, in whole numbers with an
-//! infinity, sharing no code with the matcher.
+//! Oracle of semi-global matching, from its equations: slow, in integers with an infinity, sharing
+//! no code with the matcher.
 
 use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
 

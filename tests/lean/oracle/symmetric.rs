@@ -1,4 +1,4 @@
-//! v1 and v2.
+//! Oracles of v1 and v2.
 
 use super::{refine, smooth, write};
 use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, StereoPair};

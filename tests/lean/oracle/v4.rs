@@ -1,4 +1,4 @@
-//! v4.
+//! Oracle of v4.
 
 use super::{refine, smooth, textured, write};
 use svl::stereo::{DisparityMap, ExtraPlanes, Plane, Reason, StereoPair};
