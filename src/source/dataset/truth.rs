@@ -31,7 +31,7 @@ pub(super) fn read(
     };
     let read = |path: &Path| truth.form.read(path, size);
     let disparity = read(path)?;
-    let mask = files().flat_map(|f| f.masks).find_map(&file);
+    let mask = files().flat_map(|f| f.masks).find_map(|name| file(name));
     let visibility = match (mask, &truth.seen) {
         (Some(path), _) => Some(same_size(&path, read_mask(&path)?, size)?),
         (None, Seen::RightTruth(name)) => file(name)
