@@ -31,8 +31,8 @@ pub(crate) struct LiveArgs {
     )]
     rate: Option<f64>,
     /// What makes a pair: the same trigger pulse, the nearest stamps, or the order of arrival,
-    /// which shows what goes wrong without either [default: trigger with software and serial where the
-    /// driver can trigger, else stamp]
+    /// which shows what goes wrong without either [default: trigger with software and serial where
+    /// the driver can trigger, else stamp]
     #[arg(long, value_name = "trigger|stamp|order")]
     pairing: Option<PairingChoice>,
     /// Pairs that may wait for the disk [default: 64]

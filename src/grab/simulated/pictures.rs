@@ -11,8 +11,8 @@ use rayon::prelude::*;
 /// Pairs without noise, with an exposure of 8 ms, at a fixed rate.
 ///
 /// Rendering one takes longer than a camera's period, so all are rendered in advance. An image
-/// shows the world at its exposure, so a pair with skew shows two moments. A longer shutter makes it
-/// brighter, not more blurred.
+/// shows the world at its exposure, so a pair with skew shows two moments. A longer shutter makes
+/// it brighter, not more blurred.
 pub struct RenderedPictures {
     pairs: Vec<StereoPair>,
     period_ns: u64,
@@ -51,8 +51,8 @@ impl RenderedPictures {
             .transpose()
     }
 
-    /// Renders all pictures of a moving calibration board, as [`RenderedPictures::render`] does, with the
-    /// distortion of lenses.
+    /// Renders all pictures of a moving calibration board, as [`RenderedPictures::render`] does,
+    /// with the distortion of lenses.
     ///
     /// # Errors
     /// [`Error::Usage`] for another size than the board's cameras have.

@@ -20,7 +20,9 @@ use svl::source::Limited;
 #[command(after_help = format!("{SOURCES}{}{EXAMPLES}", live::drivers_help()))]
 pub(crate) struct Args {
     /// What to record
-    #[arg(default_value = "arena", value_parser = source::SourceParser, hide_possible_values = true)]
+    #[arg(
+        default_value = "arena", value_parser = source::SourceParser, hide_possible_values = true
+    )]
     source: String,
     /// File to write [default: recordings/SOURCE-N.mcap]
     #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]

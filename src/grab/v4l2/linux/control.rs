@@ -103,8 +103,8 @@ impl ControlRange {
         (min + ((value.clamp(min, max) - min) / step).round() * step).min(max) as i32
     }
 
-    /// Whether the values are multiples of the least gain, as in sensors' registers (16 is 1×, 64 is
-    /// 4×).
+    /// Whether the values are multiples of the least gain, as in sensors' registers (16 is 1×, 64
+    /// is 4×).
     fn is_linear(&self) -> bool {
         self.min > 0
     }

@@ -50,7 +50,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let ready = |device: V4l2Device| -> Result<(Box<dyn Camera>, f64)> {
         let layout = device.set_format(format, size)?;
         let hz = device.set_rate(rate_hz).unwrap_or(rate_hz);
-        // Triggered cameras expose when they are told, whatever their rate.
+        // Triggered cameras expose at the pulses, whatever rate they were set to.
         if !triggered && (hz / rate_hz - 1.0).abs() > 0.01 {
             tracing::warn!(
                 "{}: gives {hz:.1} images per second in {format} of {}x{}",
