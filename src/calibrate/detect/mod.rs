@@ -20,7 +20,7 @@
 //! | blur 1.5 px | 39, 0.028 px | 38, 0.034 px |
 //! | blur 4 px | 32, 0.131 px | 32, 0.150 px |
 //! | 70 % less light at one edge | 40, 0.020 px | 38, 0.033 px |
-//! | time per image of 640x480 | 20 ms | 17 ms |
+//! | time per image of 640x480, machine under load | 20 ms | 17 ms |
 //!
 //! So this one stays. In noise of 20 its grids lose to those of `calib-targets`, whose boards are
 //! then found more often: 39 of 40 where its grids are refined as here.
