@@ -62,7 +62,8 @@ fn what_is_missing_or_in_the_way_has_a_cure() {
         .failed(1, &["in squares", "squares=SIDE_IN_METRES"]);
     convert(&["cv.yml", "c.txt", "--to", "kitti", "--unit", "m"])
         .failed(1, &["rectified cameras only"]);
-    convert(&["other.yaml", "c.xml"]).failed(1, &["other.yaml", "no calibration that svl knows"]);
+    convert(&["other.yaml", "c.xml"])
+        .failed(1, &["other.yaml", "not a calibration that svl knows"]);
     convert(&["nothing.xml", "c.xml"]).failed(1, &["nothing.xml", "no such file"]);
     assert!(!fixture.path("c.xml").exists() && !fixture.path("l.yaml").exists());
     convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m", "--rectify"]).done();

@@ -259,7 +259,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
         assert!((frame.rig().unwrap().baseline_m() - 0.11008).abs() < 1e-4);
         let raw = fixture.svl(&["replay", &bag, "--calib", "none"]);
         assert!(
-            raw.stderr.contains("not rectified") && raw.stderr.contains("px apart"),
+            raw.stderr.contains("not rectified") && raw.stderr.contains("vertical misalignment"),
             "{}",
             raw.stderr
         );
