@@ -54,6 +54,8 @@ pub mod overlay;
 #[cfg(feature = "bench")]
 mod pairing;
 #[cfg(feature = "bench")]
+pub mod record;
+#[cfg(feature = "bench")]
 pub mod recording;
 #[cfg(feature = "bench")]
 pub mod report;

@@ -1,12 +1,14 @@
 //! Sinks: tables, checkpoints, pictures, Rerun, recordings. [`Sinks::open`] builds them.
 
 mod checkpoints;
+mod collect;
 mod pictures;
 mod recording;
 mod rerun;
 mod table;
 
 pub use checkpoints::CheckpointSink;
+pub use collect::CollectSink;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
 pub use rerun::{BoardView, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};

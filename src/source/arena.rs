@@ -1,7 +1,7 @@
 //! The simulated arena as a source.
 
 use super::Source;
-use crate::arena::Arena;
+use crate::arena::{self, Arena, ArenaConfig};
 use crate::error::Result;
 use crate::stereo::Frame;
 use rayon::prelude::*;
@@ -26,6 +26,17 @@ impl ArenaSource {
             next: 0,
             ready: VecDeque::new(),
         }
+    }
+}
+
+impl ArenaSource {
+    /// Hash of everything that the pixels of a run depend on.
+    pub fn hash(config: &ArenaConfig, seed: u64) -> String {
+        // A configuration is plain numbers and text, which JSON can hold.
+        let config = serde_json::to_string(config).unwrap_or_default();
+        let (version, revision) = (env!("CARGO_PKG_VERSION"), arena::REVISION);
+        let text = format!("svl {version} arena {revision} seed {seed} {config}");
+        format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
     }
 }
 

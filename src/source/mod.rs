@@ -3,17 +3,24 @@
 mod alignment_monitor;
 mod arena;
 mod board;
+mod calibration;
 pub mod dataset;
 mod limited;
 mod live;
+mod open;
 mod recording;
 mod rectified;
 
 pub use alignment_monitor::AlignmentMonitor;
 pub use arena::ArenaSource;
 pub use board::BoardSource;
+pub use calibration::{Calib, CalibrationFiles};
 pub use limited::Limited;
 pub use live::LiveSource;
+pub use open::{
+    CAMERAS, Opened, Request, SOURCES, SourceKind, SourceOption, expected, open, open_arena,
+    open_recording,
+};
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};
 

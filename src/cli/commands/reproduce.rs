@@ -4,7 +4,7 @@ use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
 use crate::cli::shared::progress::{self, Progress};
 use crate::cli::shared::source::data_folder;
 use crate::cli::shared::terminal::{print, print_json};
-use crate::cli::shared::{cache, usage};
+use crate::cli::shared::{recordings, usage};
 use anyhow::{Context as _, bail};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -13,8 +13,8 @@ use svl::reproduce::{
     Context, EXPERIMENTS, Experiment, ExperimentFinding, Finding, FindingsPage, find, scenes,
 };
 use svl::scenario::Scenario;
-use svl::source::Source;
 use svl::source::dataset::Scene;
+use svl::source::{RecordingSource, Source};
 
 /// Repeat the thesis's experiments and say which of its claims hold
 ///
@@ -118,8 +118,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 /// The arena of chapter 7, one run of it.
 fn arena_run(quiet: bool) -> anyhow::Result<(Scenario, Box<dyn Source>)> {
     let scenario = Scenario::arena()?;
-    let source = cache::recording(&scenario, 1, quiet)?;
-    Ok((scenario, Box::new(source)))
+    let path = recordings::cached_run(&scenario, 1, quiet)?;
+    Ok((scenario, Box::new(RecordingSource::open(path)?)))
 }
 
 fn repeat(

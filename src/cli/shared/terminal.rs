@@ -60,3 +60,22 @@ pub(crate) fn size(bytes: u64) -> String {
         1_000_000.. => format!("{:.1} MB", bytes as f64 / 1e6),
     }
 }
+
+/// Last column of the help that stands below the options, which clap does not break again.
+pub(crate) const LAST_COLUMN: usize = 78;
+
+/// `head`, and from a column on the words of `text`, broken at the last column.
+pub(crate) fn wrapped(head: &str, column: usize, text: &str) -> String {
+    let mut lines = vec![format!("{head:<column$}")];
+    for word in text.split(' ') {
+        let line = lines.last_mut().expect("one to begin with");
+        let used = line.chars().count();
+        if used > column && used + 1 + word.chars().count() > LAST_COLUMN {
+            lines.push(format!("{:column$}{word}", ""));
+        } else {
+            line.push_str(if used > column { " " } else { "" });
+            line.push_str(word);
+        }
+    }
+    lines.join("\n") + "\n"
+}

@@ -111,7 +111,7 @@ fn bad_input_is_one_line_that_names_it() {
     );
     fixture
         .svl(&["record", "odd", "--seed", "3", "-o", "a.mcap"])
-        .failed(2, &["only the arena"]);
+        .failed(2, &["--seed is for the arena"]);
     fixture
         .svl(&["record", "-o", "a.txt"])
         .failed(2, &["a.txt: must end in .mcap"]);

@@ -3,9 +3,8 @@
 use super::ask::{Answers, ViewPrompt};
 use super::collect::{Collected, collect};
 use super::report::ReportFolder;
-use crate::cli::shared::live::LiveArgs;
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::source::{self, Opened, Topics};
+use crate::cli::shared::source::{self, CameraArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::{anyhow, bail};
@@ -14,6 +13,7 @@ use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
 use svl::rectify::{Framing, bouguet};
 use svl::sink::RerunTarget;
+use svl::source::{Calib, Opened, Request};
 
 /// Calibrate two cameras from images of a chessboard
 ///
@@ -68,7 +68,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
     #[command(flatten)]
-    topics: Topics,
+    topics: TopicArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -76,7 +76,7 @@ pub(super) struct Args {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
-    live: LiveArgs,
+    cameras: CameraArgs,
 }
 
 fn squares(text: &str) -> Result<(usize, usize), String> {
@@ -98,7 +98,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !args.yes && !can_ask {
         bail!("asking about each pair needs a terminal; add --yes to accept all that help");
     }
-    let opened = source::open_any(&args.source, None, &args.topics, &args.live, quiet)?;
+    let mut request = Request {
+        calib: Calib::Raw,
+        ..Request::new(&args.source)
+    };
+    args.topics.fill(&mut request);
+    args.cameras.fill(&mut request);
+    let opened = source::open(request, quiet)?;
     let (mut folder, claimed) = ReportFolder::claim(&args.output, source, args.force)?;
     // The calibration is written last, but its path is claimed before the user spends time on
     // views.

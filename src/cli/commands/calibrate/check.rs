@@ -1,13 +1,14 @@
 //! `svl calibrate check`: vertical misalignment of a recording's pairs.
 
-use crate::cli::shared::rectify::Rectify;
-use crate::cli::shared::source::{self, Topics};
+use crate::cli::shared::runner::report_losses;
+use crate::cli::shared::source::{self, RectifyArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use svl::counted;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
+use svl::source::Request;
 
 /// Measure how well the pairs of a recording are rectified, from the pictures alone
 ///
@@ -28,9 +29,9 @@ pub(super) struct Args {
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: String,
     #[command(flatten)]
-    topics: Topics,
+    topics: TopicArgs,
     #[command(flatten)]
-    rectify: Rectify,
+    rectify: RectifyArgs,
     /// Measure this many pairs, spread over all
     #[arg(
         long, value_name = "N", default_value_t = 20, allow_negative_numbers = true,
@@ -43,9 +44,11 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let expected = "a recording (.mcap) or a folder of pairs";
-    let opened = source::open(&args.recording, None, &args.topics, expected)?;
-    let mut source = args.rectify.opened(opened, quiet)?.source;
+    let mut request = Request::new(&args.recording);
+    args.topics.fill(&mut request);
+    args.rectify.fill(&mut request);
+    let cure = request.calib.cure();
+    let mut source = source::open(request.clone(), quiet)?.source;
     // A source of unknown length is sampled in its first ten seconds or so.
     let step = source
         .pairs()
@@ -63,6 +66,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     }
     let name = source.name();
+    report_losses(&name, &source.finish(taken));
     let Some(alignment) = meter.alignment() else {
         bail!(
             "{name}: too few points matched between both images ({}): show the cameras something \
@@ -78,10 +82,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // The report comes first; then the exit code says that the pairs are not rectified.
     if alignment.is_off() {
         let off = alignment.median_abs_px;
-        bail!(
-            "{name}: vertical misalignment of {off:.1} px; {}",
-            args.rectify.cure()
-        );
+        bail!("{name}: vertical misalignment of {off:.1} px; {cure}");
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! `svl calibrate convert`: converts a calibration file to the format of another program.
 
 use crate::cli::shared::outputs::{Outputs, distinct};
-use crate::cli::shared::terminal::print;
+use crate::cli::shared::terminal::{print, wrapped};
 use crate::cli::shared::usage;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -65,30 +65,9 @@ Formats, by the endings of their files:
             "  {:<11} {} (.{endings}{only}):\n",
             format.name, format.title
         );
-        text += &paragraph(format.conventions, 14);
+        text += &wrapped("", 14, format.conventions);
     }
     text
-}
-
-/// Words wrapped and indented for the end of a help text, which clap does not wrap.
-fn paragraph(words: &str, indent: usize) -> String {
-    const COLUMNS: usize = 78;
-    let (mut text, mut column) = (String::new(), COLUMNS);
-    for word in words.split_whitespace() {
-        let width = word.chars().count();
-        if column + 1 + width > COLUMNS {
-            text += &format!(
-                "{}{:indent$}{word}",
-                if text.is_empty() { "" } else { "\n" },
-                ""
-            );
-            column = indent + width;
-        } else {
-            text += &format!(" {word}");
-            column += 1 + width;
-        }
-    }
-    text + "\n"
 }
 
 fn written(name: &str) -> Result<&'static CalibrationFormat, String> {

@@ -34,6 +34,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         CalibrateCommand::Check(args) => check::run(args, quiet),
         CalibrateCommand::Board(args) => board::run(args, quiet),
         CalibrateCommand::Convert(args) => convert::run(args),
-        CalibrateCommand::Distance(args) => distance::run(args),
+        CalibrateCommand::Distance(args) => distance::run(args, quiet),
     }
 }

@@ -1,23 +1,21 @@
 //! `svl record`: a source into a recording.
 
-use crate::cli::shared::live::{self, LiveArgs};
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::rectify::Rectify;
-use crate::cli::shared::source::{self, RECORDINGS};
+use crate::cli::shared::source::{self, CameraArgs, RectifyArgs, TopicArgs};
 use crate::cli::shared::terminal::print;
-use crate::cli::shared::{recorder, runner, usage};
+use crate::cli::shared::{recordings, runner, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat};
 use svl::run::Outcome;
-use svl::source::Limited;
+use svl::source::{Limited, Request};
 
 /// Record pairs to an MCAP file
 ///
 /// Ctrl-C ends the recording and leaves it whole.
 #[derive(clap::Args)]
-#[command(after_help = format!("{SOURCES}{}{EXAMPLES}", live::drivers_help()))]
+#[command(after_help = format!("{}\n{EXAMPLES}", source::sources_help()))]
 pub(crate) struct Args {
     /// What to record
     #[arg(
@@ -46,9 +44,9 @@ pub(crate) struct Args {
     )]
     seed: Option<u64>,
     #[command(flatten)]
-    topics: source::Topics,
+    topics: TopicArgs,
     #[command(flatten)]
-    rectify: Rectify,
+    rectify: RectifyArgs,
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
@@ -63,24 +61,10 @@ pub(crate) struct Args {
     #[arg(long, exclusive = true)]
     list: bool,
     #[command(flatten)]
-    live: LiveArgs,
+    cameras: CameraArgs,
 }
 
-const SOURCES: &str = "\
-Sources:
-  arena           the simulated arena of scenarios/arena.toml (default)
-  board           a chessboard that is moved before two cameras with lenses:
-                  for `svl calibrate board`
-  SCENARIO.toml   the arena with other parameters
-  FOLDER          a data-set scene (im0.png, im1.png, truth, calib.txt), a
-                  folder of such scenes, KITTI's training/ (the pairs with
-                  truth), or left/ and right/ with equally named images
-  FILE.mcap, BAG  another recording: svl's, a ROS 2 bag (the folder or a file
-                  of it), Foxglove's; raw, compressed or Bayer images of two
-                  topics
-";
-
-const EXAMPLES: &str = "
+const EXAMPLES: &str = "\
 Examples:
   svl record                                 recordings/arena-seed1-1.mcap
   svl record arena --seed 7 --duration 5 -o five-seconds.mcap
@@ -98,19 +82,24 @@ Examples:
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.list {
-        return live::list();
+        return source::list();
     }
-    let inputs = source::inputs(Path::new(&args.source));
+    let inputs = source::inputs(&args.source);
     let claim =
         |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
     let claimed = args.output.as_deref().map(claim).transpose()?;
-    let mut opened = source::open_any(&args.source, args.seed, &args.topics, &args.live, quiet)?;
-    opened = args.rectify.opened(opened, quiet)?;
+    let mut request = Request {
+        seed: args.seed,
+        ..Request::new(&args.source)
+    };
+    args.topics.fill(&mut request);
+    args.rectify.fill(&mut request);
+    args.cameras.fill(&mut request);
+    let mut opened = source::open(request, quiet)?;
     let (output, mut outputs) = match args.output.clone().zip(claimed) {
         Some(claimed) => claimed,
         None => {
-            source::make_recordings_folder()?;
-            let path = source::free_name(Path::new(RECORDINGS), &opened.stem);
+            let path = recordings::free_name(&opened.stem)?;
             let claimed = claim(&path)?;
             (path, claimed)
         }
@@ -131,17 +120,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         },
     };
     let began = Instant::now();
-    let written = recorder::write(opened, &output, format, quiet);
-    let (outcome, ran) = match written {
-        Ok(written) => written,
-        Err(error) => {
-            // Also a file without a pair was begun.
-            if output.exists() {
-                outputs.keep_both();
-            }
-            return Err(error);
-        }
-    };
+    let (outcome, ran) = recordings::record(opened, &output, format, quiet);
     if let Some(grabber) = outcome.losses.grabber.as_ref().filter(|_| !quiet) {
         let whose = match output.exists() {
             true => output.display().to_string(),

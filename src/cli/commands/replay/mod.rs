@@ -3,22 +3,23 @@
 mod verify;
 
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::rectify::{Recorded, Rectify};
-use crate::cli::shared::source::{self, RECORDINGS};
+use crate::cli::shared::recordings::{self, RECORDINGS};
+use crate::cli::shared::source::{self, RectifyArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_json};
-use crate::cli::shared::{cache, runner, usage};
+use crate::cli::shared::{runner, usage};
 use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::recording::{Header, ImageFormat, SCENARIO, Writer};
+use svl::recording::ImageFormat;
 use svl::report::Summary;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
 use svl::score::Judge;
 use svl::sink::{RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
-use svl::source::RecordingSource;
+use svl::source::Request;
 use verify::{Earlier, Verification};
 
 /// Replay a recording through algorithms
@@ -42,15 +43,16 @@ Examples:
 pub(crate) struct Args {
     /// Recording to replay, svl's or another program's, or the folder of a ROS 2 bag [default: the
     /// newest of recordings/, else the arena, recorded first]
-    recording: Option<PathBuf>,
+    #[arg(value_parser = NonEmptyStringValueParser::new())]
+    recording: Option<String>,
     /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with
     /// --verify those of then]
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
-    topics: source::Topics,
+    topics: TopicArgs,
     #[command(flatten)]
-    rectify: Rectify,
+    rectify: RectifyArgs,
     /// As soon as possible, or so many times the recorded speed
     #[arg(
         long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
@@ -93,14 +95,8 @@ fn pace(text: &str) -> Result<Pace, String> {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    args.recording
-        .as_deref()
-        .map_or(Ok(()), source::is_recorded)?;
-    let inputs = args
-        .recording
-        .as_deref()
-        .map(source::inputs)
-        .unwrap_or_default();
+    let named = args.recording.as_deref();
+    let inputs = named.map(source::inputs).unwrap_or_default();
     let rrd = args.rerun.as_ref().and_then(RerunTarget::file);
     let mut outputs = Outputs::claim(
         args.force,
@@ -109,29 +105,21 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             .into_iter()
             .flatten(),
     )?;
-    let source = match &args.recording {
-        Some(path) => args.topics.open(path)?,
-        None => newest_or_arena(quiet)?,
+    let name = match named {
+        Some(name) => name.to_owned(),
+        None => newest_or_arena(quiet)?.display().to_string(),
     };
-    let opened = source.reader().recording().clone();
-    let recording = opened.path().to_owned();
-    let mut header = source
-        .reader()
-        .header()
-        .cloned()
-        .unwrap_or_else(|| Header::new(recording.display().to_string()));
-    let scenario = header.scenario.clone().unwrap_or_else(|| stem(&recording));
-    let scenario_text = source.scenario()?;
-    let recorded = Recorded::of(&source)?;
-    let (mut source, recorded) =
-        args.rectify
-            .pairs(Box::new(source), recorded, &mut header, quiet)?;
-    let verify = args
-        .verify
-        .as_ref()
-        .map(|path| path.as_deref().unwrap_or(&recording));
+    let mut request = Request::new(&name);
+    args.topics.fill(&mut request);
+    args.rectify.fill(&mut request);
+    let mut opened = source::open_recording(&request, quiet)?;
+    let seed = opened.header.seed;
+    let verify = args.verify.as_ref();
     let before = verify
-        .map(|path| Earlier::read(path, &opened, header.seed))
+        .map(|path| {
+            let path = path.as_deref().unwrap_or(Path::new(&name));
+            Earlier::read(path, opened.recording.as_ref(), seed)
+        })
         .transpose()?;
     let algorithms = match (&args.algo[..], &before) {
         ([], Some(before)) => before.algorithms()?,
@@ -141,23 +129,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut matchers = Matchers::new(&algorithms)?;
 
     outputs.set_aside()?;
-    let manifest = Manifest::new(&scenario, scenario_text.as_deref(), &algorithms)?;
+    let manifest = Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?;
     let rerun = args.rerun.clone().map(|target| {
-        let parsed = scenario_text
-            .as_deref()
-            .and_then(|text| Scenario::parse(text, &recording).ok());
-        let wireframe = parsed.map_or_else(Vec::new, |s| s.wireframe(header.seed));
+        let scenario = opened.scenario.as_deref();
+        let scenario = scenario.and_then(|text| Scenario::parse(text, Path::new(&name)).ok());
+        let wireframe = scenario.map_or_else(Vec::new, |s| s.wireframe(seed));
         (target, RunInfo::new(&manifest, wireframe))
     });
-    let result = |path: &PathBuf| {
-        let mut writer = Writer::create(path, &header, ImageFormat::Raw)?;
-        writer.identify(&manifest)?;
-        if let Some(text) = &scenario_text {
-            writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
-        }
-        recorded.attach(&mut writer)?;
-        anyhow::Ok(writer)
-    };
+    let result = |path: &PathBuf| opened.writer(path, ImageFormat::Raw, &manifest);
     let mut sinks = Sinks::open(SinkRequest {
         rows: args.rows.as_deref(),
         rerun,
@@ -167,12 +146,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let judge = Judge::default();
     let start = RunStart {
         manifest: &manifest,
-        seed: header.seed,
+        seed,
         judge: &judge,
     };
-    let title = source.name();
+    let title = opened.source.name();
     let (outcome, ran) = runner::run_through(
-        &mut *source,
+        &mut *opened.source,
         &mut matchers,
         &start,
         args.rate,
@@ -203,13 +182,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         verification = before
             .map(|before| before.compare(&rows, &algorithms))
             .transpose()?;
-        let text = || {
-            format!(
-                "{} ({})\n{summary}",
-                recording.display(),
-                counted(pairs, "pair")
-            )
-        };
+        let text = || format!("{title} ({})\n{summary}", counted(pairs, "pair"));
         if args.json {
             print_json(&Answer {
                 summary: &summary,
@@ -245,20 +218,13 @@ struct Answer<'a> {
     verification: &'a Option<Verification>,
 }
 
-/// The newest recording there is, or else the arena, recorded for this.
-fn newest_or_arena(quiet: bool) -> anyhow::Result<RecordingSource> {
-    if let Some(path) = source::newest_recording() {
-        return Ok(RecordingSource::open(path)?);
+/// The newest recording, or else the arena, recorded for this.
+fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
+    if let Some(path) = recordings::newest() {
+        return Ok(path);
     }
     if !quiet {
         eprintln!("no recording in {RECORDINGS}/: recording the arena first");
     }
-    cache::recording(&Scenario::arena()?, 1, quiet)
-}
-
-fn stem(path: &Path) -> String {
-    path.file_stem()
-        .and_then(|s| s.to_str())
-        .unwrap_or("recording")
-        .to_owned()
+    recordings::cached_run(&Scenario::arena()?, 1, quiet)
 }

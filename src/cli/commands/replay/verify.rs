@@ -40,7 +40,7 @@ impl Earlier {
     /// not opened again.
     pub(super) fn read(
         path: &Path,
-        replayed: &Recording,
+        replayed: Option<&Recording>,
         seed: Option<u64>,
     ) -> anyhow::Result<Self> {
         let mut earlier = Self {
@@ -52,8 +52,10 @@ impl Earlier {
         match path.extension().and_then(|e| e.to_str()) {
             _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), seed)?,
             Some("csv") => earlier.read_rows(path, seed)?,
-            Some("mcap") if path == replayed.path() => earlier.read_recording(replayed)?,
-            Some("mcap") => earlier.read_recording(&Recording::open(path)?)?,
+            Some("mcap") => match replayed.filter(|replayed| replayed.path() == path) {
+                Some(replayed) => earlier.read_recording(replayed)?,
+                None => earlier.read_recording(&Recording::open(path)?)?,
+            },
             _ => bail!(
                 "{}: expected RESULT.mcap, ROWS.csv or the folder of a report",
                 path.display()

@@ -5,7 +5,7 @@ mod sweep;
 use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
 use crate::cli::shared::source::data_folder;
 use crate::cli::shared::terminal::{print, print_json};
-use crate::cli::shared::{cache, runner, usage};
+use crate::cli::shared::{recordings, runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
@@ -16,8 +16,8 @@ use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::Judge;
 use svl::sink::{ReportPictures, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
-use svl::source::Source;
 use svl::source::dataset::{Scene, SceneSource};
+use svl::source::{RecordingSource, Source};
 use sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
 
 /// Score algorithms on a scenario and write a report
@@ -220,7 +220,7 @@ fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result
             let run = |&seed| {
                 Ok(Run {
                     seed: Some(seed),
-                    source: Box::new(cache::recording(scenario, seed, quiet)?),
+                    source: recorded(scenario, seed, quiet)?,
                 })
             };
             seeds.iter().map(run).collect()
@@ -237,6 +237,11 @@ fn runs(scenario: &Scenario, data: Option<&Path>, quiet: bool) -> anyhow::Result
             Ok(vec![Run { seed: None, source }])
         }
     }
+}
+
+fn recorded(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::Result<Box<dyn Source>> {
+    let path = recordings::cached_run(scenario, seed, quiet)?;
+    Ok(Box::new(RecordingSource::open(path)?))
 }
 
 /// The report under way.

@@ -1,17 +1,19 @@
 //! Distances with their disparities, from a table or measured in recordings.
 
-use crate::cli::shared::source::{Topics, open_recording};
-use crate::cli::shared::usage;
+use crate::cli::shared::source::open_recording;
+use crate::cli::shared::{runner, usage};
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::calibrate::distance::TargetMeasurement;
-use svl::depth;
-use svl::depth::GridSettings;
-use svl::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl::source::Source;
-use svl::stereo::{MAX_SIDE, RectifiedPair};
+use svl::manifest::Manifest;
+use svl::matcher::Algorithm;
+use svl::run::{Matchers, Pace};
+use svl::score::{Judge, Judged};
+use svl::sink::{self, CollectSink, RunStart, Sink};
+use svl::source::{Calib, Limited, Request};
+use svl::stereo::{DepthGrid, MAX_SIDE, Rig};
 
 /// Most measurements; more make no better curve.
 const MOST: usize = 1000;
@@ -23,7 +25,7 @@ const MOST_CM: f64 = 1e6;
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Frames matched per recording; the target stands still, so a few are enough.
-const FRAMES: usize = 30;
+const FRAMES: u64 = 30;
 
 /// A target at a known distance.
 #[derive(Debug, Serialize)]
@@ -55,11 +57,18 @@ struct TableLine {
     recording: Option<PathBuf>,
 }
 
+/// How recordings are measured.
+pub(super) struct Measuring<'a> {
+    pub algorithm: &'a Algorithm,
+    /// Cells that show the target; none for those that agree with the middle one.
+    pub cells: &'a [(usize, usize)],
+    pub quiet: bool,
+}
+
 /// Reads a table, or measures recordings given with their distances.
 pub(super) fn measurements(
     named: &[String],
-    algorithm: &Algorithm,
-    cells: &[(usize, usize)],
+    measuring: &Measuring<'_>,
 ) -> anyhow::Result<Vec<Measurement>> {
     let mut found = Vec::new();
     for text in named {
@@ -67,13 +76,10 @@ pub(super) fn measurements(
             Some((_, "")) => {
                 return Err(usage::wrong(format!("{text}: name the recording after =")));
             }
-            Some((distance, recording)) => found.push(measure(
-                length_cm(distance)?,
-                recording.into(),
-                algorithm,
-                cells,
-            )?),
-            None => found.extend(table(Path::new(text), algorithm, cells)?),
+            Some((distance, recording)) => {
+                found.push(measuring.measure(length_cm(distance)?, recording.into())?);
+            }
+            None => found.extend(table(Path::new(text), measuring)?),
         }
     }
     if found.len() > MOST {
@@ -82,11 +88,7 @@ pub(super) fn measurements(
     Ok(found)
 }
 
-fn table(
-    path: &Path,
-    algorithm: &Algorithm,
-    cells: &[(usize, usize)],
-) -> anyhow::Result<Vec<Measurement>> {
+fn table(path: &Path, measuring: &Measuring<'_>) -> anyhow::Result<Vec<Measurement>> {
     let shown = path.display();
     if path.extension().is_some_and(|e| e == "mcap") {
         return Err(usage::wrong(format!(
@@ -129,9 +131,7 @@ fn table(
                 disparity_px,
                 seen: None,
             },
-            (None, Some(recording)) => {
-                measure(distance_cm, folder.join(recording), algorithm, cells)?
-            }
+            (None, Some(recording)) => measuring.measure(distance_cm, folder.join(recording))?,
             _ => bail!(
                 "{shown}: measurement {}: give its disparity_px or its recording, one of both",
                 number + 1
@@ -160,43 +160,61 @@ fn length_cm(text: &str) -> anyhow::Result<f64> {
         })
 }
 
-fn measure(
-    distance_cm: f64,
-    recording: PathBuf,
-    algorithm: &Algorithm,
-    cells: &[(usize, usize)],
-) -> anyhow::Result<Measurement> {
-    let mut source = open_recording(&recording, &Topics::default())?;
-    let mut matcher = algorithm.build()?;
-    let settings = GridSettings::default();
-    let (mut grids, mut rig, mut output) = (Vec::new(), None, MatchOutput::new()?);
-    while let Some(frame) = source.next()?.filter(|_| grids.len() < FRAMES) {
-        matcher.compute(
-            RectifiedPair::assume(&frame.pair),
-            &MatchContext::default(),
-            &mut output,
-        )?;
-        grids.push(depth::grid(output.disparity.disparity(), settings, None));
-        rig = frame.rig().copied().or(rig);
+impl Measuring<'_> {
+    fn measure(&self, distance_cm: f64, recording: PathBuf) -> anyhow::Result<Measurement> {
+        let name = recording.to_string_lossy();
+        let (grids, rig) = self.grids(&name)?;
+        let target =
+            TargetMeasurement::measure(&grids, self.cells).with_context(|| name.to_string())?;
+        Ok(Measurement {
+            distance_cm,
+            disparity_px: target.disparity_px,
+            seen: Some(RecordedTarget {
+                frames: grids.len(),
+                cells: target.cells,
+                spread_px: target.spread_px,
+                focal_baseline_cm_px: rig.map(|rig| 100.0 * rig.focal_px() * rig.baseline_m()),
+                recording,
+            }),
+        })
     }
-    let target = TargetMeasurement::measure(&grids, cells)
-        .with_context(|| recording.display().to_string())?;
-    let TargetMeasurement {
-        disparity_px,
-        cells,
-        spread_px,
-    } = target;
-    let focal_baseline_cm_px = rig.map(|rig| 100.0 * rig.focal_px() * rig.baseline_m());
-    let seen = Some(RecordedTarget {
-        recording,
-        frames: grids.len(),
-        cells,
-        spread_px,
-        focal_baseline_cm_px,
-    });
-    Ok(Measurement {
-        distance_cm,
-        disparity_px,
-        seen,
-    })
+
+    /// The depth grids of the first frames of a recording, and the rig.
+    fn grids(&self, name: &str) -> anyhow::Result<(Vec<DepthGrid>, Option<Rig>)> {
+        let request = Request {
+            calib: Calib::None,
+            ..Request::new(name)
+        };
+        let opened = open_recording(&request, self.quiet)?;
+        let mut source = Limited::new(opened.source, Some(FRAMES), None);
+        let algorithms = [self.algorithm.clone()];
+        let grid = |judged: &Judged| {
+            let estimate = judged.estimates.first();
+            let grid = estimate.map(|estimate| estimate.estimate.grid.clone());
+            (grid, judged.frame.rig().copied())
+        };
+        let sink = CollectSink::new(grid);
+        let kept = sink.outbox();
+        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
+        let start = RunStart {
+            manifest: &Manifest::new(name, None, &algorithms)?,
+            seed: None,
+            judge: &Judge::default(),
+        };
+        let (outcome, ran) = runner::run_through(
+            &mut source,
+            &mut Matchers::new(&algorithms)?,
+            &start,
+            Pace::Asap,
+            &mut sinks,
+            name,
+            self.quiet,
+        );
+        sink::finish(sinks)?;
+        ran?;
+        runner::complete(&outcome)?;
+        let (grids, rigs): (Vec<_>, Vec<_>) = kept.take().unwrap_or_default().into_iter().unzip();
+        let rig = rigs.into_iter().flatten().next_back();
+        Ok((grids.into_iter().flatten().collect(), rig))
+    }
 }

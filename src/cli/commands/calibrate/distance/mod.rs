@@ -8,7 +8,7 @@ use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::Context;
 use clap::builder::NonEmptyStringValueParser;
-use measurements::measurements;
+use measurements::{Measuring, measurements};
 use report::DistanceReport;
 use std::path::{Path, PathBuf};
 use svl::depth::GridSettings;
@@ -75,7 +75,7 @@ fn cell(text: &str) -> Result<(usize, usize), String> {
         })
 }
 
-pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let inputs = args
         .measurements
         .iter()
@@ -83,7 +83,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     distinct(inputs.clone())?;
     let outputs = [args.figure.as_deref(), args.table.as_deref()];
     let mut outputs = Outputs::claim(args.force, inputs, outputs.into_iter().flatten())?;
-    let found = measurements(&args.measurements, &args.algo, &args.cells)?;
+    let measuring = Measuring {
+        algorithm: &args.algo,
+        cells: &args.cells,
+        quiet,
+    };
+    let found = measurements(&args.measurements, &measuring)?;
     let report = DistanceReport::new(found).with_context(|| args.measurements.join(" "))?;
     outputs.set_aside()?;
     if let Some(path) = &args.figure {

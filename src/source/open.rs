@@ -1,0 +1,502 @@
+//! [`open`]: from what a user names to a source of frames, by the table [`SOURCES`].
+
+use super::calibration::{self, Calib, CalibrationFiles};
+use super::dataset::{FolderSource, Scene, SceneSource};
+use super::{ArenaSource, BoardSource, LiveSource, RecordingSource, RectifiedSource, Source};
+use crate::arena::Arena;
+use crate::error::{Error, Result};
+use crate::grab::{self, DRIVERS, Driver, GrabRequest, Host};
+use crate::manifest::Manifest;
+use crate::recording::{
+    CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Selection, Writer, is_bag,
+};
+use crate::rectify::Rectifier;
+use crate::scenario::{Scenario, ScenarioSource};
+use crate::stereo::StereoCalibration;
+use std::path::Path;
+
+/// What to open, and how.
+#[derive(Clone)]
+pub struct Request<'a> {
+    /// As [`SOURCES`] writes it, or a path.
+    pub name: &'a str,
+    /// Seed of a simulated source [default: 1].
+    pub seed: Option<u64>,
+    /// Topics of the left and right images in a recording that svl did not write [default: found
+    /// by type and name].
+    pub topics: [Option<String>; 2],
+    /// Largest skew of a pair that is made by stamp [default: 5 ms in a recording; see
+    /// [`GrabRequest`] for cameras].
+    pub max_skew_ns: Option<u64>,
+    /// What rectifies the pairs.
+    pub calib: Calib,
+    /// Share of the raw images that is kept, as OpenCV's alpha [default: as the calibration file
+    /// has it, else 0].
+    pub alpha: Option<f64>,
+    /// How to grab from cameras; its skew and its seed are those of this request.
+    pub grab: GrabRequest,
+    pub host: Host<'a>,
+}
+
+impl<'a> Request<'a> {
+    /// Opens `name` with all defaults.
+    pub fn new(name: &'a str) -> Self {
+        Self {
+            name,
+            seed: None,
+            topics: [None, None],
+            max_skew_ns: None,
+            calib: Calib::default(),
+            alpha: None,
+            grab: GrabRequest::default(),
+            host: Host::default(),
+        }
+    }
+
+    fn selection(&self) -> Selection {
+        let [left, right] = self.topics.clone();
+        Selection {
+            left,
+            right,
+            max_skew_ns: self.max_skew_ns.unwrap_or(Selection::MAX_SKEW_NS),
+        }
+    }
+}
+
+/// A source, and what a recording of it holds besides its pairs.
+pub struct Opened {
+    pub source: Box<dyn Source>,
+    pub header: Header,
+    /// Text of the scenario file it came from.
+    pub scenario: Option<String>,
+    /// Names and contents of the calibration files by which its pairs were rectified, or can be.
+    pub calibration: CalibrationFiles,
+    /// A file stem for its recording.
+    pub stem: String,
+    /// Whether frames come in real time.
+    pub is_live: bool,
+    /// The recording that it reads.
+    pub recording: Option<Recording>,
+    /// What the user should know that is no warning.
+    pub notes: Vec<String>,
+    /// What a recording of raw images says of its cameras.
+    own_calibration: Option<StereoCalibration>,
+    /// What a recording that svl did not write lacks.
+    remarks: Vec<String>,
+}
+
+impl Opened {
+    fn new(source: impl Source + 'static, header: Header, stem: impl Into<String>) -> Self {
+        Self {
+            source: Box::new(source),
+            header,
+            scenario: None,
+            calibration: CalibrationFiles::new(),
+            stem: stem.into(),
+            is_live: false,
+            recording: None,
+            notes: Vec::new(),
+            own_calibration: None,
+            remarks: Vec::new(),
+        }
+    }
+
+    /// Rectifies the pairs as the request says.
+    fn rectified(mut self, request: &Request<'_>) -> Result<Self> {
+        let name = self.source.name();
+        let (rectifier, by, files) = match (&request.calib, &self.own_calibration) {
+            (Calib::File(path), _) => {
+                let (calibration, files) = calibration::read(path)?;
+                let calibration = calibration::framed(calibration, request.alpha)?;
+                let rectifier = Rectifier::new(&calibration)?;
+                if rectifier.rig().is_none() {
+                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how \
+                                large they are";
+                    tracing::warn!(
+                        "{}: is in squares of its board, so there are no distances; {cure}",
+                        path.display()
+                    );
+                }
+                let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
+                (Some(rectifier), names.join(", "), files)
+            }
+            (Calib::Estimate, _) => {
+                let by = "an estimate from its pictures".to_owned();
+                (None, by, CalibrationFiles::new())
+            }
+            (Calib::Own, Some(own)) => {
+                self.notes.push(format!(
+                    "{name}: raw images, rectified by what it says of its cameras; --calib none \
+                     leaves them"
+                ));
+                let by = "what the recording says of its cameras".to_owned();
+                (Some(Rectifier::new(own)?), by, CalibrationFiles::new())
+            }
+            (Calib::None, _) if request.alpha.is_some() => {
+                return Err(Error::Usage(
+                    "--alpha is for pairs that are rectified; leave it or --calib none out".into(),
+                ));
+            }
+            (Calib::Own | Calib::None | Calib::Raw, own) => {
+                if request.calib != Calib::Raw {
+                    let remarks = self.remarks.iter();
+                    remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));
+                }
+                // A recording of raw pairs keeps what would rectify them.
+                let own = own.as_ref().map(calibration::written).transpose()?;
+                self.calibration.extend(own.unwrap_or_default());
+                return Ok(self);
+            }
+        };
+        self.source = Box::new(match rectifier {
+            Some(rectifier) => RectifiedSource::new(self.source, rectifier)?,
+            None => {
+                let framing = calibration::framing(request.alpha.unwrap_or(0.0));
+                RectifiedSource::estimated(self.source, &framing)?
+            }
+        });
+        self.header.calibration = Some(by);
+        self.calibration = files;
+        Ok(self)
+    }
+
+    /// Name of the scenario, or of the source.
+    pub fn title(&self) -> &str {
+        self.header.scenario.as_deref().unwrap_or(&self.stem)
+    }
+
+    /// Creates a recording of this source: header, manifest, scenario and calibration.
+    ///
+    /// # Errors
+    /// Those of [`Writer::create`] and [`Writer::attach`].
+    pub fn writer(
+        &self,
+        path: &Path,
+        format: impl Into<RecordingFormat>,
+        manifest: &Manifest,
+    ) -> Result<Writer> {
+        let mut writer = Writer::create(path, &self.header, format)?;
+        writer.identify(manifest)?;
+        if let Some(text) = &self.scenario {
+            writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
+        }
+        for (name, bytes) in &self.calibration {
+            let name = format!("{CALIBRATION}{name}");
+            writer.attach(&name, "application/octet-stream", bytes)?;
+        }
+        Ok(writer)
+    }
+}
+
+/// A kind of source that a user can name.
+pub struct SourceKind {
+    /// How it is written.
+    pub name: &'static str,
+    /// What it is called in a sentence.
+    pub noun: &'static str,
+    /// What it is, for help texts.
+    pub help: &'static str,
+    /// The options that it takes, beside those that all take.
+    pub options: &'static [SourceOption],
+    /// Whether it is named by a path, which must exist.
+    is_path: bool,
+    recognizes: fn(&str) -> bool,
+    open: fn(&Request<'_>) -> Result<Opened>,
+}
+
+impl SourceKind {
+    /// Whether it needs neither file nor camera.
+    pub fn is_simulated(&self) -> bool {
+        !self.is_path && self.name != CAMERAS
+    }
+}
+
+/// An option that only some sources take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SourceOption {
+    Seed,
+    Topics,
+    MaxSkew,
+    /// Trigger, rate, pairing, queue and watchdog.
+    Grab,
+}
+
+/// All sources, in the order in which a name is looked for. A new one is one entry here.
+pub const SOURCES: &[SourceKind] = &[
+    SourceKind {
+        name: "arena",
+        noun: "the arena",
+        help: "the simulated arena of scenarios/arena.toml",
+        options: &[SourceOption::Seed],
+        is_path: false,
+        recognizes: |name| name == "arena",
+        open: |request| open_arena(&Scenario::arena()?, request.seed.unwrap_or(1)),
+    },
+    SourceKind {
+        name: "board",
+        noun: "the board",
+        help: "a simulated chessboard that is moved before two cameras with distortion: for `svl \
+               calibrate board`",
+        options: &[SourceOption::Seed],
+        is_path: false,
+        recognizes: |name| name == "board",
+        open: board,
+    },
+    // Written as the rows of DRIVERS say.
+    SourceKind {
+        name: CAMERAS,
+        noun: "cameras",
+        help: "two cameras",
+        options: &[
+            SourceOption::Seed,
+            SourceOption::MaxSkew,
+            SourceOption::Grab,
+        ],
+        is_path: false,
+        recognizes: |name| grab::driver(name).is_some(),
+        open: cameras,
+    },
+    SourceKind {
+        name: "SCENARIO.toml",
+        noun: "a scenario",
+        help: "the arena with other parameters",
+        options: &[SourceOption::Seed],
+        is_path: true,
+        recognizes: |name| is_file(name, &["toml"]),
+        open: |request| {
+            let scenario = Scenario::read(Path::new(request.name))?;
+            open_arena(&scenario, request.seed.unwrap_or(1))
+        },
+    },
+    SourceKind {
+        name: "FILE.mcap, BAG",
+        noun: "a recording",
+        help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
+               compressed or Bayer images of two topics",
+        options: &[SourceOption::Topics, SourceOption::MaxSkew],
+        is_path: true,
+        // Bags in other containers are among them: their reader says which it reads.
+        recognizes: |name| {
+            let path = Path::new(name);
+            // A scene may have a recording beside its images.
+            is_file(name, &["mcap", "db3", "zstd", "zst"])
+                || is_bag(path) && Scene::find(path, name).is_none()
+        },
+        open: recorded,
+    },
+    SourceKind {
+        name: "FOLDER",
+        noun: "a folder",
+        help: "a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, \
+               KITTI's training/ (the pairs with truth), or left/ and right/ with images of equal \
+               names",
+        options: &[],
+        is_path: true,
+        recognizes: |name| Path::new(name).is_dir(),
+        open: folder,
+    },
+];
+
+/// The row of [`SOURCES`] that stands for all [`DRIVERS`].
+pub const CAMERAS: &str = "cameras";
+
+/// What [`open`] takes, in a line.
+pub fn expected() -> String {
+    let kinds = SOURCES.iter().filter(|kind| kind.name != CAMERAS);
+    let kinds: Vec<_> = kinds.map(|kind| kind.name).collect();
+    let drivers: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
+    format!("{}, or cameras: {}", kinds.join(", "), drivers.join(" or "))
+}
+
+/// Opens what a user names; its pairs are rectified as the request says.
+///
+/// # Errors
+/// [`Error::Usage`] for a request that contradicts itself, or an option that the source does not
+/// take; [`Error::Invalid`] for a name of nothing, with what there is; those of the source.
+pub fn open(request: &Request<'_>) -> Result<Opened> {
+    let (name, path) = (request.name, Path::new(request.name));
+    if name.starts_with("/dev/video") {
+        let cure = "name the left and the right camera, as v4l2:/dev/video0,/dev/video2";
+        return Err(Error::Usage(format!("{name}: is no source; {cure}")));
+    }
+    let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+    let Some(kind) = kind.filter(|kind| !kind.is_path || path.exists()) else {
+        let what = match path.exists() {
+            true => "not a source",
+            false => "no such source",
+        };
+        let expected = expected();
+        return Err(Error::Invalid(format!(
+            "{name}: {what}; expected {expected}"
+        )));
+    };
+    refuse_options(request, kind)?;
+    (kind.open)(request)?.rectified(request)
+}
+
+/// Opens a recording; its pairs are rectified as the request says.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
+    let name = request.name;
+    let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+    if kind.is_some_and(|kind| !kind.is_path) && !Path::new(name).exists() {
+        let cure = format!("make one first, svl record {name} -o run.mcap");
+        return Err(Error::Usage(format!("{name}: is no recording; {cure}")));
+    }
+    recorded(request)?.rectified(request)
+}
+
+/// Opens a run of the arena in a scenario.
+///
+/// # Errors
+/// [`Error::Invalid`] for a scenario that reads scenes.
+pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
+    let ScenarioSource::Arena { config, .. } = &scenario.source else {
+        return Err(Error::Invalid(format!(
+            "scenario '{}' reads scene folders; name one of them to record it",
+            scenario.name
+        )));
+    };
+    let source = ArenaSource::new(Arena::new(config, seed)?, seed);
+    let header = Header {
+        scenario: Some(scenario.name.clone()),
+        seed: Some(seed),
+        hash: Some(ArenaSource::hash(config, seed)),
+        ..Header::new("arena")
+    };
+    Ok(Opened {
+        scenario: Some(scenario.text.clone()),
+        ..Opened::new(source, header, format!("{}-seed{seed}", scenario.name))
+    })
+}
+
+fn board(request: &Request<'_>) -> Result<Opened> {
+    let seed = request.seed.unwrap_or(1);
+    let header = Header {
+        seed: Some(seed),
+        ..Header::new("board")
+    };
+    let stem = format!("board-seed{seed}");
+    Ok(Opened::new(BoardSource::new(seed)?, header, stem))
+}
+
+fn cameras(request: &Request<'_>) -> Result<Opened> {
+    let name = request.name;
+    let grab = GrabRequest {
+        seed: request.seed,
+        max_skew_ns: request.max_skew_ns,
+        ..request.grab.clone()
+    };
+    let source = LiveSource::open(name, &grab, request.host)?;
+    let header = Header {
+        seed: source.seed(),
+        ..Header::new(name)
+    };
+    let driver = name.split(':').next().unwrap_or(name);
+    Ok(Opened {
+        is_live: true,
+        ..Opened::new(source, header, driver)
+    })
+}
+
+fn recorded(request: &Request<'_>) -> Result<Opened> {
+    let path = Path::new(request.name);
+    let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
+    let reader = source.reader();
+    let calibration = match reader.recording().calibration_files() {
+        // Damage is reported with the pairs.
+        Err(Error::Damaged { .. }) => CalibrationFiles::new(),
+        files => files?,
+    };
+    let header = reader.header().cloned();
+    let header = header.unwrap_or_else(|| Header::new(path.display().to_string()));
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    Ok(Opened {
+        scenario: source.scenario()?,
+        recording: Some(reader.recording().clone()),
+        calibration,
+        own_calibration: reader.calibration(),
+        remarks: reader.remarks(),
+        ..Opened::new(source, header, stem.unwrap_or("recording"))
+    })
+}
+
+/// Rate given to a folder of images, which has no stamps.
+const FOLDER_RATE_HZ: f64 = 10.0;
+
+fn folder(request: &Request<'_>) -> Result<Opened> {
+    let path = Path::new(request.name);
+    // The folder's own name, also of `.` and `..`.
+    let real = path.canonicalize().map_err(|e| Error::io(path, e))?;
+    let stem = real.file_name().and_then(|name| name.to_str());
+    let stem = stem.unwrap_or("pairs");
+    let header = Header {
+        scenario: Some(stem.to_owned()),
+        ..Header::new(path.display().to_string())
+    };
+    let scenes = match Scene::find(path, stem) {
+        Some(scene) => vec![scene],
+        None => Scene::all_in(path, "")?,
+    };
+    Ok(match scenes.is_empty() {
+        true => Opened::new(FolderSource::new(path, FOLDER_RATE_HZ)?, header, stem),
+        false => Opened::new(SceneSource::new(scenes), header, stem),
+    })
+}
+
+fn is_file(name: &str, extensions: &[&str]) -> bool {
+    let path = Path::new(name);
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|extension| extensions.contains(&extension)) && !path.is_dir()
+}
+
+/// Refuses options that the source does not take: the user would believe that they count.
+fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
+    let GrabRequest {
+        trigger,
+        rate_hz,
+        pairing,
+        queue,
+        when_full,
+        timeout,
+        ..
+    } = &request.grab;
+    let default = GrabRequest::default();
+    let [left, right] = &request.topics;
+    let given = [
+        (SourceOption::Seed, request.seed.is_some(), "--seed"),
+        (SourceOption::Topics, left.is_some(), "--left"),
+        (SourceOption::Topics, right.is_some(), "--right"),
+        (
+            SourceOption::MaxSkew,
+            request.max_skew_ns.is_some(),
+            "--max-skew-ms",
+        ),
+        (SourceOption::Grab, trigger.is_some(), "--trigger"),
+        (SourceOption::Grab, rate_hz.is_some(), "--rate"),
+        (SourceOption::Grab, pairing.is_some(), "--pairing"),
+        (SourceOption::Grab, *queue != default.queue, "--queue"),
+        (
+            SourceOption::Grab,
+            *when_full != default.when_full,
+            "--when-full",
+        ),
+        (SourceOption::Grab, *timeout != default.timeout, "--timeout"),
+    ];
+    let wrong = given
+        .iter()
+        .find(|(option, given, _)| *given && !kind.options.contains(option));
+    let Some((option, _, text)) = wrong else {
+        return Ok(());
+    };
+    let takers = SOURCES.iter().filter(|kind| kind.options.contains(option));
+    let takers: Vec<_> = takers.map(|kind| kind.noun).collect();
+    Err(Error::Usage(format!(
+        "{text} is for {}, and '{}' is {}",
+        takers.join(", "),
+        request.name,
+        kind.noun
+    )))
+}
