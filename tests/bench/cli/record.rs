@@ -62,7 +62,7 @@ fn a_scene_and_a_folder_of_pairs() {
     fixture.write("many/left/alone.pgm", pgm(40, 20, &[0; 800]));
     let ran = fixture.svl(&["record", "many", "-o", "many.mcap"]);
     assert!(
-        ran.stderr.contains("left out, without a partner: 1 image"),
+        ran.stderr.contains("1 image dropped: without a partner"),
         "{}",
         ran.stderr
     );
@@ -209,7 +209,7 @@ fn topics_of_another_programs_recording_are_named() {
     );
     fixture
         .svl(&["record", "--left", "/x", "-o", "c.mcap"])
-        .failed(2, &["arena: --left, --right and --max-skew-ms"]);
+        .failed(2, &["--left is for a recording, and 'arena' is the arena"]);
     fixture
         .svl(&["replay", "a.mcap", "--max-skew-ms", "-1"])
         .failed(2, &["--max-skew-ms"]);

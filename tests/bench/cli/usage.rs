@@ -164,7 +164,7 @@ const FAILED: &[(&str, &str)] = &[
     ),
     (
         "calibrate check nosuch.mcap",
-        "nosuch.mcap | expected a recording (.mcap) or a folder of pairs",
+        "nosuch.mcap | no such source | FILE.mcap | FOLDER",
     ),
     (
         "calibrate board nosuch --yes -o a.xml",
