@@ -11,7 +11,7 @@ use crate::score::Judged;
 ///
 /// let sink = CollectSink::new(|judged| judged.estimates.len());
 /// let counts = sink.outbox();
-/// assert!(counts.take().is_none(), "filled when the sink is finished");
+/// assert!(counts.take().is_empty(), "filled when the sink is finished");
 /// ```
 pub struct CollectSink<T, F> {
     look: F,

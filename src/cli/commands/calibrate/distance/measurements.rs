@@ -213,7 +213,7 @@ impl Measuring<'_> {
         sink::finish(sinks)?;
         ran?;
         runner::complete(&outcome)?;
-        let (grids, rigs): (Vec<_>, Vec<_>) = kept.take().unwrap_or_default().into_iter().unzip();
+        let (grids, rigs): (Vec<_>, Vec<_>) = kept.take().into_iter().unzip();
         let rig = rigs.into_iter().flatten().next_back();
         Ok((grids.into_iter().flatten().collect(), rig))
     }
