@@ -35,7 +35,7 @@ const ORDER: [&[&str]; 10] = [
     &["grab", "recording", "score", "manifest"],
     &["source", "sink", "report", "scenario"],
     &["run"],
-    &["reproduce"],
+    &["record", "reproduce"],
     &["cli"],
 ];
 
@@ -55,6 +55,11 @@ const EXCEPTIONS: &[(&str, &str, &str)] = &[
         "scenario",
         "report",
         "a scenario's gate sets limits on the report's metrics",
+    ),
+    (
+        "source",
+        "scenario",
+        "a scenario is one of the sources that a user names",
     ),
     (
         "sink",
