@@ -248,6 +248,12 @@ fn shell_examples_run() {
 }
 
 #[test]
+fn the_readme_is_short() {
+    let text = fs::read_to_string(root().join("README.md")).unwrap();
+    assert!(text.lines().count() <= 150, "move details to docs/");
+}
+
+#[test]
 fn every_reason_is_needed() {
     let texts = documents()
         .into_iter()
