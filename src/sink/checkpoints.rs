@@ -20,7 +20,8 @@ pub struct CheckpointSink {
 }
 
 impl CheckpointSink {
-    /// Writes `checkpoints` into a folder, as `.csv` and `.parquet`, and leaves all rows in `outbox`.
+    /// Writes `checkpoints` into a folder, as `.csv` and `.parquet`, and leaves all rows in
+    /// `outbox`.
     ///
     /// # Errors
     /// As [`Table::create`].

@@ -19,8 +19,8 @@ pub struct TableSink {
 }
 
 impl TableSink {
-    /// Writes the rows to a file where one is given, `.csv` or `.parquet`, and leaves all of them in
-    /// `outbox`.
+    /// Writes the rows to a file where one is given, `.csv` or `.parquet`, and leaves all of them
+    /// in `outbox`.
     ///
     /// # Errors
     /// As [`Table::create`].

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Columns of a line.
 const COLUMNS: usize = 100;
 /// How many lines may be longer.
-const LONG_LINES: usize = 12;
+const LONG_LINES: usize = 0;
 /// Lines of a small file: one that should stand in its only user.
 const SMALL: usize = 40;
 /// How many small files there may be, `mod.rs` not counted.

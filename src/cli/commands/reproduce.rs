@@ -28,7 +28,7 @@ Examples:
   svl reproduce 5.9 7.3
   svl reproduce --data DATASETS --out reports/thesis")]
 pub(crate) struct Args {
-    /// NamedExperiment of the thesis, `fps` for the speeds of its chapter 7; may be given more than once
+    /// Figure of the thesis, `fps` for the speeds of its chapter 7; may be given more than once
     /// [default: all]
     #[arg(value_name = "FIGURE", value_parser = figure)]
     figures: Vec<NamedExperiment>,

@@ -1,7 +1,8 @@
 //! Disparity, depth, SSDPI and reason maps as Rerun images with fixed ranges and colours.
 //!
 //! Disparities (pixels), depths (metres) and ln(SSDPI + 1) are half floats: 11 bits of precision,
-//! half of `f32`'s size, and NaN is the invalid value that an integer does not have. Reasons are bytes.
+//! half of `f32`'s size, and NaN is the invalid value that an integer does not have. Reasons are
+//! bytes.
 
 use super::scale::Scale;
 use crate::stereo::{DisparityMap, Gray, Plane, Reason, Rig};
