@@ -283,7 +283,8 @@ mod tests {
         let mut row = map.rows_mut().next().unwrap();
         row.accept(0, 3.0);
         row.accept(1, 5.5);
-        (row.set_ssdpi(0, 0), row.set_ssdpi(1, 6));
+        row.set_ssdpi(0, 0);
+        row.set_ssdpi(1, 6);
         let outcome = MatchOutcome::of(&[frame], &[map]);
         assert_eq!(
             (

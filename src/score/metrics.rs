@@ -34,6 +34,9 @@ impl FrameFacts<'_> {
     }
 }
 
+/// The note below a table, made from the cell rule: term and text.
+pub type MetricNote = fn(CellRule) -> (&'static str, String);
+
 /// A number that an algorithm is measured by.
 #[derive(Clone, Copy)]
 pub struct Metric {
@@ -49,7 +52,7 @@ pub struct Metric {
     /// Where Rerun plots its value per frame, below the algorithm.
     pub plot: Option<&'static str>,
     /// Term and meaning, below the tables.
-    pub note: Option<fn(CellRule) -> (&'static str, String)>,
+    pub note: Option<MetricNote>,
 }
 
 /// What a metric counts.

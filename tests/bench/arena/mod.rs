@@ -64,6 +64,6 @@ fn seen(frame: &Frame, x: usize, y: usize) -> (f64, Vector3<f64>) {
     let depth = rig.depth_m(f64::from(disparity)).unwrap();
     (
         depth,
-        pose.translation.vector + ray(&rig, &pose, x, y) * depth,
+        pose.translation.vector + ray(rig, &pose, x, y) * depth,
     )
 }

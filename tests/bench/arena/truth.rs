@@ -94,7 +94,7 @@ fn floor_and_ball_lie_where_their_equations_say() {
     let (mut on_ball, mut on_floor, mut hidden) = (0, 0, 0);
     for (x, y) in (0..240).flat_map(|y| (0..320).map(move |x| (x, y))) {
         let (depth, point) = seen(&frame, x, y);
-        let on = enter_sphere(pose.translation.vector, ray(&rig, &pose, x, y), &ball);
+        let on = enter_sphere(pose.translation.vector, ray(rig, &pose, x, y), &ball);
         if let Some(t) = on {
             let (expected, got) = (rig.disparity_px(t), rig.disparity_px(depth));
             assert!(
