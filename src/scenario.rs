@@ -68,14 +68,14 @@ struct File {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SourceTable {
-    kind: SourceKind,
+    kind: ScenarioKind,
     seeds: Option<Vec<u64>>,
     scenes: Option<Vec<String>>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum SourceKind {
+enum ScenarioKind {
     Arena,
     Dataset,
 }
@@ -234,7 +234,7 @@ fn check_limit(
 impl SourceTable {
     fn check(self, arena: Option<ArenaConfig>) -> Result<ScenarioSource> {
         match (self.kind, self.seeds, self.scenes, arena) {
-            (SourceKind::Arena, seeds, None, config) => {
+            (ScenarioKind::Arena, seeds, None, config) => {
                 let seeds = seeds.unwrap_or_else(|| vec![1]);
                 let distinct = seeds
                     .iter()
@@ -249,13 +249,13 @@ impl SourceTable {
                     seeds,
                 })
             }
-            (SourceKind::Arena, _, Some(_), _) => {
+            (ScenarioKind::Arena, _, Some(_), _) => {
                 invalid("source.scenes belongs to kind = \"dataset\"".into())
             }
-            (SourceKind::Dataset, None, Some(scenes), None) if !scenes.is_empty() => {
+            (ScenarioKind::Dataset, None, Some(scenes), None) if !scenes.is_empty() => {
                 Ok(ScenarioSource::Dataset { scenes })
             }
-            (SourceKind::Dataset, ..) => invalid(
+            (ScenarioKind::Dataset, ..) => invalid(
                 "kind = \"dataset\" takes source.scenes, at least one, and neither seeds nor \
                  [arena]"
                     .into(),

@@ -19,7 +19,7 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Entry {
+struct AlgorithmEntry {
     name: &'static str,
     aliases: &'static [&'static str],
     summary: &'static str,
@@ -39,7 +39,7 @@ struct ParameterEntry {
     description: &'static str,
 }
 
-impl Entry {
+impl AlgorithmEntry {
     fn of(spec: &MatcherSpec) -> Self {
         let parameters = spec.parameters.iter().map(|p| {
             let (default, min, max) = match p.range {
@@ -87,7 +87,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .name
         .map_or_else(|| MATCHERS.iter().collect(), |spec| vec![spec]);
     if args.json {
-        return print_json(&specs.iter().map(|spec| Entry::of(spec)).collect::<Vec<_>>());
+        return print_json(
+            &specs
+                .iter()
+                .map(|spec| AlgorithmEntry::of(spec))
+                .collect::<Vec<_>>(),
+        );
     }
     let mut text = String::new();
     for spec in specs {

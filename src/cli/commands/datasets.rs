@@ -26,7 +26,7 @@ Examples:
 )]
 pub(crate) struct Args {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Option<DatasetsCommand>,
 
     /// Print JSON
     #[arg(long)]
@@ -34,7 +34,7 @@ pub(crate) struct Args {
 }
 
 #[derive(clap::Subcommand)]
-enum Command {
+enum DatasetsCommand {
     Fetch(FetchArgs),
 }
 
@@ -66,7 +66,7 @@ struct FetchArgs {
 }
 
 #[derive(Serialize)]
-struct Entry {
+struct DatasetEntry {
     name: &'static str,
     title: &'static str,
     home: &'static str,
@@ -83,7 +83,7 @@ struct PartEntry {
     urls: Vec<String>,
 }
 
-impl Entry {
+impl DatasetEntry {
     fn of(dataset: &Dataset) -> Self {
         let part = |part: &Part| PartEntry {
             name: part.name,
@@ -117,8 +117,8 @@ impl Entry {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
-        Some(Command::Fetch(args)) => fetch(args, quiet),
-        None if args.json => print_json(&DATASETS.iter().map(Entry::of).collect::<Vec<_>>()),
+        Some(DatasetsCommand::Fetch(args)) => fetch(args, quiet),
+        None if args.json => print_json(&DATASETS.iter().map(DatasetEntry::of).collect::<Vec<_>>()),
         None => print(&list()?),
     }
 }

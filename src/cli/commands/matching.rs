@@ -61,7 +61,7 @@ pub(crate) struct Args {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct MatchReport<'a> {
     algorithm: &'a str,
     parameters: String,
     width: usize,
@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let settings = GridSettings::default();
     let grid = rig.map(|rig| depth::grid(map.disparity(), settings, Some(&rig)));
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
-    let report = Report {
+    let report = MatchReport {
         algorithm: args.algo.label(),
         parameters: args.algo.parameters().to_string(),
         width,
@@ -160,7 +160,7 @@ fn distances(grid: &DepthGrid) -> Vec<Vec<Option<f64>>> {
         .collect()
 }
 
-impl Report<'_> {
+impl MatchReport<'_> {
     fn text(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
         let Self {

@@ -24,8 +24,8 @@ pub(crate) struct TopicArgs {
     /// Topic of the right images
     #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
     right: Option<String>,
-    /// How far the stamps of a pair may be apart [default: 5; of cameras a quarter of their period,
-    /// half of it when they run freely]
+    /// Largest skew of a pair made by stamp [default: 5; with cameras a quarter of their period,
+    /// half of it when they are free-running]
     #[arg(
         long, value_name = "MS", allow_negative_numbers = true,
         value_parser = usage::within(0.0..=60_000.0)

@@ -14,7 +14,7 @@ pub struct Dataset {
     pub citation: &'static str,
     /// What can be fetched, the usual parts and the others.
     pub parts: &'static [Part],
-    pub(super) files: Files,
+    pub(super) files: FileNames,
 }
 
 /// A part of a data set that is fetched whole.
@@ -37,7 +37,7 @@ pub struct Part {
 /// scenes, `{}` the name of the scene's own folder where it has one; what has no ending may have
 /// that of any image.
 #[derive(Debug)]
-pub(super) struct Files {
+pub(super) struct FileNames {
     pub pairs: &'static [PairFiles],
     pub truths: &'static [TruthFile],
     /// Masks of the pixels that both cameras see, Middlebury's codes.
@@ -49,12 +49,12 @@ pub(super) struct Files {
 pub(super) struct PairFiles {
     pub left: &'static str,
     pub right: &'static str,
-    pub calib: Calib,
+    pub calib: CalibFile,
 }
 
 /// Where a scene's camera is described.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Calib {
+pub(super) enum CalibFile {
     /// `calib.txt` beside the images, where there is one.
     Middlebury,
     /// A file of named 3 x 4 projection matrices, with the names of the left and the right one.
@@ -129,7 +129,7 @@ impl PairFiles {
         Self {
             left,
             right,
-            calib: Calib::Middlebury,
+            calib: CalibFile::Middlebury,
         }
     }
 

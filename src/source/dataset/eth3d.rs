@@ -1,6 +1,6 @@
 //! ETH3D's low-resolution two-view benchmark.
 
-use super::entry::{Dataset, Files, Form, PairFiles, Part, Seen, TruthFile};
+use super::entry::{Dataset, FileNames, Form, PairFiles, Part, Seen, TruthFile};
 
 /// The archives hold the scenes at their top, so each is unpacked into a folder of its own name, as
 /// its users do.
@@ -27,7 +27,7 @@ pub(super) const ETH3D: Dataset = Dataset {
         ),
         part("test", false, &["two_view_test.7z"], "two_view_test"),
     ],
-    files: Files {
+    files: FileNames {
         pairs: &[PairFiles::beside("im0", "im1")],
         truths: &[TruthFile {
             name: "../../two_view_training_gt/{}/disp0GT.pfm",

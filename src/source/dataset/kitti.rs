@@ -1,7 +1,7 @@
 //! KITTI's stereo benchmarks of 2012 and 2015, and the names of plain folders that are no published
 //! data set.
 
-use super::entry::{Calib, Dataset, Files, Form, PairFiles, Part, Seen, TruthFile};
+use super::entry::{CalibFile, Dataset, FileNames, Form, PairFiles, Part, Seen, TruthFile};
 
 const LICENCE: &str = "CC BY-NC-SA 3.0";
 
@@ -28,7 +28,7 @@ pub(super) const KITTI2012: Dataset = Dataset {
         files: &["data_stereo_flow.zip"],
         folder: "",
     }],
-    files: Files {
+    files: FileNames {
         pairs: &[
             PairFiles {
                 left: "image_0/*_10",
@@ -65,7 +65,7 @@ pub(super) const KITTI2015: Dataset = Dataset {
         files: &["data_scene_flow.zip", "data_scene_flow_calib.zip"],
         folder: "",
     }],
-    files: Files {
+    files: FileNames {
         pairs: &[PairFiles {
             left: "image_2/*_10",
             right: "image_3/*_10",
@@ -80,6 +80,6 @@ pub(super) const KITTI2015: Dataset = Dataset {
     },
 };
 
-const fn calib(file: &'static str, left: &'static str, right: &'static str) -> Calib {
-    Calib::Projections { file, left, right }
+const fn calib(file: &'static str, left: &'static str, right: &'static str) -> CalibFile {
+    CalibFile::Projections { file, left, right }
 }

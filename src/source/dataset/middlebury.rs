@@ -1,6 +1,6 @@
 //! The data sets of Middlebury College.
 
-use super::entry::{Dataset, Files, Form, PairFiles, Part, Seen, TruthFile};
+use super::entry::{Dataset, FileNames, Form, PairFiles, Part, Seen, TruthFile};
 
 const LICENCE: &str = "free to use and publish, with citation";
 
@@ -35,7 +35,7 @@ pub(super) const MIDDEVAL3: Dataset = Dataset {
         eval3!("H", false, 165),
         eval3!("F", false, 640),
     ],
-    files: Files {
+    files: FileNames {
         pairs: IM0_IM1,
         truths: &[TruthFile {
             name: "disp0GT.pfm",
@@ -62,7 +62,7 @@ pub(super) const MIDDLEBURY2021: Dataset = Dataset {
         files: &["all.zip"],
         folder: "",
     }],
-    files: Files {
+    files: FileNames {
         pairs: IM0_IM1,
         truths: DISP0,
         masks: &[],
@@ -112,7 +112,7 @@ pub(super) const MIDDLEBURY2014: Dataset = Dataset {
         "Mask" "Motorcycle" "Piano" "Pipes" "Playroom" "Playtable" "Recycle" "Shelves" "Shopvac"
         "Sticks" "Storage" "Sword1" "Sword2" "Umbrella" "Vintage"
     ),
-    files: Files {
+    files: FileNames {
         pairs: IM0_IM1,
         truths: DISP0,
         masks: &[],
@@ -191,7 +191,7 @@ const CVPR2007: &str = "D. Scharstein, C. Pal, Learning conditional random field
 
 /// The archives of seven views hold the exposures two folders below the truth:
 /// `Art/Illum2/Exp1/view1.png`.
-const VIEWS: Files = Files {
+const VIEWS: FileNames = FileNames {
     pairs: &[PairFiles::beside("view1", "view5")],
     truths: &[
         TruthFile {
@@ -237,7 +237,7 @@ pub(super) const MIDDLEBURY2003: Dataset = Dataset {
         scenes2003!("half", false, 7, "full/conesH-ppm-2.zip" "full/teddyH-ppm-2.zip"),
         scenes2003!("full", false, 30, "full/conesF-ppm-2.zip" "full/teddyF-ppm-2.zip"),
     ],
-    files: Files {
+    files: FileNames {
         pairs: &[PairFiles::beside("im2", "im6")],
         truths: &[
             TruthFile {
@@ -293,7 +293,7 @@ pub(super) const MIDDLEBURY2001: Dataset = Dataset {
         ),
         folder: "",
     }],
-    files: Files {
+    files: FileNames {
         pairs: &[
             PairFiles::beside("im2", "im6"),
             PairFiles::beside("scene1.row3.col3", "scene1.row3.col4"),

@@ -16,7 +16,7 @@ pub use folder::FolderSource;
 pub use scene::{Scene, SceneSource};
 
 use crate::error::did_you_mean;
-use entry::{Files, PairFiles, Seen, TruthFile};
+use entry::{FileNames, PairFiles, Seen, TruthFile};
 
 /// The data sets svl knows. Where a folder could be of several, the first is taken.
 pub const DATASETS: &[Dataset] = &[
@@ -33,7 +33,7 @@ pub const DATASETS: &[Dataset] = &[
 ];
 
 /// Names that stand in nobody's archives but on many a disk.
-const OTHERS: Files = Files {
+const OTHERS: FileNames = FileNames {
     pairs: &[
         PairFiles::beside("left", "right"),
         PairFiles::beside("imL", "imR"),
@@ -65,6 +65,6 @@ pub fn find(name: &str) -> Result<&'static Dataset, String> {
 }
 
 /// All names svl knows, in the order in which they are looked for.
-fn files() -> impl Iterator<Item = &'static Files> {
+fn files() -> impl Iterator<Item = &'static FileNames> {
     DATASETS.iter().map(|d| &d.files).chain([&OTHERS])
 }

@@ -1,6 +1,6 @@
 //! One scene of a data set: a pair, and what is known of its truth and its camera.
 
-use super::entry::{Calib, PairFiles};
+use super::entry::{CalibFile, PairFiles};
 use super::{files, find, truth};
 use crate::calibrate::files::{read_calib, read_projections};
 use crate::error::{Error, Result};
@@ -182,11 +182,11 @@ impl Scene {
 
     fn rig(&self) -> Result<Option<Rig>> {
         match self.pair.calib {
-            Calib::Middlebury => self
+            CalibFile::Middlebury => self
                 .file("calib.txt")
                 .map(|path| read_calib(&path))
                 .transpose(),
-            Calib::Projections { file, left, right } => self
+            CalibFile::Projections { file, left, right } => self
                 .file(file)
                 .map(|path| read_projections(&path, left, right))
                 .transpose(),

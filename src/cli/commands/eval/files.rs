@@ -10,7 +10,7 @@ use svl::files::has_ending;
 const ENDINGS: &[&str] = &["pfm", "npz", "png", "pgm", "ppm"];
 
 /// The files of one image.
-pub(super) struct Files {
+pub(super) struct ImageFiles {
     /// What they are called in folders, without the ending.
     pub(super) name: String,
     pub(super) disparity: PathBuf,
@@ -20,7 +20,7 @@ pub(super) struct Files {
     pub(super) object_map: Option<PathBuf>,
 }
 
-impl Files {
+impl ImageFiles {
     /// The one image, or one per file of the folder of truths.
     pub(super) fn find(args: &Args) -> anyhow::Result<Vec<Self>> {
         let (disparity, truth) = (&args.disparity, &args.ground_truth);

@@ -5,7 +5,7 @@ mod report;
 
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::usage;
-use files::Files;
+use files::ImageFiles;
 use std::path::PathBuf;
 use svl::files as on_disk;
 use svl::score::protocol::{Protocol, ProtocolImage, Score};
@@ -84,15 +84,15 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
-    let images = Files::find(args)?;
-    if args.scale.is_some() && !images.iter().any(Files::has_images) {
+    let images = ImageFiles::find(args)?;
+    if args.scale.is_some() && !images.iter().any(ImageFiles::has_images) {
         return Err(usage::wrong(
             "--scale belongs to images; .pfm and .npz hold disparities as they are",
         ));
     }
     let mut outputs = Outputs::claim(
         args.force,
-        images.iter().flat_map(Files::inputs),
+        images.iter().flat_map(ImageFiles::inputs),
         args.error_map.as_deref(),
     )?;
     let columns = args.mask.len().max(1);
@@ -146,7 +146,7 @@ struct Loaded {
 }
 
 impl Loaded {
-    fn read(files: &Files, args: &Args) -> anyhow::Result<Self> {
+    fn read(files: &ImageFiles, args: &Args) -> anyhow::Result<Self> {
         let scale = args.scale.map(|scale| scale as f32);
         let truth = on_disk::read_truth(&files.truth, scale)?;
         let mut masks = files

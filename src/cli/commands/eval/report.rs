@@ -1,6 +1,6 @@
 //! The numbers as a table or as JSON.
 
-use super::{Args, Files};
+use super::{Args, ImageFiles};
 use crate::cli::shared::terminal::{print, print_json};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use svl::score::protocol::{NumberUnit, Numbers, Protocol, Score};
 
 /// The contract's keys, and beside them what several masks or images bring.
 #[derive(Serialize)]
-struct Report<'a> {
+struct EvalReport<'a> {
     protocol: &'a str,
     /// Of the first mask.
     #[serde(flatten)]
@@ -23,7 +23,7 @@ struct Report<'a> {
 /// Prints what was found; `scores` has a row per column of the table, with an element per image.
 pub(super) fn print_scores(
     args: &Args,
-    images: &[Files],
+    images: &[ImageFiles],
     scores: &[Vec<Score>],
 ) -> anyhow::Result<()> {
     let columns: Vec<Numbers> = scores.iter().map(|scores| Score::over(scores)).collect();
@@ -46,7 +46,7 @@ pub(super) fn print_scores(
         .zip(&scores[0])
         .map(|(files, score)| (files.name.as_str(), score.numbers()));
     let images = folders.then(|| of_each.collect());
-    print_json(&Report {
+    print_json(&EvalReport {
         protocol: args.protocol.name(),
         numbers: &columns[0],
         masks,

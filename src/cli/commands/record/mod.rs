@@ -13,7 +13,7 @@ use svl::source::{Limited, Request};
 
 /// Record pairs to an MCAP file
 ///
-/// Ctrl-C ends the recording and leaves it whole.
+/// Ctrl-C ends the recording and leaves it intact.
 #[derive(clap::Args)]
 #[command(after_help = format!("{}\n{EXAMPLES}", source::sources_help()))]
 pub(crate) struct Args {
@@ -25,19 +25,19 @@ pub(crate) struct Args {
     /// File to write [default: recordings/SOURCE-N.mcap]
     #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
-    /// End after so many pairs
+    /// Largest number of pairs
     #[arg(
         long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration",
         value_parser = usage::within(1..=1_000_000_000_000u64)
     )]
     frames: Option<u64>,
-    /// End after so many seconds of the source's time
+    /// Largest duration, seconds of the source's stamps
     #[arg(
         long, value_name = "S", allow_negative_numbers = true,
         value_parser = usage::within(0.001..=1e9)
     )]
     duration: Option<f64>,
-    /// What the arena's textures, path and noise are drawn from [default: 1]
+    /// Seed of the textures, path and noise of a simulated source [default: 1]
     #[arg(
         long, value_name = "N", allow_negative_numbers = true,
         value_parser = usage::within(0..=u64::MAX)
