@@ -162,7 +162,7 @@ impl Summary {
 /// all cells.
 const MAX_BYTES: u64 = 1 << 31;
 
-/// The rows of a CSV file that [`super::Tables`] or [`super::Table`] wrote.
+/// The rows of a CSV file that [`super::Table`] wrote.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] with the line for a file that is no such table.
