@@ -17,7 +17,7 @@ table reports/middlebury/summary.md 1 >"$work/middlebury"
 { echo '```text'; svl bench; echo '```'; } >"$work/bench"
 # The run's manifest names day and processor.
 entry() { sed -n "s/^ *\"$1\": *\"\{0,1\}\([^\",]*\).*/\1/p" reports/arena/manifest.json | head -1; }
-echo "Measured on $(entry began | cut -c1-10), $(entry processor), $(entry isa), $(entry threads) threads, svl $(entry svl)" \
+echo "Measured on $(entry began | cut -c1-10), $(entry processor), $(entry isa), svl $(entry svl)" \
   "($(entry git_revision))." >"$work/machine"
 
 for file in README.md docs/*.md; do

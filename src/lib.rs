@@ -1,12 +1,12 @@
 //! svl: the record/replay bench for stereo vision that keeps robots from hitting things.
 //!
-//! One idea: **every run is source → matchers → sinks, and a subcommand only chooses the three.**
+//! One idea: **every run is source → matchers → judge → sinks; a subcommand only chooses them.**
 //!
 //! ```text
-//! source ──Frame──▶ matchers ──Estimate──▶ sinks
-//! arena               v3                    recording (MCAP)
-//! recording           ...                   Rerun
-//! data set                                  tables ──▶ report
+//! source ──Frame──▶ matchers ──Estimate──▶ judge ──Judged──▶ sinks
+//! arena               v3                                      recording (MCAP)
+//! recording           ...                                     Rerun
+//! data set                                                    tables ──▶ report
 //! ```
 //!
 //! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`],

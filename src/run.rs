@@ -130,8 +130,8 @@ type Spent = Vec<(String, DisparityMap)>;
 /// happens in turn too: no thread ever waits for another one of its own pool, so a pool of one
 /// thread cannot deadlock.
 ///
-/// An algorithm that fails on a frame leaves no estimate for it, and the others go on. The monitor
-/// is told, but not again while the algorithm fails for the same reason frame after frame.
+/// An algorithm that fails on a frame leaves no estimate for it, and the others go on. It is reported
+/// to the monitor, but not again while the algorithm fails for the same reason frame after frame.
 ///
 /// The outcome holds also for a run that failed, with the first error of the source, of a raw pair
 /// for an algorithm, or of a sink.
@@ -218,7 +218,7 @@ fn side_by_side(
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
         scope.spawn(move || {
-            // Ends with the source, its first error, or when nobody receives any more.
+            // Ends with the source, its first error, or when the receiver is gone.
             while let Some(next) = source.next().transpose() {
                 let failed = next.is_err();
                 if read.send(next).is_err() || failed {
@@ -234,7 +234,7 @@ fn side_by_side(
                 let judged = judged(judge, frame, matched);
                 push(sinks, &judged)?;
                 *taken += 1;
-                // At the end nobody receives them.
+                // At the end the receiver is gone.
                 let _ = give_back.send(spent(judged));
             }
             Ok(())
@@ -338,7 +338,16 @@ impl Matching<'_> {
                 None => MatchOutput::new()?,
             };
             output.begin();
-            if let Err(error) = entry.matcher.compute(pair, &context, &mut output) {
+            let computed = entry.matcher.compute(pair, &context, &mut output);
+            // Cells are scored by their place: another shape would compare the wrong ones.
+            let shape = self.judge.grid.shape();
+            let computed = computed.and_then(|()| match &output.grid {
+                Some(grid) if grid.shape() != shape => Err(Error::Invalid(
+                    "its depth grid does not have the shape of the run's".into(),
+                )),
+                _ => Ok(()),
+            });
+            if let Err(error) = computed {
                 self.failures += 1;
                 let failure = error.to_string();
                 if failure != entry.last_failure {

@@ -28,11 +28,11 @@ pub(crate) struct Cli {
     )]
     threads: Option<u16>,
 
-    /// Say more: -v what is done, -vv details
+    /// More messages: -v progress, -vv details
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 
-    /// Say nothing but results and errors
+    /// Print only results and errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
 }

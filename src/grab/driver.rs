@@ -88,7 +88,7 @@ pub struct CameraPair {
     pub rig: Option<Rig>,
 }
 
-/// A camera that is there.
+/// A connected camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ListedCamera {
     /// What to call it in a source's name.
@@ -137,7 +137,7 @@ impl Driver {
     /// Checks options written `name=value`.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a name that the table lacks, [`Error::ParameterValue`] for a value
+    /// [`Error::Usage`] for a name that is not in the table, [`Error::ParameterValue`] for a value
     /// that is out of range.
     pub(super) fn settings<'a>(
         &self,

@@ -47,7 +47,7 @@ pub struct MatchContext {
     pub grid: GridSettings,
     /// When a reported cell counts as right.
     pub cells: CellRule,
-    /// Threads that the matcher may use.
+    /// Threads of the pool that calls the matcher, for algorithms that start threads of their own.
     pub threads: usize,
 }
 
@@ -180,7 +180,7 @@ impl Algorithm {
         self.spec
     }
 
-    /// As it was asked for.
+    /// As the user wrote it.
     pub fn label(&self) -> &str {
         &self.label
     }

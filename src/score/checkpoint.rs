@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::stereo::{DepthGrid, GridShape, Pose};
 use std::cmp::Ordering;
 
-/// A place and a direction on the robot's path, and what has to be seen there.
+/// A pose on the robot's path, and what has to be seen there.
 ///
 /// Cells are `[column, row]`, row 0 on top.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize, serde::Serialize)]

@@ -263,8 +263,8 @@ pub const METRICS: &[Metric] = &[
     Metric {
         name: "row_offset",
         words: "vertical misalignment",
-        group: "rows",
-        head: "lower",
+        group: "misalignment",
+        head: "vertical, px",
         unit: MetricUnit::Px,
         better: Better::Neither,
         origin: MetricOrigin::Frame {
@@ -274,10 +274,9 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("row_offset"),
         note: Some(|_| {
-            let words = "rows that the right image lies too low, as an algorithm that searches \
-                         other rows measures it: the median of a pair's pixels, and the mean of \
-                         the pairs";
-            ("lower", words.into())
+            let words = "by how many rows the right image is lower: the median of a pair's pixels, \
+                         the mean of the pairs; only of algorithms that search other rows";
+            ("vertical, px", words.into())
         }),
     },
     Metric {
@@ -319,8 +318,8 @@ impl Metric {
 
     /// Whether its column holds whole numbers.
     pub fn counts(&self) -> bool {
-        self.column()
-            .is_some_and(|(_, total)| total != MetricTotal::Mean)
+        let share = |(_, total)| matches!(total, MetricTotal::ShareOf(_));
+        self.unit == MetricUnit::Count || self.column().is_some_and(share)
     }
 
     /// The value of a frame as Rerun plots it: shares in percent.

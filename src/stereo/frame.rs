@@ -69,11 +69,11 @@ impl Geometry {
 /// How and when a pair was exposed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Exposure {
-    /// Number of the trigger pulse that fired both cameras.
+    /// Number of the trigger pulse that triggered both cameras.
     pub trigger_id: u64,
-    /// Right stamp minus left stamp.
+    /// Right stamp minus left stamp, nanoseconds.
     pub skew_ns: i64,
-    /// Exposure time, 0 when unknown.
+    /// Exposure time, microseconds; 0 when unknown.
     pub shutter_us: u32,
     /// Sensor gain in thousandths of a decibel.
     pub gain_mdb: i32,

@@ -101,8 +101,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     matcher.compute(RectifiedPair::assume(&pair), &context, &mut output)?;
     let MatchOutput {
         disparity: map,
+        grid: own_grid,
         clock,
-        ..
     } = output;
 
     outputs.set_aside()?;
@@ -120,7 +120,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     outputs.commit();
     let settings = GridSettings::default();
-    let grid = rig.map(|rig| depth::grid(map.disparity(), settings, Some(&rig)));
+    let grid = rig
+        .map(|rig| own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, Some(&rig))));
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     let report = MatchReport {
         algorithm: args.algo.label(),

@@ -10,7 +10,7 @@ use svl::counted;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
 use svl::source::Request;
 
-/// Measure how well the pairs of a recording are rectified, from the pictures alone
+/// Measure how well the pairs of a recording are rectified, from the images alone
 ///
 /// Matches points between both images and measures their vertical misalignment: in all, and by part
 /// of the image, which distinguishes a shift from a rotation and from lens distortion. Fails when

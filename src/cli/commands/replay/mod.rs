@@ -45,15 +45,14 @@ pub(crate) struct Args {
     /// newest of recordings/, else the arena, recorded first]
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with
-    /// --verify those of then]
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of the earlier run]
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
     topics: TopicArgs,
     #[command(flatten)]
     rectify: RectifyArgs,
-    /// As soon as possible, or so many times the recorded speed
+    /// As fast as possible (asap), or X times the recorded speed
     #[arg(
         long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
         value_parser = pace
@@ -71,7 +70,7 @@ pub(crate) struct Args {
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
-    /// Prove that the results are those of an earlier run, by default those in the recording itself
+    /// Check that the results equal those of an earlier run, by default those in the recording itself
     #[arg(
         long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true
     )]
