@@ -165,7 +165,7 @@ fn bad_input_is_one_line_that_names_it() {
         .failed(2, &["a.mcap: named twice"]);
     fixture
         .svl(&["replay", "a.mcap", "--rerun", "spwan"])
-        .failed(2, &["'spwan' is no Rerun target", "`spawn`"]);
+        .failed(2, &["'spwan' is no Rerun destination", "`spawn`"]);
     fixture
         .svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"])
         .failed(2, &["v3: named twice"]);
