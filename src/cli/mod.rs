@@ -39,7 +39,7 @@ pub(crate) struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  svl score scenarios/arena.toml     judge the arena, write reports/arena
+  svl score scenarios/arena.toml     score the arena, write reports/arena
   svl record -o run.mcap             record the simulated arena
   svl replay run.mcap --algo v3 --rerun spawn
   svl match left.png right.png --algo v3:max_disparity=64 -o disparity.pfm

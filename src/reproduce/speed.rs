@@ -70,7 +70,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     conclude(rates[0], &mut finding);
     finding.why = format!(
-        "On {}, one thread, v3 matches {:.0} and the SVS's relative {:.0} pairs a second in \
+        "On {}, one thread, v3 matches {:.0} and bm (StereoBM) {:.0} pairs a second in \
          portable code, {:.0} and {:.0} with {}; the thesis's 3 GHz PC 6 to 8 and 8 to 9.",
         context.machine,
         rates[0][0],

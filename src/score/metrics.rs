@@ -275,7 +275,8 @@ pub const METRICS: &[Metric] = &[
         plot: Some("row_offset"),
         note: Some(|_| {
             let words = "by how many rows the right image is lower: the median of a pair's pixels, \
-                         the mean of the pairs; only of algorithms that search other rows";
+                         the mean of the pairs; in whole rows, and only within row_tolerance: `svl \
+                         calibrate check` measures larger ones";
             ("vertical, px", words.into())
         }),
     },

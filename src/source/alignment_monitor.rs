@@ -1,6 +1,7 @@
 //! Monitors the vertical misalignment of a source's pairs.
 
 use super::Source;
+use crate::counted;
 use crate::error::Result;
 use crate::rectify::AlignmentMeter;
 use crate::stereo::{Frame, Losses};
@@ -41,12 +42,12 @@ impl<'a> AlignmentMonitor<'a> {
         };
         if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
             tracing::warn!(
-                "{}: vertical misalignment of {:.1} px (median of {} points in {} pairs), which \
+                "{}: vertical misalignment of {:.1} px (median of {} points in {}), which \
                  costs matches: rectify with --calib; `svl calibrate check` says more",
                 self.source.name(),
                 found.median_abs_px,
                 found.matches,
-                found.pairs
+                counted(found.pairs as u64, "pair")
             );
         }
     }

@@ -17,19 +17,24 @@ use svl::recording::{Recording, Recovery};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
 pub(crate) struct Args {
-    /// The recording; any other MCAP file will do
+    /// The recording; any other MCAP file will do, or the folder of a ROS 2 bag of one file
     file: PathBuf,
-    /// File to write, which must not exist
+    /// File to write
     #[arg(short, long, value_name = "OUT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: PathBuf,
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// Replace a file that exists
+    #[arg(long)]
+    force: bool,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let damaged = Recording::open(&args.file)?;
-    let outputs = Outputs::claim(false, [damaged.only_path()?], [args.output.as_path()])?;
+    let input = damaged.only_path()?;
+    let mut outputs = Outputs::claim(args.force, [input], [args.output.as_path()])?;
+    outputs.set_aside()?;
     let recovery = damaged.recover(&args.output)?;
     outputs.commit();
     if args.json {

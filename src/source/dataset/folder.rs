@@ -6,7 +6,7 @@ use crate::calibrate::files::read_calib;
 use crate::error::{Error, Result};
 use crate::files::read_gray;
 use crate::source::Source;
-use crate::stereo::{Exposure, Frame, Geometry, Losses, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Losses, StereoPair};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -17,16 +17,20 @@ const SIDES: &[(&str, &str)] = &[
     ("image_2", "image_3"),
     ("colored_0", "colored_1"),
     ("image_0", "image_1"),
-    ("cam0/data", "cam1/data"),
+    (EUROC, "cam1/data"),
 ];
 
-/// Pairs of equally named images, in the order of their names.
+/// The layout whose cameras have a `sensor.yaml` with distortion beside their images.
+const EUROC: &str = "cam0/data";
+
+/// Pairs of equally named images, in the order of their names. They count as rectified, as no file
+/// says otherwise, but for those of EuRoC.
 pub struct FolderSource {
     folder: PathBuf,
     pairs: Vec<(String, PathBuf, PathBuf)>,
     unpaired: usize,
     period_ns: u64,
-    rig: Option<Rig>,
+    geometry: Geometry,
     next: usize,
 }
 
@@ -53,12 +57,16 @@ impl FolderSource {
         }
         let calib = folder.join("calib.txt");
         let rig = calib.is_file().then(|| read_calib(&calib)).transpose()?;
+        let geometry = match folder.join(EUROC).is_dir() && rig.is_none() {
+            true => Geometry::Raw,
+            false => Geometry::Rectified(rig),
+        };
         Ok(Self {
             folder: folder.to_owned(),
             pairs,
             unpaired,
             period_ns: (1e9 / rate_hz) as u64,
-            rig,
+            geometry,
             next: 0,
         })
     }
@@ -117,7 +125,7 @@ impl Source for FolderSource {
             stamp_ns: sequence * self.period_ns,
             name: Some(name.clone()),
             pair,
-            geometry: Geometry::Rectified(self.rig),
+            geometry: self.geometry,
             pose: None,
             truth: None,
             exposure: Exposure {

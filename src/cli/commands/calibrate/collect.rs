@@ -257,7 +257,7 @@ impl Collected {
             .map(|(word, times)| format!("{times} {word}"))
             .collect();
         if reasons.is_empty() {
-            "none refused".to_owned()
+            "none".to_owned()
         } else {
             reasons.join(", ")
         }

@@ -11,7 +11,7 @@ use svl::files as on_disk;
 use svl::score::protocol::{Protocol, ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility, cross_check};
 
-/// Judge disparity maps as a benchmark does, number for number
+/// Score disparity maps as a benchmark's own program does
 ///
 /// Both may be folders of equally named files: KITTI 2015 then counts the pixels of all images, the
 /// others average.

@@ -155,8 +155,8 @@ impl Earlier {
             {
                 let label = &row.algorithm;
                 bail!(
-                    "{label}: its parameters are not those of {}; give them all, as \
-                     `{label}:key=value`",
+                    "{label}: its parameters are not those of {}; name the algorithm with --algo \
+                     as it did, or replay it anew",
                     self.path.display()
                 );
             }

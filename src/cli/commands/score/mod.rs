@@ -22,7 +22,7 @@ use sweep::{Algorithms, MAX_ALGORITHMS, sweeps};
 
 /// Score algorithms on a scenario and write a report
 ///
-/// Records what is missing (recordings/ is a cache), replays it through the algorithms, judges
+/// Records what is missing (recordings/ is a cache), replays it through the algorithms, scores
 /// every cell and every checkpoint, prints a summary, and writes a report: index.html to read,
 /// summary.md, run.rrd for Rerun, and as .csv and .parquet the tables summary (per algorithm),
 /// verdicts (per checkpoint), rows (per pair), cells and checkpoints (per run).
