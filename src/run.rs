@@ -126,9 +126,9 @@ type Spent = Vec<(String, DisparityMap)>;
 ///
 /// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads
 /// of their own, in the same order; else all happens in turn, so that other threads do not disturb
-/// the times that are measured. From a thread of a rayon pool, and with a source that listens, all
-/// happens in turn too: no thread ever waits for another one of its own pool, so a pool of one
-/// thread cannot deadlock.
+/// the times that are measured. With a source that listens all happens in turn too. The threads for
+/// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never
+/// waits for the caller's pool, whose only thread may be waiting for them.
 ///
 /// An algorithm that fails on a frame leaves no estimate for it, and the others go on. It is reported
 /// to the monitor, but not again while the algorithm fails for the same reason frame after frame.
@@ -154,11 +154,11 @@ pub fn run(
     };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let has_free_core = cores > rayon::current_num_threads();
-    let is_alone = rayon::current_thread_index().is_none() && !source.listens();
+    let reads_ahead = has_free_core && !source.listens();
     let mut taken = 0;
     let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_run(start));
     let ran = begun.and_then(|()| {
-        if !matching.matchers.0.is_empty() && has_free_core && is_alone {
+        if !matching.matchers.0.is_empty() && reads_ahead {
             side_by_side(source, &mut matching, sinks, &mut taken)
         } else {
             in_turn(source, &mut matching, sinks, &mut taken)
@@ -218,6 +218,7 @@ fn side_by_side(
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
         scope.spawn(move || {
+            let _pool = own_pool();
             // Ends with the source, its first error, or when the receiver is gone.
             while let Some(next) = source.next().transpose() {
                 let failed = next.is_err();
@@ -230,6 +231,7 @@ fn side_by_side(
         let (send, received) = sync_channel::<(Frame, Vec<Matched>)>(BETWEEN);
         let (give_back, given_back) = channel();
         let pushing = scope.spawn(move || {
+            let _pool = own_pool();
             for (frame, matched) in received {
                 let judged = judged(judge, frame, matched);
                 push(sinks, &judged)?;
@@ -263,6 +265,15 @@ fn side_by_side(
             .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         pushed.and(ran)
     })
+}
+
+/// A rayon pool that is the calling thread alone: what it hands to rayon happens in place.
+fn own_pool() -> Option<rayon::ThreadPool> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .use_current_thread();
+    // Without it rayon's global pool is used, which is no other thread's to block either.
+    pool.build().ok()
 }
 
 /// What an algorithm made of a frame.
@@ -429,6 +440,8 @@ mod tests {
                 .left
                 .checked_sub(1)
                 .ok_or_else(|| Error::Invalid("source failed".into()))?;
+            // As the arena renders: it must not wait for the pool that waits for it.
+            rayon::join(|| (), || ());
             let image = Gray::filled(40, 20, self.left as u8)?;
             Ok(Some(Frame {
                 sequence: self.left,
@@ -527,7 +540,7 @@ mod tests {
 
     #[test]
     fn every_frame_is_taken_in_order_until_the_same_end() {
-        // In turn from within a pool, and as this machine has it.
+        // From the only thread of a pool, and from outside of any.
         let in_pool = |work: &mut (dyn FnMut() + Send)| pool(1).install(work);
         let outside = |work: &mut (dyn FnMut() + Send)| work();
         for with in [&in_pool as &dyn Fn(&mut (dyn FnMut() + Send)), &outside] {

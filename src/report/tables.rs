@@ -36,12 +36,11 @@ impl<R: Record> Table<R> {
         }
     }
 
-    /// A table in a folder, which is made where there is none, as `name.csv` and `name.parquet`.
+    /// A table in a folder that exists, as `name.csv` and `name.parquet`.
     ///
     /// # Errors
     /// [`Error::Io`] with the file that cannot be written.
     pub fn create_both(folder: &Path, name: &str) -> Result<Self> {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let path = folder.join(name);
         Ok(Self {
             csv: Some(Csv::create::<R>(&path.with_extension("csv"))?),

@@ -62,8 +62,12 @@ impl Sink for CheckpointSink {
     }
 
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
-        for (checkpoint, tallies) in self.checkpoints.iter().zip(&self.tallies) {
-            for (algorithm, tally) in self.algorithms.iter().zip(tallies) {
+        for (checkpoint, tallies) in self
+            .checkpoints
+            .iter()
+            .zip(std::mem::take(&mut self.tallies))
+        {
+            for (algorithm, tally) in self.algorithms.iter().zip(&tallies) {
                 let row = CheckpointRow {
                     run_id: self.identity.run_id.clone(),
                     scenario: self.identity.scenario.clone(),

@@ -14,7 +14,7 @@ pub use recording::RecordingSink;
 pub use rerun::{BoardView, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
 pub use table::TableSink;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::recording::Writer;
 use crate::report::{CheckpointRow, Row, Summary};
@@ -113,6 +113,7 @@ impl Sinks {
         match request.report {
             None => sinks.push(Box::new(TableSink::new(request.rows, &rows)?)),
             Some(folder) => {
+                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
                 sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
                 sinks.push(Box::new(CheckpointSink::in_folder(folder, &checkpoints)?));
                 sinks.push(Box::new(PictureSink::new(&pictures)));

@@ -4,6 +4,7 @@ use super::Source;
 use crate::counted;
 use crate::error::Result;
 use crate::rectify::AlignmentMeter;
+use crate::score::Judged;
 use crate::stereo::{Frame, Losses};
 
 /// A source that measures a few of its pairs, and warns once when they are vertically misaligned.
@@ -70,5 +71,13 @@ impl Source for AlignmentMonitor<'_> {
 
     fn finish(&mut self, taken: u64) -> Losses {
         self.source.finish(taken)
+    }
+
+    fn listens(&self) -> bool {
+        self.source.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.source.hear(judged);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Source;
 use crate::error::Result;
+use crate::score::Judged;
 use crate::stereo::{Frame, Losses};
 
 /// Ends a source after so many frames or so much of its time.
@@ -58,5 +59,13 @@ impl Source for Limited {
 
     fn finish(&mut self, taken: u64) -> Losses {
         self.source.finish(taken)
+    }
+
+    fn listens(&self) -> bool {
+        self.source.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.source.hear(judged);
     }
 }

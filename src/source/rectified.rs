@@ -3,6 +3,7 @@
 use super::Source;
 use crate::error::{Error, Result};
 use crate::rectify::{EpipolarGeometry, Framing, Rectifier, matches, uncalibrated};
+use crate::score::Judged;
 use crate::stereo::{Frame, Geometry, Gray, Losses, StereoPair};
 use std::collections::VecDeque;
 
@@ -125,6 +126,14 @@ impl Source for RectifiedSource {
     fn finish(&mut self, taken: u64) -> Losses {
         self.source.finish(taken)
     }
+
+    fn listens(&self) -> bool {
+        self.source.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.source.hear(judged);
+    }
 }
 
 /// A source whose raw pairs are declared rectified by the user (`--calib none`).
@@ -157,5 +166,13 @@ impl Source for AssumeRectified<'_> {
 
     fn finish(&mut self, taken: u64) -> Losses {
         self.0.finish(taken)
+    }
+
+    fn listens(&self) -> bool {
+        self.0.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.0.hear(judged);
     }
 }

@@ -3,10 +3,11 @@
 
 use super::usage;
 use anyhow::{Context, bail};
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-/// What a command writes. Dropped before [`Outputs::commit`], it removes what is new and puts the
-/// earlier files back.
+/// What a command writes. Dropped before [`Outputs::commit`] or [`Outputs::keep_both`], it puts the
+/// earlier files back in place of new ones that are of no use.
 #[must_use]
 pub(crate) struct Outputs(Vec<Output>);
 
@@ -16,6 +17,10 @@ struct Output {
     folder: Option<&'static FolderRule>,
     /// Whether the folder did not exist before.
     created: bool,
+    /// Whether a file that exists may be replaced.
+    may_replace: bool,
+    /// Locks the folder against another svl.
+    _lock: Option<File>,
     /// Whether what is at `path` is new.
     begun: bool,
     /// Where the earlier file, or the earlier files of the folder, went.
@@ -50,7 +55,10 @@ impl Outputs {
         }
         let claim = |path: &&Path| {
             may_write(path, force)?;
-            Ok(Output::new(path, None, false))
+            Ok(Output {
+                may_replace: force,
+                ..Output::new(path, None, false)
+            })
         };
         outputs
             .iter()
@@ -65,7 +73,20 @@ impl Outputs {
         let created = !path.exists();
         std::fs::create_dir_all(path)
             .with_context(|| format!("{}: cannot make the folder", path.display()))?;
-        let output = Output::new(path, Some(rule), created);
+        // Two runs into one folder would take each other's files for an earlier report's. Where
+        // folders cannot be opened or locked, there is no such guard.
+        let lock = File::open(path).ok();
+        if let Some(Err(TryLockError::WouldBlock)) = lock.as_ref().map(File::try_lock) {
+            bail!(
+                "{}: another svl writes there; {}",
+                path.display(),
+                rule.cure
+            );
+        }
+        let output = Output {
+            _lock: lock,
+            ..Output::new(path, Some(rule), created)
+        };
         let files = files(path)?;
         if let Some(foreign) = files.iter().find(|file| !rule.holds(file)) {
             bail!(
@@ -127,8 +148,13 @@ impl Outputs {
 
 impl Drop for Outputs {
     fn drop(&mut self) {
-        // A file that cannot be put back stays under its other name, which loses nothing.
-        self.0.iter().for_each(|output| drop(output.restore()));
+        for output in &self.0 {
+            if let (Err(error), Some(aside)) = (output.restore(), &output.aside) {
+                // It stays under its other name, which loses nothing.
+                let (path, aside) = (output.path.display(), aside.display());
+                tracing::warn!("{path}: {error}; the earlier one is {aside}");
+            }
+        }
     }
 }
 
@@ -146,6 +172,8 @@ impl Output {
             path: path.to_owned(),
             folder,
             created,
+            may_replace: false,
+            _lock: None,
             begun: false,
             aside: None,
         }
@@ -155,10 +183,11 @@ impl Output {
         let refused = || format!("{}: cannot be replaced", self.path.display());
         if self.folder.is_none() {
             if self.path.exists() {
-                let mut aside = self.path.clone().into_os_string();
-                aside.push(format!(".{}.earlier", std::process::id()));
+                // It may have appeared since it was claimed.
+                may_write(&self.path, self.may_replace)?;
+                let aside = free_file(&self.path);
                 std::fs::rename(&self.path, &aside).with_context(refused)?;
-                self.aside = Some(aside.into());
+                self.aside = Some(aside);
             }
         } else {
             // The files move, not the folder, which may be a mount point.
@@ -183,16 +212,20 @@ impl Output {
         let Some(rule) = self.folder else {
             return match &self.aside {
                 Some(aside) => std::fs::rename(aside, &self.path),
-                None if self.begun => std::fs::remove_file(&self.path),
+                // A file that holds something is not removed: it may be another program's by now.
+                None if self.begun && self.path.metadata()?.len() == 0 => {
+                    std::fs::remove_file(&self.path)
+                }
                 None => Ok(()),
             };
         };
         if self.begun {
+            // What cannot be removed is replaced by the earlier file of its name, or stays.
             let files = files(&self.path).unwrap_or_default();
             files
                 .iter()
                 .filter(|file| rule.holds(file))
-                .try_for_each(std::fs::remove_file)?;
+                .for_each(|file| drop(std::fs::remove_file(file)));
         }
         if let Some(aside) = &self.aside {
             let files = files(aside).unwrap_or_default();
@@ -205,6 +238,23 @@ impl Output {
         }
         Ok(())
     }
+}
+
+/// `FILE.PID.earlier`, or with a number where that exists: in containers the process id is often 1.
+fn free_file(file: &Path) -> PathBuf {
+    let pid = std::process::id();
+    let beside = |n: u32| {
+        let mut name = file.as_os_str().to_owned();
+        name.push(match n {
+            1 => format!(".{pid}.earlier"),
+            n => format!(".{pid}-{n}.earlier"),
+        });
+        PathBuf::from(name)
+    };
+    (1..)
+        .map(beside)
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| beside(0))
 }
 
 /// `FOLDER.earlier-N` with the first number that is free.

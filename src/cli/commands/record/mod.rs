@@ -121,19 +121,23 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let began = Instant::now();
     let (outcome, ran) = recordings::record(opened, &output, format, quiet);
+    let is_kept = output.exists();
+    // Decided before anything is printed: a closed or full standard output costs no recording.
+    match (&ran, is_kept) {
+        (Ok(()), _) => outputs.commit(),
+        (Err(_), true) => outputs.keep_both(),
+        (Err(_), false) => drop(outputs),
+    }
+    let mut printed = Ok(());
     if let Some(grabber) = outcome.losses.grabber.as_ref().filter(|_| !quiet) {
-        let whose = match output.exists() {
+        let whose = match is_kept {
             true => output.display().to_string(),
             false => args.source.clone(),
         };
-        print(&format!("{whose}: {}\n", grabber.text))?;
-    }
-    if ran.is_err() && output.exists() {
-        outputs.keep_both();
-        return Ok(ran?);
+        printed = print(&format!("{whose}: {}\n", grabber.text));
     }
     ran?;
-    outputs.commit();
+    printed?;
     if !quiet {
         report(&output, &outcome, began.elapsed().as_secs_f64())?;
     }

@@ -164,7 +164,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let pairs = outcome.frames;
     let mut verification = None;
     if pairs > 0 || ran.is_ok() {
-        match ran.is_ok() && finished.is_ok() {
+        match ran.is_ok() && finished.is_ok() && !outcome.interrupted {
             true => outputs.commit(),
             false => outputs.keep_both(),
         }

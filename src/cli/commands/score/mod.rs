@@ -139,7 +139,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Err(error) => Some(usage::one_line(error)),
         Ok(()) => total.missing(),
     };
-    let (summary, manifest) = match (report.finish(&scenario, incomplete), ran.is_err()) {
+    let finished = report.finish(&scenario, incomplete);
+    // Decided before anything is printed: a full standard output costs no report, and a full disk
+    // no row that was written.
+    match (&ran, &finished) {
+        (Ok(()), Ok(_)) => outputs.commit(),
+        _ if finished.is_ok() || total.frames > 0 => outputs.keep_both(),
+        _ => drop(outputs),
+    }
+    let (summary, manifest) = match (finished, ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
     };
@@ -159,10 +167,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             "{summary}\n{}\n{gate}",
             folder.join("index.html").display()
         ))?;
-    }
-    match &ran {
-        Ok(()) => outputs.commit(),
-        Err(_) => outputs.keep_both(),
     }
     ran?;
     runner::complete(&total)?;
