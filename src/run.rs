@@ -130,8 +130,9 @@ type Spent = Vec<(String, DisparityMap)>;
 /// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never
 /// waits for the caller's pool, whose only thread may be waiting for them.
 ///
-/// An algorithm that fails on a frame leaves no estimate for it, and the others go on. It is reported
-/// to the monitor, but not again while the algorithm fails for the same reason frame after frame.
+/// An algorithm that fails on a frame leaves no estimate for it, and the others go on. It is
+/// reported to the monitor, but not again while the algorithm fails for the same reason frame
+/// after frame.
 ///
 /// The outcome holds also for a run that failed, with the first error of the source, of a raw pair
 /// for an algorithm, or of a sink.

@@ -45,7 +45,8 @@ pub(crate) struct Args {
     /// newest of recordings/, else the arena, recorded first]
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify those of the earlier run]
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify
+    /// those of the earlier run]
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
@@ -70,7 +71,8 @@ pub(crate) struct Args {
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
-    /// Check that the results equal those of an earlier run, by default those in the recording itself
+    /// Check that the results equal those of an earlier run, by default those in the recording
+    /// itself
     #[arg(
         long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true
     )]
