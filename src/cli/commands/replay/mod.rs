@@ -45,8 +45,8 @@ pub(crate) struct Args {
     /// newest of recordings/, else the arena, recorded first]
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with --verify
-    /// those of the earlier run]
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with
+    /// --verify those of the earlier run]
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
