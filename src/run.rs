@@ -269,12 +269,13 @@ fn side_by_side(
 }
 
 /// A rayon pool that is the calling thread alone: what it hands to rayon happens in place.
-fn own_pool() -> Option<rayon::ThreadPool> {
+fn own_pool() -> rayon::ThreadPool {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .use_current_thread();
-    // Without it rayon's global pool is used, which is no other thread's to block either.
-    pool.build().ok()
+    // It starts no thread, and fails only in a thread that is in a pool already, which a new one is
+    // not.
+    pool.build().expect("a new thread is in no pool")
 }
 
 /// What an algorithm made of a frame.
@@ -409,6 +410,7 @@ impl Pacer {
 mod tests {
     use super::*;
     use crate::manifest::Manifest;
+    use crate::source::{AlignmentMonitor, AssumeRectified};
     use crate::stereo::{Geometry, Gray, StereoPair};
     use std::sync::{Arc, Mutex};
 
@@ -418,6 +420,8 @@ mod tests {
         geometry: Geometry,
         listens: bool,
         heard: Vec<u64>,
+        /// Whether it is read from a pool, or from a thread that has one of its own.
+        in_pool: bool,
     }
 
     impl Failing {
@@ -427,6 +431,7 @@ mod tests {
                 geometry: Geometry::Rectified(None),
                 listens: false,
                 heard: Vec::new(),
+                in_pool: rayon::current_thread_index().is_some(),
             }
         }
     }
@@ -441,8 +446,10 @@ mod tests {
                 .left
                 .checked_sub(1)
                 .ok_or_else(|| Error::Invalid("source failed".into()))?;
-            // As the arena renders: it must not wait for the pool that waits for it.
-            rayon::join(|| (), || ());
+            // As the arena renders: rayon must work in this thread, not in the pool of the caller,
+            // whose only thread waits for this one.
+            let in_pool = rayon::current_thread_index().is_some();
+            assert!(in_pool || !self.in_pool, "rayon would use another pool");
             let image = Gray::filled(40, 20, self.left as u8)?;
             Ok(Some(Frame {
                 sequence: self.left,
@@ -517,7 +524,7 @@ mod tests {
     }
 
     /// What the sink saw and how the run ended.
-    fn ran(source: &mut Failing, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
+    fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
         let algorithms = ["v3:max_disparity=8".parse().unwrap()];
         let manifest = Manifest::new("test", None, &algorithms).unwrap();
         let judge = Judge::default();
@@ -566,7 +573,10 @@ mod tests {
             listens: true,
             ..Failing::new(20)
         };
-        ran(&mut source, 100, 3).2.unwrap();
+        // Through the wrappers of every run of the command line.
+        let mut rectified = AssumeRectified::new(&mut source);
+        let mut monitored = AlignmentMonitor::new(&mut rectified);
+        ran(&mut monitored, 100, 3).2.unwrap();
         assert_eq!(source.heard, [19, 18, 17]);
     }
 

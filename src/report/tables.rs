@@ -20,7 +20,7 @@ struct Csv {
 }
 
 /// The file stays empty and the rows in memory until the table is complete: a Parquet file without
-/// its footer is none. A pair with 15 cells takes 5 kB.
+/// its footer cannot be read. A pair with 15 cells takes 5 kB.
 struct Parquet<R> {
     path: PathBuf,
     file: File,

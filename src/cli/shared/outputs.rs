@@ -336,3 +336,55 @@ pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()
 pub(crate) fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
     write(path, serde_json::to_string_pretty(value)? + "\n")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULE: FolderRule = FolderRule {
+        kind: "a report",
+        owns: |name| name == "a.json",
+        mark: "a.json",
+        cure: "name another",
+    };
+
+    fn claim(path: &Path) -> Outputs {
+        Outputs::claim(false, [], [path]).unwrap()
+    }
+
+    #[test]
+    fn a_folder_is_one_run_s_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Outputs::claim_folder(folder.path(), &RULE).unwrap();
+        let second = Outputs::claim_folder(folder.path(), &RULE).err().unwrap();
+        assert!(second.to_string().contains("another svl writes there"));
+        drop(first);
+        Outputs::claim_folder(folder.path(), &RULE)
+            .unwrap()
+            .commit();
+    }
+
+    #[test]
+    fn a_file_that_appeared_since_the_claim_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out");
+        let mut outputs = claim(&path);
+        std::fs::write(&path, "another's").unwrap();
+        outputs.set_aside().unwrap_err();
+        drop(outputs);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "another's");
+    }
+
+    #[test]
+    fn without_a_commit_only_an_empty_file_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        for (text, stays) in [("", false), ("data", true)] {
+            let path = folder.path().join("out");
+            let mut outputs = claim(&path);
+            outputs.set_aside().unwrap();
+            std::fs::write(&path, text).unwrap();
+            drop(outputs);
+            assert_eq!(path.exists(), stays, "{text:?}");
+        }
+    }
+}

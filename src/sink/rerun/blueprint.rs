@@ -224,7 +224,7 @@ fn builder(app: ApplicationId) -> RecordingStreamBuilder {
         .blueprint()
 }
 
-/// Sends the layout to whoever gets the recording `stream` of `app`. It becomes the active one: the
+/// Sends the layout along with the recording `stream` of `app`. It becomes the active one: the
 /// layout left over from a run with other algorithms would show empty views.
 pub(super) fn send(
     root: &LayoutNode,

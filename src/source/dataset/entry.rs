@@ -101,7 +101,7 @@ impl Dataset {
     /// The parts called `names`, or the usual ones.
     ///
     /// # Errors
-    /// The name that is none, with those there are.
+    /// The unknown name, with the known ones.
     pub fn parts(&self, names: &[String]) -> Result<Vec<&'static Part>, String> {
         if names.is_empty() {
             return Ok(self.parts.iter().filter(|p| p.usual).collect());

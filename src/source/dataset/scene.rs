@@ -232,7 +232,7 @@ fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
     Ok(names(&subfolder)?.into_iter().filter_map(number).collect())
 }
 
-/// The names in a folder, in order; what is not text is none of a data set's.
+/// The names in a folder, in order; names that are not UTF-8 belong to no data set.
 fn names(folder: &Path) -> Result<BTreeSet<String>> {
     let io = |e| Error::io(folder, e);
     let entries = std::fs::read_dir(folder)
