@@ -147,3 +147,31 @@ impl Source for FolderSource {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::encode_png;
+
+    #[test]
+    fn euroc_s_folders_are_raw_and_others_count_as_rectified() {
+        let png = encode_png(2, 1, &[0, 255]).unwrap();
+        let layouts = [
+            (["cam0/data", "cam1/data"], Geometry::Raw),
+            (["left", "right"], Geometry::Rectified(None)),
+        ];
+        for (sides, geometry) in layouts {
+            let folder = tempfile::tempdir().unwrap();
+            for side in sides {
+                std::fs::create_dir_all(folder.path().join(side)).unwrap();
+                std::fs::write(folder.path().join(side).join("1.png"), &png).unwrap();
+            }
+            let mut source = FolderSource::new(folder.path(), 10.0).unwrap();
+            assert_eq!(
+                source.next().unwrap().unwrap().geometry,
+                geometry,
+                "{sides:?}"
+            );
+        }
+    }
+}
