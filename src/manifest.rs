@@ -25,6 +25,10 @@ pub struct Manifest {
     pub scenario_hash: Option<String>,
     /// Digest of all pairs' pixels in their order, once the run is over.
     pub pairs_hash: Option<String>,
+    /// Where the truths come from, as [`crate::stereo::TruthOrigin`] writes it, once the run is
+    /// over.
+    #[serde(default)]
+    pub truth: Vec<String>,
     pub algorithms: Vec<AlgorithmRecord>,
     pub machine: Machine,
 }
@@ -87,6 +91,7 @@ impl Manifest {
             scenario: scenario.to_owned(),
             scenario_hash: scenario_text.map(hash),
             pairs_hash: None,
+            truth: Vec::new(),
             algorithms: algorithms.iter().map(AlgorithmRecord::new).collect(),
             machine: Machine::this()?,
         })
@@ -101,6 +106,7 @@ impl Manifest {
             governor,
         } = &self.machine;
         let revision = self.git_revision.as_deref().unwrap_or("revision unknown");
+        let truth = (!self.truth.is_empty()).then(|| self.truth.join(", "));
         let fixed = [
             ("run", Some(self.run_id.clone())),
             ("began", Some(self.began.clone())),
@@ -108,6 +114,7 @@ impl Manifest {
             ("scenario", Some(self.scenario.clone())),
             ("scenario hash", self.scenario_hash.clone()),
             ("pairs hash", self.pairs_hash.clone()),
+            ("truth", truth),
             ("processor", Some(processor.clone())),
             ("instruction set", Some(isa.clone())),
             ("threads", Some(threads.to_string())),

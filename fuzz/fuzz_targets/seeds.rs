@@ -205,10 +205,7 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
             0.0,
         )?)),
         pose: Some(stereo::Pose::translation(1.0, 2.0, 3.0)),
-        truth: Some(stereo::Truth {
-            disparity: stereo::Plane::filled(6, 4, 2.5)?,
-            visibility: None,
-        }),
+        truth: Some(stereo::Truth::exact(stereo::Plane::filled(6, 4, 2.5)?, None)),
         exposure: stereo::Exposure::default(),
     })
 }

@@ -155,8 +155,8 @@ pub(super) fn truth(
                 };
             }
         });
-    Ok(Truth {
-        disparity: Plane::from_vec(size.0, size.1, disparity)?,
-        visibility: Some(Plane::from_vec(size.0, size.1, visibility)?),
-    })
+    Ok(Truth::exact(
+        Plane::from_vec(size.0, size.1, disparity)?,
+        Some(Plane::from_vec(size.0, size.1, visibility)?),
+    ))
 }

@@ -105,13 +105,7 @@ mod tests {
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();
         visibility.set(2, 0, Visibility::Occluded);
         visibility.set(5, 0, Visibility::Unknown);
-        let Picture { codes, palette } = errors(
-            &map,
-            &Truth {
-                disparity: truth,
-                visibility: Some(visibility),
-            },
-        );
+        let Picture { codes, palette } = errors(&map, &Truth::exact(truth, Some(visibility)));
         let colors: Vec<_> = codes
             .pixels()
             .map(|code| palette[usize::from(code)])

@@ -154,10 +154,7 @@ mod tests {
 
     fn frame(rig: Option<Rig>, pose: Option<Pose>, truth: Option<f32>) -> Frame {
         let image = Gray::filled(320, 240, 0).unwrap();
-        let truth = truth.map(|d| Truth {
-            disparity: Plane::filled(320, 240, d).unwrap(),
-            visibility: None,
-        });
+        let truth = truth.map(|d| Truth::exact(Plane::filled(320, 240, d).unwrap(), None));
         let pair = StereoPair::new(image.clone(), image).unwrap();
         Frame {
             sequence: 0,

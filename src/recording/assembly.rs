@@ -201,10 +201,12 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
     let truth = disparity.map(|disparity| Truth {
         disparity,
         visibility: left.visibility.map(|v| v.map(Visibility::from_code)),
+        kind: sync.truth.clone(),
     });
     if let Some(Truth {
         disparity,
         visibility,
+        ..
     }) = &truth
     {
         for size in [Some(disparity.size()), visibility.as_ref().map(Plane::size)]

@@ -1,7 +1,7 @@
 //! The JSON message of a pair: its stamps, geometry and exposure.
 
 use super::Encoded;
-use crate::stereo::{Exposure, Frame, Geometry};
+use crate::stereo::{Exposure, Frame, Geometry, Truth, TruthKind};
 use std::borrow::Cow;
 
 pub(super) const SCHEMA: &str = "svl.StereoSync";
@@ -21,6 +21,9 @@ pub(super) struct StereoSync {
     pub(super) right_stamp_ns: u64,
     #[serde(default)]
     pub(super) geometry: PairGeometry,
+    /// How the pair's truth was measured, where it has one.
+    #[serde(default, skip_serializing_if = "TruthKind::is_default")]
+    pub(super) truth: TruthKind,
     // Flat, as recordings have always had it.
     #[serde(flatten)]
     pub(super) exposure: Exposure,
@@ -43,9 +46,11 @@ impl StereoSync {
             stamp_ns,
             name,
             geometry,
+            truth,
             exposure,
             ..
         } = frame;
+        let kind = |truth: &Truth| truth.kind.clone();
         Self {
             sequence: *sequence,
             name: name.clone(),
@@ -55,6 +60,7 @@ impl StereoSync {
                 Geometry::Raw => PairGeometry::Raw,
                 Geometry::Rectified(_) => PairGeometry::Rectified,
             },
+            truth: truth.as_ref().map(kind).unwrap_or_default(),
             exposure: *exposure,
         }
     }

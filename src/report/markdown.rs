@@ -12,9 +12,14 @@ impl Summary {
         if let Some(why) = &self.incomplete {
             page.push_str(&format!("\n**Incomplete:** {}\n", escape(why)));
         }
+        let caution = self
+            .caution()
+            .map(|words| format!("\n**{}**\n", escape(&words)));
+        let caution = caution.unwrap_or_default();
+        page.push_str(&caution);
         self.algorithms_markdown(&mut page, columns());
         if let Some(checkpoints) = Checkpoints::of(self) {
-            page.push_str("\n## Checkpoints\n");
+            page.push_str(&format!("\n## Checkpoints\n{caution}"));
             checkpoints_markdown(&mut page, &checkpoints);
         }
         page.push_str("\n## Speed\n");

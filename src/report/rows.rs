@@ -139,6 +139,9 @@ record! {
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
         result_hash: String,
+        /// Where the truth comes from, as [`crate::stereo::TruthOrigin`] writes it; absent without
+        /// truth.
+        truth: Option<String>,
     }
 }
 
@@ -250,6 +253,23 @@ fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
     match text {
         "" => Some(None),
         _ => text.parse().ok().map(Some),
+    }
+}
+
+/// Empty where it is absent. A column that is missing is younger than the file.
+impl RowField for Option<String> {
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+        values.push(ColumnValue::Text(self.as_deref().unwrap_or_default()));
+    }
+
+    fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+        let text = cells.get(name).filter(|text| !text.is_empty());
+        Ok(text.map(str::to_owned))
+    }
+
+    fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
+        let values: Vec<_> = fields.iter().map(|text| text.as_deref()).collect();
+        vec![Column::new(name.into(), values)]
     }
 }
 

@@ -109,6 +109,7 @@ mod tests {
             total_us,
             metrics: Default::default(),
             result_hash: String::new(),
+            truth: None,
         }
     }
 

@@ -5,7 +5,7 @@ use super::speed::Speed;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
 use crate::score::{METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
-use crate::stereo::CellRule;
+use crate::stereo::{CellRule, TruthOrigin};
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
 
@@ -16,6 +16,8 @@ pub struct Summary {
     pub incomplete: Option<String>,
     /// Digest of the pairs' hashes in their order; absent when there are none.
     pub pairs_hash: Option<String>,
+    /// Where the truths come from: each [`crate::stereo::TruthOrigin`] of the rows, once.
+    pub truth: Vec<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
@@ -109,6 +111,7 @@ impl Summary {
     /// Completes the manifest with the digests of pairs and results.
     pub fn complete(&self, manifest: &mut Manifest) {
         manifest.pairs_hash.clone_from(&self.pairs_hash);
+        manifest.truth.clone_from(&self.truth);
         for contestant in &mut manifest.algorithms {
             let summary = self
                 .algorithms
@@ -116,6 +119,11 @@ impl Summary {
                 .find(|a| a.algorithm == contestant.label);
             contestant.results_hash = summary.map(|a| a.results_hash.clone());
         }
+    }
+
+    /// What must be said above every table that needs a truth; nothing where that is exact.
+    pub fn caution(&self) -> Option<String> {
+        caution(&self.truth)
     }
 
     /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
@@ -134,11 +142,36 @@ impl Summary {
         Ok(Self {
             incomplete: None,
             pairs_hash: pairs_hash(rows)?,
+            truth: truths(rows)?,
             algorithms,
             checkpoints,
             rule: CellRule::default(),
         })
     }
+}
+
+/// What must be said beside numbers that come of these origins of truths.
+pub(super) fn caution(truths: &[String]) -> Option<String> {
+    let origins = truths
+        .iter()
+        .map(|truth| TruthOrigin::try_from(truth.clone()));
+    let cautions: Vec<_> = origins
+        .filter_map(|origin| origin.ok()?.caution())
+        .collect();
+    let exact = truths.len() > cautions.len() && !cautions.is_empty();
+    let exact = exact.then(|| "partly against exact truth".to_owned());
+    let words: Vec<_> = cautions.into_iter().chain(exact).collect();
+    (!words.is_empty()).then(|| words.join("; "))
+}
+
+fn truths(rows: &DataFrame) -> PolarsResult<Vec<String>> {
+    let mut truths: Vec<String> = Vec::new();
+    for truth in rows.column("truth")?.str()?.iter().flatten() {
+        if !truths.iter().any(|known| known == truth) {
+            truths.push(truth.to_owned());
+        }
+    }
+    Ok(truths)
 }
 
 /// The groups in order of appearance, none empty.

@@ -27,13 +27,22 @@ impl Display for Summary {
             .unwrap_or_default();
         let names = self.algorithms.iter().map(|a| a.algorithm.as_str());
         let name = name_width(names, WIDTH - widest);
+        let caution = self.caution();
         for block in blocks {
+            if let Some(caution) = &caution {
+                writeln!(f, "{caution}")?;
+            }
             self.block(f, name, block)?;
         }
         notes(&columns, self.rule)
             .iter()
             .try_for_each(|(term, meaning)| wrapped(f, &format!("{term}: {meaning}")))?;
-        Checkpoints::of(self).map_or(Ok(()), |table| checkpoints(&table, f))
+        Checkpoints::of(self).map_or(Ok(()), |table| {
+            if let Some(caution) = &caution {
+                write!(f, "\n{caution}")?;
+            }
+            checkpoints(&table, f)
+        })
     }
 }
 

@@ -170,10 +170,7 @@ mod tests {
         );
         let mut disparity = Plane::filled(4, 1, 7.0).unwrap();
         disparity.set(1, 0, f32::INFINITY);
-        let truth = Truth {
-            disparity,
-            visibility: None,
-        };
+        let truth = Truth::exact(disparity, None);
         assert_eq!(
             valid(&map).map(|v| right(&truth, &v)).collect::<Vec<_>>(),
             [Some(true), None]

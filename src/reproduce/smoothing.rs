@@ -273,10 +273,7 @@ mod tests {
             pair: StereoPair::new(image.clone(), image).unwrap(),
             geometry: Geometry::Rectified(None),
             pose: None,
-            truth: Some(Truth {
-                disparity: Plane::filled(4, 1, 3.0).unwrap(),
-                visibility: None,
-            }),
+            truth: Some(Truth::exact(Plane::filled(4, 1, 3.0).unwrap(), None)),
             exposure: Exposure::default(),
         };
         let mut map = DisparityMap::with_planes(4, 1, ExtraPlanes::SSDPI).unwrap();

@@ -1,7 +1,7 @@
 //! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
 use crate::depth::{self, GridSettings};
-use crate::stereo::{CellDepth, CellRule, DepthGrid, Frame, GridShape};
+use crate::stereo::{Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, TruthDensity};
 
 /// The score of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -79,18 +79,45 @@ impl CellTally {
     }
 }
 
-/// Least share of a cell's pixels whose truth must be known for the cell to have a truth.
+/// Least share of a cell's pixels whose truth must be known for the cell to have a dense truth.
 const MIN_KNOWN: f64 = 0.5;
 
+/// Least number of a cell's pixels whose truth must be known for the cell to have a sparse truth.
+const MIN_SAMPLES: usize = 10;
+
 /// The true grid of a frame: per cell the median true disparity of its pixels, and its distance. A
-/// cell has a truth when at least half of its pixels do. Nothing for a frame without truth.
+/// cell has a truth when at least half of its pixels do; of a sparse truth, when at least ten do.
+/// Nothing for a frame without truth.
 pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
     let truth = frame.truth.as_ref()?;
+    let min_valid = match truth.kind.density {
+        TruthDensity::Dense => MIN_KNOWN,
+        TruthDensity::Sparse => 0.0,
+    };
     let settings = GridSettings {
-        min_valid: MIN_KNOWN,
+        min_valid,
         ..shape.into()
     };
-    Some(depth::grid(&truth.disparity, settings, frame.rig()))
+    let grid = depth::grid(&truth.disparity, settings, frame.rig());
+    Some(match truth.kind.density {
+        TruthDensity::Dense => grid,
+        TruthDensity::Sparse => with_samples(&grid, truth.disparity.size()),
+    })
+}
+
+/// The cells that have enough samples.
+fn with_samples(grid: &DepthGrid, size: (usize, usize)) -> DepthGrid {
+    let shape = grid.shape();
+    let cell = |(place, cell): ((usize, usize), &Cell)| {
+        let (columns, rows) = shape.pixels(place, size);
+        let samples = (cell.valid_share * (columns.len() * rows.len()) as f64).round();
+        Cell {
+            depth: cell.depth.filter(|_| samples >= MIN_SAMPLES as f64),
+            ..*cell
+        }
+    };
+    let cells = grid.iter().map(cell).collect();
+    DepthGrid::new(shape, cells).expect("as many cells as before")
 }
 
 /// Scores every cell of `reported` by the true grid, which has the same shape, in raster order.
@@ -155,6 +182,7 @@ fn judge_cell(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stereo::{Exposure, Geometry, Gray, Plane, StereoPair, Truth, TruthKind};
 
     fn reported(distance_m: f64) -> CellDepth {
         CellDepth {
@@ -228,6 +256,52 @@ mod tests {
             judge_cell(None, Some(&reported(1.0)), CellRule::default()).verdict,
             Verdict::NoTruth
         );
+    }
+
+    #[test]
+    fn sparse_truth_is_judged_from_ten_samples_on() {
+        let shape = GridShape {
+            columns: 2,
+            rows: 1,
+        };
+        // Ten samples in the left cell, nine in the right one.
+        let plane = |known: fn(usize) -> bool| {
+            Plane::from_fn(
+                80,
+                1,
+                |x, _| if known(x) { x as f32 } else { f32::INFINITY },
+            )
+            .unwrap()
+        };
+        let frame = |disparity, density| {
+            let image = Gray::filled(80, 1, 0).unwrap();
+            Frame {
+                sequence: 0,
+                stamp_ns: 0,
+                name: None,
+                pair: StereoPair::new(image.clone(), image).unwrap(),
+                geometry: Geometry::Rectified(None),
+                pose: None,
+                truth: Some(Truth {
+                    kind: TruthKind {
+                        density,
+                        ..TruthKind::default()
+                    },
+                    ..Truth::exact(disparity, None)
+                }),
+                exposure: Exposure::default(),
+            }
+        };
+        let known = |frame: &Frame| {
+            let grid = true_grid(frame, shape).unwrap();
+            [0, 1].map(|column| grid.cell(column, 0).depth.map(|depth| depth.median_px))
+        };
+        let sparse = plane(|x| x % 4 == 0 && x < 76);
+        assert_eq!(
+            known(&frame(sparse.clone(), TruthDensity::Sparse)),
+            [Some(16.0), None]
+        );
+        assert_eq!(known(&frame(sparse, TruthDensity::Dense)), [None, None]);
     }
 
     #[test]

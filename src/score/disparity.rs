@@ -116,10 +116,7 @@ mod tests {
         truth.set(5, 0, f32::INFINITY);
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();
         visibility.set(4, 0, Visibility::Occluded);
-        let truth = Truth {
-            disparity: truth,
-            visibility: Some(visibility),
-        };
+        let truth = Truth::exact(truth, Some(visibility));
         let score = DisparityScore::of(&map, &truth);
         assert_eq!((score.pixels, score.estimated), (4, 3));
         assert_eq!(
@@ -138,10 +135,7 @@ mod tests {
 
     #[test]
     fn nothing_estimated_is_not_zero_error() {
-        let truth = Truth {
-            disparity: Plane::filled(2, 1, 3.0).unwrap(),
-            visibility: None,
-        };
+        let truth = Truth::exact(Plane::filled(2, 1, 3.0).unwrap(), None);
         let score = DisparityScore::of(&DisparityMap::new(2, 1).unwrap(), &truth);
         assert_eq!(
             (score.bad1(), score.bad2(), score.invalid()),

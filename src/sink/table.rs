@@ -131,6 +131,10 @@ impl Identity {
             total_us: us(estimate.times.total()),
             metrics: scored.metrics,
             result_hash: format!("{:032x}", scored.hash),
+            truth: frame
+                .truth
+                .as_ref()
+                .map(|truth| truth.kind.origin.to_string()),
         }
     }
 

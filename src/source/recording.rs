@@ -84,7 +84,7 @@ impl Source for RecordingSource {
             unpaired: self.reader.unpaired(),
             late: self.reader.late(),
             unreadable: self.unreadable,
-            grabber: None,
+            ..Losses::default()
         }
     }
 }

@@ -88,6 +88,96 @@ pub struct Truth {
     pub disparity: Plane<f32>,
     /// Whether the right camera sees the pixel's point; absent where unknown.
     pub visibility: Option<Plane<Visibility>>,
+    pub kind: TruthKind,
+}
+
+/// How a truth was measured; dense and exact by default.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct TruthKind {
+    pub density: TruthDensity,
+    pub origin: TruthOrigin,
+}
+
+impl TruthKind {
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl Truth {
+    /// A dense truth of a simulation or a data set.
+    pub fn exact(disparity: Plane<f32>, visibility: Option<Plane<Visibility>>) -> Self {
+        Self {
+            disparity,
+            visibility,
+            kind: TruthKind::default(),
+        }
+    }
+}
+
+/// Whether a truth is of areas or of single points, which decides from how many pixels on a cell
+/// has a truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TruthDensity {
+    /// A measurement for every pixel, with holes.
+    #[default]
+    Dense,
+    /// Points of a sensor with another view or resolution.
+    Sparse,
+}
+
+/// Where true disparities come from. Written `exact`, `sensor TOPIC`, `reference ALGORITHMS`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum TruthOrigin {
+    /// A simulation, or the makers of a data set.
+    #[default]
+    Exact,
+    /// Another sensor: its topic.
+    Sensor(String),
+    /// Other algorithms, where they are sure: their labels.
+    Reference(String),
+}
+
+impl TruthOrigin {
+    /// What must be said beside every number that it gives; nothing of an exact truth.
+    pub fn caution(&self) -> Option<String> {
+        match self {
+            Self::Exact => None,
+            Self::Sensor(topic) => Some(format!("against the sensor {topic}")),
+            Self::Reference(algorithms) => Some(format!("against {algorithms}, not truth")),
+        }
+    }
+}
+
+impl std::fmt::Display for TruthOrigin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Exact => f.write_str("exact"),
+            Self::Sensor(topic) => write!(f, "sensor {topic}"),
+            Self::Reference(algorithms) => write!(f, "reference {algorithms}"),
+        }
+    }
+}
+
+impl From<TruthOrigin> for String {
+    fn from(origin: TruthOrigin) -> Self {
+        origin.to_string()
+    }
+}
+
+impl TryFrom<String> for TruthOrigin {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        match text.split_once(' ') {
+            None if text == "exact" => Ok(Self::Exact),
+            Some(("sensor", topic)) => Ok(Self::Sensor(topic.to_owned())),
+            Some(("reference", algorithms)) => Ok(Self::Reference(algorithms.to_owned())),
+            _ => Err(format!("'{text}' is no origin of a truth")),
+        }
+    }
 }
 
 /// Whether a left pixel's point is seen by the right camera, with the codes of Middlebury's
@@ -134,6 +224,8 @@ pub struct Losses {
     pub late: u64,
     /// Pairs that cannot be read.
     pub unreadable: u64,
+    /// Frames for which the truth that was asked for has no measurement, where it has some.
+    pub without_truth: u64,
     /// What a synchronized grabber counted.
     pub grabber: Option<GrabberReport>,
 }

@@ -45,6 +45,10 @@ pub(crate) fn report_losses(name: &str, losses: &Losses) {
          FILE -o SORTED.mcap` makes a file with all pairs",
     );
     warn(losses.unpaired, "image", "without a partner");
+    if losses.without_truth > 0 {
+        let frames = counted(losses.without_truth, "pair");
+        tracing::warn!("{name}: {frames} without a measurement of the truth: not scored");
+    }
 }
 
 /// Fails for a run that is not complete.

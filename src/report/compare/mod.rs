@@ -40,6 +40,9 @@ pub struct Comparison {
     pub scenario: String,
     /// Whether both have the same scenario; otherwise nothing is called better or worse.
     pub same_scenario: bool,
+    /// Where the truths of the two come from, as their manifests have it; where that is not the
+    /// same, nothing is called better or worse either.
+    pub truths: [Vec<String>; 2],
     /// Folders of the incomplete reports, and why.
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
@@ -211,7 +214,11 @@ impl Comparison {
             .collect();
         let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
         // Other tolerances or cells give other scores of equal results.
-        if !same_scenario {
+        let truths = [base, other].map(|run| run.manifest.truth.clone());
+        // Reports of before say nothing of their truths.
+        let [one, another] = &truths;
+        let same_truth = one.is_empty() || another.is_empty() || one == another;
+        if !same_scenario || !same_truth {
             let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
             metrics.for_each(Change::withdraw);
             let checkpoints = algorithms.iter_mut().flat_map(|a| &mut a.checkpoints);
@@ -238,6 +245,7 @@ impl Comparison {
             other: other.folder.clone(),
             scenario: base.manifest.scenario.clone(),
             same_scenario,
+            truths,
             incomplete: [base, other]
                 .into_iter()
                 .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))

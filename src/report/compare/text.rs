@@ -2,15 +2,35 @@
 
 use super::{AlgorithmChange, Change, Comparison, Judgement};
 use crate::counted;
+use crate::report::summary::caution;
 use crate::score::MetricUnit;
 use std::fmt::{Display, Formatter, Result};
 
 impl Display for Comparison {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        writeln!(f, "base   {}", self.base.display())?;
-        writeln!(f, "other  {}", self.other.display())?;
+        let cautions = self.truths.each_ref().map(|truths| caution(truths));
+        for (name, folder, caution) in [
+            ("base ", &self.base, &cautions[0]),
+            ("other", &self.other, &cautions[1]),
+        ] {
+            write!(f, "{name}  {}", folder.display())?;
+            let caution = caution.as_ref();
+            writeln!(
+                f,
+                "{}",
+                caution.map_or_else(String::new, |c| format!(": {c}"))
+            )?;
+        }
         for (folder, why) in &self.incomplete {
             writeln!(f, "{} is incomplete: {why}", folder.display())?;
+        }
+        let [base, other] = &self.truths;
+        if base != other && !base.is_empty() && !other.is_empty() {
+            writeln!(
+                f,
+                "The truths differ, and with them what counts as right: nothing is called better \
+                 or worse."
+            )?;
         }
         if !self.same_scenario {
             writeln!(

@@ -16,6 +16,7 @@ pub(super) struct ReportPageView<'a> {
     title: &'a str,
     paragraphs: Vec<&'a str>,
     incomplete: Option<&'a str>,
+    caution: Option<String>,
     identity: &'a [(String, String)],
     summary: Option<AlgorithmTableView<'a>>,
     accuracy: Vec<PlotView>,
@@ -49,6 +50,7 @@ impl<'a> ReportPageView<'a> {
         Ok(Self {
             title: &page.title,
             incomplete: summary.incomplete.as_deref(),
+            caution: summary.caution(),
             paragraphs: page
                 .description
                 // An empty line ends a paragraph, as in Markdown.

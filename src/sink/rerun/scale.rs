@@ -61,10 +61,7 @@ mod tests {
             pair: StereoPair::new(image.clone(), image).unwrap(),
             geometry: Geometry::Rectified(Some(rig)),
             pose: Some(Pose::identity()),
-            truth: Some(Truth {
-                disparity: truth,
-                visibility: None,
-            }),
+            truth: Some(Truth::exact(truth, None)),
             exposure: Exposure::default(),
         };
         assert!((Scale::of(&arena).far_m - 3.0).abs() < 1e-6);

@@ -42,10 +42,7 @@ pub(super) fn read(
             .transpose()?,
         (None, Seen::Unknown) => None,
     };
-    Ok(Some(Truth {
-        disparity,
-        visibility,
-    }))
+    Ok(Some(Truth::exact(disparity, visibility)))
 }
 
 impl Form {

@@ -58,10 +58,10 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
             nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3),
             turn,
         )),
-        truth: Some(Truth {
-            disparity: Plane::from_fn(size.0, size.1, disparity).unwrap(),
-            visibility: Some(Plane::from_fn(size.0, size.1, visibility).unwrap()),
-        }),
+        truth: Some(Truth::exact(
+            Plane::from_fn(size.0, size.1, disparity).unwrap(),
+            Some(Plane::from_fn(size.0, size.1, visibility).unwrap()),
+        )),
         exposure: Exposure {
             trigger_id: 1000 + i,
             skew_ns: -12_345,

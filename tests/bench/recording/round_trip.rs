@@ -163,10 +163,7 @@ fn truth_beyond_infinity_is_exact() {
     let disparity = Plane::from_fn(SIZE.0, SIZE.1, |x, y| x as f32 + y as f32 / 3.0).unwrap();
     let frame = Frame {
         geometry: Geometry::Rectified(Some(rig)),
-        truth: Some(Truth {
-            disparity,
-            visibility: None,
-        }),
+        truth: Some(Truth::exact(disparity, None)),
         ..bare(0, SIZE)
     };
     round_trip(&[frame], ImageFormat::Raw, 0.0);

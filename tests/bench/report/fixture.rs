@@ -38,6 +38,7 @@ pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
             ("false", 0.0),
         ]),
         result_hash: "00ff".into(),
+        truth: Some("exact".into()),
     }
 }
 
@@ -47,6 +48,7 @@ pub fn blind(algorithm: &str, total_us: u64) -> Row {
         seed: None,
         disparities: None,
         metrics: MetricValues::from([("coverage", 0.1 + 0.2)]),
+        truth: None,
         ..row(algorithm, 0, total_us)
     }
 }
