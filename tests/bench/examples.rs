@@ -35,9 +35,7 @@ fn a_sink_counts() {
 #[test]
 fn a_recording_is_read() {
     let fixture = Fixture::new();
-    fixture
-        .svl(&["record", "arena", "--frames", "3", "-o", "a.mcap"])
-        .done();
+    fixture.run("record arena --frames 3 -o a.mcap");
     assert_eq!(read_recording::read(&fixture.path("a.mcap")).unwrap(), 3);
     assert!(read_recording::main().is_err());
 }

@@ -1,6 +1,8 @@
 //! Shared helpers: real scenes, and running an algorithm.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use svl::kernel::Isa;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl::stereo::{DisparityMap, Gray, RectifiedPair, StereoPair};
@@ -67,4 +69,42 @@ pub(crate) fn compute(
         &MatchContext::default(),
         output,
     )
+}
+
+/// All these words are in `text`.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+#[track_caller]
+pub fn assert_says(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "'{word}' is not in: {text}");
+    }
+}
+
+/// What a script of `tests/python` prints; nothing, with a note, where Python lacks these modules.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub fn python<A: AsRef<OsStr>>(
+    script: &str,
+    modules: &str,
+    args: impl IntoIterator<Item = A>,
+) -> Option<Vec<u8>> {
+    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let import = format!("import {modules}");
+    let asked = Command::new(&python).args(["-c", &import]).output();
+    if !asked.is_ok_and(|output| output.status.success()) {
+        println!("skipped: `{python} -c '{import}'` fails; name one that has them in SVL_PYTHON");
+        return None;
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python");
+    let mut command = Command::new(&python);
+    let output = command
+        .arg(folder.join(script))
+        .args(args)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    Some(output.stdout)
 }

@@ -4,7 +4,6 @@ use crate::oracle::bm::Bm;
 use crate::oracle::scenes::pairs;
 use crate::{common, contract};
 use proptest::prelude::*;
-use std::process::Command;
 use svl::kernel::Isa;
 
 impl Bm {
@@ -105,19 +104,6 @@ fn equals_opencv() {
     let Some(folder) = common::datasets() else {
         return;
     };
-    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let asked = Command::new(&python)
-        .args(["-c", "import cv2, numpy; print(cv2.__version__)"])
-        .output();
-    let Some(version) = asked.ok().filter(|output| output.status.success()) else {
-        println!(
-            "skipped: `{python}` has no cv2; set SVL_PYTHON to a Python with \
-             opencv-python-headless"
-        );
-        return;
-    };
-    println!("OpenCV {}", String::from_utf8_lossy(&version.stdout).trim());
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/stereo_bm.py");
     let index = std::fs::read_to_string(folder.join("index.tsv")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let file = |name: &str| scratch.path().join(name);
@@ -135,17 +121,11 @@ fn equals_opencv() {
         .unwrap();
         for block in [9, 15] {
             let sizes = [width, height, 80, block].map(|n| n.to_string());
-            let run = Command::new(&python)
-                .arg(script)
-                .args(sizes)
-                .args([file("pair"), file("disparity")])
-                .output();
-            let run = run.unwrap();
-            assert!(
-                run.status.success(),
-                "{}",
-                String::from_utf8_lossy(&run.stderr)
-            );
+            let files = [file("pair"), file("disparity")].map(|path| path.display().to_string());
+            let args = sizes.into_iter().chain(files);
+            if common::python("stereo_bm.py", "cv2, numpy", args).is_none() {
+                return;
+            }
             let bytes = std::fs::read(file("disparity")).unwrap();
             let expected = bytes
                 .as_chunks::<2>()

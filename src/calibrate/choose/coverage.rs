@@ -4,7 +4,7 @@ use nalgebra::{Point2, Vector2};
 use std::fmt::{Display, Formatter};
 
 /// Names of the image areas, row by row.
-const AREAS: [&str; 9] = [
+pub(super) const AREAS: [&str; 9] = [
     "upper left",
     "top",
     "upper right",

@@ -1,6 +1,6 @@
 //! Horizontal bars of several parts.
 
-use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, svg, text, text_width};
+use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, draw_title, svg, text, text_width};
 use crate::error::Result;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -53,12 +53,7 @@ impl Bars {
         let head = key_height + if self.title.is_empty() { 12 } else { TITLE };
         let height = head + FOOT + BAR * self.bars.len() as i32;
         svg(height as u32, &self.title, |canvas| {
-            let title = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
-            canvas.draw(&Text::new(
-                self.title.clone(),
-                (WIDTH as i32 / 2, 16),
-                title,
-            ))?;
+            draw_title(canvas, &self.title)?;
             for (i, (part, (x, y))) in self.parts.iter().zip(key).enumerate() {
                 let y = y + head - key_height;
                 canvas.draw(&Rectangle::new(

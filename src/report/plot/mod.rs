@@ -17,6 +17,7 @@ pub use strips::Strips;
 use crate::error::{Error, Result};
 use plotters::prelude::*;
 use plotters::style::FontFamily;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Points under one name. What is not finite is left out and interrupts a line.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,6 +77,12 @@ fn text<'a>(size: u32) -> TextStyle<'a> {
 /// Approximate width of a text in sans-serif fonts; the browser picks the font.
 fn text_width(text: &str, size: u32) -> i32 {
     (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as i32
+}
+
+/// A title in the middle of the top, as charts have it.
+fn draw_title(canvas: &PlotCanvas, title: &str) -> std::result::Result<(), DrawError> {
+    let style = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
+    canvas.draw(&Text::new(title, (WIDTH as i32 / 2, 16), style))
 }
 
 /// Draws on an empty canvas of `height` and returns the SVG.

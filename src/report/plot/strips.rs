@@ -1,7 +1,7 @@
 //! Distributions, one below the other.
 
 use super::chart::number;
-use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, svg, text, text_width};
+use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, draw_title, svg, text, text_width};
 use crate::error::Result;
 use crate::statistics::nearest_rank;
 use plotters::prelude::*;
@@ -48,12 +48,7 @@ impl Strips {
         let head = KEY + if self.title.is_empty() { 12 } else { TITLE };
         let height = head + STRIP * self.strips.len() as i32 + FOOT;
         svg(height as u32, &self.title, |canvas| {
-            let title = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
-            canvas.draw(&Text::new(
-                self.title.clone(),
-                (WIDTH as i32 / 2, 16),
-                title,
-            ))?;
+            draw_title(canvas, &self.title)?;
             let mut x = 4;
             for (k, (name, ..)) in MARKS.iter().enumerate() {
                 mark(canvas, k, (x, head - KEY + 32))?;

@@ -99,18 +99,11 @@ impl FindingsPage<'_> {
     /// # Errors
     /// None in fact: it is numbers and text.
     pub fn json(&self) -> Result<serde_json::Value> {
-        let Self {
-            incomplete,
-            identity,
-            scenes,
-            ..
-        } = self;
-        let experiments = self.entries.iter().map(ExperimentFinding::view).collect();
         let report = ReportView {
-            incomplete,
-            identity,
-            scenes,
-            experiments,
+            incomplete: &self.incomplete,
+            identity: &self.identity,
+            scenes: &self.scenes,
+            experiments: self.entries.iter().map(ExperimentFinding::view).collect(),
         };
         serde_json::to_value(report).map_err(|e| Error::Invalid(format!("report: {e}")))
     }
@@ -123,41 +116,24 @@ impl FindingsPage<'_> {
             finding,
         } in self.entries
         {
-            let Experiment {
-                title,
-                claim,
-                method,
-                ..
-            } = experiment;
-            let verdict = finding.verdict().words();
+            let (heading, title, claim) = (heading(experiment), experiment.title, experiment.claim);
+            let (verdict, why) = (finding.verdict().words(), &finding.why);
             // Writing to a String cannot fail.
-            let _ = write!(
-                text,
-                "\n## {}: {title}\n\n> {claim}\n\n**{verdict}**: {}\n\n",
-                heading(experiment),
-                finding.why
-            );
+            let _ = write!(text, "\n## {heading}: {title}\n\n> {claim}\n\n");
+            let _ = write!(text, "**{verdict}**: {why}\n\n");
             for condition in &finding.conditions {
-                let _ = writeln!(
-                    text,
-                    "- {} {}",
-                    if condition.met { "met:" } else { "not met:" },
-                    condition.says
-                );
+                let met = if condition.met { "met" } else { "not met" };
+                let _ = writeln!(text, "- {met}: {}", condition.says);
             }
             for NumbersView { heads, rows } in numbers(finding) {
-                let _ = writeln!(
-                    text,
-                    "\n| {} |\n|---|{}",
-                    heads.join(" | "),
-                    "---:|".repeat(heads.len() - 1)
-                );
+                let rule = "---:|".repeat(heads.len() - 1);
+                let _ = writeln!(text, "\n| {} |\n|---|{rule}", heads.join(" | "));
                 for (name, cells) in rows {
                     let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
                 }
             }
             // The method comes last: who reads the result first may stop here.
-            let _ = writeln!(text, "\n{method}");
+            let _ = writeln!(text, "\n{}", experiment.method);
         }
         text
     }
@@ -167,24 +143,14 @@ impl FindingsPage<'_> {
     /// # Errors
     /// [`Error::Invalid`] with what the template engine says.
     pub fn html(&self) -> Result<String> {
-        let Self {
-            incomplete,
-            identity,
-            scenes,
-            ..
-        } = self;
         let mut images = PageImages::default();
-        let sections = self
-            .entries
-            .iter()
-            .map(|entry| entry.section(&mut images))
-            .collect();
+        let sections = self.entries.iter().map(|entry| entry.section(&mut images));
         let view = PageView {
-            incomplete,
-            identity,
-            scenes: scenes.join(", "),
+            incomplete: &self.incomplete,
+            identity: &self.identity,
+            scenes: self.scenes.join(", "),
             tally: self.tally(),
-            sections,
+            sections: sections.collect(),
             images: images.into_views(),
         };
         fill(include_str!("page.html"), include_str!("page.css"), view)
@@ -193,19 +159,12 @@ impl FindingsPage<'_> {
 
 impl ExperimentFinding {
     fn view(&self) -> EntryView<'_> {
-        let Experiment {
-            title,
-            claim,
-            method,
-            ..
-        } = *self.experiment;
-        let verdict = self.finding.verdict();
         EntryView {
             figure: self.experiment.figure(),
-            title,
-            claim,
-            method,
-            verdict,
+            title: self.experiment.title,
+            claim: self.experiment.claim,
+            method: self.experiment.method,
+            verdict: self.finding.verdict(),
             finding: &self.finding,
         }
     }
@@ -228,12 +187,10 @@ impl ExperimentFinding {
                 }
             }
         }
-        let words = self.finding.verdict().words();
-        let numbers = numbers(&self.finding);
         SectionView {
             heading: heading(self.experiment),
-            words,
-            numbers,
+            words: self.finding.verdict().words(),
+            numbers: numbers(&self.finding),
             plots,
             pictures,
             entry: self.view(),
@@ -266,26 +223,15 @@ fn numbers(finding: &Finding) -> Vec<NumbersView<'_>> {
 }
 
 fn quantity(quantity: &Quantity) -> (&str, Vec<String>) {
-    let Quantity {
-        name,
-        unit,
-        thesis,
-        ours,
-    } = quantity;
-    let with_unit = |number: String| {
-        if unit.is_empty() {
-            number
-        } else {
-            format!("{number}\u{a0}{unit}")
-        }
+    let with_unit = |number: String| match quantity.unit {
+        "" => number,
+        unit => format!("{number}\u{a0}{unit}"),
     };
-    let thesis = thesis.clone().map_or_else(String::new, with_unit);
+    let thesis = quantity.thesis.clone().map_or_else(String::new, with_unit);
+    let ours = quantity.ours.map(|value| with_unit(number(value)));
     (
-        name,
-        vec![
-            thesis,
-            ours.map_or_else(|| "–".to_owned(), |v| with_unit(number(v))),
-        ],
+        &quantity.name,
+        vec![thesis, ours.unwrap_or_else(|| "–".to_owned())],
     )
 }
 

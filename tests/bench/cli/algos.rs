@@ -4,13 +4,13 @@ use super::fixture::Fixture;
 
 #[test]
 fn lists_every_parameter_with_range_and_default() {
-    let text = Fixture::new().svl(&["algos"]).done();
+    let text = Fixture::new().run("algos");
     insta::assert_snapshot!(text);
 }
 
 #[test]
 fn json_is_complete() {
-    let text = Fixture::new().svl(&["algos", "v3", "--json"]).done();
+    let text = Fixture::new().run("algos v3 --json");
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     let parameters = json[0]["parameters"].as_array().unwrap();
     let max = parameters
@@ -23,6 +23,6 @@ fn json_is_complete() {
 #[test]
 fn unknown_names_suggest_the_nearest() {
     Fixture::new()
-        .svl(&["algos", "v33"])
+        .svl("algos v33")
         .failed(2, &["unknown algorithm 'v33'", "did you mean 'v3'?"]);
 }

@@ -4,18 +4,7 @@ use super::fixture::Fixture;
 
 #[test]
 fn figures_are_complete_and_in_order() {
-    let text = Fixture::new()
-        .svl(&[
-            "bench",
-            "--algo",
-            "v3",
-            "--size",
-            "96x64",
-            "--max-disparity",
-            "20",
-            "--json",
-        ])
-        .done();
+    let text = Fixture::new().run("bench --algo v3 --size 96x64 --max-disparity 20 --json");
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     let v3 = &json[0];
     assert_eq!(
@@ -34,10 +23,8 @@ fn figures_are_complete_and_in_order() {
 
 #[test]
 fn bad_sizes_are_wrong_usage() {
+    Fixture::new().svl("bench --size 0x9").failed(2, &["WxH"]);
     Fixture::new()
-        .svl(&["bench", "--size", "0x9"])
-        .failed(2, &["WxH"]);
-    Fixture::new()
-        .svl(&["bench", "--algo", "dp", "--max-disparity", "1000"])
+        .svl("bench --algo dp --max-disparity 1000")
         .failed(2, &["max_disparity=1000"]);
 }

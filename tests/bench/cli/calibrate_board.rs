@@ -1,7 +1,6 @@
 //! `svl calibrate board`, from pictures to a calibration.
 
-use super::fixture::Fixture;
-use serde_json::Value;
+use super::fixture::{Fixture, assert_says};
 use std::sync::LazyLock;
 use svl::calibrate::files;
 use svl::calibrate::simulated::MovingBoard;
@@ -13,16 +12,9 @@ fn write_pictures(fixture: &Fixture, pairs: impl IntoIterator<Item = u64>) {
     static BOARD: LazyLock<MovingBoard> = LazyLock::new(|| MovingBoard::new(1).unwrap());
     for (i, index) in pairs.into_iter().enumerate() {
         let pair = BOARD.pair(index).unwrap();
-        write(
-            fixture,
-            &format!("pictures/left{:02}.png", i + 1),
-            pair.left(),
-        );
-        write(
-            fixture,
-            &format!("pictures/right{:02}.png", i + 1),
-            pair.right(),
-        );
+        for (side, image) in [("left", pair.left()), ("right", pair.right())] {
+            write(fixture, &format!("pictures/{side}{:02}.png", i + 1), image);
+        }
     }
 }
 
@@ -46,18 +38,8 @@ fn still(poses: u64) -> impl Iterator<Item = u64> {
 #[test]
 fn a_simulated_board_gives_the_cameras_that_saw_it() {
     let fixture = Fixture::new();
-    let args = [
-        "calibrate",
-        "board",
-        "board",
-        "--square-m",
-        "0.03",
-        "--yes",
-        "--json",
-        "-o",
-        "calib.xml",
-    ];
-    let answer: Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    let args = "calibrate board board --square-m 0.03 --yes --json -o calib.xml";
+    let answer = fixture.json(args);
     let truth = MovingBoard::new(1).unwrap();
     let truth = truth.truth();
     let cameras = [("left", truth.left()), ("right", truth.right())];
@@ -104,18 +86,8 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
     }
 
     // Once more, from what was kept.
-    let args = [
-        "calibrate",
-        "board",
-        "calib-report",
-        "--square-m",
-        "0.03",
-        "-y",
-        "--json",
-        "-o",
-        "again.yaml",
-    ];
-    let again: Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    let args = "calibrate board calib-report --square-m 0.03 -y --json -o again.yaml";
+    let again = fixture.json(args);
     let twice = again["solution"]["baseline"]["value"].as_f64().unwrap();
     assert!((twice - baseline).abs() < 1e-4, "{twice} {baseline}");
 }
@@ -123,57 +95,42 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
 #[test]
 fn a_recording_of_the_board_says_the_same_as_the_board() {
     let fixture = Fixture::new();
-    fixture
-        .svl(&["record", "board", "--frames", "70", "-o", "board.mcap"])
-        .done();
-    let text = fixture
-        .svl(&[
-            "calibrate",
-            "board",
-            "board.mcap",
-            "--yes",
-            "-o",
-            "calib.yaml",
-        ])
-        .done();
-    for words in [
-        "of 70 pairs accepted",
-        "moving",
-        "worth more pairs",
-        "in squares",
-        "calib.yaml: calibration",
-    ] {
-        assert!(text.contains(words), "'{words}' is not in: {text}");
-    }
+    fixture.run("record board --frames 70 -o board.mcap");
+    let text = fixture.run("calibrate board board.mcap --yes -o calib.yaml");
+    assert_says(
+        &text,
+        &[
+            "of 70 pairs accepted",
+            "moving",
+            "worth more pairs",
+            "in squares",
+            "calib.yaml: calibration",
+        ],
+    );
 }
 
 #[test]
 fn nothing_is_overwritten_unasked() {
     let fixture = Fixture::new();
     write_pictures(&fixture, still(5));
-    let run = |output: &str, more: &[&str]| {
-        let args = ["calibrate", "board", "pictures", "--yes", "-o", output];
-        fixture.svl(&[&args[..], more].concat())
-    };
-    run("calib.xml", &[]).done();
-    run("calib.xml", &[]).failed(1, &["calib.xml: exists already", "--force"]);
-    run("calib.yaml", &[]).failed(1, &["calib-report: exists already", "--force"]);
-    run("calib.xml", &["--force"]).done();
+    let run = "calibrate board pictures --yes -o calib.xml";
+    fixture.run(run);
+    let wrong = "
+        calibrate board pictures --yes -o calib.xml => 1: calib.xml: exists already | --force
+        calibrate board pictures --yes -o calib.yaml => 1: calib-report: exists already | --force
+    ";
+    fixture.fails(wrong);
+    fixture.run(&format!("{run} --force"));
     fixture.write("calib-report/mine.txt", "mine");
-    run("calib.xml", &["--force"]).failed(1, &["mine.txt", "not part of a calibration's report"]);
-    run("c.png", &[]).failed(2, &["must end in .xml"]);
+    let wrong = "
+        calibrate board pictures --yes -o calib.xml --force => \
+            1: mine.txt | not part of a calibration's report
+        calibrate board pictures --yes -o c.png => 2: must end in .xml
+    ";
+    fixture.fails(wrong);
     // The pairs that a calibration is made from are not cleared away for it.
-    let args = [
-        "calibrate",
-        "board",
-        "calib-report",
-        "--yes",
-        "--force",
-        "-o",
-        "calib.xml",
-    ];
     std::fs::remove_file(fixture.path("calib-report/mine.txt")).unwrap();
-    fixture.svl(&args).failed(2, &["named twice"]);
+    fixture.fails("calibrate board calib-report --yes --force -o calib.xml => 2: named twice");
     assert!(fixture.path("calib-report/left01.png").is_file());
 }
 
@@ -181,51 +138,44 @@ fn nothing_is_overwritten_unasked() {
 fn what_cannot_be_calibrated_says_why_and_what_to_do() {
     let fixture = Fixture::new();
     write_pictures(&fixture, still(3));
-    let run = |more: &[&str]| {
-        let args = ["calibrate", "board", "pictures", "-o", "calib.xml"];
-        fixture.svl(&[&args[..], more].concat())
-    };
-    run(&[]).failed(1, &["needs a terminal", "--yes"]);
-    run(&["--yes", "--squares", "8x5"]).failed(
-        1,
-        &["a board of 9x6 inner corners, not 8x5; try --squares 9x6"],
-    );
-    run(&["--yes", "--squares", "12x9"]).failed(1, &["not 12x9; try --squares 9x6"]);
-    run(&["--yes", "--squares", "9"]).failed(2, &["inner corners along both sides"]);
-    run(&["--yes", "--squares", "2x9"]).failed(2, &["3 to 50"]);
-    run(&["--yes", "--square-m", "0"]).failed(2, &["--square-m", "0.0001 to 100"]);
-    run(&["--yes", "--rate", "5"]).failed(2, &["--rate is for cameras"]);
+    let wrong = "
+        calibrate board pictures -o calib.xml => 1: needs a terminal | --yes
+        calibrate board pictures -o calib.xml --yes --squares 8x5 => \
+            1: a board of 9x6 inner corners, not 8x5; try --squares 9x6
+        calibrate board pictures -o calib.xml --yes --squares 12x9 => 1: not 12x9; try --squares 9x6
+        calibrate board pictures -o calib.xml --yes --squares 9 => 2: inner corners along both sides
+        calibrate board pictures -o calib.xml --yes --squares 2x9 => 2: 3 to 50
+        calibrate board pictures -o calib.xml --yes --square-m 0 => 2: --square-m | 0.0001 to 100
+        calibrate board pictures -o calib.xml --yes --rate 5 => 2: --rate is for cameras
+    ";
+    fixture.fails(wrong);
     assert!(!fixture.path("calib.xml").exists());
 
     fixture.write_pair("empty/left1.pgm", "empty/right1.pgm", (320, 240), 8);
-    let args = ["calibrate", "board", "empty", "--yes", "-o", "calib.xml"];
-    let words = [
-        "no whole board of 9x6 inner corners",
-        "any of 1 pairs",
-        "no board left",
-        "one less than the squares",
-    ];
-    fixture.svl(&args).failed(1, &words);
+    let wrong = "
+        calibrate board empty --yes -o calib.xml => 1: no whole board of 9x6 inner corners \
+            | any of 1 pairs | no board left | one less than the squares
+    ";
+    fixture.fails(wrong);
     assert!(!fixture.path("calib-report").exists());
 
     fixture.write_pair("pictures/left09.pgm", "pictures/right09.pgm", (320, 240), 8);
-    run(&["--yes", "--squares", "7x5"])
-        .failed(1, &["pair 09 is 320x240 pixels, those before 640x480"]);
+    let wrong = "
+        calibrate board pictures -o calib.xml --yes --squares 7x5 => \
+            1: pair 09 is 320x240 pixels, those before 640x480
+    ";
+    fixture.fails(wrong);
 }
 
 #[test]
 fn too_few_views_are_kept_for_another_time() {
     let fixture = Fixture::new();
     write_pictures(&fixture, [1, 1, 9]);
-    let args = ["calibrate", "board", "pictures", "--yes", "-o", "calib.xml"];
-    fixture.svl(&args).failed(
-        1,
-        &[
-            "2 of 3 pairs accepted, at least 3 are needed",
-            "1 nothing new",
-            "calib-report",
-        ],
-    );
+    let wrong = "
+        calibrate board pictures --yes -o calib.xml => \
+            1: 2 of 3 pairs accepted, at least 3 are needed | 1 nothing new | calib-report
+    ";
+    fixture.fails(wrong);
     assert!(
         fixture.path("calib-report/left02.png").is_file() && !fixture.path("calib.xml").exists()
     );
@@ -234,39 +184,17 @@ fn too_few_views_are_kept_for_another_time() {
 #[test]
 fn pictures_that_are_rectified_already_are_warned_of() {
     let fixture = Fixture::new();
-    let scenario = fixture.write_short_arena("short.toml", 2);
-    let args = [
-        "calibrate",
-        "board",
-        scenario.to_str().unwrap(),
-        "--yes",
-        "-o",
-        "calib.xml",
-    ];
-    let ran = fixture.svl(&args);
+    fixture.write_short_arena("short.toml", 2);
+    let ran = fixture.svl("calibrate board short.toml --yes -o calib.xml");
     assert_eq!(ran.code, Some(1));
-    assert!(
-        ran.stderr.contains("rectified already") && ran.stderr.contains("no whole board"),
-        "{}",
-        ran.stderr
-    );
+    assert_says(&ran.stderr, &["rectified already", "no whole board"]);
 }
 
 #[test]
 fn the_viewer_gets_the_pairs_with_their_corners() {
     let fixture = Fixture::new();
     write_pictures(&fixture, still(5));
-    let args = [
-        "calibrate",
-        "board",
-        "pictures",
-        "--yes",
-        "--rerun",
-        "board.rrd",
-        "-o",
-        "calib.xml",
-    ];
-    fixture.svl(&args).done();
+    fixture.run("calibrate board pictures --yes --rerun board.rrd -o calib.xml");
     assert!(fixture.path("board.rrd").metadata().unwrap().len() > 1_000_000);
 }
 
@@ -275,18 +203,9 @@ fn the_viewer_gets_the_pairs_with_their_corners() {
 #[test]
 fn cameras_that_see_the_board_are_calibrated() {
     let fixture = Fixture::new();
-    let args = [
-        "calibrate",
-        "board",
-        "sim:scene=board",
-        "--yes",
-        "--rate",
-        "10",
-        "-o",
-        "calib.xml",
-    ];
+    let args = "calibrate board sim:scene=board --yes --rate 10 -o calib.xml";
     let enough = || fixture.path("calib-report/right06.png").exists();
-    let (code, stderr) = super::interrupt::interrupted(&fixture, &args, enough);
+    let (code, stderr) = super::interrupt::interrupted(&fixture, args, enough);
     assert_eq!(code, Some(0), "{stderr}");
     assert!(fixture.path("calib.xml").is_file());
 }

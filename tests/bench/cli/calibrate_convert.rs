@@ -1,7 +1,7 @@
 //! `svl calibrate convert`.
 
-use super::fixture::{Fixture, datasets};
-use std::process::Command;
+use super::fixture::{Fixture, assert_says, datasets};
+use crate::common::python;
 
 const PAIR: &str = "%YAML:1.0
 image_size: [ 640, 480 ]
@@ -21,25 +21,11 @@ T: [ -4., 0.03, 0.01 ]
 fn it_says_what_it_read_and_what_it_left_out() {
     let fixture = Fixture::new();
     fixture.write("cv.yml", PAIR);
-    let text = fixture
-        .svl(&[
-            "calibrate",
-            "convert",
-            "cv.yml",
-            "c.xml",
-            "--unit",
-            "squares=0.025",
-        ])
-        .done();
+    let text = fixture.run("calibrate convert cv.yml c.xml --unit squares=0.025");
     insta::assert_snapshot!(text);
-    insta::assert_snapshot!(
-        "the_thesis_s_xml",
-        std::fs::read_to_string(fixture.path("c.xml")).unwrap()
-    );
-    let back = fixture
-        .svl(&["calibrate", "convert", "c.xml", "b.yaml", "--to", "boofcv"])
-        .done();
-    assert!(back.contains("baseline 0.100003 m"), "{back}");
+    insta::assert_snapshot!("the_thesis_s_xml", fixture.text("c.xml"));
+    let back = fixture.run("calibrate convert c.xml b.yaml --to boofcv");
+    assert_says(&back, &["baseline 0.100003 m"]);
 }
 
 #[test]
@@ -47,35 +33,32 @@ fn what_is_missing_or_in_the_way_has_a_cure() {
     let fixture = Fixture::new();
     fixture.write("cv.yml", PAIR);
     fixture.write("other.yaml", "a: 1\n");
-    let convert = |args: &[&str]| fixture.svl(&[&["calibrate", "convert"], args].concat());
-    convert(&["cv.yml", "c.xml"]).failed(1, &["cv.yml", "--unit", "squares"]);
-    convert(&["cv.yml", "c.txt", "--unit", "m"]).failed(2, &["c.txt", "--to", "middlebury, kitti"]);
-    convert(&["cv.yml", "c.pdf", "--unit", "m"]).failed(2, &["c.pdf", ".xml"]);
-    convert(&["cv.yml", "cv.yml", "--force", "--unit", "m"]).failed(2, &["cv.yml", "named twice"]);
-    convert(&["cv.yml", "c.xml", "--unit", "foot"]).failed(2, &["'foot'", "mm"]);
-    convert(&["cv.yml", "c.xml", "--from", "opencw"]).failed(2, &["did you mean 'opencv'"]);
-    convert(&["cv.yml", "c.xml", "--from", "boofcv"])
-        .failed(1, &["cv.yml", "no 'rightToLeft.rotation'", "BoofCV"]);
-    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m"])
-        .failed(1, &["l.yaml,r.yaml", "has none", "--rectify"]);
-    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "squares"])
-        .failed(1, &["in squares", "squares=SIDE_IN_METRES"]);
-    convert(&["cv.yml", "c.txt", "--to", "kitti", "--unit", "m"])
-        .failed(1, &["rectified cameras only"]);
-    convert(&["other.yaml", "c.xml"])
-        .failed(1, &["other.yaml", "not a calibration that svl knows"]);
-    convert(&["nothing.xml", "c.xml"]).failed(1, &["nothing.xml", "no such file"]);
+    let wrong = "
+        calibrate convert cv.yml c.xml => 1: cv.yml | --unit | squares
+        calibrate convert cv.yml c.txt --unit m => 2: c.txt | --to | middlebury, kitti
+        calibrate convert cv.yml c.pdf --unit m => 2: c.pdf | .xml
+        calibrate convert cv.yml cv.yml --force --unit m => 2: cv.yml | named twice
+        calibrate convert cv.yml c.xml --unit foot => 2: 'foot' | mm
+        calibrate convert cv.yml c.xml --from opencw => 2: did you mean 'opencv'
+        calibrate convert cv.yml c.xml --from boofcv => \
+            1: cv.yml | no 'rightToLeft.rotation' | BoofCV
+        calibrate convert cv.yml l.yaml,r.yaml --unit m => 1: l.yaml,r.yaml | has none | --rectify
+        calibrate convert cv.yml l.yaml,r.yaml --unit squares => \
+            1: in squares | squares=SIDE_IN_METRES
+        calibrate convert cv.yml c.txt --to kitti --unit m => 1: rectified cameras only
+        calibrate convert other.yaml c.xml => 1: other.yaml | not a calibration that svl knows
+        calibrate convert nothing.xml c.xml => 1: nothing.xml | no such file
+    ";
+    fixture.fails(wrong);
     assert!(!fixture.path("c.xml").exists() && !fixture.path("l.yaml").exists());
-    convert(&["cv.yml", "l.yaml,r.yaml", "--unit", "m", "--rectify"]).done();
-    convert(&["cv.yml", "other.yaml", "--unit", "m"]).failed(1, &["other.yaml", "--force"]);
-    convert(&["cv.yml", "other.yaml", "--unit", "m", "--force"]).done();
+    fixture.run("calibrate convert cv.yml l.yaml,r.yaml --unit m --rectify");
+    fixture.fails("calibrate convert cv.yml other.yaml --unit m => 1: other.yaml | --force");
+    fixture.run("calibrate convert cv.yml other.yaml --unit m --force");
 }
 
 #[test]
 fn help_lists_the_formats() {
-    let text = Fixture::new()
-        .svl(&["calibrate", "convert", "--help"])
-        .done();
+    let text = Fixture::new().run("calibrate convert --help");
     for format in svl::calibrate::files::FORMATS {
         assert!(
             text.contains(&format!("  {} ", format.name)),
@@ -89,61 +72,26 @@ fn help_lists_the_formats() {
 #[test]
 fn opencv_reads_the_same_numbers() {
     let Some(datasets) = datasets() else { return };
-    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let asked = Command::new(&python)
-        .args(["-c", "import cv2, numpy"])
-        .output();
-    if !asked.is_ok_and(|output| output.status.success()) {
-        println!(
-            "skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with \
-             opencv-python-headless"
-        );
-        return;
-    }
     let fixture = Fixture::new();
-    let theirs = datasets
-        .join("calibration-chessboard/reference_opencv.yml")
-        .display()
-        .to_string();
-    fixture
-        .svl(&[
-            "calibrate",
-            "convert",
-            &theirs,
-            "ours.yml",
-            "--unit",
-            "squares",
-        ])
-        .done();
-    let script = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/tests/python/calibration_files.py"
-    );
+    let theirs = datasets.join("calibration-chessboard/reference_opencv.yml");
+    let theirs = theirs.display().to_string();
+    fixture.run(&[
+        "calibrate",
+        "convert",
+        &theirs,
+        "ours.yml",
+        "--unit",
+        "squares",
+    ]);
     let files = [
         theirs.into(),
         fixture.path("ours.yml"),
         fixture.path("theirs.xml"),
     ];
-    let run = Command::new(&python)
-        .arg(script)
-        .args(files)
-        .output()
-        .unwrap();
-    assert!(
-        run.status.success(),
-        "{}",
-        String::from_utf8_lossy(&run.stderr)
-    );
+    if python("calibration_files.py", "cv2, numpy", files).is_none() {
+        return;
+    }
     // And svl reads the XML that OpenCV wrote of it.
-    let text = fixture
-        .svl(&[
-            "calibrate",
-            "convert",
-            "theirs.xml",
-            "again.yml",
-            "--unit",
-            "squares",
-        ])
-        .done();
-    assert!(text.contains("baseline 3.328221 squares"), "{text}");
+    let text = fixture.run("calibrate convert theirs.xml again.yml --unit squares");
+    assert_says(&text, &["baseline 3.328221 squares"]);
 }

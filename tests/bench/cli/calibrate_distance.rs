@@ -20,24 +20,15 @@ fn annex_b_is_the_table_of_the_library() {
 fn annex_b_has_residuals_ranges_a_figure_and_a_table() {
     let fixture = Fixture::new();
     fixture.write("b.csv", TABLE);
-    let more = ["--figure", "curve.svg", "--table", "curve.csv"];
-    let text = fixture
-        .svl(&[&["calibrate", "distance", "b.csv"], &more[..]].concat())
-        .done();
+    let text = fixture.run("calibrate distance b.csv --figure curve.svg --table curve.csv");
     insta::assert_snapshot!(text);
-    let svg = std::fs::read_to_string(fixture.path("curve.svg")).unwrap();
+    let svg = fixture.text("curve.svg");
     assert!(
         svg.starts_with("<svg") && svg.matches("<circle").count() == 13,
         "{svg}"
     );
-    insta::assert_snapshot!(
-        "the_table",
-        std::fs::read_to_string(fixture.path("curve.csv")).unwrap()
-    );
-    let json = fixture
-        .svl(&["calibrate", "distance", "b.csv", "--json"])
-        .done();
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    insta::assert_snapshot!("the_table", fixture.text("curve.csv"));
+    let json = fixture.json("calibrate distance b.csv --json");
     assert_eq!(json["measurements"].as_array().unwrap().len(), 13);
     assert_eq!(
         json["polynomial"]["usable_px"],
@@ -62,21 +53,23 @@ fn bad_input_is_one_line_that_names_it() {
         "distance_cm,disparity_px\n10,100\n12,110\n14,130\n",
     );
     fixture.write("no.mcap", "no recording");
-    let run = |args: &[&str]| fixture.svl(&[&["calibrate", "distance"], args].concat());
-    run(&["words.csv"]).failed(1, &["words.csv", "measurement 1", "distance_cm"]);
-    run(&["columns.csv"]).failed(1, &["columns.csv", "distance_cm"]);
-    run(&["few.csv"]).failed(1, &["needs 3 measurements, got 2"]);
-    run(&["nan.csv"]).failed(1, &["finite"]);
-    run(&["neither.csv"]).failed(1, &["neither.csv", "one of both"]);
-    run(&["swapped.csv"]).failed(1, &["must grow"]);
-    run(&["missing.csv"]).failed(1, &["missing.csv", "no such table"]);
-    run(&["no.mcap"]).failed(2, &["no.mcap", "130cm=no.mcap"]);
-    run(&["10cm=no.mcap"]).failed(1, &["no.mcap"]);
-    run(&["ten=no.mcap"]).failed(2, &["'ten'", "130cm"]);
-    run(&["few.csv", "--cells", "1;2"]).failed(2, &["COLUMN,ROW"]);
-    run(&["few.csv", "--figure", "a.png"]).failed(2, &["a.png", ".svg"]);
-    run(&["few.csv", "--table", "few.csv"]).failed(2, &["few.csv", "named twice"]);
-    run(&[]).failed(2, &["--help"]);
+    let wrong = "
+        calibrate distance words.csv => 1: words.csv | measurement 1 | distance_cm
+        calibrate distance columns.csv => 1: columns.csv | distance_cm
+        calibrate distance few.csv => 1: needs 3 measurements, got 2
+        calibrate distance nan.csv => 1: finite
+        calibrate distance neither.csv => 1: neither.csv | one of both
+        calibrate distance swapped.csv => 1: must grow
+        calibrate distance missing.csv => 1: missing.csv | no such table
+        calibrate distance no.mcap => 2: no.mcap | 130cm=no.mcap
+        calibrate distance 10cm=no.mcap => 1: no.mcap
+        calibrate distance ten=no.mcap => 2: 'ten' | 130cm
+        calibrate distance few.csv --cells 1;2 => 2: COLUMN,ROW
+        calibrate distance few.csv --figure a.png => 2: a.png | .svg
+        calibrate distance few.csv --table few.csv => 2: few.csv | named twice
+        calibrate distance => 2: --help
+    ";
+    fixture.fails(wrong);
 }
 
 /// A target of 0.8 m x 1 m that stands at this distance before the arena's stereo head.
@@ -100,12 +93,11 @@ fn a_simulated_target_gives_the_cameras_own_product() {
     for cm in [120, 100, 85, 70, 60, 50, 40, 30, 25] {
         let (toml, mcap) = (format!("{cm}.toml"), format!("{cm}.mcap"));
         fixture.write(&toml, scenario(f64::from(cm) / 100.0));
-        fixture.svl(&["record", &toml, "-o", &mcap]).done();
+        fixture.run(&format!("record {toml} -o {mcap}"));
         recordings.push(format!("{cm}cm={mcap}"));
     }
-    let named: Vec<&str> = recordings.iter().map(String::as_str).collect();
-    let run = |more: &[&str]| fixture.svl(&[&["calibrate", "distance"], &named[..], more].concat());
-    let json: serde_json::Value = serde_json::from_str(&run(&["--json"]).done()).unwrap();
+    let all = format!("calibrate distance {}", recordings.join(" "));
+    let json = fixture.json(&format!("{all} --json"));
     let number = |pointer: &str| json.pointer(pointer).unwrap().as_f64().unwrap();
     let off = number("/pinhole/a_cm_px") / number("/focal_baseline_cm_px") - 1.0;
     println!(
@@ -121,7 +113,7 @@ fn a_simulated_target_gives_the_cameras_own_product() {
             .iter()
             .all(|m| m["cells"].as_array().unwrap().len() >= 3)
     );
-    println!("{}", run(&[]).done());
+    println!("{}", fixture.run(&all));
 
     // The same from a table that names the recordings.
     let lines: String = recordings
@@ -129,15 +121,12 @@ fn a_simulated_target_gives_the_cameras_own_product() {
         .map(|r| r.replace("cm=", ",") + "\n")
         .collect();
     fixture.write("target.csv", format!("distance_cm,recording\n{lines}"));
-    let table = fixture
-        .svl(&["calibrate", "distance", "target.csv", "--json"])
-        .done();
-    let table: serde_json::Value = serde_json::from_str(&table).unwrap();
+    let table = fixture.json("calibrate distance target.csv --json");
     assert_eq!(table["pinhole"], json["pinhole"]);
 
-    let cells = |cells: &[&str]| {
-        fixture.svl(&[&["calibrate", "distance", named[0], "--cells"], cells].concat())
-    };
-    cells(&["1,1", "2,1"]).failed(1, &["120.mcap", "in 2 cells, at least 3"]);
-    cells(&["1,1", "2,1", "9,1"]).failed(2, &["--cells", "9,1", "5x3 cells"]);
+    let wrong = "
+        calibrate distance 120cm=120.mcap --cells 1,1 2,1 => 1: 120.mcap | in 2 cells, at least 3
+        calibrate distance 120cm=120.mcap --cells 1,1 2,1 9,1 => 2: --cells | 9,1 | 5x3 cells
+    ";
+    fixture.fails(wrong);
 }

@@ -1,31 +1,22 @@
 //! `svl compare`.
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 
-/// A short arena scored by each of `algorithms` into a folder of that number.
-fn scored(algorithms: &[&[&str]]) -> Fixture {
+/// A short arena scored by each of these algorithms into a folder of that number.
+fn scored(algorithms: &[&str]) -> Fixture {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 40);
     for (i, names) in algorithms.iter().enumerate() {
-        let named = names.iter().flat_map(|name| ["--algo", name]);
-        let args: Vec<_> = ["score", "short.toml", "-q", "--out"]
-            .into_iter()
-            .chain([["0", "1", "2"][i]])
-            .chain(named)
-            .collect();
-        fixture.svl(&args).done();
+        fixture.run(&format!("score short.toml -q --out {i} --algo {names}"));
     }
     fixture
 }
 
 #[test]
 fn one_algorithm_each_is_compared_whatever_it_is_called() {
-    let fixture = scored(&[&["v1"], &["v3"]]);
-    let text = fixture.svl(&["compare", "0", "1"]).done();
-    assert!(
-        text.contains("v1 → v3: 80 pairs, 0 with equal results"),
-        "{text}"
-    );
+    let fixture = scored(&["v1", "v3"]);
+    let text = fixture.run("compare 0 1");
+    assert_says(&text, &["v1 → v3: 80 pairs, 0 with equal results"]);
     let line = text
         .lines()
         .find(|line| line.contains("wrong cells"))
@@ -44,9 +35,8 @@ fn one_algorithm_each_is_compared_whatever_it_is_called() {
 
 #[test]
 fn equal_runs_are_equal_and_json_says_all() {
-    let fixture = scored(&[&["v3", "bm"], &["v1", "v3"]]);
-    let json = fixture.svl(&["compare", "0", "1", "--json"]).done();
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let fixture = scored(&["v3 --algo bm", "v1 --algo v3"]);
+    let json = fixture.json("compare 0 1 --json");
     let v3 = &json[0]["algorithms"][0];
     assert_eq!(
         (v3["pairs"].as_u64(), v3["equal_results"].as_u64()),
@@ -68,25 +58,18 @@ fn equal_runs_are_equal_and_json_says_all() {
 
 #[test]
 fn another_yardstick_judges_nothing() {
-    let fixture = scored(&[&["v1"]]);
-    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    let fixture = scored(&["v1"]);
+    let text = fixture.text("short.toml");
     fixture.write("one.toml", text.replace("seeds = [1, 2]", "seeds = [2]"));
-    fixture
-        .svl(&["score", "one.toml", "-q", "--algo", "v1", "--out", "1"])
-        .done();
-    let text = fixture.svl(&["compare", "0", "1"]).done();
-    assert!(
-        text.contains("The scenarios differ") && text.contains("40 pairs of one run alone"),
-        "{text}"
+    fixture.run("score one.toml -q --algo v1 --out 1");
+    let text = fixture.run("compare 0 1");
+    assert_says(
+        &text,
+        &["The scenarios differ", "40 pairs of one run alone"],
     );
-    fixture
-        .svl(&["score", "one.toml", "-q", "--algo", "v3", "--out", "2"])
-        .done();
-    let text = fixture.svl(&["compare", "0", "2"]).done();
-    assert!(
-        text.contains("v1 → v3") && text.contains("0 with equal results"),
-        "{text}"
-    );
+    fixture.run("score one.toml -q --algo v3 --out 2");
+    let text = fixture.run("compare 0 2");
+    assert_says(&text, &["v1 → v3", "0 with equal results"]);
     assert!(
         ["  better", "  WORSE", "  differs"]
             .iter()
@@ -94,8 +77,7 @@ fn another_yardstick_judges_nothing() {
         "{text}"
     );
     // Checkpoints are summed over the runs that both have, so equal results are equal there too.
-    let json = fixture.svl(&["compare", "0", "1", "--json"]).done();
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let json = fixture.json("compare 0 1 --json");
     let checkpoints = json[0]["algorithms"][0]["checkpoints"].as_array().unwrap();
     assert!(
         checkpoints.iter().all(|c| c["judgement"] == "equal"),
@@ -105,36 +87,24 @@ fn another_yardstick_judges_nothing() {
 
 #[test]
 fn what_cannot_be_compared_is_said() {
-    let fixture = scored(&[&["v3", "bm"], &["v1", "v2"]]);
-    fixture
-        .svl(&["compare", "0", "1"])
-        .failed(1, &["0 and 1: no algorithm in common (v3, bm; v1, v2)"]);
-    fixture
-        .svl(&["compare", "0", "missing"])
-        .failed(1, &["missing: is not a report"]);
-    fixture.svl(&["compare", "0"]).failed(2, &["see --help"]);
+    let fixture = scored(&["v3 --algo bm", "v1 --algo v2"]);
+    let wrong = "
+        compare 0 1 => 1: 0 and 1: no algorithm in common (v3, bm; v1, v2)
+        compare 0 missing => 1: missing: is not a report
+        compare 0 => 2: see --help
+    ";
+    fixture.fails(wrong);
     fixture.write_short_arena("other.toml", 40);
-    let text = std::fs::read_to_string(fixture.path("other.toml")).unwrap();
+    let text = fixture.text("other.toml");
     fixture.write("other.toml", text.replace("seeds = [1, 2]", "seeds = [3]"));
-    fixture
-        .svl(&["score", "other.toml", "-q", "--algo", "v3", "--out", "2"])
-        .done();
-    fixture
-        .svl(&["compare", "0", "2"])
-        .failed(1, &["no pair in common", "other scenarios, seeds"]);
-    let summary = std::fs::read_to_string(fixture.path("2/summary.json")).unwrap();
+    fixture.run("score other.toml -q --algo v3 --out 2");
+    fixture.fails("compare 0 2 => 1: no pair in common | other scenarios, seeds");
+    let summary = fixture.text("2/summary.json");
     fixture.write(
         "2/summary.json",
         summary.replacen("\"incomplete\": null", "\"incomplete\": \"stopped\"", 1),
     );
-    assert!(
-        fixture
-            .svl(&["compare", "2", "2"])
-            .done()
-            .contains("2 is incomplete: stopped")
-    );
+    assert_says(&fixture.run("compare 2 2"), &["2 is incomplete: stopped"]);
     fixture.write("0/rows.csv", "run_id,scenario\na,b\n");
-    fixture
-        .svl(&["compare", "0", "1"])
-        .failed(1, &["0/rows.csv"]);
+    fixture.svl("compare 0 1").failed(1, &["0/rows.csv"]);
 }

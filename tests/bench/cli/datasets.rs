@@ -1,6 +1,6 @@
 //! `svl datasets`.
 
-use super::fixture::{Fixture, Ran, pgm};
+use super::fixture::{Fixture, Ran, assert_says, pgm};
 use super::server::{Manners, Server};
 use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
@@ -45,23 +45,26 @@ fn scene(name: &str) -> Vec<u8> {
     writer.finish().unwrap().into_inner()
 }
 
-fn fetch(fixture: &Fixture, args: &[&str]) -> Ran {
+fn fetch(fixture: &Fixture, line: &str) -> Ran {
     // The server is on this machine, whatever proxy there is.
-    fixture.svl_with(
-        &[&["datasets", "fetch"], args].concat(),
-        &[("NO_PROXY", "127.0.0.1"), ("no_proxy", "127.0.0.1")],
-    )
+    let proxies = [("NO_PROXY", "127.0.0.1"), ("no_proxy", "127.0.0.1")];
+    fixture.svl_with(&format!("datasets fetch {line}"), &proxies)
+}
+
+/// Fetches the scenes of Middlebury 2003 into `d`.
+fn fetch_from(fixture: &Fixture, url: &str) -> Ran {
+    fetch(fixture, &format!("middlebury2003 --from {url} --data d"))
 }
 
 #[test]
 fn lists_the_data_sets_with_terms_and_sizes() {
-    insta::assert_snapshot!(Fixture::new().svl(&["datasets"]).done());
+    insta::assert_snapshot!(Fixture::new().run("datasets"));
 }
 
 #[test]
 fn json_has_every_address() {
     let json: serde_json::Value =
-        serde_json::from_str(&Fixture::new().svl(&["datasets", "--json"]).done()).unwrap();
+        serde_json::from_str(&Fixture::new().run("datasets --json")).unwrap();
     let kitti = json
         .as_array()
         .unwrap()
@@ -78,15 +81,8 @@ fn json_has_every_address() {
 fn fetches_and_scores() {
     let fixture = Fixture::new();
     let server = Server::new(&cones_and_teddy(), POLITE);
-    let said = fetch(
-        &fixture,
-        &["middlebury2003", "--from", &server.url, "--data", "d"],
-    )
-    .done();
-    assert!(
-        said.contains("Please cite: D. Scharstein") && said.contains("Terms: free to use"),
-        "{said}"
-    );
+    let said = fetch_from(&fixture, &server.url).done();
+    assert_says(&said, &["Please cite: D. Scharstein", "Terms: free to use"]);
     assert!(
         said.ends_with("d/middlebury2003: 8 files written, 0 there already\n"),
         "{said}"
@@ -101,24 +97,12 @@ fn fetches_and_scores() {
         "middlebury2003.toml",
         include_str!("../../../scenarios/middlebury2003.toml"),
     );
-    let args = [
-        "score",
-        "middlebury2003.toml",
-        "--algo",
-        "v3",
-        "--data",
-        "d",
-        "--json",
-    ];
-    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    let args = "score middlebury2003.toml --algo v3 --data d --json";
+    let json = fixture.json(args);
     assert_eq!(json["algorithms"][0]["pairs"], 2);
 
     // Again: nothing is asked for, nothing written.
-    let said = fetch(
-        &fixture,
-        &["middlebury2003", "--from", &server.url, "--data", "d"],
-    )
-    .done();
+    let said = fetch_from(&fixture, &server.url).done();
     assert!(
         said.ends_with("0 files written, 2 there already\n"),
         "{said}"
@@ -137,11 +121,7 @@ fn goes_on_where_the_connection_broke() {
         ..POLITE
     };
     let server = Server::new(&cones_and_teddy(), manners);
-    fetch(
-        &fixture,
-        &["middlebury2003", "--from", &server.url, "--data", "d"],
-    )
-    .done();
+    fetch_from(&fixture, &server.url).done();
     let asked = server.asked();
     assert_eq!(
         asked[..2],
@@ -162,11 +142,7 @@ fn goes_on_where_an_earlier_fetch_ended() {
         scene("teddy"),
     );
     let server = Server::new(&cones_and_teddy(), POLITE);
-    fetch(
-        &fixture,
-        &["middlebury2003", "--from", &server.url, "--data", "d"],
-    )
-    .done();
+    fetch_from(&fixture, &server.url).done();
     let whole = scene("teddy").len();
     assert_eq!(
         server.asked(),
@@ -187,11 +163,7 @@ fn a_server_without_ranges_or_lengths_starts_again() {
             ..Manners::default()
         };
         let server = Server::new(&cones_and_teddy(), manners);
-        fetch(
-            &fixture,
-            &["middlebury2003", "--from", &server.url, "--data", "d"],
-        )
-        .done();
+        fetch_from(&fixture, &server.url).done();
         assert!(fixture.path("d/middlebury2003/cones/disp6.pgm").is_file());
     }
 }
@@ -207,22 +179,17 @@ fn a_connection_that_gives_nothing_ends() {
         },
     );
     let words = ["cones-png-2.zip: broke off after 0 bytes", "run it again"];
-    fetch(
-        &fixture,
-        &["middlebury2003", "--from", &server.url, "--data", "d"],
-    )
-    .failed(1, &words);
+    fetch_from(&fixture, &server.url).failed(1, &words);
 }
 
 #[test]
 fn another_checksum_than_the_first_is_refused() {
     let fixture = Fixture::new();
     let server = Server::new(&cones_and_teddy(), POLITE);
-    let args = ["middlebury2003", "--from", &server.url, "--data", "d"];
-    fetch(&fixture, &args).done();
+    fetch_from(&fixture, &server.url).done();
     std::fs::remove_dir_all(fixture.path("d/middlebury2003/cones")).unwrap();
     // The same archive is taken again.
-    let said = fetch(&fixture, &args).done();
+    let said = fetch_from(&fixture, &server.url).done();
     assert!(
         said.ends_with("4 files written, 1 there already\n"),
         "{said}"
@@ -234,11 +201,7 @@ fn another_checksum_than_the_first_is_refused() {
         "of the one fetched before it was ",
         "fetched.json",
     ];
-    fetch(
-        &fixture,
-        &["middlebury2003", "--from", &changed.url, "--data", "d"],
-    )
-    .failed(1, &words);
+    fetch_from(&fixture, &changed.url).failed(1, &words);
     assert!(!fixture.path("d/middlebury2003/hijacked").exists());
 }
 
@@ -247,26 +210,11 @@ fn archives_at_hand_are_unpacked_and_kept() {
     let fixture = Fixture::new();
     fixture.write("downloads/cones-png-2.zip", scene("cones"));
     fixture.write("downloads/teddy/teddy-png-2.zip", scene("teddy"));
-    fetch(
-        &fixture,
-        &["middlebury2003", "--from", "downloads", "--data", "d"],
-    )
-    .done();
+    fetch(&fixture, "middlebury2003 --from downloads --data d").done();
     assert!(fixture.path("d/middlebury2003/teddy/im2.pgm").is_file());
     assert!(fixture.path("downloads/cones-png-2.zip").is_file());
     let words = ["conesH-ppm-2.zip: no such file", "--from takes the folder"];
-    fetch(
-        &fixture,
-        &[
-            "middlebury2003",
-            "half",
-            "--from",
-            "downloads",
-            "--data",
-            "d",
-        ],
-    )
-    .failed(1, &words);
+    fetch(&fixture, "middlebury2003 half --from downloads --data d").failed(1, &words);
 }
 
 #[test]
@@ -282,28 +230,18 @@ fn single_files_go_where_the_archive_would_have_put_them() {
             .clone();
         serde_json::from_value(sets["parts"][0]["urls"].clone()).unwrap()
     };
-    let urls = url(serde_json::from_str(&fixture.svl(&["datasets", "--json"]).done()).unwrap());
+    let urls = url(serde_json::from_str(&fixture.run("datasets --json")).unwrap());
     for url in &urls {
         let name = url.rsplit_once("/data/").unwrap().1;
         fixture.write(&format!("mirror/{name}"), pgm(40, 20, &[80; 800]));
     }
-    fetch(
-        &fixture,
-        &["middlebury2001", "--from", "mirror", "--data", "d"],
-    )
-    .done();
-    fixture
-        .svl(&["record", "d/middlebury2001", "-o", "all.mcap"])
-        .done();
-    let said = fixture.svl(&["info", "all.mcap"]).done();
+    fetch(&fixture, "middlebury2001 --from mirror --data d").done();
+    fixture.run("record d/middlebury2001 -o all.mcap");
+    let said = fixture.run("info all.mcap");
     assert!(said.contains('8'), "{said}");
     // Another run takes a new file where there was none, and leaves those that are there.
     std::fs::remove_file(fixture.path("d/middlebury2001/map/im0.pgm")).unwrap();
-    let said = fetch(
-        &fixture,
-        &["middlebury2001", "--from", "mirror", "--data", "d"],
-    )
-    .done();
+    let said = fetch(&fixture, "middlebury2001 --from mirror --data d").done();
     assert!(
         said.ends_with(&format!(
             "1 files written, {} there already\n",
@@ -324,7 +262,7 @@ fn what_cannot_be_had_is_one_line_with_the_cure() {
         POLITE,
     );
     let from = |url: &str, words: &[&str]| {
-        fetch(&fixture, &["middlebury2003", "--from", url, "--data", "d"]).failed(1, words);
+        fetch_from(&fixture, url).failed(1, words);
     };
     from(
         &format!("{}/old", server.url),
@@ -365,13 +303,13 @@ fn what_cannot_be_had_is_one_line_with_the_cure() {
         &["cannot be reached", "check the network"],
     );
     from("nowhere", &["--from nowhere: neither an address"]);
-    fetch(&fixture, &["middlebury2003"]).failed(2, &["--data DIR", "SVL_DATASETS"]);
-    fetch(&fixture, &["kiti2015", "--data", "d"]).failed(
+    fetch(&fixture, "middlebury2003").failed(2, &["--data DIR", "SVL_DATASETS"]);
+    fetch(&fixture, "kiti2015 --data d").failed(
         2,
         &["unknown data set 'kiti2015'", "did you mean 'kitti2015'?"],
     );
-    fetch(&fixture, &["middeval3", "X", "--data", "d"]).failed(2, &["no part 'X'", "Q, H, F"]);
+    fetch(&fixture, "middeval3 X --data d").failed(2, &["no part 'X'", "Q, H, F"]);
     fixture.write("d/eth3d/fetched.json", "[]");
-    fetch(&fixture, &["eth3d", "--data", "d"]).failed(1, &["fetched.json: not svl's list"]);
-    assert_eq!(fetch(&fixture, &[]).code, Some(2));
+    fetch(&fixture, "eth3d --data d").failed(1, &["fetched.json: not svl's list"]);
+    assert_eq!(fetch(&fixture, "").code, Some(2));
 }

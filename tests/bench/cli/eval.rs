@@ -1,9 +1,9 @@
 //! `svl eval`.
 
-use super::fixture::{Fixture, datasets, pgm};
+use super::fixture::{Fixture, assert_says, datasets, pgm};
+use crate::common::python;
 use serde_json::Value;
 use std::path::Path;
-use std::process::Command;
 use svl::files::{read_gray, write_pfm};
 use svl::stereo::Plane;
 
@@ -34,7 +34,7 @@ fn json(text: &str) -> Value {
 
 #[test]
 fn help_explains_the_protocols() {
-    insta::assert_snapshot!(Fixture::new().svl(&["eval", "--help"]).done());
+    insta::assert_snapshot!(Fixture::new().run("eval --help"));
 }
 
 #[test]
@@ -42,9 +42,7 @@ fn every_protocol_prints_its_table() {
     let fixture = scene();
     let mut text = String::new();
     for protocol in ["middeval3", "middlebury-v2", "eth3d", "kitti12", "kitti15"] {
-        text += &fixture
-            .svl(&["eval", "d.pfm", "truth.pfm", "--protocol", protocol])
-            .done();
+        text += &fixture.run(&format!("eval d.pfm truth.pfm --protocol {protocol}"));
         text.push('\n');
     }
     insta::assert_snapshot!(text);
@@ -54,16 +52,9 @@ fn every_protocol_prints_its_table() {
 fn json_has_the_contracts_keys() {
     let fixture = scene();
     let keys = |protocol: &str| {
-        let text = fixture
-            .svl(&[
-                "eval",
-                "d.pfm",
-                "truth.pfm",
-                "--protocol",
-                protocol,
-                "--json",
-            ])
-            .done();
+        let text = fixture.run(&format!(
+            "eval d.pfm truth.pfm --protocol {protocol} --json"
+        ));
         let keys: Vec<String> = json(&text).as_object().unwrap().keys().cloned().collect();
         keys
     };
@@ -87,37 +78,16 @@ fn json_has_the_contracts_keys() {
             );
         }
     }
-    insta::assert_snapshot!(
-        fixture
-            .svl(&[
-                "eval",
-                "d.pfm",
-                "truth.pfm",
-                "--protocol",
-                "middeval3",
-                "--json"
-            ])
-            .done()
-    );
+    insta::assert_snapshot!(fixture.run("eval d.pfm truth.pfm --protocol middeval3 --json"));
 }
 
 #[test]
 fn masks_stand_side_by_side() {
     let fixture = scene();
     fixture.write("disc.pgm", pgm(5, 1, &[0, 255, 0, 0, 0]));
-    let args = [
-        "eval",
-        "d.pfm",
-        "truth.pfm",
-        "--protocol",
-        "middlebury-v2",
-        "--mask",
-        "noc.pgm",
-        "--mask",
-        "disc.pgm",
-    ];
-    insta::assert_snapshot!(fixture.svl(&args).done());
-    let found = json(&fixture.svl(&[&args[..], &["--json"]].concat()).done());
+    let args = "eval d.pfm truth.pfm --protocol middlebury-v2 --mask noc.pgm --mask disc.pgm";
+    insta::assert_snapshot!(fixture.run(args));
+    let found = fixture.json(&format!("{args} --json"));
     assert_eq!(
         (&found["pixels"], &found["bad1.0"]),
         (&3.into(), &found["masks"]["noc"]["bad1.0"])
@@ -128,87 +98,49 @@ fn masks_stand_side_by_side() {
 #[test]
 fn options_count() {
     let fixture = scene();
-    let value = |more: &[&str], key: &str| {
-        json(
-            &fixture
-                .svl(&[&["eval", "d.pfm", "truth.pfm", "--json"], more].concat())
-                .done(),
-        )[key]
-            .clone()
+    let value = |protocol: &str, key: &str| {
+        let line = format!("eval d.pfm truth.pfm --json --protocol {protocol}");
+        fixture.json(&line)[key].clone()
     };
-    assert_eq!(value(&["--protocol", "middeval3"], "avgerr"), 5.0 / 3.0);
-    assert_eq!(
-        value(
-            &["--protocol", "middeval3", "--max-disparity", "4.5"],
-            "avgerr"
-        ),
-        4.0 / 3.0
-    );
+    assert_eq!(value("middeval3", "avgerr"), 5.0 / 3.0);
+    assert_eq!(value("middeval3 --max-disparity 4.5", "avgerr"), 4.0 / 3.0);
     // All leave the right image on the left, but the last, which meets another disparity there.
     write_map(&fixture, "right.pfm", &[&[10.0, NO, NO, NO, NO]]);
     write_map(&fixture, "near.pfm", &[&[0.0, 1.0, 0.0, NO, 0.0]]);
     write_map(&fixture, "near-right.pfm", &[&[9.0, 0.0, 0.5, 0.0, 0.0]]);
-    let right = ["--protocol", "eth3d", "--right-truth", "near-right.pfm"];
-    let near = json(
-        &fixture
-            .svl(&[&["eval", "near.pfm", "near.pfm", "--json"], &right[..]].concat())
-            .done(),
-    );
+    let near = "eval near.pfm near.pfm --json --protocol eth3d --right-truth near-right.pfm";
+    let near = fixture.json(near);
     assert_eq!((&near["pixels"], &near["bad0.5"]), (&2.into(), &0.0.into()));
     fixture
-        .svl(
-            &[
-                &["eval", "d.pfm", "truth.pfm"],
-                &["--protocol", "eth3d", "--right-truth", "right.pfm"][..],
-            ]
-            .concat(),
-        )
+        .svl("eval d.pfm truth.pfm --protocol eth3d --right-truth right.pfm")
         .failed(1, &["nothing to score"]);
     fixture.write("objects.pgm", pgm(5, 1, &[0, 0, 3, 0, 1]));
-    let objects = ["--protocol", "kitti15", "--object-map", "objects.pgm"];
+    let objects = "--protocol kitti15 --object-map objects.pgm";
     assert_eq!(
-        (value(&objects, "d1_bg"), value(&objects, "d1_fg")),
+        (value(objects, "d1_bg"), value(objects, "d1_fg")),
         (0.0.into(), 100.0.into())
     );
     // 8-bit files, both of one scale.
     fixture.write("d.pgm", pgm(2, 1, &[40, 48]));
     fixture.write("truth.pgm", pgm(2, 1, &[40, 0]));
-    let grey = [
-        "eval",
-        "d.pgm",
-        "truth.pgm",
-        "--protocol",
-        "middeval3",
-        "--scale",
-        "4",
-        "--json",
-    ];
-    let grey = json(&fixture.svl(&grey).done());
+    let grey = fixture.json("eval d.pgm truth.pgm --protocol middeval3 --scale 4 --json");
     assert_eq!((&grey["pixels"], &grey["avgerr"]), (&1.into(), &0.0.into()));
 }
 
 #[test]
 fn the_error_map_has_the_truths_size() {
     let fixture = scene();
-    let args = [
-        "eval",
-        "d.pfm",
-        "truth.pfm",
-        "--protocol",
-        "eth3d",
-        "--error-map",
-        "e.png",
-    ];
-    fixture.svl(&args).done();
+    let args = "eval d.pfm truth.pfm --protocol eth3d --error-map e.png";
+    fixture.run(args);
     let picture = image::open(fixture.path("e.png")).unwrap().into_rgb8();
     assert_eq!(picture.dimensions(), (5, 1));
     // Right; no estimate; no truth; off by 3.5 px, which is between one and two thresholds.
     let colours = [0, 2, 3, 4].map(|x| picture.get_pixel(x, 0).0);
     assert_eq!(colours, [[49, 54, 149], [128; 3], [0; 3], [254, 224, 144]]);
     fixture
-        .svl(&args)
+        .svl(args)
         .failed(1, &["e.png: exists already", "--force"]);
-    fixture.svl(&[&args[..], &["--force"]].concat()).done();
+    fixture.run(&format!("{args} --force"));
     assert_eq!(read_gray(&fixture.path("e.png")).unwrap().size(), (5, 1));
 }
 
@@ -230,44 +162,28 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
         );
     }
     fixture.write("truth/notes.txt", "not a map");
-    let args = |protocol| ["eval", "d", "truth", "--scale", "1", "--protocol", protocol];
-    insta::assert_snapshot!(fixture.svl(&args("kitti12")).done());
-    let run = |protocol, more: &[&str]| {
-        json(
-            &fixture
-                .svl(&[&args(protocol)[..], &["--json"], more].concat())
-                .done(),
-        )
-    };
-    let mean = run("kitti12", &[]);
+    let args = |protocol: &str| format!("eval d truth --scale 1 --protocol {protocol}");
+    insta::assert_snapshot!(fixture.run(&args("kitti12")));
+    let mean = fixture.json(&args("kitti12 --json"));
     assert_eq!((&mean["out3"], &mean["pixels"]), (&50.0.into(), &4.into()));
     assert_eq!(mean["images"]["000001_10"]["out3"], 100.0);
-    let pooled = run("kitti15", &["--object-map", "objects"]);
+    let pooled = fixture.json(&args("kitti15 --json --object-map objects"));
     assert_eq!(
         (&pooled["d1_all"], &pooled["d1_fg"], &pooled["d1_bg"]),
         (&25.0.into(), &25.0.into(), &Value::Null)
     );
 
-    fixture
-        .svl(&["eval", "d", "truth/000000_10.pgm", "--protocol", "kitti12"])
-        .failed(1, &["d: is a folder"]);
-    let map = ["--error-map", "e.png"];
-    fixture
-        .svl(&[&args("kitti12")[..], &map].concat())
-        .failed(2, &["--error-map draws one image"]);
-    fixture
-        .svl(&[&args("kitti12")[..], &["--mask", "d"]].concat())
-        .failed(1, &["d/000000_10.pfm", "not a readable"]);
+    let wrong = "
+        eval d truth/000000_10.pgm --protocol kitti12 => 1: d: is a folder
+        eval d truth --protocol kitti12 --error-map e.png => 2: --error-map draws one image
+        eval d truth --scale 1 --protocol kitti12 --mask d => 1: d/000000_10.pfm | not a readable
+    ";
+    fixture.fails(wrong);
     // More estimates than truths: said, and judged without.
     write_map(&fixture, "d/000002_10.pfm", &[&[1.0]]);
     let more = fixture.svl(&args("kitti12"));
-    assert!(
-        more.stderr
-            .contains("d/000002_10.pfm: has no truth in truth"),
-        "{}",
-        more.stderr
-    );
-    assert!(more.done().contains("2 images"));
+    assert_says(&more.stderr, &["d/000002_10.pfm: has no truth in truth"]);
+    assert_says(&more.done(), &["2 images"]);
     fixture.write("truth/000003_10.pgm", pgm(1, 1, &[10]));
     fixture
         .svl(&args("kitti15"))
@@ -277,9 +193,7 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
         .svl(&args("kitti15"))
         .failed(1, &["000003_10.pgm", "000003_10.png", "which of the two"]);
     std::fs::create_dir(fixture.path("empty")).unwrap();
-    fixture
-        .svl(&["eval", "d", "empty", "--protocol", "eth3d"])
-        .failed(1, &["empty: holds no .pfm"]);
+    fixture.fails("eval d empty --protocol eth3d => 1: empty: holds no .pfm");
 }
 
 #[test]
@@ -292,94 +206,43 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.write("cut.npz", "PK");
     fixture.write("eight.pgm", pgm(5, 1, &[8; 5]));
     fixture.write("mask.pgm", pgm(4, 1, &[255; 4]));
-    let run = |d: &str, truth: &str, protocol: &str, more: &[&str]| {
-        fixture.svl(&[&["eval", d, truth, "--protocol", protocol], more].concat())
-    };
-    run("small.pfm", "truth.pfm", "eth3d", &[]).failed(
-        1,
-        &[
-            "small.pfm and truth.pfm",
-            "estimate is 2x1, the truth 5x1",
-            "one size",
-        ],
-    );
-    run("small.pfm", "truth.pfm", "middeval3", &[]).failed(1, &["2x1", "5x1", "1, 2 or 4 times"]);
-    run("nan.pfm", "truth.pfm", "middeval3", &[])
-        .failed(1, &["nan.pfm: holds NaN at (1, 0)", "+inf"]);
-    run("d.pfm", "nan.pfm", "middeval3", &[]).done();
-    run("d.pfm", "nowhere.pfm", "kitti12", &[]).failed(1, &["nowhere.pfm", "nothing to score"]);
-    run("d.pfm", "cut.pfm", "kitti12", &[]).failed(1, &["cut.pfm", "got 3"]);
-    run("d.pfm", "cut.npz", "kitti12", &[]).failed(1, &["cut.npz: not an npz map"]);
-    run("d.pfm", "missing.npz", "kitti12", &[]).failed(1, &["missing.npz: no such file"]);
-    run("d.pfm", "eight.pgm", "eth3d", &[])
-        .failed(1, &["eight.pgm: has 8 bits", "--scale", "2003: 4"]);
-    run("eight.pgm", "truth.pfm", "eth3d", &[]).failed(1, &["eight.pgm: has 8 bits", "--scale"]);
-    run("d.pfm", "truth.pfm", "eth3d", &["--mask", "mask.pgm"])
-        .failed(1, &["mask is 4x1, the truth 5x1"]);
-    run(
-        "d.pfm",
-        "truth.pfm",
-        "eth3d",
-        &["--right-truth", "small.pfm"],
-    )
-    .failed(1, &["small.pfm", "5x1", "2x1"]);
-    run(
-        "d.pfm",
-        "truth.pfm",
-        "kitti15",
-        &["--object-map", "mask.pgm"],
-    )
-    .failed(1, &["object map is 4x1"]);
-    run("d.pfm", "truth.pfm", "kitti13", &[])
-        .failed(2, &["unknown protocol 'kitti13' (did you mean 'kitti12'?)"]);
-    run(
-        "d.pfm",
-        "truth.pfm",
-        "kitti12",
-        &["--object-map", "noc.pgm"],
-    )
-    .failed(2, &["--object-map belongs to kitti15"]);
-    run("d.pfm", "truth.pfm", "eth3d", &["--max-disparity", "9"])
-        .failed(2, &["--max-disparity belongs to middeval3"]);
-    run("d.pfm", "truth.pfm", "eth3d", &["--scale", "0"]).failed(2, &["--scale", "0.001 to 65536"]);
-    run("d.pfm", "truth.pfm", "eth3d", &["--scale", "4"]).failed(2, &["--scale belongs to images"]);
-    run("d.pfm", "truth.pfm", "eth3d", &["--error-map", "e.jpg"]).failed(2, &["must end in .png"]);
-    run(
-        "d.pfm",
-        "truth.pfm",
-        "eth3d",
-        &["--mask", "noc.pgm", "--right-truth", "d.pfm"],
-    )
-    .failed(2, &["cannot be used"]);
-    assert_eq!(fixture.svl(&["eval", "d.pfm", "truth.pfm"]).code, Some(2));
+    let wrong = "
+        eval small.pfm truth.pfm --protocol eth3d => \
+            1: small.pfm and truth.pfm | estimate is 2x1, the truth 5x1 | one size
+        eval small.pfm truth.pfm --protocol middeval3 => 1: 2x1 | 5x1 | 1, 2 or 4 times
+        eval nan.pfm truth.pfm --protocol middeval3 => 1: nan.pfm: holds NaN at (1, 0) | +inf
+    ";
+    fixture.fails(wrong);
+    fixture.run("eval d.pfm nan.pfm --protocol middeval3");
+    let wrong = "
+        eval d.pfm nowhere.pfm --protocol kitti12 => 1: nowhere.pfm | nothing to score
+        eval d.pfm cut.pfm --protocol kitti12 => 1: cut.pfm | got 3
+        eval d.pfm cut.npz --protocol kitti12 => 1: cut.npz: not an npz map
+        eval d.pfm missing.npz --protocol kitti12 => 1: missing.npz: no such file
+        eval d.pfm eight.pgm --protocol eth3d => 1: eight.pgm: has 8 bits | --scale | 2003: 4
+        eval eight.pgm truth.pfm --protocol eth3d => 1: eight.pgm: has 8 bits | --scale
+        eval d.pfm truth.pfm --protocol eth3d --mask mask.pgm => 1: mask is 4x1, the truth 5x1
+        eval d.pfm truth.pfm --protocol eth3d --right-truth small.pfm => 1: small.pfm | 5x1 | 2x1
+        eval d.pfm truth.pfm --protocol kitti15 --object-map mask.pgm => 1: object map is 4x1
+        eval d.pfm truth.pfm --protocol kitti13 => \
+            2: unknown protocol 'kitti13' (did you mean 'kitti12'?)
+        eval d.pfm truth.pfm --protocol kitti12 --object-map noc.pgm => \
+            2: --object-map belongs to kitti15
+        eval d.pfm truth.pfm --protocol eth3d --max-disparity 9 => \
+            2: --max-disparity belongs to middeval3
+        eval d.pfm truth.pfm --protocol eth3d --scale 0 => 2: --scale | 0.001 to 65536
+        eval d.pfm truth.pfm --protocol eth3d --scale 4 => 2: --scale belongs to images
+        eval d.pfm truth.pfm --protocol eth3d --error-map e.jpg => 2: must end in .png
+        eval d.pfm truth.pfm --protocol eth3d --mask noc.pgm --right-truth d.pfm => \
+            2: cannot be used
+    ";
+    fixture.fails(wrong);
+    assert_eq!(fixture.svl("eval d.pfm truth.pfm").code, Some(2));
 }
 
-/// Runs tests/python/protocols.py, where there is a Python that can; `None`, with a word, where
-/// there is none.
 fn in_numpy(args: &[&str]) -> Option<Value> {
-    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let can = Command::new(&python)
-        .args(["-c", "import cv2, numpy"])
-        .output();
-    if !can.is_ok_and(|output| output.status.success()) {
-        println!(
-            "skipped: `{python}` has no cv2 or numpy; set SVL_PYTHON to a Python with \
-             opencv-python-headless"
-        );
-        return None;
-    }
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/protocols.py");
-    let output = Command::new(python)
-        .arg(script)
-        .args(args)
-        .output()
-        .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    Some(serde_json::from_slice(&output.stdout).unwrap())
+    let printed = python("protocols.py", "cv2, numpy", args)?;
+    Some(serde_json::from_slice(&printed).unwrap())
 }
 
 /// Every number of `expected` is in `found`, to nine digits.
@@ -410,11 +273,9 @@ fn quarter_size_scenes_score_as_numpy_computes() {
             .map(|file| shown(&scene.join(file)));
         // The range is small for some scenes, so that clipping shows.
         for algorithm in ["v3:max_disparity=64", "sgm:max_disparity=64"] {
-            fixture
-                .svl(&[
-                    "match", &left, &right, "--algo", algorithm, "-o", "d.pfm", "--force",
-                ])
-                .done();
+            fixture.run(&[
+                "match", &left, &right, "--algo", algorithm, "-o", "d.pfm", "--force",
+            ]);
             let Some(expected) = in_numpy(&[
                 "middeval3",
                 &shown(&fixture.path("d.pfm")),
@@ -424,7 +285,10 @@ fn quarter_size_scenes_score_as_numpy_computes() {
             ]) else {
                 return;
             };
-            let options = [
+            let found = fixture.json(&[
+                "eval",
+                "d.pfm",
+                &truth,
                 "--protocol",
                 "middeval3",
                 "--mask",
@@ -432,12 +296,7 @@ fn quarter_size_scenes_score_as_numpy_computes() {
                 "--max-disparity",
                 "48",
                 "--json",
-            ];
-            let found = json(
-                &fixture
-                    .svl(&[&["eval", "d.pfm", &truth], &options[..]].concat())
-                    .done(),
-            );
+            ]);
             assert_equal(&found, &expected, &format!("{name} {algorithm}"));
         }
     }
@@ -454,13 +313,8 @@ fn kittis_map_scores_as_numpy_computes() {
         return;
     };
     let fixture = Fixture::new();
-    let found = |protocol| {
-        json(
-            &fixture
-                .svl(&["eval", &estimate, &truth, "--protocol", protocol, "--json"])
-                .done(),
-        )
-    };
+    let found =
+        |protocol| fixture.json(&["eval", &estimate, &truth, "--protocol", protocol, "--json"]);
     let (kitti12, kitti15) = (found("kitti12"), found("kitti15"));
     let (d1, out): (Vec<_>, Vec<_>) = expected
         .as_object()

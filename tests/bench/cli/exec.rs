@@ -1,7 +1,7 @@
 //! A program as an algorithm, in every subcommand that takes one.
 #![cfg(unix)]
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 
 const FAILS: &str = "exec:command=sh -c 'echo sorry >&2; exit 3'";
 
@@ -19,10 +19,8 @@ fn a_program_matches_a_pair_and_says_why_it_does_not() {
     fixture.write_pair("l.pgm", "r.pgm", (40, 20), 3);
     fixture.write("zeros, all of them.sh", ZEROS);
     let zeros = "exec:command=sh 'zeros, all of them.sh'";
-    let text = fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", zeros])
-        .done();
-    assert!(text.contains("100.0 % of the pixels"), "{text}");
+    let text = fixture.run(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", zeros]);
+    assert_says(&text, &["100.0 % of the pixels"]);
     let error = fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "e.pfm", "--algo", FAILS]);
     error.failed(1, &["sh -c", "exit status: 3", "it said: sorry"]);
     assert!(!fixture.path("e.pfm").exists());
@@ -31,19 +29,13 @@ fn a_program_matches_a_pair_and_says_why_it_does_not() {
 #[test]
 fn the_others_go_on_when_one_fails() {
     let fixture = Fixture::new();
-    fixture
-        .svl(&["record", "--frames", "6", "-o", "a.mcap"])
-        .done();
+    fixture.run(&["record", "--frames", "6", "-o", "a.mcap"]);
     let ran = fixture.svl(&[
         "replay", "a.mcap", "--algo", FAILS, "--algo", "v3", "--rows", "rows.csv", "--rerun",
         "run.rrd", "-o", "r.mcap",
     ]);
     assert_eq!(ran.code, Some(1));
-    assert!(
-        ran.stdout.contains("v3") && ran.stdout.contains("(6 pairs)"),
-        "{}",
-        ran.stdout
-    );
+    assert_says(&ran.stdout, &["v3", "(6 pairs)"]);
     let told: Vec<_> = ran
         .stderr
         .lines()
@@ -86,17 +78,15 @@ fn the_others_go_on_when_one_fails() {
 fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 60);
-    let alone = fixture
-        .svl(&[
-            "score",
-            "short.toml",
-            "--algo",
-            "v3",
-            "--json",
-            "--out",
-            "alone",
-        ])
-        .done();
+    let alone = fixture.run(&[
+        "score",
+        "short.toml",
+        "--algo",
+        "v3",
+        "--json",
+        "--out",
+        "alone",
+    ]);
     let both = fixture.svl(&[
         "score",
         "short.toml",

@@ -1,7 +1,7 @@
 //! The trigger controller's firmware, on the simulated board of firmware/, fires simulated cameras.
 #![cfg(target_os = "linux")]
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 use std::io::{BufRead, BufReader, Lines};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -77,18 +77,9 @@ fn record(faults: &[&str], rate: &str, frames: &str) -> Option<Recorded> {
     let fixture = Fixture::new();
     let trigger = format!("serial:{}", board.port);
     let sim = "sim:size=64x48,pictures=2";
-    let ran = fixture.svl(&[
-        "record",
-        sim,
-        "--trigger",
-        &trigger,
-        "--rate",
-        rate,
-        "--frames",
-        frames,
-        "-o",
-        "a.mcap",
-    ]);
+    let ran = fixture.svl(&format!(
+        "record {sim} --trigger {trigger} --rate {rate} --frames {frames} -o a.mcap"
+    ));
     let warnings = ran.stderr.clone();
     let text = ran.done();
     let number = |words: &str| {
@@ -125,11 +116,7 @@ fn a_board_that_hung_goes_on() {
     };
     assert_eq!(recorded.ids, (1..=60).collect::<Vec<_>>());
     assert_eq!((recorded.counted, recorded.strays), (recorded.on_pins, 0));
-    assert!(
-        recorded.warnings.contains("was reset after 19 pulses"),
-        "{}",
-        recorded.warnings
-    );
+    assert_says(&recorded.warnings, &["was reset after 19 pulses"]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A temporary folder per test, the program under test, and input images.
 
-pub use crate::common::datasets;
+pub use crate::common::{assert_says, datasets};
 
 use assert_cmd::Command;
 use std::path::PathBuf;
@@ -22,17 +22,23 @@ impl Fixture {
     }
 
     /// Runs `svl` with these arguments in the folder.
-    pub fn svl(&self, args: &[&str]) -> Ran {
-        self.svl_with(args, &[])
+    pub fn svl(&self, line: &(impl CommandLine + ?Sized)) -> Ran {
+        self.svl_with(line, &[])
+    }
+
+    /// What `svl` prints with these arguments; it succeeds.
+    #[track_caller]
+    pub fn run(&self, line: &(impl CommandLine + ?Sized)) -> String {
+        self.svl(line).done()
     }
 
     /// Runs `svl` with these arguments and environment variables besides.
-    pub fn svl_with(&self, args: &[&str], variables: &[(&str, &str)]) -> Ran {
+    pub fn svl_with(&self, line: &(impl CommandLine + ?Sized), variables: &[(&str, &str)]) -> Ran {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
         command.envs(variables.iter().copied());
         let output = command
             .current_dir(self.folder.path())
-            .args(args)
+            .args(line.arguments())
             .timeout(std::time::Duration::from_secs(300))
             .output();
         let output = output.unwrap();
@@ -41,6 +47,35 @@ impl Fixture {
             stdout: String::from_utf8(output.stdout).unwrap(),
             stderr: String::from_utf8(output.stderr).unwrap(),
         }
+    }
+
+    /// What this command answers in JSON.
+    #[track_caller]
+    pub fn json(&self, line: &(impl CommandLine + ?Sized)) -> serde_json::Value {
+        serde_json::from_str(&self.run(line)).unwrap()
+    }
+
+    /// Every line of `table`, `COMMAND => CODE: WORDS | WORDS`, fails with this code and one line
+    /// that holds all these words. Lines of `#` are comments. No data sets are found.
+    #[track_caller]
+    pub fn fails(&self, table: &str) {
+        let lines = table.lines().map(str::trim);
+        for line in lines.filter(|line| !line.is_empty() && !line.starts_with('#')) {
+            println!("{line}");
+            let (command, expected) = line.split_once(" => ").unwrap();
+            let (code, words) = expected.split_once(": ").unwrap();
+            let words: Vec<_> = words.split(" | ").collect();
+            self.svl_with(command, &[("SVL_DATASETS", "")])
+                .failed(code.parse().unwrap(), &words);
+        }
+    }
+
+    pub fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap()
+    }
+
+    pub fn text(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap()
     }
 
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
@@ -87,6 +122,45 @@ impl Fixture {
     }
 }
 
+/// What follows `svl`: words with spaces between them, `''` being an empty one; an array where an
+/// argument holds a space.
+pub trait CommandLine {
+    fn arguments(&self) -> Vec<&str>;
+}
+
+impl CommandLine for str {
+    fn arguments(&self) -> Vec<&str> {
+        let words = self.split_whitespace();
+        words
+            .map(|word| if word == "''" { "" } else { word })
+            .collect()
+    }
+}
+
+impl CommandLine for String {
+    fn arguments(&self) -> Vec<&str> {
+        self.as_str().arguments()
+    }
+}
+
+impl CommandLine for [&str] {
+    fn arguments(&self) -> Vec<&str> {
+        self.to_vec()
+    }
+}
+
+impl<const N: usize> CommandLine for [&str; N] {
+    fn arguments(&self) -> Vec<&str> {
+        self.to_vec()
+    }
+}
+
+impl CommandLine for Vec<&str> {
+    fn arguments(&self) -> Vec<&str> {
+        self.clone()
+    }
+}
+
 pub struct Ran {
     pub code: Option<i32>,
     pub stdout: String,
@@ -107,9 +181,7 @@ impl Ran {
         assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);
         let lines: Vec<_> = self.stderr.lines().filter(|l| !l.is_empty()).collect();
         assert_eq!(lines.len(), 1, "one line, not:\n{}", self.stderr);
-        for word in words {
-            assert!(lines[0].contains(word), "'{word}' is not in: {}", lines[0]);
-        }
+        assert_says(lines[0], words);
         assert!(lines[0].starts_with("error: "), "{}", lines[0]);
         lines[0].to_owned()
     }

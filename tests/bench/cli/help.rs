@@ -1,10 +1,10 @@
 //! Help, completions and the man page.
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 
 #[test]
 fn help_tells_what_svl_is_for() {
-    insta::assert_snapshot!(Fixture::new().svl(&["--help"]).done());
+    insta::assert_snapshot!(Fixture::new().run("--help"));
 }
 
 /// Wide enough or not, what svl broke into lines by hand stays so.
@@ -27,19 +27,14 @@ fn no_terminal_breaks_the_text_below_the_options() {
 
 #[test]
 fn no_arguments_is_wrong_usage() {
-    assert_eq!(Fixture::new().svl(&[]).code, Some(2));
+    assert_eq!(Fixture::new().svl("").code, Some(2));
 }
 
 #[test]
 fn completions_and_man_page() {
     let fixture = Fixture::new();
-    assert!(
-        fixture
-            .svl(&["completions", "bash"])
-            .done()
-            .contains("_svl")
-    );
-    assert!(fixture.svl(&["man"]).done().contains(".TH svl"));
+    assert_says(&fixture.run("completions bash"), &["_svl"]);
+    assert_says(&fixture.run("man"), &[".TH svl"]);
 }
 
 #[cfg(unix)]

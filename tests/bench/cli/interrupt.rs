@@ -11,13 +11,13 @@ use svl::source::{RecordingSource, Source};
 /// to standard error.
 pub fn interrupted(
     fixture: &Fixture,
-    args: &[&str],
+    line: &str,
     ready: impl Fn() -> bool,
 ) -> (Option<i32>, String) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
     command
         .current_dir(fixture.path(""))
-        .args(args)
+        .args(line.split_whitespace())
         .stdout(Stdio::null())
         .stderr(Stdio::piped());
     // Servers of tests are on this machine, whatever proxy there is.
@@ -49,7 +49,7 @@ fn size(fixture: &Fixture, name: &str) -> u64 {
 #[test]
 fn a_recording_is_whole_after_ctrl_c() {
     let fixture = Fixture::new();
-    let (code, stderr) = interrupted(&fixture, &["record", "-o", "a.mcap"], || {
+    let (code, stderr) = interrupted(&fixture, "record -o a.mcap", || {
         size(&fixture, "a.mcap") > 1_000_000
     });
     assert_eq!(code, Some(0), "{stderr}");
@@ -64,8 +64,8 @@ fn a_recording_is_whole_after_ctrl_c() {
 #[test]
 fn cameras_stop_orderly() {
     let fixture = Fixture::new();
-    let args = ["record", "sim:size=320x240,pictures=2", "-o", "a.mcap"];
-    let (code, stderr) = interrupted(&fixture, &args, || size(&fixture, "a.mcap") > 100_000);
+    let args = "record sim:size=320x240,pictures=2 -o a.mcap";
+    let (code, stderr) = interrupted(&fixture, args, || size(&fixture, "a.mcap") > 100_000);
     assert_eq!(code, Some(0), "{stderr}");
     let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
     let pairs = source.pairs().expect("a whole recording knows its length");
@@ -80,17 +80,8 @@ fn cameras_stop_orderly() {
 fn cameras_that_give_no_pair_can_be_stopped() {
     let fixture = Fixture::new();
     let sim = "sim:size=320x240,pictures=2,right.phase_ms=15";
-    let args = [
-        "record",
-        sim,
-        "--trigger",
-        "free",
-        "--max-skew-ms",
-        "1",
-        "-o",
-        "a.mcap",
-    ];
-    let (code, stderr) = interrupted(&fixture, &args, || fixture.path("a.mcap").exists());
+    let line = format!("record {sim} --trigger free --max-skew-ms 1 -o a.mcap");
+    let (code, stderr) = interrupted(&fixture, &line, || fixture.path("a.mcap").exists());
     assert_eq!(code, Some(1), "{stderr}");
     assert!(
         stderr.contains("stopped before the first pair") && stderr.lines().count() == 1,
@@ -107,7 +98,7 @@ fn a_score_reports_what_it_had() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 200);
     let rows = "reports/arena/rows.csv";
-    let (code, stderr) = interrupted(&fixture, &["score", "short.toml", "-q"], || {
+    let (code, stderr) = interrupted(&fixture, "score short.toml -q", || {
         size(&fixture, rows) > 3000
     });
     assert_eq!(code, Some(1));
@@ -116,8 +107,7 @@ fn a_score_reports_what_it_had() {
         "{stderr}"
     );
     let json: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(fixture.path("reports/arena/summary.json")).unwrap())
-            .unwrap();
+        serde_json::from_slice(&fixture.bytes("reports/arena/summary.json")).unwrap();
     let counts = json["algorithms"]
         .as_array()
         .unwrap()
@@ -125,10 +115,7 @@ fn a_score_reports_what_it_had() {
         .map(|a| a["pairs"].as_u64().unwrap());
     let (pairs, total) = counts.fold((0, 0), |(most, sum), pairs| (pairs.max(most), sum + pairs));
     assert!((1..400).contains(&pairs), "{pairs}");
-    let lines = std::fs::read_to_string(fixture.path(rows))
-        .unwrap()
-        .lines()
-        .count() as u64;
+    let lines = fixture.text(rows).lines().count() as u64;
     assert_eq!(lines, total + 1);
 }
 
@@ -144,17 +131,11 @@ fn a_download_keeps_what_came() {
         },
     );
     let part = format!("d/middlebury2003/{file}.part");
-    let args = [
-        "datasets",
-        "fetch",
-        "middlebury2003",
-        "--from",
-        &server.url,
-        "--data",
-        "d",
-        "-q",
-    ];
-    let (code, stderr) = interrupted(&fixture, &args, || size(&fixture, &part) > 2000);
+    let line = format!(
+        "datasets fetch middlebury2003 --from {} --data d -q",
+        server.url
+    );
+    let (code, stderr) = interrupted(&fixture, &line, || size(&fixture, &part) > 2000);
     assert_eq!(code, Some(1));
     assert!(
         stderr.contains("stopped; run it again to go on from there") && stderr.lines().count() == 1,
@@ -173,23 +154,20 @@ fn a_reproduction_keeps_an_earlier_report_until_it_has_another() {
     let recordings =
         || std::fs::read_dir(fixture.path("recordings")).is_ok_and(|files| files.count() > 0);
     // Of 7.3 the arena's run is made first: there is nothing to report yet.
-    let (code, stderr) = interrupted(&fixture, &["reproduce", "7.3", "-q"], recordings);
+    let (code, stderr) = interrupted(&fixture, "reproduce 7.3 -q", recordings);
     assert_eq!(code, Some(1));
     assert!(
         stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1,
         "{stderr}"
     );
-    assert_eq!(
-        std::fs::read_to_string(fixture.path("reports/reproduce/reproduce.md")).unwrap(),
-        "earlier"
-    );
+    assert_eq!(fixture.text("reports/reproduce/reproduce.md"), "earlier");
 }
 
 #[test]
 fn a_calibration_uses_what_was_accepted() {
     let fixture = Fixture::new();
-    let args = ["calibrate", "board", "board", "--yes", "-o", "calib.xml"];
-    let (code, stderr) = interrupted(&fixture, &args, || {
+    let args = "calibrate board board --yes -o calib.xml";
+    let (code, stderr) = interrupted(&fixture, args, || {
         fixture.path("calib-report/right08.png").exists()
     });
     assert_eq!(code, Some(0), "{stderr}");

@@ -1,6 +1,6 @@
 //! Recording from simulated cameras.
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::Frame;
 
@@ -15,27 +15,19 @@ fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
 #[test]
 fn cameras_are_recorded_and_what_was_done_is_told() {
     let fixture = Fixture::new();
-    let text = fixture
-        .svl(&[
-            "record",
-            SIM,
-            "--frames",
-            "20",
-            "-o",
-            "a.mcap",
-            "--when-full",
-            "wait",
-        ])
-        .done();
-    for words in [
-        "pulses",
-        "0 pairs dropped",
-        "skew p50 0.000 p99 0.000 max 0.000 ms",
-        "latency p50",
-        "a.mcap: 20 pairs",
-    ] {
-        assert!(text.contains(words), "'{words}' is not in: {text}");
-    }
+    let text = fixture.run(&format!(
+        "record {SIM} --frames 20 -o a.mcap --when-full wait"
+    ));
+    assert_says(
+        &text,
+        &[
+            "pulses",
+            "0 pairs dropped",
+            "skew p50 0.000 p99 0.000 max 0.000 ms",
+            "latency p50",
+            "a.mcap: 20 pairs",
+        ],
+    );
     let frames = frames(&fixture, "a.mcap");
     assert_eq!(frames.len(), 20);
     for (i, frame) in frames.iter().enumerate() {
@@ -53,8 +45,7 @@ fn cameras_are_recorded_and_what_was_done_is_told() {
     }
     assert!(
         fixture
-            .svl(&["-q", "record", SIM, "--frames", "1"])
-            .done()
+            .run(&format!("-q record {SIM} --frames 1"))
             .is_empty()
     );
     assert!(fixture.path("recordings/sim-1.mcap").is_file());
@@ -65,48 +56,30 @@ fn every_image_is_in_a_pair_or_counted() {
     let fixture = Fixture::new();
     let late = format!("{SIM},right.jitter_ms=12");
     let runs = [
-        ("duration", &[SIM, "--duration", "0.5"][..], 0),
-        ("frames", &[SIM, "--frames", "9"], 0),
+        ("duration", format!("{SIM} --duration 0.5"), 0),
+        ("frames", format!("{SIM} --frames 9"), 0),
         (
             "order",
-            &[
-                &late,
-                "--trigger",
-                "fixed:60",
-                "--pairing",
-                "order",
-                "--duration",
-                "0.5",
-            ],
+            format!("{late} --trigger fixed:60 --pairing order --duration 0.5"),
             0,
         ),
         (
             "hang",
-            &[
-                "sim:size=64x48,pictures=2,left.hang_at=7",
-                "--trigger",
-                "fixed:50",
-                "--timeout",
-                "0.2",
-            ],
+            format!("{SIM},left.hang_at=7 --trigger fixed:50 --timeout 0.2"),
             1,
         ),
     ];
     for (name, args, code) in runs {
         let file = format!("{name}.mcap");
-        assert_eq!(
-            fixture.svl(&[&["record", "-o", &file], args].concat()).code,
-            Some(code),
-            "{name}"
-        );
-        let info = fixture.svl(&["info", &file]).done();
+        let ran = fixture.svl(&format!("record -o {file} {args}"));
+        assert_eq!(ran.code, Some(code), "{name}");
+        let info = fixture.run(&format!("info {file}"));
         assert!(
             info.contains("grabbed    ")
                 && info.contains("ended      by an error: ") == (code == 1),
             "{info}"
         );
-        let info: serde_json::Value =
-            serde_json::from_str(&fixture.svl(&["info", &file, "--json"]).done()).unwrap();
+        let info = fixture.json(&format!("info {file} --json"));
         let count = |fact: &str| {
             info["grabber"][fact]
                 .as_str()
@@ -142,18 +115,9 @@ fn every_trigger_records() {
         ("free.mcap", "free"),
         ("soft.mcap", "software"),
     ] {
-        fixture
-            .svl(&[
-                "record",
-                SIM,
-                "--trigger",
-                trigger,
-                "--frames",
-                "5",
-                "-o",
-                name,
-            ])
-            .done();
+        fixture.run(&format!(
+            "record {SIM} --trigger {trigger} --frames 5 -o {name}"
+        ));
         assert_eq!(frames(&fixture, name).len(), 5);
     }
 }
@@ -167,15 +131,10 @@ fn what_came_before_a_camera_failed_is_kept() {
     ] {
         let sim = format!("{SIM},right.{fault}=3");
         fixture
-            .svl(&["record", &sim, "-o", name])
+            .svl(&format!("record {sim} -o {name}"))
             .failed(1, &["right camera, sim right", words]);
         assert_eq!(frames(&fixture, name).len(), 3);
-        assert!(
-            fixture
-                .svl(&["info", name])
-                .done()
-                .contains("intact     yes")
-        );
+        assert_says(&fixture.run(&format!("info {name}")), &["intact     yes"]);
     }
 }
 
@@ -183,26 +142,13 @@ fn what_came_before_a_camera_failed_is_kept() {
 #[test]
 fn slow_cameras_are_not_silent_ones() {
     let fixture = Fixture::new();
-    let free = [
-        "record",
-        SIM,
-        "--trigger",
-        "free",
-        "--rate",
-        "0.5",
-        "--timeout",
-        "0.3",
-        "--frames",
-        "2",
-        "-o",
-        "a.mcap",
-    ];
-    fixture.svl(&free).done();
+    let free = "--trigger free --rate 0.5 --timeout 0.3 --frames 2";
+    fixture.run(&format!("record {SIM} {free} -o a.mcap"));
 }
 
 #[test]
 fn devices_are_listed() {
-    let text = Fixture::new().svl(&["record", "--list"]).done();
+    let text = Fixture::new().run("record --list");
     assert!(text.starts_with("sim  "), "{text}");
     assert_eq!(
         text.contains("genicam                 not built in"),
@@ -214,33 +160,22 @@ fn devices_are_listed() {
 #[test]
 fn wrong_usage_is_one_line() {
     let fixture = Fixture::new();
+    let wrong = format!(
+        "
+        record sim:arm=3 -o a.mcap => 2: sim: no option 'arm' | arm_ms
+        record arena --rate 3 => 2: --rate is for cameras | 'arena'
+        record {SIM} --trigger fixed:9 --rate 9 => 2: leave --rate out
+        record {SIM} --trigger free --pairing trigger => 2: --pairing stamp
+        record {SIM} --max-skew-ms 3 => 2: --max-skew-ms is for --pairing stamp
+        record {SIM} --rate 5000 => 2: --rate | 0.1 to 1000
+        record {SIM} --trigger often => 2: --trigger | serial:DEVICE
+    "
+    );
+    fixture.fails(&wrong);
     fixture
-        .svl(&["record", "sim:arm=3", "-o", "a.mcap"])
-        .failed(2, &["sim: no option 'arm'", "arm_ms"]);
-    fixture
-        .svl(&["record", "arena", "--rate", "3"])
-        .failed(2, &["--rate is for cameras", "'arena'"]);
-    fixture
-        .svl(&["record", SIM, "--trigger", "fixed:9", "--rate", "9"])
-        .failed(2, &["leave --rate out"]);
-    fixture
-        .svl(&["record", SIM, "--trigger", "free", "--pairing", "trigger"])
-        .failed(2, &["--pairing stamp"]);
-    fixture
-        .svl(&["record", SIM, "--max-skew-ms", "3"])
-        .failed(2, &["--max-skew-ms is for --pairing stamp"]);
-    fixture
-        .svl(&["record", SIM, "--rate", "5000"])
-        .failed(2, &["--rate", "0.1 to 1000"]);
-    fixture
-        .svl(&["record", SIM, "--trigger", "often"])
-        .failed(2, &["--trigger", "serial:DEVICE"]);
-    fixture
-        .svl(&["record", SIM, "--trigger", "serial:/dev/nowhere"])
+        .svl(&format!("record {SIM} --trigger serial:/dev/nowhere"))
         .failed(1, &["/dev/nowhere: cannot be opened"]);
-    fixture
-        .svl(&["record", SIM, "--list"])
-        .failed(2, &["--list"]);
+    fixture.fails(&format!("record {SIM} --list => 2: --list"));
     let v4l2 = "v4l2:/dev/video98,/dev/video99";
     let built = cfg!(all(feature = "v4l2", target_os = "linux"));
     let words = if built {
@@ -248,20 +183,16 @@ fn wrong_usage_is_one_line() {
     } else {
         ["built without v4l2", "--features v4l2"]
     };
-    fixture.svl(&["record", v4l2]).failed(1, &words);
+    fixture.svl(&format!("record {v4l2}")).failed(1, &words);
     fixture
-        .svl(&["record", v4l2, "--trigger", "software"])
+        .svl(&format!("record {v4l2} --trigger software"))
         .failed(2, &["cannot trigger v4l2 cameras", "serial:DEVICE"]);
     fixture
-        .svl(&["record", v4l2, "--seed", "3"])
+        .svl(&format!("record {v4l2} --seed 3"))
         .failed(2, &["--seed", v4l2]);
-    fixture
-        .svl(&["record", "genicam:a,b", "--seed", "3"])
-        .failed(2, &["genicam:a,b: ", "leave --seed out"]);
+    fixture.fails("record genicam:a,b --seed 3 => 2: genicam:a,b:  | leave --seed out");
     if cfg!(not(feature = "genicam")) {
-        fixture
-            .svl(&["record", "genicam:a,b"])
-            .failed(1, &["genicam:a,b", "libaravis-dev", "--features genicam"]);
+        fixture.fails("record genicam:a,b => 1: genicam:a,b | libaravis-dev | --features genicam");
     }
     assert!(!fixture.path("a.mcap").exists());
 }

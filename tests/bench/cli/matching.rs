@@ -1,26 +1,12 @@
 //! `svl match`.
 
-use super::fixture::{Fixture, datasets, pgm};
+use super::fixture::{Fixture, assert_says, datasets, pgm};
 
 #[test]
 fn finds_the_shift_and_writes_what_was_asked_for() {
     let fixture = Fixture::new();
     fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);
-    let json = fixture
-        .svl(&[
-            "match",
-            "l.pgm",
-            "r.pgm",
-            "-o",
-            "d.pfm",
-            "--why",
-            "w.png",
-            "--preview",
-            "p.png",
-            "--json",
-        ])
-        .done();
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let json = fixture.json("match l.pgm r.pgm -o d.pfm --why w.png --preview p.png --json");
     assert!(json["coverage"].as_f64().unwrap() > 0.5);
     let disparities = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap();
     let mut valid: Vec<f32> = disparities.pixels().filter(|d| d.is_finite()).collect();
@@ -51,32 +37,24 @@ fn v4_reports_the_vertical_misalignment() {
     };
     fixture.write("l.pgm", pgm(width, height, &image(0, 0)));
     fixture.write("r.pgm", pgm(width, height, &image(2, 5)));
-    let run = |algorithm: &str, json: &[&str]| {
-        let args = [
-            "match", "l.pgm", "r.pgm", "-o", "d.pfm", "--force", "--algo", algorithm,
-        ];
-        fixture.svl(&[&args[..], json].concat()).done()
-    };
-    let text = run("v4", &[]);
+    let line = |more: &str| format!("match l.pgm r.pgm -o d.pfm --force --algo {more}");
+    let text = fixture.run(&line("v4"));
+    assert_says(&text, &["vertical misalignment: right image +2 px lower"]);
+    assert_eq!(fixture.json(&line("v4 --json"))["median_row_offset"], 2);
     assert!(
-        text.contains("vertical misalignment: right image +2 px lower"),
-        "{text}"
+        fixture
+            .json(&line("v3 --json"))
+            .get("median_row_offset")
+            .is_none()
     );
-    let json = |algorithm| serde_json::from_str::<serde_json::Value>(&run(algorithm, &["--json"]));
-    assert_eq!(json("v4").unwrap()["median_row_offset"], 2);
-    assert!(json("v3").unwrap().get("median_row_offset").is_none());
 }
 
 #[test]
 fn png_output_is_kittis() {
     let fixture = Fixture::new();
     fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);
-    fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm"])
-        .done();
-    fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.png"])
-        .done();
+    fixture.run("match l.pgm r.pgm -o d.pfm");
+    fixture.run("match l.pgm r.pgm -o d.png");
     let pfm = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap();
     let png = svl::files::read_scaled_disparity(&fixture.path("d.png"), 256.0, true).unwrap();
     assert!(
@@ -91,10 +69,8 @@ fn images_smaller_than_the_window_are_all_border() {
     let fixture = Fixture::new();
     fixture.write("l.pgm", pgm(5, 4, &[7; 20]));
     fixture.write("r.pgm", pgm(5, 4, &[7; 20]));
-    let text = fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm"])
-        .done();
-    assert!(text.contains("border       100.00 %"), "{text}");
+    let text = fixture.run("match l.pgm r.pgm -o d.pfm");
+    assert_says(&text, &["border       100.00 %"]);
 }
 
 #[test]
@@ -106,51 +82,31 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.write("text.png", "hello");
     fixture.write("cut.pgm", &pgm(64, 24, &[0; 64 * 24])[..200]);
     fixture.write("huge.pgm", "P5\n4000000000 4000000000\n255\n");
-    let run = |right: &str, more: &[&str]| {
-        fixture.svl(&[&["match", "l.pgm", right, "-o", "d.pfm"], more].concat())
-    };
-    run("small.pgm", &[]).failed(1, &["small.pgm", "left image is 64x24, right image is 4x4"]);
-    run("missing.png", &[]).failed(1, &["missing.png: no such file"]);
-    run("empty.png", &[]).failed(1, &["empty.png: is empty"]);
-    run("text.png", &[]).failed(1, &["text.png", "not a readable"]);
-    run("cut.pgm", &[]).failed(1, &["cut.pgm"]);
-    run("huge.pgm", &[]).failed(1, &["huge.pgm"]);
-    run(".", &[]).failed(1, &["is a folder"]);
-    run("r.pgm", &["--calib", "text.png"]).failed(1, &["text.png", "calib.txt", "cam0"]);
-    run("r.pgm", &["--algo", "v33"]).failed(2, &["unknown algorithm 'v33'", "did you mean 'v3'?"]);
-    run("r.pgm", &["--algo", "v3:max_disparty=4"])
-        .failed(2, &["no parameter 'max_disparty'", "'max_disparity'"]);
-    run("r.pgm", &["--algo", "v3:max_disparity=x"])
-        .failed(2, &["max_disparity=x is not a whole number in"]);
-    run("r.pgm", &["--algo", "v3:max_disparity=99999"]).failed(2, &["99999"]);
-    run("r.pgm", &["--algo", "v3:min_disparity=9,max_disparity=3"]).failed(2, &["min_disparity"]);
-    fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.jpg"])
-        .failed(2, &["d.jpg: must end in .pfm or .png"]);
-    fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "no/where.pfm"])
-        .failed(1, &["no: no such folder"]);
-    fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "d.png", "--why", "./d.png"])
-        .failed(2, &["d.png: named twice"]);
-    fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "/dev/null"])
-        .failed(2, &["/dev/null: must end in"]);
-    fixture
-        .svl(&[
-            "match",
-            "l.pgm",
-            "r.pgm",
-            "-o",
-            "d.pfm",
-            "--calib",
-            "/dev/zero",
-        ])
-        .failed(1, &["/dev/zero", "regular"]);
+    let wrong = "
+        match l.pgm small.pgm -o d.pfm => 1: small.pgm | left image is 64x24, right image is 4x4
+        match l.pgm missing.png -o d.pfm => 1: missing.png: no such file
+        match l.pgm empty.png -o d.pfm => 1: empty.png: is empty
+        match l.pgm text.png -o d.pfm => 1: text.png | not a readable
+        match l.pgm cut.pgm -o d.pfm => 1: cut.pgm
+        match l.pgm huge.pgm -o d.pfm => 1: huge.pgm
+        match l.pgm . -o d.pfm => 1: is a folder
+        match l.pgm r.pgm -o d.pfm --calib text.png => 1: text.png | calib.txt | cam0
+        match l.pgm r.pgm -o d.pfm --algo v33 => 2: unknown algorithm 'v33' | did you mean 'v3'?
+        match l.pgm r.pgm -o d.pfm --algo v3:max_disparty=4 => \
+            2: no parameter 'max_disparty' | 'max_disparity'
+        match l.pgm r.pgm -o d.pfm --algo v3:max_disparity=x => \
+            2: max_disparity=x is not a whole number in
+        match l.pgm r.pgm -o d.pfm --algo v3:max_disparity=99999 => 2: 99999
+        match l.pgm r.pgm -o d.pfm --algo v3:min_disparity=9,max_disparity=3 => 2: min_disparity
+        match l.pgm r.pgm -o d.jpg => 2: d.jpg: must end in .pfm or .png
+        match l.pgm r.pgm -o no/where.pfm => 1: no: no such folder
+        match l.pgm r.pgm -o d.png --why ./d.png => 2: d.png: named twice
+        match l.pgm r.pgm -o /dev/null => 2: /dev/null: must end in
+        match l.pgm r.pgm -o d.pfm --calib /dev/zero => 1: /dev/zero | regular
+    ";
+    fixture.fails(wrong);
     fixture.write("there.pfm", "");
-    fixture
-        .svl(&["match", "l.pgm", "r.pgm", "-o", "there.pfm"])
-        .failed(1, &["there.pfm: exists already", "--force"]);
+    fixture.fails("match l.pgm r.pgm -o there.pfm => 1: there.pfm: exists already | --force");
 }
 
 #[test]
@@ -159,18 +115,16 @@ fn real_scenes_equal_the_expected_output() {
     let fixture = Fixture::new();
     for scene in ["tsukuba", "cones", "oakd-stereodemo/toy"] {
         let image = |name: &str| datasets.join(scene).join(name).display().to_string();
-        fixture
-            .svl(&[
-                "match",
-                &image("im0.png"),
-                &image("im1.png"),
-                "-o",
-                "d.pfm",
-                "--why",
-                "w.png",
-                "--force",
-            ])
-            .done();
+        fixture.run(&[
+            "match",
+            &image("im0.png"),
+            &image("im1.png"),
+            "-o",
+            "d.pfm",
+            "--why",
+            "w.png",
+            "--force",
+        ]);
         let expected = datasets
             .join("../expected/v3")
             .join(scene.replace('/', "_"));

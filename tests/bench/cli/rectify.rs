@@ -1,6 +1,6 @@
 //! `--calib` of `svl record` and `svl replay`, and `svl calibrate check`.
 
-use super::fixture::{Fixture, datasets, pgm};
+use super::fixture::{Fixture, assert_says, datasets, pgm};
 use nalgebra::Isometry3;
 use svl::calibrate::files;
 use svl::recording::{CALIBRATION, Recording};
@@ -47,17 +47,8 @@ fn raw_pairs(fixture: &Fixture, pairs: usize) {
 fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
     let fixture = Fixture::new();
     raw_pairs(&fixture, 3);
-    fixture.svl(&["record", "raw", "-o", "raw.mcap"]).done();
-    fixture
-        .svl(&[
-            "record",
-            "raw.mcap",
-            "--calib",
-            "rig.yml",
-            "-o",
-            "rectified.mcap",
-        ])
-        .done();
+    fixture.run("record raw -o raw.mcap");
+    fixture.run("record raw.mcap --calib rig.yml -o rectified.mcap");
     let frame = RecordingSource::open(fixture.path("rectified.mcap"))
         .unwrap()
         .next()
@@ -78,19 +69,16 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
         let name = format!("{CALIBRATION}rig.yml");
         open(file).attachment(&name).unwrap().unwrap()
     };
-    assert_eq!(
-        attached("rectified.mcap"),
-        std::fs::read(fixture.path("rig.yml")).unwrap()
-    );
-    let info = fixture.svl(&["info", "rectified.mcap"]).done();
-    assert!(info.contains("rectified  by rig.yml"), "{info}");
+    assert_eq!(attached("rectified.mcap"), fixture.bytes("rig.yml"));
+    let info = fixture.run("info rectified.mcap");
+    assert_says(&info, &["rectified  by rig.yml"]);
 
     let rows = |args: &[&str], rows: &str| {
         let common = ["--algo", "v3", "--algo", "bm", "--rows", rows];
         let ran = fixture.svl(&[&["replay"], args, &common].concat());
         let warned = ran.stderr.clone();
         ran.done();
-        let table = std::fs::read_to_string(fixture.path(rows)).unwrap();
+        let table = fixture.text(rows);
         let hashes = |name: &str| {
             let at = table
                 .lines()
@@ -119,33 +107,23 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
     assert_eq!((recorded.0.len(), &recorded), (6, &replayed));
     let (raw, warned) = rows(&["raw.mcap"], "raw.csv");
     assert_ne!(raw, replayed);
-    assert!(
-        warned.contains("vertical misalignment of 6.0 px") && warned.contains("--calib"),
-        "{warned}"
-    );
+    assert_says(&warned, &["vertical misalignment of 6.0 px", "--calib"]);
 }
 
 #[test]
 fn how_far_rows_are_apart_is_measured() {
     let fixture = Fixture::new();
     raw_pairs(&fixture, 2);
-    let ran = fixture.svl(&["calibrate", "check", "raw"]);
+    let ran = fixture.svl("calibrate check raw");
     assert_eq!(ran.code, Some(1));
-    assert!(
-        ran.stdout.contains("right image 6.0") && ran.stdout.contains("shifted"),
-        "{}",
-        ran.stdout
-    );
+    assert_says(&ran.stdout, &["right image 6.0", "shifted"]);
     assert!(
         ran.stderr
             .starts_with("error: raw: vertical misalignment of 6.0 px"),
         "{}",
         ran.stderr
     );
-    let good = fixture
-        .svl(&["calibrate", "check", "raw", "--calib", "rig.yml", "--json"])
-        .done();
-    let good: serde_json::Value = serde_json::from_str(&good).unwrap();
+    let good = fixture.json("calibrate check raw --calib rig.yml --json");
     assert!(
         good["median_abs_px"].as_f64().unwrap() < 0.1 && good["pairs"] == 2,
         "{good}"
@@ -154,28 +132,15 @@ fn how_far_rows_are_apart_is_measured() {
     let flat = pgm(SIZE.0, SIZE.1, &[90; SIZE.0 * SIZE.1]);
     fixture.write("flat/left/1.pgm", &flat);
     fixture.write("flat/right/1.pgm", &flat);
-    fixture
-        .svl(&["calibrate", "check", "flat"])
-        .failed(1, &["too few points", "(0)"]);
+    fixture.fails("calibrate check flat => 1: too few points | (0)");
 }
 
 #[test]
 fn without_a_calibration_the_pictures_are_enough_for_rows() {
     let fixture = Fixture::new();
     raw_pairs(&fixture, 3);
-    fixture
-        .svl(&[
-            "record",
-            "raw",
-            "--calib",
-            "estimate",
-            "-o",
-            "estimated.mcap",
-        ])
-        .done();
-    fixture
-        .svl(&["calibrate", "check", "estimated.mcap"])
-        .done();
+    fixture.run("record raw --calib estimate -o estimated.mcap");
+    fixture.run("calibrate check estimated.mcap");
     let mut source = RecordingSource::open(fixture.path("estimated.mcap")).unwrap();
     assert!(
         source.next().unwrap().unwrap().rig().is_none(),
@@ -188,46 +153,21 @@ fn without_a_calibration_the_pictures_are_enough_for_rows() {
 fn what_cannot_be_rectified_is_refused_with_the_cure() {
     let fixture = Fixture::new();
     raw_pairs(&fixture, 1);
-    fixture
-        .svl(&[
-            "record",
-            "raw",
-            "--calib",
-            "rig.yml",
-            "--alpha",
-            "0.5",
-            "-o",
-            "once.mcap",
-        ])
-        .done();
-    let twice = fixture.svl(&[
-        "record",
-        "once.mcap",
-        "--calib",
-        "rig.yml",
-        "-o",
-        "twice.mcap",
-    ]);
+    fixture.run("record raw --calib rig.yml --alpha 0.5 -o once.mcap");
+    let twice = fixture.svl("record once.mcap --calib rig.yml -o twice.mcap");
     twice.failed(1, &["once.mcap", "omit --calib"]);
     assert!(!fixture.path("twice.mcap").exists());
-    fixture
-        .svl(&["replay", "once.mcap", "--calib", "no.yml"])
-        .failed(1, &["no.yml", "no such file"]);
-    fixture
-        .svl(&["record", "raw", "--alpha", "0.5", "-o", "a.mcap"])
-        .failed(2, &["--calib"]);
-    fixture
-        .svl(&[
-            "record", "raw", "--calib", "rig.yml", "--alpha", "2", "-o", "a.mcap",
-        ])
-        .failed(2, &["0 to 1"]);
+    fixture.fails("replay once.mcap --calib no.yml => 1: no.yml | no such file");
+    let wrong = "
+        record raw --alpha 0.5 -o a.mcap => 2: --calib
+        record raw --calib rig.yml --alpha 2 -o a.mcap => 2: 0 to 1
+    ";
+    fixture.fails(wrong);
     fixture.write("small/left/1.pgm", pgm(20, 10, &[0; 200]));
     fixture.write("small/right/1.pgm", pgm(20, 10, &[0; 200]));
-    let small = fixture.svl(&["record", "small", "--calib", "rig.yml", "-o", "a.mcap"]);
+    let small = fixture.svl("record small --calib rig.yml -o a.mcap");
     small.failed(1, &["20x10", "320x240"]);
-    fixture
-        .svl(&["record", "small", "--calib", "estimate", "-o", "a.mcap"])
-        .failed(1, &["0 points", "calibrate"]);
+    fixture.fails("record small --calib estimate -o a.mcap => 1: 0 points | calibrate");
 }
 
 #[test]
@@ -239,17 +179,9 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
     for bag in ["euroc_4frames_ros2.mcap", "euroc_4frames_foxglove_png.mcap"] {
         let bag = folder.join(bag).display().to_string();
         let ran = fixture.svl(&["record", &bag, "--force", "-o", "rectified.mcap"]);
-        assert!(
-            ran.stderr
-                .contains("rectified by what it says of its cameras"),
-            "{}",
-            ran.stderr
-        );
+        assert_says(&ran.stderr, &["rectified by what it says of its cameras"]);
         ran.done();
-        let good = fixture
-            .svl(&["calibrate", "check", "rectified.mcap", "--json"])
-            .done();
-        let good: serde_json::Value = serde_json::from_str(&good).unwrap();
+        let good = fixture.json("calibrate check rectified.mcap --json");
         assert!(good["median_abs_px"].as_f64().unwrap() < 0.15, "{good}");
         let frame = RecordingSource::open(fixture.path("rectified.mcap"))
             .unwrap()
@@ -258,37 +190,21 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
             .unwrap();
         assert!((frame.rig().unwrap().baseline_m() - 0.11008).abs() < 1e-4);
         let raw = fixture.svl(&["replay", &bag, "--calib", "none"]);
-        assert!(
-            raw.stderr.contains("not rectified") && raw.stderr.contains("vertical misalignment"),
-            "{}",
-            raw.stderr
-        );
+        assert_says(&raw.stderr, &["not rectified", "vertical misalignment"]);
         raw.done();
 
         // Left raw, the recording keeps what rectifies it, and so does a copy.
-        fixture
-            .svl(&[
-                "record", &bag, "--force", "--calib", "none", "-o", "raw.mcap",
-            ])
-            .done();
-        fixture
-            .svl(&["record", "raw.mcap", "--force", "-o", "copy.mcap"])
-            .done();
-        let info = fixture.svl(&["info", "copy.mcap"]).done();
+        fixture.run(&[
+            "record", &bag, "--force", "--calib", "none", "-o", "raw.mcap",
+        ]);
+        fixture.run("record raw.mcap --force -o copy.mcap");
+        let info = fixture.run("info copy.mcap");
         assert!(
             info.contains("attached   calibration/left.yaml,") && !info.contains("rectified  "),
             "{info}"
         );
-        let by_itself = [
-            "record",
-            "copy.mcap",
-            "--calib",
-            "copy.mcap",
-            "--force",
-            "-o",
-            "later.mcap",
-        ];
-        fixture.svl(&by_itself).done();
+        let by_itself = "record copy.mcap --calib copy.mcap --force -o later.mcap";
+        fixture.run(by_itself);
         let pair = |name: &str| {
             RecordingSource::open(fixture.path(name))
                 .unwrap()
@@ -301,15 +217,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
             "to the bit"
         );
         assert_eq!(pair("later.mcap").geometry, pair("rectified.mcap").geometry);
-        let without = fixture.svl(&[
-            "record",
-            "copy.mcap",
-            "--calib",
-            "rectified.mcap",
-            "--force",
-            "-o",
-            "later.mcap",
-        ]);
+        let without = fixture.svl("record copy.mcap --calib rectified.mcap --force -o later.mcap");
         without.failed(1, &["rectified.mcap: keeps no calibration"]);
     }
 }

@@ -1,19 +1,16 @@
 //! `svl replay`.
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 
 fn recorded(frames: &str) -> Fixture {
     let fixture = Fixture::new();
-    fixture
-        .svl(&["record", "--frames", frames, "-o", "a.mcap"])
-        .done();
+    fixture.run(&format!("record --frames {frames} -o a.mcap"));
     fixture
 }
 
-fn hashes(fixture: &Fixture, rows: &str, args: &[&str]) -> Vec<String> {
-    fixture
-        .svl(&[&["replay", "a.mcap", "--rows", rows], args].concat())
-        .done();
+fn hashes(fixture: &Fixture, rows: &str, threads: u32) -> Vec<String> {
+    let line = format!("replay a.mcap --rows {rows} --threads {threads}");
+    fixture.run(&line);
     column(fixture, rows)
 }
 
@@ -34,10 +31,10 @@ fn column(fixture: &Fixture, rows: &str) -> Vec<String> {
 #[test]
 fn same_hashes_on_any_number_of_threads_and_any_instruction_set() {
     let fixture = recorded("3");
-    let one = hashes(&fixture, "one.csv", &["--threads", "1"]);
+    let one = hashes(&fixture, "one.csv", 1);
     assert_eq!(one.len(), 3);
     assert_ne!(one[0], one[2], "frames differ, so should their results");
-    assert_eq!(one, hashes(&fixture, "two.csv", &["--threads", "2"]));
+    assert_eq!(one, hashes(&fixture, "two.csv", 2));
     for isa in svl::kernel::Isa::available() {
         let rows = format!("{}.csv", isa.name());
         fixture
@@ -53,34 +50,10 @@ fn same_hashes_on_any_number_of_threads_and_any_instruction_set() {
 #[test]
 fn several_algorithms_share_one_run() {
     let fixture = recorded("2");
-    let text = fixture
-        .svl(&[
-            "replay",
-            "a.mcap",
-            "--algo",
-            "v3",
-            "--algo",
-            "v3:max_disparity=40",
-        ])
-        .done();
-    assert!(
-        text.contains("v3:max_disparity=40") && text.contains("a.mcap (2 pairs)"),
-        "{text}"
-    );
-    let args = [
-        "replay",
-        "a.mcap",
-        "--algo",
-        "v3",
-        "--rerun",
-        "run.rrd",
-        "-o",
-        "result.mcap",
-        "--rows",
-        "r.parquet",
-        "--json",
-    ];
-    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    let text = fixture.run("replay a.mcap --algo v3 --algo v3:max_disparity=40");
+    assert_says(&text, &["v3:max_disparity=40", "a.mcap (2 pairs)"]);
+    let args = "replay a.mcap --algo v3 --rerun run.rrd -o result.mcap --rows r.parquet --json";
+    let json = fixture.json(args);
     assert_eq!(json["algorithms"][0]["pairs"], 2);
     for file in ["run.rrd", "result.mcap", "r.parquet"] {
         assert!(
@@ -88,36 +61,24 @@ fn several_algorithms_share_one_run() {
             "{file}"
         );
     }
-    assert!(
-        fixture
-            .svl(&["info", "result.mcap"])
-            .done()
-            .contains("/algo/v3/disparity")
-    );
+    assert_says(&fixture.run("info result.mcap"), &["/algo/v3/disparity"]);
 }
 
 #[test]
 fn without_a_recording_it_takes_the_newest() {
     let fixture = Fixture::new();
-    fixture.svl(&["record", "--frames", "2"]).done();
-    let text = fixture.svl(&["replay"]).done();
-    assert!(
-        text.contains("recordings/arena-seed1-1.mcap (2 pairs)"),
-        "{text}"
-    );
+    fixture.run("record --frames 2");
+    let text = fixture.run("replay");
+    assert_says(&text, &["recordings/arena-seed1-1.mcap (2 pairs)"]);
 }
 
 #[test]
 fn a_cut_recording_is_replayed_as_far_as_it_goes() {
     let fixture = recorded("6");
-    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    let bytes = fixture.bytes("a.mcap");
     fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
-    let ran = fixture.svl(&["replay", "cut.mcap", "--rows", "rows.csv"]);
-    let rows = std::fs::read_to_string(fixture.path("rows.csv"))
-        .unwrap()
-        .lines()
-        .count()
-        - 1;
+    let ran = fixture.svl("replay cut.mcap --rows rows.csv");
+    let rows = fixture.text("rows.csv").lines().count() - 1;
     assert!((1..6).contains(&rows), "{rows} pairs are whole");
     assert!(
         ran.stdout.contains(&format!("cut.mcap ({rows} pairs)")),
@@ -135,59 +96,29 @@ fn bad_input_is_one_line_that_names_it() {
         "text.mcap",
         "this is not a recording, and long enough to look at",
     );
-    fixture
-        .svl(&["replay", "missing.mcap"])
-        .failed(1, &["missing.mcap: no such file"]);
-    fixture
-        .svl(&["replay", "empty.mcap"])
-        .failed(1, &["empty.mcap"]);
-    fixture
-        .svl(&["replay", "text.mcap"])
-        .failed(1, &["text.mcap", "MCAP"]);
-    fixture.svl(&["replay", "."]).failed(1, &["."]);
-    fixture
-        .svl(&["replay", "a.mcap", "--algo", "v2x"])
-        .failed(2, &["unknown algorithm 'v2x'"]);
-    fixture
-        .svl(&["replay", "a.mcap", "--rate", "0"])
-        .failed(2, &["asap"]);
-    fixture
-        .svl(&["replay", "a.mcap", "--rows", "rows.txt"])
-        .failed(2, &["rows.txt: must end in .csv or .parquet"]);
-    fixture
-        .svl(&["replay", "a.mcap", "--rows", "no/rows.csv"])
-        .failed(1, &["no: no such folder"]);
-    fixture
-        .svl(&["replay", "a.mcap", "-o", "a.mcap"])
-        .failed(2, &["a.mcap: named twice"]);
-    fixture
-        .svl(&["replay", "a.mcap", "-o", "a.mcap", "--force"])
-        .failed(2, &["a.mcap: named twice"]);
-    fixture
-        .svl(&["replay", "a.mcap", "--rerun", "spwan"])
-        .failed(2, &["'spwan' is no Rerun destination", "`spawn`"]);
-    fixture
-        .svl(&["replay", "a.mcap", "--algo", "v3", "--algo", "v3"])
-        .failed(2, &["v3: named twice"]);
-    fixture
-        .svl(&[
-            "replay",
-            "a.mcap",
-            "--algo",
-            "v3:min_disparity=9,max_disparity=3",
-        ])
-        .failed(2, &["min_disparity"]);
+    let wrong = "
+        replay missing.mcap => 1: missing.mcap: no such file
+        replay empty.mcap => 1: empty.mcap
+        replay text.mcap => 1: text.mcap | MCAP
+        replay . => 1: .
+        replay a.mcap --algo v2x => 2: unknown algorithm 'v2x'
+        replay a.mcap --rate 0 => 2: asap
+        replay a.mcap --rows rows.txt => 2: rows.txt: must end in .csv or .parquet
+        replay a.mcap --rows no/rows.csv => 1: no: no such folder
+        replay a.mcap -o a.mcap => 2: a.mcap: named twice
+        replay a.mcap -o a.mcap --force => 2: a.mcap: named twice
+        replay a.mcap --rerun spwan => 2: 'spwan' is no Rerun destination | `spawn`
+        replay a.mcap --algo v3 --algo v3 => 2: v3: named twice
+        replay a.mcap --algo v3:min_disparity=9,max_disparity=3 => 2: min_disparity
+    ";
+    fixture.fails(wrong);
 }
 
 #[test]
 fn without_any_recording_it_records_the_arena_first() {
     let fixture = Fixture::new();
-    let ran = fixture.svl(&["replay", "--json"]);
-    assert!(
-        ran.stderr.contains("recording the arena first"),
-        "{}",
-        ran.stderr
-    );
+    let ran = fixture.svl("replay --json");
+    assert_says(&ran.stderr, &["recording the arena first"]);
     let json: serde_json::Value = serde_json::from_str(&ran.done()).unwrap();
     assert_eq!(json["algorithms"][0]["pairs"], 280);
 }
@@ -197,21 +128,10 @@ fn force_replaces_what_is_there_only_by_something_whole() {
     let fixture = recorded("6");
     fixture.write("rows.csv", "precious");
     fixture.write("bad.mcap", "not a recording");
-    fixture
-        .svl(&["replay", "bad.mcap", "--rows", "rows.csv", "--force"])
-        .failed(1, &["bad.mcap"]);
-    assert_eq!(
-        std::fs::read(fixture.path("rows.csv")).unwrap(),
-        b"precious"
-    );
-    fixture
-        .svl(&["replay", "a.mcap", "--rows", "rows.csv", "--force"])
-        .done();
-    assert!(
-        std::fs::read_to_string(fixture.path("rows.csv"))
-            .unwrap()
-            .starts_with("run_id")
-    );
+    fixture.fails("replay bad.mcap --rows rows.csv --force => 1: bad.mcap");
+    assert_eq!(fixture.bytes("rows.csv"), b"precious");
+    fixture.run("replay a.mcap --rows rows.csv --force");
+    assert!(fixture.text("rows.csv").starts_with("run_id"));
     assert_eq!(
         std::fs::read_dir(fixture.path("")).unwrap().count(),
         3,
@@ -219,20 +139,14 @@ fn force_replaces_what_is_there_only_by_something_whole() {
     );
 
     // Of a recording that ends early the rows are a part: they and the earlier file stay.
-    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    let bytes = fixture.bytes("a.mcap");
     fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
     fixture.write("rows.csv", "precious");
     assert_eq!(
-        fixture
-            .svl(&["replay", "cut.mcap", "--rows", "rows.csv", "--force"])
-            .code,
+        fixture.svl("replay cut.mcap --rows rows.csv --force").code,
         Some(1)
     );
-    assert!(
-        std::fs::read_to_string(fixture.path("rows.csv"))
-            .unwrap()
-            .starts_with("run_id")
-    );
+    assert!(fixture.text("rows.csv").starts_with("run_id"));
     let names = std::fs::read_dir(fixture.path(""))
         .unwrap()
         .map(|entry| entry.unwrap().path());
@@ -246,35 +160,14 @@ fn force_replaces_what_is_there_only_by_something_whole() {
 #[test]
 fn verify_proves_equal_results() {
     let fixture = recorded("3");
-    let args = [
-        "replay",
-        "a.mcap",
-        "--algo",
-        "v3",
-        "--algo",
-        "bm",
-        "-o",
-        "result.mcap",
-        "--rows",
-        "rows.csv",
-    ];
-    fixture.svl(&args).done();
-    let text = fixture.svl(&["replay", "result.mcap", "--verify"]).done();
+    let args = "replay a.mcap --algo v3 --algo bm -o result.mcap --rows rows.csv";
+    fixture.run(args);
+    let text = fixture.run("replay result.mcap --verify");
     assert!(
         text.ends_with("verified: 6 results equal those of result.mcap\n"),
         "{text}"
     );
-    let json = fixture
-        .svl(&[
-            "replay",
-            "a.mcap",
-            "--algo",
-            "bm",
-            "--verify=rows.csv",
-            "--json",
-        ])
-        .done();
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let json = fixture.json("replay a.mcap --algo bm --verify=rows.csv --json");
     assert_eq!(
         (
             json["verification"]["equal"].as_u64(),
@@ -287,15 +180,13 @@ fn verify_proves_equal_results() {
 #[test]
 fn verify_tells_what_differs() {
     let fixture = recorded("3");
-    fixture
-        .svl(&["replay", "a.mcap", "--rows", "rows.csv"])
-        .done();
-    let rows = std::fs::read_to_string(fixture.path("rows.csv")).unwrap();
+    fixture.run("replay a.mcap --rows rows.csv");
+    let rows = fixture.text("rows.csv");
     let hash = column(&fixture, "rows.csv")[1].clone();
     std::fs::write(fixture.path("other.csv"), rows.replace(&hash, "0")).unwrap();
     let fails = |verify: &str, words: &str| {
         fixture
-            .svl(&["replay", "a.mcap", verify])
+            .svl(&format!("replay a.mcap {verify}"))
             .failed(1, &[words])
     };
     fails(
@@ -344,11 +235,9 @@ fn verify_tells_what_differs() {
 #[test]
 fn pairs_that_cannot_be_read_are_left_out_and_counted() {
     let fixture = Fixture::new();
-    fixture
-        .svl(&["record", "--frames", "12", "-o", "a.mcap"])
-        .done();
+    fixture.run("record --frames 12 -o a.mcap");
     // The left images of pairs 4, 5 and 9 are cut short.
-    let bytes = std::fs::read(fixture.path("a.mcap")).unwrap();
+    let bytes = fixture.bytes("a.mcap");
     let mut writer =
         mcap::Writer::new(std::fs::File::create(fixture.path("bad.mcap")).unwrap()).unwrap();
     let mut lefts = 0;
@@ -365,16 +254,9 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
     writer.finish().unwrap();
     let error = "error: 3 pairs could not be read, as warned; all else is kept\n";
     for threads in ["1", "2"] {
-        let ran = fixture.svl(&[
-            "replay",
-            "bad.mcap",
-            "--threads",
-            threads,
-            "--json",
-            "--rows",
-            "r.csv",
-            "--force",
-        ]);
+        let ran = fixture.svl(&format!(
+            "replay bad.mcap --threads {threads} --json --rows r.csv --force"
+        ));
         assert!(
             ran.code == Some(1) && ran.stderr.ends_with(error),
             "{}",
@@ -385,25 +267,15 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
             .lines()
             .filter(|line| line.contains("this pair is left out"));
         assert_eq!(told.count(), 1, "the first of them: {}", ran.stderr);
-        assert!(
-            ran.stderr.contains("3 pairs dropped: cannot be read"),
-            "{}",
-            ran.stderr
-        );
+        assert_says(&ran.stderr, &["3 pairs dropped: cannot be read"]);
         let answer: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
         assert_eq!(
             (&answer["incomplete"], &answer["algorithms"][0]["pairs"]),
             (&"3 pairs could not be read".into(), &9.into())
         );
-        assert_eq!(
-            std::fs::read_to_string(fixture.path("r.csv"))
-                .unwrap()
-                .lines()
-                .count(),
-            10
-        );
+        assert_eq!(fixture.text("r.csv").lines().count(), 10);
     }
-    let ran = fixture.svl(&["record", "bad.mcap", "-o", "good.mcap"]);
+    let ran = fixture.svl("record bad.mcap -o good.mcap");
     assert!(
         ran.code == Some(1)
             && ran.stderr.ends_with(error)
@@ -411,11 +283,9 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
         "{}",
         ran.stderr
     );
-    assert!(
-        fixture
-            .svl(&["info", "good.mcap"])
-            .done()
-            .contains("3 missing between the first and the last")
+    assert_says(
+        &fixture.run("info good.mcap"),
+        &["3 missing between the first and the last"],
     );
 }
 
@@ -423,41 +293,26 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
 fn the_folder_of_a_bag_is_a_recording() {
     let fixture = Fixture::new();
     std::fs::create_dir(fixture.path("bag")).unwrap();
-    fixture
-        .svl(&["record", "--frames", "2", "--ros2", "-o", "bag/a.mcap"])
-        .done();
-    fixture
-        .svl(&["record", "bag", "-o", "b.mcap", "--max-skew-ms", "1"])
-        .done();
-    assert!(fixture.svl(&["info", "bag"]).done().contains("a.mcap"));
-    assert!(
-        fixture
-            .svl(&["replay", "bag"])
-            .done()
-            .starts_with("bag (2 pairs)")
-    );
-    fixture.svl(&["recover", "bag", "-o", "c.mcap"]).done();
-    fixture
-        .svl(&["record", "bag", "-o", "bag/a.mcap", "--force"])
-        .failed(2, &["bag/a.mcap: named twice"]);
+    fixture.run("record --frames 2 --ros2 -o bag/a.mcap");
+    fixture.run("record bag -o b.mcap --max-skew-ms 1");
+    assert_says(&fixture.run("info bag"), &["a.mcap"]);
+    assert!(fixture.run("replay bag").starts_with("bag (2 pairs)"));
+    fixture.run("recover bag -o c.mcap");
+    fixture.fails("record bag -o bag/a.mcap --force => 2: bag/a.mcap: named twice");
     std::fs::copy(fixture.path("bag/a.mcap"), fixture.path("bag/b.mcap")).unwrap();
-    for args in [
-        &["info", "bag"][..],
-        &["record", "bag"],
-        &["replay", "bag"],
-        &["view", "bag"],
-        &["recover", "bag", "-o", "d.mcap"],
+    for command in [
+        "info bag",
+        "record bag",
+        "replay bag",
+        "view bag",
+        "recover bag -o d.mcap",
     ] {
-        fixture.svl(args).failed(
-            1,
-            &[
-                "bag: is a folder of recordings",
-                "name one of bag/a.mcap, bag/b.mcap",
-            ],
-        );
+        let words = [
+            "bag: is a folder of recordings",
+            "name one of bag/a.mcap, bag/b.mcap",
+        ];
+        fixture.svl(command).failed(1, &words);
     }
     fixture.write("old.db3", "SQLite format 3");
-    fixture
-        .svl(&["record", "old.db3"])
-        .failed(1, &["old.db3: is a bag in SQLite", "rosbags-convert"]);
+    fixture.fails("record old.db3 => 1: old.db3: is a bag in SQLite | rosbags-convert");
 }

@@ -1,12 +1,12 @@
 //! `svl reproduce`.
 
-use super::fixture::{Fixture, datasets};
+use super::fixture::{Fixture, assert_says, datasets};
 
 /// What the arena shows is the same on every machine, so the verdicts and their numbers are.
 #[test]
 fn figures_have_verdicts_and_a_report() {
     let fixture = Fixture::new();
-    insta::assert_snapshot!(fixture.svl(&["reproduce", "5.11", "5.1", "-q"]).done());
+    insta::assert_snapshot!(fixture.run("reproduce 5.11 5.1 -q"));
     let read =
         |name: &str| std::fs::read_to_string(fixture.path("reports/reproduce").join(name)).unwrap();
     let json: serde_json::Value = serde_json::from_str(&read("reproduce.json")).unwrap();
@@ -29,8 +29,7 @@ fn figures_have_verdicts_and_a_report() {
     assert!(read("reproduce.md").contains("## Figure 5.11: "));
 
     // A second time, in place of the first.
-    let printed: serde_json::Value =
-        serde_json::from_str(&fixture.svl(&["reproduce", "5.1", "-q", "--json"]).done()).unwrap();
+    let printed = fixture.json("reproduce 5.1 -q --json");
     assert_eq!(printed["experiments"].as_array().unwrap().len(), 1);
     assert!(!read("reproduce.md").contains("## Figure 5.11: "));
 }
@@ -38,7 +37,7 @@ fn figures_have_verdicts_and_a_report() {
 #[test]
 fn a_slip_is_guessed_and_a_folder_with_anything_else_left_alone() {
     let fixture = Fixture::new();
-    fixture.svl(&["reproduce", "5.10"]).failed(
+    fixture.svl("reproduce 5.10").failed(
         2,
         &[
             "unknown figure '5.10'",
@@ -48,20 +47,19 @@ fn a_slip_is_guessed_and_a_folder_with_anything_else_left_alone() {
         ],
     );
     fixture.write("mine/thesis.tex", "years of work");
-    fixture
-        .svl(&["reproduce", "5.1", "--out", "mine"])
-        .failed(1, &["mine/thesis.tex", "--out"]);
-    fixture
-        .svl(&["reproduce", "5.1", "--data", "mine"])
-        .failed(1, &["mine: holds none of the scenes", "tsukuba"]);
+    let wrong = "
+        reproduce 5.1 --out mine => 1: mine/thesis.tex | --out
+        reproduce 5.1 --data mine => 1: mine: holds none of the scenes | tsukuba
+    ";
+    fixture.fails(wrong);
 }
 
 #[test]
 fn the_arena_s_run_is_recorded_once() {
     let fixture = Fixture::new();
     for _ in 0..2 {
-        let text = fixture.svl(&["reproduce", "7.3", "-q"]).done();
-        assert!(text.contains("7.3       holds in part"), "{text}");
+        let text = fixture.run("reproduce 7.3 -q");
+        assert_says(&text, &["7.3       holds in part"]);
     }
     assert_eq!(
         std::fs::read_dir(fixture.path("recordings"))
@@ -75,17 +73,12 @@ fn the_arena_s_run_is_recorded_once() {
 fn real_scenes_join_in() {
     let Some(datasets) = datasets() else { return };
     let fixture = Fixture::new();
-    let text = fixture
-        .svl(&[
-            "reproduce",
-            "5.9",
-            "-q",
-            "--data",
-            &datasets.display().to_string(),
-        ])
-        .done();
-    assert!(
-        text.contains("in the real scenes the self check drops"),
-        "{text}"
-    );
+    let text = fixture.run(&[
+        "reproduce",
+        "5.9",
+        "-q",
+        "--data",
+        &datasets.display().to_string(),
+    ]);
+    assert_says(&text, &["in the real scenes the self check drops"]);
 }

@@ -1,16 +1,13 @@
 //! `svl score`.
 
-use super::fixture::{Fixture, datasets};
+use super::fixture::{Fixture, assert_says, datasets};
 
 #[test]
 fn scores_the_arena_and_writes_the_whole_report() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 60);
-    let text = fixture.svl(&["score", "short.toml"]).done();
-    assert!(
-        text.contains("v3") && text.contains("reports/arena/index.html"),
-        "{text}"
-    );
+    let text = fixture.run("score short.toml");
+    assert_says(&text, &["v3", "reports/arena/index.html"]);
     for file in ["summary", "verdicts", "rows", "cells", "checkpoints"] {
         for ending in ["csv", "parquet"] {
             assert!(
@@ -22,10 +19,9 @@ fn scores_the_arena_and_writes_the_whole_report() {
         }
     }
     let json: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(fixture.path("reports/arena/summary.json")).unwrap())
-            .unwrap();
+        serde_json::from_slice(&fixture.bytes("reports/arena/summary.json")).unwrap();
     assert_eq!(json["algorithms"][0]["pairs"], 120);
-    let html = std::fs::read_to_string(fixture.path("reports/arena/index.html")).unwrap();
+    let html = fixture.text("reports/arena/index.html");
     assert!(html.contains("<svg") && !html.contains("http://localhost"));
     assert!(
         fixture
@@ -43,7 +39,7 @@ fn scores_the_arena_and_writes_the_whole_report() {
             .count()
     };
     assert_eq!(recordings(), 2);
-    fixture.svl(&["score", "short.toml", "-q"]).done();
+    fixture.run("score short.toml -q");
     assert_eq!(recordings(), 2);
 }
 
@@ -51,16 +47,8 @@ fn scores_the_arena_and_writes_the_whole_report() {
 fn a_sweep_is_scored_as_so_many_algorithms_and_plotted_as_one() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
-    let sweep = [
-        "score",
-        "short.toml",
-        "--algo",
-        "bm:uniqueness=0..20/10",
-        "--algo",
-        "v3",
-        "--json",
-    ];
-    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&sweep).done()).unwrap();
+    let sweep = "score short.toml --algo bm:uniqueness=0..20/10 --algo v3 --json";
+    let json = fixture.json(sweep);
     let labels: Vec<_> = json["algorithms"]
         .as_array()
         .unwrap()
@@ -76,22 +64,13 @@ fn a_sweep_is_scored_as_so_many_algorithms_and_plotted_as_one() {
             "v3"
         ]
     );
-    let html = std::fs::read_to_string(fixture.path("reports/arena/index.html")).unwrap();
+    let html = fixture.text("reports/arena/index.html");
     assert!(html.contains("bm: uniqueness = 0") && !html.contains("v3: "));
-    let many = [
-        "score",
-        "short.toml",
-        "--algo",
-        "bm:uniqueness=0..30/1",
-        "--algo",
-        "v3:texture_sigma=1..5/1",
-    ];
+    let many = "score short.toml --algo bm:uniqueness=0..30/1 --algo v3:texture_sigma=1..5/1";
     fixture
-        .svl(&many)
+        .svl(many)
         .failed(2, &["36 algorithms", "at most 32"]);
-    fixture
-        .svl(&["score", "short.toml", "--algo", "bm:uniqueness=0..9"])
-        .failed(2, &["FROM..TO/STEP"]);
+    fixture.fails("score short.toml --algo bm:uniqueness=0..9 => 2: FROM..TO/STEP");
 }
 
 #[test]
@@ -99,13 +78,9 @@ fn a_folder_with_anything_else_is_left_alone() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
     fixture.write("mine/thesis.tex", "years of work");
-    fixture
-        .svl(&["score", "short.toml", "--out", "mine"])
-        .failed(1, &["mine/thesis.tex", "--out"]);
+    fixture.fails("score short.toml --out mine => 1: mine/thesis.tex | --out");
     fixture.write("file", "");
-    fixture
-        .svl(&["score", "short.toml", "--out", "file"])
-        .failed(1, &["file: cannot make the folder"]);
+    fixture.fails("score short.toml --out file => 1: file: cannot make the folder");
 }
 
 #[test]
@@ -115,20 +90,14 @@ fn bad_scenarios_are_one_line_with_line_and_column() {
     fixture.write("unknown.toml", arena.replacen("\nmust", "\nmist", 1));
     fixture.write("algorithm.toml", arena.replacen("\"v3\"", "\"v33\"", 1));
     fixture.write("binary.toml", [0xff, 0xfe, 0]);
-    fixture.svl(&["score", "unknown.toml"]).failed(
-        1,
-        &["unknown.toml: line ", ", column ", "unknown field `mist`"],
-    );
-    fixture
-        .svl(&["score", "algorithm.toml"])
-        .failed(1, &["algorithm.toml", "did you mean 'v3'?"]);
-    fixture
-        .svl(&["score", "binary.toml"])
-        .failed(1, &["binary.toml", "UTF-8"]);
-    fixture
-        .svl(&["score", "missing.toml"])
-        .failed(1, &["missing.toml: no such file"]);
-    assert_eq!(fixture.svl(&["score"]).code, Some(2));
+    let wrong = "
+        score unknown.toml => 1: unknown.toml: line  | , column  | unknown field `mist`
+        score algorithm.toml => 1: algorithm.toml | did you mean 'v3'?
+        score binary.toml => 1: binary.toml | UTF-8
+        score missing.toml => 1: missing.toml: no such file
+    ";
+    fixture.fails(wrong);
+    assert_eq!(fixture.svl("score").code, Some(2));
 }
 
 #[test]
@@ -136,22 +105,19 @@ fn scenes_need_their_folder() {
     let fixture = Fixture::new();
     let scenario = include_str!("../../../scenarios/middlebury.toml");
     fixture.write("middlebury.toml", scenario);
-    fixture
-        .svl(&["score", "middlebury.toml"])
-        .failed(1, &["--data DIR"]);
-    fixture
-        .svl(&["score", "middlebury.toml", "--data", "."])
-        .failed(1, &["tsukuba", "no such scene"]);
+    let wrong = "
+        score middlebury.toml => 1: --data DIR
+        score middlebury.toml --data . => 1: tsukuba | no such scene
+    ";
+    fixture.fails(wrong);
 }
 
 #[test]
 fn real_scenes_score_as_measured() {
     let Some(datasets) = datasets() else { return };
     let fixture = Fixture::new();
-    fixture.write(
-        "middlebury.toml",
-        include_str!("../../../scenarios/middlebury.toml"),
-    );
+    let scenario = include_str!("../../../scenarios/middlebury.toml");
+    fixture.write("middlebury.toml", scenario);
     let args = [
         "score",
         "middlebury.toml",
@@ -159,7 +125,7 @@ fn real_scenes_score_as_measured() {
         &datasets.display().to_string(),
         "--json",
     ];
-    let json: serde_json::Value = serde_json::from_str(&fixture.svl(&args).done()).unwrap();
+    let json = fixture.json(&args);
     let v3 = json["algorithms"]
         .as_array()
         .unwrap()
@@ -192,47 +158,23 @@ fn real_scenes_score_as_measured() {
 fn a_gate_passes_v3_and_stops_a_worse_one() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 60);
-    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    let text = fixture.text("short.toml");
     // So few frames have their own numbers.
     let limits = "[[gate]]\nalgorithm = \"v3\"\nmetric = \"passed\"\nmin = 0.9\n";
     fixture.write(
         "short.toml",
         format!("{}{limits}", &text[..text.find("[[gate]]").unwrap()]),
     );
-    let text = fixture
-        .svl(&["score", "short.toml", "-q", "--gate", "--algo", "v3"])
-        .done();
-    assert!(text.contains("kept    v3: frames passed 9"), "{text}");
+    let text = fixture.run("score short.toml -q --gate --algo v3");
+    assert_says(&text, &["kept    v3: frames passed 9"]);
     // Deliberately worse: what is near needs more disparities than these.
-    let gate = |more: &[&str]| {
-        fixture.svl(
-            &[
-                &[
-                    "score",
-                    "short.toml",
-                    "-q",
-                    "--gate",
-                    "--algo",
-                    "v3:max_disparity=24",
-                ],
-                more,
-            ]
-            .concat(),
-        )
-    };
-    assert!(
-        gate(&[])
-            .stdout
-            .contains("BROKEN  v3:max_disparity=24: frames passed")
-    );
-    gate(&[]).failed(
-        1,
-        &[
-            "gate: v3:max_disparity=24: frames passed ",
-            ", at least 90.0 % (line ",
-        ],
-    );
-    let json: serde_json::Value = serde_json::from_str(&gate(&["--json"]).stdout).unwrap();
+    let gate = "score short.toml -q --gate --algo v3:max_disparity=24";
+    let ran = fixture.svl(gate);
+    assert_says(&ran.stdout, &["BROKEN  v3:max_disparity=24: frames passed"]);
+    let broken = "gate: v3:max_disparity=24: frames passed ";
+    ran.failed(1, &[broken, ", at least 90.0 % (line "]);
+    let json = fixture.svl(&format!("{gate} --json")).stdout;
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["gate"][0]["kept"], false, "{json}");
 }
 
@@ -240,18 +182,12 @@ fn a_gate_passes_v3_and_stops_a_worse_one() {
 fn a_gate_that_judges_nothing_does_not_pass() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
-    fixture
-        .svl(&["score", "short.toml", "-q", "--gate", "--algo", "dp"])
-        .failed(1, &["none of the scenario's limits"]);
-    let text = std::fs::read_to_string(fixture.path("short.toml")).unwrap();
+    fixture.fails("score short.toml -q --gate --algo dp => 1: none of the scenario's limits");
+    let text = fixture.text("short.toml");
     fixture.write("none.toml", &text[..text.find("[[gate]]").unwrap()]);
-    fixture
-        .svl(&["score", "none.toml", "--gate"])
-        .failed(1, &["has no [[gate]]"]);
+    fixture.fails("score none.toml --gate => 1: has no [[gate]]");
     fixture.write("bad.toml", text.replace("max = 0.075", "max = 7.5"));
-    fixture
-        .svl(&["score", "bad.toml", "--gate"])
-        .failed(1, &["gate in line", "5 % is 0.05"]);
+    fixture.fails("score bad.toml --gate => 1: gate in line | 5 % is 0.05");
 }
 
 #[test]
@@ -259,16 +195,12 @@ fn a_folder_is_a_report_only_with_its_manifest() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
     fixture.write("site/index.html", "my homepage");
-    fixture
-        .svl(&["score", "short.toml", "--out", "site"])
-        .failed(1, &["site: holds files but no manifest.json", "--out"]);
-    fixture
-        .svl(&["reproduce", "5.5", "--out", "site"])
-        .failed(1, &["site: holds files but no reproduce.json"]);
-    assert_eq!(
-        std::fs::read_to_string(fixture.path("site/index.html")).unwrap(),
-        "my homepage"
-    );
+    let wrong = "
+        score short.toml --out site => 1: site: holds files but no manifest.json | --out
+        reproduce 5.5 --out site => 1: site: holds files but no reproduce.json
+    ";
+    fixture.fails(wrong);
+    assert_eq!(fixture.text("site/index.html"), "my homepage");
 }
 
 #[test]
@@ -280,11 +212,9 @@ fn what_fails_leaves_the_earlier_report() {
                 \"disparity\"\ntolerance_px = 2.0\n[source]\nkind = \"dataset\"\nscenes = \
                 [\"s\"]\n";
     fixture.write("m.toml", text);
-    let score = || fixture.svl(&["score", "m.toml", "--data", "d", "-q"]);
+    let score = || fixture.svl("score m.toml --data d -q");
     score().done();
-    let rows = |folder: &str| {
-        std::fs::read_to_string(fixture.path(&format!("reports/{folder}/rows.csv"))).unwrap()
-    };
+    let rows = |folder: &str| fixture.text(&format!("reports/{folder}/rows.csv"));
     let earlier = rows("m");
     fixture.write("d/s/im1.pgm", "P5\n64 48\n255\nshort");
     score().failed(1, &["d/s/im1.pgm"]);

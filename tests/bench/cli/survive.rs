@@ -1,7 +1,7 @@
 //! `svl record` killed, with its folder removed, on a full disk; `svl recover` afterwards.
 #![cfg(unix)]
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -56,18 +56,13 @@ fn a_killed_recording_is_recovered() {
     wait_for(&fixture.path("killed.mcap"), 3_000_000);
     child.kill().unwrap();
     child.wait().unwrap();
-    let info = fixture.svl(&["info", "killed.mcap"]).done();
-    assert!(
-        info.contains("intact     NO") && info.contains("svl recover killed.mcap -o OUT.mcap"),
-        "{info}"
+    let info = fixture.run("info killed.mcap");
+    assert_says(
+        &info,
+        &["intact     NO", "svl recover killed.mcap -o OUT.mcap"],
     );
-    let said = fixture
-        .svl(&["recover", "killed.mcap", "-o", "saved.mcap"])
-        .done();
-    assert!(
-        said.contains("recovered  ") && said.contains("lost       "),
-        "{said}"
-    );
+    let said = fixture.run("recover killed.mcap -o saved.mcap");
+    assert_says(&said, &["recovered  ", "lost       "]);
     let saved = pairs(&fixture.path("saved.mcap"));
     let first = [
         "record",
@@ -76,25 +71,17 @@ fn a_killed_recording_is_recovered() {
         "--frames",
         &saved.len().to_string(),
     ];
-    fixture.svl(&first).done();
+    fixture.run(&first);
     assert!(
         saved.len() >= 5 && saved == pairs(&fixture.path("first.mcap")),
         "{} pairs",
         saved.len()
     );
-    fixture
-        .svl(&["recover", "killed.mcap", "-o", "saved.mcap"])
-        .failed(1, &["saved.mcap: exists already"]);
-    fixture
-        .svl(&["recover", "killed.mcap", "-o", "killed.mcap"])
-        .failed(2, &["named twice"]);
-    fixture
-        .svl(&["recover", "none.mcap", "-o", "a.mcap"])
-        .failed(1, &["none.mcap"]);
+    fixture.fails("recover killed.mcap -o saved.mcap => 1: saved.mcap: exists already");
+    fixture.fails("recover killed.mcap -o killed.mcap => 2: named twice");
+    fixture.fails("recover none.mcap -o a.mcap => 1: none.mcap");
     fixture.write("text.mcap", "no recording");
-    fixture
-        .svl(&["recover", "text.mcap", "-o", "a.mcap"])
-        .failed(1, &["text.mcap: is not an MCAP file"]);
+    fixture.fails("recover text.mcap -o a.mcap => 1: text.mcap: is not an MCAP file");
     assert!(!fixture.path("a.mcap").exists());
 }
 
@@ -102,24 +89,11 @@ fn a_killed_recording_is_recovered() {
 fn what_is_left_of_an_unfinished_recording_is_replayed() {
     let fixture = Fixture::new();
     // Simulated cameras, whose recordings hold no scenario that could be found before the damage.
-    fixture
-        .svl(&[
-            "record",
-            "sim:size=320x240,pictures=2",
-            "--frames",
-            "20",
-            "-o",
-            "sim.mcap",
-        ])
-        .done();
-    let bytes = std::fs::read(fixture.path("sim.mcap")).unwrap();
+    fixture.run("record sim:size=320x240,pictures=2 --frames 20 -o sim.mcap");
+    let bytes = fixture.bytes("sim.mcap");
     std::fs::write(fixture.path("cut.mcap"), &bytes[..bytes.len() * 2 / 3]).unwrap();
-    let answer = fixture.svl(&["replay", "cut.mcap"]);
-    assert!(
-        answer.stdout.contains("cut.mcap (") && answer.stdout.contains("v3"),
-        "{}",
-        answer.stdout
-    );
+    let answer = fixture.svl("replay cut.mcap");
+    assert_says(&answer.stdout, &["cut.mcap (", "v3"]);
     answer.failed(1, &["incomplete or damaged", "inside a record"]);
 }
 
@@ -131,10 +105,7 @@ fn a_folder_removed_while_recording_is_told() {
     wait_for(&fixture.path("gone/a.mcap"), 500_000);
     std::fs::remove_dir_all(fixture.path("gone")).unwrap();
     let stderr = failed_in_one_line(child);
-    assert!(
-        stderr.contains("gone/a.mcap: no such file or folder"),
-        "{stderr}"
-    );
+    assert_says(&stderr, &["gone/a.mcap: no such file or folder"]);
 }
 
 #[test]
@@ -151,9 +122,9 @@ fn a_full_disk_is_told_and_leaves_what_fitted() {
         return;
     }
     let stderr = failed_in_one_line(record(&fixture, "disk/a.mcap"));
-    let recovered = fixture.svl(&["recover", "disk/a.mcap", "-o", "saved.mcap"]);
+    let recovered = fixture.svl("recover disk/a.mcap -o saved.mcap");
     let unmounted = Command::new("umount").arg(&disk).status();
-    assert!(stderr.contains("disk/a.mcap: no space left"), "{stderr}");
+    assert_says(&stderr, &["disk/a.mcap: no space left"]);
     recovered.done();
     assert!(unmounted.unwrap().success() && pairs(&fixture.path("saved.mcap")).len() >= 5);
 }

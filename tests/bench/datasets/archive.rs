@@ -1,5 +1,6 @@
 //! Archives of data sets, unpacked.
 
+use crate::common::assert_says;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 use svl::fetch::{Unpacked, unpack};
@@ -239,7 +240,7 @@ fn stopped_in_the_middle_goes_on_later() {
         calls += 1;
         calls < 3
     });
-    assert!(stop.unwrap_err().to_string().contains("stopped"));
+    assert_says(&stop.unwrap_err().to_string(), &["stopped"]);
     let unpacked = unpack(&archive, Path::new(&place.path("out")), &mut |_, _| true).unwrap();
     assert_eq!((unpacked.written, unpacked.kept), (1, 1));
 }

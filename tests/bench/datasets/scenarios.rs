@@ -1,5 +1,6 @@
 //! The scenario files of the data sets.
 
+use crate::common::assert_says;
 use std::path::Path;
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::source::dataset::DATASETS;
@@ -64,11 +65,9 @@ fn data_sets_are_consistent() {
             );
             assert!(!part.files.is_empty() && part.megabytes > 0);
         }
-        assert!(
-            dataset
-                .parts(&["nonsense".into()])
-                .unwrap_err()
-                .contains("nonsense")
+        assert_says(
+            &dataset.parts(&["nonsense".into()]).unwrap_err(),
+            &["nonsense"],
         );
     }
 }

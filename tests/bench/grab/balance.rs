@@ -1,6 +1,7 @@
 //! The exposure balance.
 
 use super::stage::{Stage, Triggered, slow};
+use crate::common::assert_says;
 use proptest::prelude::*;
 use svl::grab::{Balance, Limits, Rule, Settings};
 use svl::stereo::{Frame, Gray};
@@ -219,7 +220,7 @@ fn limits_in_common() {
         .common(&Limits::new(0..=0, 0..=0))
         .unwrap_err()
         .to_string();
-    assert!(error.contains("right has none to be set"), "{error}");
+    assert_says(&error, &["right has none to be set"]);
     let error = LIMITS
         .common(&Limits {
             gain_mdb: 20_500..=24_000,
@@ -227,9 +228,9 @@ fn limits_in_common() {
         })
         .unwrap_err()
         .to_string();
-    assert!(
-        error.contains("no gain in common: left 0 to 12 dB, right 20.5 to 24 dB"),
-        "{error}"
+    assert_says(
+        &error,
+        &["no gain in common: left 0 to 12 dB, right 20.5 to 24 dB"],
     );
     let other = Limits::new(50..=5_000, 3_000..=20_000);
     assert_eq!(

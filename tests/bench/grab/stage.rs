@@ -46,46 +46,32 @@ pub const FIRST: Settings = Settings::new(4_000, 0);
 
 impl Stage {
     pub fn new(left: CameraBehavior, right: CameraBehavior) -> Self {
-        let (queue, when_full) = (100_000, WhenFull::Wait);
-        let (behaviors, first, balance_every) = ([left, right], FIRST, u32::MAX);
-        let (clock, light, damaged_from, on_its_way_ms) = (GrabClock::scripted(), 1.0, u64::MAX, 0);
-        let period_ns = PERIOD_NS;
         Self {
-            clock,
-            behaviors,
-            light,
-            queue,
-            when_full,
-            first,
-            balance_every,
-            damaged_from,
-            on_its_way_ms,
-            period_ns,
+            clock: GrabClock::scripted(),
+            behaviors: [left, right],
+            light: 1.0,
+            queue: 100_000,
+            when_full: WhenFull::Wait,
+            first: FIRST,
+            balance_every: u32::MAX,
+            damaged_from: u64::MAX,
+            on_its_way_ms: 0,
+            period_ns: PERIOD_NS,
         }
     }
 
     pub fn start(self, triggered: Triggered, rule: Rule) -> Grabber {
-        let Self {
-            clock,
-            behaviors,
-            light,
-            queue,
-            when_full,
-            first,
-            balance_every,
-            period_ns,
-            ..
-        } = self;
+        let (clock, period_ns) = (self.clock, self.period_ns);
         let cable = TriggerCable::new(&clock);
         let pictures = Arc::new(pictures());
-        let [left, right] = behaviors;
+        let [left, right] = self.behaviors;
         let camera = |side, behavior| -> Box<dyn Camera> {
             let input = match triggered {
                 Triggered::Never => TriggerInput::FreeRunning { period_ns },
                 _ => TriggerInput::Cable(cable.clone()),
             };
             Box::new(SimulatedCamera::new(
-                side, &clock, input, &pictures, light, behavior,
+                side, &clock, input, &pictures, self.light, behavior,
             ))
         };
         let right = failing(camera(Side::Right, right), self.damaged_from);
@@ -105,12 +91,12 @@ impl Stage {
             cameras,
             policy,
             rule,
-            settings: first,
+            settings: self.first,
             max_shutter_us: 8_000,
-            balance_every,
+            balance_every: self.balance_every,
             timeout: Duration::from_secs(1),
-            queue,
-            when_full,
+            queue: self.queue,
+            when_full: self.when_full,
             rig: pictures.rig(),
         })
         .unwrap()

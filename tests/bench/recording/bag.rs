@@ -4,6 +4,7 @@ use re_cdr::{CdrWriter, LittleEndian};
 use std::path::{Path, PathBuf};
 
 /// A message: topic, schema, encoding, log time, bytes.
+#[derive(Clone)]
 pub(crate) struct Message {
     pub(crate) topic: &'static str,
     pub(crate) schema: &'static str,
@@ -13,21 +14,22 @@ pub(crate) struct Message {
 }
 
 impl Message {
-    /// The message with other bytes.
-    pub(crate) fn with(&self, data: Vec<u8>) -> Self {
-        let &Self {
-            topic,
-            schema,
-            encoding,
-            log_time,
-            ..
-        } = self;
+    /// In CDR, as ROS 2 writes it.
+    fn cdr(topic: &'static str, schema: &'static str, log_time: u64, data: Vec<u8>) -> Self {
         Self {
             topic,
             schema,
-            encoding,
+            encoding: "cdr",
             log_time,
             data,
+        }
+    }
+
+    /// The message with other bytes.
+    pub(crate) fn with(&self, data: Vec<u8>) -> Self {
+        Self {
+            data,
+            ..self.clone()
         }
     }
 }
@@ -59,25 +61,22 @@ fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) ->
         .chunk_size(Some(4096))
         .create(file)
         .unwrap();
-    for Message {
-        topic,
-        schema,
-        encoding,
-        log_time,
-        data,
-    } in messages
-    {
-        let schema = writer.add_schema(schema, "some", b"definition").unwrap();
+    for message in messages {
+        let schema = writer
+            .add_schema(message.schema, "some", b"definition")
+            .unwrap();
         let channel_id = writer
-            .add_channel(schema, topic, encoding, &Default::default())
+            .add_channel(schema, message.topic, message.encoding, &Default::default())
             .unwrap();
         let header = mcap::records::MessageHeader {
             channel_id,
             sequence: 7,
-            log_time: *log_time,
-            publish_time: log_time + 1,
+            log_time: message.log_time,
+            publish_time: message.log_time + 1,
         };
-        writer.write_to_known_channel(&header, data).unwrap();
+        writer
+            .write_to_known_channel(&header, &message.data)
+            .unwrap();
     }
     writer.finish().unwrap();
     path
@@ -109,13 +108,7 @@ pub(crate) fn ros_image(
         cdr.write_u32((pixels.len() / height.max(1)) as u32);
         cdr.write_bytes(pixels);
     });
-    Message {
-        topic,
-        schema: "sensor_msgs/msg/Image",
-        encoding: "cdr",
-        log_time: stamp + 1_234_567,
-        data,
-    }
+    Message::cdr(topic, "sensor_msgs/msg/Image", stamp + 1_234_567, data)
 }
 
 /// A sensor_msgs/msg/CompressedImage.
@@ -129,13 +122,7 @@ pub(crate) fn ros_compressed(
         cdr.write_string(format);
         cdr.write_bytes(bytes);
     });
-    Message {
-        topic,
-        schema: "sensor_msgs/msg/CompressedImage",
-        encoding: "cdr",
-        log_time: stamp,
-        data,
-    }
+    Message::cdr(topic, "sensor_msgs/msg/CompressedImage", stamp, data)
 }
 
 /// What a sensor_msgs/msg/CameraInfo says besides a focal length of 328 and a centre of (12, 8).
@@ -195,13 +182,7 @@ pub(crate) fn camera_info_of(topic: &'static str, stamp: u64, camera: &Camera<'_
             .for_each(|v| cdr.write_u32(v));
         cdr.write_bool(false);
     });
-    Message {
-        topic,
-        schema: "sensor_msgs/msg/CameraInfo",
-        encoding: "cdr",
-        log_time: stamp,
-        data,
-    }
+    Message::cdr(topic, "sensor_msgs/msg/CameraInfo", stamp, data)
 }
 
 fn timestamp(stamp: u64) -> Option<foxglove::messages::Timestamp> {

@@ -1,6 +1,7 @@
 //! Full, vanished and read-only folders; recordings that must not be overwritten.
 
-use super::frames::{full, read};
+use super::frames::{full, one_line, read};
+use crate::common::assert_says;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use svl::Error;
@@ -14,13 +15,8 @@ fn create(path: &Path) -> svl::Result<Writer> {
 
 /// Checks that the error is one line that names `path`, and gives that line.
 fn told(path: &Path, error: &Error) -> String {
-    let text = error.to_string();
     assert!(matches!(error, Error::Io { .. }), "{error:?}");
-    assert!(
-        text.starts_with(&path.display().to_string()) && !text.contains('\n'),
-        "{text}"
-    );
-    text
+    one_line(path, error)
 }
 
 #[test]
@@ -65,11 +61,9 @@ fn what_is_synced_survives_the_writer() {
     std::mem::forget(writer);
     let (frames, error) = read(&path);
     assert_eq!(frames.len(), 3);
-    assert!(
-        error
-            .unwrap()
-            .to_string()
-            .contains("never finished; intact pairs read: 3")
+    assert_says(
+        &error.unwrap().to_string(),
+        &["never finished; intact pairs read: 3"],
     );
 }
 

@@ -1,7 +1,7 @@
 //! svl's recordings, read by the public MCAP libraries.
 
 use super::frames::full;
-use std::process::Command;
+use crate::common::python;
 use svl::recording::{Dialect, Header, ImageFormat, RecordingFormat, Writer};
 use svl::stereo::{Frame, Gray, Visibility};
 
@@ -53,18 +53,6 @@ fn read_by(
     frames: &[Frame],
     format: RecordingFormat,
 ) -> Option<serde_json::Value> {
-    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let import = format!("import {modules}");
-    if !Command::new(&python)
-        .args(["-c", &import])
-        .output()
-        .is_ok_and(|output| output.status.success())
-    {
-        eprintln!(
-            "skipped: `{python} -c '{import}'` fails; set SVL_PYTHON to a Python that has them"
-        );
-        return None;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let header = Header {
@@ -77,18 +65,8 @@ fn read_by(
         .unwrap();
     frames.iter().for_each(|frame| writer.write(frame).unwrap());
     writer.finish().unwrap();
-    let script = format!("{}/tests/python/{script}", env!("CARGO_MANIFEST_DIR"));
-    let output = Command::new(&python)
-        .arg(script)
-        .arg(&path)
-        .output()
-        .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    Some(serde_json::from_slice(&output.stdout).unwrap())
+    let printed = python(script, modules, [&path])?;
+    Some(serde_json::from_slice(&printed).unwrap())
 }
 
 /// Checks the counts and sums of topics against what was written.

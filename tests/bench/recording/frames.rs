@@ -123,3 +123,14 @@ pub(crate) fn summarize(path: &Path) -> Result<RecordingSummary> {
 pub(crate) fn recover(from: &Path, to: &Path) -> Result<Recovery> {
     Recording::open(from)?.recover(to)
 }
+
+/// The error, which is one line that begins with `path`.
+#[track_caller]
+pub fn one_line(path: &Path, error: &Error) -> String {
+    let text = error.to_string();
+    assert!(
+        text.starts_with(&path.display().to_string()) && !text.contains('\n'),
+        "{text}"
+    );
+    text
+}

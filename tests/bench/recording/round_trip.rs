@@ -1,6 +1,7 @@
 //! Round trips: every frame is read as it was written.
 
 use super::frames::{attachment, bare, full, header, read, record, summarize};
+use crate::common::assert_says;
 use svl::recording::{Dialect, Header, ImageFormat, Recording, RecordingFormat, Selection, Writer};
 use svl::score::Judge;
 use svl::sink::{RecordingSink, Sink};
@@ -279,32 +280,20 @@ fn what_a_file_cannot_say_is_refused() {
         stamp_ns: u64::MAX,
         ..bare(0, SIZE)
     };
-    assert!(
-        writer
-            .write(&late)
-            .unwrap_err()
-            .to_string()
-            .contains("ROS 2")
-    );
+    assert_says(&writer.write(&late).unwrap_err().to_string(), &["ROS 2"]);
     let mut early = Frame {
         stamp_ns: 5,
         ..bare(0, SIZE)
     };
     early.exposure.skew_ns = -6;
-    assert!(
-        writer
-            .write(&early)
-            .unwrap_err()
-            .to_string()
-            .contains("before 1970")
+    assert_says(
+        &writer.write(&early).unwrap_err().to_string(),
+        &["before 1970"],
     );
     writer.finish().unwrap();
-    assert!(
-        writer
-            .write(&bare(1, SIZE))
-            .unwrap_err()
-            .to_string()
-            .contains("finished")
+    assert_says(
+        &writer.write(&bare(1, SIZE)).unwrap_err().to_string(),
+        &["finished"],
     );
 }
 

@@ -3,6 +3,7 @@
 use super::damage::records;
 use super::frames::{image, read, summarize};
 use super::{bag, recovery};
+use crate::common::assert_says;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
@@ -104,9 +105,9 @@ fn a_chunk_that_is_not_found_is_missed() {
     );
     let (frames, error) = read(&folder.path().join("damaged.mcap"));
     let text = error.expect("a word").to_string();
-    assert!(
-        text.contains(" messages more than it holds; intact pairs read: "),
-        "{text}"
+    assert_says(
+        &text,
+        &[" messages more than it holds; intact pairs read: "],
     );
     assert!(
         frames.len() as u64 >= PAIRS - lost - 1 && frames.len() < PAIRS as usize,

@@ -1,6 +1,7 @@
 //! The HTML page.
 
 use super::fixture::{cell, example, row};
+use crate::common::assert_says;
 use svl::overlay::{Nearness, marks};
 use svl::report::Summary;
 use svl::report::html::{
@@ -163,16 +164,17 @@ fn the_page_shows_scenes_with_truth_and_errors() {
     );
     assert!(html.contains("</i>53 px") && html.contains("45 × 37 pixels"));
     // The key of the errors: its ends, KITTI's 3 px in its middle, and what is none.
-    for words in [
-        "&lt;\u{202f}0.19<",
-        "&lt;\u{202f}3<",
-        "&lt;\u{202f}6<",
-        "≥\u{202f}48 px<",
-        "no estimate",
-        "not scored",
-    ] {
-        assert!(html.contains(words), "{words}");
-    }
+    assert_says(
+        &html,
+        &[
+            "&lt;\u{202f}0.19<",
+            "&lt;\u{202f}3<",
+            "&lt;\u{202f}6<",
+            "≥\u{202f}48 px<",
+            "no estimate",
+            "not scored",
+        ],
+    );
     assert!(!html.contains("Pictures of"));
     let one = SceneFigure {
         shots: scene().shots.split_off(1),
@@ -270,13 +272,14 @@ fn the_page_escapes_and_fetches_nothing() {
     ] {
         assert!(!html.contains(raw), "{raw}");
     }
-    for escaped in [
-        "<h1>&lt;b&gt;</h1>",
-        "&lt;script&gt;",
-        "<h3>&lt;u&gt;</h3>",
-        "<p>A &amp; B.</p>",
-        "<p>C.</p>",
-    ] {
-        assert!(html.contains(escaped), "{escaped}");
-    }
+    assert_says(
+        &html,
+        &[
+            "<h1>&lt;b&gt;</h1>",
+            "&lt;script&gt;",
+            "<h3>&lt;u&gt;</h3>",
+            "<p>A &amp; B.</p>",
+            "<p>C.</p>",
+        ],
+    );
 }

@@ -1,6 +1,7 @@
 //! Broken calibration files: errors name the file, the key and what to do.
 
 use super::*;
+use crate::common::assert_says;
 
 /// Reads `format`'s file with `from` replaced by `to` in it, or in the first of two.
 fn broken(format: &str, from: &str, to: &str) -> String {
@@ -22,194 +23,61 @@ fn broken(format: &str, from: &str, to: &str) -> String {
     error
 }
 
+/// A format, what is replaced in its file, and the words of the error.
+const WRONG: &str = r#"
+    xml: intr0="458.7" -> intr0="nan" => Camera.0.Intrinsic.intr0 | 'nan'
+    xml: intr0="458.7" -> => no 'Camera.0.Intrinsic.intr0'
+    xml: intr1="0.0" -> intr1="2.0" => Camera.0.Intrinsic | skew of 2
+    xml: intr0="458.7" -> intr0="-458.7" => Camera.0.Intrinsic | -458.7
+    xml: x="752" -> x="0" => Camera.0.ImageSize.x | 0, expected whole pixels
+    xml: x="752" -> x="1e300" => Camera.0.ImageSize.x | expected whole pixels
+    xml: rot0="1.0" -> rot0="2.0" => Camera.0.Rotation | no rotation
+    xml: rot0="1.0" -> rot0="1e308" => Camera.0.Rotation | no rotation
+    xml: unit="m" -> => --unit
+    xml: unit="m" -> unit="foot" => 'foot' | m, cm, mm
+    xml: coeff_0_2_2="1.0" -> coeff_0_2_2="x" => Stereo.Coeffs | 'x'
+    xml: </Camera> -> => no XML
+    opencv: 458.7 -> .Nan => K1 | '.Nan' | finite
+    opencv: 458.7 -> 0.0 => K1 | 0.0
+    opencv: K1: -> K9: => no 'K1' or 'M1'
+    opencv: 458.7, 0.0, -> 458.7, => K1 | 8 numbers, expected 9
+    opencv: image_width: 752 -> image_width: 0 => image_width | whole pixels
+    opencv: image_width: 752 -> image_width: many => image_width | 'many'
+    opencv: T: !! -> X: !! => no 'T'
+    opencv: R: !! -> X: !! => no 'R'
+    opencv: R2: !! -> X: !! => no 'R2'
+    opencv: 430.0 -> 43.0 => P1 | one focal length
+    opencv: length_unit: m -> length_unit: furlong => 'furlong'
+    opencv: data: [ -> data: [[ => : line
+    ros: plumb_bob -> equidistant => distortion_model | equidistant
+    ros: image_height: 480 -> image_height: 480.5 => image_height | 480.5
+    ros: camera_matrix -> camera_matrlx => no 'camera_matrix'
+    ros: 457.6, 0.0 -> 457.6, 0.5 => camera_matrix | skew
+    boofcv: skew: 0.0 -> skew: 0.3 => left.pinhole.skew | 0.3
+    boofcv: pinhole_radial_tangential -> omnidirectional_universal => left.model | omnidirectional
+    boofcv: length_unit: m -> => --unit
+    boofcv: width: 752 -> width: -752 => left.pinhole.width | -752
+    boofcv: rotation: -> rotatlon: => no 'rightToLeft.rotation'
+    middlebury: baseline= -> basel1ne= => no 'baseline'
+    middlebury: baseline=110.0 -> baseline=0 => baseline 0 m
+    middlebury: width=752 -> width=99999999 => width | whole pixels
+    middlebury: 430.0 -> inf => cam0 | 'inf'
+    kitti: P1: 430.0 -> P1: 4e1 => P0 | P1 | one focal length
+    kitti: P1: -> Q1: => no 'P1'
+    kitti-raw: S_00: 752.0 -> S_00: 752.0 3 => S_00 | 3 numbers, expected 2
+    kitti-raw: T_01: -0.1 -> T_01: -0.5 => does not agree with its R and T
+    kitti-raw: R_rect_00 -> R_rect_99 => no 'R_rect_00'
+"#;
+
 #[test]
 fn errors_name_the_key() {
-    for (format, from, to, words) in [
-        (
-            "xml",
-            "intr0=\"458.7\"",
-            "intr0=\"nan\"",
-            &["Camera.0.Intrinsic.intr0", "'nan'"][..],
-        ),
-        (
-            "xml",
-            "intr0=\"458.7\"",
-            "",
-            &["no 'Camera.0.Intrinsic.intr0'"],
-        ),
-        (
-            "xml",
-            "intr1=\"0.0\"",
-            "intr1=\"2.0\"",
-            &["Camera.0.Intrinsic", "skew of 2"],
-        ),
-        (
-            "xml",
-            "intr0=\"458.7\"",
-            "intr0=\"-458.7\"",
-            &["Camera.0.Intrinsic", "-458.7"],
-        ),
-        (
-            "xml",
-            "x=\"752\"",
-            "x=\"0\"",
-            &["Camera.0.ImageSize.x", "0, expected whole pixels"],
-        ),
-        (
-            "xml",
-            "x=\"752\"",
-            "x=\"1e300\"",
-            &["Camera.0.ImageSize.x", "expected whole pixels"],
-        ),
-        (
-            "xml",
-            "rot0=\"1.0\"",
-            "rot0=\"2.0\"",
-            &["Camera.0.Rotation", "no rotation"],
-        ),
-        (
-            "xml",
-            "rot0=\"1.0\"",
-            "rot0=\"1e308\"",
-            &["Camera.0.Rotation", "no rotation"],
-        ),
-        ("xml", "unit=\"m\"", "", &["--unit"]),
-        (
-            "xml",
-            "unit=\"m\"",
-            "unit=\"foot\"",
-            &["'foot'", "m, cm, mm"],
-        ),
-        (
-            "xml",
-            "coeff_0_2_2=\"1.0\"",
-            "coeff_0_2_2=\"x\"",
-            &["Stereo.Coeffs", "'x'"],
-        ),
-        ("xml", "</Camera>", "", &["no XML"]),
-        ("opencv", "458.7", ".Nan", &["K1", "'.Nan'", "finite"]),
-        ("opencv", "458.7", "0.0", &["K1", "0.0"]),
-        ("opencv", "K1:", "K9:", &["no 'K1' or 'M1'"]),
-        (
-            "opencv",
-            "458.7, 0.0,",
-            "458.7,",
-            &["K1", "8 numbers, expected 9"],
-        ),
-        (
-            "opencv",
-            "image_width: 752",
-            "image_width: 0",
-            &["image_width", "whole pixels"],
-        ),
-        (
-            "opencv",
-            "image_width: 752",
-            "image_width: many",
-            &["image_width", "'many'"],
-        ),
-        ("opencv", "T: !!", "X: !!", &["no 'T'"]),
-        ("opencv", "R: !!", "X: !!", &["no 'R'"]),
-        ("opencv", "R2: !!", "X: !!", &["no 'R2'"]),
-        ("opencv", "430.0", "43.0", &["P1", "one focal length"]),
-        (
-            "opencv",
-            "length_unit: m",
-            "length_unit: furlong",
-            &["'furlong'"],
-        ),
-        ("opencv", "data: [", "data: [[", &["line "]),
-        (
-            "ros",
-            "plumb_bob",
-            "equidistant",
-            &["distortion_model", "equidistant"],
-        ),
-        (
-            "ros",
-            "image_height: 480",
-            "image_height: 480.5",
-            &["image_height", "480.5"],
-        ),
-        (
-            "ros",
-            "camera_matrix",
-            "camera_matrlx",
-            &["no 'camera_matrix'"],
-        ),
-        (
-            "ros",
-            "457.6, 0.0",
-            "457.6, 0.5",
-            &["camera_matrix", "skew"],
-        ),
-        (
-            "boofcv",
-            "skew: 0.0",
-            "skew: 0.3",
-            &["left.pinhole.skew", "0.3"],
-        ),
-        (
-            "boofcv",
-            "pinhole_radial_tangential",
-            "omnidirectional_universal",
-            &["left.model", "omnidirectional"],
-        ),
-        ("boofcv", "length_unit: m\n", "", &["--unit"]),
-        (
-            "boofcv",
-            "width: 752",
-            "width: -752",
-            &["left.pinhole.width", "-752"],
-        ),
-        (
-            "boofcv",
-            "  rotation:",
-            "  rotatlon:",
-            &["no 'rightToLeft.rotation'"],
-        ),
-        ("middlebury", "baseline=", "basel1ne=", &["no 'baseline'"]),
-        (
-            "middlebury",
-            "baseline=110.0",
-            "baseline=0",
-            &["baseline 0 m"],
-        ),
-        (
-            "middlebury",
-            "width=752",
-            "width=99999999",
-            &["width", "whole pixels"],
-        ),
-        ("middlebury", "430.0", "inf", &["cam0", "'inf'"]),
-        (
-            "kitti",
-            "P1: 430.0",
-            "P1: 4e1",
-            &["P0", "P1", "one focal length"],
-        ),
-        ("kitti", "P1:", "Q1:", &["no 'P1'"]),
-        (
-            "kitti-raw",
-            "S_00: 752.0",
-            "S_00: 752.0 3",
-            &["S_00", "3 numbers, expected 2"],
-        ),
-        (
-            "kitti-raw",
-            "T_01: -0.1",
-            "T_01: -0.5",
-            &["does not agree with its R and T"],
-        ),
-        ("kitti-raw", "R_rect_00", "R_rect_99", &["no 'R_rect_00'"]),
-    ] {
-        let error = broken(format, from, to);
-        for word in words {
-            assert!(
-                error.contains(word),
-                "{format}, {from} → {to}: '{word}' is not in: {error}"
-            );
-        }
+    for row in WRONG.lines().map(str::trim).filter(|row| !row.is_empty()) {
+        let (replaced, words) = row.split_once(" => ").unwrap();
+        let (format, replaced) = replaced.split_once(": ").unwrap();
+        let (from, to) = replaced.split_once(" ->").unwrap();
+        let error = broken(format, from, to.trim_start());
+        println!("{row}");
+        assert_says(&error, &words.split(" | ").collect::<Vec<_>>());
     }
 }
 
@@ -278,12 +146,10 @@ fn errors_of_folders_pairs_and_unknown_files_say_what_to_do() {
         files::format("ros").unwrap(),
         &raw(),
     );
-    assert!(to_one.unwrap_err().to_string().contains("two files"));
-    assert!(
-        files::format("opncv")
-            .unwrap_err()
-            .to_string()
-            .contains("did you mean 'opencv'")
+    assert_says(&to_one.unwrap_err().to_string(), &["two files"]);
+    assert_says(
+        &files::format("opncv").unwrap_err().to_string(),
+        &["did you mean 'opencv'"],
     );
 }
 

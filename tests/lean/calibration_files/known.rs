@@ -1,6 +1,7 @@
 //! Calibration files written by other programs.
 
 use super::*;
+use crate::common::assert_says;
 use std::path::Path;
 
 fn dataset(name: &str) -> Option<PathBuf> {
@@ -148,12 +149,7 @@ fn opencv_s_reference_of_the_chessboard() {
         .unwrap()
         .calibration;
     assert!((metres.rig().unwrap().baseline_m() - 3.32822 * 0.025).abs() < 1e-6);
-    assert!(
-        files::read(&path)
-            .unwrap_err()
-            .to_string()
-            .contains("--unit")
-    );
+    assert_says(&files::read(&path).unwrap_err().to_string(), &["--unit"]);
 }
 
 #[test]
@@ -185,12 +181,7 @@ fn the_bumblebee_is_in_millimetres() {
     let c = files::read_with(&path, &unit("mm")).unwrap().calibration;
     assert!((c.baseline() - 0.12005).abs() < 1e-5);
     assert!(c.right_from_left().translation.vector.x < 0.0);
-    assert!(
-        files::read(&path)
-            .unwrap_err()
-            .to_string()
-            .contains("--unit")
-    );
+    assert_says(&files::read(&path).unwrap_err().to_string(), &["--unit"]);
 }
 
 #[test]

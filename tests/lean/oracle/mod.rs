@@ -22,31 +22,12 @@ pub(crate) struct V3 {
 
 impl V3 {
     pub(crate) fn compute(&self, pair: &StereoPair) -> DisparityMap {
-        let (left, right) = (
-            smooth(pair.left(), self.smoothing_sigma),
-            smooth(pair.right(), self.smoothing_sigma),
-        );
-        let (width, height) = pair.size();
-        let mut map = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI).unwrap();
-        for (y, mut row) in map.rows_mut().enumerate() {
-            for x in 0..width as i32 {
-                let (disparity, ssdpi) = match self.pixel(&left, &right, x, y) {
-                    Ok((d, ssdpi)) => (Ok(d), ssdpi),
-                    Err((reason, ssdpi)) => (Err(reason), ssdpi),
-                };
-                write(&mut row, x as usize, disparity, ssdpi);
-            }
-        }
-        map
+        by_pixel(pair, self.smoothing_sigma, |left, right, x, y| {
+            self.pixel(left, right, x, y)
+        })
     }
 
-    fn pixel(
-        &self,
-        left: &Gray,
-        right: &Gray,
-        x: i32,
-        y: usize,
-    ) -> Result<(f32, u32), (Reason, u32)> {
+    fn pixel(&self, left: &Gray, right: &Gray, x: i32, y: usize) -> Pixel {
         let inside = |x: i32| x - 4 >= 0 && x + 4 < left.width() as i32;
         let at = |image: &Gray, x: i32| i64::from(image.get(x as usize, y));
         let ssd = |other: &Gray, u: i32| {
@@ -85,14 +66,39 @@ impl V3 {
         } else {
             winner as f32
         };
-        Ok((
-            if self.back_check {
-                refined.max(0.0)
-            } else {
-                refined
-            },
-            ssdpi as u32,
-        ))
+        Ok((back_checked(refined, self.back_check), ssdpi as u32))
+    }
+}
+
+/// A disparity or why there is none, and the SSDPI.
+type Pixel = Result<(f32, u32), (Reason, u32)>;
+
+/// The map of what `pixel` gives of the two smoothed images at every place.
+fn by_pixel(
+    pair: &StereoPair,
+    sigma: f64,
+    pixel: impl Fn(&Gray, &Gray, i32, usize) -> Pixel,
+) -> DisparityMap {
+    let (left, right) = (smooth(pair.left(), sigma), smooth(pair.right(), sigma));
+    let (width, height) = pair.size();
+    let mut map = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI).unwrap();
+    for (y, mut row) in map.rows_mut().enumerate() {
+        for x in 0..width {
+            match pixel(&left, &right, x as i32, y) {
+                Ok((disparity, ssdpi)) => write(&mut row, x, Ok(disparity), ssdpi),
+                Err((reason, ssdpi)) => write(&mut row, x, Err(reason), ssdpi),
+            }
+        }
+    }
+    map
+}
+
+/// A negative disparity becomes zero where the matcher checks for what lies behind the cameras.
+fn back_checked(disparity: f32, back_check: bool) -> f32 {
+    if back_check {
+        disparity.max(0.0)
+    } else {
+        disparity
     }
 }
 

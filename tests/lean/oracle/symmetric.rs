@@ -1,7 +1,7 @@
 //! Oracles of v1 and v2.
 
-use super::{refine, smooth, write};
-use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, StereoPair};
+use super::{Pixel, back_checked, by_pixel, refine};
+use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Symmetric {
@@ -57,31 +57,12 @@ impl Symmetric {
     }
 
     pub(crate) fn compute(&self, pair: &StereoPair) -> DisparityMap {
-        let (left, right) = (
-            smooth(pair.left(), self.smoothing_sigma),
-            smooth(pair.right(), self.smoothing_sigma),
-        );
-        let (width, height) = pair.size();
-        let mut map = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI).unwrap();
-        for (y, mut row) in map.rows_mut().enumerate() {
-            for x in 0..width as i32 {
-                let (disparity, ssdpi) = match self.pixel(&left, &right, x, y) {
-                    Ok((d, ssdpi)) => (Ok(d), ssdpi),
-                    Err((reason, ssdpi)) => (Err(reason), ssdpi),
-                };
-                write(&mut row, x as usize, disparity, ssdpi);
-            }
-        }
-        map
+        by_pixel(pair, self.smoothing_sigma, |left, right, x, y| {
+            self.pixel(left, right, x, y)
+        })
     }
 
-    fn pixel(
-        &self,
-        left: &Gray,
-        right: &Gray,
-        x: i32,
-        y: usize,
-    ) -> Result<(f32, u32), (Reason, u32)> {
+    fn pixel(&self, left: &Gray, right: &Gray, x: i32, y: usize) -> Pixel {
         let inside = |x: i32| x - 4 >= 0 && x + 4 < left.width() as i32;
         let at = |image: &Gray, x: i32| i64::from(image.get(x as usize, y));
         let ssd = |x: i32, d: i32| {
@@ -160,13 +141,6 @@ impl Symmetric {
         } else {
             winner as f32
         };
-        Ok((
-            if self.back_check {
-                refined.max(0.0)
-            } else {
-                refined
-            },
-            ssdpi,
-        ))
+        Ok((back_checked(refined, self.back_check), ssdpi))
     }
 }

@@ -1,6 +1,6 @@
 //! Oracle of v4.
 
-use super::{refine, smooth, textured, write};
+use super::{back_checked, refine, smooth, textured, write};
 use svl::stereo::{DisparityMap, ExtraPlanes, Plane, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
@@ -109,11 +109,7 @@ impl V4 {
                     } else {
                         d as f32
                     };
-                    let checked = if self.back_check {
-                        refined.max(0.0)
-                    } else {
-                        refined
-                    };
+                    let checked = back_checked(refined, self.back_check);
                     write(&mut row, x as usize, Ok(checked), ssdpi as u32);
                 } else {
                     reject(Reason::Unmatched, DisparityMap::NO_SSDPI);
