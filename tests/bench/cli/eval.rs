@@ -115,7 +115,7 @@ fn options_count() {
         .svl("eval d.pfm truth.pfm --protocol eth3d --right-truth right.pfm")
         .failed(1, &["nothing to score"]);
     fixture.write("objects.pgm", pgm(5, 1, &[0, 0, 3, 0, 1]));
-    let objects = "--protocol kitti15 --object-map objects.pgm";
+    let objects = "kitti15 --object-map objects.pgm";
     assert_eq!(
         (value(objects, "d1_bg"), value(objects, "d1_fg")),
         (0.0.into(), 100.0.into())
