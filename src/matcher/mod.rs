@@ -6,6 +6,7 @@ mod dp;
 #[cfg(feature = "exec")]
 mod exec;
 mod method;
+mod mirrored;
 mod parameter;
 mod quotes;
 mod sgm;
@@ -15,6 +16,7 @@ mod v2;
 mod v3;
 mod v4;
 
+pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, Parameters, Range, Value};
 
 use crate::depth::GridSettings;

@@ -18,6 +18,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              scenes cannot be moved, so there the nearer half of the matches, by the truth, is \
              compared with the farther half, which shows other things.",
     records: false,
+    by_default: true,
     run,
 };
 

@@ -19,6 +19,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              fits that table best. A measurement is the median of v3's cells (6 x 3) that show \
              the target. It needs at least three such cells, as in the thesis.",
     records: false,
+    by_default: true,
     run,
 };
 

@@ -19,6 +19,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              apart. The thesis does not give these limits. The view is what the thesis asks for, \
              neither dark nor bright and full of texture: a forest wall 0.6 m ahead.",
     records: false,
+    by_default: true,
     run,
 };
 

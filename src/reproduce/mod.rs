@@ -23,6 +23,7 @@ mod speed;
 mod stage;
 mod texture;
 mod validity;
+mod without_truth;
 
 pub use finding::{
     ClaimVerdict, Condition, DrawnCell, Exhibit, Finding, FindingTable, Quantity, TableValue,
@@ -38,6 +39,7 @@ use crate::sink::{self, Outbox, RunStart, Sink};
 use crate::source::Source;
 use crate::source::dataset::Scene;
 use crate::stereo::Frame;
+use std::path::Path;
 
 /// One of the thesis's figures or tables, and what svl does in its place.
 pub struct Experiment {
@@ -50,10 +52,12 @@ pub struct Experiment {
     pub method: &'static str,
     /// Whether it needs a run of the arena, [`Context::recording`].
     pub records: bool,
+    /// Whether it runs where no figure is named, as those of the thesis do.
+    pub by_default: bool,
     pub run: fn(&mut Context<'_>) -> Result<Finding>,
 }
 
-/// The experiments of the thesis that svl repeats, in the thesis's order.
+/// The experiments of the thesis that svl repeats, in the thesis's order, and svl's own.
 pub const EXPERIMENTS: &[Experiment] = &[
     distance::EXPERIMENT,
     situations::EXPERIMENT,
@@ -64,6 +68,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     hashing::EXPERIMENT,
     points::EXPERIMENT,
     speed::EXPERIMENT,
+    without_truth::EXPERIMENT,
 ];
 
 /// The experiment of that figure.
@@ -96,6 +101,8 @@ impl Experiment {
 pub struct Context<'a> {
     /// Real scenes; none where no folder of data sets was named.
     pub scenes: &'a [Scene],
+    /// The folder of data sets, if one was named.
+    pub data: Option<&'a Path>,
     /// The processor, in words.
     pub machine: &'a str,
     /// A run of the scenario's arena, for the experiment that [`Experiment::records`].
@@ -123,7 +130,7 @@ const SCENES: &[&str] = &[
 ///
 /// # Errors
 /// [`Error::Invalid`] when there is none.
-pub fn scenes(data: &std::path::Path) -> Result<Vec<Scene>> {
+pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
     let scenes: Vec<_> = SCENES
         .iter()
         .filter_map(|name| Scene::find(&data.join(name), name))
@@ -139,15 +146,17 @@ pub fn scenes(data: &std::path::Path) -> Result<Vec<Scene>> {
 }
 
 impl<'a> Context<'a> {
-    /// The monitor is called after every pair and may end the work.
+    /// `data` and `scenes`: the folder of data sets and what [`scenes`] finds there. The monitor is
+    /// called after every pair and may end the work.
     pub fn new(
         machine: &'a str,
-        scenes: &'a [Scene],
+        (data, scenes): (Option<&'a Path>, &'a [Scene]),
         recording: Option<(Scenario, Box<dyn Source>)>,
         monitor: &'a mut dyn Monitor,
     ) -> Self {
         Self {
             machine,
+            data,
             scenes,
             recording,
             monitor,

@@ -24,6 +24,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              The SVS cannot see that order where it needs the first column. A cross marks a wrong \
              cell.",
     records: true,
+    by_default: true,
     run,
 };
 

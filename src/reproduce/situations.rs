@@ -20,6 +20,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              the algorithm says so. In the pictures, larger red squares are nearer, a dot is \
              unknown, a cross is wrong.",
     records: false,
+    by_default: true,
     run,
 };
 

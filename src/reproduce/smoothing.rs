@@ -19,6 +19,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              + 1). Smoothing lowers it in any case, as the row at 0 px shows, so matches are also \
              compared with the truth: a match is wrong when it is off by more than 2 px.",
     records: false,
+    by_default: true,
     run,
 };
 

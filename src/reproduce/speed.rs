@@ -22,6 +22,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              that svl has to the thesis's \"without MMX\". Beside it is the instruction set that \
              svl picks here.",
     records: false,
+    by_default: true,
     run,
 };
 

@@ -21,6 +21,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              as bright\" halves every grey level. The threshold of the standard deviation is \
              v2's, 4 grey levels.",
     records: false,
+    by_default: true,
     run,
 };
 

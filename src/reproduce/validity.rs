@@ -22,6 +22,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              within 0.5, a factor of 1.65. The truth says which matches are right, within 2 px; \
              the thesis could not know.",
     records: false,
+    by_default: true,
     run,
 };
 

@@ -28,8 +28,8 @@ Examples:
   svl reproduce 5.9 7.3
   svl reproduce --data DATASETS --out reports/thesis")]
 pub(crate) struct Args {
-    /// Figure of the thesis, `fps` for the speeds of its chapter 7; may be given more than once
-    /// [default: all]
+    /// Figure of the thesis, `fps` for the speeds of its chapter 7, or `without-truth`, a study of
+    /// svl's own that takes minutes; may be given more than once [default: all of the thesis]
     #[arg(value_name = "FIGURE", value_parser = figure)]
     figures: Vec<NamedExperiment>,
     /// Folder for the report; a report of svl's that is there is replaced
@@ -66,7 +66,8 @@ const STOPPED: &str = "stopped by Ctrl-C; the report holds what was found before
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let asked = |e: &&Experiment| {
-        args.figures.is_empty() || args.figures.iter().any(|f| f.0.figure() == e.figure())
+        let is_named = args.figures.iter().any(|f| f.0.figure() == e.figure());
+        is_named || args.figures.is_empty() && e.by_default
     };
     let experiments: Vec<&'static Experiment> = EXPERIMENTS.iter().filter(asked).collect();
     let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
@@ -87,7 +88,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let processor = &manifest.machine.processor;
         entries.push(ExperimentFinding {
             experiment,
-            finding: repeat(experiment, processor, &scenes, recording, quiet)?,
+            finding: repeat(
+                experiment,
+                processor,
+                (data.as_deref(), &scenes),
+                recording,
+                quiet,
+            )?,
         });
         Ok(())
     });
@@ -125,7 +132,7 @@ fn arena_run(quiet: bool) -> anyhow::Result<(Scenario, Box<dyn Source>)> {
 fn repeat(
     experiment: &Experiment,
     processor: &str,
-    scenes: &[Scene],
+    scenes: (Option<&Path>, &[Scene]),
     recording: Option<(Scenario, Box<dyn Source>)>,
     quiet: bool,
 ) -> anyhow::Result<Finding> {

@@ -18,7 +18,7 @@ const FEWEST: usize = 8;
 pub type Interval = (f64, f64);
 
 /// Resamples of the items `0..n`.
-pub(super) struct Resamples {
+pub(crate) struct Resamples {
     draws: Vec<Vec<usize>>,
     /// Number of blocks in each.
     blocks: usize,
@@ -32,7 +32,7 @@ fn block(length: usize) -> usize {
 impl Resamples {
     /// `stretches`: lengths of the drives that stand one after another; `independent` when items do
     /// not resemble their neighbours, as scenes do not.
-    pub(super) fn draw(stretches: &[usize], independent: bool) -> Self {
+    pub(crate) fn draw(stretches: &[usize], independent: bool) -> Self {
         let mut random = fastrand::Rng::with_seed(SEED);
         let mut draw = || {
             let mut items = Vec::with_capacity(stretches.iter().sum());
@@ -66,7 +66,7 @@ impl Resamples {
 
     /// The interval of a statistic of the items; nothing for too few blocks, or where some resample
     /// does not have it.
-    pub(super) fn interval(&self, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
+    pub(crate) fn interval(&self, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
         if self.blocks < FEWEST {
             return None;
         }

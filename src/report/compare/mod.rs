@@ -9,7 +9,7 @@ use super::rows::{CheckpointRow, Row};
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::score::{Better, METRICS, Metric, MetricUnit};
-use bootstrap::{Interval, Resamples};
+pub(crate) use bootstrap::{Interval, Resamples};
 use sample::Sample;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
