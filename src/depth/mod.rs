@@ -3,7 +3,9 @@
 mod curve;
 mod grid;
 mod pinhole;
+mod projection;
 
 pub use curve::DistanceCurve;
 pub use grid::{GridSettings, MIN_VALID, grid};
 pub use pinhole::PinholeFit;
+pub use projection::project;

@@ -164,6 +164,10 @@ impl PairSource for PairAssembler {
         self.unpaired
     }
 
+    fn left_topic(&self) -> &str {
+        TopicKind::Image(Side::Left).topic()
+    }
+
     fn why_none(&self) -> String {
         let images = |n: u64| counted(n, "image");
         match self.images {

@@ -57,7 +57,7 @@ mod writer;
 
 pub use bag::{files, is_bag, only_file};
 pub use dialect::{Dialect, RecordingFormat};
-pub use foreign::Selection;
+pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic};
 pub use header::Header;
 pub use images::ImageFormat;
 pub use opened::Recording;
@@ -182,6 +182,9 @@ trait PairSource: Send {
     fn late(&self) -> u64 {
         0
     }
+
+    /// Topic of the left images.
+    fn left_topic(&self) -> &str;
 
     /// Why there was no pair.
     fn why_none(&self) -> String;

@@ -1,7 +1,7 @@
 //! Reads the pairs of a recording.
 
 use super::assembly::PairAssembler;
-use super::foreign::{Foreign, Selection};
+use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic};
 use super::messages::{FileEvent, Messages};
 use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
 use crate::error::{Error, Result};
@@ -127,6 +127,14 @@ impl Reader {
     /// Warnings about the pairs of a recording that svl did not write, a line each.
     pub fn remarks(&self) -> Vec<String> {
         self.source.remarks()
+    }
+
+    /// The truth of another sensor in the recording.
+    ///
+    /// # Errors
+    /// Those of [`TruthTopic::open`].
+    pub fn truth(&self, selection: &TruthSelection) -> Result<TruthTopic> {
+        TruthTopic::open(&self.recording, self.source.left_topic(), selection)
     }
 
     /// The calibration that rectifies raw pairs of a recording that svl did not write, where it

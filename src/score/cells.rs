@@ -1,7 +1,9 @@
 //! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
 use crate::depth::{self, GridSettings};
-use crate::stereo::{Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, TruthDensity};
+use crate::stereo::{
+    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, TruthDensity, TruthOrigin,
+};
 
 /// The score of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -86,13 +88,15 @@ const MIN_KNOWN: f64 = 0.5;
 const MIN_SAMPLES: usize = 10;
 
 /// The true grid of a frame: per cell the median true disparity of its pixels, and its distance. A
-/// cell has a truth when at least half of its pixels do; of a sparse truth, when at least ten do.
-/// Nothing for a frame without truth.
+/// cell has a truth when at least half of its pixels do; of a sparse truth, when at least ten do;
+/// of a reference's disparities, when as many are sure as make an algorithm's cell known
+/// ([`depth::MIN_VALID`]). Nothing for a frame without truth.
 pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
     let truth = frame.truth.as_ref()?;
-    let min_valid = match truth.kind.density {
-        TruthDensity::Dense => MIN_KNOWN,
-        TruthDensity::Sparse => 0.0,
+    let min_valid = match (truth.kind.density, &truth.kind.origin) {
+        (TruthDensity::Sparse, _) => 0.0,
+        (TruthDensity::Dense, TruthOrigin::Reference(_)) => depth::MIN_VALID,
+        (TruthDensity::Dense, _) => MIN_KNOWN,
     };
     let settings = GridSettings {
         min_valid,

@@ -7,9 +7,11 @@ mod calibration;
 pub mod dataset;
 mod limited;
 mod live;
+mod measured;
 mod open;
 mod recording;
 mod rectified;
+mod reference;
 
 pub use alignment_monitor::AlignmentMonitor;
 pub use arena::ArenaSource;
@@ -17,12 +19,14 @@ pub use board::BoardSource;
 pub use calibration::{Calib, CalibrationFiles};
 pub use limited::Limited;
 pub use live::LiveSource;
+pub use measured::MeasuredSource;
 pub use open::{
     CAMERAS, Opened, Request, SOURCES, SourceKind, SourceOption, expected, open, open_arena,
     open_recording,
 };
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};
+pub use reference::ReferenceSource;
 
 use crate::error::Result;
 use crate::score::Judged;

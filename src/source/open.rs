@@ -2,13 +2,16 @@
 
 use super::calibration::{self, Calib, CalibrationFiles};
 use super::dataset::{FolderSource, Scene, SceneSource};
-use super::{ArenaSource, BoardSource, LiveSource, RecordingSource, RectifiedSource, Source};
+use super::{
+    ArenaSource, BoardSource, LiveSource, MeasuredSource, RecordingSource, RectifiedSource, Source,
+};
 use crate::arena::Arena;
 use crate::error::{Error, Result};
 use crate::grab::{self, DRIVERS, Driver, GrabRequest, Host};
 use crate::manifest::Manifest;
 use crate::recording::{
-    CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Selection, Writer, is_bag,
+    CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, Selection,
+    TruthSelection, TruthTopic, Writer, is_bag,
 };
 use crate::rectify::Rectifier;
 use crate::scenario::{Scenario, ScenarioSource};
@@ -28,6 +31,8 @@ pub struct Request<'a> {
     /// Largest skew of a pair that is made by stamp [default: 5 ms in a recording; see
     /// [`GrabRequest`] for cameras].
     pub max_skew_ns: Option<u64>,
+    /// The topic of another sensor in a recording that measures the truth.
+    pub truth: Option<TruthSelection>,
     /// What rectifies the pairs.
     pub calib: Calib,
     /// Share of the raw images that is kept, as OpenCV's alpha [default: as the calibration file
@@ -46,6 +51,7 @@ impl<'a> Request<'a> {
             seed: None,
             topics: [None, None],
             max_skew_ns: None,
+            truth: None,
             calib: Calib::default(),
             alpha: None,
             grab: GrabRequest::default(),
@@ -81,6 +87,10 @@ pub struct Opened {
     pub notes: Vec<String>,
     /// What a recording of raw images says of its cameras.
     own_calibration: Option<StereoCalibration>,
+    /// The truth of another sensor, where one was asked for.
+    truth: Option<TruthTopic>,
+    /// The left camera before svl rectified the pairs.
+    raw: Option<RawCamera>,
     /// What a recording that svl did not write lacks.
     remarks: Vec<String>,
 }
@@ -97,6 +107,8 @@ impl Opened {
             recording: None,
             notes: Vec::new(),
             own_calibration: None,
+            truth: None,
+            raw: None,
             remarks: Vec::new(),
         }
     }
@@ -109,6 +121,7 @@ impl Opened {
                 let (calibration, files) = calibration::read(path)?;
                 let calibration = calibration::framed(calibration, request.alpha)?;
                 let rectifier = Rectifier::new(&calibration)?;
+                self.raw = raw_camera(&calibration, &rectifier);
                 if rectifier.rig().is_none() {
                     let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how \
                                 large they are";
@@ -130,7 +143,9 @@ impl Opened {
                      leaves them"
                 ));
                 let by = "what the recording says of its cameras".to_owned();
-                (Some(Rectifier::new(own)?), by, CalibrationFiles::new())
+                let rectifier = Rectifier::new(own)?;
+                self.raw = raw_camera(own, &rectifier);
+                (Some(rectifier), by, CalibrationFiles::new())
             }
             (Calib::None, _) if request.alpha.is_some() => {
                 return Err(Error::Usage(
@@ -160,6 +175,14 @@ impl Opened {
         Ok(self)
     }
 
+    /// Gives the pairs the truth of another sensor, where one was asked for.
+    fn measured(mut self) -> Self {
+        if let Some(truth) = self.truth.take() {
+            self.source = Box::new(MeasuredSource::new(self.source, truth, self.raw));
+        }
+        self
+    }
+
     /// Name of the scenario, or of the source.
     pub fn title(&self) -> &str {
         self.header.scenario.as_deref().unwrap_or(&self.stem)
@@ -186,6 +209,13 @@ impl Opened {
         }
         Ok(writer)
     }
+}
+
+fn raw_camera(calibration: &StereoCalibration, rectifier: &Rectifier) -> Option<RawCamera> {
+    Some(RawCamera {
+        intrinsics: *calibration.left(),
+        rotation: rectifier.rotation()?,
+    })
 }
 
 /// A kind of source that a user can name.
@@ -217,6 +247,8 @@ pub enum SourceOption {
     Seed,
     Topics,
     MaxSkew,
+    /// The topic of another sensor.
+    Truth,
     /// Trigger, rate, pairing, queue and watchdog.
     Grab,
 }
@@ -273,7 +305,11 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "a recording",
         help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
                compressed or Bayer images of two topics",
-        options: &[SourceOption::Topics, SourceOption::MaxSkew],
+        options: &[
+            SourceOption::Topics,
+            SourceOption::MaxSkew,
+            SourceOption::Truth,
+        ],
         is_path: true,
         // Bags in other containers are among them: their reader says which it reads.
         recognizes: |name| {
@@ -331,7 +367,7 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
         )));
     };
     refuse_options(request, kind)?;
-    (kind.open)(request)?.rectified(request)
+    Ok((kind.open)(request)?.rectified(request)?.measured())
 }
 
 /// Opens a recording; its pairs are rectified as the request says.
@@ -345,7 +381,7 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
         let cure = format!("make one first, svl record {name} -o run.mcap");
         return Err(Error::Usage(format!("{name}: is no recording; {cure}")));
     }
-    recorded(request)?.rectified(request)
+    Ok(recorded(request)?.rectified(request)?.measured())
 }
 
 /// Opens a run of the arena in a scenario.
@@ -405,6 +441,8 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
     let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
     let reader = source.reader();
+    let truth = request.truth.as_ref();
+    let truth = truth.map(|truth| reader.truth(truth)).transpose()?;
     let calibration = match reader.recording().calibration_files() {
         // Damage is reported with the pairs.
         Err(Error::Damaged { .. }) => CalibrationFiles::new(),
@@ -418,6 +456,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         recording: Some(reader.recording().clone()),
         calibration,
         own_calibration: reader.calibration(),
+        truth,
         remarks: reader.remarks(),
         ..Opened::new(source, header, stem.unwrap_or("recording"))
     })
@@ -474,6 +513,7 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
             request.max_skew_ns.is_some(),
             "--max-skew-ms",
         ),
+        (SourceOption::Truth, request.truth.is_some(), "--truth"),
         (SourceOption::Grab, trigger.is_some(), "--trigger"),
         (SourceOption::Grab, rate_hz.is_some(), "--rate"),
         (SourceOption::Grab, pairing.is_some(), "--pairing"),

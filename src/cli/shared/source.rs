@@ -11,9 +11,9 @@ use std::time::Duration;
 use svl::grab::{
     self, DRIVERS, Driver, GrabRequest, Host, PairBy, RATES_HZ, TriggerSource, WhenFull,
 };
-use svl::matcher::{Range, Value};
-use svl::recording::files;
-use svl::source::{self, CAMERAS, Calib, Opened, Request, SOURCES};
+use svl::matcher::{Algorithm, Range, Value};
+use svl::recording::{TruthSelection, files};
+use svl::source::{self, CAMERAS, Calib, Opened, ReferenceSource, Request, SOURCES, Source};
 
 /// Which pairs to read of a recording that svl did not write.
 #[derive(clap::Args, Default)]
@@ -31,12 +31,27 @@ pub(crate) struct TopicArgs {
         value_parser = usage::within(0.0..=60_000.0)
     )]
     pub max_skew_ms: Option<f64>,
+    /// Topic of another sensor in the recording that measures the truth: a depth image, a point
+    /// cloud or a laser scan. It takes the place of the recording's own truth
+    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
+    truth: Option<String>,
+    /// Largest difference of the stamps of a pair and its measurement [default: 20]
+    #[arg(
+        long, value_name = "MS", allow_negative_numbers = true, requires = "truth",
+        value_parser = usage::within(0.0..=60_000.0)
+    )]
+    truth_skew_ms: Option<f64>,
 }
 
 impl TopicArgs {
     pub(crate) fn fill(&self, request: &mut Request<'_>) {
         request.topics = [self.left.clone(), self.right.clone()];
-        request.max_skew_ns = self.max_skew_ms.map(|ms| (ms * 1e6) as u64);
+        let ns = |ms: f64| (ms * 1e6) as u64;
+        request.max_skew_ns = self.max_skew_ms.map(ns);
+        request.truth = self.truth.clone().map(|topic| TruthSelection {
+            topic,
+            max_skew_ns: self.truth_skew_ms.map_or(TruthSelection::MAX_SKEW_NS, ns),
+        });
     }
 }
 
@@ -72,6 +87,44 @@ impl RectifyArgs {
     pub(crate) fn fill(&self, request: &mut Request<'_>) {
         request.calib = self.calib.clone().unwrap_or_default();
         request.alpha = self.alpha;
+    }
+}
+
+/// What pairs are judged against in place of a truth.
+#[derive(clap::Args)]
+pub(crate) struct ReferenceArgs {
+    /// Judge against this algorithm where it is sure (textured, left and right consistent), not
+    /// against a truth; given twice, where both agree
+    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
+    reference: Vec<Algorithm>,
+}
+
+impl ReferenceArgs {
+    /// Warns of algorithms that are judged against themselves.
+    pub(crate) fn check(&self, algorithms: &[Algorithm]) {
+        let is_reference = |algorithm: &&Algorithm| {
+            let name = algorithm.spec().name;
+            // exec is any program.
+            let same = |reference: &Algorithm| {
+                reference.spec().name == name
+                    && (name != "exec" || reference.parameters() == algorithm.parameters())
+            };
+            self.reference.iter().any(same)
+        };
+        for algorithm in algorithms.iter().filter(is_reference) {
+            tracing::warn!(
+                "{}: is judged against itself: it shares the reference's errors",
+                algorithm.label()
+            );
+        }
+    }
+
+    /// The source with the references' disparities for its truth, where there are references.
+    pub(crate) fn wrap(&self, source: Box<dyn Source>) -> svl::Result<Box<dyn Source>> {
+        match &self.reference[..] {
+            [] => Ok(source),
+            references => Ok(Box::new(ReferenceSource::new(source, references)?)),
+        }
     }
 }
 

@@ -137,7 +137,7 @@ impl Calibration {
         turned || self.d.iter().any(|coefficient| *coefficient != 0.0)
     }
 
-    fn camera(&self) -> Result<Intrinsics, String> {
+    pub(super) fn camera(&self) -> Result<Intrinsics, String> {
         // Models with more coefficients equal plumb_bob where the rest are 0.
         let (lens, rest) = self.d.split_at(self.d.len().min(5));
         if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
@@ -160,7 +160,7 @@ impl Calibration {
         Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
     }
 
-    fn projection(&self) -> Result<Matrix3x4<f64>, String> {
+    pub(super) fn projection(&self) -> Result<Matrix3x4<f64>, String> {
         match <[f64; 12]>::try_from(&self.p[..]) {
             // Uncalibrated cameras publish P of zeros; NaN fails too.
             Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
@@ -168,7 +168,7 @@ impl Calibration {
         }
     }
 
-    fn rotation(&self) -> Result<Rotation3<f64>, String> {
+    pub(super) fn rotation(&self) -> Result<Rotation3<f64>, String> {
         let r = <[f64; 9]>::try_from(&self.r[..])
             .map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
         rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())

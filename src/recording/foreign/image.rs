@@ -89,13 +89,15 @@ fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
     .map_err(|e| e.to_string())
 }
 
-fn ros_stamp(ros::RosTime { sec, nanosec }: ros::RosTime) -> Result<Option<u64>, String> {
+pub(super) fn ros_stamp(
+    ros::RosTime { sec, nanosec }: ros::RosTime,
+) -> Result<Option<u64>, String> {
     let sec = u32::try_from(sec).map_err(|_| format!("its stamp of {sec} s is before 1970"))?;
     Ok(stamp(Some((sec, nanosec))))
 }
 
 /// Nanoseconds; a stamp of 0 was never set.
-fn stamp(parts: Option<(u32, u32)>) -> Option<u64> {
+pub(super) fn stamp(parts: Option<(u32, u32)>) -> Option<u64> {
     let (seconds, nanoseconds) = parts?;
     Some(u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds)).filter(|&ns| ns > 0)
 }

@@ -9,6 +9,15 @@ pub(super) struct JsonTime {
     pub(super) nsec: u32,
 }
 
+/// What all messages with a frame begin with.
+#[derive(Deserialize)]
+pub(super) struct JsonHead {
+    #[serde(default)]
+    pub(super) timestamp: JsonTime,
+    #[serde(default)]
+    pub(super) frame_id: String,
+}
+
 #[derive(Deserialize)]
 pub(super) struct JsonRawImage {
     #[serde(default)]

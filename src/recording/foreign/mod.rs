@@ -5,9 +5,11 @@ mod camera;
 mod image;
 mod json;
 mod pixels;
+mod sensor;
 mod stamp_pairing;
 mod topics;
 
+pub use sensor::{RawCamera, TruthSelection, TruthTopic};
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
@@ -211,6 +213,10 @@ impl PairSource for Foreign {
 
     fn late(&self) -> u64 {
         self.partners.late()
+    }
+
+    fn left_topic(&self) -> &str {
+        &self.images[0]
     }
 
     fn why_none(&self) -> String {

@@ -82,7 +82,7 @@ pub(in crate::recording) fn read<'a, T>(
 pub(in crate::recording) fn image<'a>(
     cdr: &mut CdrReader<'a, LittleEndian>,
 ) -> Result<(RosTime, RawPixels<'a>)> {
-    let stamp = header(cdr)?;
+    let stamp = header(cdr)?.stamp;
     let image = RawPixels {
         height: cdr.read_u32()?,
         width: cdr.read_u32()?,
@@ -98,7 +98,7 @@ pub(in crate::recording) fn compressed_image<'a>(
     cdr: &mut CdrReader<'a, LittleEndian>,
 ) -> Result<RosCompressedImage<'a>> {
     Ok(RosCompressedImage {
-        stamp: header(cdr)?,
+        stamp: header(cdr)?.stamp,
         format: cdr.read_str()?,
         data: cdr.read_byte_sequence()?,
     })
@@ -114,12 +114,7 @@ pub(in crate::recording) fn camera_info(
         cdr.read_str()?.to_owned(),
     );
     let coefficients = cdr.read_sequence_length()?;
-    // Checked before anything is allocated for them.
-    if coefficients > MAX_DISTORTION {
-        return Err(Error::Custom(format!(
-            "{coefficients} distortion coefficients, at most {MAX_DISTORTION} expected"
-        )));
-    }
+    let coefficients = limited(coefficients, MAX_DISTORTION, "distortion coefficients")?;
     let distortion = (0..coefficients)
         .map(|_| cdr.read_f64())
         .collect::<Result<_>>()?;
@@ -141,13 +136,116 @@ pub(in crate::recording) fn camera_info(
     })
 }
 
-fn header(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<RosTime> {
+/// std_msgs/msg/Header, with which most messages begin.
+pub(in crate::recording) struct RosHeader<'a> {
+    pub(in crate::recording) stamp: RosTime,
+    pub(in crate::recording) frame_id: &'a str,
+}
+
+pub(in crate::recording) fn header<'a>(
+    cdr: &mut CdrReader<'a, LittleEndian>,
+) -> Result<RosHeader<'a>> {
     let stamp = RosTime {
         sec: cdr.read_i32()?,
         nanosec: cdr.read_u32()?,
     };
-    let _frame_id = cdr.read_str()?;
-    Ok(stamp)
+    let frame_id = cdr.read_str()?;
+    Ok(RosHeader { stamp, frame_id })
+}
+
+/// sensor_msgs/msg/PointCloud2.
+pub(in crate::recording) struct RosCloud<'a> {
+    pub(in crate::recording) width: u32,
+    pub(in crate::recording) height: u32,
+    /// Name, offset in bytes and type of each field of a point.
+    pub(in crate::recording) fields: Vec<(&'a str, u32, u8)>,
+    pub(in crate::recording) big_endian: bool,
+    /// Bytes of a point and of a row.
+    pub(in crate::recording) point_step: u32,
+    pub(in crate::recording) row_step: u32,
+    pub(in crate::recording) data: &'a [u8],
+}
+
+/// sensor_msgs/msg/LaserScan: angles in radians, ranges in metres.
+pub(in crate::recording) struct RosScan {
+    pub(in crate::recording) angle_min: f64,
+    pub(in crate::recording) angle_increment: f64,
+    pub(in crate::recording) range_min: f64,
+    pub(in crate::recording) range_max: f64,
+    pub(in crate::recording) ranges: Vec<f64>,
+}
+
+/// Limit of fields of a point: lidars have ten.
+const MAX_FIELDS: usize = 1000;
+
+pub(in crate::recording) fn point_cloud<'a>(
+    cdr: &mut CdrReader<'a, LittleEndian>,
+) -> Result<RosCloud<'a>> {
+    header(cdr)?;
+    let (height, width) = (cdr.read_u32()?, cdr.read_u32()?);
+    let count = limited(cdr.read_sequence_length()?, MAX_FIELDS, "fields of a point")?;
+    let mut fields = Vec::with_capacity(count);
+    for _ in 0..count {
+        fields.push((cdr.read_str()?, cdr.read_u32()?, cdr.read_u8()?));
+        let _count = cdr.read_u32()?;
+    }
+    Ok(RosCloud {
+        width,
+        height,
+        fields,
+        big_endian: cdr.read_u8()? != 0,
+        point_step: cdr.read_u32()?,
+        row_step: cdr.read_u32()?,
+        data: cdr.read_byte_sequence()?,
+    })
+}
+
+pub(in crate::recording) fn laser_scan(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<RosScan> {
+    header(cdr)?;
+    let (angle_min, _angle_max) = (cdr.read_f32()?, cdr.read_f32()?);
+    let angle_increment = cdr.read_f32()?;
+    let (_time_increment, _scan_time) = (cdr.read_f32()?, cdr.read_f32()?);
+    let (range_min, range_max) = (cdr.read_f32()?, cdr.read_f32()?);
+    // As many as there are bytes for, at most.
+    let count = cdr.read_sequence_length()?;
+    let count = limited(count, cdr.remaining() / size_of::<f32>(), "ranges")?;
+    let ranges = (0..count).map(|_| cdr.read_f32().map(f64::from));
+    Ok(RosScan {
+        angle_min: angle_min.into(),
+        angle_increment: angle_increment.into(),
+        range_min: range_min.into(),
+        range_max: range_max.into(),
+        ranges: ranges.collect::<Result<_>>()?,
+    })
+}
+
+/// A transform: parent and child frame, translation in metres, rotation as x, y, z, w.
+pub(in crate::recording) type RosTransform = (String, String, [f64; 3], [f64; 4]);
+
+/// Limit of transforms in a message.
+const MAX_TRANSFORMS: usize = 10_000;
+
+/// tf2_msgs/msg/TFMessage.
+pub(in crate::recording) fn transforms(
+    cdr: &mut CdrReader<'_, LittleEndian>,
+) -> Result<Vec<RosTransform>> {
+    let count = limited(cdr.read_sequence_length()?, MAX_TRANSFORMS, "transforms")?;
+    let transform = |_| {
+        let parent = header(cdr)?.frame_id.to_owned();
+        let child = cdr.read_str()?.to_owned();
+        Ok((parent, child, floats(cdr)?, floats(cdr)?))
+    };
+    (0..count).map(transform).collect()
+}
+
+/// Checked before anything is allocated for so many.
+fn limited(count: usize, limit: usize, what: &str) -> Result<usize> {
+    if count > limit {
+        return Err(Error::Custom(format!(
+            "{count} {what}, at most {limit} expected"
+        )));
+    }
+    Ok(count)
 }
 
 fn floats<const N: usize>(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<[f64; N]> {

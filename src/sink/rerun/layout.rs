@@ -17,7 +17,8 @@ use std::path::Path;
 
 /// What the first frame holds. A view without data would only be a hole in the layout.
 pub(super) struct Facts {
-    pub truth: bool,
+    /// What its truth is called, where it has one.
+    pub truth: Option<String>,
     pub rig: bool,
     pub named: bool,
     /// Size of the images, unless they come from several scenes.
@@ -32,7 +33,8 @@ pub(super) struct Facts {
 /// the bottom.
 pub(super) fn run(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     let one = algorithms.len() == 1;
-    let truth_overlay = facts.truth.then(|| picture("truth", "truth/overlay"));
+    let truth = facts.truth.as_deref();
+    let truth_overlay = truth.map(|name| picture(name, "truth/overlay"));
     let overlays: Vec<LayoutNode> = algorithms
         .iter()
         .map(|a| picture(&a.label, &a.path("overlay")))
@@ -83,8 +85,11 @@ fn maps(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
                 map(name, &path)
             }
         });
-        let truth = (kind == "depth" && facts.truth)
-            .then(|| map(if one { "true depth" } else { "truth" }, "truth/depth"));
+        let truth = facts.truth.as_deref().filter(|_| kind == "depth");
+        let truth = truth.map(|name| match (one, name) {
+            (true, "truth") => map("true depth", "truth/depth"),
+            (_, name) => map(name, "truth/depth"),
+        });
         let views: Vec<LayoutNode> = views.chain(truth).collect();
         match one {
             true => nodes.extend(views),

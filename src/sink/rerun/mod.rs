@@ -40,7 +40,7 @@ use super::{RunStart, Sink};
 use crate::arena::WireObject;
 use crate::error::{Error, Result};
 use crate::score::{Judged, METRICS, Metric};
-use crate::stereo::{ExtraPlanes, Frame, Pose, Rig};
+use crate::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use crate::timing::Stage;
 use ::rerun::{
     Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
@@ -208,7 +208,10 @@ impl RerunSink {
             estimates.any(|scored| scored.metrics.value(metric).is_some())
         };
         let facts = layout::Facts {
-            truth: frame.truth.is_some(),
+            truth: frame.truth.as_ref().map(|truth| match &truth.kind.origin {
+                TruthOrigin::Exact => "truth".to_owned(),
+                other => other.to_string(),
+            }),
             rig: frame.rig().is_some(),
             named: frame.name.is_some(),
             size: frame.name.is_none().then(|| frame.pair.size()),

@@ -20,6 +20,7 @@ mod live;
 mod matching;
 mod record;
 mod rectify;
+mod reference;
 mod replay;
 mod reproduce;
 mod score;

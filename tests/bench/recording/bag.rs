@@ -83,11 +83,20 @@ fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) ->
 }
 
 fn cdr(stamp: u64, write: impl FnOnce(&mut CdrWriter<'_, LittleEndian>)) -> Vec<u8> {
+    cdr_in("cam", stamp, write)
+}
+
+/// A message with a header of that frame.
+pub(crate) fn cdr_in(
+    frame: &str,
+    stamp: u64,
+    write: impl FnOnce(&mut CdrWriter<'_, LittleEndian>),
+) -> Vec<u8> {
     let mut data = vec![0, 1, 0, 0];
     let mut cdr = CdrWriter::<LittleEndian>::new(&mut data);
     cdr.write_u32((stamp / 1_000_000_000) as u32);
     cdr.write_u32((stamp % 1_000_000_000) as u32);
-    cdr.write_string("cam");
+    cdr.write_string(frame);
     write(&mut cdr);
     data
 }
@@ -185,14 +194,14 @@ pub(crate) fn camera_info_of(topic: &'static str, stamp: u64, camera: &Camera<'_
     Message::cdr(topic, "sensor_msgs/msg/CameraInfo", stamp, data)
 }
 
-fn timestamp(stamp: u64) -> Option<foxglove::messages::Timestamp> {
+pub(crate) fn timestamp(stamp: u64) -> Option<foxglove::messages::Timestamp> {
     Some(foxglove::messages::Timestamp::new(
         (stamp / 1_000_000_000) as u32,
         (stamp % 1_000_000_000) as u32,
     ))
 }
 
-fn protobuf<T: foxglove::Encode>(
+pub(crate) fn protobuf<T: foxglove::Encode>(
     topic: &'static str,
     schema: &'static str,
     log_time: u64,

@@ -11,5 +11,6 @@ mod frames;
 mod kill;
 mod recovery;
 mod round_trip;
+mod sensor;
 mod summary;
 mod unchecked;

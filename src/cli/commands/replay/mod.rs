@@ -4,7 +4,7 @@ mod verify;
 
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::recordings::{self, RECORDINGS};
-use crate::cli::shared::source::{self, RectifyArgs, TopicArgs};
+use crate::cli::shared::source::{self, RectifyArgs, ReferenceArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
@@ -53,6 +53,8 @@ pub(crate) struct Args {
     topics: TopicArgs,
     #[command(flatten)]
     rectify: RectifyArgs,
+    #[command(flatten)]
+    reference: ReferenceArgs,
     /// As fast as possible (asap), or X times the recorded speed
     #[arg(
         long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
@@ -128,6 +130,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (named, _) => named.to_vec(),
     };
     let mut matchers = Matchers::new(&algorithms)?;
+    args.reference.check(&algorithms);
+    opened.source = args.reference.wrap(opened.source)?;
 
     outputs.set_aside()?;
     let manifest = Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?;

@@ -3,7 +3,7 @@
 mod sweep;
 
 use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
-use crate::cli::shared::source::data_folder;
+use crate::cli::shared::source::{ReferenceArgs, data_folder};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::{recordings, runner, usage};
 use anyhow::bail;
@@ -62,6 +62,8 @@ pub(crate) struct Args {
         value_parser = NonEmptyStringValueParser::new()
     )]
     scenes: Vec<String>,
+    #[command(flatten)]
+    reference: ReferenceArgs,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -119,7 +121,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim_folder(&folder, &REPORT)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let data = data_folder(args.data.as_deref());
-    let mut runs = runs(&scenario, data.as_deref(), quiet)?;
+    let mut runs = runs(&scenario, data.as_deref(), quiet)?
+        .into_iter()
+        .map(|run| run.against(&args.reference))
+        .collect::<svl::Result<Vec<_>>>()?;
+    args.reference.check(&scenario.algorithms);
     outputs.set_aside()?;
     let mut report = ScoreReport::begin(&scenario, &folder)?;
     let mut total = Outcome::default();
@@ -215,6 +221,16 @@ struct Run {
     /// Of an arena's run.
     seed: Option<u64>,
     source: Box<dyn Source>,
+}
+
+impl Run {
+    /// The run, judged against the references, where there are some.
+    fn against(self, references: &ReferenceArgs) -> svl::Result<Self> {
+        Ok(Self {
+            source: references.wrap(self.source)?,
+            ..self
+        })
+    }
 }
 
 /// The scenario's runs; those of an arena are recorded where the cache does not hold them.

@@ -1,0 +1,174 @@
+//! Points in space as disparities of the left image: a z-buffer, without the points that nearer
+//! ones hide.
+
+use crate::stereo::{Plane, Rig};
+use nalgebra::Point3;
+
+/// A point is nearer than another when its depth is less by this share: half of what a cell's
+/// distance may be off.
+const NEARER: f64 = 0.1;
+/// Largest radius in which a point is looked for that hides another, pixels.
+const MAX_RADIUS: usize = 16;
+
+/// The disparities of `points`, metres in the rectified left camera's frame (x right, y down, z
+/// forward), as the left image of `size` shows them: `+∞` where there is none. Of several points
+/// in one pixel the nearest counts.
+///
+/// Another sensor sees between the points of a near surface what the camera does not see behind
+/// it. So a point is dropped as hidden when points that are nearer by a tenth lie around it within
+/// the points' spacing and a half: on its left and its right, or above and below it. That is
+/// the screen-space visibility of Pintus, Gobbetti and Agus (Real-time rendering of massive
+/// unstructured raw point clouds using screen-space operators, VAST 2011) with four sectors in
+/// place of their solid angle. A floor, a slanted wall and what stands beside an edge have nearer
+/// neighbours on one side alone and stay.
+pub fn project(
+    points: impl IntoIterator<Item = Point3<f64>>,
+    rig: &Rig,
+    size: (usize, usize),
+) -> Plane<f32> {
+    // The image has this size, so a plane can.
+    let mut nearest = Plane::filled(size.0, size.1, f32::INFINITY).expect("the size of an image");
+    let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
+    for point in points {
+        // False for NaN too.
+        if !(point.z > 0.0 && point.z.is_finite()) {
+            continue;
+        }
+        let pixel = |offset: f64, center: f64, side: usize| {
+            let place = (focal * offset / point.z + center).round();
+            (place >= 0.0 && place < side as f64).then_some(place as usize)
+        };
+        let (Some(x), Some(y)) = (pixel(point.x, cx, size.0), pixel(point.y, cy, size.1)) else {
+            continue;
+        };
+        let disparity = rig.disparity_px(point.z) as f32;
+        let known = nearest.get(x, y);
+        if disparity.is_finite() && !(known >= disparity && known.is_finite()) {
+            nearest.set(x, y, disparity);
+        }
+    }
+    without_hidden(&nearest, rig.doffs_px() as f32)
+}
+
+fn without_hidden(nearest: &Plane<f32>, doffs: f32) -> Plane<f32> {
+    let (width, height) = nearest.size();
+    let samples: Vec<_> = nearest
+        .rows()
+        .enumerate()
+        .flat_map(|(y, row)| {
+            let known = row.iter().enumerate().filter(|(_, d)| d.is_finite());
+            known.map(move |(x, &d)| (x, y, d))
+        })
+        .collect();
+    let radius = radius(&samples);
+    let mut seen = nearest.clone();
+    for &(x, y, d) in &samples {
+        // Inverse depths: f·B/z is d + doffs.
+        let limit = (d + doffs) / (1.0 - NEARER as f32);
+        let [mut left, mut right, mut above, mut below] = [false; 4];
+        for v in y.saturating_sub(radius)..(y + radius + 1).min(height) {
+            let first = x.saturating_sub(radius);
+            let window = &nearest.row(v)[first..(x + radius + 1).min(width)];
+            for (u, &other) in (first..).zip(window) {
+                if other.is_finite() && other + doffs > limit {
+                    let (dx, dy) = (u.abs_diff(x), v.abs_diff(y));
+                    left |= dx >= dy && u < x;
+                    right |= dx >= dy && u > x;
+                    above |= dy >= dx && v < y;
+                    below |= dy >= dx && v > y;
+                }
+            }
+        }
+        if left && right || above && below {
+            seen.set(x, y, f32::INFINITY);
+        }
+    }
+    seen
+}
+
+/// One and a half times the mean spacing of the samples in the area that they cover.
+fn radius(samples: &[(usize, usize, f32)]) -> usize {
+    let range = |of: fn(&(usize, usize, f32)) -> usize| {
+        let (least, most) = samples
+            .iter()
+            .map(of)
+            .fold((usize::MAX, 0), |(a, b), v| (a.min(v), b.max(v)));
+        (most + 1).saturating_sub(least)
+    };
+    let area = range(|s| s.0) * range(|s| s.1);
+    let spacing = (area as f64 / samples.len().max(1) as f64).sqrt();
+    ((1.5 * spacing).ceil() as usize).clamp(2, MAX_RADIUS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig() -> Rig {
+        Rig::new(100.0, (20.0, 15.0), 0.1, 0.0).unwrap()
+    }
+
+    /// The point that pixel (x, y) sees at that depth.
+    fn at(x: usize, y: usize, z: f64) -> Point3<f64> {
+        Point3::new(
+            (x as f64 - 20.0) * z / 100.0,
+            (y as f64 - 15.0) * z / 100.0,
+            z,
+        )
+    }
+
+    #[test]
+    fn a_pixel_has_the_nearest_of_its_points() {
+        let points = [at(3, 4, 2.0), at(3, 4, 1.0), at(3, 4, 5.0), at(30, 20, 4.0)];
+        let seen = project(points, &rig(), (41, 31));
+        assert_eq!((seen.get(3, 4), seen.get(30, 20)), (10.0, 2.5));
+        assert_eq!(seen.pixels().filter(|d| d.is_finite()).count(), 2);
+    }
+
+    #[test]
+    fn what_is_behind_the_camera_outside_or_no_point_is_left_out() {
+        let points = [
+            Point3::new(0.0, 0.0, -1.0),
+            Point3::new(0.0, 0.0, 0.0),
+            Point3::new(f64::NAN, 0.0, 1.0),
+            Point3::new(0.0, 0.0, f64::NAN),
+            Point3::new(0.0, 0.0, f64::INFINITY),
+            Point3::new(9.0, 0.0, 1.0),
+            Point3::new(0.0, -9.0, 1.0),
+        ];
+        let seen = project(points, &rig(), (41, 31));
+        assert!(seen.pixels().all(|d| d == f32::INFINITY));
+    }
+
+    #[test]
+    fn points_between_those_of_a_nearer_surface_are_hidden() {
+        // Every other pixel of a board at 1 m, columns 10 to 30, and a wall at 3 m in the others.
+        let grid = || (0..31).flat_map(|y| (0..41).map(move |x| (x, y)));
+        let is_board = |x: usize| (10..=30).contains(&x);
+        let points = grid().map(|(x, y)| match (x + y) % 2 == 0 && is_board(x) {
+            true => at(x, y, 1.0),
+            false => at(x, y, 3.0),
+        });
+        let seen = project(points, &rig(), (41, 31));
+        for (x, y) in grid() {
+            let expected = match (is_board(x), (x + y) % 2 == 0) {
+                (true, true) => 10.0,
+                (true, false) => f32::INFINITY,
+                (false, _) => (10.0f64 / 3.0) as f32,
+            };
+            // At the board's edge a point has the board on one side alone.
+            let is_edge = x.abs_diff(10) < 2 || x.abs_diff(30) < 2;
+            assert!(is_edge || seen.get(x, y) == expected, "({x}, {y})");
+        }
+    }
+
+    #[test]
+    fn a_floor_that_rises_to_the_horizon_stays() {
+        // 0.1 m below the camera, every second row.
+        let rows = (17..31).step_by(2);
+        let points =
+            rows.flat_map(|y| (0..41).map(move |x| at(x, y, 0.1 * 100.0 / (y as f64 - 15.0))));
+        let seen = project(points, &rig(), (41, 31));
+        assert_eq!(seen.pixels().filter(|d| d.is_finite()).count(), 7 * 41);
+    }
+}

@@ -1,0 +1,164 @@
+//! The kinds of messages that measure distances, and how they are read.
+
+use super::{Channel, Plane, depth_image, points};
+use crate::recording::foreign::{image, json};
+use crate::recording::{decode_protobuf, ros};
+use foxglove::messages;
+use nalgebra::Point3;
+
+/// What a message measured.
+pub(super) enum Measured {
+    /// Depths along the optical axis, metres; NaN where there is none.
+    Depth(Plane<f32>),
+    /// Points in the sensor's frame, metres.
+    Points(Vec<Point3<f64>>),
+}
+
+/// Reads a message of a channel.
+type Read<T> = fn(&Channel, &[u8]) -> Result<T, String>;
+
+/// A type of message that measures distances.
+pub(super) struct MeasuredKind {
+    schema: &'static str,
+    encoding: &'static str,
+    decode: Decode,
+}
+
+#[derive(Clone, Copy)]
+enum Decode {
+    Depth(Read<Plane<f32>>),
+    Points(Read<Vec<Point3<f64>>>),
+}
+
+/// All of them. A new one is its function and a line here.
+const KINDS: &[MeasuredKind] = &[
+    depth("sensor_msgs/msg/Image", "cdr", depth_image::ros_image),
+    depth(
+        "sensor_msgs/msg/CompressedImage",
+        "cdr",
+        depth_image::compressed,
+    ),
+    depth("foxglove.RawImage", "protobuf", depth_image::foxglove_image),
+    cloud("sensor_msgs/msg/PointCloud2", "cdr", points::ros_cloud),
+    cloud("sensor_msgs/msg/LaserScan", "cdr", points::ros_scan),
+    cloud("foxglove.PointCloud", "protobuf", points::foxglove_cloud),
+    cloud("foxglove.LaserScan", "protobuf", points::foxglove_scan),
+];
+
+const fn depth(
+    schema: &'static str,
+    encoding: &'static str,
+    decode: Read<Plane<f32>>,
+) -> MeasuredKind {
+    let decode = Decode::Depth(decode);
+    MeasuredKind {
+        schema,
+        encoding,
+        decode,
+    }
+}
+
+const fn cloud(
+    schema: &'static str,
+    encoding: &'static str,
+    decode: Read<Vec<Point3<f64>>>,
+) -> MeasuredKind {
+    let decode = Decode::Points(decode);
+    MeasuredKind {
+        schema,
+        encoding,
+        decode,
+    }
+}
+
+/// The kind of a topic's messages.
+///
+/// # Errors
+/// What the topic is, or which there are.
+pub(super) fn of(
+    channels: &[&Channel],
+    topic: &str,
+    left: &str,
+) -> Result<&'static MeasuredKind, String> {
+    let is_of = |channel: &Channel| KINDS.iter().find(|kind| kind.schema == channel.schema);
+    let Some(channel) = channels.iter().find(|channel| channel.topic == topic) else {
+        let known = channels
+            .iter()
+            .filter(|c| is_of(c).is_some() && c.topic != left);
+        let mut known: Vec<_> = known
+            .map(|c| format!("{} ({})", c.topic, c.schema))
+            .collect();
+        known.sort_unstable();
+        known.dedup();
+        return Err(match &known[..] {
+            [] => "no such topic, and none that measures distances".to_owned(),
+            known => format!("no such topic; it has {}", known.join(", ")),
+        });
+    };
+    let schemas: Vec<_> = KINDS.iter().map(|kind| kind.schema).collect();
+    let kind = is_of(channel).ok_or_else(|| {
+        let (schema, known) = (&channel.schema, schemas.join(", "));
+        format!("has messages of {schema}; distances are read of {known}")
+    })?;
+    match kind.encoding == channel.encoding {
+        true => Ok(kind),
+        false => Err(format!(
+            "its {} is in '{}', svl reads {} there",
+            channel.schema, channel.encoding, kind.encoding
+        )),
+    }
+}
+
+impl MeasuredKind {
+    pub(super) fn is_depth(&self) -> bool {
+        matches!(self.decode, Decode::Depth(_))
+    }
+
+    /// The stamp of a message and what it measured.
+    ///
+    /// # Errors
+    /// Why it cannot be read.
+    pub(super) fn read(
+        &self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> Result<(u64, Measured), String> {
+        let stamp = head(channel, data)?.0.unwrap_or(log_time);
+        let measured = match self.decode {
+            Decode::Depth(decode) => Measured::Depth(decode(channel, data)?),
+            Decode::Points(decode) => Measured::Points(decode(channel, data)?),
+        };
+        Ok((stamp, measured))
+    }
+}
+
+/// The stamp of a message, if any, and the name of its frame.
+pub(super) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, String), String> {
+    macro_rules! foxglove {
+        ($kind:ident) => {{
+            let message: messages::$kind = decode_protobuf(data)?;
+            let stamp = image::stamp(message.timestamp.map(|t| (t.sec(), t.nsec())));
+            Ok((stamp, message.frame_id))
+        }};
+    }
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        (_, "cdr") => {
+            let head = ros::read(data, ros::header)?;
+            Ok((image::ros_stamp(head.stamp)?, head.frame_id.to_owned()))
+        }
+        (_, "json") => {
+            let json::JsonHead {
+                timestamp,
+                frame_id,
+            } = json::read(data)?;
+            let stamp = image::stamp(Some((timestamp.sec, timestamp.nsec)));
+            Ok((stamp, frame_id))
+        }
+        ("foxglove.RawImage", _) => foxglove!(RawImage),
+        ("foxglove.CompressedImage", _) => foxglove!(CompressedImage),
+        ("foxglove.PointCloud", _) => foxglove!(PointCloud),
+        ("foxglove.LaserScan", _) => foxglove!(LaserScan),
+        (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
+    }
+}

@@ -1,0 +1,170 @@
+//! The transforms between the frames of a robot that do not move: `/tf_static`, and Foxglove's.
+
+use crate::recording::messages::Channel;
+use crate::recording::{decode_protobuf, ros};
+use foxglove::messages::{FrameTransform, FrameTransforms};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use std::collections::BTreeMap;
+
+/// Longest chain of transforms: a robot arm has ten, a damaged tree may have a circle.
+const MAX_CHAIN: usize = 100;
+/// Limit of frames: what a robot of many arms has, times ten.
+const MAX_FRAMES: usize = 10_000;
+
+/// Transforms by the name of the child's frame: the parent's, and the child's pose in it.
+#[derive(Default)]
+pub(super) struct Transforms(BTreeMap<String, (String, Isometry3<f64>)>);
+
+/// One transform: parent, child, translation, rotation as x, y, z, w.
+type Link = (String, String, [f64; 3], [f64; 4]);
+
+impl Transforms {
+    /// Whether the messages of a channel hold such transforms: those of ROS only in `/tf_static`,
+    /// as `/tf` moves; Foxglove has no such rule, so there the first of each frame counts.
+    pub(super) fn reads(channel: &Channel) -> bool {
+        match channel.schema.as_str() {
+            "tf2_msgs/msg/TFMessage" => channel.topic.ends_with("tf_static"),
+            "foxglove.FrameTransform" | "foxglove.FrameTransforms" => {
+                channel.encoding == "protobuf"
+            }
+            _ => false,
+        }
+    }
+
+    /// Takes in a message of a channel that [`Transforms::reads`].
+    ///
+    /// # Errors
+    /// Why it cannot be read.
+    pub(super) fn add(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
+        let links: Vec<Link> = match channel.schema.as_str() {
+            "foxglove.FrameTransform" => vec![link(decode_protobuf(data)?)?],
+            "foxglove.FrameTransforms" => {
+                let message: FrameTransforms = decode_protobuf(data)?;
+                message
+                    .transforms
+                    .into_iter()
+                    .map(link)
+                    .collect::<Result<_, _>>()?
+            }
+            _ => ros::read(data, ros::transforms)?,
+        };
+        for (parent, child, [x, y, z], [qx, qy, qz, qw]) in links {
+            let rotation = Quaternion::new(qw, qx, qy, qz);
+            let numbers = [x, y, z, rotation.norm()];
+            if !numbers.iter().all(|v| v.is_finite()) || (rotation.norm() - 1.0).abs() > 1e-3 {
+                return Err(format!("its transform of '{child}' in '{parent}' is none"));
+            }
+            let pose = Isometry3::from_parts(
+                Translation3::new(x, y, z),
+                UnitQuaternion::from_quaternion(rotation),
+            );
+            if self.0.len() < MAX_FRAMES {
+                let (parent, child) = (plain(&parent).to_owned(), plain(&child).to_owned());
+                self.0.entry(child).or_insert((parent, pose));
+            }
+        }
+        Ok(())
+    }
+
+    /// The pose of frame `from` in frame `to`, by their common ancestor.
+    pub(super) fn between(&self, to: &str, from: &str) -> Option<Isometry3<f64>> {
+        let (to, from) = (self.ancestors(to), self.ancestors(from));
+        let common = |(name, up): &(&str, Isometry3<f64>)| {
+            let (_, to_up) = to.iter().find(|(other, _)| other == name)?;
+            Some(to_up.inverse() * up)
+        };
+        from.iter().find_map(common)
+    }
+
+    /// The frame itself and those above it, with its pose in each.
+    fn ancestors<'a>(&'a self, frame: &'a str) -> Vec<(&'a str, Isometry3<f64>)> {
+        let mut above = vec![(plain(frame), Isometry3::identity())];
+        while let Some((name, pose)) = above.last().copied()
+            && let Some((parent, own)) = self.0.get(name)
+            && above.len() < MAX_CHAIN
+        {
+            above.push((parent, own * pose));
+        }
+        above
+    }
+
+    /// What there is, for an error.
+    pub(super) fn listed(&self) -> String {
+        let links = self
+            .0
+            .iter()
+            .map(|(child, (parent, _))| format!("{parent} → {child}"));
+        let shown: Vec<_> = links.clone().take(8).collect();
+        match (shown.len(), self.0.len() - shown.len()) {
+            (0, _) => "no transform".to_owned(),
+            (_, 0) => shown.join(", "),
+            (_, more) => format!("{} and {more} more", shown.join(", ")),
+        }
+    }
+}
+
+/// Names of tf 1 begin with a slash.
+pub(super) fn plain(frame: &str) -> &str {
+    frame.trim_start_matches('/')
+}
+
+fn link(message: FrameTransform) -> Result<Link, String> {
+    let FrameTransform {
+        parent_frame_id,
+        child_frame_id,
+        translation: Some(t),
+        rotation: Some(q),
+        ..
+    } = message
+    else {
+        return Err("it lacks translation or rotation".to_owned());
+    };
+    let rotation = [q.x, q.y, q.z, q.w];
+    Ok((parent_frame_id, child_frame_id, [t.x, t.y, t.z], rotation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Point3, Vector3};
+
+    fn tree(links: &[(&str, &str, [f64; 3], f64)]) -> Transforms {
+        let link = |&(parent, child, [x, y, z], yaw): &(&str, &str, [f64; 3], f64)| {
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+            let pose = Isometry3::from_parts(Translation3::new(x, y, z), turn);
+            (child.to_owned(), (parent.to_owned(), pose))
+        };
+        Transforms(links.iter().map(link).collect())
+    }
+
+    #[test]
+    fn frames_are_joined_by_their_common_ancestor() {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let transforms = tree(&[
+            ("base", "camera", [1.0, 0.0, 0.0], 0.0),
+            ("base", "mast", [0.0, 2.0, 0.0], quarter),
+            ("mast", "lidar", [1.0, 0.0, 0.0], 0.0),
+        ]);
+        // Of the lidar's origin: a metre along the mast's x, which is base's y.
+        let pose = transforms.between("camera", "/lidar").unwrap();
+        let origin = pose * Point3::origin();
+        assert!(
+            (origin - Point3::new(-1.0, 3.0, 0.0)).norm() < 1e-12,
+            "{origin}"
+        );
+        let back = transforms.between("lidar", "camera").unwrap();
+        assert!((back * origin).coords.norm() < 1e-12);
+        assert_eq!(transforms.between("camera", "elsewhere"), None);
+        assert_eq!(
+            transforms.between("camera", "camera"),
+            Some(Isometry3::identity())
+        );
+        assert!(transforms.listed().contains("mast → lidar"));
+    }
+
+    #[test]
+    fn a_circle_ends() {
+        let circle = tree(&[("a", "b", [0.0; 3], 0.0), ("b", "a", [0.0; 3], 0.0)]);
+        assert_eq!(circle.between("a", "c"), None);
+    }
+}

@@ -1,0 +1,443 @@
+//! Truth from another sensor of a bag: what is read, and what is refused.
+
+use super::bag::{self, Message, camera_info, cdr_in, protobuf, ros_image, timestamp};
+use super::frames::{PERIOD_NS, full, image, read};
+use ::image::codecs::png::PngEncoder;
+use ::image::{ExtendedColorType, ImageEncoder};
+use foxglove::messages as fox;
+use std::path::{Path, PathBuf};
+use svl::recording::TruthSelection;
+use svl::source::{Opened, Request, open_recording};
+use svl::stereo::{Frame, Truth, TruthDensity, TruthKind, TruthOrigin};
+
+const SIZE: (usize, usize) = (24, 16);
+const START_NS: u64 = 1_700_000_000_000_000_000;
+/// Focal length times baseline of [`pairs`], pixels times metres.
+const FB: f64 = 14.432;
+
+fn stamp(i: u64) -> u64 {
+    START_NS + i * PERIOD_NS
+}
+
+/// Two rectified pairs in frame `cam`, with a rig.
+fn pairs() -> Vec<Message> {
+    let pair = |i| {
+        let [left, right] = [2 * i, 2 * i + 1].map(|seed| image(SIZE, seed).pixels().collect());
+        let pixels: [Vec<u8>; 2] = [left, right];
+        [
+            camera_info("/cam0/camera_info", stamp(i), &[], 0.0),
+            camera_info("/cam1/camera_info", stamp(i), &[], -FB),
+            ros_image("/cam0/image_rect", stamp(i), SIZE, "mono8", &pixels[0]),
+            ros_image("/cam1/image_rect", stamp(i), SIZE, "mono8", &pixels[1]),
+        ]
+    };
+    (0..2).flat_map(pair).collect()
+}
+
+fn depth32(i: u64, size: (usize, usize), depth: impl Fn(usize, usize) -> f32) -> Message {
+    let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+    let bytes: Vec<u8> = pixels
+        .flat_map(|(x, y)| depth(x, y).to_le_bytes())
+        .collect();
+    ros_image("/depth", stamp(i), size, "32FC1", &bytes)
+}
+
+/// A sensor_msgs/msg/PointCloud2 of x, y, z as 32-bit floats.
+fn cloud(frame: &str, stamp: u64, points: &[[f32; 3]]) -> Message {
+    cloud_with(frame, stamp, points, false, 12 * points.len() as u32)
+}
+
+fn cloud_with(
+    frame: &str,
+    stamp: u64,
+    points: &[[f32; 3]],
+    big_endian: bool,
+    row_step: u32,
+) -> Message {
+    let bytes: Vec<u8> = points
+        .iter()
+        .flatten()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    let data = cdr_in(frame, stamp, |cdr| {
+        cdr.write_u32(1);
+        cdr.write_u32(points.len() as u32);
+        cdr.write_sequence_length(3);
+        for (name, offset) in [("x", 0), ("y", 4), ("z", 8)] {
+            cdr.write_string(name);
+            cdr.write_u32(offset);
+            cdr.write_u8(7);
+            cdr.write_u32(1);
+        }
+        cdr.write_bool(big_endian);
+        cdr.write_u32(12);
+        cdr.write_u32(row_step);
+        cdr.write_bytes(&bytes);
+        cdr.write_bool(true);
+    });
+    Message {
+        topic: "/points",
+        schema: "sensor_msgs/msg/PointCloud2",
+        encoding: "cdr",
+        log_time: stamp,
+        data,
+    }
+}
+
+/// A tf2_msgs/msg/TFMessage of translations.
+fn tf(topic: &'static str, links: &[(&str, &str, [f64; 3])]) -> Message {
+    let mut data = vec![0, 1, 0, 0];
+    let mut cdr = re_cdr::CdrWriter::<re_cdr::LittleEndian>::new(&mut data);
+    cdr.write_sequence_length(links.len());
+    for (parent, child, translation) in links {
+        cdr.write_u32(0);
+        cdr.write_u32(0);
+        cdr.write_string(parent);
+        cdr.write_string(child);
+        translation
+            .iter()
+            .chain(&[0.0, 0.0, 0.0, 1.0])
+            .for_each(|&v| cdr.write_f64(v));
+    }
+    Message {
+        topic,
+        schema: "tf2_msgs/msg/TFMessage",
+        encoding: "cdr",
+        log_time: START_NS,
+        data,
+    }
+}
+
+fn of(messages: impl IntoIterator<Item = Message>) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let messages: Vec<_> = messages.into_iter().collect();
+    let path = bag::write(folder.path(), &messages);
+    (folder, path)
+}
+
+fn open(path: &Path, topic: &str) -> svl::Result<Opened> {
+    open_recording(&Request {
+        truth: Some(TruthSelection {
+            topic: topic.to_owned(),
+            max_skew_ns: TruthSelection::MAX_SKEW_NS,
+        }),
+        ..Request::new(path.to_str().unwrap())
+    })
+}
+
+/// The truths of the two pairs, and how many lack one.
+fn truths(messages: impl IntoIterator<Item = Message>, topic: &str) -> (Vec<Option<Truth>>, u64) {
+    let (_folder, path) = of(pairs().into_iter().chain(messages));
+    let mut source = open(&path, topic).unwrap().source;
+    let frames: Vec<Frame> = std::iter::from_fn(|| source.next().unwrap()).collect();
+    let without = source.finish(2).without_truth;
+    (
+        frames.into_iter().map(|frame| frame.truth).collect(),
+        without,
+    )
+}
+
+/// The error of opening the source or reading its pairs, in one line.
+#[track_caller]
+fn refused(messages: impl IntoIterator<Item = Message>, topic: &str, words: &[&str]) {
+    let (_folder, path) = of(messages);
+    let read = open(&path, topic).and_then(|mut opened| {
+        while opened.source.next()?.is_some() {}
+        Ok(())
+    });
+    let error = read.expect_err("it is bad").to_string();
+    assert!(!error.contains('\n'), "{error}");
+    for word in [topic].iter().chain(words) {
+        assert!(error.contains(word), "'{word}' is not in: {error}");
+    }
+}
+
+#[test]
+fn an_aligned_depth_image_is_dense_and_without_what_is_no_depth() {
+    let depth = |x: usize, y: usize| match (x, y) {
+        (0, 0) => 0.0,
+        (1, 0) => f32::NAN,
+        (2, 0) => f32::INFINITY,
+        _ => 0.5 + x as f32 / 10.0,
+    };
+    let (truths, without) = truths([depth32(0, SIZE, depth), depth32(1, SIZE, depth)], "/depth");
+    assert_eq!(without, 0);
+    for truth in truths {
+        let truth = truth.unwrap();
+        assert_eq!(
+            truth.kind,
+            TruthKind {
+                density: TruthDensity::Dense,
+                origin: TruthOrigin::Sensor("/depth".into()),
+            }
+        );
+        assert!((0..3).all(|x| truth.disparity.get(x, 0) == f32::INFINITY));
+        let expected = (FB / (0.5 + 0.7)) as f32;
+        assert!((truth.disparity.get(7, 5) - expected).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn millimetres_and_compressed_depth_are_the_same_depths() {
+    let millimetres: Vec<u16> = (0..24 * 16).map(|i| 500 + i).collect();
+    let bytes: Vec<u8> = millimetres.iter().flat_map(|z| z.to_le_bytes()).collect();
+    // Twelve bytes of the transport's own, then the PNG.
+    let mut png = vec![0; 12];
+    PngEncoder::new(&mut png)
+        .write_image(&bytes, 24, 16, ExtendedColorType::L16)
+        .unwrap();
+    let compressed = |i, format| {
+        let message = bag::ros_compressed("/depth", stamp(i), format, &png);
+        Message {
+            topic: "/depth/compressedDepth",
+            ..message
+        }
+    };
+    let raw = |i| ros_image("/depth", stamp(i), SIZE, "16UC1", &bytes);
+    let (raws, _) = truths([raw(0), raw(1)], "/depth");
+    let format = "16UC1; compressedDepth png";
+    let (others, _) = truths(
+        [compressed(0, format), compressed(1, format)],
+        "/depth/compressedDepth",
+    );
+    let disparity = |truth: &Option<Truth>| truth.as_ref().unwrap().disparity.clone();
+    assert_eq!(disparity(&raws[0]), disparity(&others[0]));
+    assert!((disparity(&raws[0]).get(0, 0) - (FB / 0.5) as f32).abs() < 1e-4);
+    refused(
+        pairs()
+            .into_iter()
+            .chain([compressed(0, "16UC1; compressedDepth rvl")]),
+        "/depth/compressedDepth",
+        &["rvl", "PNG"],
+    );
+}
+
+#[test]
+fn the_nearest_measurement_within_the_limit_counts() {
+    let at = |i: u64, late_ns: u64, z: f32| {
+        let message = depth32(i, SIZE, |_, _| z);
+        let mut data = message.data.clone();
+        let stamp = stamp(i) + late_ns;
+        data[4..8].copy_from_slice(&((stamp / 1_000_000_000) as u32).to_le_bytes());
+        data[8..12].copy_from_slice(&((stamp % 1_000_000_000) as u32).to_le_bytes());
+        message.with(data)
+    };
+    let first = |truths: &[Option<Truth>]| truths[0].as_ref().map(|t| t.disparity.get(3, 3));
+    let (nearest, without) = truths([at(0, 15_000_000, 1.0), at(0, 4_000_000, 2.0)], "/depth");
+    assert_eq!((first(&nearest), without), (Some((FB / 2.0) as f32), 1));
+    let (late, without) = truths([at(0, 21_000_000, 1.0), at(1, 0, 1.0)], "/depth");
+    assert_eq!((first(&late), without), (None, 1));
+}
+
+#[test]
+fn a_cloud_is_moved_into_the_left_camera() {
+    // A lidar 0.5 m behind the camera and 0.2 m to its right; a point 2 m before the lidar.
+    let links = [
+        ("base", "cam", [0.0; 3]),
+        ("base", "lidar", [0.2, 0.0, -0.5]),
+    ];
+    let points = [
+        [-0.2, 0.0, 2.0],
+        [0.0, 0.0, 0.2],
+        [f32::NAN; 3],
+        [9.0, 0.0, 2.0],
+    ];
+    let clouds = (0..2).map(|i| cloud("lidar", stamp(i), &points));
+    let (found, without) = truths(clouds.chain([tf("/tf_static", &links)]), "/points");
+    let truth = found[1].as_ref().unwrap();
+    assert_eq!((truth.kind.density, without), (TruthDensity::Sparse, 0));
+    let known: Vec<_> = (0..16)
+        .flat_map(|y| (0..24).map(move |x| (x, y)))
+        .filter(|&(x, y)| truth.disparity.get(x, y).is_finite())
+        .collect();
+    // The principal point: the second is behind the camera, the last outside of the image.
+    assert_eq!(known, [(12, 8)]);
+    assert!((truth.disparity.get(12, 8) - (FB / 1.5) as f32).abs() < 1e-4);
+}
+
+#[test]
+fn foxglove_s_clouds_scans_and_transforms_are_read() {
+    let transform = fox::FrameTransforms {
+        transforms: vec![fox::FrameTransform {
+            timestamp: timestamp(START_NS),
+            parent_frame_id: "cam".into(),
+            child_frame_id: "lidar".into(),
+            translation: Some(fox::Vector3 {
+                x: 0.0,
+                y: 0.0,
+                z: -0.5,
+            }),
+            rotation: Some(fox::Quaternion {
+                x: 0.0,
+                y: 0.0,
+                z: 0.0,
+                w: 1.0,
+            }),
+        }],
+    };
+    let transform = protobuf(
+        "/transforms",
+        "foxglove.FrameTransforms",
+        START_NS,
+        &transform,
+    );
+    let field = |name: &str, offset| fox::PackedElementField {
+        name: name.into(),
+        offset,
+        r#type: 8,
+    };
+    let cloud = |i| {
+        let point = [0.0f64, 0.0, 2.5]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect::<Vec<_>>();
+        let message = fox::PointCloud {
+            timestamp: timestamp(stamp(i)),
+            frame_id: "lidar".into(),
+            pose: None,
+            point_stride: 24,
+            fields: vec![field("x", 0), field("y", 8), field("z", 16)],
+            data: point.into(),
+        };
+        protobuf("/points", "foxglove.PointCloud", stamp(i), &message)
+    };
+    let (found, _) = truths([transform, cloud(0), cloud(1)], "/points");
+    let truth = found[0].as_ref().unwrap();
+    assert!((truth.disparity.get(12, 8) - (FB / 2.0) as f32).abs() < 1e-4);
+    // A scan in the camera's frame, whose pose turns its plane of x and y into that of z and x.
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let scan = |i| {
+        let message = fox::LaserScan {
+            timestamp: timestamp(stamp(i)),
+            frame_id: "cam".into(),
+            pose: Some(fox::Pose {
+                position: None,
+                orientation: Some(fox::Quaternion {
+                    x: 0.0,
+                    y: -half,
+                    z: 0.0,
+                    w: half,
+                }),
+            }),
+            start_angle: 0.0,
+            end_angle: 0.1,
+            ranges: vec![2.0, f64::NAN],
+            intensities: vec![],
+        };
+        protobuf("/scan", "foxglove.LaserScan", stamp(i), &message)
+    };
+    let (found, _) = truths([scan(0), scan(1)], "/scan");
+    let truth = found[0].as_ref().unwrap();
+    assert!((truth.disparity.get(12, 8) - (FB / 2.0) as f32).abs() < 1e-4);
+}
+
+#[test]
+fn what_cannot_be_a_truth_is_refused_in_one_line() {
+    let with = |message: Message| pairs().into_iter().chain([message]);
+    let flat = |_: usize, _: usize| 1.0;
+    refused(
+        with(depth32(0, (12, 8), flat)),
+        "/depth",
+        &["12x8", "24x16", "camera_info"],
+    );
+    refused(
+        with(depth32(0, SIZE, flat)),
+        "/elsewhere",
+        &["no such topic", "/depth (sensor_msgs"],
+    );
+    refused(
+        with(tf("/tf_static", &[])),
+        "/tf_static",
+        &["TFMessage", "PointCloud2"],
+    );
+    refused(
+        with(ros_image("/depth", stamp(0), SIZE, "mono8", &[0; 384])),
+        "/depth",
+        &["16UC1"],
+    );
+    refused(
+        with(ros_image("/depth", stamp(0), SIZE, "16UC1", &[0; 32])),
+        "/depth",
+        &["does not fit"],
+    );
+    let uncalibrated = pairs()
+        .into_iter()
+        .filter(|m| m.schema == "sensor_msgs/msg/Image");
+    refused(
+        uncalibrated.chain([depth32(0, SIZE, flat)]),
+        "/depth",
+        &["calibration", "--calib"],
+    );
+    // A day later.
+    refused(
+        with(depth32(1_300_000, SIZE, flat)),
+        "/depth",
+        &["1700000000.0", "1700086", "measurements"],
+    );
+    let point = [[0.0, 0.0, 2.0]];
+    refused(
+        with(cloud("lidar", stamp(0), &point)),
+        "/points",
+        &["'lidar' to 'cam'", "no transform"],
+    );
+    let links = tf("/tf_static", &[("base", "arm", [0.0; 3])]);
+    refused(
+        with(links).chain([cloud("lidar", stamp(0), &point)]),
+        "/points",
+        &["base → arm"],
+    );
+    // What moves is no fixed transform.
+    let links = tf("/tf", &[("cam", "lidar", [0.0; 3])]);
+    refused(
+        with(links).chain([cloud("lidar", stamp(0), &point)]),
+        "/points",
+        &["no transform"],
+    );
+    refused(
+        with(cloud_with("cam", stamp(0), &point, true, 12)),
+        "/points",
+        &["big-endian"],
+    );
+    refused(
+        with(cloud_with("cam", stamp(0), &point, false, 4)),
+        "/points",
+        &["rows of 4"],
+    );
+}
+
+#[test]
+fn a_recording_keeps_how_its_truth_was_measured() {
+    let kind = TruthKind {
+        density: TruthDensity::Sparse,
+        origin: TruthOrigin::Sensor("/points".into()),
+    };
+    let mut frame = full(0, SIZE);
+    if let Some(truth) = &mut frame.truth {
+        truth.kind = kind.clone();
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let (header, format) = (
+        svl::recording::Header::new("test"),
+        svl::recording::ImageFormat::Raw,
+    );
+    let mut writer = svl::recording::Writer::create(&path, &header, format).unwrap();
+    writer.write(&frame).unwrap();
+    writer.finish().unwrap();
+    let (back, error) = read(&path);
+    assert!(error.is_none());
+    assert_eq!(back[0].truth.as_ref().unwrap().kind, kind);
+    // Its own truth again, as a topic: the same, but for where it is said to be from.
+    let frame = open(&path, "/truth/depth")
+        .unwrap()
+        .source
+        .next()
+        .unwrap()
+        .unwrap();
+    let (again, own) = (frame.truth.unwrap(), back[0].truth.as_ref().unwrap());
+    assert_eq!(again.disparity, own.disparity);
+    assert_eq!(
+        again.kind.origin,
+        TruthOrigin::Sensor("/truth/depth".into())
+    );
+}
