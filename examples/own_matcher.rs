@@ -46,7 +46,7 @@ pub fn main() -> svl::Result<()> {
     let mut matcher = LeastDifference { max_disparity: 80 };
     matcher.compute(frame.rectified()?, &MatchContext::default(), &mut output)?;
     let truth = frame.truth.as_ref().expect("the arena knows its truth");
-    let bad = DisparityScore::of(&output.disparity, truth)
+    let bad = DisparityScore::new(&output.disparity, truth)
         .bad2()
         .unwrap_or(1.0);
     println!("{:.0} % of the pixels off by more than 2 px", 100.0 * bad);

@@ -70,7 +70,10 @@ pub enum Error {
     #[error("{}: {reason}", path.display())]
     Format { path: PathBuf, reason: String },
     /// A truncated or corrupt recording. What was read of it before is good.
-    #[error("{}: {reason}", path.display())]
+    #[error(
+        "{}: {reason}; `svl recover {} -o OUT.mcap` keeps what is intact",
+        path.display(), path.display()
+    )]
     Damaged { path: PathBuf, reason: String },
     /// A program that matches pairs failed; `stderr` is the end of its standard error.
     #[error("program `{command}` {reason}{}", stderr_note(.stderr))]

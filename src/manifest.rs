@@ -43,7 +43,7 @@ pub struct AlgorithmRecord {
     /// All its parameters, `key=value,...`.
     pub parameters: String,
     pub parameters_hash: String,
-    /// How many disparities it tries for a pixel, where its parameters tell.
+    /// How many disparities it tries for a pixel, where its parameters determine it.
     pub disparities: Option<u32>,
     /// Digest of all its results in their order, once the run is over.
     pub results_hash: Option<String>,
@@ -56,7 +56,7 @@ pub struct Machine {
     /// Instruction set that the kernels run on.
     pub isa: String,
     pub threads: usize,
-    /// Frequency governor of the first core, where the system tells.
+    /// Frequency governor of the first core, where the system reports it.
     pub governor: Option<String>,
 }
 
@@ -69,14 +69,14 @@ impl Manifest {
     /// A run of `algorithms` on `scenario` that begins now, on this machine.
     ///
     /// # Errors
-    /// When `SVL_ISA` names an instruction set this CPU lacks.
+    /// When `SVL_ISA` names an instruction set that this CPU does not have.
     pub fn new(
         scenario: &str,
         scenario_text: Option<&str>,
         algorithms: &[Algorithm],
     ) -> Result<Self> {
         let now = jiff::Timestamp::now();
-        // The process id tells apart two runs that begin within one tick of the clock.
+        // The process id distinguishes two runs that begin within one tick of the clock.
         let run_id = hash(&format!(
             "{scenario} {} {}",
             now.as_nanosecond(),

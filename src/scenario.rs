@@ -275,7 +275,7 @@ fn line(text: &str, at: usize) -> usize {
 
 /// The parser's message, which has several lines, in one, with line and column.
 fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
-    let message = error.message().lines().collect::<Vec<_>>().join(" ");
+    let message = plain(&error.message().lines().collect::<Vec<_>>().join(" "));
     let place = error.span().map(|span| {
         let before = text.get(..span.start).unwrap_or(text);
         let line = line(text, span.start);
@@ -283,6 +283,34 @@ fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
         format!("line {line}, column {column}: ")
     });
     Error::format(path, format!("{}{message}", place.unwrap_or_default()))
+}
+
+/// serde's message with the words of TOML in place of Rust's types.
+fn plain(message: &str) -> String {
+    let Some((found, expected)) = message.split_once(", expected ") else {
+        return message.to_owned();
+    };
+    let expected = match expected.split(' ').collect::<Vec<_>>()[..] {
+        ["struct" | "map", ..] | ["a", "map"] | ["internally", "tagged", ..] => "a table",
+        ["u8" | "u16" | "u32" | "u64" | "usize"] => "a whole number, 0 or more",
+        ["i8" | "i16" | "i32" | "i64" | "isize"] => "a whole number",
+        ["f32" | "f64"] => "a number",
+        ["a", "boolean"] => "true or false",
+        ["a", "sequence"] => "a list",
+        ["a", "tuple", "of", "size", size] | ["an", "array", "of", "length", size] => {
+            &format!("a list of {size}")
+        }
+        _ => expected,
+    };
+    let kind = found
+        .strip_prefix("invalid type: ")
+        .or(found.strip_prefix("invalid value: "));
+    let found = match kind.unwrap_or(found) {
+        "map" => "a table",
+        "sequence" => "a list",
+        other => other.strip_prefix("floating point ").unwrap_or(other),
+    };
+    format!("{found}, expected {expected}")
 }
 
 #[cfg(test)]
@@ -297,7 +325,35 @@ mod tests {
                            [\"v3\"]\n[cells]\njudge = \"distance\"\n[source]\nkind = \"arena\"\n";
 
     #[test]
-    fn what_is_left_out_has_the_thesis_defaults() {
+    fn errors_name_no_types_of_rust() {
+        for (line, words) in [
+            (
+                "[grid]\nrows = \"3\"",
+                "string \"3\", expected a whole number, 0 or more",
+            ),
+            (
+                "[grid]\nrows = -1",
+                "integer `-1`, expected a whole number, 0 or more",
+            ),
+            (
+                "[[gate]]\n[arena]\nrobot = 3",
+                "integer `3`, expected a table",
+            ),
+            ("[arena.world]\nblocks = {}", "a table, expected a list"),
+            (
+                "[arena.world]\nwidth_m = true",
+                "boolean `true`, expected a number",
+            ),
+        ] {
+            let error = parse(&format!("{MINIMAL}{line}\n"))
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(words), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn omitted_keys_have_the_thesis_defaults() {
         let scenario = parse(MINIMAL).unwrap();
         assert_eq!((scenario.grid.columns, scenario.grid.rows), (5, 3));
         assert_eq!(

@@ -9,8 +9,8 @@ use super::view::PinholeView;
 use crate::stereo::Gray;
 use rayon::prelude::*;
 
-/// Exposes one shot of `view`, which moves by `twist`. `key` tells the noise of one image from that
-/// of every other.
+/// Exposes one shot of `view`, which moves by `twist`. `key` separates the noise of one image from
+/// that of every other.
 ///
 /// Motion blur follows each pixel's own velocity on the sharp image: right within a surface, but
 /// where a near thing passes before a far one the uncovered background is borrowed from what the

@@ -51,7 +51,7 @@ impl Cli {
     pub(crate) fn main() -> ExitCode {
         let cli = match Self::try_parse() {
             Ok(cli) => cli,
-            Err(error) => return usage::tell(&error),
+            Err(error) => return usage::report_clap(&error),
         };
         cli.configure();
         // As one of rayon's threads: beside them it would be one too many for the cores, and they
@@ -69,7 +69,7 @@ impl Cli {
             (_, 1) => tracing::Level::INFO,
             _ => tracing::Level::DEBUG,
         };
-        // Only what svl says itself: what a library meets, svl's own errors tell.
+        // Only svl's own messages: what a library meets, svl's own errors report.
         let ours = Targets::new().with_target("svl", level);
         let lines = fmt::layer().without_time().with_target(false);
         let lines = lines

@@ -123,7 +123,7 @@ fn seven(file: BufReader<File>, most: u64, mut target: Unpacker<'_>) -> Result<U
 fn damaged(archive: &Path, error: &dyn std::fmt::Display) -> Error {
     Error::format(
         archive,
-        format!("not a whole archive ({error}); delete it and fetch it again"),
+        format!("not an intact archive ({error}); delete it and fetch it again"),
     )
 }
 

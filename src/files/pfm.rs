@@ -53,7 +53,7 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     let scale: f32 = word()?.parse().map_err(|_| "the scale is not a number")?;
     if scale == 0.0 || !scale.is_finite() {
         return Err(format!(
-            "the scale is {scale}, its sign should tell the byte order"
+            "the scale is {scale}, its sign should give the byte order"
         ));
     }
     let expected = width * height * 4;

@@ -112,9 +112,9 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
         // The other half of a period is for arming and transfer.
         max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
         balance_every: BALANCE_EVERY,
-        timeout: request.timeout,
-        queue: request.queue,
-        when_full: request.when_full,
+        timeout: request.timeout(),
+        queue: request.queue(),
+        when_full: request.when_full(),
         rig: pair.rig,
     })
 }

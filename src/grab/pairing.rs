@@ -59,7 +59,7 @@ impl Unpaired {
             Unpaired::Missed => "whose trigger the other camera missed",
             Unpaired::Skew => "too far apart in time",
             Unpaired::Settings => "exposed differently",
-            Unpaired::Overdue => "given up waiting",
+            Unpaired::Overdue => "timed out",
             Unpaired::Unfinished => "unfinished at the end",
             Unpaired::Damaged => "damaged on the way",
             Unpaired::Unready => "taken before the camera was ready",

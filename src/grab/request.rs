@@ -7,8 +7,8 @@ use super::trigger::TriggerSource;
 use crate::error::{Error, Result};
 use std::time::Duration;
 
-/// How to grab. `None` stands for a default that depends on the driver.
-#[derive(Clone, Debug, PartialEq)]
+/// How to grab. `None` stands for the default.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct GrabRequest {
     /// [`TriggerSource::Software`] where the driver can trigger, else free-running.
     pub trigger: Option<TriggerSource>,
@@ -20,11 +20,12 @@ pub struct GrabRequest {
     /// Largest skew of a pair that is made by stamp: a quarter of the period, half of it when
     /// cameras run free.
     pub max_skew_ns: Option<u64>,
-    /// Pairs that may wait for the writer.
-    pub queue: usize,
-    pub when_full: WhenFull,
-    /// See [`super::Setup::timeout`].
-    pub timeout: Duration,
+    /// Pairs that may wait for the writer: 64.
+    pub queue: Option<usize>,
+    /// [`WhenFull::Drop`].
+    pub when_full: Option<WhenFull>,
+    /// See [`super::Setup::timeout`]: a second.
+    pub timeout: Option<Duration>,
     /// The driver's own.
     pub seed: Option<u64>,
 }
@@ -38,23 +39,22 @@ pub enum PairBy {
 }
 
 const RATE_HZ: f64 = 30.0;
-
-impl Default for GrabRequest {
-    fn default() -> Self {
-        Self {
-            trigger: None,
-            rate_hz: None,
-            pairing: None,
-            max_skew_ns: None,
-            queue: 64,
-            when_full: WhenFull::Drop,
-            timeout: Duration::from_secs(1),
-            seed: None,
-        }
-    }
-}
+const QUEUE: usize = 64;
+const TIMEOUT: Duration = Duration::from_secs(1);
 
 impl GrabRequest {
+    pub(super) fn queue(&self) -> usize {
+        self.queue.unwrap_or(QUEUE)
+    }
+
+    pub(super) fn when_full(&self) -> WhenFull {
+        self.when_full.unwrap_or(WhenFull::Drop)
+    }
+
+    pub(super) fn timeout(&self) -> Duration {
+        self.timeout.unwrap_or(TIMEOUT)
+    }
+
     /// The trigger source for cameras of a driver.
     ///
     /// # Errors
@@ -76,7 +76,7 @@ impl GrabRequest {
         let name = driver.name;
         let wrong = if by_command && !driver.can_be_triggered {
             format!(
-                "svl cannot trigger {name} cameras; leave --trigger out, or use serial:DEVICE if a \
+                "svl cannot trigger {name} cameras; omit --trigger, or use serial:DEVICE if a \
                  controller triggers both"
             )
         } else if by_pulse && trigger == TriggerSource::FreeRunning {
@@ -84,11 +84,11 @@ impl GrabRequest {
         } else if by_pulse && !driver.can_be_triggered {
             format!("{name} cameras do not report the pulse of an image; use --pairing stamp")
         } else if matches!(trigger, TriggerSource::FixedRate(_)) && self.rate_hz.is_some() {
-            "--trigger fixed:HZ has the rate already; leave --rate out".to_owned()
+            "--trigger fixed:HZ has the rate already; omit --rate".to_owned()
         } else if self.max_skew_ns.is_some() && self.pair_by(driver, &trigger) != PairBy::Stamp {
             "--max-skew-ms is for --pairing stamp".to_owned()
         } else if self.seed.is_some() && driver.default_seed.is_none() {
-            format!("{source}: its images depend on no seed; leave --seed out")
+            format!("{source}: its images depend on no seed; omit --seed")
         } else {
             return Ok(trigger);
         };

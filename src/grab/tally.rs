@@ -77,7 +77,7 @@ impl Tally {
         let counts = counts
             .into_iter()
             .map(|(name, n)| (name.to_owned(), n.to_string()));
-        // Reasons that did not occur are left out; the counts above are always there.
+        // Reasons that did not occur are omitted; the counts above are always there.
         let unpaired = Unpaired::ALL
             .iter()
             .zip(self.unpaired)

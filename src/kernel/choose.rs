@@ -83,6 +83,7 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
                 }
             };
             let place = usize::from(place[l]);
+            // Below the first place the index wraps to far beyond `reached`: outside.
             (beside[0][l], beside[1][l]) = (sum(place.wrapping_sub(1)), sum(place + 1));
         }
         let mut sixteenths = [0; N];
@@ -93,6 +94,7 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
         }
         left.copy_from_slice(&sixteenths[..left.len()]);
         for (l, why) in why.iter_mut().enumerate() {
+            // Cross-multiplied: a quotient would round.
             let limit = u32::from(least[l]) * (100 + uniqueness);
             let ambiguous = (other[l] < OUTSIDE) & (100 * u32::from(other[l]) < limit);
             let reason = if ambiguous {

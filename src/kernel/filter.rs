@@ -21,6 +21,7 @@ pub(super) fn smooth(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) {
                 pixels
             })
         };
+        // Half of the divisor: the shift below then rounds to nearest.
         let mut sums = [1 << 15; SMOOTHED];
         let centre = pixels(y);
         for i in 0..SMOOTHED {

@@ -5,7 +5,8 @@ use std::sync::OnceLock;
 
 /// An instruction set that this CPU has.
 ///
-/// There is no way to make one for an instruction set the CPU lacks, so kernels may rely on it.
+/// There is no way to make one for an instruction set that the CPU does not have, so kernels may
+/// rely on it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Isa(IsaKind);
 
@@ -40,7 +41,7 @@ impl Isa {
     /// The one called `name`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when there is none of that name or this CPU lacks it.
+    /// [`Error::Invalid`] when there is none of that name or this CPU does not have it.
     pub fn named(name: &str) -> Result<Isa> {
         Self::available()
             .find(|isa| isa.name() == name)
@@ -97,8 +98,8 @@ impl IsaKind {
 /// `SVL_ISA` names (`portable`, `avx2`, `avx512`). Chosen once per process.
 ///
 /// # Errors
-/// [`Error::Invalid`] when `SVL_ISA` names one that this CPU lacks: a measurement on another would
-/// mislead.
+/// [`Error::Invalid`] when `SVL_ISA` names one that this CPU does not have: a measurement on
+/// another would mislead.
 pub fn isa() -> Result<Isa> {
     static CHOSEN: OnceLock<std::result::Result<Isa, String>> = OnceLock::new();
     CHOSEN

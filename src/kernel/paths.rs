@@ -188,6 +188,7 @@ pub(super) fn advance<'a, const R: usize, const N: usize>(
             let mut now = [0; N];
             for l in 0..N {
                 let step = lower[r][l].min(higher[l]).saturating_add(small);
+                // Never negative: no admissible cost is below their least.
                 added[r][l] = same[r][l].min(step).min(limit[r][l]) - before[r][l];
                 now[l] = cost[l].saturating_add(added[r][l]);
                 fewest[r][l] = fewest[r][l].min(now[l]);
@@ -233,6 +234,7 @@ pub(super) fn finish(
     paths.advance(costs, grey, penalties, |block, i, cost, added| {
         let (sums, along) = (&sums[block * count + i].0, &along[block * count + i].0);
         let total = totals.at_mut(i, block * N);
+        // Each path carries C + added: of eight, the cost counts eight times.
         for l in 0..N {
             total[l] = 8 * u16::from(cost[l])
                 + u16::from(sums[l])

@@ -164,6 +164,7 @@ pub(super) fn accept(
             disparity.iter_mut().zip(why).zip(textures).enumerate()
         {
             let (sad, other) = (u32::from(best.sad[i]), u32::from(best.other[i]));
+            // Divided as OpenCV does, rounding down, to decide as it does.
             let limit = sad + sad * test.uniqueness / 100;
             let ambiguous =
                 (test.uniqueness > 0) & (other < u32::from(u16::MAX)) & (other <= limit);
@@ -183,6 +184,7 @@ pub(super) fn accept(
             } else {
                 0
             };
+            // OpenCV's rounding: upwards.
             let sixteenths = (whole * 256 + fraction + 15) >> 4;
             *disparity = if *why == Reason::Valid {
                 sixteenths as f32 / 16.0

@@ -88,6 +88,7 @@ impl ScanlinePaths {
     pub fn trace(&self, lane: usize, mut write: impl FnMut(usize, u8)) {
         let width = self.right.len();
         let step = |x: usize, d: usize| i32::from(self.steps[x * self.disparities + d][lane]);
+        // Without the two bits of the step: only costs are compared.
         let last = self.cells[1..].iter().map(|numbers| numbers.0[lane] >> 2);
         // There is always the disparity 0; of equals the first is taken.
         let (mut d, _) = last
@@ -167,6 +168,7 @@ pub(super) fn find(
 
     let costs = [4 * occlusion + UP, 4 * occlusion + DIAG, 4 * reward];
     paths.cells.fill(CellNumbers([INFINITE; N]));
+    // A path begins at disparity 0, as its first column has no other; cells count from −1.
     paths.cells[1] = CellNumbers([LEFT; N]);
     for x in 1..width {
         let count = (x + 1).min(paths.disparities);
@@ -178,6 +180,7 @@ pub(super) fn find(
         let (cells, right) = (&mut paths.cells[..=count], &paths.right[x + 1 - count..=x]);
         let steps = &mut paths.steps[x * paths.disparities..][..count];
         let mut up = [INFINITE; N];
+        // Downwards: a step up leads from one disparity more, in the same column.
         for d in (0..count).rev() {
             let (below, here) = cells.split_at_mut(d + 1);
             cell(
@@ -206,6 +209,7 @@ fn cell(
     step: &mut [u8; ScanlinePaths::ROWS],
 ) {
     for i in 0..ScanlinePaths::ROWS {
+        // The larger of a step's number and its gate: a closed gate is more than any path costs.
         let same = (here[i] & !STEP) - reward;
         let diag = ((below[i] & !STEP) + diag_cost).max(right.diag[i]);
         // One of the two is 0.

@@ -96,6 +96,7 @@ impl Step {
         );
         let mut step = Self::NONE;
         for l in 0..Group::ROWS {
+            // Pixels have 8 bits, so that also twice one fits the signed 16 of a product's factor.
             step.pixels.0[l] = [come[l] as i16 * factors[0], gone[l] as i16 * factors[1]];
             let [come, gone] = [come[l], gone[l]].map(u32::from);
             step.squares.0[l] = (come * come).wrapping_sub(gone * gone);
@@ -169,6 +170,8 @@ impl<'a> RowGroup<'a> {
         let mut places = (index as u32..).map(|index| index << Match::BITS);
         let mut winners = Winners::NONE;
         if !slid.is_empty() {
+            // (a − b)² = a² − 2ab + b²: the squares slide by themselves, and −2ab comes from the
+            // factors, for pixels that enter, and for those that leave.
             let left = Step::to(x, self.left, self.group, [-2, 2]);
             let steps = self.steps[fresh..windows.end].iter().rev();
             for (((sum, &weight), right), place) in slid

@@ -144,6 +144,7 @@ pub(super) fn matches_and_rivals(
         let mut doubts = Group::splat(Doubt::Certain);
         for l in 0..Group::ROWS {
             let (least, rival) = (winners.cost.0[l], rivals.0[l]);
+            // Cross-multiplied in 64 bits: a thousand times a cost exceeds 32.
             let near = 1000 * u64::from(rival - least) < u64::from(thousandths) * u64::from(least);
             doubts.0[l] = if near & (rival != u32::MAX) {
                 Doubt::Ambiguous
@@ -213,6 +214,7 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
     for (index, (sum, &weight)) in (costs.index as u32..).zip(costs.sums.iter().zip(costs.weights))
     {
         for l in 0..Group::ROWS {
+            // 0 ..= 2 for the winner and its neighbours; what lies below them wraps to much more.
             let elsewhere = index.wrapping_sub(beside.0[l]) > 2;
             let rival = rivals.0[l].min(sum.0[l] * weight);
             rivals.0[l] = if elsewhere { rival } else { rivals.0[l] };

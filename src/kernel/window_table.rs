@@ -5,7 +5,7 @@ use super::pairs::{Group, Pairs};
 use super::sliding_ssd::{REACH, WINDOW, weight};
 use crate::stereo::{Gray, Plane};
 
-/// Pairs of pixels of a window; the last lacks its second.
+/// Pairs of pixels of a window; the last has no second.
 const PAIRS: usize = WINDOW.div_ceil(2);
 /// Windows compared at a time.
 const CHUNK: usize = 2 * Group::ROWS;
@@ -50,7 +50,7 @@ impl WindowTable {
     }
 
     /// Fills the table with the windows of the rows of `image` around row `y`, up to
-    /// `row_tolerance` away. `sums` are their sums, [`NO_SUM`] for windows to be left out.
+    /// `row_tolerance` away. `sums` are their sums, [`NO_SUM`] for windows to be skipped.
     pub fn fill(&mut self, image: &Gray, sums: &Plane<u16>, y: usize, row_tolerance: usize) {
         let rows = || y.saturating_sub(row_tolerance)..sums.height().min(y + row_tolerance + 1);
         self.starts.fill(0);

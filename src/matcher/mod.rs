@@ -192,8 +192,8 @@ impl Algorithm {
         &self.parameters
     }
 
-    /// How many disparities are tried for a pixel, where the parameters tell: `max_disparity`, from
-    /// `min_disparity` or 0.
+    /// How many disparities are tried for a pixel, where the parameters determine it:
+    /// `max_disparity`, from `min_disparity` or 0.
     pub fn disparities(&self) -> Option<u32> {
         let bound = |name| {
             self.parameters
@@ -213,7 +213,7 @@ impl Algorithm {
     ///
     /// # Errors
     /// What the algorithm's constructor says, or that `SVL_ISA` names an instruction set this CPU
-    /// lacks.
+    /// does not have.
     pub fn build(&self) -> Result<Box<dyn Matcher>> {
         self.build_on(isa()?)
     }

@@ -1,7 +1,7 @@
 //! Stereoscopic Machine Vision Algo v.2 (thesis, section 5.3.2).
 //!
 //! As v1, but windows of little contrast are dropped before the matching, and instead of the two
-//! best costs the spread of all of them tells whether a match is ambiguous.
+//! best costs the spread of all of them shows whether a match is ambiguous.
 //!
 //! Departures from the thesis: those of v1; the weight of a disparity in the spread, which the
 //! thesis leaves open. The spread is in floating point, decided in single precision where that is

@@ -1,4 +1,4 @@
-//! An MCAP file of which every prefix of whole chunks is valid: it is only appended to.
+//! An MCAP file of which every prefix of complete chunks is valid: it is only appended to.
 
 use crate::error::{Error, Result};
 use mcap::records::{MessageHeader, Metadata};
@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Chunks close when they grow beyond this: two pairs of 320x240 with truth.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// A file to which only whole chunks are appended, without seeking back. Dropping it finishes the
-/// file and discards errors; call [`AppendFile::finish`] to see them.
+/// A file to which only complete chunks are appended, without seeking back. Dropping it finishes
+/// the file and discards errors; call [`AppendFile::finish`] to see them.
 pub(super) struct AppendFile {
     path: PathBuf,
     file: File,
@@ -89,15 +89,15 @@ impl AppendFile {
     }
 
     pub(super) fn message(&mut self, header: &MessageHeader, data: &[u8]) -> Result<()> {
-        self.tell(|mcap| mcap.write_to_known_channel(header, data))
+        self.write(|mcap| mcap.write_to_known_channel(header, data))
     }
 
     pub(super) fn attach(&mut self, attachment: &Attachment<'_>) -> Result<()> {
-        self.tell(|mcap| mcap.attach(attachment))
+        self.write(|mcap| mcap.attach(attachment))
     }
 
     pub(super) fn metadata(&mut self, metadata: &Metadata) -> Result<()> {
-        self.tell(|mcap| mcap.write_metadata(metadata))
+        self.write(|mcap| mcap.write_metadata(metadata))
     }
 
     /// Closes the chunk and syncs the file (fsync), where anything was written since the last sync.
@@ -110,7 +110,7 @@ impl AppendFile {
             return Ok(());
         }
         if self.unsynced {
-            self.tell(mcap::Writer::flush)?;
+            self.write(mcap::Writer::flush)?;
             self.file.sync_data().map_err(|e| self.failed(e))?;
             self.unsynced = false;
         }
@@ -125,7 +125,7 @@ impl AppendFile {
     /// [`Error::Io`].
     pub(super) fn finish(&mut self) -> Result<()> {
         if self.open {
-            self.tell(|mcap| mcap.finish().map(drop))?;
+            self.write(|mcap| mcap.finish().map(drop))?;
             self.open = false;
             self.file.sync_all().map_err(|e| Error::io(&self.path, e))?;
             self.path.metadata().map_err(|e| Error::io(&self.path, e))?;
@@ -134,7 +134,7 @@ impl AppendFile {
     }
 
     /// Lets mcap do something, and appends to the file what that wrote.
-    fn tell(
+    fn write(
         &mut self,
         act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>,
     ) -> Result<()> {

@@ -261,7 +261,7 @@ fn true_disparity(
         (Some(disparity), _, _) => Ok(Some(truth::from_file(&disparity))),
         (None, Some(depth), Some(rig)) => Ok(Some(truth::disparities(&depth, rig))),
         (None, Some(_), None) => {
-            Err("its true depth lacks the calibration that makes disparities of it".to_owned())
+            Err("its true depth has no calibration, which makes disparities of it".to_owned())
         }
         (None, None, _) => Ok(None),
     }

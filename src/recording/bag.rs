@@ -83,7 +83,7 @@ pub(super) fn not_mcap(start: &[u8]) -> String {
     match start {
         // zstd's magic number: rosbag2 with compression_mode `file`.
         [0x28, 0xB5, 0x2F, 0xFD, ..] => {
-            "is compressed as a whole; `zstd -dc FILE > FILE.mcap` unpacks it".to_owned()
+            "is compressed; `zstd -dc FILE > FILE.mcap` unpacks it".to_owned()
         }
         [b'S', b'Q', b'L', b'i', b't', b'e', ..] => {
             format!("is a bag in SQLite, svl reads MCAP; {CONVERT}")

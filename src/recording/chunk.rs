@@ -108,9 +108,9 @@ impl Chunk {
         self.has_crc
     }
 
-    /// Whether the chunk consists of whole records of the kinds that chunks have. Goes back to the
-    /// first one.
-    pub(super) fn has_only_whole_records(&mut self) -> bool {
+    /// Whether the chunk consists of complete records of the kinds that chunks have. Goes back to
+    /// the first one.
+    pub(super) fn has_only_complete_records(&mut self) -> bool {
         let mut whole = !self.records.is_empty();
         while whole && !self.is_done() {
             whole = self.advance().is_ok();

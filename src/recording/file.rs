@@ -20,19 +20,24 @@ impl McapFile {
     /// Opens a file, and keeps it open where `keep` says so; otherwise each reader opens it again.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for a folder and for an empty file.
+    /// [`Error::Io`]; [`Error::Format`] for what is no regular file and for an empty one.
     pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
         let io = |e| Error::io(path, e);
-        let handle = File::open(path).map_err(io)?;
-        let metadata = handle.metadata().map_err(io)?;
-        // Linux opens folders, and fails only on the first read, with a message that names no cure.
+        // Before opening: to open a pipe would wait for its writer, and Linux opens folders.
+        let metadata = std::fs::metadata(path).map_err(io)?;
         if metadata.is_dir() {
             return Err(Error::format(path, "is a folder, not a recording"));
+        }
+        if !metadata.is_file() {
+            // Summary and index are read from the end of the file.
+            let reason = "is a pipe or a device, not a file; copy it into a file first";
+            return Err(Error::format(path, reason));
         }
         if metadata.len() == 0 {
             let reason = "is empty: nothing was recorded, or not yet";
             return Err(Error::format(path, reason));
         }
+        let handle = File::open(path).map_err(io)?;
         Ok(Self {
             path: path.to_owned(),
             len: metadata.len(),

@@ -16,7 +16,6 @@ pub(super) fn encode_calibration(
     camera: Side,
     stamp: RosStamp,
 ) -> Encoded {
-    let right = camera == Side::Right;
     let message = CameraCalibration {
         timestamp: stamp.foxglove(),
         frame_id: frame_id(camera).to_owned(),
@@ -26,9 +25,9 @@ pub(super) fn encode_calibration(
         // Foxglove requires all five coefficients of plumb_bob.
         d: vec![0.0; 5],
         // Row-major in the message, column-major in nalgebra.
-        k: rig.intrinsics(right).transpose().as_slice().to_vec(),
+        k: rig.intrinsics(camera).transpose().as_slice().to_vec(),
         r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        p: rig.projection(right).transpose().as_slice().to_vec(),
+        p: rig.projection(camera).transpose().as_slice().to_vec(),
     };
     Encoded::protobuf(CALIBRATION, &message)
 }
@@ -95,7 +94,7 @@ pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
         ..
     } = decode_protobuf(data)?
     else {
-        return Err("it lacks translation or rotation".to_owned());
+        return Err("it has no translation or no rotation".to_owned());
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     // A damaged quaternion is refused; a unit one is kept with its last bits.
@@ -149,14 +148,17 @@ mod tests {
         for i in 1..1000 {
             let x = f64::from(i).sqrt();
             let rig = Rig::new(300.0 * x, (100.0 * x, 50.0 * x), 0.1 / x, 7.0 / x).unwrap();
-            assert_eq!(back(&rig).projection(true), rig.projection(true));
+            assert_eq!(
+                back(&rig).projection(Side::Right),
+                rig.projection(Side::Right)
+            );
         }
     }
 
     #[test]
     fn cameras_that_are_not_a_pair_are_refused() {
         let good = Rig::new(300.0, (160.0, 120.0), 0.1, 0.0).unwrap();
-        let (left, mut right) = (good.projection(false), good.projection(true));
+        let (left, mut right) = (good.projection(Side::Left), good.projection(Side::Right));
         assert_eq!(rig(&left, &right), Ok(good));
         right[(0, 0)] = 301.0;
         assert!(rig(&left, &right).is_err());

@@ -66,7 +66,8 @@ pub use recovery::Recovery;
 pub use result::AlgorithmResult;
 pub use salvage::DamagedPart;
 pub use skew::{SkewBin, SkewSummary};
-pub use summary::{Gap, RecordingSummary, Topic};
+pub use summary::{Gap, Misalignment, RecordingSummary, Topic};
+pub use sync::PairGeometry;
 pub use writer::Writer;
 
 use crate::error::{Error, Result};

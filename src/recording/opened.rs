@@ -34,7 +34,8 @@ impl Recording {
     /// file opens too.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, and for an empty file.
+    /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, for what is no regular
+    /// file, and for an empty one.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         let files = files(&path)?;
@@ -131,6 +132,25 @@ impl Recording {
                 let paths: Vec<_> = self.files().map(|file| file.path().to_owned()).collect();
                 Err(several_files(&self.path, &paths))
             }
+        }
+    }
+
+    /// The error for damage as `svl info` and `svl recover` report it. They resynchronize, and so
+    /// know where it begins also where a damaged length leads far behind it. Reads a damaged file
+    /// once more.
+    pub(super) fn located(&self, error: Error) -> Error {
+        let Error::Damaged { path, .. } = &error else {
+            return error;
+        };
+        let file = self.files().find(|file| file.path() == path);
+        let first = file.map(|file| -> Result<_> {
+            let mut messages = Messages::salvage(file)?;
+            while messages.advance()?.is_some() {}
+            Ok(messages.take_losses().0.into_iter().next())
+        });
+        match first {
+            Some(Ok(Some(loss))) => Error::damaged(path, loss.to_string()),
+            _ => error,
         }
     }
 

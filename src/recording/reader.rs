@@ -176,12 +176,12 @@ impl Reader {
                     log_time,
                     data,
                 })) => {
-                    let told = self.source.take_in(channel, log_time, &data);
+                    let taken = self.source.take_in(channel, log_time, &data);
                     let bad = |reason| {
                         let reason = format!("{} at {log_time} ns: {reason}", channel.topic);
                         Error::format(self.recording.path(), reason)
                     };
-                    if let Some(frame) = told.map_err(bad)? {
+                    if let Some(frame) = taken.map_err(bad)? {
                         return Ok(Some(frame));
                     }
                 }
@@ -206,8 +206,9 @@ impl Reader {
 
     /// The error, with the number of pairs read before it.
     fn counted(&self, error: Error) -> Error {
-        let Error::Damaged { path, reason } = error else {
-            return error;
+        let (path, reason) = match self.recording.located(error) {
+            Error::Damaged { path, reason } => (path, reason),
+            other => return other,
         };
         let pairs = self.source.pairs();
         Error::damaged(path, format!("{reason}; intact pairs read: {pairs}"))

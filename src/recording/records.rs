@@ -300,7 +300,7 @@ impl Records {
                         self.unchecked[0] |= !self.chunk.has_crc();
                         match &mut self.salvage {
                             Some(salvage) if self.chunk.has_crc() => salvage.trust(self.at),
-                            Some(salvage) if self.chunk.has_only_whole_records() => {
+                            Some(salvage) if self.chunk.has_only_complete_records() => {
                                 salvage.trust_if_followed(self.at)
                             }
                             _ => {}
@@ -476,7 +476,7 @@ impl Records {
     /// Notes that something is missing; an error without salvage.
     pub(super) fn missing(&mut self, reason: &str) -> Result<()> {
         let Some(salvage) = &mut self.salvage else {
-            return Err(self.damaged(reason));
+            return Err(self.damaged_at(self.at, reason));
         };
         salvage.note(self.at..self.at, reason);
         Ok(())
@@ -524,11 +524,16 @@ impl Records {
         Ok(saved == calculated && saved != 0)
     }
 
-    /// The error for damage at this place, which ends the reading.
+    /// The error for damage in the current record, which ends the reading.
     pub(super) fn damaged(&self, reason: &str) -> Error {
+        // Where the record begins: the place that salvage notes for the same damage.
+        self.damaged_at(self.start, reason)
+    }
+
+    fn damaged_at(&self, at_byte: u64, reason: &str) -> Error {
         self.ended.set(true);
         let loss = DamagedPart {
-            at_byte: self.at,
+            at_byte,
             bytes: 0,
             reason: reason.to_owned(),
         };

@@ -24,6 +24,10 @@ pub struct AlgorithmResult {
     pub pair_hash: String,
     /// Share of the pixels with a disparity.
     pub coverage: f64,
+    /// [`crate::stereo::DisparityMap::median_row_offset`]: how many rows the right image
+    /// is lower; nothing for algorithms that do not measure it, and in recordings of earlier svl.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row_offset_px: Option<i8>,
 }
 
 impl AlgorithmResult {
@@ -34,7 +38,14 @@ impl AlgorithmResult {
             hash: format!("{:032x}", result),
             pair_hash: format!("{:032x}", pair),
             coverage: estimate.disparity.coverage(),
+            row_offset_px: estimate.disparity.median_row_offset(),
         }
+    }
+
+    /// The result in a message; nothing for messages of other kinds.
+    pub(super) fn decode(schema: &str, data: &[u8]) -> Option<serde_json::Result<Self>> {
+        // By schema, not by topic: names of algorithms are part of the topic.
+        (schema == SCHEMA).then(|| serde_json::from_slice(data))
     }
 
     pub(super) fn encode(&self) -> Encoded {
@@ -61,20 +72,37 @@ impl Recording {
         let file = self.only_file()?;
         let mut messages = Messages::open(file)?;
         let mut results = Vec::new();
-        while let Some(event) = messages.next()? {
+        while let Some(event) = messages.next().map_err(|error| self.located(error))? {
             if let FileEvent::Message {
                 channel,
                 log_time,
                 data,
             } = event
-                // By schema, not by topic: names of algorithms are part of the topic.
-                && channel.schema == SCHEMA
+                && let Some(result) = AlgorithmResult::decode(&channel.schema, &data)
             {
                 let topic = &channel.topic;
                 let bad = |e| Error::format(file.path(), format!("{topic} at {log_time} ns: {e}"));
-                results.push(serde_json::from_slice(&data).map_err(bad)?);
+                results.push(result.map_err(bad)?);
             }
         }
         Ok(results)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_of_earlier_svl_have_no_row_offset() {
+        let old = r#"{"sequence":3,"algorithm":"v4","hash":"1f","pair_hash":"2a","coverage":0.5}"#;
+        let result = AlgorithmResult::decode(SCHEMA, old.as_bytes());
+        let result = result.unwrap().unwrap();
+        assert_eq!(result.row_offset_px, None);
+        assert_eq!(
+            result.encode().data,
+            old.as_bytes(),
+            "nor are they written with null"
+        );
     }
 }

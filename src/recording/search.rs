@@ -2,7 +2,7 @@
 //! lengths that lead from one record to the next.
 //!
 //! A record proves to be one when it is:
-//! - a chunk whose lengths agree, that decompresses into whole records, and matches its CRC or,
+//! - a chunk whose lengths agree, that decompresses into complete records, and matches its CRC or,
 //!   without a CRC, is followed by another record;
 //! - an attachment that matches its CRC;
 //! - metadata whose lengths agree, or the end of the data section, followed by another record;
@@ -105,7 +105,7 @@ impl RecordSearch {
                 };
                 self.read(body, length)?;
                 let opened =
-                    self.chunk.open(&self.body).is_ok() && self.chunk.has_only_whole_records();
+                    self.chunk.open(&self.body).is_ok() && self.chunk.has_only_complete_records();
                 self.chunk.clear();
                 // A chunk with a damaged length may still fall into records, over those that
                 // follow.

@@ -4,8 +4,8 @@ use super::foreign::{Selection, choose, is_image};
 use super::messages::{Channel, FileEvent, Messages};
 use super::salvage::DamagedPart;
 use super::skew::SkewSummary;
-use super::sync::StereoSync;
-use super::{GRABBER, Header, MANIFEST, PROFILE, Recording, TopicKind};
+use super::sync::{PairGeometry, StereoSync};
+use super::{AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Reader, Recording, TopicKind};
 use crate::error::Result;
 use crate::manifest::Manifest;
 use crate::statistics::upper_rank;
@@ -35,6 +35,11 @@ pub struct RecordingSummary {
     /// Image topics that `svl replay` would take for left and right, in a recording that svl did
     /// not write.
     pub stereo: Option<[String; 2]>,
+    /// Whether its pairs are raw or rectified; those of other programs as `svl replay` takes them.
+    /// Both only where recordings were appended to each other; none without a pair.
+    pub geometry: BTreeSet<PairGeometry>,
+    /// Vertical misalignment by the results in the recording, in the order of the algorithms.
+    pub misalignment: Vec<Misalignment>,
     /// The library that wrote the file, and its MCAP profile.
     pub library: String,
     pub profile: String,
@@ -78,6 +83,19 @@ pub struct Topic {
     pub rate_hz: Option<f64>,
 }
 
+/// Vertical misalignment of the pairs, as an algorithm measured it: how many pixels the right image
+/// is lower.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Misalignment {
+    pub algorithm: String,
+    /// Pairs of which it is known.
+    pub pairs: u64,
+    /// Median of the pairs; of an even number the upper of the two in the middle.
+    pub median_px: i8,
+    pub min_px: i8,
+    pub max_px: i8,
+}
+
 /// An interval without pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Gap {
@@ -105,6 +123,14 @@ impl Recording {
         if seen.profile != PROFILE && seen.sequences.is_empty() {
             let channels = messages.channels();
             seen.stereo = choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).ok();
+            // Calibrations hold for images of one size, so their geometry is known with a pair.
+            seen.geometry = Reader::new(self.clone(), &Selection::default())
+                .and_then(|mut reader| reader.next_pair())
+                .ok()
+                .flatten()
+                .map(|frame| PairGeometry::from(&frame.geometry))
+                .into_iter()
+                .collect();
         }
         Ok(seen.summary(file.path(), file.len()))
     }
@@ -112,7 +138,7 @@ impl Recording {
 
 impl RecordingSummary {
     /// Whether the file is complete and undamaged.
-    pub fn is_whole(&self) -> bool {
+    pub fn is_intact(&self) -> bool {
         self.damage.is_none()
     }
 
@@ -136,6 +162,9 @@ struct SummaryScan {
     stamps: BTreeMap<String, Vec<u64>>,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
+    geometry: BTreeSet<PairGeometry>,
+    /// Row offsets of the results, by algorithm.
+    row_offsets: BTreeMap<String, Vec<i8>>,
     drops: u64,
     losses: Vec<DamagedPart>,
     missing: BTreeMap<String, u64>,
@@ -207,8 +236,15 @@ impl SummaryScan {
         {
             self.skews.push(sync.exposure.skew_ns);
             self.sequences.insert(sync.sequence);
+            self.geometry.insert(sync.geometry);
             // The counter of the recorder never falls; after damage the last one read holds.
             self.drops = self.drops.max(sync.exposure.drops);
+        }
+        if let Some(Ok(result)) = AlgorithmResult::decode(&channel.schema, data)
+            && let Some(row_offset_px) = result.row_offset_px
+        {
+            let offsets = self.row_offsets.entry(result.algorithm).or_default();
+            offsets.push(row_offset_px);
         }
     }
 
@@ -246,6 +282,12 @@ impl SummaryScan {
             missing_pairs: numbers - self.sequences.len() as u64,
             losses: self.losses,
             stereo: self.stereo,
+            geometry: self.geometry,
+            misalignment: self
+                .row_offsets
+                .into_iter()
+                .filter_map(misalignment)
+                .collect(),
             library: self.library,
             profile: self.profile,
             header: self.header,
@@ -277,4 +319,16 @@ impl SummaryScan {
             drops: self.drops,
         }
     }
+}
+
+/// Sums up the row offsets of an algorithm's results; nothing without one.
+fn misalignment((algorithm, mut offsets): (String, Vec<i8>)) -> Option<Misalignment> {
+    offsets.sort_unstable();
+    Some(Misalignment {
+        algorithm,
+        pairs: offsets.len() as u64,
+        median_px: upper_rank(&offsets, 0.5)?,
+        min_px: *offsets.first()?,
+        max_px: *offsets.last()?,
+    })
 }

@@ -30,13 +30,43 @@ pub(super) struct StereoSync {
 }
 
 /// Whether a pair is raw or rectified.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum PairGeometry {
+pub enum PairGeometry {
     Raw,
     /// The default, for recordings of earlier svl, which have no geometry.
     #[default]
     Rectified,
+}
+
+impl PairGeometry {
+    /// `raw` or `rectified`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Raw => "raw",
+            Self::Rectified => "rectified",
+        }
+    }
+}
+
+impl From<&Geometry> for PairGeometry {
+    fn from(geometry: &Geometry) -> Self {
+        match geometry {
+            Geometry::Raw => Self::Raw,
+            Geometry::Rectified(_) => Self::Rectified,
+        }
+    }
 }
 
 impl StereoSync {
@@ -56,10 +86,7 @@ impl StereoSync {
             name: name.clone(),
             left_stamp_ns: *stamp_ns,
             right_stamp_ns,
-            geometry: match geometry {
-                Geometry::Raw => PairGeometry::Raw,
-                Geometry::Rectified(_) => PairGeometry::Rectified,
-            },
+            geometry: geometry.into(),
             truth: truth.as_ref().map(kind).unwrap_or_default(),
             exposure: *exposure,
         }

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 
 /// Writes one recording.
 ///
-/// Only whole chunks are appended, without seeking back, so that the file is a valid prefix of a
+/// Only complete chunks are appended, without seeking back, so that the file is a valid prefix of a
 /// recording at every moment; it is synced about once a second. Dropping the writer finishes the
 /// file and discards errors; call [`Writer::finish`] to see them.
 pub struct Writer {

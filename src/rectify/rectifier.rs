@@ -7,7 +7,7 @@ use super::rotated_camera::RotatedCamera;
 use super::uncalibrated::Homographies;
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, isa};
-use crate::stereo::{Gray, Rig, StereoCalibration, StereoPair};
+use crate::stereo::{Gray, Rig, Side, StereoCalibration, StereoPair};
 use nalgebra::{Matrix3, Point2, UnitQuaternion, Vector2};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -28,7 +28,7 @@ impl Rectifier {
     ///
     /// # Errors
     /// Those of [`bouguet`], and [`Error::Invalid`] when `SVL_ISA` names an instruction set that
-    /// this CPU lacks.
+    /// this CPU does not have.
     pub fn new(calibration: &StereoCalibration) -> Result<Self> {
         let rectification = match calibration.rectification() {
             Some(own) => own.clone(),
@@ -36,15 +36,16 @@ impl Rectifier {
         };
         let views = views(calibration, rectification.left, rectification.right);
         let rig = rectification.rig;
-        let remap = |view: &RotatedCamera, is_right| {
-            let (focal, k) = (rig.focal_px(), rig.intrinsics(is_right));
+        let remap = |view: &RotatedCamera, side| {
+            let (focal, k) = (rig.focal_px(), rig.intrinsics(side));
             let direction =
                 |p: Point2<f64>| Vector2::new((p.x - k[(0, 2)]) / focal, (p.y - k[(1, 2)]) / focal);
             Remap::new(view.size(), rectification.size, |pixel| {
                 view.pixel(direction(pixel))
             })
         };
-        let (left, right) = (remap(&views[0], false)?, remap(&views[1], true)?);
+        let left = remap(&views[0], Side::Left)?;
+        let right = remap(&views[1], Side::Right)?;
         let rotation = Some(UnitQuaternion::from_rotation_matrix(&rectification.left));
         // Only a calibration in metres gives a rig; one in squares has no distances.
         let rig = calibration.clone().with_rectification(rectification).rig();

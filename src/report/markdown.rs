@@ -18,7 +18,7 @@ impl Summary {
         let caution = caution.unwrap_or_default();
         page.push_str(&caution);
         self.algorithms_markdown(&mut page, columns());
-        if let Some(checkpoints) = Checkpoints::of(self) {
+        if let Some(checkpoints) = Checkpoints::from_summary(self) {
             page.push_str(&format!("\n## Checkpoints\n{caution}"));
             checkpoints_markdown(&mut page, &checkpoints);
         }
@@ -30,7 +30,7 @@ impl Summary {
     /// The checkpoints' verdicts alone, under `title`; the whole summary where there are no
     /// checkpoints.
     pub fn verdicts_markdown(&self, title: &str) -> String {
-        let Some(checkpoints) = Checkpoints::of(self) else {
+        let Some(checkpoints) = Checkpoints::from_summary(self) else {
             return self.markdown(title);
         };
         let mut page = format!("# {}\n", escape(title));

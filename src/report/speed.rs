@@ -18,7 +18,7 @@ pub(super) struct Speed {
 
 impl Speed {
     /// Of the rows of one algorithm, at least one.
-    pub(super) fn of(rows: &DataFrame) -> PolarsResult<Self> {
+    pub(super) fn from_rows(rows: &DataFrame) -> PolarsResult<Self> {
         let us = |column| -> PolarsResult<Vec<u64>> {
             Ok(rows
                 .column(column)?
@@ -118,7 +118,7 @@ mod tests {
         // Half a megapixel in 10 ms with 20 disparities: 0.02 s/MP, 1 s/GD.
         let rows =
             [10_000, 1_000_000, 10_000, 10_000, 2_000].map(|us| row(us, (1000, 500), Some(20)));
-        let speed = Speed::of(&Row::frame(&rows).unwrap()).unwrap();
+        let speed = Speed::from_rows(&Row::frame(&rows).unwrap()).unwrap();
         assert_eq!(
             [0.5, 0.95, 1.0].map(|share| speed.rank_ms(share)),
             [10.0, 1000.0, 1000.0]
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn nothing_is_said_of_unknown_disparities() {
-        let speed = Speed::of(&Row::frame(&[row(500, (10, 10), None)]).unwrap()).unwrap();
+        let speed = Speed::from_rows(&Row::frame(&[row(500, (10, 10), None)]).unwrap()).unwrap();
         assert_eq!((speed.time_per_gd_s(), speed.time_per_mp_s()), (None, 5.0));
         assert_eq!(
             speed.stages_ms.map(|ms| (1e3 * ms).round()),

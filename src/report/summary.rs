@@ -103,7 +103,7 @@ impl Summary {
     pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         let summary = Row::frame(rows).and_then(|rows| {
             let checkpoints = CheckpointRow::frame(checkpoints)?;
-            Self::of(&rows, &checkpoints)
+            Self::from_frames(&rows, &checkpoints)
         });
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
@@ -112,12 +112,9 @@ impl Summary {
     pub fn complete(&self, manifest: &mut Manifest) {
         manifest.pairs_hash.clone_from(&self.pairs_hash);
         manifest.truth.clone_from(&self.truth);
-        for contestant in &mut manifest.algorithms {
-            let summary = self
-                .algorithms
-                .iter()
-                .find(|a| a.algorithm == contestant.label);
-            contestant.results_hash = summary.map(|a| a.results_hash.clone());
+        for record in &mut manifest.algorithms {
+            let summary = self.algorithms.iter().find(|a| a.algorithm == record.label);
+            record.results_hash = summary.map(|a| a.results_hash.clone());
         }
     }
 
@@ -127,7 +124,7 @@ impl Summary {
     }
 
     /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
-    fn of(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
+    fn from_frames(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
         let algorithms: Vec<_> = groups(rows, &["algorithm"])?
             .iter()
             .map(algorithm)
@@ -185,7 +182,7 @@ fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
 }
 
 fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
-    let speed = Speed::of(rows)?;
+    let speed = Speed::from_rows(rows)?;
     let [smoothing_ms, texture_ms, matching_ms, checks_ms, other_ms] = speed.stages_ms;
     let time_per_gd_s = speed.time_per_gd_s();
     Ok(AlgorithmSummary {

@@ -1,9 +1,11 @@
-//! A summary on the terminal: plain text, aligned, at most 100 columns.
+//! A summary on the terminal: plain text, aligned, broken at the width that the caller formats it
+//! with (`{summary:80}`), or at 100 columns.
 
 use super::summary::Summary;
 use super::words::{Checkpoints, Column, VERDICTS, columns, notes, shown};
 use std::fmt::{Display, Formatter, Result};
 
+/// Width where none is given, as in a pipe.
 const WIDTH: usize = 100;
 
 /// Longest name that stands beside its checkpoints.
@@ -18,7 +20,8 @@ impl Display for Summary {
             return writeln!(f, "No pairs.");
         }
         let columns = shown(columns(), self);
-        let blocks = blocks(&columns);
+        let total = f.width().unwrap_or(WIDTH);
+        let blocks = blocks(&columns, total);
         // One width of names for all blocks, so that they line up.
         let widest = blocks
             .iter()
@@ -26,22 +29,23 @@ impl Display for Summary {
             .max()
             .unwrap_or_default();
         let names = self.algorithms.iter().map(|a| a.algorithm.as_str());
-        let name = name_width(names, WIDTH - widest);
+        let name = name_width(names, total.saturating_sub(widest));
         let caution = self.caution();
         for block in blocks {
             if let Some(caution) = &caution {
-                writeln!(f, "{caution}")?;
+                wrapped(f, caution, total)?;
             }
             self.block(f, name, block)?;
         }
         notes(&columns, self.rule)
             .iter()
-            .try_for_each(|(term, meaning)| wrapped(f, &format!("{term}: {meaning}")))?;
-        Checkpoints::of(self).map_or(Ok(()), |table| {
+            .try_for_each(|(term, meaning)| wrapped(f, &format!("{term}: {meaning}"), total))?;
+        Checkpoints::from_summary(self).map_or(Ok(()), |table| {
             if let Some(caution) = &caution {
-                write!(f, "\n{caution}")?;
+                writeln!(f)?;
+                wrapped(f, caution, total)?;
             }
-            checkpoints(&table, f)
+            checkpoints(&table, f, total)
         })
     }
 }
@@ -83,11 +87,11 @@ fn width(columns: &[Column]) -> usize {
 }
 
 /// The columns in blocks that fit beside the shortest names, groups undivided.
-fn blocks(columns: &[Column]) -> Vec<&[Column]> {
+fn blocks(columns: &[Column], total: usize) -> Vec<&[Column]> {
     let (mut blocks, mut begin, mut end) = (Vec::new(), 0, 0);
     for group in columns.chunk_by(|a, b| a.group == b.group) {
         let next = end + group.len();
-        if end > begin && width(&columns[begin..next]) > WIDTH - "algorithm".len() {
+        if end > begin && width(&columns[begin..next]) + "algorithm".len() > total {
             blocks.push(&columns[begin..end]);
             begin = end;
         }
@@ -98,10 +102,10 @@ fn blocks(columns: &[Column]) -> Vec<&[Column]> {
 }
 
 /// Writes a text in lines that fit, all but the first indented.
-fn wrapped(f: &mut Formatter<'_>, text: &str) -> Result {
+fn wrapped(f: &mut Formatter<'_>, text: &str, total: usize) -> Result {
     let mut line = String::new();
     for word in text.split(' ') {
-        if line.chars().count() + 1 + word.chars().count() > WIDTH {
+        if line.chars().count() + 1 + word.chars().count() > total {
             writeln!(f, "{line}")?;
             line = " ".to_owned();
         }
@@ -119,7 +123,7 @@ fn name_width<'a>(names: impl Iterator<Item = &'a str>, room: usize) -> usize {
         .map(|name| name.chars().count())
         .max()
         .unwrap_or_default();
-    longest.max("algorithm".len()).min(room)
+    longest.min(room).max("algorithm".len())
 }
 
 /// A name too long for its column gets a line of its own: shortened it could be ambiguous.
@@ -142,7 +146,7 @@ fn head_of_groups(name: usize, columns: &[Column]) -> String {
 }
 
 /// The table of checkpoints, as many abreast as fit.
-fn checkpoints(table: &Checkpoints<'_>, f: &mut Formatter<'_>) -> Result {
+fn checkpoints(table: &Checkpoints<'_>, f: &mut Formatter<'_>, total: usize) -> Result {
     let name = name_width(table.lines.iter().map(|(algorithm, _)| *algorithm), NAME);
     let lines: Vec<Vec<String>> = table
         .lines
@@ -172,7 +176,7 @@ fn checkpoints(table: &Checkpoints<'_>, f: &mut Formatter<'_>) -> Result {
         let mut end = name;
         let fits = widths[from..].iter().take_while(|&&width| {
             end += 2 + width;
-            end <= WIDTH
+            end <= total
         });
         let to = from + fits.count().max(1);
         writeln!(
@@ -187,5 +191,6 @@ fn checkpoints(table: &Checkpoints<'_>, f: &mut Formatter<'_>) -> Result {
         }
         from = to;
     }
-    writeln!(f, "\n{VERDICTS}")
+    writeln!(f)?;
+    wrapped(f, VERDICTS, total)
 }

@@ -201,7 +201,7 @@ pub(super) enum CheckpointCell {
 }
 
 impl CheckpointCell {
-    fn of(checkpoint: Option<&CheckpointSummary>) -> Self {
+    fn new(checkpoint: Option<&CheckpointSummary>) -> Self {
         let seen = checkpoint.and_then(|c| {
             Some(Self::Seen {
                 best: c.best_passed?,
@@ -264,7 +264,7 @@ impl std::fmt::Display for CheckpointCell {
 
 impl<'a> Checkpoints<'a> {
     /// Nothing when the run has no checkpoints.
-    pub(super) fn of(summary: &'a Summary) -> Option<Self> {
+    pub(super) fn from_summary(summary: &'a Summary) -> Option<Self> {
         let mut algorithms: Vec<&str> = Vec::new();
         let mut numbers: Vec<(u32, &str)> = Vec::new();
         for c in &summary.checkpoints {
@@ -284,7 +284,7 @@ impl<'a> Checkpoints<'a> {
             };
             let cells = numbers
                 .iter()
-                .map(|(number, _)| CheckpointCell::of(own().find(|c| c.checkpoint == *number)));
+                .map(|(number, _)| CheckpointCell::new(own().find(|c| c.checkpoint == *number)));
             (
                 algorithm,
                 cells.chain([CheckpointCell::all(own())]).collect(),

@@ -66,7 +66,7 @@ pub enum ClaimVerdict {
     /// No condition is met.
     DoesNotHold,
     /// No condition could be tested.
-    CannotBeTold,
+    Undetermined,
 }
 
 /// A plot or a picture.
@@ -97,7 +97,7 @@ impl Finding {
     pub fn verdict(&self) -> ClaimVerdict {
         let met = self.conditions.iter().filter(|c| c.met).count();
         match (met, self.conditions.len()) {
-            (_, 0) => ClaimVerdict::CannotBeTold,
+            (_, 0) => ClaimVerdict::Undetermined,
             (0, _) => ClaimVerdict::DoesNotHold,
             (met, all) if met == all => ClaimVerdict::Holds,
             _ => ClaimVerdict::HoldsInPart,
@@ -168,7 +168,7 @@ impl ClaimVerdict {
         Self::Holds,
         Self::HoldsInPart,
         Self::DoesNotHold,
-        Self::CannotBeTold,
+        Self::Undetermined,
     ];
 
     /// In words, of several claims.
@@ -177,7 +177,7 @@ impl ClaimVerdict {
             Self::Holds => "hold",
             Self::HoldsInPart => "hold in part",
             Self::DoesNotHold => "do not hold",
-            Self::CannotBeTold => "cannot be told",
+            Self::Undetermined => "are undetermined",
         }
     }
 
@@ -187,7 +187,7 @@ impl ClaimVerdict {
             Self::Holds => "holds",
             Self::HoldsInPart => "holds in part",
             Self::DoesNotHold => "does not hold",
-            Self::CannotBeTold => "cannot be told",
+            Self::Undetermined => "is undetermined",
         }
     }
 }
@@ -203,7 +203,7 @@ mod tests {
             met.iter().for_each(|&met| finding.condition(met, ""));
             finding.verdict()
         };
-        assert_eq!(verdict(&[]), ClaimVerdict::CannotBeTold);
+        assert_eq!(verdict(&[]), ClaimVerdict::Undetermined);
         assert_eq!(verdict(&[true, true]), ClaimVerdict::Holds);
         assert_eq!(verdict(&[false, true]), ClaimVerdict::HoldsInPart);
         assert_eq!(verdict(&[false, false]), ClaimVerdict::DoesNotHold);

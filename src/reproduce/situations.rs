@@ -316,7 +316,7 @@ struct SituationAnswer {
 
 impl SituationAnswer {
     fn tally(&self) -> CellTally {
-        CellTally::of(&self.judgements)
+        CellTally::from_judgements(&self.judgements)
     }
 
     fn at(&self, column: usize, row: usize) -> Verdict {
@@ -332,7 +332,7 @@ fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<Si
         wrong,
         unknown,
         ..
-    } = CellTally::of(&judgements);
+    } = CellTally::from_judgements(&judgements);
     let caption = format!(
         "{}, {}: {right} right, {wrong} wrong, {unknown} unknown",
         situation.name, ALGORITHMS[algorithm]

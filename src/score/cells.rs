@@ -69,7 +69,7 @@ pub struct CellTally {
 }
 
 impl CellTally {
-    pub fn of(judgements: &[CellJudgement]) -> Self {
+    pub fn from_judgements(judgements: &[CellJudgement]) -> Self {
         let count = |f: fn(&CellJudgement) -> bool| judgements.iter().filter(|j| f(j)).count();
         Self {
             right: count(|j| j.verdict == Verdict::Right),

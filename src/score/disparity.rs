@@ -19,7 +19,7 @@ pub struct DisparityScore {
 
 impl DisparityScore {
     /// Compares `map` with `truth`; both are of one size.
-    pub fn of(map: &DisparityMap, truth: &Truth) -> Self {
+    pub fn new(map: &DisparityMap, truth: &Truth) -> Self {
         debug_assert_eq!(map.size(), truth.disparity.size());
         let mask = truth.visibility.as_ref();
         let mut score = Self::default();
@@ -117,13 +117,13 @@ mod tests {
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();
         visibility.set(4, 0, Visibility::Occluded);
         let truth = Truth::exact(truth, Some(visibility));
-        let score = DisparityScore::of(&map, &truth);
+        let score = DisparityScore::new(&map, &truth);
         assert_eq!((score.pixels, score.estimated), (4, 3));
         assert_eq!(
             (score.bad1(), score.bad2(), score.invalid()),
             (Some(2.0 / 3.0), Some(1.0 / 3.0), Some(0.25))
         );
-        let all = DisparityScore::of(
+        let all = DisparityScore::new(
             &map,
             &Truth {
                 visibility: None,
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn nothing_estimated_is_not_zero_error() {
         let truth = Truth::exact(Plane::filled(2, 1, 3.0).unwrap(), None);
-        let score = DisparityScore::of(&DisparityMap::new(2, 1).unwrap(), &truth);
+        let score = DisparityScore::new(&DisparityMap::new(2, 1).unwrap(), &truth);
         assert_eq!(
             (score.bad1(), score.bad2(), score.invalid()),
             (None, None, Some(1.0))

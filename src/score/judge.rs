@@ -6,6 +6,7 @@ use super::{
 };
 use crate::depth::GridSettings;
 use crate::stereo::{CellRule, DepthGrid, Estimate, Frame};
+use std::sync::OnceLock;
 
 /// What a scenario expects of the frames.
 #[derive(Clone, Debug, Default)]
@@ -21,12 +22,18 @@ pub struct Judge {
 #[derive(Clone, Debug)]
 pub struct Judged {
     pub frame: Frame,
-    /// Hash of the pair's pixels.
-    pub pair_hash: u128,
     /// In the order of the run's algorithms. An algorithm that failed on the frame is missing.
     pub estimates: Vec<JudgedEstimate>,
     /// The depth grid of the truth; absent without truth or without estimates.
     pub true_grid: Option<DepthGrid>,
+    pair_hash: OnceLock<u128>,
+}
+
+impl Judged {
+    /// Hash of the pair's pixels, computed when it is first read: recording cameras needs none.
+    pub fn pair_hash(&self) -> u128 {
+        *self.pair_hash.get_or_init(|| self.frame.pair.hash())
+    }
 }
 
 /// One algorithm's estimate with its score.
@@ -55,10 +62,10 @@ impl Judge {
             .map(|estimate| self.judge_estimate(&frame, true_grid.as_ref(), estimate))
             .collect();
         Judged {
-            pair_hash: frame.pair.hash(),
             frame,
             estimates,
             true_grid,
+            pair_hash: OnceLock::new(),
         }
     }
 
@@ -76,8 +83,8 @@ impl Judge {
             frame,
             estimate: &estimate,
             rule: self.cells,
-            pixels: truth.map(|truth| DisparityScore::of(map, truth)),
-            cells: cells.as_deref().map(CellTally::of),
+            pixels: truth.map(|truth| DisparityScore::new(map, truth)),
+            cells: cells.as_deref().map(CellTally::from_judgements),
         };
         JudgedEstimate {
             hash: map.hash(),

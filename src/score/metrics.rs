@@ -91,7 +91,7 @@ pub enum MetricOrigin {
     Checkpoints,
 }
 
-/// How the values of frames add up; frames without a value are left out.
+/// How the values of frames add up; frames without a value are skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MetricTotal {
     Mean,
@@ -204,7 +204,7 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("coverage"),
         note: Some(|_| {
-            let words = "pixels with a disparity; a mean over the pairs, as are the next three";
+            let words = "pixels with a disparity; shares of pixels are means over the pairs";
             ("cover", words.into())
         }),
     },

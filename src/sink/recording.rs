@@ -20,7 +20,7 @@ impl Sink for RecordingSink {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         self.writer.write(&judged.frame)?;
         judged.estimates.iter().try_for_each(|scored| {
-            let hashes = [judged.pair_hash, scored.hash];
+            let hashes = [judged.pair_hash(), scored.hash];
             self.writer
                 .write_estimate(&judged.frame, &scored.estimate, hashes)
         })

@@ -118,7 +118,7 @@ impl Identity {
             stamp_ns: frame.stamp_ns,
             name: frame.name.clone().unwrap_or_default(),
             seed: self.seed,
-            pair_hash: format!("{:032x}", judged.pair_hash),
+            pair_hash: format!("{:032x}", judged.pair_hash()),
             algorithm: estimate.algorithm.clone(),
             parameters_hash: algorithm.map_or_else(String::new, |a| a.parameters_hash.clone()),
             width: width as u32,

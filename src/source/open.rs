@@ -91,7 +91,7 @@ pub struct Opened {
     truth: Option<TruthTopic>,
     /// The left camera before svl rectified the pairs.
     raw: Option<RawCamera>,
-    /// What a recording that svl did not write lacks.
+    /// What a recording that svl did not write does not hold.
     remarks: Vec<String>,
 }
 
@@ -149,7 +149,7 @@ impl Opened {
             }
             (Calib::None, _) if request.alpha.is_some() => {
                 return Err(Error::Usage(
-                    "--alpha is for pairs that are rectified; leave it or --calib none out".into(),
+                    "--alpha is for pairs that are rectified; omit it or --calib none".into(),
                 ));
             }
             (Calib::Own | Calib::None | Calib::Raw, own) => {
@@ -301,7 +301,7 @@ pub const SOURCES: &[SourceKind] = &[
         },
     },
     SourceKind {
-        name: "FILE.mcap, BAG",
+        name: RECORDING,
         noun: "a recording",
         help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
                compressed or Bayer images of two topics",
@@ -321,7 +321,7 @@ pub const SOURCES: &[SourceKind] = &[
         open: recorded,
     },
     SourceKind {
-        name: "FOLDER",
+        name: FOLDER,
         noun: "a folder",
         help: "a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, \
                KITTI's training/ (the pairs with truth), or left/ and right/ with images of equal \
@@ -335,6 +335,9 @@ pub const SOURCES: &[SourceKind] = &[
 
 /// The row of [`SOURCES`] that stands for all [`DRIVERS`].
 pub const CAMERAS: &str = "cameras";
+
+const RECORDING: &str = "FILE.mcap, BAG";
+const FOLDER: &str = "FOLDER";
 
 /// What [`open`] takes, in a line.
 pub fn expected() -> String {
@@ -376,8 +379,15 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
 /// As [`open`].
 pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
     let name = request.name;
+    let exists = Path::new(name).exists();
     let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
-    if kind.is_some_and(|kind| !kind.is_path) && !Path::new(name).exists() {
+    // A folder may hold no images either; then what it lacks as a bag is reported.
+    let is_other = kind.is_some_and(|kind| match kind.name {
+        RECORDING => false,
+        FOLDER => folder(request).is_ok(),
+        _ => exists == kind.is_path,
+    });
+    if is_other {
         let cure = format!("make one first, svl record {name} -o run.mcap");
         return Err(Error::Usage(format!("{name}: is no recording; {cure}")));
     }
@@ -491,7 +501,7 @@ fn is_file(name: &str, extensions: &[&str]) -> bool {
     extension.is_some_and(|extension| extensions.contains(&extension)) && !path.is_dir()
 }
 
-/// Refuses options that the source does not take: the user would believe that they count.
+/// Refuses options that the source does not take: they would have no effect.
 fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
     let GrabRequest {
         trigger,
@@ -502,7 +512,6 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         timeout,
         ..
     } = &request.grab;
-    let default = GrabRequest::default();
     let [left, right] = &request.topics;
     let given = [
         (SourceOption::Seed, request.seed.is_some(), "--seed"),
@@ -517,13 +526,9 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         (SourceOption::Grab, trigger.is_some(), "--trigger"),
         (SourceOption::Grab, rate_hz.is_some(), "--rate"),
         (SourceOption::Grab, pairing.is_some(), "--pairing"),
-        (SourceOption::Grab, *queue != default.queue, "--queue"),
-        (
-            SourceOption::Grab,
-            *when_full != default.when_full,
-            "--when-full",
-        ),
-        (SourceOption::Grab, *timeout != default.timeout, "--timeout"),
+        (SourceOption::Grab, queue.is_some(), "--queue"),
+        (SourceOption::Grab, when_full.is_some(), "--when-full"),
+        (SourceOption::Grab, timeout.is_some(), "--timeout"),
     ];
     let wrong = given
         .iter()

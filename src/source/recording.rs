@@ -66,7 +66,7 @@ impl Source for RecordingSource {
                 Err(error @ Error::Format { .. }) => {
                     // One line in the log; the number follows at the end.
                     if self.unreadable == 0 {
-                        tracing::warn!("{error}; this pair is left out");
+                        tracing::warn!("{error}; this pair is dropped");
                     }
                     self.unreadable += 1;
                 }

@@ -219,7 +219,7 @@ pub struct Estimate {
 pub struct Losses {
     /// Images without a partner.
     pub unpaired: u64,
-    /// Images that came after those of their time had been given up: the file is not in the order
+    /// Images that came after those of their time had been dropped: the file is not in the order
     /// of its stamps.
     pub late: u64,
     /// Pairs that cannot be read.

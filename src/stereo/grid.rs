@@ -50,7 +50,7 @@ impl GridShape {
 pub struct Cell {
     /// Share of the cell's pixels that have a disparity, 0..=1.
     pub valid_share: f64,
-    /// Nothing where `valid_share` was too small to tell.
+    /// Nothing where `valid_share` was too small.
     pub depth: Option<CellDepth>,
 }
 

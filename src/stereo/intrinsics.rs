@@ -118,7 +118,7 @@ impl Intrinsics {
         let (r2, xy) = (x * x + y * y, 2.0 * x * y);
         let (r4, r6) = (r2 * r2, r2 * r2 * r2);
         let distorted = self.distort(direction);
-        let mut by_direction = self.bend(direction);
+        let mut by_direction = self.jacobian(direction);
         by_direction.row_mut(0).scale_mut(fx);
         by_direction.row_mut(1).scale_mut(fy);
         #[rustfmt::skip]
@@ -148,7 +148,7 @@ impl Intrinsics {
             if off.norm() < CLOSE {
                 return Some(direction);
             }
-            direction -= self.bend(direction).try_inverse()? * off;
+            direction -= self.jacobian(direction).try_inverse()? * off;
         }
         None
     }
@@ -166,7 +166,7 @@ impl Intrinsics {
     }
 
     /// Derivative of [`Intrinsics::distort`].
-    fn bend(&self, at: Vector2<f64>) -> Matrix2<f64> {
+    fn jacobian(&self, at: Vector2<f64>) -> Matrix2<f64> {
         let (x, y) = (at.x, at.y);
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = x * x + y * y;
@@ -212,7 +212,7 @@ mod tests {
         for (axis, unit) in [Vector2::x(), Vector2::y()].into_iter().enumerate() {
             let difference = (camera.distort(at + unit * step) - camera.distort(at - unit * step))
                 / (2.0 * step);
-            assert!((camera.bend(at).column(axis) - difference).norm() < 1e-8);
+            assert!((camera.jacobian(at).column(axis) - difference).norm() < 1e-8);
         }
     }
 

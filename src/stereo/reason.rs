@@ -9,7 +9,7 @@ pub enum Reason {
     /// No window fits around it, or no disparity of the range keeps the window inside the right
     /// image.
     Border = 1,
-    /// Too little texture to tell windows apart.
+    /// Too little texture to distinguish windows.
     Untextured = 2,
     /// Another disparity costs nearly as little.
     Ambiguous = 3,

@@ -1,5 +1,6 @@
 //! The geometry of a rectified stereo camera.
 
+use super::Side;
 use crate::error::{Error, Result};
 use nalgebra::{Matrix3, Matrix3x4};
 
@@ -110,9 +111,12 @@ impl Rig {
         self.focal_px * self.baseline_m / depth_m - self.doffs_px
     }
 
-    /// K of the left camera, and with `right` of the right one.
-    pub fn intrinsics(&self, right: bool) -> Matrix3<f64> {
-        let cx = self.cx_px + if right { self.doffs_px } else { 0.0 };
+    /// K of a camera.
+    pub fn intrinsics(&self, side: Side) -> Matrix3<f64> {
+        let cx = match side {
+            Side::Left => self.cx_px,
+            Side::Right => self.cx_px + self.doffs_px,
+        };
         Matrix3::new(
             self.focal_px,
             0.0,
@@ -126,11 +130,10 @@ impl Rig {
         )
     }
 
-    /// Projection matrix P of the left camera, and with `right` of the right one
-    /// (`P[0][3] = -f·B`).
-    pub fn projection(&self, right: bool) -> Matrix3x4<f64> {
-        let mut p = self.intrinsics(right).fixed_resize::<3, 4>(0.0);
-        if right {
+    /// Projection matrix P of a camera; of the right one, `P[0][3] = -f·B`.
+    pub fn projection(&self, side: Side) -> Matrix3x4<f64> {
+        let mut p = self.intrinsics(side).fixed_resize::<3, 4>(0.0);
+        if side == Side::Right {
             p[(0, 3)] = -self.focal_px * self.baseline_m;
         }
         p

@@ -1,4 +1,4 @@
-//! Selection of views for calibration: pairs that show the whole board in both images, sharp and
+//! Selection of views for calibration: pairs that show the complete board in both images, sharp and
 //! still, in a pose unlike those already accepted.
 
 mod coverage;
@@ -144,7 +144,7 @@ impl Chooser {
         self.views.len() >= MOST || (self.views.len() >= ENOUGH && self.missing().is_empty())
     }
 
-    /// The sighting of a whole, sharp board.
+    /// The sighting of a complete, sharp board.
     fn whole<'a>(&self, side: Side, seen: &'a Detection) -> Result<&'a Sighting, Refusal> {
         match seen {
             Detection::Whole(sighting) if sighting.contrast < FAINT => Err(Refusal::Faint(side)),

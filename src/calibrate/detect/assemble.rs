@@ -158,7 +158,7 @@ fn clearance(grid: &Grid, cell: GridIndex, corner: &CornerCandidate) -> Option<f
     steps.map(across).reduce(f64::min)
 }
 
-/// What a grid shows that holds no whole board.
+/// What a grid shows that holds no complete board.
 fn partial(image: &Gray, grid: &Grid, board: &Board) -> Detection {
     if 100 * grid.corners.len() < PART_PERCENT * board.columns() * board.rows() {
         return Detection::Nothing;

@@ -27,7 +27,7 @@ impl Labelling {
 const CHANCE_PERCENT: usize = 8;
 
 /// The corners in the order of [`Board::corners`], for every possible labelling of the board; empty
-/// unless the grid holds exactly one whole board.
+/// unless the grid holds exactly one complete board.
 ///
 /// No labelling is mirrored. A board that is not symmetric under a rotation of 180°, because its
 /// corner squares differ in colour, starts at a dark one.

@@ -10,7 +10,7 @@
 //!
 //! | | this | calib-targets |
 //! |---|---|---|
-//! | whole boards, OpenCV's 26 images | 26 | 25 (one more corner than the board has) |
+//! | complete boards, OpenCV's 26 images | 26 | 25 (one more corner than the board has) |
 //! | distance to OpenCV's corners, rms | 0.135 px | 0.146 px, 2 corners farther than 2 px |
 //! | rms after [`super::solve()`] | 0.164 px | 0.177 px |
 //! | simulated, noise 0: boards, corner rms | 40, 0.012 px | 38, 0.014 px |
@@ -38,7 +38,7 @@ use candidate::Finder;
 use nalgebra::{Point2, Vector2};
 use std::fmt::{Display, Formatter};
 
-/// A whole board detected in an image.
+/// A complete board detected in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sighting {
     /// The inner corners in the order of [`Board::corners`], pixels, pixel centres at integers.
@@ -65,7 +65,7 @@ pub enum Detection {
 }
 
 impl Detection {
-    /// The corners of a whole board; empty for anything else.
+    /// The corners of a complete board; empty for anything else.
     pub fn corners(&self) -> &[Point2<f64>] {
         match self {
             Self::Whole(sighting) => &sighting.corners,
@@ -100,7 +100,7 @@ pub struct Detector {
     finder: Finder,
 }
 
-/// Images of at most this many pixels are searched enlarged too when no whole board is found.
+/// Images of at most this many pixels are searched enlarged too when no complete board is found.
 const SMALL: usize = 1_000_000;
 
 impl Detector {

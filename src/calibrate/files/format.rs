@@ -17,7 +17,7 @@ pub struct CalibrationFormat {
     pub endings: &'static [&'static str],
     /// Names of the two files in a folder, for formats with one file per camera.
     pub pairs: &'static [[&'static str; 2]],
-    /// Whether one file may hold a whole calibration.
+    /// Whether one file may hold a complete calibration.
     pub(super) single: bool,
     pub(super) syntax: Syntax,
     /// Words that identify its files.
@@ -51,7 +51,7 @@ pub(super) struct Written {
 }
 
 impl Written {
-    /// One text that holds the whole calibration.
+    /// One text that holds the complete calibration.
     pub(super) fn complete(text: String) -> Self {
         Self {
             texts: vec![text],

@@ -4,7 +4,7 @@ use super::document::Document;
 use super::format::{CalibrationFormat, LoadedCalibration};
 use super::unit::FileUnit;
 use crate::error::Result;
-use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, motion};
+use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration, motion};
 use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 
 /// Rectified cameras count as one pinhole when they differ by no more than this share of the focal
@@ -179,8 +179,8 @@ pub(super) fn rectified(
     rig: Rig,
 ) -> Result<StereoParameters> {
     let camera =
-        |right| pinhole(size, &rig.intrinsics(right), [0.0; 5]).map_err(|e| document.error(e));
-    let (left, right) = (camera(false)?, camera(true)?);
+        |side| pinhole(size, &rig.intrinsics(side), [0.0; 5]).map_err(|e| document.error(e));
+    let (left, right) = (camera(Side::Left)?, camera(Side::Right)?);
     let none = Rotation3::identity();
     let rectification = Some(Rectification {
         size,
@@ -226,12 +226,12 @@ pub(super) fn beyond_rectified(calibration: &StereoCalibration) -> Vec<&'static 
         .iter()
         .any(|c| c.distortion() != [0.0; 5]);
     let rotated = calibration.rectification().is_some_and(|r| {
-        let same = |camera: &Intrinsics, right| {
-            camera.matrix() == r.rig.intrinsics(right) && camera.size() == r.size
+        let same = |camera: &Intrinsics, side| {
+            camera.matrix() == r.rig.intrinsics(side) && camera.size() == r.size
         };
         r.left.angle() + r.right.angle() > 0.0
-            || !same(calibration.left(), false)
-            || !same(calibration.right(), true)
+            || !same(calibration.left(), Side::Left)
+            || !same(calibration.right(), Side::Right)
     });
     let mut left_out = Vec::new();
     if distorted || rotated {

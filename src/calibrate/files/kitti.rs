@@ -10,7 +10,7 @@ use super::geometry::{
 use super::numbers::{rows, spaced};
 use super::unit::FileUnit;
 use crate::error::Result;
-use crate::stereo::{Rectification, Rig, StereoCalibration};
+use crate::stereo::{Rectification, Rig, Side, StereoCalibration};
 use nalgebra::{Matrix3x4, Vector3};
 use std::path::Path;
 
@@ -82,7 +82,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
     let mut remarks = Vec::new();
     if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
-        remarks.push("cameras 0 and 1 were taken; 2 and 3 were left out".to_owned());
+        remarks.push("cameras 0 and 1 were taken; 2 and 3 were dropped".to_owned());
     }
     cameras.loaded(&FORMAT, &document, unit, remarks)
 }
@@ -90,7 +90,12 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
 fn write(calibration: &StereoCalibration) -> Writing {
     let rig = only_rectified(calibration)?.rig;
     // Readers expect four projections; svl has one pair, so the colour pair repeats the grey one.
-    let line = |i: usize| format!("P{i}: {}\n", spaced(&rows(&rig.projection(i % 2 == 1))));
+    let line = |i: usize| {
+        format!(
+            "P{i}: {}\n",
+            spaced(&rows(&rig.projection(Side::BOTH[i % 2])))
+        )
+    };
     Ok(Written {
         texts: vec![(0..4).map(line).collect()],
         left_out: beyond_rectified(calibration),
@@ -121,7 +126,7 @@ fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration
         rectification: Some(rectification),
     };
     let remarks = if document.has("K_02") {
-        vec!["cameras 02 and 03 were left out".to_owned()]
+        vec!["cameras 02 and 03 were dropped".to_owned()]
     } else {
         Vec::new()
     };
@@ -145,7 +150,7 @@ fn write_raw(calibration: &StereoCalibration) -> Writing {
     ];
     let mut text = String::new();
     for (i, (camera, (r, t), r_rect)) in sides.into_iter().enumerate() {
-        let p: Matrix3x4<f64> = rectification.rig.projection(i == 1);
+        let p: Matrix3x4<f64> = rectification.rig.projection(Side::BOTH[i]);
         let size = |(width, height): (usize, usize)| vec![width as f64, height as f64];
         let lines: [(&str, Vec<f64>); 8] = [
             ("S", size(camera.size())),

@@ -6,7 +6,7 @@ use super::geometry::{beyond_rectified, only_rectified, rectified};
 use super::numbers::{number, rows, spaced};
 use super::unit::FileUnit;
 use crate::error::Result;
-use crate::stereo::{Rig, StereoCalibration};
+use crate::stereo::{Rig, Side, StereoCalibration};
 use std::path::Path;
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
@@ -57,14 +57,14 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
 fn write(calibration: &StereoCalibration) -> Writing {
     let rectification = only_rectified(calibration)?;
     let (rig, (width, height)) = (rectification.rig, rectification.size);
-    let camera = |right| {
-        let k: Vec<_> = rows(&rig.intrinsics(right)).chunks(3).map(spaced).collect();
+    let camera = |side| {
+        let k: Vec<_> = rows(&rig.intrinsics(side)).chunks(3).map(spaced).collect();
         k.join("; ")
     };
     let text = format!(
         "cam0=[{}]\ncam1=[{}]\ndoffs={}\nbaseline={}\nwidth={width}\nheight={height}\n",
-        camera(false),
-        camera(true),
+        camera(Side::Left),
+        camera(Side::Right),
         number(rig.doffs_px()),
         number(rig.baseline_m() * 1000.0)
     );

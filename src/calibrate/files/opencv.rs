@@ -10,7 +10,7 @@ use super::geometry::{StereoParameters, camera, extrinsics, read_distortion, rig
 use super::numbers::{listed, rows};
 use super::unit::{self, FileUnit};
 use crate::error::Result;
-use crate::stereo::{Intrinsics, Rectification, StereoCalibration};
+use crate::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
 use nalgebra::{DMatrix, Vector3};
 use std::fmt::Write;
 
@@ -125,8 +125,8 @@ fn write(calibration: &StereoCalibration) -> Writing {
         matrices.extend([
             ("R1", fixed(rectification.left.matrix())),
             ("R2", fixed(rectification.right.matrix())),
-            ("P1", fixed(&rectification.rig.projection(false))),
-            ("P2", fixed(&rectification.rig.projection(true))),
+            ("P1", fixed(&rectification.rig.projection(Side::Left))),
+            ("P2", fixed(&rectification.rig.projection(Side::Right))),
         ]);
     }
     for (name, matrix) in matrices {

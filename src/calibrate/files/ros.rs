@@ -7,7 +7,7 @@ use super::geometry::{StereoParameters, camera, in_metres, read_distortion, rig}
 use super::numbers::{listed, rows};
 use super::unit::FileUnit;
 use crate::error::Result;
-use crate::stereo::{Intrinsics, Rectification, StereoCalibration};
+use crate::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
 use nalgebra::{Matrix3x4, Rotation3};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
@@ -92,13 +92,13 @@ fn write(calibration: &StereoCalibration) -> Writing {
             "left",
             calibration.left(),
             &rectification.left,
-            &rig.projection(false),
+            &rig.projection(Side::Left),
         ),
         camera_info(
             "right",
             calibration.right(),
             &rectification.right,
-            &rig.projection(true),
+            &rig.projection(Side::Right),
         ),
     ];
     Ok(Written {

@@ -16,7 +16,7 @@
 //! the baseline, is not in the file. Hence, where poses and homographies differ by more than 10°,
 //! the homographies count: they give the rotation and the direction of the baseline, and its length
 //! is 1, in squares of unknown size. The homographies of the example are warps of four corners and
-//! not pure rotations of a camera, so its rectification is left out.
+//! not pure rotations of a camera, so its rectification is dropped.
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
@@ -24,7 +24,7 @@ use super::geometry::{StereoParameters, pinhole};
 use super::numbers::number;
 use super::unit::{self, FileUnit};
 use crate::error::Result;
-use crate::stereo::{Intrinsics, Rectification, Rig, StereoCalibration, motion};
+use crate::stereo::{Intrinsics, Rectification, Rig, Side, StereoCalibration, motion};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::fmt::Write;
 
@@ -93,7 +93,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let rectification = warps.rectification(size, right_from_left.translation.vector.norm());
     if rectification.is_none() {
         remarks.push(
-            "its Coeffs are not pure rotations of a camera: its rectification is left out".into(),
+            "its Coeffs are not pure rotations of a camera: its rectification is dropped".into(),
         );
     }
     let cameras = StereoParameters {
@@ -216,9 +216,8 @@ impl Warps {
         let focal = left.k[(0, 0)];
         let doffs = right.k[(0, 2)] - left.k[(0, 2)];
         let rig = Rig::new(focal, (left.k[(0, 2)], left.k[(1, 2)]), baseline, doffs).ok()?;
-        let fits =
-            |warp: &Warp, is_right| (warp.k - rig.intrinsics(is_right)).amax() <= SAME * focal;
-        let fits = fits(left, false) && fits(right, true);
+        let fits = |warp: &Warp, side| (warp.k - rig.intrinsics(side)).amax() <= SAME * focal;
+        let fits = fits(left, Side::Left) && fits(right, Side::Right);
         fits.then_some(Rectification {
             size,
             left: left.rotation,
@@ -267,17 +266,13 @@ fn stereo(
     rectification: &Rectification,
 ) -> std::result::Result<String, String> {
     let (mut quad, mut coeffs) = (String::new(), String::new());
-    for (i, camera) in cameras.into_iter().enumerate() {
-        let rotation = if i == 0 {
-            rectification.left
-        } else {
-            rectification.right
-        };
+    let rotations = [rectification.left, rectification.right];
+    for (i, (camera, side)) in cameras.into_iter().zip(Side::BOTH).enumerate() {
         let raw = camera
             .matrix()
             .try_inverse()
             .ok_or("has a camera whose matrix cannot be inverted")?;
-        let homography = rectification.rig.intrinsics(i == 1) * rotation.matrix() * raw;
+        let homography = rectification.rig.intrinsics(side) * rotations[i].matrix() * raw;
         // The annex normalizes the last coefficient to 1.
         let homography = homography / homography[(2, 2)];
         let (width, height) = (camera.size().0 as f64, camera.size().1 as f64);

@@ -101,7 +101,7 @@ impl MovingBoard {
         StereoPair::new(image(0)?, image(1)?)
     }
 
-    /// True corners in pair `index`; `None` where the board is not whole in both images.
+    /// True corners in pair `index`; `None` where the board is not complete in both images.
     pub fn view(&self, index: u64) -> Option<StereoView> {
         view(&self.board, &self.truth, &self.pose(index as f64), 0.0)
     }
@@ -138,11 +138,11 @@ fn truth() -> Result<StereoCalibration> {
     StereoCalibration::new(left, right, right_from_left, LengthUnit::Metres)
 }
 
-/// A pose in which both cameras see the whole board.
+/// A pose in which both cameras see the complete board.
 fn pose(board: &Board, truth: &StereoCalibration, random: &mut fastrand::Rng) -> Isometry3<f64> {
     let middle =
         Vector3::new((board.columns() - 1) as f64, (board.rows() - 1) as f64, 0.0) * (0.5 * SIDE_M);
-    // Rejection sampling: draw until both cameras see the whole board.
+    // Rejection sampling: draw until both cameras see the complete board.
     loop {
         let mut within = |low: f64, high: f64| low + (high - low) * random.f64();
         let rotation = UnitQuaternion::from_euler_angles(

@@ -1,8 +1,7 @@
 //! `svl algos`: the registry, printed.
 
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use serde::Serialize;
-use std::fmt::Write;
 use svl::matcher::{self, MATCHERS, MatcherSpec, Range};
 
 /// List the algorithms, or one with its parameters
@@ -40,7 +39,7 @@ struct ParameterEntry {
 }
 
 impl AlgorithmEntry {
-    fn of(spec: &MatcherSpec) -> Self {
+    fn new(spec: &MatcherSpec) -> Self {
         let parameters = spec.parameters.iter().map(|p| {
             let (default, min, max) = match p.range {
                 Range::Int { default, min, max } => (default.into(), min.into(), max.into()),
@@ -90,42 +89,49 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return print_json(
             &specs
                 .iter()
-                .map(|spec| AlgorithmEntry::of(spec))
+                .map(|spec| AlgorithmEntry::new(spec))
                 .collect::<Vec<_>>(),
         );
     }
-    let mut text = String::new();
-    for spec in specs {
-        describe(&mut text, spec)?;
-    }
-    text.push_str("Use as NAME:key=value,key=value, for instance --algo v3:max_disparity=64\n");
+    let last = width();
+    let mut text: String = specs.iter().map(|spec| describe(spec, last)).collect();
+    text += &wrapped(
+        "",
+        0,
+        "Use as NAME:key=value,key=value, for instance --algo v3:max_disparity=64",
+        last,
+    );
     print(&text)
 }
 
-fn describe(text: &mut String, spec: &MatcherSpec) -> std::fmt::Result {
-    writeln!(
-        text,
-        "{:<6} {}\n       {}",
-        spec.name, spec.summary, spec.paper
-    )?;
+/// Column where the description of an algorithm begins.
+const COLUMN: usize = 7;
+/// Narrowest column of descriptions beside names and values of parameters.
+const NARROWEST: usize = 30;
+
+fn describe(spec: &MatcherSpec, last: usize) -> String {
+    let mut text = wrapped(spec.name, COLUMN, spec.summary, last);
+    text += &wrapped("", COLUMN, spec.paper, last);
     if !spec.aliases.is_empty() {
-        writeln!(text, "       also called {}", spec.aliases.join(", "))?;
+        let also = format!("also called {}", spec.aliases.join(", "));
+        text += &wrapped("", COLUMN, &also, last);
     }
     text.push('\n');
     let width =
         |f: fn(&matcher::Parameter) -> usize| spec.parameters.iter().map(f).max().unwrap_or(0);
     let (names, values) = (width(|p| p.name.len()), width(|p| setting(p).len()));
+    let beside = COLUMN + names + 2 + values + 2;
     for p in spec.parameters {
-        writeln!(
-            text,
-            "       {:<names$}  {:<values$}  {}",
-            p.name,
-            setting(p),
-            p.description
-        )?;
+        let head = format!("{:COLUMN$}{:<names$}  {}", "", p.name, setting(p));
+        if beside + NARROWEST <= last {
+            text += &wrapped(&head, beside, p.description, last);
+        } else {
+            text += &format!("{head}\n");
+            text += &wrapped("", COLUMN + 4, p.description, last);
+        }
     }
     text.push('\n');
-    Ok(())
+    text
 }
 
 /// Default and range of a parameter with its unit: `80 px (-512..=512)`.

@@ -120,15 +120,15 @@ fn pair((width, height): (usize, usize)) -> anyhow::Result<StereoPair> {
 fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Figures>> {
     progress::listen_for_interrupt();
     let mut output = MatchOutput::new()?;
-    let mut contestants = Vec::new();
+    let mut entries = Vec::new();
     for algorithm in algorithms {
         let mut matcher = algorithm.build()?;
         // Warm-up: memory is allocated, caches and branches know the pair.
         (0..3).try_for_each(|_| time(&mut *matcher, pair, &mut output).map(drop))?;
-        contestants.push((algorithm, matcher, Vec::new()));
+        entries.push((algorithm, matcher, Vec::new()));
     }
     for round in 0..*ROUNDS.end() {
-        for (_, matcher, times) in &mut contestants {
+        for (_, matcher, times) in &mut entries {
             let spent: Duration = times.iter().sum();
             if spent < BUDGET || round < *ROUNDS.start() {
                 times.push(time(&mut **matcher, pair, &mut output)?);
@@ -139,7 +139,7 @@ fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Fi
         }
     }
     let isa = svl::kernel::isa()?.name();
-    Ok(contestants
+    Ok(entries
         .into_iter()
         .map(|(algorithm, _, times)| figures(algorithm, pair.size(), isa, times))
         .collect())

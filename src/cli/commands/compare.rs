@@ -39,7 +39,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let comparisons = others
         .iter()
-        .map(|other| Comparison::of(base, other))
+        .map(|other| Comparison::from_runs(base, other))
         .collect::<Result<Vec<_>, _>>()?;
     if args.json {
         print_json(&comparisons)

@@ -2,15 +2,15 @@
 
 use crate::cli::shared::progress::Bytes;
 use crate::cli::shared::source::data_folder;
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use clap::builder::NonEmptyStringValueParser;
 use serde::Serialize;
 use std::collections::BTreeSet;
-use std::fmt::Write;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use svl::counted;
 use svl::fetch::{self, Receipt, Receipts};
 use svl::source::dataset::{self, DATASETS, Dataset, Part};
 
@@ -84,7 +84,7 @@ struct PartEntry {
 }
 
 impl DatasetEntry {
-    fn of(dataset: &Dataset) -> Self {
+    fn new(dataset: &Dataset) -> Self {
         let part = |part: &Part| PartEntry {
             name: part.name,
             usual: part.usual,
@@ -118,12 +118,18 @@ impl DatasetEntry {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
         Some(DatasetsCommand::Fetch(args)) => fetch(args, quiet),
-        None if args.json => print_json(&DATASETS.iter().map(DatasetEntry::of).collect::<Vec<_>>()),
-        None => print(&list()?),
+        None if args.json => {
+            print_json(&DATASETS.iter().map(DatasetEntry::new).collect::<Vec<_>>())
+        }
+        None => print(&list()),
     }
 }
 
-fn list() -> Result<String, std::fmt::Error> {
+/// Column where the description of a data set begins.
+const COLUMN: usize = 16;
+
+fn list() -> String {
+    let last = width();
     let mut text = String::new();
     for dataset in DATASETS {
         let usual: u32 = dataset
@@ -132,16 +138,10 @@ fn list() -> Result<String, std::fmt::Error> {
             .filter(|p| p.usual)
             .map(|p| p.megabytes)
             .sum();
-        writeln!(
-            text,
-            "{:<15} {}, about {usual} MB",
-            dataset.name, dataset.title
-        )?;
-        writeln!(
-            text,
-            "{:15} {}\n{:15} {}",
-            "", dataset.licence, "", dataset.home
-        )?;
+        let title = format!("{}, about {usual} MB", dataset.title);
+        text += &wrapped(dataset.name, COLUMN, &title, last);
+        text += &wrapped("", COLUMN, dataset.licence, last);
+        text += &wrapped("", COLUMN, dataset.home, last);
         let others: Vec<_> = dataset
             .parts
             .iter()
@@ -149,12 +149,11 @@ fn list() -> Result<String, std::fmt::Error> {
             .map(|p| p.name)
             .collect();
         if !others.is_empty() {
-            writeln!(text, "{:15} also: {}", "", others.join(", "))?;
+            text += &wrapped("", COLUMN, &format!("also: {}", others.join(", ")), last);
         }
         text.push('\n');
     }
-    text.push_str("Fetch one with svl datasets fetch NAME --data DIR\n");
-    Ok(text)
+    text + "Fetch one with svl datasets fetch NAME --data DIR\n"
 }
 
 fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
@@ -194,8 +193,9 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
         ..
     } = fetching;
     print(&format!(
-        "{}: {written} files written, {kept} there already\n",
-        folder.display()
+        "{}: {} written, {kept} there already\n",
+        folder.display(),
+        counted(written as u64, "file")
     ))
 }
 

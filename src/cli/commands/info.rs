@@ -1,11 +1,12 @@
 //! `svl info`: what a recording holds, and whether it is intact.
 
-use crate::cli::shared::terminal::{LISTED, losses, missing, size};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{
+    LISTED, losses, missing, print, print_json, size, width, wrapped,
+};
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Recording, RecordingSummary, SkewSummary, Topic};
+use svl::recording::{Misalignment, Recording, RecordingSummary, SkewSummary, Topic};
 
 /// Show what a recording holds, and whether it is intact
 #[derive(clap::Args)]
@@ -82,13 +83,7 @@ fn table(summary: &RecordingSummary) -> String {
             ),
         );
     }
-    if let Some(calibration) = summary
-        .header
-        .as_ref()
-        .and_then(|header| header.calibration.as_ref())
-    {
-        lines.push(format!("rectified  by {calibration}"));
-    }
+    lines.extend(geometry(summary));
     lines.extend(
         summary
             .grabber
@@ -102,9 +97,10 @@ fn table(summary: &RecordingSummary) -> String {
             .map(|error| format!("ended      by an error: {error}")),
     );
     lines.extend(summary.skew.iter().flat_map(skew));
+    lines.extend(summary.misalignment.iter().map(misalignment));
     lines.extend(gaps(summary));
     lines.extend(missing(&summary.missing));
-    if !summary.is_whole() {
+    if !summary.is_intact() {
         lines.extend(losses(&summary.losses));
         lines.push(format!(
             "cure       svl recover {} -o OUT.mcap",
@@ -115,13 +111,22 @@ fn table(summary: &RecordingSummary) -> String {
         summary
             .attachments
             .iter()
-            .map(|(name, bytes)| format!("attached   {name}, {bytes} bytes")),
+            .map(|(name, bytes)| format!("attached   {name}, {}", counted(*bytes, "byte"))),
     );
-    lines.push(String::new());
-    lines.extend(topics(&summary.topics));
-    lines.push(String::new());
-    lines.join("\n")
+    let last = width();
+    let lines = lines
+        .iter()
+        .map(|line| match line.split_at_checked(COLUMN) {
+            // Aligned columns stay as they are.
+            Some((label, words)) if !words.starts_with(' ') => wrapped(label, COLUMN, words, last),
+            _ => format!("{line}\n"),
+        });
+    let topics = topics(&summary.topics, last);
+    format!("{}\n{}\n", lines.collect::<String>(), topics.join("\n"))
 }
+
+/// Column where the value of a line begins.
+const COLUMN: usize = 11;
 
 fn pairs(summary: &RecordingSummary) -> String {
     let rate = summary
@@ -146,6 +151,38 @@ fn pairs(summary: &RecordingSummary) -> String {
         false => String::new(),
     };
     format!("pairs      {}{rate}{dropped}{missing}", summary.pairs)
+}
+
+/// Whether the pairs are raw or rectified, and by which calibration.
+fn geometry(summary: &RecordingSummary) -> Option<String> {
+    let names: Vec<_> = summary.geometry.iter().map(|kind| kind.name()).collect();
+    let calibration = summary
+        .header
+        .as_ref()
+        .and_then(|header| header.calibration.as_ref())
+        .map_or_else(String::new, |calibration| format!(" by {calibration}"));
+    (!names.is_empty()).then(|| format!("geometry   {}{calibration}", names.join(" and ")))
+}
+
+/// The vertical misalignment that an algorithm measured.
+fn misalignment(misalignment: &Misalignment) -> String {
+    let Misalignment {
+        algorithm,
+        pairs,
+        median_px,
+        min_px,
+        max_px,
+    } = misalignment;
+    let words = match median_px {
+        0 => "both images at the same height".to_owned(),
+        1.. => format!("right image {median_px} px lower"),
+        _ => format!("right image {} px higher", median_px.unsigned_abs()),
+    };
+    let pairs = counted(*pairs, "pair");
+    format!(
+        "misaligned {algorithm}: {words} (median of {pairs}; {min_px} .. {max_px} px, positive is \
+         lower)"
+    )
 }
 
 /// Columns of the longest bar.
@@ -226,31 +263,34 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
     lines
 }
 
-fn topics(topics: &[Topic]) -> Vec<String> {
-    let width = topics
-        .iter()
-        .map(|topic| topic.name.len())
-        .max()
-        .unwrap_or(0)
-        .max(5);
-    let row = |name: &str, messages: &str, rate: &str, size: &str, schema: &str| {
-        format!("{name:width$}  {messages:>8}  {rate:>7}  {size:>9}  {schema}")
-    };
-    let head = row("topic", "messages", "Hz", "size", "schema");
+/// The topics as a table; a schema that does not fit stands on a line of its own.
+fn topics(topics: &[Topic], last: usize) -> Vec<String> {
+    let head = ["topic", "messages", "Hz", "size", "schema"].map(str::to_owned);
     let rows = topics.iter().map(|topic| {
-        let rate = topic
-            .rate_hz
-            .map(|hz| format!("{hz:.2}"))
-            .unwrap_or_default();
-        row(
-            &topic.name,
-            &topic.messages.to_string(),
-            &rate,
-            &size(topic.bytes),
-            &topic.schema,
-        )
+        let rate = topic.rate_hz.map(|hz| format!("{hz:.2}"));
+        [
+            topic.name.clone(),
+            topic.messages.to_string(),
+            rate.unwrap_or_default(),
+            size(topic.bytes),
+            topic.schema.clone(),
+        ]
     });
-    std::iter::once(head).chain(rows).collect()
+    let rows: Vec<_> = std::iter::once(head).chain(rows).collect();
+    let width = |i: usize| {
+        let widths = rows.iter().map(|row| row[i].chars().count());
+        widths.max().unwrap_or_default()
+    };
+    let [name, messages, hz, bytes] = [0, 1, 2, 3].map(width);
+    let line = |row: &[String; 5]| {
+        let [topic, count, rate, size, schema] = row;
+        let numbers = format!("{topic:name$}  {count:>messages$}  {rate:>hz$}  {size:>bytes$}");
+        match numbers.chars().count() + 2 + schema.chars().count() <= last {
+            true => format!("{numbers}  {schema}"),
+            false => format!("{numbers}\n    {schema}"),
+        }
+    };
+    rows.iter().map(line).collect()
 }
 
 fn seconds(ns: u64) -> String {

@@ -1,10 +1,9 @@
 //! Options of sources on the command line, and what help and lists say of [`SOURCES`].
 
 use super::progress::{Progress, interrupted, listen_for_interrupt};
-use super::terminal::{print, wrapped};
+use super::terminal::{LAST_COLUMN, print, width, wrapped};
 use super::usage;
 use clap::builder::{NonEmptyStringValueParser, PossibleValue, TypedValueParser};
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -188,7 +187,6 @@ enum FullChoice {
 
 impl CameraArgs {
     pub(crate) fn fill(&self, request: &mut Request<'_>) {
-        let default = GrabRequest::default();
         request.grab = GrabRequest {
             trigger: self.trigger.clone(),
             rate_hz: self.rate,
@@ -197,16 +195,13 @@ impl CameraArgs {
                 PairingChoice::Stamp => PairBy::Stamp,
                 PairingChoice::Order => PairBy::Order,
             }),
-            queue: self.queue.map_or(default.queue, usize::from),
-            when_full: match self.when_full {
-                Some(FullChoice::Wait) => WhenFull::Wait,
-                Some(FullChoice::Drop) => WhenFull::Drop,
-                None => default.when_full,
-            },
-            timeout: self
-                .timeout
-                .map_or(default.timeout, Duration::from_secs_f64),
-            ..default
+            queue: self.queue.map(usize::from),
+            when_full: self.when_full.map(|choice| match choice {
+                FullChoice::Wait => WhenFull::Wait,
+                FullChoice::Drop => WhenFull::Drop,
+            }),
+            timeout: self.timeout.map(Duration::from_secs_f64),
+            ..GrabRequest::default()
         };
     }
 }
@@ -290,25 +285,25 @@ impl TypedValueParser for SourceParser {
 /// Prints the cameras of this machine, and the serial ports where a trigger controller may be.
 pub(crate) fn list() -> anyhow::Result<()> {
     let mut text = String::new();
+    let last = width();
+    let mut line = |head: &str, words: &str| text += &wrapped(head, LIST_COLUMN, words, last);
     for driver in DRIVERS {
         match &driver.functions {
             Ok(functions) => {
                 let cameras = (functions.list)();
                 if cameras.is_empty() {
-                    writeln!(text, "{:<22}  no camera found", driver.name)?;
+                    line(driver.name, "no camera found");
                 }
                 for camera in cameras {
-                    writeln!(text, "{:<22}  camera: {}", camera.name, camera.description)?;
-                    for mode in &camera.modes {
-                        writeln!(text, "{:<22}  {mode}", "")?;
-                    }
+                    line(&camera.name, &format!("camera: {}", camera.description));
+                    camera.modes.iter().for_each(|mode| line("", mode));
                 }
             }
-            Err(cure) => writeln!(text, "{:<22}  not built in; {cure}", driver.name)?,
+            Err(cure) => line(driver.name, &format!("not built in; {cure}")),
         }
     }
     for port in serial2::SerialPort::available_ports().unwrap_or_default() {
-        writeln!(text, "serial:{:<15}  serial port", port.display())?;
+        line(&format!("serial:{}", port.display()), "serial port");
     }
     print(&text)
 }
@@ -317,12 +312,14 @@ pub(crate) fn list() -> anyhow::Result<()> {
 /// option.
 const COLUMN: usize = 18;
 const OPTION_COLUMN: usize = 38;
+/// Column where the description of a camera begins in `svl record --list`.
+const LIST_COLUMN: usize = 24;
 
 /// The sources with their options, as lines of the help of `svl record`.
 pub(crate) fn sources_help() -> String {
     let help = SOURCES.iter().map(|kind| match kind.name {
         CAMERAS => DRIVERS.iter().map(driver_help).collect(),
-        name => wrapped(&format!("  {name}"), COLUMN, kind.help),
+        name => wrapped(&format!("  {name}"), COLUMN, kind.help, LAST_COLUMN),
     });
     help.fold("Sources:\n".to_owned(), |text, help| text + &help)
 }
@@ -337,7 +334,12 @@ fn driver_help(driver: &Driver) -> String {
     let mut text = format!("  {}{options}\n", driver.source());
     let missing = driver.functions.as_ref().err();
     let missing = missing.map_or(String::new(), |cure| format!("; not built in: {cure}"));
-    text += &wrapped("", COLUMN, &format!("{}{missing}", driver.help));
+    text += &wrapped(
+        "",
+        COLUMN,
+        &format!("{}{missing}", driver.help),
+        LAST_COLUMN,
+    );
     for option in driver.options.iter().chain(driver.camera_options) {
         let default = match option.range.default() {
             Value::Text(text) => text,
@@ -349,11 +351,11 @@ fn driver_help(driver: &Driver) -> String {
             _ => String::new(),
         };
         let words = format!("{}{values}", option.description);
-        text += &wrapped(&head, OPTION_COLUMN, &words);
+        text += &wrapped(&head, OPTION_COLUMN, &words, LAST_COLUMN);
     }
     if let Some(option) = driver.camera_options.first() {
         let words = format!("from {0} on also of one camera, as right.{0}", option.name);
-        text += &wrapped("", COLUMN, &words);
+        text += &wrapped("", COLUMN, &words, LAST_COLUMN);
     }
     text
 }

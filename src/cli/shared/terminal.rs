@@ -61,16 +61,27 @@ pub(crate) fn size(bytes: u64) -> String {
     }
 }
 
+/// Width of tables that go to a pipe or a file, columns.
+const PIPED: usize = 100;
+/// Narrower terminals get lines that the terminal itself breaks.
+const NARROWEST: usize = 60;
+
+/// Columns of standard output: the terminal's, or 100.
+pub(crate) fn width() -> usize {
+    let size = terminal_size::terminal_size_of(std::io::stdout());
+    size.map_or(PIPED, |(columns, _)| usize::from(columns.0).max(NARROWEST))
+}
+
 /// Last column of the help that stands below the options, which clap does not break again.
 pub(crate) const LAST_COLUMN: usize = 78;
 
 /// `head`, and from a column on the words of `text`, broken at the last column.
-pub(crate) fn wrapped(head: &str, column: usize, text: &str) -> String {
+pub(crate) fn wrapped(head: &str, column: usize, text: &str, last: usize) -> String {
     let mut lines = vec![format!("{head:<column$}")];
     for word in text.split(' ') {
         let line = lines.last_mut().expect("one to begin with");
         let used = line.chars().count();
-        if used > column && used + 1 + word.chars().count() > LAST_COLUMN {
+        if used > column && used + 1 + word.chars().count() > last {
             lines.push(format!("{:column$}{word}", ""));
         } else {
             line.push_str(if used > column { " " } else { "" });

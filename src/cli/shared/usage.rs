@@ -30,17 +30,23 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
 
 /// Prints clap's error in one line, without the usage that `--help` shows; help and version as they
 /// are.
-pub(crate) fn tell(error: &Error) -> ExitCode {
+pub(crate) fn report_clap(error: &Error) -> ExitCode {
     if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let text = error.to_string();
         let end = ["\n\nUsage:", "\n\nFor more information"]
             .iter()
             .filter_map(|mark| text.find(mark))
             .min();
-        let line = text[..end.unwrap_or(text.len())]
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ");
+        let lines = text[..end.unwrap_or(text.len())].lines().map(str::trim);
+        let line = lines.filter(|line| !line.is_empty()).fold(
+            String::new(),
+            // clap sets tips apart by a line of their own.
+            |text, line| match (text.is_empty(), line.starts_with("tip: ")) {
+                (true, _) => line.to_owned(),
+                (_, true) => format!("{text}; {line}"),
+                _ => format!("{text} {line}"),
+            },
+        );
         eprintln!("{line}; see --help");
     } else {
         // A closed standard output is no reason to panic.

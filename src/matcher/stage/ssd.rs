@@ -107,7 +107,7 @@ pub(super) fn search(width: usize, range: DisparityRange) -> SsdSearch {
     let disparities = range.within(width);
     SsdSearch::new(
         width,
-        // Disparities that no window of the row can have are left out of the search.
+        // Disparities that no window of the row can have are not searched.
         *disparities.start(),
         disparities.map(weight).collect(),
     )

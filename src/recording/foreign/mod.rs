@@ -239,7 +239,7 @@ impl PairSource for Foreign {
         let [left, right] = &self.images;
         if self.are_raw() {
             let why = "by their calibration they are not rectified";
-            let so = "rows of left and right do not agree, and distances are left out";
+            let so = "rows of left and right do not agree, and there are no distances";
             let cure = match self.calibration() {
                 Some(Err(reason)) => {
                     format!("it does not say how to rectify them ({reason}): --calib FILE does")

@@ -269,7 +269,7 @@ mod tests {
             )
         };
         assert_eq!(push(Left, 0..1500), (0, 100, 50, 0));
-        // The first fifty are told as what they are: late.
+        // The first fifty are reported as what they are: late.
         assert_eq!(push(Right, 0..1500), (100, 0, 100, 50));
         assert_eq!(
             push(Left, 5000..6500),

@@ -82,7 +82,6 @@ pub(in crate::recording) fn encode_camera_info(
     camera: Side,
     stamp: RosStamp,
 ) -> Encoded {
-    let right = camera == Side::Right;
     let body = |cdr: &mut Cdr| {
         header(cdr, stamp, frame_id(Side::Left));
         cdr.write_u32(height as u32);
@@ -92,8 +91,8 @@ pub(in crate::recording) fn encode_camera_info(
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // Row-major in the message, column-major in nalgebra.
         let (k, p) = (
-            rig.intrinsics(right).transpose(),
-            rig.projection(right).transpose(),
+            rig.intrinsics(camera).transpose(),
+            rig.projection(camera).transpose(),
         );
         [0.0; 5]
             .iter()

@@ -187,7 +187,7 @@ impl Comparison {
     ///
     /// # Errors
     /// [`Error::Invalid`] when the runs have no algorithm or no pair in common.
-    pub fn of(base: &ScoredRun, other: &ScoredRun) -> Result<Self> {
+    pub fn from_runs(base: &ScoredRun, other: &ScoredRun) -> Result<Self> {
         let (ours, theirs) = (base.labels(), other.labels());
         // With one algorithm each, two different algorithms can be compared: v1 with v3.
         let shared: Vec<_> = match (&ours[..], &theirs[..]) {
@@ -210,7 +210,7 @@ impl Comparison {
         }
         let mut algorithms: Vec<_> = shared
             .iter()
-            .map(|labels| AlgorithmChange::of(base, other, *labels))
+            .map(|labels| AlgorithmChange::from_runs(base, other, *labels))
             .collect();
         let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
         // Other tolerances or cells give other scores of equal results.
@@ -258,7 +258,7 @@ impl Comparison {
 }
 
 impl AlgorithmChange {
-    fn of(base: &ScoredRun, other: &ScoredRun, (label, other_label): (&str, &str)) -> Self {
+    fn from_runs(base: &ScoredRun, other: &ScoredRun, (label, other_label): (&str, &str)) -> Self {
         let (ours, theirs) = (base.rows(label), other.rows(other_label));
         let pairs: Vec<_> = ours
             .iter()
@@ -280,10 +280,10 @@ impl AlgorithmChange {
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
         // Metrics that no pair has, and checkpoints, have no sample.
         let change = |metric: &'static Metric| {
-            Change::of(
+            Change::from_samples(
                 metric,
-                &Sample::of(metric, &a)?,
-                &Sample::of(metric, &b)?,
+                &Sample::from_rows(metric, &a)?,
+                &Sample::from_rows(metric, &b)?,
                 &resamples,
             )
         };
@@ -302,7 +302,7 @@ impl AlgorithmChange {
         let visits = other.checkpoints(other_label, &seeds);
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
-            let change = Change::of_shares((passed, frames), (other_passed, other_frames))?;
+            let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
             Some(CheckpointChange {
                 checkpoint: number,
                 name: name.to_owned(),
@@ -330,7 +330,7 @@ impl AlgorithmChange {
 }
 
 impl Change {
-    fn of(
+    fn from_samples(
         metric: &'static Metric,
         base: &Sample,
         other: &Sample,
@@ -351,7 +351,7 @@ impl Change {
         Some(Self::new(metric, (a, b), difference(a, b), interval))
     }
 
-    fn of_shares(base: (u64, u64), other: (u64, u64)) -> Option<Self> {
+    fn from_shares(base: (u64, u64), other: (u64, u64)) -> Option<Self> {
         let share =
             |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
         let (a, b) = (share(base)?, share(other)?);

@@ -16,7 +16,7 @@ pub(super) enum Sample {
 
 impl Sample {
     /// The values of a metric; absent where no pair has it.
-    pub(super) fn of(metric: &Metric, rows: &[&Row]) -> Option<Self> {
+    pub(super) fn from_rows(metric: &Metric, rows: &[&Row]) -> Option<Self> {
         let values = || rows.iter().map(|row| row.metrics.get(metric.name));
         match metric.origin {
             MetricOrigin::Frame { total, .. } => match total {

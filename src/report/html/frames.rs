@@ -28,7 +28,7 @@ struct ShotView<'a> {
 }
 
 impl<'a> FigureView<'a> {
-    pub(super) fn of(figure: &'a CheckpointFigure, images: &mut PageImages<'a>) -> Self {
+    pub(super) fn new(figure: &'a CheckpointFigure, images: &mut PageImages<'a>) -> Self {
         let shots = figure
             .shots
             .iter()

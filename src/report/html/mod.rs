@@ -107,7 +107,7 @@ impl ReportPage {
     /// # Errors
     /// [`Error::Invalid`] with what the template engine or the plotting library says.
     pub fn render(&self) -> Result<String> {
-        let view = view::ReportPageView::of(self)?;
+        let view = view::ReportPageView::new(self)?;
         fill(include_str!("index.html"), "", view)
     }
 }

@@ -27,7 +27,7 @@ struct SceneShotView<'a> {
 }
 
 impl<'a> SceneView<'a> {
-    pub(super) fn of(scene: &'a SceneFigure) -> Self {
+    pub(super) fn new(scene: &'a SceneFigure) -> Self {
         let shot = |shot: &'a SceneResult| SceneShotView {
             algorithm: &shot.row.algorithm,
             disparities: data_url(&shot.disparities),

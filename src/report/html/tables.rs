@@ -37,7 +37,7 @@ struct CellView {
 
 impl<'a> AlgorithmTableView<'a> {
     /// A line per algorithm; nothing without pairs.
-    pub(super) fn of_algorithms(
+    pub(super) fn from_columns(
         label: &'static str,
         columns: Vec<Column>,
         summary: &'a Summary,
@@ -69,8 +69,8 @@ impl<'a> AlgorithmTableView<'a> {
     }
 
     /// A line per algorithm, a group per checkpoint; nothing without checkpoints.
-    pub(super) fn of_checkpoints(summary: &'a Summary) -> Option<Self> {
-        let Checkpoints { heads, lines } = Checkpoints::of(summary)?;
+    pub(super) fn from_checkpoints(summary: &'a Summary) -> Option<Self> {
+        let Checkpoints { heads, lines } = Checkpoints::from_summary(summary)?;
         let group = |(i, title)| GroupView {
             title,
             heads: Vec::new(),
@@ -80,7 +80,7 @@ impl<'a> AlgorithmTableView<'a> {
         let groups: Vec<_> = heads.into_iter().enumerate().map(group).collect();
         let lines = lines
             .into_iter()
-            .map(|(algorithm, cells)| (algorithm, cells.into_iter().map(CellView::of).collect()));
+            .map(|(algorithm, cells)| (algorithm, cells.into_iter().map(CellView::new).collect()));
         Some(Self {
             label: "Checkpoints per algorithm",
             narrow: groups.clone(),
@@ -110,7 +110,7 @@ fn groups(columns: &[Column], together: impl Fn(&Column, &Column) -> bool) -> Ve
 }
 
 impl CellView {
-    fn of(cell: CheckpointCell) -> Self {
+    fn new(cell: CheckpointCell) -> Self {
         match cell {
             CheckpointCell::Seen { best, worst, share } => {
                 let word = |passed| if passed { "passes" } else { "fails" };

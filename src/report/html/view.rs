@@ -36,12 +36,12 @@ pub(super) struct ReportPageView<'a> {
 }
 
 impl<'a> ReportPageView<'a> {
-    pub(super) fn of(page: &'a ReportPage) -> Result<Self> {
+    pub(super) fn new(page: &'a ReportPage) -> Result<Self> {
         let mut images = PageImages::default();
         let figures = page
             .figures
             .iter()
-            .map(|figure| FigureView::of(figure, &mut images))
+            .map(|figure| FigureView::new(figure, &mut images))
             .collect();
         let summary = &page.summary;
         let stops = (0..=8)
@@ -59,19 +59,19 @@ impl<'a> ReportPageView<'a> {
                 .filter(|p| !p.is_empty())
                 .collect(),
             identity: &page.identity,
-            summary: AlgorithmTableView::of_algorithms("Summary per algorithm", columns(), summary),
+            summary: AlgorithmTableView::from_columns("Summary per algorithm", columns(), summary),
             accuracy: accuracy(page)?,
             coverage: coverage(page)?,
-            checkpoints: AlgorithmTableView::of_checkpoints(summary),
+            checkpoints: AlgorithmTableView::from_checkpoints(summary),
             verdicts: VERDICTS,
-            speed: AlgorithmTableView::of_algorithms(
+            speed: AlgorithmTableView::from_columns(
                 "Speed per algorithm",
                 speed_columns(),
                 summary,
             ),
             speed_plots: speed(page)?,
             figures,
-            scenes: page.scenes.iter().map(SceneView::of).collect(),
+            scenes: page.scenes.iter().map(SceneView::new).collect(),
             left_out: left_out(page),
             errors: ErrorKey::new(),
             ramp: stops.collect::<Vec<_>>().join(", "),

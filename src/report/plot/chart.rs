@@ -20,7 +20,7 @@ pub struct Chart {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Axis {
     pub label: String,
-    /// Logarithmic; values of 0 and below are then left out.
+    /// Logarithmic; values of 0 and below are then omitted.
     pub log: bool,
     /// From where to where, instead of what the data span.
     pub range: Option<(f64, f64)>,

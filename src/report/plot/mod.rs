@@ -19,7 +19,7 @@ use plotters::prelude::*;
 use plotters::style::FontFamily;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Points under one name. What is not finite is left out and interrupts a line.
+/// Points under one name. What is not finite is omitted and interrupts a line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
     pub name: String,

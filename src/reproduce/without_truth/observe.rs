@@ -107,7 +107,7 @@ impl Observer {
             let known = known.count();
             let cells = estimate.grid.shape().cells();
             let share = |count: usize| Some(count as f64 / cells as f64);
-            let truth = CellTally::of(scored.cells.as_deref().unwrap_or_default());
+            let truth = CellTally::from_judgements(scored.cells.as_deref().unwrap_or_default());
             if truth.right + truth.wrong + truth.unknown == 0 {
                 continue;
             }

@@ -29,7 +29,7 @@ pub(super) fn plain(image: &ProtocolImage) -> Plane<[u8; 3]> {
 /// As the kit draws: the densified map, each pixel but those of the image's border over its eight
 /// neighbours, the later over the earlier.
 pub(super) fn kitti(image: &ProtocolImage) -> Plane<[u8; 3]> {
-    let dense = KittiMaps::of(image).dense;
+    let dense = KittiMaps::new(image).dense;
     let mut rgb = image.truth.map(|_| NO_TRUTH);
     let (width, height) = rgb.size();
     each(image, |x, y, truth, dimmed| {

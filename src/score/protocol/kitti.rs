@@ -18,7 +18,7 @@ pub(super) struct KittiMaps {
 
 impl KittiMaps {
     /// Disparities below 0 are none.
-    pub(super) fn of(image: &ProtocolImage) -> Self {
+    pub(super) fn new(image: &ProtocolImage) -> Self {
         let sparse = image
             .estimate
             .map(|d| if d >= 0.0 { d } else { f32::INFINITY });

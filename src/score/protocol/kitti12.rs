@@ -18,7 +18,7 @@ const OUTLIERS: [(f32, [&str; 3]); 5] = [
 ];
 
 pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
-    let KittiMaps { sparse, dense } = KittiMaps::of(image);
+    let KittiMaps { sparse, dense } = KittiMaps::new(image);
     let errors = |map: &Plane<f32>, read: fn(f32) -> f32| {
         Errors::collect(
             scored_pixels(image.truth, image.mask)

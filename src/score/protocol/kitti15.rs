@@ -39,8 +39,8 @@ fn is_outlier(truth: f32, d: f32) -> bool {
 }
 
 impl OutlierCounts {
-    pub(super) fn of(image: &ProtocolImage) -> Result<Self> {
-        let KittiMaps { sparse, dense } = KittiMaps::of(image);
+    pub(super) fn from_image(image: &ProtocolImage) -> Result<Self> {
+        let KittiMaps { sparse, dense } = KittiMaps::new(image);
         let none = [Share::default(); REGIONS];
         let regions_known = image.foreground.is_some();
         let mut counts = Self {

@@ -90,7 +90,7 @@ impl Protocol {
             Self::MiddleburyV2 => middlebury::v2(image).map(Score::Image),
             Self::Eth3d => eth3d::numbers(image).map(Score::Image),
             Self::Kitti12 => kitti12::numbers(image).map(Score::Image),
-            Self::Kitti15 => kitti15::OutlierCounts::of(image).map(Score::Pooled),
+            Self::Kitti15 => kitti15::OutlierCounts::from_image(image).map(Score::Pooled),
         }
     }
 

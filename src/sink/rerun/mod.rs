@@ -62,7 +62,7 @@ const MAPS: [&str; 3] = ["disparity", "why", "depth"];
 /// since the start of the recording.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
 
-/// Colours of the algorithms' lines, told apart by most eyes (after Okabe and Ito), on a dark
+/// Colours of the algorithms' lines, distinct to most eyes (after Okabe and Ito), on a dark
 /// ground.
 const COLORS: [Rgba32; 8] = [
     Rgba32::from_rgb(86, 180, 233),
@@ -109,7 +109,7 @@ struct Moment {
 }
 
 impl RerunSink {
-    /// Opens `target` and writes what holds for the whole run. The layout follows with the first
+    /// Opens `target` and writes what holds for all of the run. The layout follows with the first
     /// frame.
     ///
     /// # Errors
@@ -191,7 +191,7 @@ impl RerunSink {
         Ok(())
     }
 
-    /// The layout, as soon as a frame and its estimates tell what there is to see.
+    /// The layout, as soon as a frame and its estimates show what there is to see.
     fn begin(&mut self, judged: &Judged, scale: &Scale) -> Result<()> {
         let frame = &judged.frame;
         for algorithm in &mut self.algorithms {

@@ -7,7 +7,7 @@
 
 use super::{CAMERA, scale::Scale};
 use crate::arena::WireObject;
-use crate::stereo::{DisparityMap, Frame, Gray, Pose, Rig};
+use crate::stereo::{DisparityMap, Frame, Gray, Pose, Rig, Side};
 use ::rerun::{CoordinateFrame, LineStrips3D, Pinhole, Points3D, Radius, Rgba32, Transform3D};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
@@ -49,7 +49,7 @@ pub(super) fn transform(pose: &Pose) -> Transform3D {
 pub(super) fn pinhole(rig: &Rig, frame: &Frame, scale: &Scale) -> Pinhole {
     let (width, height) = frame.pair.size();
     // nalgebra, like Rerun, stores columns.
-    let k: [[f32; 3]; 3] = rig.intrinsics(false).map(|v| v as f32).into();
+    let k: [[f32; 3]; 3] = rig.intrinsics(Side::Left).map(|v| v as f32).into();
     Pinhole::new(k)
         .with_resolution([width as f32, height as f32])
         .with_image_plane_distance(scale.far_m as f32 / 10.0)

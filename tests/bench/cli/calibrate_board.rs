@@ -153,7 +153,7 @@ fn what_cannot_be_calibrated_says_why_and_what_to_do() {
 
     fixture.write_pair("empty/left1.pgm", "empty/right1.pgm", (320, 240), 8);
     let wrong = "
-        calibrate board empty --yes -o calib.xml => 1: no whole board of 9x6 inner corners \
+        calibrate board empty --yes -o calib.xml => 1: no complete board of 9x6 inner corners \
             | any of 1 pairs | no board left | one less than the squares
     ";
     fixture.fails(wrong);
@@ -187,7 +187,7 @@ fn pictures_that_are_rectified_already_are_warned_of() {
     fixture.write_short_arena("short.toml", 2);
     let ran = fixture.svl("calibrate board short.toml --yes -o calib.xml");
     assert_eq!(ran.code, Some(1));
-    assert_says(&ran.stderr, &["rectified already", "no whole board"]);
+    assert_says(&ran.stderr, &["rectified already", "no complete board"]);
 }
 
 #[test]

@@ -244,7 +244,7 @@ fn single_files_go_where_the_archive_would_have_put_them() {
     let said = fetch(&fixture, "middlebury2001 --from mirror --data d").done();
     assert!(
         said.ends_with(&format!(
-            "1 files written, {} there already\n",
+            "1 file written, {} there already\n",
             urls.len() - 1
         )),
         "{said}"
@@ -284,7 +284,7 @@ fn what_cannot_be_had_is_one_line_with_the_cure() {
     from(
         &server.url,
         &[
-            "cones-png-2.zip: not a whole archive",
+            "cones-png-2.zip: not an intact archive",
             "delete it and fetch it again",
         ],
     );

@@ -14,10 +14,69 @@ fn says_what_a_recording_holds() {
             "foxglove.RawImage",
             "/truth/depth",
             "arena",
+            "geometry   rectified",
         ],
     );
     let json = fixture.json("info a.mcap --json");
     assert!(json["damage"].is_null());
+    assert_eq!(json["geometry"], serde_json::json!(["rectified"]));
+    assert_eq!(json["misalignment"], serde_json::json!([]));
+}
+
+#[test]
+fn says_whether_pairs_are_raw_and_misaligned() {
+    let fixture = Fixture::new();
+    // Boards of two cameras with distortion are raw.
+    fixture.run("record board --frames 1 -o raw.mcap");
+    assert_says(&fixture.run("info raw.mcap"), &["geometry   raw\n"]);
+
+    // The arena's right image is 0.25 px low, which v4 rounds to no row; v3 measures none.
+    fixture.write_short_arena("arena.toml", 3);
+    fixture.run("record arena.toml -o a.mcap");
+    fixture.run("replay a.mcap --algo v4 --algo v3 -o result.mcap");
+    let words = "misaligned v4: both images at the same height (median of 3 pairs; 0 .. 0 px";
+    assert_says(&fixture.run("info result.mcap"), &[words]);
+    let json = fixture.json("info result.mcap --json");
+    let v4 = serde_json::json!([
+        { "algorithm": "v4", "pairs": 3, "median_px": 0, "min_px": 0, "max_px": 0 }
+    ]);
+    assert_eq!(json["misalignment"], v4);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_pipe_is_no_recording() {
+    let fixture = Fixture::new();
+    let pipe = fixture.path("pipe.mcap");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    // Nobody writes to it: opening it would wait for ever.
+    fixture.fails(
+        "
+        info pipe.mcap => 1: pipe.mcap | pipe or a device | copy it
+        replay pipe.mcap => 1: pipe.mcap | pipe or a device | copy it
+        record pipe.mcap => 1: pipe.mcap | pipe or a device | copy it
+    ",
+    );
+}
+
+#[test]
+fn folders_and_scenarios_are_recorded_before_they_are_replayed() {
+    let fixture = Fixture::new();
+    let pixels = vec![7; 64 * 48];
+    for side in ["left", "right"] {
+        let image = super::fixture::pgm(64, 48, &pixels);
+        fixture.write(&format!("pairs/{side}/0.pgm"), image);
+    }
+    fixture.write("empty/notes.txt", "");
+    fixture.write_short_arena("short.toml", 2);
+    fixture.fails(
+        "
+        replay pairs => 2: pairs: is no recording | svl record pairs -o run.mcap
+        replay empty => 1: empty: is a folder, not a recording
+        replay short.toml => 2: is no recording | svl record short.toml
+    ",
+    );
 }
 
 #[test]

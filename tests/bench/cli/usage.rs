@@ -51,6 +51,12 @@ const WRONG: &str = "
     record /dev/video0 => 2: v4l2:/dev/video0,/dev/video2
     record sim --left /x => 2: --left | recording
     record arena --trigger free => 2: --trigger | 'arena'
+    # At their defaults too.
+    record arena --queue 64 => 2: --queue | 'arena'
+    record arena --timeout 1 => 2: --timeout | 'arena'
+    record arena --when-full drop => 2: --when-full | 'arena'
+    # clap's tip is set apart.
+    replay --verfiy => 2: found; tip: | '--verify'
     calibrate board board --rate 3 --yes -o a.xml => 2: --rate | 'board'
     # Endings.
     record -o one.txt => 2: one.txt | .mcap

@@ -207,11 +207,11 @@ fn damage_is_seen() {
     place.refused(
         "cut.zip",
         &whole[..whole.len() / 2],
-        &["not a whole archive", "fetch it again"],
+        &["not an intact archive", "fetch it again"],
     );
     let mut flipped = whole.clone();
     flipped[whole.len() / 2] ^= 1;
-    place.refused("flipped.zip", &flipped, &["not a whole archive"]);
+    place.refused("flipped.zip", &flipped, &["not an intact archive"]);
     assert!(
         !place.path("out/a.bin").exists(),
         "a damaged file has a name"
@@ -219,14 +219,18 @@ fn damage_is_seen() {
     let seven = sevenz(&[("a.txt", b"some truth", 0)]);
     let mut flipped = seven.clone();
     flipped[35] ^= 1;
-    place.refused("flipped.7z", &flipped, &["not a whole archive"]);
+    place.refused("flipped.7z", &flipped, &["not an intact archive"]);
     assert!(!place.path("out/a.txt").exists());
     place.refused(
         "cut.7z",
         &seven[..seven.len() - 3],
-        &["not a whole archive"],
+        &["not an intact archive"],
     );
-    place.refused("page.zip", b"<html>moved</html>", &["not a whole archive"]);
+    place.refused(
+        "page.zip",
+        b"<html>moved</html>",
+        &["not an intact archive"],
+    );
     place.refused("a.rar", b"Rar!", &["unpack it yourself"]);
 }
 

@@ -142,9 +142,9 @@ fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
         let Some(taken) = camera.capture(timeout)? else {
             return Ok(None);
         };
-        let is_whole = whole > 0;
+        let is_intact = whole > 0;
         whole = whole.saturating_sub(1);
-        Ok(Some(if is_whole { taken } else { Taken::Damaged }))
+        Ok(Some(if is_intact { taken } else { Taken::Damaged }))
     };
     Box::new(Altered { camera, capture })
 }

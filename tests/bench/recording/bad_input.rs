@@ -267,7 +267,7 @@ fn a_changed_byte_anywhere_is_noticed() {
         );
         let _ = (header(&changed), attachment(&changed, "scenario.toml"));
         assert!(
-            summarize(&changed).map_or(true, |summary| !summary.is_whole()),
+            summarize(&changed).map_or(true, |summary| !summary.is_intact()),
             "byte {at} changed"
         );
     }

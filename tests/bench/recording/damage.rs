@@ -5,6 +5,7 @@ use super::recovery::{recovered, specimen};
 use crate::common::assert_says;
 use std::ops::Range;
 use std::time::{Duration, Instant};
+use svl::Error;
 use svl::recording::{ImageFormat, Reader, Recovery};
 use svl::stereo::Frame;
 
@@ -63,9 +64,20 @@ impl Whole {
             "{what}"
         );
         assert!(
-            summarize(&saved).unwrap().is_whole(),
+            summarize(&saved).unwrap().is_intact(),
             "{what}: the saved file is damaged"
         );
+        // The same damage has one place, whichever command meets it.
+        if let Some(error @ Error::Damaged { .. }) =
+            read(&self.folder.path().join("damaged.mcap")).1
+        {
+            let (error, first) = (error.to_string(), &recovery.losses[0]);
+            assert!(
+                error.contains(&first.to_string()),
+                "{what}: {error}, {first}"
+            );
+            assert!(error.contains("`svl recover "), "{what}: {error}");
+        }
         let (frames, error) = read(&saved);
         assert!(error.is_none() || frames.is_empty(), "{what}: {error:?}");
         let mut originals = self.frames.iter();
@@ -171,7 +183,7 @@ fn losses_say_where_they_are() {
     assert_eq!((recovery.pairs, recovery.missing["/stereo/sync"]), (5, 1));
     let (pairs, error) = read(&whole.folder.path().join("damaged.mcap"));
     assert!(
-        pairs.len() == 2 && matches!(error, Some(svl::Error::Damaged { .. })),
+        pairs.len() == 2 && matches!(error, Some(Error::Damaged { .. })),
         "replay ends there: {error:?}"
     );
 }
@@ -237,10 +249,7 @@ fn files_one_behind_the_other_are_all_read() {
         );
         let (frames, error) = read(&path);
         assert_eq!(frames, first_frames, "replay ends where the first does");
-        assert!(
-            matches!(error, Some(svl::Error::Damaged { .. })),
-            "{error:?}"
-        );
+        assert!(matches!(error, Some(Error::Damaged { .. })), "{error:?}");
     }
     let (recovery, _) = recovered(folder.path(), &[second, second].concat());
     assert_eq!(

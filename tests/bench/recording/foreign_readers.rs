@@ -3,7 +3,7 @@
 use super::frames::full;
 use crate::common::python;
 use svl::recording::{Dialect, Header, ImageFormat, RecordingFormat, Writer};
-use svl::stereo::{Frame, Gray, Visibility};
+use svl::stereo::{Frame, Gray, Side, Visibility};
 
 const SIZE: (usize, usize) = (61, 47);
 const FRAMES: u64 = 5;
@@ -16,7 +16,7 @@ fn pixel_sum(image: &Gray) -> f64 {
 fn expected(topic: &str, frame: &Frame) -> f64 {
     let (rig, truth) = (frame.rig().unwrap(), frame.truth.as_ref().unwrap());
     let pose = frame.pose.unwrap();
-    let calibration = |right| rig.intrinsics(right).sum() + rig.projection(right).sum() + 3.0;
+    let calibration = |side| rig.intrinsics(side).sum() + rig.projection(side).sum() + 3.0;
     match topic {
         "/stereo/left/image" | "/stereo/left/image_rect" | "/stereo/left/image_rect/compressed" => {
             pixel_sum(frame.pair.left())
@@ -24,8 +24,8 @@ fn expected(topic: &str, frame: &Frame) -> f64 {
         "/stereo/right/image"
         | "/stereo/right/image_rect"
         | "/stereo/right/image_rect/compressed" => pixel_sum(frame.pair.right()),
-        "/stereo/left/calibration" | "/stereo/left/camera_info" => calibration(false),
-        "/stereo/right/calibration" | "/stereo/right/camera_info" => calibration(true),
+        "/stereo/left/calibration" | "/stereo/left/camera_info" => calibration(Side::Left),
+        "/stereo/right/calibration" | "/stereo/right/camera_info" => calibration(Side::Right),
         "/rig/baseline" => rig.baseline_m() + 1.0,
         "/rig/pose" | "/tf" => pose.translation.vector.sum() + pose.rotation.coords.sum(),
         "/truth/depth" => truth

@@ -133,7 +133,7 @@ fn whatever_is_cut_or_changed_what_is_saved_is_true_and_whole() {
         };
         assert!(!recovery.losses.is_empty(), "{what}: not a word");
         assert!(
-            summarize(&saved).unwrap().is_whole(),
+            summarize(&saved).unwrap().is_intact(),
             "{what}: the saved file is damaged"
         );
         let (saved_frames, _) = read(&saved);

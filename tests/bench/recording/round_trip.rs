@@ -7,7 +7,7 @@ use svl::score::Judge;
 use svl::sink::{RecordingSink, Sink};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{
-    Cell, DepthGrid, DisparityMap, Estimate, Frame, Geometry, GridShape, Plane, Rig, Truth,
+    Cell, DepthGrid, DisparityMap, Estimate, Frame, Geometry, GridShape, Plane, Rig, Side, Truth,
 };
 
 const SIZE: (usize, usize) = (61, 47);
@@ -84,8 +84,8 @@ fn a_ros_2_bag_gives_back_pairs_and_rig() {
             );
             assert_eq!(read.exposure.skew_ns, written.exposure.skew_ns);
             assert_eq!(
-                read.rig().map(|rig| rig.intrinsics(true)),
-                written.rig().map(|rig| rig.intrinsics(true))
+                read.rig().map(|rig| rig.intrinsics(Side::Right)),
+                written.rig().map(|rig| rig.intrinsics(Side::Right))
             );
             let baseline = |frame: &Frame| frame.rig().map_or(0.0, |rig| rig.baseline_m());
             assert!((baseline(read) - baseline(written)).abs() < 1e-12);
@@ -321,7 +321,7 @@ fn a_recording_is_opened_once() {
     assert_eq!(recording.header().unwrap().source, "test");
     assert_eq!(recording.calibration_files().unwrap()[0].0, "rig.yml");
     assert!(recording.results().unwrap().is_empty());
-    assert!(recording.summary().unwrap().is_whole());
+    assert!(recording.summary().unwrap().is_intact());
     let saved = folder.path().join("saved.mcap");
     assert_eq!(recording.recover(&saved).unwrap().pairs, 3);
 }

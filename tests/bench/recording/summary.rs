@@ -20,7 +20,7 @@ fn a_summary_knows_counts_gaps_and_skew() {
         })
         .collect();
     let summary = summarize(&record(folder.path(), &frames, ImageFormat::Raw)).unwrap();
-    assert!(summary.is_whole());
+    assert!(summary.is_intact());
     assert_eq!(
         (summary.pairs, summary.period_ns, summary.drops),
         (7, Some(PERIOD_NS), 2)

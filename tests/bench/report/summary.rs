@@ -131,6 +131,16 @@ fn the_terminal_table_fits_and_stays() {
 }
 
 #[test]
+fn the_terminal_table_fits_into_its_width() {
+    for width in [60, 80, 100, 160] {
+        let text = format!("{:width$}", example());
+        let widest = text.lines().map(|line| line.chars().count()).max();
+        assert!(widest <= Some(width), "{width}:\n{text}");
+    }
+    assert_eq!(format!("{:100}", example()), example().to_string());
+}
+
+#[test]
 fn many_algorithms_stand_in_lines_and_checkpoints_in_blocks() {
     let algorithms = [
         "dp",

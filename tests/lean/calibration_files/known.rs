@@ -49,7 +49,7 @@ fn annex_e_is_read_as_it_is_printed() {
         "{remarks:?}"
     );
     assert!(
-        c.rectification().is_none() && remarks[1].contains("left out"),
+        c.rectification().is_none() && remarks[1].contains("dropped"),
         "{remarks:?}"
     );
 

@@ -7,7 +7,7 @@ mod round_trip;
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
 use svl::calibrate::files::{self, Hints, LoadedCalibration};
-use svl::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration};
+use svl::stereo::{Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration};
 
 /// A pair of raw cameras with their rectification.
 fn raw() -> StereoCalibration {
@@ -64,8 +64,8 @@ fn unrectified(c: &StereoCalibration) -> StereoCalibration {
 /// The calibration of the rectified cameras.
 fn rectified(c: &StereoCalibration) -> StereoCalibration {
     let Rectification { size, rig, .. } = *c.rectification().unwrap();
-    let camera = |right| {
-        let k = rig.intrinsics(right);
+    let camera = |side| {
+        let k = rig.intrinsics(side);
         Intrinsics::new(
             size,
             (k[(0, 0)], k[(1, 1)]),
@@ -76,7 +76,7 @@ fn rectified(c: &StereoCalibration) -> StereoCalibration {
     };
     let apart = Isometry3::translation(-rig.baseline_m(), 0.0, 0.0);
     let turn = Rotation3::identity();
-    StereoCalibration::new(camera(false), camera(true), apart, c.unit())
+    StereoCalibration::new(camera(Side::Left), camera(Side::Right), apart, c.unit())
         .unwrap()
         .with_rectification(Rectification {
             size,

@@ -17,11 +17,11 @@ use svl::source::{Calib, Opened, Request};
 
 /// Calibrate two cameras from images of a chessboard
 ///
-/// Detects the board in every pair and selects the pairs that help: the board whole in both images,
-/// sharp, held still, in a new pose. Each is shown for you to accept (--yes accepts all) until
-/// there are enough; then intrinsics, distortion and extrinsics of both cameras are computed, with
-/// standard deviations. Move the board through the whole image, near and far, tilted to all sides,
-/// and hold it still for a moment in each pose.
+/// Detects the board in every pair and selects the pairs that help: all of the board in both
+/// images, sharp, held still, in a new pose. Each is shown for you to accept (--yes accepts all)
+/// until there are enough; then intrinsics, distortion and extrinsics of both cameras are computed,
+/// with standard deviations. Move the board through all of the image, near and far, tilted to all
+/// sides, and hold it still for a moment in each pose.
 ///
 /// Ctrl-C ends the search and calibrates from the accepted pairs, which are kept as PNG files.
 #[derive(clap::Args)]

@@ -228,8 +228,8 @@ impl Collected {
                  try --squares {long}x{short}"
             ),
             (0, _, _) if !self.views_were_offered() => format!(
-                "{source}: no whole board of {columns}x{rows} inner corners in both images of any \
-                 of {} pairs ({}); {counted}",
+                "{source}: no complete board of {columns}x{rows} inner corners in both images of \
+                 any of {} pairs ({}); {counted}",
                 self.pairs,
                 self.reasons()
             ),

@@ -1,7 +1,7 @@
 //! `svl calibrate convert`: converts a calibration file to the format of another program.
 
 use crate::cli::shared::outputs::{Outputs, distinct};
-use crate::cli::shared::terminal::{print, wrapped};
+use crate::cli::shared::terminal::{LAST_COLUMN, print, wrapped};
 use crate::cli::shared::usage;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ Formats, by the endings of their files:
             "  {:<11} {} (.{endings}{only}):\n",
             format.name, format.title
         );
-        text += &wrapped("", 14, format.conventions);
+        text += &wrapped("", 14, format.conventions, LAST_COLUMN);
     }
     text
 }

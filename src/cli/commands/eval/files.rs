@@ -83,7 +83,7 @@ impl ImageFiles {
             .filter(|(name, _)| !truths.files.contains_key(*name))
         {
             tracing::warn!(
-                "{}: has no truth in {}; left out",
+                "{}: has no truth in {}; skipped",
                 file.display(),
                 truth.display()
             );

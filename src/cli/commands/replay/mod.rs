@@ -5,7 +5,7 @@ mod verify;
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::recordings::{self, RECORDINGS};
 use crate::cli::shared::source::{self, RectifyArgs, ReferenceArgs, TopicArgs};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -187,7 +187,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         verification = before
             .map(|before| before.compare(&rows, &algorithms))
             .transpose()?;
-        let text = || format!("{title} ({})\n{summary}", counted(pairs, "pair"));
+        let width = width();
+        let text = || format!("{title} ({})\n{summary:width$}", counted(pairs, "pair"));
         if args.json {
             print_json(&Answer {
                 summary: &summary,

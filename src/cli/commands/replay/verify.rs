@@ -195,7 +195,7 @@ impl Verification {
     ///
     /// # Errors
     /// What was not: results that differ, or that the earlier run does not have, or that this one
-    /// lacks.
+    /// does not have.
     pub(super) fn proved(&self) -> anyhow::Result<String> {
         let against = self.against.display();
         if let Some((label, pairs)) = self.differing.first_key_value() {

@@ -4,7 +4,7 @@ mod sweep;
 
 use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
 use crate::cli::shared::source::{ReferenceArgs, data_folder};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::{recordings, runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -169,8 +169,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         })?;
     } else {
         let gate: String = results.iter().map(gate_line).collect();
+        let width = width();
         print(&format!(
-            "{summary}\n{}\n{gate}",
+            "{summary:width$}\n{}\n{gate}",
             folder.join("index.html").display()
         ))?;
     }
