@@ -5,7 +5,7 @@ use super::records::{ANOTHER, Records};
 use super::salvage::DamagedPart;
 use crate::counted;
 use crate::error::{Error, Result};
-use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
+use mcap::records::{self, ChunkIndex, Header, Metadata, Record, SchemaHeader, op};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
@@ -82,6 +82,8 @@ pub(super) struct Contents {
     pub(super) attachments: Vec<(String, u64)>,
     /// Where the metadata records begin.
     pub(super) metadata: Vec<u64>,
+    /// The chunks in the order of the file.
+    pub(super) chunks: Vec<ChunkIndex>,
 }
 
 impl Contents {
@@ -104,6 +106,13 @@ impl Declared {
             .collect();
         channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
         channels
+    }
+
+    /// The channels of `topic`.
+    pub(super) fn ids(&self, topic: &str) -> Vec<u16> {
+        let channels = self.channels.iter();
+        let of_topic = channels.filter(|(_, (known, _))| known.topic == topic);
+        of_topic.map(|(id, _)| *id).collect()
     }
 
     /// Message count of `topic` in the summary; nothing without statistics.
@@ -145,6 +154,14 @@ impl Messages {
         Ok(Self::new(Records::salvage(file)?, beforehand))
     }
 
+    /// As [`Messages::open`], from the chunk on that begins at `chunk`. The summary's `declared`
+    /// stands for what the chunks before declare.
+    pub(super) fn from(file: &McapFile, chunk: u64, declared: Declared) -> Result<Self> {
+        let mut records = Records::open(file)?;
+        records.seek_chunk(chunk)?;
+        Ok(Self::new(records, vec![declared]))
+    }
+
     /// As [`Messages::open`], for the records outside of chunks only.
     pub(super) fn beside(file: &McapFile) -> Result<Self> {
         let mut messages = Self::open(file)?;
@@ -177,6 +194,7 @@ impl Messages {
             return Ok(Section::Missing);
         }
         let (mut attachments, mut metadata) = (Vec::new(), Vec::new());
+        let mut chunks = Vec::new();
         loop {
             match messages.advance() {
                 Ok(Some(opcode)) => match messages.records.parse(opcode) {
@@ -184,6 +202,7 @@ impl Messages {
                         attachments.push((index.name, index.offset));
                     }
                     Ok(Record::MetadataIndex(index)) => metadata.push(index.offset),
+                    Ok(Record::ChunkIndex(index)) => chunks.push(index),
                     _ => {}
                 },
                 Ok(None) => break,
@@ -194,10 +213,12 @@ impl Messages {
         // Writers may list them in any order; the first in the file wins among equal names.
         attachments.sort_by_key(|(_, start)| *start);
         metadata.sort_unstable();
+        chunks.sort_by_key(|chunk| chunk.chunk_start_offset);
         Ok(Section::Intact(Box::new(Contents {
             declared: messages.past.swap_remove(0),
             attachments,
             metadata,
+            chunks,
         })))
     }
 

@@ -41,6 +41,7 @@ mod index;
 mod layout;
 mod messages;
 mod opened;
+mod pair_index;
 mod reader;
 mod records;
 mod recovery;

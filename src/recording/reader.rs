@@ -3,6 +3,7 @@
 use super::assembly::PairAssembler;
 use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic};
 use super::messages::{FileEvent, Messages};
+use super::pair_index::PairIndex;
 use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
 use crate::error::{Error, Result};
 use crate::stereo::{Frame, StereoCalibration};
@@ -21,6 +22,8 @@ pub struct Reader {
     source: Box<dyn PairSource>,
     header: Option<Header>,
     pairs: Option<u64>,
+    /// Where the pairs are, once that was asked for.
+    index: Option<Option<PairIndex>>,
     /// The first pair, read when the file was opened, after the errors of unreadable pairs before
     /// it.
     ahead: VecDeque<Result<Frame>>,
@@ -64,6 +67,7 @@ impl Reader {
                 true => Box::new(PairAssembler::default()),
                 false => Box::new(Foreign::open(&recording, selection)?),
             },
+            index: None,
             header: recording.header().ok(),
             ahead: VecDeque::new(),
             damage: None,
@@ -141,6 +145,50 @@ impl Reader {
     /// holds one. Where that is incomplete, a remark says why.
     pub fn calibration(&self) -> Option<StereoCalibration> {
         self.source.calibration()?.ok()
+    }
+
+    /// Makes [`Reader::next_pair`] give the pair at `index`, counted from 0. False, and nothing is
+    /// changed, where the recording has no index of its pairs: svl did not write it, or not to its
+    /// end.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where the pair is not where the index says: the file has to be opened
+    /// again.
+    pub fn seek(&mut self, index: u64) -> Result<bool> {
+        // Only of its own recordings the number of pairs is known.
+        if self.pairs.is_none() {
+            return Ok(false);
+        }
+        let file = self.recording.only_file()?;
+        if self.index.is_none() {
+            self.index = Some(PairIndex::read(file)?);
+        }
+        let Some(Some(pairs)) = &self.index else {
+            return Ok(false);
+        };
+        let Some(place) = pairs.get(index) else {
+            return Ok(false);
+        };
+        self.messages = pairs.messages(file, place)?;
+        self.source = Box::new(PairAssembler::default());
+        self.ahead.clear();
+        self.damage = None;
+        loop {
+            match self.read() {
+                Ok(Some(frame)) if frame.stamp_ns == place.stamp_ns => {
+                    self.ahead.push_back(Ok(frame));
+                    return Ok(true);
+                }
+                // Pairs before it, also such whose beginning was passed over.
+                Ok(Some(frame)) if frame.stamp_ns < place.stamp_ns => {}
+                Err(Error::Format { .. }) => {}
+                Ok(_) => {
+                    let reason = format!("pair {index} is not where its index says");
+                    return Err(Error::format(self.recording.path(), reason));
+                }
+                Err(error) => return Err(error),
+            }
+        }
     }
 
     /// The next pair, or nothing at the end.

@@ -67,6 +67,8 @@ enum Extent {
     Beside,
     /// The summary section.
     Summary,
+    /// From a chunk on to the end.
+    Rest,
 }
 
 /// What was found at a place of the file.
@@ -183,6 +185,12 @@ impl Records {
         self.crc = crc32fast::Hasher::new();
         (self.extent, self.has_header) = (Extent::Summary, true);
         Ok(true)
+    }
+
+    /// Moves to the chunk that begins at `start`.
+    pub(super) fn seek_chunk(&mut self, start: u64) -> Result<()> {
+        (self.extent, self.has_header) = (Extent::Rest, true);
+        self.seek(start)
     }
 
     /// The record of the file itself that begins at `start`; nothing where none can be read.
@@ -513,8 +521,8 @@ impl Records {
                 .missing(&format!("the end of its {section} is cut short"))
                 .map(|()| false);
         };
-        // Chunks were skipped, so the CRC was not computed over the section.
-        let unread = self.extent == Extent::Beside;
+        // A part was skipped, so the CRC was not computed over the section.
+        let unread = matches!(self.extent, Extent::Beside | Extent::Rest);
         // Damage found before explains a CRC that does not match.
         if saved != 0 && saved != calculated && !unread && !self.has_losses() {
             self.missing(&format!(

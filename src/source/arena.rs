@@ -60,4 +60,18 @@ impl Source for ArenaSource {
     fn pairs(&self) -> Option<u64> {
         Some(self.arena.frames())
     }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        let ready = self.ready.front().map_or(self.next, |frame| frame.sequence);
+        match index.checked_sub(ready) {
+            Some(skipped) if skipped <= self.ready.len() as u64 => {
+                self.ready.drain(..skipped as usize);
+            }
+            _ => {
+                self.ready.clear();
+                self.next = index.min(self.arena.frames());
+            }
+        }
+        Ok(true)
+    }
 }

@@ -47,6 +47,15 @@ pub trait Source: Send {
     /// How many frames there are in all, where that is known.
     fn pairs(&self) -> Option<u64>;
 
+    /// Makes the source give the frame at `index`, counted from 0, next. False where it can only
+    /// read on: it gives then what it would have given.
+    ///
+    /// # Errors
+    /// As [`Source::next`].
+    fn seek(&mut self, _index: u64) -> Result<bool> {
+        Ok(false)
+    }
+
     /// Ends the source and says what of it is in no frame. `taken`: frames that were used.
     fn finish(&mut self, _taken: u64) -> Losses {
         Losses::default()

@@ -79,6 +79,10 @@ impl Source for RecordingSource {
         self.reader.pairs()
     }
 
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.reader.seek(index)
+    }
+
     fn finish(&mut self, _: u64) -> Losses {
         Losses {
             unpaired: self.reader.unpaired(),

@@ -123,6 +123,14 @@ impl Source for RectifiedSource {
         self.source.pairs()
     }
 
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        let seeks = self.source.seek(index)?;
+        if seeks {
+            self.ahead.clear();
+        }
+        Ok(seeks)
+    }
+
     fn finish(&mut self, taken: u64) -> Losses {
         self.source.finish(taken)
     }

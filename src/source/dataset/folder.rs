@@ -140,6 +140,11 @@ impl Source for FolderSource {
         Some(self.pairs.len() as u64)
     }
 
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.next = (index as usize).min(self.pairs.len());
+        Ok(true)
+    }
+
     fn finish(&mut self, _: u64) -> Losses {
         Losses {
             unpaired: self.unpaired as u64,

@@ -295,4 +295,9 @@ impl Source for SceneSource {
     fn pairs(&self) -> Option<u64> {
         Some(self.scenes.len() as u64)
     }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.next = (index as usize).min(self.scenes.len());
+        Ok(true)
+    }
 }

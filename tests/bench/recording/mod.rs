@@ -11,6 +11,7 @@ mod frames;
 mod kill;
 mod recovery;
 mod round_trip;
+mod seek;
 mod sensor;
 mod summary;
 mod unchecked;
