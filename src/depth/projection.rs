@@ -6,13 +6,13 @@ use nalgebra::Point3;
 
 /// A point is nearer than another when its depth is less by this share: half of what a cell's
 /// distance may be off.
-const NEARER: f64 = 0.1;
+const NEARER: f32 = 0.1;
 /// Largest radius in which a point is looked for that hides another, pixels.
 const MAX_RADIUS: usize = 16;
 
 /// The disparities of `points`, metres in the rectified left camera's frame (x right, y down, z
 /// forward), as the left image of `size` shows them: `+∞` where there is none. Of several points
-/// in one pixel the nearest counts.
+/// in one pixel the nearest counts, of one surface the one nearest to its centre.
 ///
 /// Another sensor sees between the points of a near surface what the camera does not see behind
 /// it. So a point is dropped as hidden when points that are nearer by a tenth lie around it within
@@ -29,25 +29,45 @@ pub fn project(
     // The image has this size, so a plane can.
     let mut nearest = Plane::filled(size.0, size.1, f32::INFINITY).expect("the size of an image");
     let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
+    let doffs = rig.doffs_px() as f32;
+    // How far from the pixel's centre its point is, squared.
+    let mut off_center = Plane::filled(size.0, size.1, f32::INFINITY).expect("as above");
     for point in points {
         // False for NaN too.
         if !(point.z > 0.0 && point.z.is_finite()) {
             continue;
         }
-        let pixel = |offset: f64, center: f64, side: usize| {
-            let place = (focal * offset / point.z + center).round();
-            (place >= 0.0 && place < side as f64).then_some(place as usize)
-        };
-        let (Some(x), Some(y)) = (pixel(point.x, cx, size.0), pixel(point.y, cy, size.1)) else {
-            continue;
-        };
+        let at = [
+            focal * point.x / point.z + cx,
+            focal * point.y / point.z + cy,
+        ];
+        let [u, v] = at.map(f64::round);
         let disparity = rig.disparity_px(point.z) as f32;
+        let inside = u >= 0.0 && v >= 0.0 && u < size.0 as f64 && v < size.1 as f64;
+        if !inside || !disparity.is_finite() {
+            continue;
+        }
+        let (x, y) = (u as usize, v as usize);
+        let off = ((at[0] - u).powi(2) + (at[1] - v).powi(2)) as f32;
         let known = nearest.get(x, y);
-        if disparity.is_finite() && !(known >= disparity && known.is_finite()) {
+        let wins = match known.is_finite() {
+            false => true,
+            // Of one surface the point in the middle: the nearest would be that of its near rim.
+            true if is_nearer(disparity, known, doffs) => true,
+            true => !is_nearer(known, disparity, doffs) && off < off_center.get(x, y),
+        };
+        if wins {
             nearest.set(x, y, disparity);
+            off_center.set(x, y, off);
         }
     }
-    without_hidden(&nearest, rig.doffs_px() as f32)
+    without_hidden(&nearest, doffs)
+}
+
+/// Whether the first disparity is of a point that is nearer by a tenth.
+fn is_nearer(disparity: f32, other: f32, doffs: f32) -> bool {
+    // Inverse depths: f·B/z is d + doffs.
+    (disparity + doffs) * (1.0 - NEARER) > other + doffs
 }
 
 fn without_hidden(nearest: &Plane<f32>, doffs: f32) -> Plane<f32> {
@@ -63,14 +83,12 @@ fn without_hidden(nearest: &Plane<f32>, doffs: f32) -> Plane<f32> {
     let radius = radius(&samples);
     let mut seen = nearest.clone();
     for &(x, y, d) in &samples {
-        // Inverse depths: f·B/z is d + doffs.
-        let limit = (d + doffs) / (1.0 - NEARER as f32);
         let [mut left, mut right, mut above, mut below] = [false; 4];
         for v in y.saturating_sub(radius)..(y + radius + 1).min(height) {
             let first = x.saturating_sub(radius);
             let window = &nearest.row(v)[first..(x + radius + 1).min(width)];
             for (u, &other) in (first..).zip(window) {
-                if other.is_finite() && other + doffs > limit {
+                if other.is_finite() && is_nearer(other, d, doffs) {
                     let (dx, dy) = (u.abs_diff(x), v.abs_diff(y));
                     left |= dx >= dy && u < x;
                     right |= dx >= dy && u > x;

@@ -13,5 +13,6 @@ mod recovery;
 mod round_trip;
 mod seek;
 mod sensor;
+mod sensor_truth;
 mod summary;
 mod unchecked;
