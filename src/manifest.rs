@@ -5,6 +5,7 @@ use crate::kernel;
 use crate::matcher::Algorithm;
 use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
+use std::path::Path;
 
 /// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata
 /// `svl.run`).
@@ -30,7 +31,26 @@ pub struct Manifest {
     #[serde(default)]
     pub truth: Vec<String>,
     pub algorithms: Vec<AlgorithmRecord>,
+    /// The recordings of the run; none where a scenario makes its frames itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub runs: Vec<RunRecord>,
     pub machine: Machine,
+}
+
+/// A recording, bag or folder of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// As the rows call it.
+    pub name: String,
+    /// Where it was.
+    pub path: String,
+    /// Size of a file.
+    pub bytes: Option<u64>,
+    /// What rectified its pairs, which of them were taken, and what was done to their images.
+    pub changes: Option<String>,
+    /// Digest of the pixels of the pairs taken, once the run is over: equal for equal images, read
+    /// from wherever.
+    pub pairs_hash: Option<String>,
 }
 
 /// An algorithm of a run.
@@ -93,6 +113,7 @@ impl Manifest {
             pairs_hash: None,
             truth: Vec::new(),
             algorithms: algorithms.iter().map(AlgorithmRecord::new).collect(),
+            runs: Vec::new(),
             machine: Machine::this()?,
         })
     }
@@ -124,8 +145,34 @@ impl Manifest {
             .into_iter()
             .filter_map(|(name, value)| Some((name.to_owned(), value?)));
         fixed
+            .chain(self.runs.iter().map(RunRecord::entry))
             .chain(self.algorithms.iter().flat_map(AlgorithmRecord::entries))
             .collect()
+    }
+}
+
+impl RunRecord {
+    /// The recording at that path, which the rows call `name`.
+    pub fn new(name: &str, path: &Path, changes: Option<String>) -> Self {
+        let file = path.metadata().ok().filter(|metadata| metadata.is_file());
+        Self {
+            name: name.to_owned(),
+            path: path.display().to_string(),
+            bytes: file.map(|file| file.len()),
+            changes,
+            pairs_hash: None,
+        }
+    }
+
+    fn entry(&self) -> (String, String) {
+        let bytes = self.bytes.map(|bytes| format!("{bytes} bytes"));
+        let hash = self
+            .pairs_hash
+            .as_ref()
+            .map(|hash| format!("pairs hash {hash}"));
+        let parts = [Some(self.path.clone()), bytes, self.changes.clone(), hash];
+        let parts: Vec<_> = parts.into_iter().flatten().collect();
+        (format!("recording {}", self.name), parts.join(", "))
     }
 }
 

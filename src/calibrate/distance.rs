@@ -144,6 +144,7 @@ mod tests {
     fn grid(medians: [f32; 15]) -> DepthGrid {
         let cell = |px: f32| Cell {
             valid_share: 0.5,
+            probability: None,
             depth: (px > 0.0).then_some(CellDepth {
                 median_px: px,
                 p20_px: px,

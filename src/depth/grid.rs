@@ -101,7 +101,11 @@ fn cell(
             distance_m,
         }
     });
-    Cell { valid_share, depth }
+    Cell {
+        valid_share,
+        depth,
+        probability: None,
+    }
 }
 
 /// Integers in the order of the floats (that of [`f32::total_cmp`]), which are sorted faster.

@@ -230,6 +230,7 @@ mod tests {
     fn unknown_cells_have_no_squares_and_cells_tile_the_image() {
         let cell = |known: bool| Cell {
             valid_share: 0.5,
+            probability: None,
             depth: known.then_some(CellDepth {
                 median_px: 8.0,
                 p20_px: 8.0,

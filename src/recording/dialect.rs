@@ -21,7 +21,7 @@ pub enum Dialect {
     /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
     /// | `/truth/{depth,disparity}`, `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1 |
     /// | `/truth/visibility` | sensor_msgs/msg/Image mono8 |
-    /// | `/stereo/sync`, `/algo/<name>/result` | std_msgs/msg/String: their JSON |
+    /// | `/stereo/sync`, `/algo/<name>/{cells,result}` | std_msgs/msg/String: their JSON |
     ///
     /// svl reads it as any other bag: its images and calibrations, paired by their stamps.
     Ros2,

@@ -20,6 +20,8 @@ pub struct Header {
     /// What svl rectified the pairs by, if it did: the name of the attached calibration file, or in
     /// words.
     pub calibration: Option<String>,
+    /// What svl left out or changed besides, in words: pairs, parts of images.
+    pub changes: Option<String>,
     /// Hash of everything that determines the frames. Recordings with equal hashes hold frames of
     /// the same simulated run, all or some.
     pub hash: Option<String>,
@@ -35,6 +37,7 @@ impl Header {
             scenario: None,
             seed: None,
             calibration: None,
+            changes: None,
             hash: None,
         }
     }
@@ -47,6 +50,7 @@ impl Header {
             ("scenario", self.scenario.clone()),
             ("seed", self.seed.map(|seed| seed.to_string())),
             ("calibration", self.calibration.clone()),
+            ("changes", self.changes.clone()),
             ("hash", self.hash.clone()),
         ];
         let metadata = fields
@@ -71,6 +75,7 @@ impl Header {
             // holds.
             seed: field("seed").and_then(|seed| seed.parse().ok()),
             calibration: field("calibration"),
+            changes: field("changes"),
             hash: field("hash"),
         })
     }

@@ -12,6 +12,7 @@
 //! | `/truth/visibility` | foxglove.RawImage mono8: [`crate::stereo::Visibility`] | truth known |
 //! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
 //! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
+//! | `/algo/<name>/cells` | JSON with schema (cells.schema.json) | a result of a replay |
 //! | `/algo/<name>/result` | JSON with schema (result.schema.json): hash | a result of a replay |
 //!
 //! log_time and publish_time are the exposure stamp; the right camera's messages carry the right
@@ -30,6 +31,7 @@
 mod append_file;
 mod assembly;
 mod bag;
+mod cells;
 mod chunk;
 mod dialect;
 mod file;
@@ -57,6 +59,7 @@ mod truth;
 mod writer;
 
 pub use bag::{files, is_bag, only_file};
+pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic};
 pub use header::Header;
@@ -226,6 +229,23 @@ impl Encoded {
             definition,
             encoding: "protobuf",
             data,
+        }
+    }
+}
+
+impl Encoded {
+    /// A value whose keys are strings and whose numbers are finite, which always serialises.
+    fn json<T: serde::Serialize>(
+        schema: &'static str,
+        definition: &'static str,
+        value: &T,
+    ) -> Self {
+        Self {
+            schema,
+            schema_encoding: "jsonschema",
+            definition: Cow::Borrowed(definition.as_bytes()),
+            encoding: "json",
+            data: serde_json::to_vec(value).expect("plain data"),
         }
     }
 }

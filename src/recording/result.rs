@@ -5,7 +5,7 @@ use super::Recording;
 use super::messages::{FileEvent, Messages};
 use crate::error::{Error, Result};
 use crate::stereo::{Estimate, Frame};
-use std::borrow::Cow;
+use serde::de::DeserializeOwned;
 
 const SCHEMA: &str = "svl.Result";
 const DEFINITION: &str = include_str!("result.schema.json");
@@ -49,16 +49,7 @@ impl AlgorithmResult {
     }
 
     pub(super) fn encode(&self) -> Encoded {
-        let definition = Cow::Borrowed(DEFINITION.as_bytes());
-        // Finite numbers and strings under fixed keys always serialise.
-        let data = serde_json::to_vec(self).expect("plain data");
-        Encoded {
-            schema: SCHEMA,
-            schema_encoding: "jsonschema",
-            definition,
-            encoding: "json",
-            data,
-        }
+        Encoded::json(SCHEMA, DEFINITION, self)
     }
 }
 
@@ -69,23 +60,29 @@ impl Recording {
     /// [`Error::Io`]; [`Error::Format`] for what is no MCAP file, a bag of several files, or a
     /// result that cannot be read; [`Error::Damaged`].
     pub fn results(&self) -> Result<Vec<AlgorithmResult>> {
+        self.json_messages(SCHEMA)
+    }
+
+    /// The messages of a JSON schema.
+    pub(super) fn json_messages<T: DeserializeOwned>(&self, schema: &str) -> Result<Vec<T>> {
         let file = self.only_file()?;
         let mut messages = Messages::open(file)?;
-        let mut results = Vec::new();
+        let mut found = Vec::new();
         while let Some(event) = messages.next().map_err(|error| self.located(error))? {
             if let FileEvent::Message {
                 channel,
                 log_time,
                 data,
             } = event
-                && let Some(result) = AlgorithmResult::decode(&channel.schema, &data)
+                // By schema, not by topic: names of algorithms are part of the topic.
+                && channel.schema == schema
             {
                 let topic = &channel.topic;
                 let bad = |e| Error::format(file.path(), format!("{topic} at {log_time} ns: {e}"));
-                results.push(result.map_err(bad)?);
+                found.push(serde_json::from_slice(&data).map_err(bad)?);
             }
         }
-        Ok(results)
+        Ok(found)
     }
 }
 

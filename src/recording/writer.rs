@@ -4,8 +4,8 @@ use super::append_file::AppendFile;
 use super::sync::StereoSync;
 use super::synced_file::SyncedFile;
 use super::{
-    AlgorithmResult, Encoded, Header, LIBRARY, MANIFEST, RecordingFormat, RosStamp, TopicKind,
-    frame_id, ros, truth,
+    AlgorithmCells, AlgorithmResult, Encoded, Header, LIBRARY, MANIFEST, RecordingFormat, RosStamp,
+    TopicKind, frame_id, ros, truth,
 };
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
@@ -171,7 +171,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes an algorithm's disparities of `frame`.
+    /// Writes an algorithm's disparities and cells of `frame`.
     ///
     /// # Errors
     /// As [`Writer::write`].
@@ -191,10 +191,10 @@ impl Writer {
             stamp,
             sequence,
         )?;
-        let result = self
-            .format
-            .dialect
-            .json(AlgorithmResult::new(frame, estimate, hashes).encode());
+        let dialect = self.format.dialect;
+        let cells = dialect.json(AlgorithmCells::new(frame.sequence, estimate).encode());
+        self.put((topic("cells"), cells), stamp, sequence)?;
+        let result = dialect.json(AlgorithmResult::new(frame, estimate, hashes).encode());
         self.put((topic("result"), result), stamp, sequence)
     }
 

@@ -56,7 +56,7 @@ impl Summary {
             lines,
         );
         page.push('\n');
-        for (term, meaning) in notes(&columns, self.rule) {
+        for (term, meaning) in notes(&columns, self) {
             page.push_str(&format!("- {}: {}\n", escape(term), escape(&meaning)));
         }
     }

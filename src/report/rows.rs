@@ -4,6 +4,7 @@
 //! number that needs truth is absent where there is none.
 
 use crate::score::{METRICS, Metric, MetricValues, Verdict};
+use crate::stereo::CellState;
 use polars::prelude::{Column, DataFrame, PolarsResult};
 use std::str::FromStr;
 
@@ -142,6 +143,8 @@ record! {
         /// Where the truth comes from, as [`crate::stereo::TruthOrigin`] writes it; absent without
         /// truth.
         truth: Option<String>,
+        /// The recording, where the scenario has some.
+        run: Option<String>,
     }
 }
 
@@ -170,6 +173,12 @@ record! {
         missed_obstacle: bool,
         /// The reverse.
         false_obstacle: bool,
+        /// The recording, where the scenario has some.
+        run: Option<String>,
+        /// Whether the algorithm knows the cell.
+        state: Option<CellState>,
+        /// How probably it is right, where the algorithm says so.
+        probability: Option<f64>,
     }
 }
 
@@ -193,6 +202,8 @@ record! {
         best_passed: Option<bool>,
         worst_sequence: Option<u64>,
         worst_passed: Option<bool>,
+        /// The recording, where the scenario has some.
+        run: Option<String>,
     }
 }
 
@@ -256,25 +267,53 @@ fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
     }
 }
 
-/// Empty where it is absent. A column that is missing is younger than the file.
-impl RowField for Option<String> {
-    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
-        values.push(ColumnValue::Text(self.as_deref().unwrap_or_default()));
-    }
+/// Columns that files of before do not have: an absent one is that of no row.
+macro_rules! younger_columns {
+    ($($kind:ty: $text:expr, $read:expr;)*) => {$(
+        impl RowField for Option<$kind> {
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                let text: fn(&$kind) -> &str = $text;
+                values.push(ColumnValue::Text(self.as_ref().map_or("", text)));
+            }
 
-    fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
-        let text = cells.get(name).filter(|text| !text.is_empty());
-        Ok(text.map(str::to_owned))
-    }
+            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                let read: fn(&str) -> Option<$kind> = $read;
+                match cells.get(name) {
+                    None | Some("") => Ok(None),
+                    Some(text) => match read(text) {
+                        Some(value) => Ok(Some(value)),
+                        None => Err(format!("'{text}' in column '{name}' cannot be read")),
+                    },
+                }
+            }
 
-    fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
-        let values: Vec<_> = fields.iter().map(|text| text.as_deref()).collect();
-        vec![Column::new(name.into(), values)]
-    }
+            fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let text: fn(&$kind) -> &str = $text;
+                let values: Vec<_> = fields.iter().map(|field| field.as_ref().map(text)).collect();
+                vec![Column::new(name.into(), values)]
+            }
+        }
+    )*};
+}
+
+younger_columns! {
+    String: |text| text, |text| Some(text.to_owned());
+    CellState: |state| state.name(), CellState::from_name;
 }
 
 /// The metrics whose columns come first in rows; the others follow as [`METRICS`] has them.
-const FIRST_IN_ROWS: [&str; 4] = ["coverage", "bad1", "bad2", "invalid"];
+const FIRST_IN_ROWS: [&str; 10] = [
+    "coverage",
+    "bad1",
+    "bad2",
+    "invalid",
+    "right",
+    "wrong",
+    "unknown",
+    "missed",
+    "false",
+    "row_offset",
+];
 
 fn metrics_in_rows() -> Vec<(&'static Metric, &'static str)> {
     let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));

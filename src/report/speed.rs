@@ -108,6 +108,7 @@ mod tests {
             checks_us: 0,
             total_us,
             metrics: Default::default(),
+            run: None,
             result_hash: String::new(),
             truth: None,
         }

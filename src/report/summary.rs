@@ -244,10 +244,11 @@ fn pairs_hash(rows: &DataFrame) -> PolarsResult<Option<String>> {
         return Ok(None);
     }
     let (seeds, sequences) = (rows.column("seed")?.u64()?, rows.column("sequence")?.u64()?);
+    let (runs, hashes) = (rows.column("run")?.str()?, rows.column("pair_hash")?.str()?);
     let mut pairs: Vec<_> = seeds
         .iter()
-        .zip(sequences.iter())
-        .zip(rows.column("pair_hash")?.str()?.iter())
+        .zip(runs.iter().zip(sequences.iter()))
+        .zip(hashes.iter())
         .collect();
     // Each algorithm has a row per pair; dedup leaves one per pair, as they are neighbours.
     pairs.dedup();

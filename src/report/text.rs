@@ -37,7 +37,7 @@ impl Display for Summary {
             }
             self.block(f, name, block)?;
         }
-        notes(&columns, self.rule)
+        notes(&columns, self)
             .iter()
             .try_for_each(|(term, meaning)| wrapped(f, &format!("{term}: {meaning}"), total))?;
         Checkpoints::from_summary(self).map_or(Ok(()), |table| {

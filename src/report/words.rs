@@ -2,7 +2,6 @@
 
 use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
 use crate::score::{METRICS, Metric, MetricUnit};
-use crate::stereo::CellRule;
 
 /// Shown for a number that does not exist.
 pub(super) const NONE: &str = "–";
@@ -35,6 +34,10 @@ impl Column {
             width,
             number: ColumnSource::Summary(number),
         }
+    }
+
+    fn is_metric(&self) -> bool {
+        matches!(self.number, ColumnSource::Metric(_))
     }
 
     /// Its number of an algorithm in words.
@@ -113,7 +116,7 @@ const TIME_NOTES: &[(&str, &str)] = &[
 ];
 
 /// The notes on those columns, which stand below their table.
-pub(super) fn notes(columns: &[Column], rule: CellRule) -> Vec<(&'static str, String)> {
+pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str, String)> {
     let metrics = columns.iter().filter_map(|column| match column.number {
         ColumnSource::Metric(metric) => metric.note,
         ColumnSource::Summary(_) => None,
@@ -124,7 +127,27 @@ pub(super) fn notes(columns: &[Column], rule: CellRule) -> Vec<(&'static str, St
             .any(|c| c.group.starts_with(term) || term.contains(c.head))
     });
     let times = times.map(|(term, meaning)| (*term, (*meaning).to_owned()));
-    metrics.map(|note| note(rule)).chain(times).collect()
+    let metrics = metrics.map(|note| note(summary.rule));
+    let absent = absent(summary).map(|words| ("no truth", words));
+    let absent = absent.filter(|_| columns.iter().any(|column| column.is_metric()));
+    metrics.chain(times).chain(absent).collect()
+}
+
+/// Which columns are not there as the run has no truth.
+fn absent(summary: &Summary) -> Option<String> {
+    let against = METRICS.iter().filter(|metric| metric.against_truth);
+    let measured = |metric: &&Metric| {
+        let mut algorithms = summary.algorithms.iter();
+        algorithms.any(|algorithm| algorithm.value(metric).is_some())
+    };
+    if summary.algorithms.is_empty() || against.clone().any(|metric| measured(&metric)) {
+        return None;
+    }
+    let heads: Vec<_> = against.map(|metric| metric.head).collect();
+    Some(format!(
+        "{} are not shown, as they need it",
+        heads.join(", ")
+    ))
 }
 
 /// A value in a table, whose head says the unit.

@@ -2,7 +2,7 @@
 
 use super::{
     CellJudgement, CellTally, Checkpoint, CheckpointFrame, DisparityScore, FrameFacts,
-    MetricValues, judge_cells, true_grid,
+    MetricValues, RunPart, judge_cells, true_grid,
 };
 use crate::depth::GridSettings;
 use crate::stereo::{CellRule, DepthGrid, Estimate, Frame};
@@ -16,6 +16,8 @@ pub struct Judge {
     /// When a reported cell counts as right.
     pub cells: CellRule,
     pub checkpoints: Vec<Checkpoint>,
+    /// The run whose frames are scored.
+    pub run: RunPart,
 }
 
 /// A frame with all that is known of its estimates. Every sink reads this one.
@@ -101,14 +103,12 @@ impl Judge {
         grid: &DepthGrid,
         cells: Option<&[CellJudgement]>,
     ) -> Vec<(usize, CheckpointFrame)> {
-        // Frames of cameras have no pose, and without truth nothing passes.
-        let (Some(pose), Some(cells)) = (&frame.pose, cells) else {
-            return Vec::new();
-        };
         let shown = self.checkpoints.iter().enumerate();
         shown
-            .filter(|(_, checkpoint)| checkpoint.covers(pose))
-            .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells)))
+            // Without truth nothing that needs it passes: no frame shows it.
+            .filter(|(_, checkpoint)| cells.is_some() || !checkpoint.needs_truth())
+            .filter(|(_, checkpoint)| checkpoint.covers(frame, &self.run))
+            .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells, self.cells)))
             .collect()
     }
 }

@@ -48,6 +48,8 @@ pub struct Metric {
     pub head: &'static str,
     pub unit: MetricUnit,
     pub better: Better,
+    /// Whether it compares with true distances or disparities.
+    pub against_truth: bool,
     pub origin: MetricOrigin,
     /// Where Rerun plots its value per frame, below the algorithm.
     pub plot: Option<&'static str>,
@@ -111,6 +113,7 @@ pub const METRICS: &[Metric] = &[
         head: "right",
         unit: MetricUnit::Share,
         better: Better::More,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_right",
             of: |facts| facts.cells(|cells| cells.right),
@@ -130,6 +133,7 @@ pub const METRICS: &[Metric] = &[
         head: "wrong",
         unit: MetricUnit::Share,
         better: Better::Less,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_wrong",
             of: |facts| facts.cells(|cells| cells.wrong),
@@ -145,6 +149,7 @@ pub const METRICS: &[Metric] = &[
         head: "unknown",
         unit: MetricUnit::Share,
         better: Better::Neither,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_unknown",
             of: |facts| facts.cells(|cells| cells.unknown),
@@ -154,12 +159,33 @@ pub const METRICS: &[Metric] = &[
         note: None,
     },
     Metric {
+        name: "known",
+        words: "known cells",
+        group: "cells, %",
+        head: "known",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "known_share",
+            of: |facts| Some(facts.estimate.grid.known_share()),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("known_cells"),
+        note: Some(|_| {
+            let words = "cells with a distance or disparity, of all, whether right or not; a mean \
+                         over the pairs";
+            ("known", words.into())
+        }),
+    },
+    Metric {
         name: "missed",
         words: "missed obstacles",
         group: "obstacles",
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "missed_obstacles",
             of: |facts| facts.obstacles(|cells| cells.missed_obstacles),
@@ -182,6 +208,7 @@ pub const METRICS: &[Metric] = &[
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "false_obstacles",
             of: |facts| facts.obstacles(|cells| cells.false_obstacles),
@@ -197,6 +224,7 @@ pub const METRICS: &[Metric] = &[
         head: "cover",
         unit: MetricUnit::Share,
         better: Better::Neither,
+        against_truth: false,
         origin: MetricOrigin::Frame {
             column: "coverage",
             of: |facts| Some(facts.estimate.disparity.coverage()),
@@ -215,6 +243,7 @@ pub const METRICS: &[Metric] = &[
         head: "invalid",
         unit: MetricUnit::Share,
         better: Better::Neither,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "invalid",
             of: |facts| facts.pixels?.invalid(),
@@ -233,6 +262,7 @@ pub const METRICS: &[Metric] = &[
         head: ">1 px",
         unit: MetricUnit::Share,
         better: Better::Less,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "bad1",
             of: |facts| facts.pixels?.bad1(),
@@ -252,6 +282,7 @@ pub const METRICS: &[Metric] = &[
         head: ">2 px",
         unit: MetricUnit::Share,
         better: Better::Less,
+        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "bad2",
             of: |facts| facts.pixels?.bad2(),
@@ -267,6 +298,7 @@ pub const METRICS: &[Metric] = &[
         head: "vertical, px",
         unit: MetricUnit::Px,
         better: Better::Neither,
+        against_truth: false,
         origin: MetricOrigin::Frame {
             column: "row_offset",
             of: |facts| facts.estimate.disparity.median_row_offset().map(f64::from),
@@ -287,6 +319,7 @@ pub const METRICS: &[Metric] = &[
         head: "p50",
         unit: MetricUnit::Ms,
         better: Better::Less,
+        against_truth: false,
         origin: MetricOrigin::Time,
         plot: None,
         note: None,
@@ -298,6 +331,7 @@ pub const METRICS: &[Metric] = &[
         head: "passed",
         unit: MetricUnit::Share,
         better: Better::More,
+        against_truth: false,
         origin: MetricOrigin::Checkpoints,
         plot: None,
         note: None,

@@ -9,7 +9,10 @@ mod metrics;
 pub mod protocol;
 
 pub use cells::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
-pub use checkpoint::{Checkpoint, CheckpointFrame, CheckpointTally};
+pub use checkpoint::{
+    CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
+    ExpectedCell, RunPart,
+};
 pub use disparity::DisparityScore;
 pub use judge::{Judge, Judged, JudgedEstimate};
 pub use metrics::{

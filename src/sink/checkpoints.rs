@@ -82,6 +82,7 @@ impl Sink for CheckpointSink {
                     best_passed: tally.best.as_ref().map(|(_, frame)| frame.passed),
                     worst_sequence: tally.worst.as_ref().map(|(sequence, _)| *sequence),
                     worst_passed: tally.worst.as_ref().map(|(_, frame)| frame.passed),
+                    run: self.identity.run.clone(),
                 };
                 self.table.push([row.clone()])?;
                 self.kept.push(row);

@@ -77,6 +77,8 @@ pub struct RunEnd<'a> {
 pub struct SinkRequest<'a> {
     /// A file for the rows, `.csv` or `.parquet`.
     pub rows: Option<&'a Path>,
+    /// A file for the cells, likewise.
+    pub cells: Option<&'a Path>,
     /// A folder for all tables; the pictures of a report page are collected too.
     pub report: Option<&'a Path>,
     pub rerun: Option<(RerunTarget, RunInfo)>,
@@ -111,7 +113,11 @@ impl Sinks {
         let pictures = Outbox::default();
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
         match request.report {
-            None => sinks.push(Box::new(TableSink::new(request.rows, &rows)?)),
+            None => sinks.push(Box::new(TableSink::new(
+                request.rows,
+                request.cells,
+                &rows,
+            )?)),
             Some(folder) => {
                 std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
                 sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
@@ -144,6 +150,11 @@ impl Sinks {
             checkpoints,
             pictures,
         })
+    }
+
+    /// Adds a sink of the caller's.
+    pub fn push(&mut self, sink: impl Sink + 'static) {
+        self.sinks.push(Box::new(sink));
     }
 
     /// For [`crate::run::run`].

@@ -6,8 +6,8 @@ use crate::error::Result;
 use crate::files;
 use crate::overlay::{self, Nearness, Picture};
 use crate::report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
-use crate::score::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
-use crate::stereo::{DepthGrid, Plane};
+use crate::score::{Checkpoint, CheckpointTally, Judged, JudgedEstimate};
+use crate::stereo::{CellRule, DepthGrid, Plane};
 
 /// Widest picture of a frame, pixels: as wide as the arena's.
 const WIDTH: usize = 320;
@@ -19,12 +19,16 @@ const SCENE_WIDTH: usize = 288;
 /// around.
 const PICTURED: usize = 8;
 
+/// Limit of the frames shown of recordings, over all runs.
+const SAMPLES: usize = 6;
+
 /// What a report page shows.
 #[derive(Default)]
 pub struct ReportPictures {
-    /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3).
+    /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3), or of
+    /// recordings without checkpoints frames spread over them.
     pub figures: Vec<CheckpointFigure>,
-    /// One per frame where there are no checkpoints and frames have names.
+    /// One per frame of a data set, whose frames have names, where there are no checkpoints.
     pub scenes: Vec<SceneFigure>,
 }
 
@@ -34,9 +38,16 @@ pub struct PictureSink {
     identity: Identity,
     algorithms: Vec<String>,
     checkpoints: Vec<Checkpoint>,
+    cells: CellRule,
     /// By checkpoint and algorithm, with the pictures of the leading frames of all runs.
     tallies: Vec<Vec<CheckpointTally<FrameShot>>>,
     scenes: Vec<SceneFigure>,
+    samples: Vec<CheckpointFigure>,
+    /// Every so manieth frame of recordings is shown.
+    stride: usize,
+    /// Frames of recordings so far.
+    recorded: usize,
+    start_ns: u64,
     outbox: Outbox<ReportPictures>,
 }
 
@@ -45,6 +56,7 @@ impl PictureSink {
     pub fn new(outbox: &Outbox<ReportPictures>) -> Self {
         Self {
             outbox: outbox.clone(),
+            stride: 1,
             ..Self::default()
         }
     }
@@ -58,6 +70,8 @@ impl PictureSink {
 impl Sink for PictureSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
         self.identity = Identity::new(start);
+        self.start_ns = start.judge.run.start_ns;
+        self.cells = start.judge.cells;
         // All runs of a report have the same algorithms and checkpoints.
         if self.algorithms.is_empty() {
             self.algorithms = start.manifest.labels().map(str::to_owned).collect();
@@ -81,18 +95,30 @@ impl Sink for PictureSink {
                 let tally = &self.tallies[c][a];
                 let (best, worst) = tally.would_lead(&verdict);
                 let shot = match best || worst {
-                    true => Some(shot(&self.identity, judged, scored, verdict)?),
+                    true => {
+                        let grid = &scored.estimate.grid;
+                        Some(FrameShot {
+                            passed: Some(verdict.passed),
+                            findings: self.checkpoints[c].findings(grid, self.cells),
+                            ..shot(&self.identity, judged, scored)?
+                        })
+                    }
                     false => None,
                 };
                 // The shot is there exactly when the frame leads, which is when it is asked for.
                 self.tallies[c][a].add(verdict, || shot.clone().expect("a leading frame"));
             }
         }
-        if let (true, Some(name)) = (self.checkpoints.is_empty(), &judged.frame.name) {
-            let scene = self.scene(name, judged)?;
-            self.scenes.push(scene);
+        match &judged.frame.name {
+            _ if !self.checkpoints.is_empty() => Ok(()),
+            _ if self.identity.run.is_some() => self.sample(judged),
+            Some(name) => {
+                let scene = self.scene(name, judged)?;
+                self.scenes.push(scene);
+                Ok(())
+            }
+            None => Ok(()),
         }
-        Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
@@ -103,13 +129,9 @@ impl Sink for PictureSink {
                 shots: tallies.into_iter().flat_map(leading_shots).collect(),
             }
         };
+        let checkpoints = self.checkpoints.into_iter().zip(self.tallies).map(figure);
         self.outbox.put(ReportPictures {
-            figures: self
-                .checkpoints
-                .into_iter()
-                .zip(self.tallies)
-                .map(figure)
-                .collect(),
+            figures: checkpoints.chain(self.samples).collect(),
             scenes: self.scenes,
         });
         Ok(())
@@ -117,6 +139,37 @@ impl Sink for PictureSink {
 }
 
 impl PictureSink {
+    /// Keeps frames that are spread evenly over what came so far, at most twice the limit.
+    fn sample(&mut self, judged: &Judged) -> Result<()> {
+        let place = self.recorded;
+        self.recorded += 1;
+        if !place.is_multiple_of(self.stride) {
+            return Ok(());
+        }
+        if self.samples.len() == 2 * SAMPLES {
+            // Every second one stays, and half as many come from here on.
+            let mut places = 0..;
+            self.samples
+                .retain(|_| places.next().is_some_and(|i: usize| i.is_multiple_of(2)));
+            self.stride *= 2;
+            if !place.is_multiple_of(self.stride) {
+                return Ok(());
+            }
+        }
+        let frame = &judged.frame;
+        let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;
+        let run = self.identity.run.as_deref().unwrap_or_default();
+        let shown = judged.estimates.iter();
+        let shown = shown.filter(|scored| self.is_pictured(&scored.estimate.algorithm));
+        let shots = shown.map(|scored| Ok((Rank::Sample, shot(&self.identity, judged, scored)?)));
+        self.samples.push(CheckpointFigure {
+            title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
+            about: String::new(),
+            shots: shots.collect::<Result<_>>()?,
+        });
+        Ok(())
+    }
+
     /// A scene with what the pictured algorithms make of it.
     fn scene(&self, name: &str, judged: &Judged) -> Result<SceneFigure> {
         let frame = &judged.frame;
@@ -168,12 +221,7 @@ fn leading_shots(tally: CheckpointTally<FrameShot>) -> impl Iterator<Item = (Ran
         .filter_map(|(rank, lead)| Some((rank, lead?.0)))
 }
 
-fn shot(
-    identity: &Identity,
-    judged: &Judged,
-    scored: &JudgedEstimate,
-    verdict: CheckpointFrame,
-) -> Result<FrameShot> {
+fn shot(identity: &Identity, judged: &Judged, scored: &JudgedEstimate) -> Result<FrameShot> {
     let (frame, estimate) = (&judged.frame, &scored.estimate);
     let size = frame.pair.size();
     let nearness = Nearness::of_frame(frame);
@@ -182,7 +230,8 @@ fn shot(
     Ok(FrameShot {
         row: identity.row(judged, scored),
         cells: identity.cells(judged, scored),
-        passed: verdict.passed,
+        passed: None,
+        findings: Vec::new(),
         left: files::encode_jpeg(frame.pair.left(), WIDTH)?,
         size,
         estimate: marks(&estimate.grid),

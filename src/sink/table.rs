@@ -19,14 +19,19 @@ pub struct TableSink {
 }
 
 impl TableSink {
-    /// Writes the rows to a file where one is given, `.csv` or `.parquet`, and leaves all of them
-    /// in `outbox`.
+    /// Writes rows and cells to a file where one is given, `.csv` or `.parquet`, and leaves all
+    /// rows in `outbox`.
     ///
     /// # Errors
     /// As [`Table::create`].
-    pub fn new(path: Option<&Path>, outbox: &Outbox<Vec<Row>>) -> Result<Self> {
-        let rows = path.map_or_else(|| Ok(Table::in_memory()), Table::create)?;
-        Ok(Self::with_tables(rows, None, outbox))
+    pub fn new(
+        rows: Option<&Path>,
+        cells: Option<&Path>,
+        outbox: &Outbox<Vec<Row>>,
+    ) -> Result<Self> {
+        let rows = rows.map_or_else(|| Ok(Table::in_memory()), Table::create)?;
+        let cells = cells.map(Table::create).transpose()?;
+        Ok(Self::with_tables(rows, cells, outbox))
     }
 
     /// Writes `rows` and `cells` into a folder, each as `.csv` and `.parquet`, and leaves all rows
@@ -88,6 +93,8 @@ pub(super) struct Identity {
     pub run_id: String,
     pub scenario: String,
     pub seed: Option<u64>,
+    /// The recording, where the scenario has some.
+    pub run: Option<String>,
     algorithms: Vec<AlgorithmRecord>,
 }
 
@@ -97,6 +104,9 @@ impl Identity {
             run_id: start.manifest.run_id.clone(),
             scenario: start.manifest.scenario.clone(),
             seed: start.seed,
+            run: Some(&start.judge.run.name)
+                .filter(|name| !name.is_empty())
+                .cloned(),
             algorithms: start.manifest.algorithms.clone(),
         }
     }
@@ -135,6 +145,7 @@ impl Identity {
                 .truth
                 .as_ref()
                 .map(|truth| truth.kind.origin.to_string()),
+            run: self.run.clone(),
         }
     }
 
@@ -165,6 +176,9 @@ impl Identity {
                 verdict: judgement.verdict,
                 missed_obstacle: judgement.missed_obstacle,
                 false_obstacle: judgement.false_obstacle,
+                run: self.run.clone(),
+                state: Some(cell.state()),
+                probability: cell.probability,
             }
         };
         estimate.grid.iter().enumerate().map(row).collect()

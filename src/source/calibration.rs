@@ -30,9 +30,10 @@ pub enum Calib {
 impl FromStr for Calib {
     type Err = Infallible;
 
-    /// `estimate`, `none`, or a path.
+    /// `own`, `estimate`, `none`, or a path.
     fn from_str(text: &str) -> std::result::Result<Self, Infallible> {
         Ok(match text {
+            "own" => Self::Own,
             "estimate" => Self::Estimate,
             "none" => Self::None,
             path => Self::File(path.into()),

@@ -12,6 +12,8 @@ mod open;
 mod recording;
 mod rectified;
 mod reference;
+mod resized;
+mod runs;
 
 pub use alignment_monitor::AlignmentMonitor;
 pub use arena::ArenaSource;
@@ -27,6 +29,8 @@ pub use open::{
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};
 pub use reference::ReferenceSource;
+pub use resized::Resized;
+pub use runs::{RunSource, run_request};
 
 use crate::error::Result;
 use crate::score::Judged;

@@ -3,18 +3,19 @@
 use super::calibration::{self, Calib, CalibrationFiles};
 use super::dataset::{FolderSource, Scene, SceneSource};
 use super::{
-    ArenaSource, BoardSource, LiveSource, MeasuredSource, RecordingSource, RectifiedSource, Source,
+    ArenaSource, BoardSource, Limited, LiveSource, MeasuredSource, RecordingSource,
+    RectifiedSource, Resized, Source,
 };
 use crate::arena::Arena;
 use crate::error::{Error, Result};
 use crate::grab::{self, DRIVERS, Driver, GrabRequest, Host};
-use crate::manifest::Manifest;
+use crate::manifest::{Manifest, RunRecord};
 use crate::recording::{
     CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, Selection,
     TruthSelection, TruthTopic, Writer, is_bag,
 };
 use crate::rectify::Rectifier;
-use crate::scenario::{Scenario, ScenarioSource};
+use crate::scenario::{CropScale, PairRange, Scenario, ScenarioSource};
 use crate::stereo::StereoCalibration;
 use std::path::Path;
 
@@ -38,6 +39,10 @@ pub struct Request<'a> {
     /// Share of the raw images that is kept, as OpenCV's alpha [default: as the calibration file
     /// has it, else 0].
     pub alpha: Option<f64>,
+    /// Which pairs are taken.
+    pub range: PairRange,
+    /// Which part of the rectified images is taken, and how much it is shrunk.
+    pub window: CropScale,
     /// How to grab from cameras; its skew and its seed are those of this request.
     pub grab: GrabRequest,
     pub host: Host<'a>,
@@ -54,6 +59,8 @@ impl<'a> Request<'a> {
             truth: None,
             calib: Calib::default(),
             alpha: None,
+            range: PairRange::default(),
+            window: CropScale::default(),
             grab: GrabRequest::default(),
             host: Host::default(),
         }
@@ -83,6 +90,8 @@ pub struct Opened {
     pub is_live: bool,
     /// The recording that it reads.
     pub recording: Option<Recording>,
+    /// Stamp of the first pair, where pairs before the first frame were left out.
+    pub start_ns: Option<u64>,
     /// What the user should know that is no warning.
     pub notes: Vec<String>,
     /// What a recording of raw images says of its cameras.
@@ -105,12 +114,37 @@ impl Opened {
             stem: stem.into(),
             is_live: false,
             recording: None,
+            start_ns: None,
             notes: Vec::new(),
             own_calibration: None,
             truth: None,
             raw: None,
             remarks: Vec::new(),
         }
+    }
+
+    /// The pairs that the request asks for, rectified, cropped and shrunk as it says.
+    fn prepared(mut self, request: &Request<'_>) -> Result<Self> {
+        let usage = |e: Error| Error::Usage(e.to_string());
+        request.range.validate().map_err(usage)?;
+        request.window.validate().map_err(usage)?;
+        let changes = [request.range.words(), request.window.words()];
+        let changes: Vec<_> = changes.into_iter().flatten().collect();
+        if !changes.is_empty() {
+            self.header.changes = Some(changes.join(", "));
+        }
+        if request.range != PairRange::default() {
+            let mut limited = Limited::new(self.source, request.range, None);
+            // Read now: what lies before the range is known only then.
+            limited.first();
+            self.start_ns = limited.start_ns();
+            self.source = Box::new(limited);
+        }
+        self = self.rectified(request)?.measured();
+        if request.window != CropScale::default() {
+            self.source = Box::new(Resized::new(self.source, request.window));
+        }
+        Ok(self)
     }
 
     /// Rectifies the pairs as the request says.
@@ -181,6 +215,21 @@ impl Opened {
             self.source = Box::new(MeasuredSource::new(self.source, truth, self.raw));
         }
         self
+    }
+
+    /// The recording at that path, which rows call `name`, as it was opened.
+    pub fn record(&self, name: &str, path: &Path) -> RunRecord {
+        let by = self.header.calibration.as_ref();
+        let rectified = by.map(|by| format!("rectified by {by}"));
+        let changes: Vec<_> = rectified
+            .into_iter()
+            .chain(self.header.changes.clone())
+            .collect();
+        RunRecord::new(
+            name,
+            path,
+            (!changes.is_empty()).then(|| changes.join(", ")),
+        )
     }
 
     /// Name of the scenario, or of the source.
@@ -370,7 +419,7 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
         )));
     };
     refuse_options(request, kind)?;
-    Ok((kind.open)(request)?.rectified(request)?.measured())
+    (kind.open)(request)?.prepared(request)
 }
 
 /// Opens a recording; its pairs are rectified as the request says.
@@ -391,7 +440,7 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
         let cure = format!("make one first, svl record {name} -o run.mcap");
         return Err(Error::Usage(format!("{name}: is no recording; {cure}")));
     }
-    Ok(recorded(request)?.rectified(request)?.measured())
+    recorded(request)?.prepared(request)
 }
 
 /// Opens a run of the arena in a scenario.
@@ -401,7 +450,7 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
 pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
     let ScenarioSource::Arena { config, .. } = &scenario.source else {
         return Err(Error::Invalid(format!(
-            "scenario '{}' reads scene folders; name one of them to record it",
+            "scenario '{}' reads files; name one of them to record it",
             scenario.name
         )));
     };

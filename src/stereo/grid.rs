@@ -52,6 +52,40 @@ pub struct Cell {
     pub valid_share: f64,
     /// Nothing where `valid_share` was too small.
     pub depth: Option<CellDepth>,
+    /// How probably it is right, 0..=1, where the algorithm says so.
+    pub probability: Option<f64>,
+}
+
+impl Cell {
+    pub fn state(&self) -> CellState {
+        match self.depth {
+            Some(_) => CellState::Known,
+            None => CellState::Unknown,
+        }
+    }
+}
+
+/// Whether a grid knows a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CellState {
+    Known,
+    Unknown,
+}
+
+impl CellState {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Known => "known",
+            Self::Unknown => "unknown",
+        }
+    }
+
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Known, Self::Unknown]
+            .into_iter()
+            .find(|state| state.name() == name)
+    }
 }
 
 /// The depth of a known cell.
@@ -97,6 +131,12 @@ impl DepthGrid {
     /// The cell at (`column`, `row`).
     pub fn cell(&self, column: usize, row: usize) -> &Cell {
         &self.cells[row * self.shape.columns + column]
+    }
+
+    /// Share of the cells that are known, 0..=1.
+    pub fn known_share(&self) -> f64 {
+        let known = self.cells.iter().filter(|cell| cell.depth.is_some());
+        known.count() as f64 / self.cells.len() as f64
     }
 
     /// Cells in raster order with their (column, row).
@@ -188,6 +228,18 @@ impl CellRule {
                 "cells.obstacle_m = {obstacle_m}: must be below cells.clear_m = {clear_m}"
             ))),
             _ => Ok(()),
+        }
+    }
+
+    /// Metres, and per cent of the distance: the larger of the two counts.
+    pub fn tolerances(&self) -> (f64, f64) {
+        match *self {
+            Self::Distance {
+                tolerance_m,
+                tolerance_percent,
+                ..
+            } => (tolerance_m, tolerance_percent),
+            Self::Disparity { .. } => (Self::tolerance_m(), Self::tolerance_percent()),
         }
     }
 

@@ -69,10 +69,12 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
     let cells = vec![
         Cell {
             valid_share: 0.0,
+            probability: None,
             depth: None,
         },
         Cell {
             valid_share: 1.0,
+            probability: None,
             depth: Some(known),
         },
     ];
@@ -209,6 +211,8 @@ fn every_entity_is_there_for_every_algorithm() {
             (entity("overlay"), "Points2D:positions"),
             (entity("overlay"), "LineStrips2D:strips"),
             (entity("overlay/percentiles"), "Boxes2D:half_sizes"),
+            (entity("overlay/cells"), "Points2D:labels"),
+            (entity("known_cells"), "Scalars:scalars"),
             (entity("why"), "SegmentationImage:buffer"),
             (entity("points"), "Points3D:positions"),
             (entity("latency/total"), "Scalars:scalars"),

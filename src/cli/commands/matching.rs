@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use svl::calibrate::files::read_calib;
 use svl::depth::GridSettings;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::recording::CellReport;
 use svl::stereo::{DepthGrid, Reason, RectifiedPair, StereoPair};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
@@ -75,6 +76,7 @@ struct MatchReport<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     median_row_offset: Option<i8>,
     distances_m: Option<Vec<Vec<Option<f64>>>>,
+    cells: Vec<CellReport>,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
@@ -120,8 +122,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     outputs.commit();
     let settings = GridSettings::default();
-    let grid = rig
-        .map(|rig| own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, Some(&rig))));
+    let grid = own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, rig.as_ref()));
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     let report = MatchReport {
         algorithm: args.algo.label(),
@@ -140,7 +141,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             .collect(),
         hash: format!("{:032x}", map.hash()),
         median_row_offset: map.median_row_offset(),
-        distances_m: grid.as_ref().map(distances),
+        distances_m: rig.map(|_| distances(&grid)),
+        cells: CellReport::of_grid(&grid),
     };
     if args.json {
         print_json(&report)

@@ -50,7 +50,7 @@ pub(crate) fn cached_run(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow:
     create()?;
     let pairs = match &scenario.source {
         ScenarioSource::Arena { config, .. } => Some(config.frames),
-        ScenarioSource::Dataset { .. } => None,
+        ScenarioSource::Dataset { .. } | ScenarioSource::Recording(_) => None,
     };
     let mut progress = Progress::new(&format!("arena, seed {seed}"), pairs, quiet);
     let cached = svl::record::cached_run(Path::new(RECORDINGS), scenario, seed, &mut progress);

@@ -12,6 +12,7 @@ use svl::grab::{
 };
 use svl::matcher::{Algorithm, Range, Value};
 use svl::recording::{TruthSelection, files};
+use svl::scenario::PairRange;
 use svl::source::{self, CAMERAS, Calib, Opened, ReferenceSource, Request, SOURCES, Source};
 
 /// Which pairs to read of a recording that svl did not write.
@@ -43,14 +44,57 @@ pub(crate) struct TopicArgs {
 }
 
 impl TopicArgs {
+    /// What is given replaces what the request has.
     pub(crate) fn fill(&self, request: &mut Request<'_>) {
-        request.topics = [self.left.clone(), self.right.clone()];
+        for (topic, given) in request.topics.iter_mut().zip([&self.left, &self.right]) {
+            *topic = given.clone().or(topic.take());
+        }
         let ns = |ms: f64| (ms * 1e6) as u64;
-        request.max_skew_ns = self.max_skew_ms.map(ns);
-        request.truth = self.truth.clone().map(|topic| TruthSelection {
+        request.max_skew_ns = self.max_skew_ms.map(ns).or(request.max_skew_ns);
+        let truth = self.truth.clone().map(|topic| TruthSelection {
             topic,
             max_skew_ns: self.truth_skew_ms.map_or(TruthSelection::MAX_SKEW_NS, ns),
         });
+        request.truth = truth.or(request.truth.take());
+    }
+
+    pub(crate) fn is_given(&self) -> bool {
+        let topics = [&self.left, &self.right, &self.truth];
+        topics.iter().any(|topic| topic.is_some()) || self.max_skew_ms.is_some()
+    }
+}
+
+/// Which pairs of a source are taken.
+#[derive(clap::Args)]
+pub(crate) struct RangeArgs {
+    /// Take every n-th pair, the first among them
+    #[arg(
+        long, value_name = "N", allow_negative_numbers = true,
+        value_parser = usage::within(1..=1_000_000_000u64)
+    )]
+    every: Option<u64>,
+    /// Take the pairs from S seconds after the first pair on
+    #[arg(
+        long, value_name = "S", allow_negative_numbers = true,
+        value_parser = usage::within(0.0..=1e9)
+    )]
+    from: Option<f64>,
+    /// Take the pairs before S seconds after the first pair
+    #[arg(
+        long, value_name = "S", allow_negative_numbers = true,
+        value_parser = usage::within(0.0..=1e9)
+    )]
+    to: Option<f64>,
+}
+
+impl RangeArgs {
+    /// What is given replaces what the range has.
+    pub(crate) fn fill(&self, range: &mut PairRange) {
+        *range = PairRange {
+            every: self.every.or(range.every),
+            from_s: self.from.or(range.from_s),
+            to_s: self.to.or(range.to_s),
+        };
     }
 }
 
@@ -83,9 +127,14 @@ fn calib(text: &str) -> Result<Calib, String> {
 }
 
 impl RectifyArgs {
+    /// What is given replaces what the request has.
     pub(crate) fn fill(&self, request: &mut Request<'_>) {
-        request.calib = self.calib.clone().unwrap_or_default();
-        request.alpha = self.alpha;
+        request.calib = self.calib.clone().unwrap_or(request.calib.clone());
+        request.alpha = self.alpha.or(request.alpha);
+    }
+
+    pub(crate) fn is_given(&self) -> bool {
+        self.calib.is_some()
     }
 }
 

@@ -152,20 +152,21 @@ impl ScoredRun {
             .map(|a| a.parameters_hash.as_str())
     }
 
-    /// The rows of an algorithm by seed, sequence and name of their pairs.
-    fn rows(&self, label: &str) -> BTreeMap<(Option<u64>, u64, &str), &Row> {
+    /// The rows of an algorithm by run, sequence and name of their pairs.
+    fn rows(&self, label: &str) -> BTreeMap<(RunKey<'_>, u64, &str), &Row> {
         let own = self.rows.iter().filter(|row| row.algorithm == label);
-        own.map(|row| ((row.seed, row.sequence, row.name.as_str()), row))
+        own.map(|row| ((run_key(row), row.sequence, row.name.as_str()), row))
             .collect()
     }
 
-    /// Frames and passed frames per checkpoint over those seeds, with its name.
-    fn checkpoints(&self, label: &str, seeds: &[Option<u64>]) -> BTreeMap<u32, (&str, u64, u64)> {
+    /// Frames and passed frames per checkpoint over those runs, with its name.
+    fn checkpoints(&self, label: &str, runs: &[RunKey<'_>]) -> BTreeMap<u32, (&str, u64, u64)> {
         let mut sums = BTreeMap::new();
         let own = self
             .checkpoints
             .iter()
-            .filter(|row| row.algorithm == label && seeds.contains(&row.seed));
+            .filter(|row| row.algorithm == label)
+            .filter(|row| runs.contains(&(row.seed, row.run.as_deref())));
         for row in own {
             let (_, frames, passed) =
                 sums.entry(row.checkpoint)
@@ -175,6 +176,13 @@ impl ScoredRun {
         }
         sums
     }
+}
+
+/// What tells the runs of a report apart: the seed, and the recording.
+type RunKey<'a> = (Option<u64>, Option<&'a str>);
+
+fn run_key(row: &Row) -> RunKey<'_> {
+    (row.seed, row.run.as_deref())
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
@@ -271,7 +279,7 @@ impl AlgorithmChange {
             .filter(|(a, b)| a.pair_hash == b.pair_hash)
             .collect();
         let stretches: Vec<_> = pairs
-            .chunk_by(|a, b| a.0.seed == b.0.seed)
+            .chunk_by(|a, b| run_key(a.0) == run_key(b.0))
             .map(<[_]>::len)
             .collect();
         // Scenes have names and are independent of each other; frames of a run are not.
@@ -287,19 +295,19 @@ impl AlgorithmChange {
                 &resamples,
             )
         };
-        // Checkpoint tables hold sums only, so seeds count whose pairs both runs have completely.
-        let count = |rows: &[&Row], seed| rows.iter().filter(|row| row.seed == seed).count();
+        // Checkpoint tables hold sums only, so runs count whose pairs both reports have completely.
+        let count = |rows: &[&Row], run| rows.iter().filter(|row| run_key(row) == run).count();
         let (all_ours, all_theirs): (Vec<_>, Vec<_>) = (
             ours.values().copied().collect(),
             theirs.values().copied().collect(),
         );
-        let mut seeds: Vec<_> = a.iter().map(|row| row.seed).collect();
-        // The rows of a seed are neighbours.
-        seeds.dedup();
-        seeds.retain(|&seed| {
-            count(&a, seed) == count(&all_ours, seed) && count(&b, seed) == count(&all_theirs, seed)
+        let mut runs: Vec<_> = a.iter().map(|row| run_key(row)).collect();
+        // The rows of a run are neighbours.
+        runs.dedup();
+        runs.retain(|&run| {
+            count(&a, run) == count(&all_ours, run) && count(&b, run) == count(&all_theirs, run)
         });
-        let visits = other.checkpoints(other_label, &seeds);
+        let visits = other.checkpoints(other_label, &runs);
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
             let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
@@ -321,7 +329,7 @@ impl AlgorithmChange {
                 .count(),
             metrics: METRICS.iter().filter_map(change).collect(),
             checkpoints: base
-                .checkpoints(label, &seeds)
+                .checkpoints(label, &runs)
                 .into_iter()
                 .filter_map(checkpoint)
                 .collect(),

@@ -5,7 +5,7 @@ use super::super::words::ms;
 use super::{CheckpointFigure, FrameShot, Rank};
 use crate::overlay::Mark;
 use crate::report::page::{MarkView, PageImages, PictureView};
-use crate::score::{METRICS, Metric, MetricTotal, Verdict};
+use crate::score::{CellFinding, METRICS, Metric, MetricTotal, Verdict};
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -19,10 +19,11 @@ pub(super) struct FigureView<'a> {
 struct ShotView<'a> {
     algorithm: &'a str,
     rank: &'static str,
-    passed: bool,
+    passed: Option<bool>,
     origin: String,
     cells: String,
     wrong: Vec<String>,
+    missing: Vec<&'a str>,
     numbers: String,
     pictures: Vec<PictureView<'a>>,
 }
@@ -60,16 +61,19 @@ fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -
         ));
     }
     pictures.push(picture("disparity", &shot.preview, Vec::new()));
+    let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
     ShotView {
         algorithm: &shot.row.algorithm,
         rank: match rank {
             Rank::Worst => "worst frame",
             Rank::Best => "best frame",
+            Rank::Sample => "",
         },
         passed: shot.passed,
         origin: origin(&shot.row),
         cells: cells(&shot.row),
-        wrong: wrong_cells(&shot.cells),
+        wrong: wrong_cells(shot),
+        missing: missing.map(|finding| finding.words.as_str()).collect(),
         numbers: numbers(&shot.row),
         pictures,
     }
@@ -88,18 +92,20 @@ fn mark_views(
             .iter()
             .find(|c| (c.column as usize, c.row as usize) == at);
         let words = cell.map_or_else(|| "unknown".to_owned(), &words);
-        let wrong = judged && cell.is_some_and(|c| c.verdict == Verdict::Wrong);
+        let contradicts = |finding: &CellFinding| finding.is_wrong && finding.at == [at.0, at.1];
+        let wrong = judged
+            && (cell.is_some_and(|c| c.verdict == Verdict::Wrong)
+                || shot.findings.iter().any(contradicts));
         MarkView::new(*mark, format!("({}, {}): {words}", at.0, at.1), wrong)
     };
     marks.iter().map(view).collect()
 }
 
 fn origin(row: &Row) -> String {
-    let seed = row
-        .seed
-        .map(|seed| format!("seed {seed}, "))
-        .unwrap_or_default();
-    format!("{seed}frame {}", row.sequence)
+    let seed = row.seed.map(|seed| format!("seed {seed}, "));
+    let run = row.run.as_ref().map(|run| format!("{run}, "));
+    let run = seed.or(run).unwrap_or_default();
+    format!("{run}frame {}", row.sequence)
 }
 
 /// How many cells of each kind.
@@ -115,18 +121,16 @@ pub(super) fn cells(row: &Row) -> String {
 }
 
 /// The first wrong cells in words; the crosses show all.
-fn wrong_cells(cells: &[CellRow]) -> Vec<String> {
+fn wrong_cells(shot: &FrameShot) -> Vec<String> {
     const TOLD: usize = 3;
-    let all: Vec<_> = cells
-        .iter()
-        .filter(|c| c.verdict == Verdict::Wrong)
-        .collect();
+    let expected = shot.findings.iter().filter(|finding| finding.is_wrong);
+    let expected = expected.map(|finding| finding.words.clone());
+    let cells = shot.cells.iter().filter(|c| c.verdict == Verdict::Wrong);
+    let mut all: Vec<_> = expected.chain(cells.map(wrong)).collect();
     let more = all.len().saturating_sub(TOLD);
-    all.iter()
-        .take(TOLD)
-        .map(|cell| wrong(cell))
-        .chain((more > 0).then(|| format!("{more} more")))
-        .collect()
+    all.truncate(TOLD);
+    all.extend((more > 0).then(|| format!("{more} more")));
+    all
 }
 
 fn wrong(cell: &CellRow) -> String {

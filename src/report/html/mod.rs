@@ -12,6 +12,7 @@ use super::rows::{CellRow, Row};
 use super::summary::Summary;
 use crate::error::{Error, Result};
 use crate::overlay::Mark;
+use crate::score::CellFinding;
 use std::path::Path;
 
 /// Everything the page shows.
@@ -25,7 +26,7 @@ pub struct ReportPage {
     /// Per algorithm the time of each pair, ms.
     pub times_ms: Vec<(String, Vec<f64>)>,
     pub sweeps: Vec<ParameterSweep>,
-    /// One per checkpoint.
+    /// One per checkpoint, or per frame that is shown of a recording.
     pub figures: Vec<CheckpointFigure>,
     /// Where the frames are scenes of a data set.
     pub scenes: Vec<SceneFigure>,
@@ -55,8 +56,10 @@ pub struct FrameShot {
     pub row: Row,
     /// The frame's cells, of which the caption lists the wrong ones.
     pub cells: Vec<CellRow>,
-    /// Whether the checkpoint passes in this frame.
-    pub passed: bool,
+    /// Whether the checkpoint passes in this frame; nothing where it is of none.
+    pub passed: Option<bool>,
+    /// Cells that are not as the checkpoint expects them.
+    pub findings: Vec<CellFinding>,
     /// The left image as a PNG or JPEG file. The page holds it once, however many shots show it.
     pub left: Vec<u8>,
     /// Width and height that the marks are made for, pixels.
@@ -86,11 +89,13 @@ pub struct SceneResult {
     pub errors: Option<Vec<u8>>,
 }
 
-/// Place of a frame among those of its checkpoint.
+/// Place of a frame among those of its figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rank {
     Worst,
     Best,
+    /// One of those spread over a recording.
+    Sample,
 }
 
 impl ReportPage {

@@ -64,7 +64,7 @@ impl<'a> AlgorithmTableView<'a> {
             // Columns without a group would be a table without a title: they join the next group.
             narrow: groups(&columns, |a, b| a.group == b.group || a.group.is_empty()),
             lines,
-            notes: notes(&columns, summary.rule),
+            notes: notes(&columns, summary),
         })
     }
 

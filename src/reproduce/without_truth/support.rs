@@ -102,6 +102,7 @@ pub(super) fn agreed(own: &DepthGrid, others: &[&DepthGrid], rule: CellRule) -> 
         let mut depths: Vec<_> = depths.collect();
         depths.sort_by(|a, b| a.median_px.total_cmp(&b.median_px));
         Cell {
+            probability: None,
             valid_share: 1.0,
             // The smaller disparity, hence the farther, of two in the middle.
             depth: (depths.len() >= 2).then(|| depths[(depths.len() - 1) / 2]),

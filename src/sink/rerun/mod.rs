@@ -7,6 +7,7 @@
 //!   rig/left                   Transform3D, Pinhole
 //!   rig/left/image
 //! algo/<name>/overlay          the thesis's picture of the depth grid
+//!            /overlay/cells    the distances of its cells, as text
 //!            /disparity /depth /why
 //!            /ssdpi            of algorithms that have one
 //!            /points           the cloud, in the camera's frame
@@ -152,6 +153,7 @@ impl RerunSink {
         for path in [
             "truth/overlay",
             "truth/overlay/percentiles",
+            "truth/overlay/cells",
             "truth/depth",
             LEGEND,
         ] {
@@ -174,7 +176,8 @@ impl RerunSink {
 
     /// Frames of reference, names and colours of an algorithm's entities.
     fn style(&self, algorithm: &AlgorithmPath, color: Rgba32) -> Result<()> {
-        for map in ["overlay", "overlay/percentiles"].iter().chain(&MAPS) {
+        let overlays = ["overlay", "overlay/percentiles", "overlay/cells"];
+        for map in overlays.iter().chain(&MAPS) {
             self.log_static(&algorithm.path(map), &world::on_image())?;
         }
         self.log_static(&algorithm.path("points"), &world::in_camera())?;

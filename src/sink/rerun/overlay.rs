@@ -25,6 +25,8 @@ pub(super) struct Overlay {
     pub lines: LineStrips2D,
     /// The yellow and violet squares, to be drawn over the red ones: an entity of their own.
     pub percentiles: Boxes2D,
+    /// The distances of the known cells, without a rig their disparities, as text.
+    pub distances: Points2D,
 }
 
 impl Overlay {
@@ -42,6 +44,21 @@ impl Overlay {
                 None => unknown.push(point(mark.cell.center())),
             }
         }
+        let mut distances = Vec::new();
+        for (place, cell) in grid.iter() {
+            let Some(depth) = cell.depth else { continue };
+            let label = match depth.distance_m {
+                Some(distance_m) => format!("{distance_m:.2} m"),
+                None => format!("{:.1} px", depth.median_px),
+            };
+            let (x, y) = grid.shape().pixels(place, size);
+            // Below the squares, which are centred.
+            let at = [
+                x.start.midpoint(x.end) as f32,
+                (3 * y.start + 17 * y.end) as f32 / 20.0,
+            ];
+            distances.push((at, label));
+        }
         // In image pixels, so that a small view gets thin lines and a large one bold ones.
         let unit = size.0 as f32 / 320.0;
         Self {
@@ -53,6 +70,11 @@ impl Overlay {
                 .with_colors([WHITE])
                 .with_radii([Radius::new_ui_points(0.5)]),
             percentiles: boxes(&percentiles, 0.6 * unit).with_draw_order(32.0),
+            distances: Points2D::new(distances.iter().map(|(at, _)| *at))
+                .with_labels(distances.into_iter().map(|(_, label)| label))
+                .with_show_labels(true)
+                .with_radii([Radius::new_ui_points(0.0)])
+                .with_draw_order(33.0),
         }
     }
 }

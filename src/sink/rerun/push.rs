@@ -117,9 +117,11 @@ impl RerunSink {
             unknown,
             lines,
             percentiles,
+            distances,
         } = Overlay::new(grid, frame.pair.size(), scale);
         self.log(path, &[&lines as &dyn AsComponents, &medians, &unknown])?;
-        self.log(&format!("{path}/percentiles"), &percentiles)
+        self.log(&format!("{path}/percentiles"), &percentiles)?;
+        self.log(&format!("{path}/cells"), &distances)
     }
 
     fn log_depth(

@@ -24,5 +24,6 @@ mod reference;
 mod replay;
 mod reproduce;
 mod score;
+mod score_recordings;
 mod survive;
 mod usage;

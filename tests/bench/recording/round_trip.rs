@@ -226,6 +226,7 @@ fn results_stand_beside_the_pairs() {
         shape,
         vec![Cell {
             valid_share: 0.0,
+            probability: None,
             depth: None,
         }],
     )

@@ -38,10 +38,12 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
     };
     let known = Cell {
         valid_share: 1.0,
+        probability: None,
         depth: Some(depth),
     };
     let unknown = Cell {
         valid_share: 0.0,
+        probability: None,
         depth: None,
     };
     let drawn = |cells: [Cell; 3]| {
@@ -63,7 +65,8 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
             .zip(0..)
             .map(|(verdict, column)| cell("v3", column, verdict))
             .collect(),
-        passed,
+        passed: Some(passed),
+        findings: Vec::new(),
         left: left.to_vec(),
         size: (30, 10),
         estimate: drawn([known, known, unknown]),

@@ -191,10 +191,15 @@ fn many_algorithms_stand_in_lines_and_checkpoints_in_blocks() {
 #[test]
 fn a_run_without_truth_has_no_columns_of_it() {
     let text = summary(vec![blind("v3", 1_000), blind("bm", 500)], Vec::new()).to_string();
+    let (table, notes) = text.split_once("\n\n").unwrap();
     for head in ["cells", "obstacles", "invalid", "px"] {
-        assert!(!text.contains(head), "{head}: {text}");
+        assert!(!table.contains(head), "{head}: {text}");
     }
-    assert!(text.contains("cover") && text.contains("p50"));
+    assert!(table.contains("cover") && table.contains("p50"));
+    assert!(
+        notes.contains("no truth: right, wrong, unknown, missed, false,"),
+        "{notes}"
+    );
 }
 
 #[test]

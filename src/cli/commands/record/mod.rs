@@ -1,7 +1,7 @@
 //! `svl record`: a source into a recording.
 
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::source::{self, CameraArgs, RectifyArgs, TopicArgs};
+use crate::cli::shared::source::{self, CameraArgs, RangeArgs, RectifyArgs, TopicArgs};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::{recordings, runner, usage};
 use std::path::{Path, PathBuf};
@@ -9,6 +9,7 @@ use std::time::Instant;
 use svl::counted;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat};
 use svl::run::Outcome;
+use svl::scenario::PairRange;
 use svl::source::{Limited, Request};
 
 /// Record pairs to an MCAP file
@@ -47,6 +48,8 @@ pub(crate) struct Args {
     topics: TopicArgs,
     #[command(flatten)]
     rectify: RectifyArgs,
+    #[command(flatten)]
+    range: RangeArgs,
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
@@ -94,6 +97,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     args.topics.fill(&mut request);
     args.rectify.fill(&mut request);
+    args.range.fill(&mut request.range);
     args.cameras.fill(&mut request);
     let mut opened = source::open(request, quiet)?;
     let (output, mut outputs) = match args.output.clone().zip(claimed) {
@@ -105,8 +109,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     };
     outputs.set_aside()?;
-    let duration_ns = args.duration.map(|s| (s * 1e9) as u64);
-    opened.source = Box::new(Limited::new(opened.source, args.frames, duration_ns));
+    // From the first pair that is taken.
+    let duration = PairRange {
+        to_s: args.duration,
+        ..PairRange::default()
+    };
+    opened.source = Box::new(Limited::new(opened.source, duration, args.frames));
     let format = RecordingFormat {
         dialect: if args.ros2 {
             Dialect::Ros2

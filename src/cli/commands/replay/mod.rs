@@ -4,7 +4,7 @@ mod verify;
 
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::recordings::{self, RECORDINGS};
-use crate::cli::shared::source::{self, RectifyArgs, ReferenceArgs, TopicArgs};
+use crate::cli::shared::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::recording::ImageFormat;
+use svl::recording::{AlgorithmCells, ImageFormat};
 use svl::report::Summary;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
-use svl::score::Judge;
-use svl::sink::{RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
+use svl::score::{Judge, Judged};
+use svl::sink::{CollectSink, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
 use svl::source::Request;
 use verify::{Earlier, Verification};
 
@@ -54,6 +54,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     rectify: RectifyArgs,
     #[command(flatten)]
+    range: RangeArgs,
+    #[command(flatten)]
     reference: ReferenceArgs,
     /// As fast as possible (asap), or X times the recorded speed
     #[arg(
@@ -61,7 +63,7 @@ pub(crate) struct Args {
         value_parser = pace
     )]
     rate: Pace,
-    /// Write pairs and disparities to a recording
+    /// Write pairs, disparities and cells to a recording
     #[arg(short, long, value_name = "RESULT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
     /// Write one row per pair and algorithm
@@ -70,6 +72,12 @@ pub(crate) struct Args {
         value_parser = usage::ending(&["csv", "parquet"])
     )]
     rows: Option<PathBuf>,
+    /// Write one row per pair, algorithm and cell
+    #[arg(
+        long, value_name = "FILE.csv|.parquet",
+        value_parser = usage::ending(&["csv", "parquet"])
+    )]
+    cells: Option<PathBuf>,
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
@@ -104,9 +112,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim(
         args.force,
         inputs.iter().map(PathBuf::as_path),
-        [args.output.as_deref(), args.rows.as_deref(), rrd]
-            .into_iter()
-            .flatten(),
+        [
+            args.output.as_deref(),
+            args.rows.as_deref(),
+            args.cells.as_deref(),
+            rrd,
+        ]
+        .into_iter()
+        .flatten(),
     )?;
     let name = match named {
         Some(name) => name.to_owned(),
@@ -115,13 +128,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut request = Request::new(&name);
     args.topics.fill(&mut request);
     args.rectify.fill(&mut request);
+    args.range.fill(&mut request.range);
     let mut opened = source::open_recording(&request, quiet)?;
     let seed = opened.header.seed;
     let verify = args.verify.as_ref();
     let before = verify
         .map(|path| {
             let path = path.as_deref().unwrap_or(Path::new(&name));
-            Earlier::read(path, opened.recording.as_ref(), seed)
+            Earlier::read(path, &name, opened.recording.as_ref(), seed)
         })
         .transpose()?;
     let algorithms = match (&args.algo[..], &before) {
@@ -134,7 +148,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     opened.source = args.reference.wrap(opened.source)?;
 
     outputs.set_aside()?;
-    let manifest = Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?;
+    let mut manifest = Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?;
+    manifest.runs = vec![opened.record(&opened.source.name(), Path::new(&name))];
     let rerun = args.rerun.clone().map(|target| {
         let scenario = opened.scenario.as_deref();
         let scenario = scenario.and_then(|text| Scenario::parse(text, Path::new(&name)).ok());
@@ -144,10 +159,24 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let result = |path: &PathBuf| opened.writer(path, ImageFormat::Raw, &manifest);
     let mut sinks = Sinks::open(SinkRequest {
         rows: args.rows.as_deref(),
+        cells: args.cells.as_deref(),
         rerun,
         recording: args.output.as_ref().map(result).transpose()?,
         ..SinkRequest::default()
     })?;
+    let now = before
+        .as_ref()
+        .filter(|before| before.has_cells())
+        .map(|_| {
+            let cells = CollectSink::new(|judged: &Judged| {
+                let estimates = judged.estimates.iter().map(|scored| &scored.estimate);
+                let cells = |estimate| AlgorithmCells::new(judged.frame.sequence, estimate);
+                estimates.map(cells).collect::<Vec<_>>()
+            });
+            let outbox = cells.outbox();
+            sinks.push(cells);
+            outbox
+        });
     let judge = Judge::default();
     let start = RunStart {
         manifest: &manifest,
@@ -185,7 +214,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             ..Summary::from_rows(&rows, &[])?
         };
         verification = before
-            .map(|before| before.compare(&rows, &algorithms))
+            .map(|before| {
+                let cells = now.map(|now| now.take().concat()).unwrap_or_default();
+                before.compare(&rows, &cells, &algorithms)
+            })
             .transpose()?;
         let width = width();
         let text = || format!("{title} ({})\n{summary:width$}", counted(pairs, "pair"));

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::recording::{MANIFEST, Recording};
+use svl::recording::{AlgorithmCells, MANIFEST, Recording};
 use svl::report::Row;
 
 /// The results of an earlier run.
@@ -16,6 +16,8 @@ pub(super) struct Earlier {
     labels: Vec<String>,
     /// Hashes of each result and of its pair, by label and number of the pair.
     hashes: BTreeMap<(String, u64), (String, String)>,
+    /// Cells, where a recording has them, likewise.
+    cells: BTreeMap<(String, u64), AlgorithmCells>,
     /// Hash of each algorithm's parameters, by label.
     parameters: BTreeMap<String, String>,
 }
@@ -36,10 +38,11 @@ pub(super) struct Verification {
 
 impl Earlier {
     /// Reads the results in a result recording, a table of rows (CSV) or the folder of a report; of
-    /// a report only the run with that seed. `replayed` is the recording that is replayed, which is
-    /// not opened again.
+    /// a report only the run with that seed, or of the recording `name`. `replayed` is the
+    /// recording that is replayed, which is not opened again.
     pub(super) fn read(
         path: &Path,
+        name: &str,
         replayed: Option<&Recording>,
         seed: Option<u64>,
     ) -> anyhow::Result<Self> {
@@ -47,11 +50,12 @@ impl Earlier {
             path: path.to_owned(),
             labels: Vec::new(),
             hashes: BTreeMap::new(),
+            cells: BTreeMap::new(),
             parameters: BTreeMap::new(),
         };
         match path.extension().and_then(|e| e.to_str()) {
-            _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), seed)?,
-            Some("csv") => earlier.read_rows(path, seed)?,
+            _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), name, seed)?,
+            Some("csv") => earlier.read_rows(path, name, seed)?,
             Some("mcap") => match replayed.filter(|replayed| replayed.path() == path) {
                 Some(replayed) => earlier.read_recording(replayed)?,
                 None => earlier.read_recording(&Recording::open(path)?)?,
@@ -72,10 +76,14 @@ impl Earlier {
         Ok(earlier)
     }
 
-    fn read_rows(&mut self, path: &Path, seed: Option<u64>) -> anyhow::Result<()> {
+    fn read_rows(&mut self, path: &Path, name: &str, seed: Option<u64>) -> anyhow::Result<()> {
+        let is_of = |row: &Row| match &row.run {
+            Some(run) => Path::new(name).ends_with(run),
+            None => row.seed.is_none() || row.seed == seed,
+        };
         for row in svl::report::read_rows::<Row>(path)?
             .into_iter()
-            .filter(|row| row.seed.is_none() || row.seed == seed)
+            .filter(is_of)
         {
             self.add(
                 row.algorithm.clone(),
@@ -94,6 +102,10 @@ impl Earlier {
                 result.sequence,
                 (result.hash, result.pair_hash),
             );
+        }
+        for cells in recording.cells()? {
+            self.cells
+                .insert((cells.algorithm.clone(), cells.sequence), cells);
         }
         if let Some(json) = recording.attachment(MANIFEST)? {
             let manifest: Manifest = serde_json::from_slice(&json)
@@ -115,6 +127,10 @@ impl Earlier {
         self.hashes.insert((label, sequence), hashes);
     }
 
+    pub(super) fn has_cells(&self) -> bool {
+        !self.cells.is_empty()
+    }
+
     /// The algorithms of the earlier run.
     pub(super) fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
         let parse = |label: &String| {
@@ -134,10 +150,11 @@ impl Earlier {
         self.labels.iter().map(parse).collect()
     }
 
-    /// Compares the rows of a replay of `algorithms`.
+    /// Compares rows and cells of a replay of `algorithms`.
     pub(super) fn compare(
         &self,
         rows: &[Row],
+        cells: &[AlgorithmCells],
         algorithms: &[Algorithm],
     ) -> anyhow::Result<Verification> {
         let mut found = Verification {
@@ -146,6 +163,16 @@ impl Earlier {
             differing: BTreeMap::new(),
             only_now: 0,
             only_then: 0,
+        };
+        // An algorithm that answers cells itself may differ in them alone.
+        let keyed = cells
+            .iter()
+            .map(|of| ((of.algorithm.clone(), of.sequence), of));
+        let cells: BTreeMap<_, _> = keyed.collect();
+        let same_cells = |row: &Row| {
+            let key = (row.algorithm.clone(), row.sequence);
+            let both = self.cells.get(&key).zip(cells.get(&key));
+            both.is_none_or(|(then, now)| then == *now)
         };
         for row in rows {
             if self
@@ -169,7 +196,9 @@ impl Earlier {
                         row.sequence
                     );
                 }
-                Some((then, _)) if *then == row.result_hash => found.equal += 1,
+                Some((then, _)) if *then == row.result_hash && same_cells(row) => {
+                    found.equal += 1;
+                }
                 Some(_) => found
                     .differing
                     .entry(row.algorithm.clone())

@@ -10,6 +10,7 @@ use svl::calibrate::distance::TargetMeasurement;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::run::{Matchers, Pace};
+use svl::scenario::PairRange;
 use svl::score::{Judge, Judged};
 use svl::sink::{self, CollectSink, RunStart, Sink};
 use svl::source::{Calib, Limited, Request};
@@ -186,7 +187,7 @@ impl Measuring<'_> {
             ..Request::new(name)
         };
         let opened = open_recording(&request, self.quiet)?;
-        let mut source = Limited::new(opened.source, Some(FRAMES), None);
+        let mut source = Limited::new(opened.source, PairRange::default(), Some(FRAMES));
         let algorithms = [self.algorithm.clone()];
         let grid = |judged: &Judged| {
             let estimate = judged.estimates.first();

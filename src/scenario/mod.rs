@@ -1,14 +1,21 @@
 //! Scenarios: a TOML file with the source, the algorithms, the cell rule, checkpoints and gate.
 
+mod pairs;
+mod recordings;
+
+pub use pairs::{CropScale, PairRange};
+pub use recordings::{RecordingRun, RecordingRuns};
+
 use crate::arena::{Arena, ArenaConfig, WireObject};
 use crate::depth::GridSettings;
 use crate::error::{Error, Result};
 use crate::files::read_text;
 use crate::matcher::Algorithm;
 use crate::report::Limit;
-use crate::score::{Checkpoint, Judge};
+use crate::score::{Checkpoint, CheckpointPlace, Judge};
 use crate::stereo::CellRule;
 use serde::Deserialize;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Largest scenario file that is read, bytes.
@@ -45,6 +52,8 @@ pub enum ScenarioSource {
     /// them: folders, numbered scenes of a folder, or with `*` as their last part all scenes of a
     /// folder.
     Dataset { scenes: Vec<String> },
+    /// Recordings, bags and folders of pairs, one run per file.
+    Recording(Box<RecordingRuns>),
 }
 
 /// The file before validation.
@@ -71,13 +80,24 @@ struct SourceTable {
     kind: ScenarioKind,
     seeds: Option<Vec<u64>>,
     scenes: Option<Vec<String>>,
+    files: Option<Vec<String>>,
+    left: Option<String>,
+    right: Option<String>,
+    truth: Option<String>,
+    calib: Option<String>,
+    crop: Option<[usize; 4]>,
+    scale: Option<f64>,
+    every: Option<u64>,
+    from_s: Option<f64>,
+    to_s: Option<f64>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum ScenarioKind {
     Arena,
     Dataset,
+    Recording,
 }
 
 impl Scenario {
@@ -96,9 +116,96 @@ impl Scenario {
     /// None unless svl was built with a broken `scenarios/arena.toml`.
     pub fn arena() -> Result<Self> {
         Self::parse(
-            include_str!("../scenarios/arena.toml"),
+            include_str!("../../scenarios/arena.toml"),
             Path::new("scenarios/arena.toml"),
         )
+    }
+
+    /// Recordings without a scenario: the thesis's grid, the default rule for cells, no checkpoints
+    /// and no gate. It is called after its first file.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where there is no file.
+    pub fn of_recordings(files: &[String], algorithms: Vec<Algorithm>) -> Result<Self> {
+        let runs = RecordingRuns {
+            files: files.to_vec(),
+            ..RecordingRuns::default()
+        };
+        runs.validate()?;
+        let names: Vec<_> = runs.runs()?.into_iter().map(|run| run.name).collect();
+        let (first, more) = (Path::new(&names[0]), names.len() - 1);
+        let safe = |c: char| match c.is_ascii_alphanumeric() || c == '-' || c == '_' {
+            true => c,
+            false => '-',
+        };
+        let stem = first.file_stem().unwrap_or_default().to_string_lossy();
+        let stem: String = stem.chars().take(40).map(safe).collect();
+        let name = match (stem.as_str(), more) {
+            ("", _) => "recordings".to_owned(),
+            (_, 0) => stem,
+            _ => format!("{stem}-and-{more}-more"),
+        };
+        // Names only: the same recordings elsewhere are the same scenario.
+        let text = format!("name = {name:?}\n[source]\nkind = \"recording\"\nfiles = {names:?}\n");
+        Ok(Self {
+            name,
+            description: String::new(),
+            algorithms,
+            grid: GridSettings::default(),
+            cells: CellRule::default(),
+            source: ScenarioSource::Recording(Box::new(runs)),
+            checkpoints: Vec::new(),
+            gate: Vec::new(),
+            text,
+        })
+    }
+
+    /// The files of a scenario of recordings, a run each; nothing for other scenarios.
+    ///
+    /// # Errors
+    /// Those of [`RecordingRuns::runs`]; [`Error::Invalid`] for a checkpoint whose `file` is none
+    /// of them, or by whose frames or seconds several could be meant.
+    pub fn recordings(&self) -> Result<Vec<RecordingRun>> {
+        let ScenarioSource::Recording(runs) = &self.source else {
+            return Ok(Vec::new());
+        };
+        let runs = runs.runs()?;
+        for Checkpoint {
+            number,
+            name,
+            place,
+            file,
+            ..
+        } in &self.checkpoints
+        {
+            let wrong = |what: String| invalid(format!("checkpoint {number} ({name}): {what}"));
+            let names = || {
+                runs.iter()
+                    .map(|run| run.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            };
+            let of = |file: &String| runs.iter().filter(|run| run.path.ends_with(file)).count();
+            match (file, place) {
+                (Some(file), _) if of(file) != 1 => {
+                    let found = if of(file) == 0 { "none" } else { "several" };
+                    return wrong(format!(
+                        "file = '{file}' is {found} of the files: {}",
+                        names()
+                    ));
+                }
+                (None, CheckpointPlace::Frames(_) | CheckpointPlace::Seconds(_))
+                    if runs.len() > 1 =>
+                {
+                    return wrong(format!(
+                        "say which file it is in, file = one of: {}",
+                        names()
+                    ));
+                }
+                _ => {}
+            }
+        }
+        Ok(runs)
     }
 
     /// Checks a scenario's text; `path` is for the errors.
@@ -107,7 +214,7 @@ impl Scenario {
     /// As [`Scenario::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|e| toml_error(&e, text, path))?;
-        file.check(text)
+        file.check(text, path.parent().unwrap_or(Path::new("")))
             .map_err(|e| Error::format(path, e.to_string()))
     }
 
@@ -118,7 +225,7 @@ impl Scenario {
             ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))
                 .map(|arena| arena.wireframe())
                 .unwrap_or_default(),
-            ScenarioSource::Dataset { .. } => Vec::new(),
+            ScenarioSource::Dataset { .. } | ScenarioSource::Recording(_) => Vec::new(),
         }
     }
 
@@ -128,6 +235,7 @@ impl Scenario {
             grid: self.grid,
             cells: self.cells,
             checkpoints: self.checkpoints.clone(),
+            ..Judge::default()
         }
     }
 
@@ -138,7 +246,7 @@ impl Scenario {
 }
 
 impl File {
-    fn check(self, text: &str) -> Result<Scenario> {
+    fn check(self, text: &str, folder: &Path) -> Result<Scenario> {
         let safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(safe) {
             return invalid(format!(
@@ -187,9 +295,9 @@ impl File {
             .into_iter()
             .map(|limit| check_limit(limit, text, &self.checkpoint));
         let gate = gate.collect::<Result<_>>()?;
-        let source = self.source.check(self.arena)?;
-        if matches!(source, ScenarioSource::Dataset { .. }) && !self.checkpoint.is_empty() {
-            return invalid("checkpoints need poses, which data-set scenes do not have".into());
+        let source = self.source.check(self.arena, folder)?;
+        for checkpoint in &self.checkpoint {
+            check_place(checkpoint, &source)?;
         }
         Ok(Scenario {
             name: self.name,
@@ -231,35 +339,103 @@ fn check_limit(
     }
 }
 
+/// Refuses a checkpoint at frames that the source does not have.
+fn check_place(checkpoint: &Checkpoint, source: &ScenarioSource) -> Result<()> {
+    let wrong = |what: &str| {
+        let Checkpoint { number, name, .. } = checkpoint;
+        invalid(format!("checkpoint {number} ({name}): {what}"))
+    };
+    match (source, &checkpoint.place) {
+        (ScenarioSource::Dataset { .. }, CheckpointPlace::Pose { .. }) => {
+            wrong("at_m needs poses, which data-set scenes do not have; name them by frames")
+        }
+        (ScenarioSource::Dataset { .. }, CheckpointPlace::Seconds(_)) => {
+            wrong("seconds need stamps, which data-set scenes do not have; name them by frames")
+        }
+        (ScenarioSource::Recording(_), _) => Ok(()),
+        _ if checkpoint.file.is_some() => wrong("file belongs to kind = \"recording\""),
+        _ => Ok(()),
+    }
+}
+
 impl SourceTable {
-    fn check(self, arena: Option<ArenaConfig>) -> Result<ScenarioSource> {
-        match (self.kind, self.seeds, self.scenes, arena) {
-            (ScenarioKind::Arena, seeds, None, config) => {
-                let seeds = seeds.unwrap_or_else(|| vec![1]);
-                let distinct = seeds
-                    .iter()
-                    .collect::<std::collections::BTreeSet<_>>()
-                    .len()
-                    == seeds.len();
+    fn check(self, arena: Option<ArenaConfig>, folder: &Path) -> Result<ScenarioSource> {
+        use ScenarioKind::{Arena, Dataset, Recording};
+        let belong = |of: ScenarioKind, keys: &[(&str, bool)]| match keys.iter().find(|k| k.1) {
+            Some((key, _)) if of != self.kind => {
+                invalid(format!("{key} belongs to kind = \"{}\"", of.name()))
+            }
+            _ => Ok(()),
+        };
+        belong(
+            Arena,
+            &[
+                ("source.seeds", self.seeds.is_some()),
+                ("[arena]", arena.is_some()),
+            ],
+        )?;
+        belong(Dataset, &[("source.scenes", self.scenes.is_some())])?;
+        belong(
+            Recording,
+            &[
+                ("source.files", self.files.is_some()),
+                ("source.left", self.left.is_some()),
+                ("source.right", self.right.is_some()),
+                ("source.truth", self.truth.is_some()),
+                ("source.calib", self.calib.is_some()),
+                ("source.crop", self.crop.is_some()),
+                ("source.scale", self.scale.is_some()),
+                ("source.every", self.every.is_some()),
+                ("source.from_s", self.from_s.is_some()),
+                ("source.to_s", self.to_s.is_some()),
+            ],
+        )?;
+        match self.kind {
+            Arena => {
+                let seeds = self.seeds.unwrap_or_else(|| vec![1]);
+                let distinct = seeds.iter().collect::<BTreeSet<_>>().len() == seeds.len();
                 if seeds.is_empty() || !distinct {
                     return invalid("source.seeds: at least one, each once".into());
                 }
                 Ok(ScenarioSource::Arena {
-                    config: Box::new(config.unwrap_or_default()),
+                    config: Box::new(arena.unwrap_or_default()),
                     seeds,
                 })
             }
-            (ScenarioKind::Arena, _, Some(_), _) => {
-                invalid("source.scenes belongs to kind = \"dataset\"".into())
+            Dataset => match self.scenes {
+                Some(scenes) if !scenes.is_empty() => Ok(ScenarioSource::Dataset { scenes }),
+                _ => invalid("kind = \"dataset\" takes source.scenes, at least one".into()),
+            },
+            Recording => {
+                let runs = RecordingRuns {
+                    files: self.files.unwrap_or_default(),
+                    folder: folder.to_owned(),
+                    topics: [self.left, self.right],
+                    truth: self.truth,
+                    calib: self.calib,
+                    range: PairRange {
+                        every: self.every,
+                        from_s: self.from_s,
+                        to_s: self.to_s,
+                    },
+                    window: CropScale {
+                        crop: self.crop,
+                        scale: self.scale,
+                    },
+                };
+                runs.validate()?;
+                Ok(ScenarioSource::Recording(Box::new(runs)))
             }
-            (ScenarioKind::Dataset, None, Some(scenes), None) if !scenes.is_empty() => {
-                Ok(ScenarioSource::Dataset { scenes })
-            }
-            (ScenarioKind::Dataset, ..) => invalid(
-                "kind = \"dataset\" takes source.scenes, at least one, and neither seeds nor \
-                 [arena]"
-                    .into(),
-            ),
+        }
+    }
+}
+
+impl ScenarioKind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Arena => "arena",
+            Self::Dataset => "dataset",
+            Self::Recording => "recording",
         }
     }
 }

@@ -1,0 +1,165 @@
+//! The report of `svl score` under way: manifest, sinks, and what is written at the end.
+
+use super::sweep::sweeps;
+use crate::cli::shared::outputs::{FolderRule, write, write_json};
+use crate::cli::shared::runner;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use svl::manifest::{Manifest, hash};
+use svl::report::html::ReportPage;
+use svl::report::{Row, Summary};
+use svl::run::{Matchers, Outcome, Pace};
+use svl::scenario::Scenario;
+use svl::score::Judge;
+use svl::sink::{ReportPictures, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
+use svl::source::{RunSource, Source};
+
+pub(super) struct ScoreReport {
+    folder: PathBuf,
+    manifest: Manifest,
+    sinks: Sinks,
+}
+
+impl ScoreReport {
+    pub(super) fn begin(
+        scenario: &Scenario,
+        runs: &[(RunSource, Judge)],
+        folder: &Path,
+    ) -> anyhow::Result<Self> {
+        let mut manifest =
+            Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+        manifest.runs = runs
+            .iter()
+            .filter_map(|(run, _)| run.record.clone())
+            .collect();
+        write_json(&folder.join(MANIFEST), &manifest)?;
+        let info = RunInfo::new(&manifest, scenario.wireframe(None));
+        let sinks = Sinks::open(SinkRequest {
+            report: Some(folder),
+            rerun: Some((RerunTarget::File(folder.join("run.rrd")), info)),
+            ..SinkRequest::default()
+        })?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            sinks,
+        })
+    }
+
+    /// Scores a run.
+    pub(super) fn take(
+        &mut self,
+        (run, judge): &mut (RunSource, Judge),
+        matchers: &mut Matchers,
+        quiet: bool,
+    ) -> (Outcome, svl::Result<()>) {
+        let start = RunStart {
+            manifest: &self.manifest,
+            seed: run.seed,
+            judge,
+        };
+        let title = format!("score {}", run.name());
+        runner::run_through(
+            run,
+            matchers,
+            &start,
+            Pace::Asap,
+            self.sinks.as_mut_slice(),
+            &title,
+            quiet,
+        )
+    }
+
+    pub(super) fn finish(
+        self,
+        scenario: &Scenario,
+        incomplete: Option<String>,
+    ) -> anyhow::Result<(Summary, Manifest)> {
+        let Self {
+            folder,
+            mut manifest,
+            ..
+        } = self;
+        let (results, finished) = self.sinks.finish();
+        finished?;
+        let mut summary = Summary::from_rows(&results.rows, &results.checkpoints)?;
+        let ReportPictures { figures, scenes } = results.pictures;
+        summary.incomplete = incomplete;
+        summary.rule = scenario.cells;
+        summary.complete(&mut manifest);
+        for run in &mut manifest.runs {
+            run.pairs_hash = pairs_hash(&results.rows, &run.name);
+        }
+        summary.write_tables(&folder)?;
+        write(&folder.join("summary.md"), summary.markdown(&scenario.name))?;
+        write_json(&folder.join("summary.json"), &summary)?;
+        write_json(&folder.join(MANIFEST), &manifest)?;
+        let page = ReportPage {
+            title: scenario.name.clone(),
+            description: scenario.description.clone(),
+            identity: manifest.entries(),
+            times_ms: times_ms(&results.rows),
+            summary: summary.clone(),
+            sweeps: sweeps(&scenario.algorithms),
+            figures,
+            scenes,
+        };
+        page.write(&folder.join("index.html"))?;
+        Ok((summary, manifest))
+    }
+}
+
+/// Digest of the pairs of a recording, each once, in their order.
+fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
+    let own = rows.iter().filter(|row| row.run.as_deref() == Some(run));
+    let pairs: BTreeMap<_, _> = own
+        .map(|row| (row.sequence, row.pair_hash.as_str()))
+        .collect();
+    let hashes: Vec<_> = pairs.into_values().collect();
+    (!hashes.is_empty()).then(|| hash(&hashes.join("\n")))
+}
+
+/// Per algorithm the time of each pair, ms.
+fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
+    let mut times: Vec<(String, Vec<f64>)> = Vec::new();
+    for row in rows {
+        let ms = row.total_us as f64 / 1e3;
+        match times
+            .iter_mut()
+            .find(|(algorithm, _)| *algorithm == row.algorithm)
+        {
+            Some((_, of_algorithm)) => of_algorithm.push(ms),
+            None => times.push((row.algorithm.clone(), vec![ms])),
+        }
+    }
+    times
+}
+
+/// What identifies the run of a report.
+const MANIFEST: &str = "manifest.json";
+
+/// The folder of a report, which a later report replaces.
+pub(super) const REPORT: FolderRule = FolderRule {
+    kind: "a report",
+    owns: |name| REPORT_FILES.contains(&name),
+    mark: MANIFEST,
+    cure: "name another folder with --out",
+};
+
+const REPORT_FILES: &[&str] = &[
+    "rows.csv",
+    "rows.parquet",
+    "cells.csv",
+    "cells.parquet",
+    "checkpoints.csv",
+    "checkpoints.parquet",
+    MANIFEST,
+    "summary.csv",
+    "summary.parquet",
+    "verdicts.csv",
+    "verdicts.parquet",
+    "summary.md",
+    "summary.json",
+    "index.html",
+    "run.rrd",
+];

@@ -1,0 +1,136 @@
+//! The runs of a scenario: sources with what identifies them.
+
+use super::open::{Opened, Request};
+use super::{Calib, Limited, Source};
+use crate::error::{Error, Result};
+use crate::manifest::RunRecord;
+use crate::recording::TruthSelection;
+use crate::scenario::{PairRange, RecordingRun, RecordingRuns};
+use crate::score::{Judge, RunPart};
+use crate::stereo::{Frame, Losses};
+use std::io::ErrorKind;
+
+/// What a scenario of recordings asks for of one of its files.
+///
+/// # Errors
+/// [`Error::Io`] where it does not exist; [`Error::Usage`] for a scenario among recordings.
+pub fn run_request<'a>(runs: &RecordingRuns, run: &'a RecordingRun) -> Result<Request<'a>> {
+    let path = &run.path;
+    if !path.exists() {
+        return Err(Error::io(path, ErrorKind::NotFound.into()));
+    }
+    let shown = path.display();
+    if path
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
+        let cure = "name either a scenario or recordings";
+        return Err(Error::Usage(format!("{shown}: is a scenario; {cure}")));
+    }
+    let name = path.to_str();
+    let name = name.ok_or_else(|| Error::Invalid(format!("{shown}: its name is not in UTF-8")))?;
+    let Ok(calib) = runs.calib.as_deref().unwrap_or("own").parse();
+    Ok(Request {
+        topics: runs.topics.clone(),
+        calib: match calib {
+            // Two files have a comma between them.
+            Calib::File(_) => {
+                let files = runs.calib.iter().flat_map(|files| files.split(','));
+                let files = files.map(|file| runs.folder.join(file).display().to_string());
+                Calib::File(files.collect::<Vec<_>>().join(",").into())
+            }
+            other => other,
+        },
+        truth: runs.truth.clone().map(|topic| TruthSelection {
+            topic,
+            max_skew_ns: TruthSelection::MAX_SKEW_NS,
+        }),
+        range: runs.range,
+        window: runs.window,
+        ..Request::new(name)
+    })
+}
+
+/// A run of a scenario. Its first frame is read ahead, so that what no frame could ever pass is
+/// found before the run.
+pub struct RunSource {
+    source: Limited,
+    /// Seed of an arena's run.
+    pub seed: Option<u64>,
+    /// The recording that it reads, where it is one.
+    pub record: Option<RunRecord>,
+    start_ns: u64,
+}
+
+impl RunSource {
+    /// Frames that belong to no recording of the user's.
+    pub fn new(source: Box<dyn Source>, seed: Option<u64>) -> Self {
+        Self::ahead(source, seed, None, None)
+    }
+
+    /// A recording.
+    pub fn of_recording(run: &RecordingRun, opened: Opened) -> Self {
+        let record = opened.record(&run.name, &run.path);
+        Self::ahead(opened.source, None, Some(record), opened.start_ns)
+    }
+
+    fn ahead(
+        source: Box<dyn Source>,
+        seed: Option<u64>,
+        record: Option<RunRecord>,
+        start_ns: Option<u64>,
+    ) -> Self {
+        let mut source = Limited::new(source, PairRange::default(), None);
+        source.first();
+        let first_ns = source.start_ns().unwrap_or_default();
+        Self {
+            source,
+            seed,
+            record,
+            start_ns: start_ns.unwrap_or(first_ns),
+        }
+    }
+
+    /// The judge of its frames.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a checkpoint that no frame of it could pass, with the cure; why its
+    /// first frame cannot be read.
+    pub fn judge(&mut self, judge: &Judge) -> Result<Judge> {
+        let name = self.record.as_ref().map(|record| record.name.clone());
+        let run = RunPart {
+            name: name.unwrap_or_default(),
+            start_ns: self.start_ns,
+        };
+        match self.source.first() {
+            Some(frame) => {
+                let mut checkpoints = judge.checkpoints.iter();
+                checkpoints.try_for_each(|checkpoint| checkpoint.check_frame(frame, &run))?;
+            }
+            // Nothing can be scored: why is said before a report is begun.
+            None => drop(self.source.next()?),
+        }
+        Ok(Judge {
+            run,
+            ..judge.clone()
+        })
+    }
+}
+
+impl Source for RunSource {
+    fn name(&self) -> String {
+        self.source.name()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        self.source.next()
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        self.source.pairs()
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
+    }
+}
