@@ -615,7 +615,7 @@ mod tests {
                 "cells.obstacle_m = 0.5: must be below cells.clear_m = 0.5",
             ),
             ("tolerance_px = 2", "tolerance_px"),
-            ("obstacle_m = \"near\"", "expected f64"),
+            ("obstacle_m = \"near\"", "expected a number"),
         ] {
             let error = cells(keys).unwrap_err().to_string();
             assert!(

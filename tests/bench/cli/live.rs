@@ -164,7 +164,7 @@ fn wrong_usage_is_one_line() {
         "
         record sim:arm=3 -o a.mcap => 2: sim: no option 'arm' | arm_ms
         record arena --rate 3 => 2: --rate is for cameras | 'arena'
-        record {SIM} --trigger fixed:9 --rate 9 => 2: leave --rate out
+        record {SIM} --trigger fixed:9 --rate 9 => 2: omit --rate
         record {SIM} --trigger free --pairing trigger => 2: --pairing stamp
         record {SIM} --max-skew-ms 3 => 2: --max-skew-ms is for --pairing stamp
         record {SIM} --rate 5000 => 2: --rate | 0.1 to 1000
@@ -190,7 +190,7 @@ fn wrong_usage_is_one_line() {
     fixture
         .svl(&format!("record {v4l2} --seed 3"))
         .failed(2, &["--seed", v4l2]);
-    fixture.fails("record genicam:a,b --seed 3 => 2: genicam:a,b:  | leave --seed out");
+    fixture.fails("record genicam:a,b --seed 3 => 2: genicam:a,b:  | omit --seed");
     if cfg!(not(feature = "genicam")) {
         fixture.fails("record genicam:a,b => 1: genicam:a,b | libaravis-dev | --features genicam");
     }

@@ -71,7 +71,7 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
     };
     assert_eq!(attached("rectified.mcap"), fixture.bytes("rig.yml"));
     let info = fixture.run("info rectified.mcap");
-    assert_says(&info, &["rectified  by rig.yml"]);
+    assert_says(&info, &["geometry   rectified by rig.yml"]);
 
     let rows = |args: &[&str], rows: &str| {
         let common = ["--algo", "v3", "--algo", "bm", "--rows", rows];
