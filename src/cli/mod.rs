@@ -5,6 +5,7 @@ mod shared;
 
 use clap::{CommandFactory, Parser};
 use commands::Command;
+use shared::terminal::Warnings;
 use shared::usage;
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -73,7 +74,7 @@ impl Cli {
         let ours = Targets::new().with_target("svl", level);
         let lines = fmt::layer().without_time().with_target(false);
         let lines = lines
-            .with_writer(std::io::stderr)
+            .with_writer(|| Warnings)
             .with_ansi(std::io::stderr().is_terminal());
         tracing_subscriber::registry()
             .with(lines.with_filter(ours))

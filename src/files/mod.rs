@@ -7,7 +7,8 @@ mod npz;
 mod pfm;
 mod picture;
 
-pub(crate) use crate::bounded::{read_bounded, read_text};
+pub(crate) use crate::bounded::read_bounded;
+pub use crate::bounded::read_text;
 pub use disparity::{
     has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
 };

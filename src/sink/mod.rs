@@ -11,7 +11,10 @@ pub use checkpoints::CheckpointSink;
 pub use collect::CollectSink;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
-pub use rerun::{BoardView, RerunSink, RerunTarget, RunInfo, VIEWER_HINT, save_recording_layout};
+pub use rerun::{
+    BoardView, CellNote, RerunSink, RerunTarget, RunInfo, StepView, VIEWER_HINT,
+    save_recording_layout,
+};
 pub use table::TableSink;
 
 use crate::error::{Error, Result};

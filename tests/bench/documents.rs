@@ -22,6 +22,10 @@ const PARSED: &[(&str, &str)] = &[
     ("svl datasets fetch", "needs the network"),
     ("svl view", "opens a window"),
     (
+        "svl label checkpoints",
+        "needs a terminal; cli::label drives it",
+    ),
+    (
         "svl replay run.mcap --algo v3 --rerun spawn",
         "opens a window",
     ),

@@ -8,6 +8,7 @@ mod completions;
 mod datasets;
 mod eval;
 mod info;
+mod label;
 mod matching;
 mod record;
 mod recover;
@@ -30,6 +31,7 @@ pub(super) enum Command {
     Bench(bench::Args),
     Calibrate(calibrate::Args),
     View(view::Args),
+    Label(label::Args),
     Info(info::Args),
     Recover(recover::Args),
     Algos(algos::Args),
@@ -58,6 +60,7 @@ impl Command {
             Self::Bench(args) => bench::run(&args),
             Self::Calibrate(args) => calibrate::run(&args, quiet),
             Self::View(args) => view::run(&args),
+            Self::Label(args) => label::run(&args, quiet),
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),

@@ -1,9 +1,10 @@
-//! What subcommands share: sources, outputs, progress, wrong usage.
+//! What subcommands share: sources, outputs, progress, stepping through frames, wrong usage.
 
 pub(crate) mod outputs;
 pub(crate) mod progress;
 pub(crate) mod recordings;
 pub(crate) mod runner;
 pub(crate) mod source;
+pub(crate) mod stepper;
 pub(crate) mod terminal;
 pub(crate) mod usage;

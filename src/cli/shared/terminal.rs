@@ -1,15 +1,17 @@
-//! Standard output: text, JSON, and the lines that several commands print of a recording.
+//! Standard output: text, JSON, and the lines that several commands print of a recording. Warnings
+//! on standard error.
 
 use anyhow::Context;
 use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use svl::counted;
 use svl::recording::DamagedPart;
 
 /// Prints to standard output. A reader that went away (`| head`) has read enough: no error.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
-    use std::io::Write;
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result.context("standard output"),
     }
 }
@@ -17,6 +19,74 @@ pub(crate) fn print(text: &str) -> anyhow::Result<()> {
 /// Prints a value as JSON.
 pub(crate) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// Where warnings go: to standard error, later where a tool has the screen.
+pub(crate) struct Warnings;
+
+/// What is held back, and where in it begins what was not yet taken.
+static HELD: Mutex<Option<(Vec<u8>, usize)>> = Mutex::new(None);
+
+/// Warnings that are held back, bytes.
+const MOST_HELD: usize = 1 << 16;
+
+impl Warnings {
+    /// From now on warnings are held back.
+    pub(crate) fn hold() {
+        Self::held().get_or_insert_default();
+    }
+
+    /// Writes what was held back, and from now on everything at once.
+    pub(crate) fn release() {
+        if let Some((held, _)) = Self::held().take() {
+            // Nobody is left to tell where standard error is closed.
+            let _ = io::stderr().write_all(&held);
+        }
+    }
+
+    /// The last line that was held back since this was asked last.
+    pub(crate) fn take_last() -> Option<String> {
+        let mut held = Self::held();
+        let (held, taken) = held.as_mut()?;
+        let new = String::from_utf8_lossy(&held[std::mem::replace(taken, held.len())..]);
+        new.lines().last().map(plain)
+    }
+
+    fn held() -> MutexGuard<'static, Option<(Vec<u8>, usize)>> {
+        HELD.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The line without the escape sequences of its colours.
+fn plain(line: &str) -> String {
+    let mut characters = line.chars();
+    let mut plain = String::new();
+    while let Some(c) = characters.next() {
+        if c == '\u{1b}' {
+            // Up to the letter that ends the sequence.
+            let _ = characters.find(char::is_ascii_alphabetic);
+        } else {
+            plain.push(c);
+        }
+    }
+    plain
+}
+
+impl Write for Warnings {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut *Self::held() {
+            Some((held, _)) => {
+                let room = MOST_HELD.saturating_sub(held.len());
+                held.extend_from_slice(&bytes[..bytes.len().min(room)]);
+                Ok(bytes.len())
+            }
+            None => io::stderr().write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
 }
 
 /// Gaps and losses that are listed one by one.
@@ -68,7 +138,7 @@ const NARROWEST: usize = 60;
 
 /// Columns of standard output: the terminal's, or 100.
 pub(crate) fn width() -> usize {
-    let size = terminal_size::terminal_size_of(std::io::stdout());
+    let size = terminal_size::terminal_size_of(io::stdout());
     size.map_or(PIPED, |(columns, _)| usize::from(columns.0).max(NARROWEST))
 }
 
@@ -89,4 +159,19 @@ pub(crate) fn wrapped(head: &str, column: usize, text: &str, last: usize) -> Str
         }
     }
     lines.join("\n") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_warning_that_is_held_back_is_shown_without_its_colours() {
+        assert_eq!(Warnings::take_last(), None);
+        Warnings::hold();
+        write!(Warnings, "first\n\u{1b}[33m WARN\u{1b}[0m second\n").unwrap();
+        assert_eq!(Warnings::take_last().unwrap(), " WARN second");
+        assert_eq!(Warnings::take_last(), None);
+        Warnings::release();
+    }
 }

@@ -29,12 +29,14 @@ mod overlay;
 mod picture;
 mod push;
 mod scale;
+mod step;
 mod target;
 mod world;
 
 pub use board::BoardView;
 pub use info::RunInfo;
 pub use layout::save_recording_layout;
+pub use step::{CellNote, StepView};
 pub use target::{RerunTarget, VIEWER_HINT};
 
 use super::{RunStart, Sink};

@@ -13,7 +13,7 @@ use ::rerun::{Boxes2D, LineStrips2D, Points2D, Radius, Rgba32};
 const RED: Rgba32 = Rgba32::from_rgb(240, 40, 40);
 const YELLOW: Rgba32 = Rgba32::from_rgb(255, 221, 50);
 const VIOLET: Rgba32 = Rgba32::from_rgb(186, 85, 255);
-const WHITE: Rgba32 = Rgba32::from_unmultiplied_rgba(255, 255, 255, 110);
+pub(super) const WHITE: Rgba32 = Rgba32::from_unmultiplied_rgba(255, 255, 255, 110);
 
 /// The shapes over the left image for one depth grid.
 pub(super) struct Overlay {
@@ -94,7 +94,7 @@ fn point((x, y): (f64, f64)) -> [f32; 2] {
 }
 
 /// Borders between the cells and around them.
-fn lines(shape: GridShape, (width, height): (usize, usize)) -> Vec<[[f32; 2]; 2]> {
+pub(super) fn lines(shape: GridShape, (width, height): (usize, usize)) -> Vec<[[f32; 2]; 2]> {
     let (right, bottom) = (width as f32, height as f32);
     let vertical = (0..=shape.columns)
         .map(|i| (i * width / shape.columns) as f32)

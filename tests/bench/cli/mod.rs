@@ -16,6 +16,7 @@ mod firmware;
 mod help;
 mod info;
 mod interrupt;
+mod label;
 mod live;
 mod matching;
 mod record;

@@ -1,0 +1,316 @@
+//! The checkpoint under work, kept in a file beside the scenario after every key, so that nothing
+//! typed is lost.
+
+use super::label::CellLabel;
+use anyhow::{Context, bail};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// A checkpoint as far as it is labelled.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Draft {
+    pub(super) name: String,
+    /// The first and the last of its frames, where they were set.
+    pub(super) first: Option<u64>,
+    pub(super) last: Option<u64>,
+    /// The frame at which the first cell was labelled.
+    pub(super) labelled_at: Option<u64>,
+    /// By `[row, column]`: in raster order.
+    pub(super) cells: BTreeMap<[usize; 2], CellLabel>,
+}
+
+impl Draft {
+    /// Whether nothing would be lost.
+    pub(super) fn is_empty(&self) -> bool {
+        self.cells.is_empty() && self.name.is_empty() && self.first.or(self.last).is_none()
+    }
+
+    /// Its frames, both ends among them; where neither end was set, the one that was labelled.
+    pub(super) fn frames(&self, shown: u64) -> [u64; 2] {
+        let labelled_at = self.labelled_at.unwrap_or(shown);
+        let first = self
+            .first
+            .unwrap_or(labelled_at.min(self.last.unwrap_or(u64::MAX)));
+        [first, self.last.unwrap_or(labelled_at.max(first))]
+    }
+
+    /// Sets the first frame.
+    ///
+    /// # Errors
+    /// It would be behind the last one.
+    pub(super) fn begin(&mut self, frame: u64) -> Result<(), String> {
+        match self.last {
+            Some(last) if last < frame => Err(format!(
+                "frame {frame} is behind the last one, {last}; set that anew with ] first"
+            )),
+            _ => {
+                self.first = Some(frame);
+                Ok(())
+            }
+        }
+    }
+
+    /// Sets the last frame.
+    ///
+    /// # Errors
+    /// It would be before the first one.
+    pub(super) fn end(&mut self, frame: u64) -> Result<(), String> {
+        match self.first {
+            Some(first) if frame < first => Err(format!(
+                "frame {frame} is before the first one, {first}; set that anew with [ first"
+            )),
+            _ => {
+                self.last = Some(frame);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The file of a draft.
+pub(super) struct DraftFile {
+    path: PathBuf,
+    /// What is labelled.
+    source: String,
+    written: Option<(u64, Draft)>,
+}
+
+/// The text of a draft.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DraftTable {
+    source: String,
+    /// The frame that was shown last.
+    shown: u64,
+    #[serde(default)]
+    name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    last: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    labelled_at: Option<u64>,
+    #[serde(default)]
+    cell: Vec<DraftCell>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DraftCell {
+    at: [usize; 2],
+    label: String,
+}
+
+/// Largest draft that is read, bytes.
+const MAX_BYTES: u64 = 1 << 20;
+
+impl DraftFile {
+    /// The draft beside a scenario, and what it holds: the frame that was shown, and the labels.
+    ///
+    /// # Errors
+    /// It is of another source, or cannot be read.
+    pub(super) fn open(
+        scenario: &Path,
+        source: &str,
+    ) -> anyhow::Result<(Self, Option<(u64, Draft)>)> {
+        let mut path = scenario.as_os_str().to_owned();
+        path.push(".draft");
+        let mut file = Self {
+            path: path.into(),
+            source: source.to_owned(),
+            written: None,
+        };
+        if file.path.try_exists().is_ok_and(|exists| exists) {
+            file.written = Some(file.read()?);
+        }
+        let found = file.written.clone();
+        Ok((file, found))
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn read(&self) -> anyhow::Result<(u64, Draft)> {
+        let shown = self.path.display();
+        let cure = "finish it, or remove the file";
+        let wrong = || format!("{shown}: is no draft of svl's; {cure}");
+        let text = svl::files::read_text(&self.path, MAX_BYTES)?;
+        let table: DraftTable = toml::from_str(&text).ok().with_context(wrong)?;
+        if table.source != self.source {
+            bail!("{shown}: holds labels of {}; {cure}", table.source);
+        }
+        let cell = |DraftCell {
+                        at: [column, row],
+                        label,
+                    }: DraftCell| { Ok(([row, column], label.parse()?)) };
+        let cells = table
+            .cell
+            .into_iter()
+            .map(cell)
+            .collect::<Result<_, String>>();
+        let draft = Draft {
+            name: table.name,
+            first: table.first,
+            last: table.last,
+            labelled_at: table.labelled_at,
+            cells: cells.ok().with_context(wrong)?,
+        };
+        Ok((table.shown, draft))
+    }
+
+    /// Keeps the draft and the frame that is shown.
+    pub(super) fn keep(&mut self, shown: u64, draft: &Draft) -> anyhow::Result<()> {
+        if self
+            .written
+            .as_ref()
+            .is_some_and(|(s, d)| (*s, d) == (shown, draft))
+        {
+            return Ok(());
+        }
+        let cell = |(&[row, column], label): (&[usize; 2], &CellLabel)| DraftCell {
+            at: [column, row],
+            label: label.to_string(),
+        };
+        let table = DraftTable {
+            source: self.source.clone(),
+            shown,
+            name: draft.name.clone(),
+            first: draft.first,
+            last: draft.last,
+            labelled_at: draft.labelled_at,
+            cell: draft.cells.iter().map(cell).collect(),
+        };
+        replace(&self.path, &toml::to_string(&table)?, false)?;
+        self.written = Some((shown, draft.clone()));
+        Ok(())
+    }
+
+    /// Removes the file: nothing is left to go on with.
+    pub(super) fn remove(&mut self) -> anyhow::Result<()> {
+        self.written = None;
+        match std::fs::remove_file(&self.path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(svl::Error::io(&self.path, error).into())
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Writes a file so that at any moment it holds the old text or the new one, `synced` after a
+/// power cut too.
+pub(super) fn replace(path: &Path, text: &str, synced: bool) -> anyhow::Result<()> {
+    // What a link names is replaced, not the link.
+    let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let write = || {
+        let mut builder = tempfile::Builder::new();
+        // As any new file has; temporary ones are private.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder
+            .prefix(".svl-")
+            .tempfile_in(folder.unwrap_or(Path::new(".")))?;
+        file.write_all(text.as_bytes())?;
+        if synced {
+            file.as_file().sync_all()?;
+        }
+        if let Ok(metadata) = path.metadata() {
+            file.as_file().set_permissions(metadata.permissions())?;
+        }
+        file.persist(path).map_err(|error| error.error).map(|_| ())
+    };
+    write().map_err(|error| svl::Error::io(path, error).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn draft() -> Draft {
+        Draft {
+            name: "the \"shelf\"".into(),
+            first: Some(3),
+            last: None,
+            labelled_at: Some(5),
+            cells: [
+                ([1, 0], "0.43".parse().unwrap()),
+                ([0, 4], "free".parse().unwrap()),
+            ]
+            .into(),
+        }
+    }
+
+    #[test]
+    fn a_draft_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let scenario = folder.path().join("own.toml");
+        let (mut file, found) = DraftFile::open(&scenario, "a.mcap").unwrap();
+        assert_eq!(found, None);
+        file.keep(7, &draft()).unwrap();
+        let (mut file, found) = DraftFile::open(&scenario, "a.mcap").unwrap();
+        assert_eq!(found, Some((7, draft())));
+        let error = DraftFile::open(&scenario, "b.mcap")
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(
+            error.contains("own.toml.draft: holds labels of a.mcap; finish it"),
+            "{error}"
+        );
+        file.remove().unwrap();
+        file.remove().unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        std::fs::write(file.path(), "source = 3").unwrap();
+        let error = DraftFile::open(&scenario, "a.mcap")
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(error.contains("is no draft of svl's"), "{error}");
+    }
+
+    #[test]
+    fn ends_that_were_not_set_follow_the_labels() {
+        let frames = |first, last, labelled_at| {
+            let draft = Draft {
+                first,
+                last,
+                labelled_at,
+                ..Draft::default()
+            };
+            draft.frames(50)
+        };
+        assert_eq!(frames(None, None, None), [50, 50]);
+        assert_eq!(frames(None, None, Some(9)), [9, 9]);
+        assert_eq!(frames(Some(5), None, Some(9)), [5, 9]);
+        assert_eq!(frames(Some(12), None, Some(9)), [12, 12]);
+        assert_eq!(frames(None, Some(12), Some(9)), [9, 12]);
+        assert_eq!(frames(None, Some(3), Some(9)), [3, 3]);
+        assert_eq!(frames(Some(5), Some(12), Some(90)), [5, 12]);
+    }
+
+    #[test]
+    fn the_ends_cannot_be_reversed() {
+        let mut draft = Draft::default();
+        draft.begin(10).unwrap();
+        assert!(
+            draft
+                .end(9)
+                .unwrap_err()
+                .contains("before the first one, 10")
+        );
+        draft.end(10).unwrap();
+        assert!(
+            draft
+                .begin(11)
+                .unwrap_err()
+                .contains("behind the last one, 10")
+        );
+        assert_eq!(draft.frames(0), [10, 10]);
+    }
+}

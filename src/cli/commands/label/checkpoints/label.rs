@@ -1,0 +1,126 @@
+//! What a cell must show, as it is typed, shown and written.
+
+use std::fmt;
+use std::str::FromStr;
+use svl::score::CellExpectation;
+
+/// Largest distance that is taken, metres.
+const FARTHEST_M: f64 = 1000.0;
+
+/// What is expected of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum CellLabel {
+    /// As a person measured or sees it.
+    Seen(CellExpectation),
+    /// What the truth of the source says.
+    Must,
+}
+
+impl CellLabel {
+    /// Nothing is near.
+    pub(super) const FREE: Self = Self::Seen(CellExpectation::Free);
+}
+
+/// How a label is typed.
+pub(super) const FORMS: &str = "a distance in metres (0.43 or 0.43+-0.05), <0.5 or near 0.5, \
+                                >1.2 or far 1.2, free, must, none";
+
+/// What is typed to clear a cell.
+pub(super) const NONE: &str = "none";
+
+impl FromStr for CellLabel {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let after = |words: [&str; 2]| words.iter().find_map(|word| text.strip_prefix(word));
+        let seen = if text == "must" {
+            return Ok(Self::Must);
+        } else if text == "free" {
+            CellExpectation::Free
+        } else if let Some(number) = after(["<", "near "]) {
+            CellExpectation::Nearer(metres(number)?)
+        } else if let Some(number) = after([">", "far "]) {
+            CellExpectation::Farther(metres(number)?)
+        } else {
+            let (distance, tolerance) = match text.split_once("+-").or(text.split_once('±')) {
+                Some((distance, tolerance)) => (distance, Some(metres(tolerance)?)),
+                None => (text, None),
+            };
+            CellExpectation::Distance {
+                distance_m: metres(distance)?,
+                tolerance_m: tolerance,
+                tolerance_percent: None,
+            }
+        };
+        Ok(Self::Seen(seen))
+    }
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    match text.trim_end_matches('m').trim_end().parse::<f64>() {
+        Ok(metres) if metres > 0.0 && metres <= FARTHEST_M => Ok(metres),
+        Ok(_) => Err(format!(
+            "'{text}': a distance is above 0 m and at most {FARTHEST_M} m"
+        )),
+        Err(_) => Err(format!("'{text}' is no distance; type {FORMS}")),
+    }
+}
+
+/// As it is typed.
+impl fmt::Display for CellLabel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Must => f.write_str("must"),
+            Self::Seen(CellExpectation::Free) => f.write_str("free"),
+            Self::Seen(CellExpectation::Nearer(m)) => write!(f, "<{m}"),
+            Self::Seen(CellExpectation::Farther(m)) => write!(f, ">{m}"),
+            Self::Seen(CellExpectation::Distance {
+                distance_m,
+                tolerance_m,
+                ..
+            }) => match tolerance_m {
+                Some(tolerance_m) => write!(f, "{distance_m}+-{tolerance_m}"),
+                None => write!(f, "{distance_m}"),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_read_as_they_are_shown() {
+        for text in ["0.43", "0.43+-0.05", "<0.5", ">1.2", "free", "must"] {
+            assert_eq!(text.parse::<CellLabel>().unwrap().to_string(), text);
+        }
+        for (typed, shown) in [
+            ("near 0.5", "<0.5"),
+            ("far 2 m", ">2"),
+            ("1m", "1"),
+            ("1 ± 0.1", "1+-0.1"),
+        ] {
+            assert_eq!(typed.parse::<CellLabel>().unwrap().to_string(), shown);
+        }
+    }
+
+    #[test]
+    fn what_is_no_distance_is_refused() {
+        for (typed, words) in [
+            ("abc", "'abc' is no distance; type a distance in metres"),
+            ("", "is no distance"),
+            ("<", "is no distance"),
+            ("0", "above 0 m"),
+            ("-1", "above 0 m"),
+            ("nan", "above 0 m"),
+            ("inf", "above 0 m"),
+            (">1001", "at most 1000 m"),
+            ("1+-0", "above 0 m"),
+        ] {
+            let error = typed.parse::<CellLabel>().unwrap_err();
+            assert!(error.contains(words), "{typed}: {error}");
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! `svl label checkpoints`: a person picks cells in the frames of a source and says what they show.
+
+mod draft;
+mod label;
+mod reported;
+mod scenario_file;
+mod tool;
+mod view;
+
+use crate::cli::shared::source::{self, SourceParser};
+use crate::cli::shared::stepper::{
+    self, Ended, FrameStore, Key, Keys, Open, Reaction, Screen, StepTool, Stepper,
+};
+use crate::cli::shared::terminal::print;
+use crate::cli::shared::usage;
+use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
+use draft::DraftFile;
+use ratatui::layout::Rect;
+use reported::Reported;
+use scenario_file::{NewScenario, ScenarioFile};
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use svl::counted;
+use svl::grab;
+use svl::matcher::Algorithm;
+use svl::scenario::ScenarioSource;
+use svl::sink::{RerunTarget, StepView};
+use svl::source::{Request, run_request};
+use svl::stereo::GridShape;
+use tool::Labelling;
+
+/// Say what cells of recorded frames show, for `svl score`
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl label checkpoints run.mcap                  begins or extends run.toml
+  svl label checkpoints bag/ -o own.toml --algo v3 --rerun spawn
+  svl score own.toml --algo v3 --algo sgm
+
+Pick a cell with the arrows or the mouse and type its distance in metres, as
+measured with a tape, and Enter; or = and a word: <0.5 or near 0.5 (something
+nearer), >1.2 or far 1.2 (nothing before), free (nothing near), must (right by
+the truth of the source), none. [ and ] set the first and the last frame, n
+names the checkpoint, w writes it. ? shows all keys.
+
+What is not yet written is kept in SCENARIO.toml.draft: after Ctrl-C or a
+crash the same command goes on there. A scenario that exists is extended at
+its end; what stands in it stays as it is.")]
+pub(crate) struct Args {
+    /// A recording, a bag, a folder of pairs, a data-set scene, or the arena
+    #[arg(value_parser = SourceParser)]
+    source: String,
+    /// The scenario to write or to extend [default: the source's name with .toml]
+    #[arg(short, long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"]))]
+    output: Option<PathBuf>,
+    /// Cells of a new scenario's grid [default: 5x3]
+    #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid)]
+    grid: Option<GridShape>,
+    /// Show beside each cell what this algorithm reports there
+    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
+    algo: Option<Algorithm>,
+    /// Show the frames in Rerun too: a new viewer, a running one, a file, or none
+    #[arg(long, value_name = "spawn|URL|FILE.rrd|none", default_value = "none")]
+    rerun: RerunChoice,
+    /// Seed of a simulated source [default: 1]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Topic of the left images, in another program's recording [default: found by type and name]
+    #[arg(
+        long, value_name = "TOPIC", requires = "right",
+        value_parser = NonEmptyStringValueParser::new()
+    )]
+    left: Option<String>,
+    /// Topic of the right images
+    #[arg(
+        long, value_name = "TOPIC", requires = "left",
+        value_parser = NonEmptyStringValueParser::new()
+    )]
+    right: Option<String>,
+    /// Rectify the pairs by a calibration, as `svl replay` does
+    #[arg(long, value_name = "FILE|none", value_parser = NonEmptyStringValueParser::new())]
+    calib: Option<String>,
+    /// Take the keys from a file instead of a terminal, one token per key: characters, \"text\",
+    /// enter, esc, left, space, click:COLUMN,ROW, screen (prints it), ...
+    #[arg(long, value_name = "FILE")]
+    script: Option<PathBuf>,
+}
+
+/// Where frames are shown besides.
+#[derive(Clone)]
+enum RerunChoice {
+    None,
+    To(RerunTarget),
+}
+
+impl std::str::FromStr for RerunChoice {
+    type Err = svl::Error;
+
+    fn from_str(text: &str) -> svl::Result<Self> {
+        match text {
+            "none" => Ok(Self::None),
+            target => target.parse().map(Self::To),
+        }
+    }
+}
+
+/// Largest number of columns and of rows that can be told apart on a screen.
+const MOST_CELLS: usize = 20;
+
+fn grid(text: &str) -> Result<GridShape, String> {
+    let sides = text.split_once('x');
+    let shape = sides.and_then(|(columns, rows)| {
+        let (columns, rows) = (columns.parse().ok()?, rows.parse().ok()?);
+        Some(GridShape { columns, rows })
+    });
+    let fits = |side| (1..=MOST_CELLS).contains(&side);
+    shape
+        .filter(|shape| fits(shape.columns) && fits(shape.rows))
+        .ok_or_else(|| format!("expected columns and rows, 1 to {MOST_CELLS} each, as 5x3"))
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let name = args.source.as_str();
+    if grab::driver(name).is_some() {
+        bail!("{name}: cameras cannot be stepped through; record them first: svl record {name}");
+    }
+    // Before anything takes time.
+    let mut keys = match &args.script {
+        Some(script) => Keys::script(script)?,
+        None => {
+            Screen::check_terminal()?;
+            Keys::Terminal
+        }
+    };
+    let output = args.output.clone().unwrap_or_else(|| default_output(name));
+    let existing = ScenarioFile::read(&output, name)?;
+    if existing.is_some() {
+        refuse_what_the_scenario_says(args, &output)?;
+    }
+    let request = request(args, existing.as_ref())?;
+    let opened = source::open(request.clone(), quiet)?;
+    let file = match existing {
+        Some(file) => file,
+        None => ScenarioFile::begin(&output, &args.new_scenario(&opened))?,
+    };
+    file.check(&opened)?;
+
+    let first = RefCell::new(Some(opened.source));
+    let open: Open<'_> = Box::new(|| match first.take() {
+        Some(first) => Ok(first),
+        // Its notes were printed when it was opened first.
+        None => Ok(source::open(request.clone(), true)?.source),
+    });
+    let mut stepper = Stepper::new(name, FrameStore::new(open)?)?;
+    if stepper.frame().rig().is_none() {
+        bail!(
+            "{name}: has no calibration, so no algorithm reports distances to compare with yours; \
+             name one with --calib"
+        );
+    }
+    let run = file.run(opened.start_ns.unwrap_or(stepper.frame().stamp_ns));
+    let (draft_file, found) = DraftFile::open(file.path(), name)?;
+    let viewer = match &args.rerun {
+        RerunChoice::None => None,
+        RerunChoice::To(target) => Some(StepView::new(target.clone())?),
+    };
+    let mut tool = Labelling {
+        file,
+        draft_file,
+        draft: found
+            .as_ref()
+            .map(|(_, draft)| draft.clone())
+            .unwrap_or_default(),
+        reported: args.algo.as_ref().map(Reported::new).transpose()?,
+        viewer,
+        run,
+        picked: (0, 0),
+        picture: Rect::ZERO,
+        asks: None,
+        written: Vec::new(),
+    };
+    if let Some((shown, draft)) = found {
+        stepper.go_to(shown);
+        let cells = counted(draft.cells.len(), "labelled cell");
+        stepper.say(format!("going on at frame {shown} with {cells}"));
+    }
+    let mut screen = match args.script {
+        Some(_) => Screen::in_memory()?,
+        None => Screen::of_terminal()?,
+    };
+    let ended = stepper::run(&mut stepper, &mut tool, &mut keys, &mut screen);
+    drop(screen);
+    tool.finish(ended?)
+}
+
+/// The scenario of a source that names none.
+fn default_output(source: &str) -> PathBuf {
+    let stem = Path::new(source).file_stem().unwrap_or_default();
+    Path::new(stem).with_extension("toml")
+}
+
+fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<()> {
+    let given = [
+        ("--grid", args.grid.is_some()),
+        ("--left and --right", args.left.is_some()),
+        ("--calib", args.calib.is_some()),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((option, _)) => Err(usage::wrong(format!(
+            "{option}: {} says that itself; leave it out, or name another scenario with -o",
+            output.display()
+        ))),
+    }
+}
+
+/// How the source is opened: as the scenario reads it, where there is one.
+fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> anyhow::Result<Request<'a>> {
+    let name = args.source.as_str();
+    if let Some(file) = existing
+        && let ScenarioSource::Recording(runs) = &file.scenario().source
+    {
+        let run = svl::scenario::RecordingRun {
+            name: name.to_owned(),
+            path: name.into(),
+        };
+        let of_scenario = run_request(runs, &run)?;
+        return Ok(Request {
+            topics: of_scenario.topics.clone(),
+            calib: of_scenario.calib.clone(),
+            range: of_scenario.range,
+            window: of_scenario.window,
+            ..Request::new(name)
+        });
+    }
+    let Ok(calib) = args.calib.as_deref().unwrap_or("own").parse();
+    Ok(Request {
+        seed: args.seed,
+        topics: [args.left.clone(), args.right.clone()],
+        calib,
+        ..Request::new(name)
+    })
+}
+
+impl Args {
+    fn new_scenario<'a>(&'a self, opened: &'a svl::source::Opened) -> NewScenario<'a> {
+        NewScenario {
+            source: &self.source,
+            opened,
+            grid: self.grid.unwrap_or_default(),
+            algorithm: self.algo.as_ref().map_or("v3", Algorithm::label),
+            topics: [self.left.as_deref(), self.right.as_deref()],
+            calib: self.calib.as_deref(),
+        }
+    }
+}
+
+impl StepTool for Labelling {
+    fn keys(&self) -> &'static [(&'static str, &'static str)] {
+        tool::KEYS
+    }
+
+    fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        self.take_frame(stepper)
+    }
+
+    fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+        self.take_key(key, stepper)
+    }
+
+    fn question(&self) -> Option<String> {
+        self.asked()
+    }
+
+    fn draw(
+        &mut self,
+        stepper: &Stepper<'_>,
+        shades: bool,
+        area: Rect,
+        canvas: &mut ratatui::Frame<'_>,
+    ) {
+        self.picture = view::draw(self, stepper.frame(), shades, area, canvas);
+    }
+}
+
+impl Labelling {
+    /// Says what was written, and where the rest is.
+    fn finish(&mut self, ended: Ended) -> anyhow::Result<()> {
+        if let Some(viewer) = &self.viewer {
+            viewer.finish()?;
+        }
+        let lines: String = self
+            .written
+            .iter()
+            .map(|line| line.clone() + "\n")
+            .collect();
+        print(&lines)?;
+        let draft = self.draft_file.path().display().to_string();
+        let cells = counted(self.draft.cells.len(), "labelled cell");
+        match ended {
+            Ended::Interrupted => {
+                bail!("stopped; {draft} keeps {cells}: the same command goes on there")
+            }
+            Ended::Quit if self.draft.is_empty() => self.draft_file.remove(),
+            Ended::Quit => print(&format!(
+                "{draft}: {cells}: the same command goes on there\n"
+            )),
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! What an algorithm reports of the cells of the frame that is shown.
+
+use svl::depth::{self, GridSettings};
+use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use svl::stereo::{CellRule, DepthGrid, Frame};
+
+/// An algorithm, and its depth grid of the last frame.
+pub(super) struct Reported {
+    label: String,
+    matcher: Box<dyn Matcher>,
+    output: MatchOutput,
+    grid: Option<DepthGrid>,
+}
+
+impl Reported {
+    pub(super) fn new(algorithm: &Algorithm) -> svl::Result<Self> {
+        Ok(Self {
+            label: algorithm.label().to_owned(),
+            matcher: algorithm.build()?,
+            output: MatchOutput::new()?,
+            grid: None,
+        })
+    }
+
+    pub(super) fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// Of the last frame; nothing where the algorithm failed on it.
+    pub(super) fn grid(&self) -> Option<&DepthGrid> {
+        self.grid.as_ref()
+    }
+
+    pub(super) fn match_frame(
+        &mut self,
+        frame: &Frame,
+        grid: GridSettings,
+        cells: CellRule,
+    ) -> svl::Result<()> {
+        self.grid = None;
+        let context = MatchContext {
+            rig: frame.rig().copied(),
+            grid,
+            cells,
+            ..MatchContext::default()
+        };
+        self.output.begin();
+        self.matcher
+            .compute(frame.rectified()?, &context, &mut self.output)?;
+        let own = self
+            .output
+            .grid
+            .take()
+            .filter(|own| own.shape() == grid.shape());
+        let disparity = self.output.disparity.disparity();
+        self.grid = Some(own.unwrap_or_else(|| depth::grid(disparity, grid, frame.rig())));
+        Ok(())
+    }
+
+    /// What it reports of a cell: a distance, or that it is unknown.
+    pub(super) fn words(&self, (column, row): (usize, usize)) -> String {
+        let cell = self.grid.as_ref().map(|grid| grid.cell(column, row));
+        match cell.and_then(|cell| cell.depth) {
+            None => "?".to_owned(),
+            Some(depth) => match depth.distance_m {
+                Some(metres) => format!("{metres:.2}"),
+                None => "far".to_owned(),
+            },
+        }
+    }
+}

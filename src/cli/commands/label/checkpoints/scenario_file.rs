@@ -1,0 +1,326 @@
+//! The scenario that checkpoints are written to: begun for a source, or extended. What stands in it
+//! stays as it is, to the byte: a checkpoint is appended.
+
+use super::draft::{Draft, replace};
+use super::label::CellLabel;
+use anyhow::{Context, bail};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::score::{CellExpectation, RunPart};
+use svl::source::{ArenaSource, Opened};
+use svl::stereo::GridShape;
+
+/// The scenario file, and which of its runs is labelled.
+pub(super) struct ScenarioFile {
+    path: PathBuf,
+    scenario: Scenario,
+    /// Where the file is not yet there: its beginning.
+    begun: Option<String>,
+    /// The run that is labelled, where there are several.
+    file: Option<String>,
+}
+
+/// How a new scenario reads its source.
+pub(super) struct NewScenario<'a> {
+    pub(super) source: &'a str,
+    pub(super) opened: &'a Opened,
+    pub(super) grid: GridShape,
+    /// The algorithm's label.
+    pub(super) algorithm: &'a str,
+    pub(super) topics: [Option<&'a str>; 2],
+    pub(super) calib: Option<&'a str>,
+}
+
+impl ScenarioFile {
+    /// An existing scenario of `source`; nothing where there is no such file.
+    ///
+    /// # Errors
+    /// It is no scenario, or the source is none of its recordings.
+    pub(super) fn read(path: &Path, source: &str) -> anyhow::Result<Option<Self>> {
+        if !path
+            .try_exists()
+            .map_err(|error| svl::Error::io(path, error))?
+        {
+            return Ok(None);
+        }
+        let scenario = Scenario::read(path)?;
+        let mut file = None;
+        let shown = path.display();
+        match &scenario.source {
+            ScenarioSource::Recording(_) => {
+                let runs = scenario.recordings()?;
+                let same = |run: &Path| match (run.canonicalize(), Path::new(source).canonicalize())
+                {
+                    (Ok(run), Ok(source)) => run == source,
+                    _ => false,
+                };
+                let Some(run) = runs.iter().find(|run| same(&run.path)) else {
+                    bail!(
+                        "{shown}: {source} is none of its source.files; add it there, or name \
+                         another scenario with -o"
+                    );
+                };
+                file = (runs.len() > 1).then(|| run.name.clone());
+            }
+            // Which arena it is shows when the source is open.
+            ScenarioSource::Arena { .. } => {}
+            ScenarioSource::Dataset { .. } => {
+                bail!("{shown}: is of scenes of data sets; name another scenario with -o")
+            }
+        }
+        Ok(Some(Self {
+            path: path.to_owned(),
+            scenario,
+            begun: None,
+            file,
+        }))
+    }
+
+    /// Begins a scenario, which is written with its first checkpoint.
+    pub(super) fn begin(path: &Path, new: &NewScenario<'_>) -> anyhow::Result<Self> {
+        let text = new.text(path)?;
+        Ok(Self {
+            path: path.to_owned(),
+            scenario: Scenario::parse(&text, path)?,
+            begun: Some(text),
+            file: None,
+        })
+    }
+
+    /// Refuses the frames of another arena than the scenario's.
+    pub(super) fn check(&self, opened: &Opened) -> anyhow::Result<()> {
+        let ScenarioSource::Arena { config, seeds } = &self.scenario.source else {
+            return Ok(());
+        };
+        let shown = self.path.display();
+        if seeds.len() > 1 {
+            bail!(
+                "{shown}: has several seeds, and what is seen in a frame differs between them; \
+                 name another scenario with -o"
+            );
+        }
+        match opened.header.hash == Some(ArenaSource::hash(config, seeds[0])) {
+            true => Ok(()),
+            false => bail!("{shown}: is of another arena or seed; name another scenario with -o"),
+        }
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(super) fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// The run that is labelled, as its checkpoints name it.
+    pub(super) fn run(&self, start_ns: u64) -> RunPart {
+        let runs = self.scenario.recordings().unwrap_or_default();
+        let only = || runs.first().map(|run| run.name.clone());
+        RunPart {
+            name: self.file.clone().or_else(only).unwrap_or_default(),
+            start_ns,
+        }
+    }
+
+    /// The number of the next checkpoint.
+    pub(super) fn next_number(&self) -> u32 {
+        let numbers = self
+            .scenario
+            .checkpoints
+            .iter()
+            .map(|checkpoint| checkpoint.number);
+        numbers.max().map_or(1, |number| number.saturating_add(1))
+    }
+
+    /// Appends a checkpoint. Returns its number.
+    ///
+    /// # Errors
+    /// The scenario would be none with it, or cannot be written; then it is as it was.
+    pub(super) fn write(&mut self, draft: &Draft, shown: u64) -> anyhow::Result<u32> {
+        let mut text = match &self.begun {
+            Some(text) => text.clone(),
+            // It may have been edited since.
+            None => {
+                self.scenario = Scenario::read(&self.path)?;
+                self.scenario.text.clone()
+            }
+        };
+        let number = self.next_number();
+        if !text.ends_with('\n') {
+            text.push('\n');
+        }
+        text.push('\n');
+        text += &self.checkpoint(number, draft, shown)?;
+        let scenario = Scenario::parse(&text, &self.path)?;
+        scenario.recordings()?;
+        if self.begun.is_some() && self.path.exists() {
+            bail!(
+                "{}: was made meanwhile; quit, and start again to extend it",
+                self.path.display()
+            );
+        }
+        replace(&self.path, &text, true)?;
+        (self.scenario, self.begun) = (scenario, None);
+        Ok(number)
+    }
+
+    fn checkpoint(&self, number: u32, draft: &Draft, shown: u64) -> anyhow::Result<String> {
+        let (name, description) = draft.name.split_once(": ").unwrap_or((&draft.name, ""));
+        let [first, last] = draft.frames(shown);
+        let mut text = format!(
+            "[[checkpoint]]\nnumber = {number}\nname = {}\n",
+            quoted(name)
+        );
+        writeln!(text, "description = {}", quoted(description))?;
+        if let Some(file) = &self.file {
+            writeln!(text, "file = {}", quoted(file))?;
+        }
+        writeln!(text, "frames = [{first}, {last}]")?;
+        let must = draft
+            .cells
+            .iter()
+            .filter(|(_, label)| **label == CellLabel::Must);
+        let must: Vec<_> = must
+            .map(|([row, column], _)| format!("[{column}, {row}]"))
+            .collect();
+        if !must.is_empty() {
+            writeln!(text, "must = [{}]", must.join(", "))?;
+        }
+        for ([row, column], label) in &draft.cells {
+            let CellLabel::Seen(expectation) = label else {
+                continue;
+            };
+            writeln!(text, "\n[[checkpoint.cell]]\nat = [{column}, {row}]")?;
+            match expectation {
+                CellExpectation::Distance {
+                    distance_m,
+                    tolerance_m,
+                    ..
+                } => {
+                    writeln!(text, "distance_m = {distance_m:?}")?;
+                    if let Some(tolerance_m) = tolerance_m {
+                        writeln!(text, "tolerance_m = {tolerance_m:?}")?;
+                    }
+                }
+                CellExpectation::Nearer(m) => writeln!(text, "nearer_m = {m:?}")?,
+                CellExpectation::Farther(m) => writeln!(text, "farther_m = {m:?}")?,
+                CellExpectation::Free => writeln!(text, "free = true")?,
+            }
+        }
+        Ok(text)
+    }
+}
+
+impl NewScenario<'_> {
+    fn text(&self, path: &Path) -> anyhow::Result<String> {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let safe = |c: char| match c.is_ascii_alphanumeric() || c == '-' || c == '_' {
+            true => c,
+            false => '-',
+        };
+        let name: String = stem.chars().take(64).map(safe).collect();
+        let source = self.source;
+        let mut text = format!(
+            "# Begun by `svl label checkpoints`; docs/scoring.md says what can be added.\n\
+             name = {}\ndescription = {}\nalgorithms = [{}]\n",
+            quoted(&name),
+            quoted(&format!("What a person measured or saw in {source}")),
+            quoted(self.algorithm),
+        );
+        let path_below = |file: &str| relative(Path::new(file), path).map(|file| quoted(&file));
+        let of_arena = self
+            .opened
+            .recording
+            .is_none()
+            .then_some(self.opened.scenario.as_deref());
+        if let Some(arena) = of_arena.flatten() {
+            // What the run depends on, and how its cells are judged.
+            let mut tables: toml::Table = toml::from_str(arena)?;
+            tables.retain(|key, _| matches!(key, "arena" | "cells" | "grid"));
+            let seed = self.opened.header.seed.unwrap_or(1);
+            write!(
+                text,
+                "\n[source]\nkind = \"arena\"\nseeds = [{seed}]\n\n{tables}"
+            )?;
+            return Ok(text);
+        }
+        text += "\n[cells]\njudge = \"distance\"\n";
+        if self.grid != GridShape::default() {
+            let GridShape { columns, rows } = self.grid;
+            writeln!(text, "\n[grid]\ncolumns = {columns}\nrows = {rows}")?;
+        }
+        writeln!(
+            text,
+            "\n[source]\nkind = \"recording\"\nfiles = [{}]",
+            path_below(source)?
+        )?;
+        for (side, topic) in ["left", "right"].into_iter().zip(self.topics) {
+            if let Some(topic) = topic {
+                writeln!(text, "{side} = {}", quoted(topic))?;
+            }
+        }
+        match self.calib {
+            // Two files have a comma between them.
+            Some(files) if files != "none" => {
+                let files = files.split(',').map(|file| relative(Path::new(file), path));
+                let files = files.collect::<anyhow::Result<Vec<_>>>()?;
+                writeln!(text, "calib = {}", quoted(&files.join(",")))?;
+            }
+            Some(none) => writeln!(text, "calib = {}", quoted(none))?,
+            None => {}
+        }
+        Ok(text)
+    }
+}
+
+/// A string of TOML.
+fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+/// A file's path from the folder of the scenario at `scenario`.
+fn relative(file: &Path, scenario: &Path) -> anyhow::Result<String> {
+    let folder = scenario
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let real = |path: &Path| {
+        path.canonicalize()
+            .map_err(|error| svl::Error::io(path, error))
+    };
+    let (file, folder) = (real(file)?, real(folder.unwrap_or(Path::new(".")))?);
+    let shared = file
+        .components()
+        .zip(folder.components())
+        .take_while(|(a, b)| a == b)
+        .count();
+    let up = folder
+        .components()
+        .skip(shared)
+        .map(|_| Path::new("..").as_os_str());
+    let down = file.components().skip(shared).map(|part| part.as_os_str());
+    let path: PathBuf = up.chain(down).collect();
+    let path = path.to_str().map(str::to_owned);
+    path.with_context(|| format!("{}: its name is not in UTF-8", file.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_written_from_the_scenario_s_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        for inner in ["a/b", "c"] {
+            std::fs::create_dir_all(folder.path().join(inner)).unwrap();
+        }
+        let recording = folder.path().join("a/own.mcap");
+        std::fs::write(&recording, "").unwrap();
+        let from = |scenario: &str| relative(&recording, &folder.path().join(scenario)).unwrap();
+        assert_eq!(from("a/s.toml"), "own.mcap");
+        assert_eq!(from("a/b/s.toml"), "../own.mcap");
+        assert_eq!(from("c/s.toml"), "../a/own.mcap");
+        assert_eq!(from("s.toml"), "a/own.mcap");
+    }
+}

@@ -1,0 +1,305 @@
+//! The keys of labelling: cells are picked, what they must show is typed, the checkpoint is
+//! written.
+
+use super::draft::{Draft, DraftFile};
+use super::label::{CellLabel, FORMS, NONE};
+use super::reported::Reported;
+use super::scenario_file::ScenarioFile;
+use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, Stepper, picture};
+use ratatui::layout::Rect;
+use svl::counted;
+use svl::score::{ExpectedCell, RunPart, Verdict};
+use svl::sink::{CellNote, StepView};
+use svl::stereo::{Frame, GridShape};
+
+/// Its keys, for the help.
+pub(super) const KEYS: &[(&str, &str)] = &[
+    ("arrows, mouse", "pick a cell"),
+    ("0.43 Enter", "what it shows: a distance, metres"),
+    ("= <0.5 Enter", "in words: <0.5 >1.2 free must none"),
+    ("f", "nothing is there: free"),
+    ("x", "clear the cell"),
+    ("[ ]", "first, last frame of the checkpoint"),
+    ("n", "name the checkpoint"),
+    ("Enter w", "write the checkpoint"),
+];
+
+/// Labels the cells of one checkpoint after the other.
+pub(super) struct Labelling {
+    pub(super) file: ScenarioFile,
+    pub(super) draft_file: DraftFile,
+    pub(super) draft: Draft,
+    pub(super) reported: Option<Reported>,
+    pub(super) viewer: Option<StepView>,
+    pub(super) run: RunPart,
+    /// Column and row of the cell that is picked.
+    pub(super) picked: (usize, usize),
+    /// Where the image was drawn last.
+    pub(super) picture: Rect,
+    pub(super) asks: Option<Question>,
+    /// What was written, a line each.
+    pub(super) written: Vec<String>,
+}
+
+/// What is asked.
+pub(super) enum Question {
+    Cell(LineEdit),
+    /// Then the checkpoint is written, or not.
+    Name(LineEdit, bool),
+    /// Whether to leave what is not written.
+    Leave,
+}
+
+impl Labelling {
+    pub(super) fn shape(&self) -> GridShape {
+        self.file.scenario().grid.shape()
+    }
+
+    /// Whether the reported cell is what the label expects.
+    pub(super) fn verdict(&self, (column, row): (usize, usize)) -> Option<Verdict> {
+        let CellLabel::Seen(expectation) = *self.draft.cells.get(&[row, column])? else {
+            return None;
+        };
+        let expected = ExpectedCell {
+            at: [column, row],
+            expectation,
+        };
+        let cell = self.reported.as_ref()?.grid()?.cell(column, row);
+        Some(expected.judge(cell.depth, self.file.scenario().cells))
+    }
+
+    /// Names of the scenario's checkpoints that the frame shows.
+    pub(super) fn others(&self, frame: &Frame) -> Vec<String> {
+        let checkpoints = self.file.scenario().checkpoints.iter();
+        let here = checkpoints.filter(|checkpoint| checkpoint.covers(frame, &self.run));
+        here.map(|checkpoint| format!("{} {}", checkpoint.number, checkpoint.name))
+            .collect()
+    }
+
+    fn label(&mut self, label: Option<CellLabel>, stepper: &mut Stepper<'_>) {
+        let (column, row) = self.picked;
+        if label == Some(CellLabel::Must) && stepper.frame().truth.is_none() {
+            stepper.say("must is compared with true distances, and this source has none");
+            return;
+        }
+        match label {
+            Some(label) => drop(self.draft.cells.insert([row, column], label)),
+            None => drop(self.draft.cells.remove(&[row, column])),
+        }
+        if self.draft.cells.is_empty() {
+            self.draft.labelled_at = None;
+        } else {
+            self.draft
+                .labelled_at
+                .get_or_insert(stepper.frame().sequence);
+        }
+    }
+
+    fn answer(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+        let question = self.asks.take();
+        match question {
+            Some(Question::Cell(mut edit)) => match edit.key(key) {
+                Edited::Going => self.asks = Some(Question::Cell(edit)),
+                Edited::Cancelled => {}
+                Edited::Done(text) if text == NONE => self.label(None, stepper),
+                Edited::Done(text) => match text.parse() {
+                    Ok(label) => self.label(Some(label), stepper),
+                    Err(why) => stepper.say(why),
+                },
+            },
+            Some(Question::Name(mut edit, then_write)) => match edit.key(key) {
+                Edited::Going => self.asks = Some(Question::Name(edit, then_write)),
+                Edited::Cancelled => {}
+                Edited::Done(name) => {
+                    self.draft.name = name;
+                    if then_write && !self.draft.name.is_empty() {
+                        self.write(stepper)?;
+                    }
+                }
+            },
+            Some(Question::Leave) => match key {
+                Key::Char('w') => {
+                    self.write(stepper)?;
+                    if self.draft.is_empty() {
+                        return Ok(Reaction::Quit);
+                    }
+                }
+                Key::Char('k') => return Ok(Reaction::Quit),
+                Key::Char('d') => {
+                    self.draft = Draft::default();
+                    return Ok(Reaction::Quit);
+                }
+                _ => {}
+            },
+            None => return Ok(Reaction::Ignored),
+        }
+        Ok(Reaction::Taken)
+    }
+
+    fn write(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        if self.draft.cells.is_empty() {
+            stepper.say("no cell is labelled: type a distance, = for words, f for free");
+            return Ok(());
+        }
+        if self.draft.name.is_empty() {
+            self.ask_name(true);
+            return Ok(());
+        }
+        let shown = stepper.frame().sequence;
+        let number = match self.file.write(&self.draft, shown) {
+            Ok(number) => number,
+            Err(error) => {
+                stepper.say(format!("not written: {error:#}"));
+                return Ok(());
+            }
+        };
+        let [first, last] = self.draft.frames(shown);
+        let line = format!(
+            "{}: checkpoint {number} '{}': frames {first} to {last}, {}",
+            self.file.path().display(),
+            self.draft.name,
+            counted(self.draft.cells.len(), "cell")
+        );
+        stepper.say(&line);
+        self.written.push(line);
+        self.draft = Draft::default();
+        Ok(())
+    }
+
+    fn ask_name(&mut self, then_write: bool) {
+        let question = "name of the checkpoint, or name: description";
+        let edit = LineEdit::with(question, &self.draft.name);
+        self.asks = Some(Question::Name(edit, then_write));
+    }
+
+    fn ask_cell(&mut self, text: impl Into<String>) {
+        let (column, row) = self.picked;
+        let question = format!("cell ({column}, {row}) shows");
+        self.asks = Some(Question::Cell(LineEdit::with(question, text)));
+    }
+
+    fn pick(&mut self, key: Key) {
+        let (column, row) = self.picked;
+        let GridShape { columns, rows } = self.shape();
+        self.picked = match key {
+            Key::Left => (column.saturating_sub(1), row),
+            Key::Right => ((column + 1).min(columns - 1), row),
+            Key::Up => (column, row.saturating_sub(1)),
+            Key::Down => (column, (row + 1).min(rows - 1)),
+            Key::Click(x, y) => {
+                picture::cell_at(self.shape(), self.picture, (x, y)).unwrap_or(self.picked)
+            }
+            _ => self.picked,
+        };
+    }
+
+    fn command(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+        let (column, row) = self.picked;
+        let frame = stepper.frame().sequence;
+        match key {
+            Key::Left | Key::Right | Key::Up | Key::Down | Key::Click(..) => self.pick(key),
+            Key::Char(c) if c.is_ascii_digit() => self.ask_cell(c),
+            Key::Char('=') => {
+                let label = self.draft.cells.get(&[row, column]);
+                self.ask_cell(label.map(CellLabel::to_string).unwrap_or_default());
+            }
+            Key::Char('f') => self.label(Some(CellLabel::FREE), stepper),
+            Key::Char('x') | Key::Delete | Key::Backspace => self.label(None, stepper),
+            Key::Char('n') => self.ask_name(false),
+            Key::Char(end @ ('[' | ']')) => {
+                let set = match end {
+                    '[' => self.draft.begin(frame),
+                    _ => self.draft.end(frame),
+                };
+                if let Err(why) = set {
+                    stepper.say(why);
+                }
+            }
+            Key::Char('w') | Key::Enter => self.write(stepper)?,
+            Key::Char('q') if self.draft.is_empty() => return Ok(Reaction::Quit),
+            Key::Char('q') => self.asks = Some(Question::Leave),
+            _ => return Ok(Reaction::Ignored),
+        }
+        Ok(Reaction::Taken)
+    }
+
+    /// Shows frame and labels in Rerun.
+    fn show_in_viewer(&mut self, stepper: &mut Stepper<'_>) {
+        let Some(viewer) = &self.viewer else { return };
+        let frame = stepper.frame();
+        let notes: Vec<_> = self.shape().iter().filter_map(|at| self.note(at)).collect();
+        let [first, last] = self.draft.frames(frame.sequence);
+        let name = match self.draft.name.as_str() {
+            "" => "(no name yet)",
+            name => name,
+        };
+        let state = format!(
+            "Frame **{}**. Checkpoint {} **{name}**, frames {first} to {last}.",
+            frame.sequence,
+            self.file.next_number()
+        );
+        if let Err(error) = viewer.show(frame, self.shape(), &notes, &state) {
+            self.viewer = None;
+            stepper.say(format!("{error}; going on without Rerun"));
+        }
+    }
+
+    fn note(&self, at: (usize, usize)) -> Option<CellNote> {
+        let label = self
+            .draft
+            .cells
+            .get(&[at.1, at.0])
+            .map(CellLabel::to_string);
+        let reported = self.reported.as_ref().map(|reported| reported.words(at));
+        let is_picked = at == self.picked;
+        (label.is_some() || reported.is_some() || is_picked).then(|| {
+            let texts: Vec<_> = label.into_iter().chain(reported).collect();
+            CellNote {
+                at,
+                text: texts.join(" | "),
+                is_picked,
+            }
+        })
+    }
+
+    /// Another frame is shown: the algorithm answers it, Rerun shows it, the draft remembers it.
+    pub(super) fn take_frame(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        let scenario = self.file.scenario();
+        if let Some(reported) = &mut self.reported
+            && let Err(error) = reported.match_frame(stepper.frame(), scenario.grid, scenario.cells)
+        {
+            stepper.say(error.to_string());
+        }
+        self.show_in_viewer(stepper);
+        self.draft_file.keep(stepper.frame().sequence, &self.draft)
+    }
+
+    pub(super) fn take_key(
+        &mut self,
+        key: Key,
+        stepper: &mut Stepper<'_>,
+    ) -> anyhow::Result<Reaction> {
+        let before = (self.draft.clone(), self.picked);
+        let reaction = match self.asks {
+            Some(_) => self.answer(key, stepper)?,
+            None => self.command(key, stepper)?,
+        };
+        if before != (self.draft.clone(), self.picked) {
+            self.show_in_viewer(stepper);
+            self.draft_file
+                .keep(stepper.frame().sequence, &self.draft)?;
+        }
+        Ok(reaction)
+    }
+
+    pub(super) fn asked(&self) -> Option<String> {
+        Some(match self.asks.as_ref()? {
+            Question::Cell(edit) if edit.is_empty() => format!("{edit} ({FORMS})"),
+            Question::Cell(edit) | Question::Name(edit, _) => edit.to_string(),
+            Question::Leave => format!(
+                "{} not written: w write, k keep as a draft, d discard, Esc go on",
+                counted(self.draft.cells.len(), "cell")
+            ),
+        })
+    }
+}

@@ -1,0 +1,275 @@
+//! Frames of a source by their index, whatever the source: some are kept, others read again.
+
+use std::collections::VecDeque;
+use std::rc::Rc;
+use svl::Error;
+use svl::source::Source;
+use svl::stereo::Frame;
+
+/// Memory of the frames that are kept, bytes.
+const KEPT_BYTES: usize = 256 << 20;
+
+/// Opens a source from its beginning.
+pub(crate) type Open<'a> = Box<dyn Fn() -> anyhow::Result<Box<dyn Source>> + 'a>;
+
+/// The frames of a recorded source, by their index from 0.
+pub(crate) struct FrameStore<'a> {
+    open: Open<'a>,
+    source: Box<dyn Source>,
+    /// Index of the frame that the source gives next; unknown after an error.
+    next: Option<u64>,
+    /// How many frames there are, where that is known.
+    count: Option<u64>,
+    /// The frames read last, the newest behind.
+    kept: VecDeque<(u64, Rc<Frame>)>,
+    kept_bytes: usize,
+    limit_bytes: usize,
+    /// Why the source ends before its end.
+    damage: Option<String>,
+}
+
+impl<'a> FrameStore<'a> {
+    pub(crate) fn new(open: Open<'a>) -> anyhow::Result<Self> {
+        Self::with_limit(open, KEPT_BYTES)
+    }
+
+    fn with_limit(open: Open<'a>, limit_bytes: usize) -> anyhow::Result<Self> {
+        let source = open()?;
+        Ok(Self {
+            count: source.pairs(),
+            open,
+            source,
+            next: Some(0),
+            kept: VecDeque::new(),
+            kept_bytes: 0,
+            limit_bytes,
+            damage: None,
+        })
+    }
+
+    /// How many frames there are, where that is known.
+    pub(crate) fn count(&self) -> Option<u64> {
+        self.count
+    }
+
+    /// Why there are no more frames, where the source is damaged; taken once.
+    pub(crate) fn take_damage(&mut self) -> Option<String> {
+        self.damage.take()
+    }
+
+    /// The frame at `index`, or the last one where there are fewer; nothing of an empty source.
+    ///
+    /// # Errors
+    /// Those of the source, for a frame that cannot be read. Others still can.
+    pub(crate) fn at_most(&mut self, index: u64) -> anyhow::Result<Option<(u64, Rc<Frame>)>> {
+        if let Some(frame) = self.at(index)? {
+            return Ok(Some((index, frame)));
+        }
+        // Now it is known how many there are, at most.
+        while let Some(last) = self.count.and_then(|count| count.checked_sub(1)) {
+            if let Some(frame) = self.at(last)? {
+                return Ok(Some((last, frame)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The frame whose sequence number is `sequence`, or else the next one.
+    ///
+    /// # Errors
+    /// As [`FrameStore::at_most`].
+    pub(crate) fn numbered(&mut self, sequence: u64) -> anyhow::Result<Option<(u64, Rc<Frame>)>> {
+        // Numbers grow at least as fast as indices do.
+        let mut found = self.at_most(sequence)?;
+        while let Some((index, frame)) = &found
+            && frame.sequence > sequence
+            && *index > 0
+        {
+            match self.at(index - 1)? {
+                Some(before) if before.sequence >= sequence => found = Some((index - 1, before)),
+                _ => break,
+            }
+        }
+        Ok(found)
+    }
+
+    fn at(&mut self, index: u64) -> anyhow::Result<Option<Rc<Frame>>> {
+        if let Some((_, frame)) = self.kept.iter().find(|(kept, _)| *kept == index) {
+            return Ok(Some(Rc::clone(frame)));
+        }
+        if self.count.is_some_and(|count| index >= count) {
+            return Ok(None);
+        }
+        self.go_to(index)?;
+        while let Some(next) = self.next.filter(|next| *next <= index) {
+            // Unknown until it is read.
+            self.next = None;
+            match self.source.next() {
+                Ok(Some(frame)) => self.keep(next, frame),
+                Ok(None) => {
+                    self.count = Some(next);
+                    return Ok(None);
+                }
+                Err(error @ Error::Damaged { .. }) => {
+                    (self.count, self.damage) = (Some(next), Some(error.to_string()));
+                    return Ok(None);
+                }
+                Err(error) if next == index => return Err(error.into()),
+                // A frame on the way that cannot be read: it counts, and is passed over.
+                Err(_) => {}
+            }
+            self.next = Some(next + 1);
+        }
+        Ok(self.kept.back().map(|(_, frame)| Rc::clone(frame)))
+    }
+
+    /// Makes the source give the frame at `index`, or one before it, next.
+    fn go_to(&mut self, index: u64) -> anyhow::Result<()> {
+        if self.next == Some(index) {
+            return Ok(());
+        }
+        // Behind the end a source has no frame, and would not say where the end is.
+        let sought = match self.count {
+            Some(_) => self.source.seek(index),
+            None => Ok(false),
+        };
+        match sought {
+            Ok(true) => self.next = Some(index),
+            Ok(false) if self.next.is_some_and(|next| next < index) => {}
+            // Also where seeking failed: reading on from the beginning finds it, or says why not.
+            Ok(false) | Err(_) => {
+                self.next = None;
+                self.source = (self.open)()?;
+                self.next = Some(0);
+            }
+        }
+        Ok(())
+    }
+
+    fn keep(&mut self, index: u64, frame: Frame) {
+        self.kept_bytes += bytes(&frame);
+        self.kept.push_back((index, Rc::new(frame)));
+        while self.kept_bytes > self.limit_bytes
+            && self.kept.len() > 1
+            && let Some((_, oldest)) = self.kept.pop_front()
+        {
+            self.kept_bytes -= bytes(&oldest);
+        }
+    }
+}
+
+/// About how much memory a frame takes.
+fn bytes(frame: &Frame) -> usize {
+    let (width, height) = frame.pair.size();
+    // Two images, disparities in four bytes and visibility in one.
+    let per_pixel = 2 + frame.truth.as_ref().map_or(0, |_| 5);
+    width * height * per_pixel
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+    use svl::stereo::{Exposure, Geometry, Gray, StereoPair};
+
+    /// Frames 0, 2, 4 ... of 10x10 pixels; the one at index 3 cannot be read.
+    struct Even {
+        next: u64,
+        of: u64,
+        seeks: bool,
+    }
+
+    impl Source for Even {
+        fn name(&self) -> String {
+            "even".into()
+        }
+
+        fn next(&mut self) -> svl::Result<Option<Frame>> {
+            let index = self.next;
+            if index >= self.of {
+                return Ok(None);
+            }
+            self.next += 1;
+            if index == 3 {
+                return Err(Error::Invalid("frame 6 is a cat".into()));
+            }
+            let image = Gray::filled(10, 10, 0)?;
+            Ok(Some(Frame {
+                sequence: 2 * index,
+                stamp_ns: 0,
+                name: None,
+                pair: StereoPair::new(image.clone(), image)?,
+                geometry: Geometry::Raw,
+                pose: None,
+                truth: None,
+                exposure: Exposure::default(),
+            }))
+        }
+
+        fn pairs(&self) -> Option<u64> {
+            self.seeks.then_some(self.of)
+        }
+
+        fn seek(&mut self, index: u64) -> svl::Result<bool> {
+            self.next = if self.seeks { index } else { self.next };
+            Ok(self.seeks)
+        }
+    }
+
+    #[test]
+    fn any_frame_can_be_had_in_any_order() {
+        for seeks in [false, true] {
+            let opened = Cell::new(0);
+            let open: Open<'_> = Box::new(|| {
+                opened.set(opened.get() + 1);
+                Ok(Box::new(Even {
+                    next: 0,
+                    of: 9,
+                    seeks,
+                }))
+            });
+            // Three frames are kept.
+            let mut store = FrameStore::with_limit(open, 600).unwrap();
+            let mut sequence = |index| {
+                let found = store.at_most(index).map(|found| found.unwrap());
+                found
+                    .map(|(_, frame)| frame.sequence)
+                    .map_err(|error| error.to_string())
+            };
+            assert_eq!(sequence(0), Ok(0));
+            assert_eq!(sequence(5), Ok(10));
+            assert_eq!(sequence(4), Ok(8));
+            assert_eq!(sequence(1), Ok(2));
+            assert_eq!(sequence(3), Err("frame 6 is a cat".into()));
+            assert_eq!(sequence(7), Ok(14));
+            assert_eq!(sequence(90), Ok(16), "the last");
+            assert_eq!(store.count(), Some(9));
+            assert!(store.kept.len() <= 3);
+            assert_eq!(
+                opened.get() == 1,
+                seeks,
+                "a source that seeks is opened once"
+            );
+        }
+    }
+
+    #[test]
+    fn frames_are_found_by_their_numbers() {
+        let open: Open<'_> = Box::new(|| {
+            Ok(Box::new(Even {
+                next: 0,
+                of: 9,
+                seeks: true,
+            }))
+        });
+        let mut store = FrameStore::new(open).unwrap();
+        let mut found = |sequence| {
+            let (index, frame) = store.numbered(sequence).unwrap().unwrap();
+            (index, frame.sequence)
+        };
+        assert_eq!(found(16), (8, 16));
+        assert_eq!(found(9), (5, 10), "there is no 9");
+        assert_eq!(found(0), (0, 0));
+        assert_eq!(found(99), (8, 16));
+    }
+}

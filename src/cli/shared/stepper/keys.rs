@@ -1,0 +1,193 @@
+//! Keys: from the terminal, or from a script.
+
+use anyhow::{Context, bail};
+use ratatui::crossterm::event::{
+    self, Event, KeyCode, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
+};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// What a person did, or that nothing happened for a while.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Key {
+    Char(char),
+    Enter,
+    Escape,
+    Backspace,
+    Delete,
+    Left,
+    Right,
+    Up,
+    Down,
+    /// Ctrl-C.
+    Interrupt,
+    /// The left mouse button, on that column and row of the screen.
+    Click(u16, u16),
+    /// The terminal has that many columns and rows now, or has to be drawn anew.
+    Resize(u16, u16),
+    /// Nothing: time goes on.
+    Tick,
+    /// A script asks for the screen as it is.
+    Screen,
+    /// There is no more input.
+    Closed,
+}
+
+/// The keys of a script by their names; any other character stands for itself.
+const NAMES: &[(&str, Key)] = &[
+    ("space", Key::Char(' ')),
+    ("enter", Key::Enter),
+    ("esc", Key::Escape),
+    ("backspace", Key::Backspace),
+    ("delete", Key::Delete),
+    ("left", Key::Left),
+    ("right", Key::Right),
+    ("up", Key::Up),
+    ("down", Key::Down),
+    ("ctrl-c", Key::Interrupt),
+    ("tick", Key::Tick),
+    ("screen", Key::Screen),
+];
+
+/// Largest script that is read, bytes.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Where keys come from.
+pub(crate) enum Keys {
+    Terminal,
+    Script(std::vec::IntoIter<Key>),
+}
+
+impl Keys {
+    /// A script: one token per key, white space between them, lines that begin with `# ` ignored. A
+    /// token is a character, one of [`NAMES`], `click:COLUMN,ROW`, `resize:COLUMNSxROWS`, or
+    /// `"text"`, which types each of its characters.
+    pub(crate) fn script(path: &Path) -> anyhow::Result<Self> {
+        let text = svl::files::read_text(path, MAX_BYTES)?;
+        let mut keys = Vec::new();
+        for (number, line) in text.lines().enumerate() {
+            if line.trim() == "#" || line.starts_with("# ") {
+                continue;
+            }
+            for token in line.split_whitespace() {
+                let place = || format!("{}: line {}", path.display(), number + 1);
+                parse(token, &mut keys).with_context(place)?;
+            }
+        }
+        Ok(Self::Script(keys.into_iter()))
+    }
+
+    /// The next key, waiting at most so long for one.
+    pub(crate) fn next(&mut self, wait: Duration) -> anyhow::Result<Key> {
+        match self {
+            Self::Script(keys) => Ok(keys.next().unwrap_or(Key::Closed)),
+            Self::Terminal => {
+                let until = Instant::now() + wait;
+                loop {
+                    let left = until.saturating_duration_since(Instant::now());
+                    let event = event::poll(left).and_then(|ready| match ready {
+                        true => event::read().map(key),
+                        false => Ok(Some(Key::Tick)),
+                    });
+                    if let Some(key) = event.context("the terminal cannot be read")? {
+                        return Ok(key);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What an event of the terminal means here; nothing for those that mean nothing.
+fn key(event: Event) -> Option<Key> {
+    match event {
+        Event::Key(event) if event.kind == KeyEventKind::Release => None,
+        Event::Key(event) if event.modifiers.contains(KeyModifiers::CONTROL) => match event.code {
+            KeyCode::Char('c' | 'C') => Some(Key::Interrupt),
+            // The size is asked for where it is used.
+            KeyCode::Char('l' | 'L') => Some(Key::Resize(0, 0)),
+            _ => None,
+        },
+        Event::Key(event) => match event.code {
+            KeyCode::Char(c) => Some(Key::Char(c)),
+            KeyCode::Enter => Some(Key::Enter),
+            KeyCode::Esc => Some(Key::Escape),
+            KeyCode::Backspace => Some(Key::Backspace),
+            KeyCode::Delete => Some(Key::Delete),
+            KeyCode::Left => Some(Key::Left),
+            KeyCode::Right => Some(Key::Right),
+            KeyCode::Up => Some(Key::Up),
+            KeyCode::Down => Some(Key::Down),
+            _ => None,
+        },
+        Event::Mouse(event) if event.kind == MouseEventKind::Down(MouseButton::Left) => {
+            Some(Key::Click(event.column, event.row))
+        }
+        Event::Resize(columns, rows) => Some(Key::Resize(columns, rows)),
+        _ => None,
+    }
+}
+
+fn parse(token: &str, keys: &mut Vec<Key>) -> anyhow::Result<()> {
+    let numbers = |rest: &str, between: char| {
+        let (a, b) = rest.split_once(between)?;
+        Some((a.parse().ok()?, b.parse().ok()?))
+    };
+    let mut characters = token.chars();
+    if let (Some(only), None) = (characters.next(), characters.next()) {
+        keys.push(Key::Char(only));
+    } else if let Some((_, key)) = NAMES.iter().find(|(name, _)| *name == token) {
+        keys.push(*key);
+    } else if let Some(text) = token.strip_prefix('"').and_then(|t| t.strip_suffix('"')) {
+        keys.extend(text.chars().map(Key::Char));
+    } else if let Some((column, row)) = token.strip_prefix("click:").and_then(|t| numbers(t, ',')) {
+        keys.push(Key::Click(column, row));
+    } else if let Some((w, h)) = token.strip_prefix("resize:").and_then(|t| numbers(t, 'x')) {
+        keys.push(Key::Resize(w, h));
+    } else {
+        let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
+        bail!(
+            "'{token}' is no key; expected a character, \"text\", click:COLUMN,ROW, \
+             resize:COLUMNSxROWS or one of {}",
+            names.join(", ")
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn script(text: &str) -> anyhow::Result<Vec<Key>> {
+        let file = tempfile::NamedTempFile::new()?;
+        std::fs::write(file.path(), text)?;
+        let mut keys = Keys::script(file.path())?;
+        let mut all = Vec::new();
+        loop {
+            match keys.next(Duration::ZERO)? {
+                Key::Closed => return Ok(all),
+                key => all.push(key),
+            }
+        }
+    }
+
+    #[test]
+    fn a_token_is_a_key() {
+        let keys = script("# a comment\n. # right \"0.4\"\nclick:3,4 resize:80x24\n").unwrap();
+        let typed = ['0', '.', '4'].map(Key::Char);
+        let mut expected = vec![Key::Char('.'), Key::Char('#'), Key::Right];
+        expected.extend(typed);
+        expected.extend([Key::Click(3, 4), Key::Resize(80, 24)]);
+        assert_eq!(keys, expected);
+    }
+
+    #[test]
+    fn what_is_no_key_is_named_with_its_line() {
+        let error = format!("{:#}", script("enter\nclick:3 q").unwrap_err());
+        assert!(
+            error.contains("line 2: 'click:3' is no key; expected"),
+            "{error}"
+        );
+    }
+}

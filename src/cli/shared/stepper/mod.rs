@@ -1,0 +1,358 @@
+//! Steps through the frames of a recorded source, in the terminal and in Rerun: the keys, the lines
+//! above and below, the loop. What is done with a frame is a [`StepTool`]'s.
+
+mod frames;
+mod keys;
+mod line_edit;
+pub(crate) mod picture;
+mod screen;
+
+pub(crate) use frames::{FrameStore, Open};
+pub(crate) use keys::{Key, Keys};
+pub(crate) use line_edit::{Edited, LineEdit};
+pub(crate) use screen::Screen;
+
+use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
+use crate::cli::shared::terminal::Warnings;
+use anyhow::Context;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Modifier, Style};
+use ratatui::widgets::{Block, Clear, Paragraph};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+use svl::stereo::Frame;
+
+/// What is done with the frames.
+pub(crate) trait StepTool {
+    /// Its keys beside the stepper's, and what each does, for the help.
+    fn keys(&self) -> &'static [(&'static str, &'static str)];
+
+    /// Another frame is shown.
+    fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()>;
+
+    /// Takes a key, before the stepper does.
+    fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction>;
+
+    /// What it asks at the moment, in place of the message.
+    fn question(&self) -> Option<String>;
+
+    /// Draws what lies between the lines of the stepper; `shades` as [`Screen::has_shades`].
+    fn draw(
+        &mut self,
+        stepper: &Stepper<'_>,
+        shades: bool,
+        area: Rect,
+        canvas: &mut ratatui::Frame<'_>,
+    );
+}
+
+/// What a tool made of a key.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reaction {
+    /// It is not one of the tool's keys.
+    Ignored,
+    Taken,
+    Quit,
+}
+
+/// How it ended.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Ended {
+    Quit,
+    /// By Ctrl-C, a signal, or the end of a script.
+    Interrupted,
+}
+
+/// The keys of the stepper itself.
+const KEYS: &[(&str, &str)] = &[
+    (", .", "one frame back, forth"),
+    ("< >", "ten frames back, forth"),
+    ("space", "play, pause"),
+    ("g 120 Enter", "go to frame 120"),
+    ("Ctrl-L", "draw the screen anew"),
+    ("?", "this help"),
+    ("q", "quit"),
+];
+
+/// How often signals are looked for.
+const GLANCE: Duration = Duration::from_millis(100);
+
+/// The place in a source.
+pub(crate) struct Stepper<'a> {
+    name: String,
+    store: FrameStore<'a>,
+    index: u64,
+    frame: Rc<Frame>,
+    /// How long a frame is shown when they are played.
+    period: Duration,
+    /// When the next frame is due; nothing while not playing.
+    due: Option<Instant>,
+    jump: Option<LineEdit>,
+    help: bool,
+    message: String,
+    /// Whether the tool has to be shown the frame.
+    is_new: bool,
+}
+
+impl<'a> Stepper<'a> {
+    /// At the first frame.
+    ///
+    /// # Errors
+    /// Those of the source, and a source without frames.
+    pub(crate) fn new(name: &str, mut store: FrameStore<'a>) -> anyhow::Result<Self> {
+        let first = match store.at_most(0) {
+            Ok(None) => match store.take_damage() {
+                Some(damage) => anyhow::bail!(damage),
+                None => anyhow::bail!("{name}: has no frames"),
+            },
+            first => first?,
+        };
+        let (index, frame) = first.context("no frame")?;
+        Ok(Self {
+            name: name.to_owned(),
+            store,
+            index,
+            frame,
+            period: GLANCE,
+            due: None,
+            jump: None,
+            help: false,
+            message: String::new(),
+            is_new: true,
+        })
+    }
+
+    /// The frame that is shown.
+    pub(crate) fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Shows a message until the next key.
+    pub(crate) fn say(&mut self, message: impl Into<String>) {
+        self.message = message.into();
+    }
+
+    /// Goes to the frame with that number, or to the next one that there is.
+    pub(crate) fn go_to(&mut self, sequence: u64) {
+        let found = self.store.numbered(sequence);
+        self.moved(found);
+        let at = self.frame.sequence;
+        if at != sequence && self.message.is_empty() {
+            self.say(format!("there is no frame {sequence}; this is {at}"));
+        }
+    }
+
+    fn step(&mut self, by: i64) {
+        let to = self.index.saturating_add_signed(by);
+        let found = self.store.at_most(to);
+        let before = (self.index, self.frame.stamp_ns);
+        self.moved(found);
+        if self.index == before.0 {
+            self.due = None;
+            if self.message.is_empty() {
+                self.say(if by < 0 {
+                    "the first frame"
+                } else {
+                    "the last frame"
+                });
+            }
+        } else if by == 1 {
+            // As fast as they were taken, as far as a person can follow.
+            let passed = Duration::from_nanos(self.frame.stamp_ns.saturating_sub(before.1));
+            self.period = passed.clamp(Duration::from_millis(20), Duration::from_secs(1));
+        }
+    }
+
+    /// Takes another frame, or says why there is none: the place stays.
+    fn moved(&mut self, found: anyhow::Result<Option<(u64, Rc<Frame>)>>) {
+        match found {
+            Ok(Some((index, frame))) => {
+                self.is_new |= index != self.index;
+                (self.index, self.frame) = (index, frame);
+            }
+            Ok(None) => {}
+            Err(error) => self.say(format!("{error:#}")),
+        }
+        if let Some(damage) = self.store.take_damage() {
+            self.say(damage);
+        }
+    }
+
+    fn key(&mut self, key: Key) {
+        if let Some(edit) = &mut self.jump {
+            match edit.key(key) {
+                Edited::Going => return,
+                Edited::Cancelled => {}
+                Edited::Done(text) => match text.parse() {
+                    Ok(sequence) => self.go_to(sequence),
+                    Err(_) => self.say(format!("'{text}' is no frame's number")),
+                },
+            }
+            self.jump = None;
+            return;
+        }
+        // Any key leaves the help.
+        if std::mem::take(&mut self.help) {
+            return;
+        }
+        match key {
+            Key::Char(',') => self.step(-1),
+            Key::Char('.') => self.step(1),
+            Key::Char('<') => self.step(-10),
+            Key::Char('>') => self.step(10),
+            Key::Char('g') => self.jump = Some(LineEdit::new("go to frame")),
+            Key::Char('?') => self.help = true,
+            Key::Char(' ') => {
+                self.due = match self.due {
+                    None => Some(Instant::now()),
+                    Some(_) => None,
+                }
+            }
+            Key::Char(c) => self.say(format!("'{c}' does nothing here; ? shows the keys")),
+            _ => {}
+        }
+    }
+
+    /// Plays on, where the next frame is due; a script says itself when it is.
+    fn tick(&mut self, is_script: bool) {
+        if self
+            .due
+            .is_some_and(|due| is_script || Instant::now() >= due)
+        {
+            self.due = Some(Instant::now() + self.period);
+            self.step(1);
+        }
+    }
+
+    fn wait(&self) -> Duration {
+        let due = self
+            .due
+            .map(|due| due.saturating_duration_since(Instant::now()));
+        due.map_or(GLANCE, |due| due.min(GLANCE))
+    }
+
+    fn title(&self) -> String {
+        let Frame {
+            sequence,
+            stamp_ns,
+            name,
+            ..
+        } = &*self.frame;
+        let name = name
+            .as_ref()
+            .map_or(String::new(), |name| format!(" '{name}'"));
+        let of = self
+            .store
+            .count()
+            .map_or(String::new(), |count| format!(" of {count}"));
+        let place = match *sequence == self.index {
+            true => of,
+            false => format!(", pair {}{of}", self.index + 1),
+        };
+        let seconds = *stamp_ns as f64 / 1e9;
+        let playing = if self.due.is_some() { "  playing" } else { "" };
+        format!(
+            " {}  frame {sequence}{name}{place}  {seconds:.3} s{playing}",
+            self.name
+        )
+    }
+
+    fn draw(&self, tool: &mut dyn StepTool, shades: bool, canvas: &mut ratatui::Frame<'_>) {
+        let area = canvas.area();
+        if area.width < screen::LEAST.width || area.height < screen::LEAST.height {
+            let words = format!("make the terminal at least {} characters", screen::LEAST);
+            canvas.render_widget(Paragraph::new(words), area);
+            return;
+        }
+        let lines = [1, 0, 1, 1].map(|rows| match rows {
+            0 => Constraint::Fill(1),
+            rows => Constraint::Length(rows),
+        });
+        let [title, middle, message, keys] = Layout::vertical(lines).areas(area);
+        let bar = Style::new().add_modifier(Modifier::REVERSED);
+        canvas.render_widget(Paragraph::new(self.title()).style(bar), title);
+        tool.draw(self, shades, middle, canvas);
+        let question = tool
+            .question()
+            .or(self.jump.as_ref().map(LineEdit::to_string));
+        let words = question.unwrap_or_else(|| self.message.clone());
+        canvas.render_widget(Paragraph::new(words), message);
+        let hint = ", . step  < > ten  space play  g go to  ? all keys  q quit";
+        canvas.render_widget(Paragraph::new(hint).style(bar), keys);
+        if self.help {
+            help(tool, area, canvas);
+        }
+    }
+}
+
+fn help(tool: &dyn StepTool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
+    let keys = KEYS.iter().chain(tool.keys());
+    let lines: Vec<_> = keys
+        .map(|(key, does)| format!(" {key:<14} {does}"))
+        .collect();
+    let width = lines
+        .iter()
+        .map(|line| line.chars().count() + 3)
+        .max()
+        .unwrap_or(0) as u16;
+    let height = lines.len() as u16 + 2;
+    let place = area.centered(Constraint::Length(width), Constraint::Length(height));
+    canvas.render_widget(Clear, place);
+    let frame = Block::bordered().title(" keys; any key goes on ");
+    canvas.render_widget(Paragraph::new(lines.join("\n")).block(frame), place);
+}
+
+/// Shows frames and takes keys until the tool or the user ends it. The screen is restored when it
+/// is dropped.
+///
+/// # Errors
+/// Those of the tool; a terminal that is gone.
+pub(crate) fn run(
+    stepper: &mut Stepper<'_>,
+    tool: &mut dyn StepTool,
+    keys: &mut Keys,
+    screen: &mut Screen,
+) -> anyhow::Result<Ended> {
+    listen_for_interrupt();
+    let (shades, is_script) = (screen.has_shades(), matches!(keys, Keys::Script(_)));
+    let mut changed = true;
+    loop {
+        if std::mem::take(&mut stepper.is_new) {
+            tool.show(stepper)?;
+            changed = true;
+        }
+        if let Some(warning) = Warnings::take_last() {
+            stepper.say(warning);
+            changed = true;
+        }
+        if std::mem::take(&mut changed) {
+            screen.draw(|canvas| stepper.draw(tool, shades, canvas))?;
+        }
+        if interrupted() {
+            return Ok(Ended::Interrupted);
+        }
+        match keys.next(stepper.wait())? {
+            Key::Tick => stepper.tick(is_script),
+            Key::Screen => screen.print()?,
+            Key::Resize(columns, rows) => {
+                screen.resize(columns, rows)?;
+                changed = true;
+            }
+            Key::Interrupt | Key::Closed => return Ok(Ended::Interrupted),
+            key => {
+                changed = true;
+                stepper.message.clear();
+                let is_stepper = stepper.jump.is_some() || stepper.help;
+                match if is_stepper {
+                    Reaction::Ignored
+                } else {
+                    tool.key(key, stepper)?
+                } {
+                    Reaction::Ignored => stepper.key(key),
+                    Reaction::Taken => {}
+                    Reaction::Quit => return Ok(Ended::Quit),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! `svl label checkpoints`, driven by scripts of keys.
+
+use super::fixture::{Fixture, Ran, assert_says};
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::score::{CellExpectation, CheckpointPlace};
+
+/// A folder with a recording of twelve frames.
+fn recorded() -> Fixture {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 12 -o run.mcap");
+    fixture
+}
+
+/// Labels with these keys.
+fn label(fixture: &Fixture, args: &str, keys: &str) -> Ran {
+    fixture.write("keys", keys);
+    fixture.svl(&format!("label checkpoints {args} --script keys"))
+}
+
+#[test]
+fn what_is_labelled_is_scored() {
+    let fixture = recorded();
+    let keys = "> [ , , , [ . . ] right down = \">0.05\" enter right f
+                n \"ahead:\" space \"far\" enter w q";
+    let written = label(&fixture, "run.mcap", keys).done();
+    assert_eq!(
+        written,
+        "run.toml: checkpoint 1 'ahead: far': frames 7 to 9, 2 cells\n"
+    );
+    assert!(!fixture.path("run.toml.draft").exists());
+    let scenario = Scenario::read(&fixture.path("run.toml")).unwrap();
+    let [checkpoint] = &scenario.checkpoints[..] else {
+        panic!("{:?}", scenario.checkpoints)
+    };
+    assert_eq!(
+        (&*checkpoint.name, &*checkpoint.description),
+        ("ahead", "far")
+    );
+    assert_eq!(checkpoint.place, CheckpointPlace::Frames([7, 9]));
+    let expected = checkpoint.expected.iter().map(|c| (c.at, c.expectation));
+    let far = ([1, 1], CellExpectation::Farther(0.05));
+    assert_eq!(
+        expected.collect::<Vec<_>>(),
+        [far, ([2, 1], CellExpectation::Free)]
+    );
+
+    fixture.run("score run.toml --out report -q");
+    let rows = fixture.text("report/checkpoints.csv");
+    assert_says(&rows, &["1,ahead,v3,3,3,1.0,7,true"]);
+
+    // What a person wrote stays to the byte.
+    let edited = "# mine\n".to_owned() + fixture.text("run.toml").trim_end() + " # last";
+    fixture.write("run.toml", &edited);
+    let keys = "g 3 enter \"1.5+-0.2\" enter n \"wall\" enter enter q";
+    label(&fixture, "run.mcap", keys).done();
+    let extended = fixture.text("run.toml");
+    let added = extended.strip_prefix(edited.as_str()).unwrap();
+    let expected = "\n\n[[checkpoint]]\nnumber = 2\nname = \"wall\"\ndescription = \"\"\nframes = \
+                    [3, 3]\n\n[[checkpoint.cell]]\nat = [0, 0]\ndistance_m = 1.5\ntolerance_m = \
+                    0.2\n";
+    assert_eq!(added, expected);
+    fixture.run("score run.toml --out report -q");
+    assert_says(&fixture.text("report/checkpoints.csv"), &["2,wall,v3"]);
+}
+
+#[test]
+fn an_interrupted_session_goes_on() {
+    let fixture = recorded();
+    let args = "run.mcap -o own.toml";
+    let stopped = label(&fixture, args, ". . . \"0.43\" enter [ right right");
+    stopped.failed(1, &["stopped; own.toml.draft keeps 1 labelled cell"]);
+    assert!(!fixture.path("own.toml").exists());
+    let screen = label(&fixture, args, "screen ctrl-c");
+    assert_says(
+        &screen.stdout,
+        &["going on at frame 3 with 1 labelled cell"],
+    );
+    assert_eq!(screen.code, Some(1));
+    // Quitting asks; the draft is kept, or thrown away.
+    let kept = label(&fixture, args, "q esc q k").done();
+    let words = "own.toml.draft: 1 labelled cell: the same command goes on there\n";
+    assert_eq!(kept, words);
+    fixture.run("record --frames 2 -o other.mcap");
+    let words = "own.toml.draft: holds labels of run.mcap; finish it, or remove the file";
+    label(&fixture, "other.mcap -o own.toml", "q").failed(1, &[words]);
+    assert_eq!(label(&fixture, args, "q d").done(), "");
+    assert!(!fixture.path("own.toml.draft").exists() && !fixture.path("own.toml").exists());
+}
+
+#[test]
+fn the_screen_shows_frame_grid_labels_and_algorithm() {
+    let fixture = recorded();
+    let keys = "right down \"0.5\" enter n \"shelf\" enter screen q d";
+    insta::assert_snapshot!(label(&fixture, "run.mcap --algo v3", keys).done());
+    for (keys, words) in [
+        ("? screen esc q", "go to frame 120"),
+        ("g \"99\" enter screen q", "frame 11 of 12"),
+        (", screen q", "the first frame"),
+        (
+            "space tick tick screen q",
+            "frame 2 of 12  0.200 s  playing",
+        ),
+        (
+            "\"1x\" enter screen q",
+            "'1x' is no distance; type a distance",
+        ),
+        ("\"0\" enter screen q", "above 0 m"),
+        ("\"2000\" enter screen q", "at most 1000 m"),
+        (". . ] . [ screen q d", "frame 3 is behind the last one, 2"),
+        ("w screen q", "no cell is labelled"),
+        ("f w screen esc q d", "name of the checkpoint"),
+        ("f q screen d", "1 cell not written: w write, k keep"),
+        ("f x screen q", "not labelled"),
+        ("z screen q", "'z' does nothing here; ? shows the keys"),
+        ("click:50,20 screen q", "cell (7, 5)"),
+        ("resize:40x10 screen q", "make the terminal at least"),
+        ("resize:200x50 screen q", "checkpoint 1: no name yet"),
+    ] {
+        let text = label(&fixture, "run.mcap --grid 8x6", keys).done();
+        assert!(text.contains(words), "{keys}:\n{text}");
+    }
+    // The arena's recording has truth.
+    label(&fixture, "run.mcap", "= \"must\" enter n \"m\" enter w q").done();
+    assert_says(&fixture.text("run.toml"), &["must = [[0, 0]]"]);
+}
+
+#[test]
+fn the_arena_has_a_scenario_of_its_seed() {
+    let fixture = Fixture::new();
+    label(
+        &fixture,
+        "arena --seed 3 -o a.toml",
+        "> > f n \"a\" enter w q",
+    )
+    .done();
+    let scenario = Scenario::read(&fixture.path("a.toml")).unwrap();
+    let ScenarioSource::Arena { seeds, .. } = &scenario.source else {
+        panic!("{:?}", scenario.source)
+    };
+    assert_eq!((&seeds[..], scenario.checkpoints.len()), (&[3][..], 1));
+    let words = "a.toml: is of another arena or seed; name another scenario with -o";
+    label(&fixture, "arena --seed 4 -o a.toml", "q").failed(1, &[words]);
+}
+
+#[test]
+fn of_several_recordings_the_checkpoint_names_its_own() {
+    let fixture = recorded();
+    fixture.run("record --frames 3 --seed 2 -o two.mcap");
+    let text = "name = \"both\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \
+                \"distance\"\n[grid]\ncolumns = 4\nrows = 2\n[source]\nkind = \
+                \"recording\"\nfiles = [\"*.mcap\"]\n";
+    fixture.write("both.toml", text);
+    label(&fixture, "two.mcap -o both.toml", ". f n \"a\" enter w q").done();
+    let added = fixture.text("both.toml");
+    let added = added.strip_prefix(text).unwrap();
+    assert_says(added, &["file = \"two.mcap\"\nframes = [1, 1]\n"]);
+    let scenario = Scenario::read(&fixture.path("both.toml")).unwrap();
+    scenario.recordings().unwrap();
+    label(&fixture, "run.mcap -o both.toml --grid 5x3", "q")
+        .failed(2, &["--grid: both.toml says that itself; leave it out"]);
+    std::fs::create_dir(fixture.path("inner")).unwrap();
+    std::fs::rename(fixture.path("run.mcap"), fixture.path("inner/run.mcap")).unwrap();
+    label(&fixture, "inner/run.mcap -o both.toml", "q").failed(
+        1,
+        &["both.toml: inner/run.mcap is none of its source.files; add it"],
+    );
+}
+
+#[test]
+fn what_cannot_be_labelled_is_refused() {
+    let fixture = Fixture::new();
+    fixture.write("keys", "q");
+    fixture.write("wrong", "q quit");
+    fixture.write("bad.toml", "name = 3");
+    std::fs::create_dir(fixture.path("empty")).unwrap();
+    fixture.write_pair("p/left/1.pgm", "p/right/1.pgm", (64, 48), 4);
+    fixture.fails(
+        "
+        label checkpoints sim --script keys => 1: cameras cannot be stepped | svl record sim
+        label checkpoints nothing.mcap --script keys => 1: nothing.mcap: no such source
+        label checkpoints empty --script keys => 1: empty: holds no stereo pair
+        label checkpoints p --script keys => 1: p: has no calibration | --calib
+        label checkpoints p --script keys -o p.json => 2: p.json: must end in .toml
+        label checkpoints p --script keys --grid 0x3 => 2: 1 to 20 each, as 5x3
+        label checkpoints p --script wrong => 1: wrong: line 1: 'quit' is no key; expected
+        label checkpoints p => 1: needs a terminal | or give the keys with --script FILE
+        label checkpoints p --script keys -o bad.toml => 1: bad.toml: line 1
+        ",
+    );
+    assert_eq!(fixture.text("bad.toml"), "name = 3");
+}
