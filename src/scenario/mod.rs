@@ -235,6 +235,7 @@ impl Scenario {
             grid: self.grid,
             cells: self.cells,
             checkpoints: self.checkpoints.clone(),
+            photometric: true,
             ..Judge::default()
         }
     }

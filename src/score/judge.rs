@@ -1,8 +1,9 @@
 //! Scores a frame once: hashes, true grid, cells, checkpoints and metrics, for every sink alike.
 
 use super::{
-    CellJudgement, CellTally, Checkpoint, CheckpointFrame, DisparityScore, FrameFacts,
-    MetricValues, RunPart, judge_cells, true_grid,
+    CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, Correlations,
+    DisparityScore, FrameFacts, MetricValues, RunPart, agreed_cells, judge_cells, true_grid,
+    unrivalled_cells,
 };
 use crate::depth::GridSettings;
 use crate::stereo::{CellRule, DepthGrid, Estimate, Frame};
@@ -18,6 +19,9 @@ pub struct Judge {
     pub checkpoints: Vec<Checkpoint>,
     /// The run whose frames are scored.
     pub run: RunPart,
+    /// Whether frames without truth are scored by the images: it takes about as long as a quick
+    /// matcher.
+    pub photometric: bool,
 }
 
 /// A frame with all that is known of its estimates. Every sink reads this one.
@@ -59,9 +63,13 @@ impl Judge {
             true => None,
             false => true_grid(&frame, self.grid.shape()),
         };
+        let supports = self.supports(&frame, &estimates);
         let estimates = estimates
             .into_iter()
-            .map(|estimate| self.judge_estimate(&frame, true_grid.as_ref(), estimate))
+            .zip(supports)
+            .map(|(estimate, support)| {
+                self.judge_estimate(&frame, true_grid.as_ref(), estimate, support)
+            })
             .collect();
         Judged {
             frame,
@@ -71,11 +79,36 @@ impl Judge {
         }
     }
 
+    /// What supports each estimate; only frames without truth need it.
+    fn supports(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<CellSupport> {
+        if frame.truth.is_some() || estimates.is_empty() {
+            return vec![CellSupport::default(); estimates.len()];
+        }
+        let correlations = self.photometric.then(|| Correlations::new(&frame.pair));
+        let has_rule = matches!(self.cells, CellRule::Disparity { .. }) || frame.rig().is_some();
+        let share = |cells: usize| cells as f64 / self.grid.shape().cells() as f64;
+        let support = |(i, estimate): (usize, &Estimate)| {
+            let others = estimates.iter().enumerate().filter(|(j, _)| *j != i);
+            let others: Vec<_> = others.map(|(_, other)| &other.grid).collect();
+            // A median needs two, and a rule of distances a rig.
+            let agreed = (others.len() >= 2 && has_rule)
+                .then(|| agreed_cells(&estimate.grid, &others, self.cells));
+            CellSupport {
+                unrivalled: correlations
+                    .as_ref()
+                    .map(|correlations| share(unrivalled_cells(estimate, correlations))),
+                agreed: agreed.map(share),
+            }
+        };
+        estimates.iter().enumerate().map(support).collect()
+    }
+
     fn judge_estimate(
         &self,
         frame: &Frame,
         true_grid: Option<&DepthGrid>,
         estimate: Estimate,
+        support: CellSupport,
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
         let cells = true_grid.map(|truth| judge_cells(truth, &estimate.grid, self.cells));
@@ -87,6 +120,7 @@ impl Judge {
             rule: self.cells,
             pixels: truth.map(|truth| DisparityScore::new(map, truth)),
             cells: cells.as_deref().map(CellTally::from_judgements),
+            support,
         };
         JudgedEstimate {
             hash: map.hash(),
@@ -110,5 +144,87 @@ impl Judge {
             .filter(|(_, checkpoint)| checkpoint.covers(frame, &self.run))
             .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells, self.cells)))
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::depth;
+    use crate::stereo::{DisparityMap, Exposure, Geometry, Plane, StereoPair, Truth};
+    use crate::timing::StageTimes;
+
+    /// Noise with disparity 6.
+    fn frame() -> Frame {
+        let mut random = fastrand::Rng::with_seed(5);
+        let noise = (0..100 * 60).map(|_| random.u8(..)).collect();
+        let left = Plane::from_vec(100, 60, noise).unwrap();
+        let right = Plane::from_fn(100, 60, |x, y| left.get((x + 6) % 100, y)).unwrap();
+        Frame {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair: StereoPair::new(left, right).unwrap(),
+            geometry: Geometry::Rectified(None),
+            pose: None,
+            truth: None,
+            exposure: Exposure::default(),
+        }
+    }
+
+    /// From column 20 on that disparity, or silence.
+    fn estimate(disparity_px: Option<f32>) -> Estimate {
+        let mut disparity = DisparityMap::new(100, 60).unwrap();
+        for mut row in disparity.rows_mut() {
+            disparity_px
+                .into_iter()
+                .for_each(|d| (20..100).for_each(|x| row.accept(x, d)));
+        }
+        Estimate {
+            algorithm: String::new(),
+            grid: depth::grid(disparity.disparity(), GridSettings::default(), None),
+            disparity,
+            times: StageTimes::default(),
+        }
+    }
+
+    fn scores(judge: &Judge, frame: Frame, disparities: &[Option<f32>]) -> Vec<[Option<f64>; 2]> {
+        let estimates = disparities.iter().map(|&d| estimate(d)).collect();
+        let judged = judge.judge(frame, estimates);
+        let values = judged.estimates.iter().map(|scored| &scored.metrics);
+        values
+            .map(|metrics| ["unrivalled", "agreed"].map(|name| metrics.get(name)))
+            .collect()
+    }
+
+    #[test]
+    fn without_truth_images_and_other_algorithms_support_cells() {
+        let judge = Judge {
+            cells: CellRule::Disparity { tolerance_px: 2.0 },
+            photometric: true,
+            ..Judge::default()
+        };
+        let run = [Some(6.0), Some(6.0), Some(11.0), None];
+        // The first of five columns is unknown. The median of 6, 11 is 6, of 6, 6 too. Silence has
+        // the worst score.
+        let [right, wrong, silent] = [0.8, 0.0, 0.0].map(|share| [Some(share); 2]);
+        assert_eq!(scores(&judge, frame(), &run), [right, right, wrong, silent]);
+        // Two algorithms have no median of others, and the images are looked at where asked for.
+        assert_eq!(scores(&judge, frame(), &run[1..3])[0], [Some(0.8), None]);
+        let quick = Judge {
+            photometric: false,
+            ..judge.clone()
+        };
+        assert_eq!(scores(&quick, frame(), &run)[0], [None, Some(0.8)]);
+        // Distances need a rig.
+        let distances = Judge {
+            cells: CellRule::default(),
+            ..judge.clone()
+        };
+        assert_eq!(scores(&distances, frame(), &run)[0], [Some(0.8), None]);
+        let mut known = frame();
+        let truth = Plane::filled(100, 60, 6.0).unwrap();
+        known.truth = Some(Truth::exact(truth, None));
+        assert_eq!(scores(&judge, known, &run)[0], [None, None]);
     }
 }

@@ -18,6 +18,17 @@ pub struct FrameFacts<'a> {
     pub pixels: Option<DisparityScore>,
     /// The cells against the truth; absent without truth.
     pub cells: Option<CellTally>,
+    /// What needs no truth, of frames that have none.
+    pub support: CellSupport,
+}
+
+/// Shares of all cells of the grid that are known and supported; absent where not computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CellSupport {
+    /// By the images.
+    pub unrivalled: Option<f64>,
+    /// By the other algorithms of the run.
+    pub agreed: Option<f64>,
 }
 
 impl FrameFacts<'_> {
@@ -310,6 +321,46 @@ pub const METRICS: &[Metric] = &[
                          the mean of the pairs; in whole rows, and only within row_tolerance: `svl \
                          calibrate check` measures larger ones";
             ("vertical, px", words.into())
+        }),
+    },
+    Metric {
+        name: "unrivalled",
+        words: "unrivalled cells",
+        group: "no truth, %",
+        head: "unrivalled",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "unrivalled",
+            of: |facts| facts.support.unrivalled,
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "of all cells, known ones whose disparities no other gives a better match \
+                         for; needs no truth: docs/method.md";
+            ("unrivalled", words.into())
+        }),
+    },
+    Metric {
+        name: "agreed",
+        words: "agreed cells",
+        group: "no truth, %",
+        head: "agreed",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "agreed",
+            of: |facts| facts.support.agreed,
+            total: MetricTotal::Mean,
+        },
+        plot: Some("agreed_cells"),
+        note: Some(|_| {
+            let words = "of all cells, known ones that the median of the run's other algorithms \
+                         confirms; needs no truth, but the same others to compare with";
+            ("agreed", words.into())
         }),
     },
     Metric {

@@ -6,7 +6,9 @@ mod checkpoint;
 mod disparity;
 mod judge;
 mod metrics;
+mod photometric;
 pub mod protocol;
+mod support;
 
 pub use cells::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
 pub use checkpoint::{
@@ -16,5 +18,8 @@ pub use checkpoint::{
 pub use disparity::DisparityScore;
 pub use judge::{Judge, Judged, JudgedEstimate};
 pub use metrics::{
-    Better, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues,
+    Better, CellSupport, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit,
+    MetricValues,
 };
+pub use photometric::Correlations;
+pub use support::{agreed_cells, supported_cells, unrivalled_cells};

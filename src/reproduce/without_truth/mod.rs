@@ -4,13 +4,12 @@
 //! first score was computed.
 //!
 //! ```text
-//! frames ─▶ Observer: support, photometric ─▶ Observed: kendall, picks, bootstrap ─▶ Finding
+//! frames ─▶ Observer: support, score ─▶ Observed: kendall, picks, bootstrap ─▶ Finding
 //! ```
 
 mod kendall;
 mod measures;
 mod observe;
-mod photometric;
 mod support;
 
 use super::{Context, Experiment, Finding, TableValue};

@@ -1,11 +1,10 @@
 //! Scores and truth of every estimate of a run.
 
-use super::photometric::Correlations;
-use super::support::{agreed, left_right, steady, unrivalled, warped};
+use super::support::{left_right, steady, warped};
 use super::{ALGORITHMS, SCORES};
 use crate::error::Result;
 use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, match_right};
-use crate::score::{CellTally, Judge, Judged};
+use crate::score::{CellTally, Correlations, Judge, Judged, agreed_cells, unrivalled_cells};
 use crate::stereo::{DepthGrid, RectifiedPair};
 
 /// An algorithm on a pair.
@@ -76,7 +75,7 @@ impl Observer {
     /// truth.
     pub(super) fn observe(&mut self, judged: &Judged) -> Result<Vec<Observation>> {
         let frame = &judged.frame;
-        let correlations = Correlations::of(&frame.pair);
+        let correlations = Correlations::new(&frame.pair);
         let context = MatchContext {
             rig: frame.rig().copied(),
             grid: self.judge.grid,
@@ -117,10 +116,10 @@ impl Observer {
                 truth,
                 scores: [
                     share(warped(estimate, &correlations)),
-                    share(unrivalled(estimate, &correlations)),
+                    share(unrivalled_cells(estimate, &correlations)),
                     share(left_right(estimate, &right)),
                     steady.and_then(share),
-                    share(agreed(&estimate.grid, &others, self.judge.cells)?),
+                    share(agreed_cells(&estimate.grid, &others, self.judge.cells)),
                     share(known),
                     Some(estimate.disparity.coverage()),
                 ],

@@ -1,49 +1,17 @@
-//! The scores of one estimate that need no truth: how many of its known cells each supports.
+//! The scores that only the study has: how many known cells of an estimate each supports.
 
-use super::photometric::{Correlations, STEP};
-use crate::error::Result;
-use crate::score::{CellJudgement, Verdict, judge_cells};
-use crate::stereo::{Cell, CellDepth, CellRule, DepthGrid, Estimate, Plane};
+use crate::score::{Correlations, supported_cells};
+use crate::stereo::{CellDepth, CellRule, DepthGrid, Estimate, Plane};
+
+/// Least ZNCC of a match: the texture's variance is then 2.3 times the noise's.
+const MATCH: f32 = 0.7;
 
 /// Largest speed of a robot or of what moves before it, metres per second.
 const SPEED_M_S: f64 = 1.5;
 
-/// Known cells of which half of the pixels with a disparity are supported, of every `step`-th
-/// column and row.
-fn supported_cells(
-    estimate: &Estimate,
-    step: usize,
-    supports: impl Fn((usize, usize), f32) -> bool,
-) -> usize {
-    let disparity = estimate.disparity.disparity();
-    let is_supported = |place| {
-        let (columns, rows) = estimate.grid.shape().pixels(place, disparity.size());
-        let looked_at = |range: std::ops::Range<usize>| range.filter(move |i| i % step == step / 2);
-        let (mut pixels, mut supported) = (0, 0);
-        for y in looked_at(rows) {
-            for x in looked_at(columns.clone()) {
-                let d = disparity.get(x, y);
-                if d.is_finite() {
-                    pixels += 1;
-                    supported += usize::from(supports((x, y), d));
-                }
-            }
-        }
-        pixels > 0 && 2 * supported >= pixels
-    };
-    let known = estimate
-        .grid
-        .iter()
-        .filter(|(_, cell)| cell.depth.is_some());
-    known.filter(|(place, _)| is_supported(*place)).count()
-}
-
 pub(super) fn warped(estimate: &Estimate, correlations: &Correlations<'_>) -> usize {
-    supported_cells(estimate, STEP, |at, d| correlations.warped(at, d))
-}
-
-pub(super) fn unrivalled(estimate: &Estimate, correlations: &Correlations<'_>) -> usize {
-    supported_cells(estimate, STEP, |at, d| correlations.unrivalled(at, d))
+    let supports = |at, d| correlations.best(at, d) >= MATCH;
+    supported_cells(estimate, Correlations::STEP, supports)
 }
 
 /// `right`: the disparities of the right image by the same algorithm, `+∞` where there is none.
@@ -89,31 +57,6 @@ pub(super) fn steady(
     )
 }
 
-/// Cells that the median of at least two of the `others` confirms.
-///
-/// # Errors
-/// None: the median has a cell per place.
-pub(super) fn agreed(own: &DepthGrid, others: &[&DepthGrid], rule: CellRule) -> Result<usize> {
-    let shape = own.shape();
-    let median = |(column, row)| {
-        let depths = others
-            .iter()
-            .filter_map(|grid| grid.cell(column, row).depth);
-        let mut depths: Vec<_> = depths.collect();
-        depths.sort_by(|a, b| a.median_px.total_cmp(&b.median_px));
-        Cell {
-            probability: None,
-            valid_share: 1.0,
-            // The smaller disparity, hence the farther, of two in the middle.
-            depth: (depths.len() >= 2).then(|| depths[(depths.len() - 1) / 2]),
-        }
-    };
-    let medians = DepthGrid::new(shape, shape.iter().map(median).collect())?;
-    let judged = judge_cells(&medians, own, rule);
-    let is_right = |cell: &&CellJudgement| cell.verdict == Verdict::Right;
-    Ok(judged.iter().filter(is_right).count())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -153,33 +96,6 @@ mod tests {
     }
 
     #[test]
-    fn half_of_the_pixels_with_a_disparity_support_a_cell() {
-        // Left: 2 of 4 are supported; right: 1 of 3.
-        let e = estimate([
-            &[1.0, 1.0, NONE, NONE, 1.0, 2.0],
-            &[2.0, 2.0, NONE, NONE, 2.0],
-        ]);
-        assert_eq!(supported_cells(&e, 1, |_, d| d == 1.0), 1);
-        assert_eq!(supported_cells(&e, 1, |_, d| d == 2.0), 2);
-        assert_eq!(supported_cells(&e, 1, |_, _| true), 2);
-        // Of every second column and row only (1, 1), (3, 1), (5, 1), (7, 1).
-        assert_eq!(supported_cells(&e, 2, |_, d| d == 2.0), 1);
-    }
-
-    #[test]
-    fn silence_has_the_worst_score() {
-        let silent = estimate([&[], &[]]);
-        assert_eq!(supported_cells(&silent, 1, |_, _| true), 0);
-        let right = Plane::filled(8, 2, 1.0).unwrap();
-        assert_eq!(left_right(&silent, &right), 0);
-        let (none, all) = (grid([None; 2]), grid([Some(1.0); 2]));
-        let rule = CellRule::default();
-        assert_eq!(steady(&none, &none, 0.1, rule), Some(0));
-        assert_eq!(agreed(&none, &[&all, &all], rule).unwrap(), 0);
-        assert_eq!(agreed(&none, &[&none, &none], rule).unwrap(), 0);
-    }
-
-    #[test]
     fn left_and_right_within_a_pixel() {
         let e = estimate([&[NONE, NONE, 2.0, 2.0], &[NONE, NONE, 2.0, 2.0]]);
         let right = |d| Plane::filled(8, 2, d).unwrap();
@@ -193,6 +109,14 @@ mod tests {
     }
 
     #[test]
+    fn silence_has_the_worst_score() {
+        let right = Plane::filled(8, 2, 1.0).unwrap();
+        assert_eq!(left_right(&estimate([&[], &[]]), &right), 0);
+        let none = grid([None; 2]);
+        assert_eq!(steady(&none, &none, 0.1, CellRule::default()), Some(0));
+    }
+
+    #[test]
     fn motion_explains_its_speed() {
         let before = grid([Some(0.4), Some(2.0)]);
         let count = |a, b| steady(&grid([a, b]), &before, 0.1, CellRule::default()).unwrap();
@@ -203,30 +127,5 @@ mod tests {
         assert_eq!(count(None, Some(2.0)), 1);
         let px = CellRule::Disparity { tolerance_px: 2.0 };
         assert_eq!(steady(&before, &before, 0.1, px), None);
-    }
-
-    #[test]
-    fn two_others_confirm_a_cell() {
-        let own = grid([Some(1.0), Some(1.0)]);
-        let count = |others: &[[Option<f64>; 2]]| {
-            let others: Vec<_> = others.iter().map(|&distances| grid(distances)).collect();
-            agreed(
-                &own,
-                &others.iter().collect::<Vec<_>>(),
-                CellRule::default(),
-            )
-            .unwrap()
-        };
-        assert_eq!(count(&[[Some(1.0); 2]]), 0, "one is too few");
-        assert_eq!(count(&[[Some(1.0), None], [Some(1.1), Some(1.0)]]), 1);
-        // Medians 1.1 and 3.
-        let three = [
-            [Some(1.0), Some(3.0)],
-            [Some(1.1), Some(3.0)],
-            [Some(9.0), Some(1.0)],
-        ];
-        assert_eq!(count(&three), 1);
-        // The farther of two.
-        assert_eq!(count(&[[Some(1.0), Some(1.0)], [Some(2.0), Some(1.1)]]), 1);
     }
 }
