@@ -22,9 +22,12 @@ pub fn read(recording: &Path) -> svl::Result<u64> {
         } else {
             ""
         };
-        let skew_us = frame.exposure.skew_ns as f64 / 1e3;
+        let skew = frame.exposure.skew_ns;
+        let skew = skew.map_or("not known".to_owned(), |ns| {
+            format!("{:.1} µs", ns as f64 / 1e3)
+        });
         println!(
-            "{:.3} s: {width}x{height}, {geometry}{truth}, skew {skew_us:.1} µs",
+            "{:.3} s: {width}x{height}, {geometry}{truth}, skew {skew}",
             frame.stamp_ns as f64 / 1e9
         );
         pairs += 1;

@@ -17,7 +17,7 @@ pub fn main() -> svl::Result<()> {
     let mut pairs = 0;
     while pairs < 20 {
         let Some(frame) = source.next()? else { break };
-        let skew_us = frame.exposure.skew_ns as f64 / 1e3;
+        let skew_us = frame.exposure.skew_ns.unwrap_or(0) as f64 / 1e3;
         println!("pulse {}: skew {skew_us:.1} µs", frame.exposure.trigger_id);
         pairs += 1;
     }

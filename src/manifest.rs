@@ -24,6 +24,9 @@ pub struct Manifest {
     pub scenario: String,
     /// Hash of the scenario's text, where there is one.
     pub scenario_hash: Option<String>,
+    /// How many bits the 16-bit images used that the pairs were made of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bits: Option<u8>,
     /// Digest of all pairs' pixels in their order, once the run is over.
     pub pairs_hash: Option<String>,
     /// Where the truths come from, as [`crate::stereo::TruthOrigin`] writes it, once the run is
@@ -110,6 +113,7 @@ impl Manifest {
             git_revision: option_env!("SVL_GIT_REVISION").map(str::to_owned),
             scenario: scenario.to_owned(),
             scenario_hash: scenario_text.map(hash),
+            bits: None,
             pairs_hash: None,
             truth: Vec::new(),
             algorithms: algorithms.iter().map(AlgorithmRecord::new).collect(),
@@ -134,6 +138,7 @@ impl Manifest {
             ("svl", Some(format!("{} ({revision})", self.svl))),
             ("scenario", Some(self.scenario.clone())),
             ("scenario hash", self.scenario_hash.clone()),
+            ("bits of 16", self.bits.map(|bits| bits.to_string())),
             ("pairs hash", self.pairs_hash.clone()),
             ("truth", truth),
             ("processor", Some(processor.clone())),

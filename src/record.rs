@@ -21,6 +21,10 @@ pub fn record(
     monitor: &mut dyn Monitor,
 ) -> (Outcome, Result<()>) {
     let begun = Manifest::new(opened.title(), opened.scenario.as_deref(), &[])
+        .map(|manifest| Manifest {
+            bits: opened.header.bits,
+            ..manifest
+        })
         .and_then(|manifest| Ok((opened.writer(path, format, &manifest)?, manifest)));
     let (writer, manifest) = match begun {
         Ok(begun) => begun,

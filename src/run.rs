@@ -51,10 +51,23 @@ pub struct Outcome {
 impl Outcome {
     /// What is missing, in words; nothing for a complete run.
     pub fn missing(&self) -> Option<String> {
-        let pairs = |n: u64, words: &str| (n > 0).then(|| format!("{words}{}", counted(n, "pair")));
-        let unreadable = pairs(self.losses.unreadable, "").map(|n| n + " could not be read");
-        let failures = pairs(self.failures, "algorithms failed on ");
-        let missing: Vec<_> = unreadable.into_iter().chain(failures).collect();
+        let Losses {
+            unpaired,
+            late,
+            unreadable,
+            cut,
+            without_truth: _,
+            grabber: _,
+        } = self.losses;
+        let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
+        let missing = [
+            count(unreadable, "pair").map(|n| n + " could not be read"),
+            count(unpaired, "image").map(|n| n + " had no partner"),
+            count(late, "image").map(|n| n + " came too late"),
+            count(cut, "frame").map(|n| n + " of a video that is cut off"),
+            count(self.failures, "pair").map(|n| format!("algorithms failed on {n}")),
+        ];
+        let missing: Vec<_> = missing.into_iter().flatten().collect();
         (!missing.is_empty()).then(|| missing.join(" and "))
     }
 }
@@ -459,6 +472,7 @@ mod tests {
                 geometry: self.geometry,
                 pose: None,
                 truth: None,
+                color: None,
                 exposure: Default::default(),
             }))
         }

@@ -23,7 +23,7 @@ fn read_kitti(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     svl_fuzz::on_file("calib.txt", bytes, |path| {
-        if let Ok(rig) = read_calib(path) {
+        if let Ok(rig) = read_calib(path, (640, 480)) {
             assert!(
                 rig.focal_px() > 0.0
                     && rig.baseline_m() > 0.0

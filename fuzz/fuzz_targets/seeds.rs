@@ -206,6 +206,7 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
         )?)),
         pose: Some(stereo::Pose::translation(1.0, 2.0, 3.0)),
         truth: Some(stereo::Truth::exact(stereo::Plane::filled(6, 4, 2.5)?, None)),
+        color: None,
         exposure: stereo::Exposure::default(),
     })
 }

@@ -174,9 +174,10 @@ impl Arena {
             geometry: Geometry::Rectified(Some(self.rig)),
             pose: Some(pose),
             truth: Some(truth),
+            color: None,
             exposure: Exposure {
                 trigger_id: index,
-                skew_ns: 0,
+                skew_ns: Some(0),
                 shutter_us: sensor.shutter_us,
                 gain_mdb: (sensor.gain_db * 1.0e3).round() as i32,
                 drops: 0,

@@ -1,6 +1,6 @@
-//! PNG, JPEG and PNM images, with svl's own conversion to grey.
+//! Image files: PNG, JPEG, PNM, TIFF, BMP, WebP.
 
-use super::{MAX_BYTES, jpeg, read_bounded};
+use super::{BitDepth, DecodedImage, MAX_BYTES, jpeg, read_bounded};
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, MAX_SIDE, Plane, Visibility};
 use image::{
@@ -10,10 +10,15 @@ use image::{
 use std::io::Cursor;
 use std::path::Path;
 
+/// Image formats by the endings of their files, the usual one first.
+pub(crate) const IMAGE_ENDINGS: &[&str] = &[
+    "png", "ppm", "pgm", "jpg", "jpeg", "tif", "tiff", "bmp", "webp",
+];
+
 /// Reads an image of any format and depth; its sides are at most [`MAX_SIDE`].
 pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
     let bytes = read_bounded(path, MAX_BYTES)?;
-    let wrong = |e| Error::format(path, format!("not a readable PNG, JPEG or PNM image: {e}"));
+    let wrong = |e| Error::format(path, format!("not a readable image: {e}"));
     decode_bytes(&bytes).map_err(wrong)
 }
 
@@ -35,7 +40,7 @@ pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, St
 }
 
 /// Reads an image as 8-bit grey: grey as it is (16 bits keep their upper 8), colour by
-/// [`Gray::from_rgb`].
+/// [`Gray::from_color`].
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`], [`Error::Dimensions`].
@@ -48,18 +53,9 @@ pub(crate) fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
     gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
 }
 
-/// The image as [`read_gray`] gives it.
-pub(crate) fn gray(image: DynamicImage) -> Result<Gray> {
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    match image {
-        DynamicImage::ImageLuma8(grey) => Gray::from_vec(width, height, grey.into_raw()),
-        DynamicImage::ImageLuma16(grey) => Gray::from_vec(
-            width,
-            height,
-            grey.into_raw().iter().map(|v| (v >> 8) as u8).collect(),
-        ),
-        other => Gray::from_rgb(width, height, other.into_rgb8().as_raw()),
-    }
+fn gray(image: DynamicImage) -> Result<Gray> {
+    let image = DecodedImage::new(image)?;
+    Ok(BitDepth::FULL.clone().grey(image).0)
 }
 
 /// Reads a mask with Middlebury's codes: 255 seen by both cameras, 128 occluded, else unknown.

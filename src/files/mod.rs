@@ -1,5 +1,6 @@
 //! Image and disparity files. Input is untrusted: sizes are checked before memory is allocated.
 
+mod decoded;
 mod disparity;
 mod image;
 mod jpeg;
@@ -9,16 +10,18 @@ mod picture;
 
 pub(crate) use crate::bounded::read_bounded;
 pub use crate::bounded::read_text;
+pub use decoded::read_pair;
+pub(crate) use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
 pub use disparity::{
     has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
 };
-pub(crate) use image::{decode_bytes, gray, gray_of};
+pub(crate) use image::{IMAGE_ENDINGS, decode_bytes, gray_of};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub(crate) use jpeg::brightness;
 pub use npz::read_npz;
 pub use pfm::{read_pfm, write_pfm};
-pub use picture::{encode_jpeg, encode_palette_png};
+pub use picture::{encode_color_jpeg, encode_jpeg, encode_palette_png};
 
 use crate::stereo::Plane;
 

@@ -1,9 +1,9 @@
 //! Small image files for HTML pages: palette PNG and JPEG.
 
 use crate::error::{Error, Result};
-use crate::stereo::{Gray, Plane};
+use crate::stereo::{Gray, Plane, Rgb};
 use image::codecs::jpeg::JpegEncoder;
-use image::{GrayImage, imageops};
+use image::{ImageBuffer, Luma, Pixel, PixelWithColorType, imageops};
 
 /// JPEG quality: grey noise looks unchanged, at a fifth of a PNG's bytes.
 const QUALITY: u8 = 78;
@@ -61,21 +61,34 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
 /// # Errors
 /// [`Error::Invalid`] with what the encoder says.
 pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
-    let (w, h) = image.size();
-    let pixels: Vec<u8> = image.pixels().collect();
-    let grey = GrayImage::from_raw(w as u32, h as u32, pixels);
-    let mut grey = grey.ok_or_else(|| Error::Invalid(format!("JPEG encoder: {w}x{h} pixels")))?;
+    jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), width)
+}
+
+/// As [`encode_jpeg`], in colour.
+///
+/// # Errors
+/// As [`encode_jpeg`].
+pub fn encode_color_jpeg(image: &Rgb, width: usize) -> Result<Vec<u8>> {
+    jpeg::<image::Rgb<u8>>(image.size(), image.pixels().flatten().collect(), width)
+}
+
+fn jpeg<P>((w, h): (usize, usize), pixels: Vec<u8>, width: usize) -> Result<Vec<u8>>
+where
+    P: PixelWithColorType + Pixel<Subpixel = u8> + 'static,
+{
+    let image = ImageBuffer::<P, _>::from_raw(w as u32, h as u32, pixels);
+    let mut image = image.ok_or_else(|| Error::Invalid(format!("JPEG encoder: {w}x{h} pixels")))?;
     if w > width && width > 0 {
         let height = (h * width / w).max(1);
-        grey = imageops::resize(
-            &grey,
+        image = imageops::resize(
+            &image,
             width as u32,
             height as u32,
             imageops::FilterType::Triangle,
         );
     }
     let mut file = Vec::new();
-    let encoded = JpegEncoder::new_with_quality(&mut file, QUALITY).encode_image(&grey);
+    let encoded = JpegEncoder::new_with_quality(&mut file, QUALITY).encode_image(&image);
     encoded.map_err(|e| Error::Invalid(format!("JPEG encoder: {e}")))?;
     Ok(file)
 }
@@ -118,6 +131,12 @@ mod tests {
         let image = Gray::from_fn(40, 30, |x, _| 5 * x as u8).unwrap();
         let size = |width| {
             let grey = image::load_from_memory(&encode_jpeg(&image, width).unwrap()).unwrap();
+            let color = encode_color_jpeg(&image.map(|v| [v, 0, 0]), width).unwrap();
+            let color = image::load_from_memory(&color).unwrap();
+            assert_eq!(
+                (grey.width(), grey.height()),
+                (color.width(), color.height())
+            );
             (grey.width(), grey.height())
         };
         assert_eq!(

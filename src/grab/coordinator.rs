@@ -277,10 +277,11 @@ impl Coordinator {
                 .map_or(Geometry::Raw, |rig| Geometry::Rectified(Some(rig))),
             pose: None,
             truth: None,
+            color: None,
             exposure: Exposure {
                 // Without a trigger there is no pulse: the number of the pair stands for it.
                 trigger_id: left.trigger_id.unwrap_or(sequence),
-                skew_ns,
+                skew_ns: Some(skew_ns),
                 shutter_us: left.settings.shutter_us,
                 gain_mdb: left.settings.gain_mdb,
                 drops,

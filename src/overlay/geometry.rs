@@ -164,6 +164,7 @@ mod tests {
             geometry: Geometry::Rectified(rig),
             pose,
             truth,
+            color: None,
             exposure: Exposure::default(),
         }
     }

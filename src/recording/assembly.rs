@@ -6,7 +6,9 @@ use super::messages::Channel;
 use super::sync::{PairGeometry, StereoSync};
 use super::{PairSource, TopicKind, images, truth};
 use crate::counted;
-use crate::stereo::{Frame, Geometry, Gray, Plane, Pose, Rig, Side, StereoPair, Truth, Visibility};
+use crate::stereo::{
+    Frame, Geometry, Gray, Plane, Pose, Rgb, Rig, Side, StereoPair, Truth, Visibility,
+};
 use nalgebra::Matrix3x4;
 use std::collections::BTreeMap;
 
@@ -28,6 +30,7 @@ pub(super) struct PairAssembler {
 #[derive(Default)]
 struct PairMessages {
     image: Option<Gray>,
+    color: Option<Rgb>,
     calibration: Option<Matrix3x4<f64>>,
     pose: Option<Pose>,
     depth: Option<Plane<f32>>,
@@ -61,6 +64,10 @@ impl PairAssembler {
                 let image = images::decode_gray(schema, data)?;
                 let replaced = self.at(side, stamp).image.replace(image);
                 self.unpaired += u64::from(replaced.is_some());
+            }
+            TopicKind::Color(side) => {
+                let color = images::decode_color(schema, data)?;
+                self.at(side, stamp).color = Some(color);
             }
             TopicKind::Calibration(side) => {
                 let calibration = geometry::decode_calibration(schema, data)?;
@@ -228,6 +235,14 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
             }
         }
     }
+    let color = left.color.zip(right.color).map(<[Rgb; 2]>::from);
+    if color
+        .iter()
+        .flatten()
+        .any(|color| color.size() != pair.size())
+    {
+        return Err("its colours are of another size than its images".to_owned());
+    }
     let StereoSync {
         sequence,
         name,
@@ -247,6 +262,7 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
         },
         pose: left.pose,
         truth,
+        color,
         exposure,
     })
 }

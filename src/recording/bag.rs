@@ -1,4 +1,4 @@
-//! A ROS 2 bag: a folder of MCAP files that make one recording.
+//! A ROS 2 bag: a folder of MCAP or SQLite files that make one recording.
 
 use crate::counted;
 use crate::error::{Error, Result};
@@ -14,11 +14,11 @@ const BAG: &str = "rosbag2_bagfile_information";
 const MAX_BYTES: u64 = 1 << 22;
 /// Limit of files listed in a message.
 const LISTED: usize = 5;
-/// Converts a bag that svl does not read, in SQLite or compressed, to one that it reads.
-pub(super) const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes \
-                                  a bag that svl reads (pip install rosbags)";
+/// Converts a bag that svl does not read to one that it reads.
+const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes a bag that \
+                       svl reads (pip install rosbags)";
 
-/// Whether `path` is the folder of a bag: with its metadata, or with MCAP files and no folders.
+/// Whether `path` is the folder of a bag: with its metadata, or with its files and no folders.
 pub fn is_bag(path: &Path) -> bool {
     let holds_no_folder = || {
         path.read_dir()
@@ -26,7 +26,7 @@ pub fn is_bag(path: &Path) -> bool {
             .is_ok_and(|mut entries| !entries.any(|e| e.is_ok_and(|e| e.path().is_dir())))
     };
     read_text(&path.join(METADATA), MAX_BYTES).is_ok_and(|text| text.contains(BAG))
-        || holds_no_folder() && mcap_files(path).is_ok_and(|files| !files.is_empty())
+        || holds_no_folder() && bag_files(path).is_ok_and(|files| !files.is_empty())
 }
 
 /// The files of the recording at `path`, in their order: itself, or those of a ROS 2 bag.
@@ -44,11 +44,12 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
         return Ok(names.into_iter().map(|name| path.join(name)).collect());
     }
     // No metadata: rosbag2 was killed, or the folder is not a bag.
-    let files = mcap_files(path)?;
+    let files = bag_files(path)?;
     match files.len() {
         0 => Err(Error::format(
             path,
-            "is a folder, not a recording, nor a ROS 2 bag: it holds no metadata.yaml and no .mcap",
+            "is a folder, not a recording, nor a ROS 2 bag: it holds no metadata.yaml, no .mcap and \
+             no .db3",
         )),
         1 => Ok(files),
         _ => Err(Error::format(
@@ -78,18 +79,21 @@ pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
     Error::format(path, format!("is a bag of {count}: {}", name_one(files)))
 }
 
-/// What a file that begins with `start` is, if not MCAP, and the cure.
-pub(super) fn not_mcap(start: &[u8]) -> String {
-    match start {
-        // zstd's magic number: rosbag2 with compression_mode `file`.
-        [0x28, 0xB5, 0x2F, 0xFD, ..] => {
-            "is compressed; `zstd -dc FILE > FILE.mcap` unpacks it".to_owned()
-        }
-        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => {
-            format!("is a bag in SQLite, svl reads MCAP; {CONVERT}")
-        }
-        _ => "is not an MCAP file; svl reads recordings in MCAP (.mcap)".to_owned(),
+/// What the file at `path` is that begins with `start`, if not MCAP, and the cure.
+pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
+    // `#ROSBAG V2.0`
+    if start.starts_with(b"#ROSBAG ") {
+        let (bag, new) = (path.display(), path.with_extension(""));
+        let new = match new == path {
+            true => format!("{bag}-ros2"),
+            false => new.display().to_string(),
+        };
+        return format!(
+            "is a bag of ROS 1; `rosbags-convert --src {bag} --dst {new}` makes a bag of ROS 2 that \
+             svl reads (pip install rosbags)"
+        );
     }
+    "is not an MCAP file, nor a bag of ROS 2 in SQLite; svl reads these (.mcap, .db3)".to_owned()
 }
 
 /// The names of a bag's files by its metadata.
@@ -110,17 +114,17 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
         _ => String::new(),
     };
     match text("storage_identifier").as_str() {
-        "mcap" => {}
+        "mcap" | "sqlite3" => {}
         other => {
             return Err(wrong(format!(
-                "the bag is in '{other}', svl reads mcap; {CONVERT}"
+                "the bag is in '{other}', svl reads mcap and sqlite3; {CONVERT}"
             )));
         }
     }
-    let mode = text("compression_mode");
-    if mode == "file" || mode == "message" {
+    let (mode, format) = (text("compression_mode"), text("compression_format"));
+    if (mode == "file" || mode == "message") && format != "zstd" {
         return Err(wrong(format!(
-            "the bag is compressed {mode} by {mode}, which svl does not read; {CONVERT}"
+            "the bag is compressed {mode} by {mode} in '{format}', svl reads zstd; {CONVERT}"
         )));
     }
     let Some(YamlNode::List(paths)) = bag.get("relative_file_paths") else {
@@ -137,14 +141,17 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
         .ok_or_else(|| wrong("its relative_file_paths name no files".to_owned()))
 }
 
-/// The MCAP files in a folder, by their names.
-fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>> {
+/// The MCAP and SQLite files in a folder, by their names.
+fn bag_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = folder
         .read_dir()
         .map_err(|e| Error::io(folder, e))?
         .filter_map(|entry| Some(entry.ok()?.path()));
     let mut files: Vec<_> = entries
-        .filter(|path| path.extension().is_some_and(|ending| ending == "mcap"))
+        .filter(|path| {
+            let ending = path.extension();
+            ending.is_some_and(|ending| ending == "mcap" || ending == "db3")
+        })
         .collect();
     // read_dir has no order of its own.
     files.sort_unstable();

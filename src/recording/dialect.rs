@@ -2,7 +2,8 @@
 
 use super::{Encoded, ImageFormat, PROFILE, RosStamp, TopicKind, frame_id, geometry, images, ros};
 use crate::error::Result;
-use crate::stereo::{Gray, Pose, Rig, Side};
+use crate::stereo::{Gray, Plane, Pose, Rgb, Rig, Side};
+use images::Pixel;
 use std::borrow::Cow;
 
 /// The message types of a recording. Both dialects hold the same data.
@@ -16,6 +17,7 @@ pub enum Dialect {
     /// | topic | message |
     /// |---|---|
     /// | `/stereo/{left,right}/image_rect`, raw `image_raw` | sensor_msgs/msg/Image mono8 |
+    /// | `…/image_rect_color`, raw `image_raw_color`, of a source in colour | Image rgb8 |
     /// | the same with `/compressed` | sensor_msgs/msg/CompressedImage |
     /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
     /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
@@ -104,6 +106,29 @@ impl Dialect {
         }
     }
 
+    /// The colours of a camera's image. svl's own readers take the image itself, which is their
+    /// luma.
+    pub(super) fn color(
+        self,
+        image: &Rgb,
+        camera: Side,
+        rectified: bool,
+        format: ImageFormat,
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
+        if self == Self::Svl {
+            let message = images::encode_image(image, format, stamp, frame_id(camera))?;
+            return Ok((TopicKind::Color(camera).topic().into(), message));
+        }
+        self.ros_image(
+            image,
+            camera,
+            [rectified_name(rectified), "_color"].concat(),
+            format,
+            stamp,
+        )
+    }
+
     /// The image of a camera. In ROS its topic says whether the pair is rectified.
     pub(super) fn image(
         self,
@@ -114,25 +139,38 @@ impl Dialect {
         stamp: RosStamp,
     ) -> Result<TopicMessage> {
         if self == Self::Svl {
-            let message = images::encode_gray(image, format, stamp, frame_id(camera))?;
+            let message = images::encode_image(image, format, stamp, frame_id(camera))?;
             return Ok((TopicKind::Image(camera).topic().into(), message));
         }
+        self.ros_image(
+            image,
+            camera,
+            rectified_name(rectified).to_owned(),
+            format,
+            stamp,
+        )
+    }
+
+    fn ros_image<P: Pixel>(
+        self,
+        image: &Plane<P>,
+        camera: Side,
+        name: String,
+        format: ImageFormat,
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
         // The frame of both calibrations.
         let frame_id = frame_id(Side::Left);
-        let topic = format!(
-            "/stereo/{}/{}",
-            camera.name(),
-            if rectified { "image_rect" } else { "image_raw" }
-        );
+        let topic = format!("/stereo/{}/{name}", camera.name());
         Ok(match format {
             // ROS viewers take mono8 for grey; Rerun shows it as depth, which is why svl's own
             // dialect has RawImage.
-            ImageFormat::Raw => (topic.into(), ros::encode_mono8(image, stamp, frame_id)),
+            ImageFormat::Raw => (topic.into(), ros::encode_8bit(image, stamp, frame_id)),
             ImageFormat::Png => {
                 let png = images::png(image)?;
                 (
                     format!("{topic}/compressed").into(),
-                    ros::encode_png(&png, stamp, frame_id),
+                    ros::encode_png(&png, P::ENCODING, stamp, frame_id),
                 )
             }
         })
@@ -141,8 +179,8 @@ impl Dialect {
     pub(super) fn visibility(self, codes: &Gray, stamp: RosStamp) -> Result<TopicMessage> {
         let frame_id = frame_id(Side::Left);
         let message = match self {
-            Self::Svl => images::encode_gray(codes, ImageFormat::Raw, stamp, frame_id)?,
-            Self::Ros2 => ros::encode_mono8(codes, stamp, frame_id),
+            Self::Svl => images::encode_image(codes, ImageFormat::Raw, stamp, frame_id)?,
+            Self::Ros2 => ros::encode_8bit(codes, stamp, frame_id),
         };
         Ok((TopicKind::Visibility.topic().into(), message))
     }
@@ -155,4 +193,9 @@ impl Dialect {
             Self::Ros2 => ros::encode_string(&String::from_utf8_lossy(&message.data)),
         }
     }
+}
+
+/// The last part of an image's topic.
+fn rectified_name(rectified: bool) -> &'static str {
+    if rectified { "image_rect" } else { "image_raw" }
 }

@@ -33,16 +33,28 @@ impl McapFile {
             let reason = "is a pipe or a device, not a file; copy it into a file first";
             return Err(Error::format(path, reason));
         }
-        if metadata.len() == 0 {
+        let file = Self::from_handle(path, File::open(path).map_err(io)?)?;
+        Ok(Self {
+            // Beyond the limit a handle per file would hit the process's limit of open files.
+            handle: file.handle.filter(|_| keep),
+            ..file
+        })
+    }
+
+    /// A regular file that is open and called `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for an empty file.
+    pub(super) fn from_handle(path: &Path, handle: File) -> Result<Self> {
+        let len = handle.metadata().map_err(|e| Error::io(path, e))?.len();
+        if len == 0 {
             let reason = "is empty: nothing was recorded, or not yet";
             return Err(Error::format(path, reason));
         }
-        let handle = File::open(path).map_err(io)?;
         Ok(Self {
             path: path.to_owned(),
-            len: metadata.len(),
-            // Beyond the limit a handle per file would hit the process's limit of open files.
-            handle: keep.then(|| Arc::new(handle)),
+            len,
+            handle: Some(Arc::new(handle)),
         })
     }
 

@@ -6,7 +6,7 @@ use mcap::records::Metadata;
 pub(super) const RECORD: &str = "svl";
 
 /// The metadata record `svl`: which svl wrote the recording, and the source of its frames.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Header {
     /// Version of svl that wrote it.
     pub version: String,
@@ -25,6 +25,57 @@ pub struct Header {
     /// Hash of everything that determines the frames. Recordings with equal hashes hold frames of
     /// the same simulated run, all or some.
     pub hash: Option<String>,
+    /// Where the stamps come from, if not from the cameras.
+    pub stamps: Option<StampOrigin>,
+    /// How many bits the 16-bit images used that the pairs were made of.
+    pub bits: Option<u8>,
+}
+
+/// Where the stamps of a source without stamps come from, with pairs per second. Of the skew
+/// nothing is known then.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StampOrigin {
+    /// The user's word.
+    Given(f64),
+    /// Nowhere: a number that stands for a rate that nobody knows.
+    Nominal(f64),
+}
+
+impl StampOrigin {
+    /// The stamp of pair `number`, from 0.
+    pub fn stamp_ns(&self, number: u64) -> u64 {
+        let (Self::Given(hz) | Self::Nominal(hz)) = self;
+        (number as f64 / hz * 1e9).round() as u64
+    }
+
+    /// A line for the user.
+    pub(crate) fn note(&self) -> Option<String> {
+        match self {
+            Self::Given(_) => None,
+            Self::Nominal(hz) => Some(format!(
+                "has no stamps: rate and skew are not known, and {hz} pairs a second stand in; \
+                 --fps says the rate"
+            )),
+        }
+    }
+
+    fn to_field(self) -> String {
+        match self {
+            Self::Given(hz) => format!("given {hz} Hz"),
+            Self::Nominal(hz) => format!("nominal {hz} Hz"),
+        }
+    }
+
+    fn from_field(text: &str) -> Option<Self> {
+        let (kind, hz) = text.strip_suffix(" Hz")?.split_once(' ')?;
+        let hz = hz.parse().ok().filter(|hz: &f64| hz.is_finite())?;
+        match kind {
+            "given" => Some(Self::Given(hz)),
+            "nominal" => Some(Self::Nominal(hz)),
+            _ => None,
+        }
+    }
 }
 
 impl Header {
@@ -39,6 +90,8 @@ impl Header {
             calibration: None,
             changes: None,
             hash: None,
+            stamps: None,
+            bits: None,
         }
     }
 
@@ -52,6 +105,8 @@ impl Header {
             ("calibration", self.calibration.clone()),
             ("changes", self.changes.clone()),
             ("hash", self.hash.clone()),
+            ("stamps", self.stamps.map(StampOrigin::to_field)),
+            ("bits", self.bits.map(|bits| bits.to_string())),
         ];
         let metadata = fields
             .into_iter()
@@ -77,6 +132,8 @@ impl Header {
             calibration: field("calibration"),
             changes: field("changes"),
             hash: field("hash"),
+            stamps: field("stamps").and_then(|text| StampOrigin::from_field(&text)),
+            bits: field("bits").and_then(|bits| bits.parse().ok()),
         })
     }
 }

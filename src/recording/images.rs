@@ -1,10 +1,10 @@
-//! Images in messages: 8-bit as foxglove.RawImage (mono8) or foxglove.CompressedImage (png), floats
+//! Images in messages: 8-bit grey and colour as foxglove.RawImage (mono8, rgb8) or foxglove.CompressedImage (png), floats
 //! out of sensor_msgs/msg/Image 32FC1.
 
 use super::{Encoded, RosStamp, decode_protobuf, ros};
 use crate::error::Error;
 use crate::files;
-use crate::stereo::{Gray, Plane};
+use crate::stereo::{Gray, Plane, Rgb};
 use foxglove::messages::{CompressedImage, RawImage};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
@@ -24,8 +24,35 @@ pub enum ImageFormat {
     Png,
 }
 
-pub(super) fn encode_gray(
-    image: &Gray,
+/// Pixels of a type that images are made of.
+pub(super) trait Pixel: Copy {
+    /// Its name in ROS and Foxglove.
+    const ENCODING: &'static str;
+    const BYTES: u32;
+    const PNG: ExtendedColorType;
+    fn flat(pixels: &[Self]) -> &[u8];
+}
+
+impl Pixel for u8 {
+    const ENCODING: &'static str = "mono8";
+    const BYTES: u32 = 1;
+    const PNG: ExtendedColorType = ExtendedColorType::L8;
+    fn flat(pixels: &[Self]) -> &[u8] {
+        pixels
+    }
+}
+
+impl Pixel for [u8; 3] {
+    const ENCODING: &'static str = "rgb8";
+    const BYTES: u32 = 3;
+    const PNG: ExtendedColorType = ExtendedColorType::Rgb8;
+    fn flat(pixels: &[Self]) -> &[u8] {
+        pixels.as_flattened()
+    }
+}
+
+pub(super) fn encode_image<P: Pixel>(
+    image: &Plane<P>,
     format: ImageFormat,
     stamp: RosStamp,
     frame_id: &str,
@@ -37,7 +64,7 @@ pub(super) fn encode_gray(
     let timestamp = stamp.foxglove();
     match format {
         ImageFormat::Raw => {
-            let encoding = "mono8".to_owned();
+            let encoding = P::ENCODING.to_owned();
             let data = pixels(image).into_owned().into();
             Ok(Encoded::protobuf(
                 RAW,
@@ -47,7 +74,7 @@ pub(super) fn encode_gray(
                     width,
                     height,
                     encoding,
-                    step: width,
+                    step: P::BYTES * width,
                     data,
                 },
             ))
@@ -69,26 +96,50 @@ pub(super) fn encode_gray(
 }
 
 /// The image as a PNG file.
-pub(super) fn png(image: &Gray) -> Result<Vec<u8>, Error> {
+pub(super) fn png<P: Pixel>(image: &Plane<P>) -> Result<Vec<u8>, Error> {
     let (width, height) = image.size();
     let mut png = Vec::new();
     // Fast, as recording has to keep up with the cameras.
     PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive)
-        .write_image(
-            &pixels(image),
-            width as u32,
-            height as u32,
-            ExtendedColorType::L8,
-        )
+        .write_image(&pixels(image), width as u32, height as u32, P::PNG)
         .map_err(|e| Error::Invalid(format!("cannot compress a {width}x{height} image: {e}")))?;
     Ok(png)
 }
 
 /// The pixels row by row, without row padding.
-pub(super) fn pixels(image: &Gray) -> Cow<'_, [u8]> {
-    image
-        .as_slice()
-        .map_or_else(|| image.pixels().collect(), Cow::Borrowed)
+pub(super) fn pixels<P: Pixel>(image: &Plane<P>) -> Cow<'_, [u8]> {
+    match image.as_slice() {
+        Some(pixels) => Cow::Borrowed(P::flat(pixels)),
+        None => Cow::Owned(image.rows().flat_map(P::flat).copied().collect()),
+    }
+}
+
+/// The colour image in a message of `schema`, or why there is none.
+pub(super) fn decode_color(schema: &str, data: &[u8]) -> Result<Rgb, String> {
+    let (width, height, rgb) = match schema {
+        RAW => {
+            let m: RawImage = decode_protobuf(data)?;
+            let (width, height, row) = (m.width as usize, m.height as usize, 3 * m.width);
+            if m.encoding != "rgb8" || m.step != row {
+                let (encoding, step) = (m.encoding, m.step);
+                return Err(format!(
+                    "its pixels are '{encoding}' in rows of {step}, not rgb8"
+                ));
+            }
+            (width, height, m.data.to_vec())
+        }
+        COMPRESSED => {
+            let CompressedImage { data, .. } = decode_protobuf(data)?;
+            let image = files::decode_bytes(&data)?.into_rgb8();
+            (
+                image.width() as usize,
+                image.height() as usize,
+                image.into_raw(),
+            )
+        }
+        other => return Err(format!("it is a {other}, svl reads {RAW} and {COMPRESSED}")),
+    };
+    Rgb::from_vec(width, height, rgb.as_chunks().0.to_vec()).map_err(|e| e.to_string())
 }
 
 /// The image in a message of `schema`, or why there is none.

@@ -4,10 +4,11 @@
 //! file is walked from record to record, past its chunks.
 
 use super::file::McapFile;
-use super::messages::{Contents, Declared, FileEvent, Messages, Section};
+use super::messages::{Contents, Declared, EventReader, FileEvent, Messages, Section};
 use super::records::Records;
 use crate::error::{Error, Result};
 use mcap::records::{Header, Metadata, Record, op};
+use std::path::Path;
 
 /// What a file holds beside its messages.
 #[derive(Default)]
@@ -93,9 +94,9 @@ impl Index {
 
     /// # Errors
     /// [`Error::Damaged`] where the walk did not reach the end of the file.
-    pub(super) fn check_complete(&self, file: &McapFile) -> Result<()> {
+    pub(super) fn check_complete(&self, path: &Path) -> Result<()> {
         match &self.damage {
-            Some(reason) => Err(Error::damaged(file.path(), reason.clone())),
+            Some(reason) => Err(Error::damaged(path, reason.clone())),
             None => Ok(()),
         }
     }

@@ -34,6 +34,15 @@ pub(super) enum FileEvent<'a> {
     Library(Header),
 }
 
+/// Reads the messages of a file, and what is beside them.
+pub(super) trait EventReader: Send {
+    /// The next piece; nothing at the end of the file, and after an error.
+    ///
+    /// # Errors
+    /// [`crate::Error::Damaged`] where the file ends early or is not what its CRCs say.
+    fn next(&mut self) -> Result<Option<FileEvent<'_>>>;
+}
+
 /// The schemas and channels of a file.
 #[derive(Clone, Default)]
 pub(super) struct Declared {
@@ -284,22 +293,6 @@ impl Messages {
         self.declared.channels.get(&id).or_else(before)
     }
 
-    /// The next piece; nothing at the end of the file, and after an error.
-    ///
-    /// # Errors
-    /// [`crate::Error::Damaged`] where the file ends early or is not what its CRCs say.
-    pub(super) fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
-        while let Some(opcode) = self.advance()? {
-            if matches!(
-                opcode,
-                op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER
-            ) {
-                return self.event(opcode);
-            }
-        }
-        Ok(None)
-    }
-
     /// Goes to the next record that can be read, and says what it is; see [`Messages::record`].
     ///
     /// # Errors
@@ -504,5 +497,19 @@ impl Messages {
             Record::Header(header) => Some(FileEvent::Library(header)),
             _ => None,
         })
+    }
+}
+
+impl EventReader for Messages {
+    fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
+        while let Some(opcode) = self.advance()? {
+            if matches!(
+                opcode,
+                op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER
+            ) {
+                return self.event(opcode);
+            }
+        }
+        Ok(None)
     }
 }

@@ -4,6 +4,7 @@
 //! | topic | message | written when |
 //! |---|---|---|
 //! | `/stereo/{left,right}/image` | foxglove.RawImage mono8, or CompressedImage png | always |
+//! | `/stereo/{left,right}/color` | foxglove.RawImage rgb8, or CompressedImage png | source in colour |
 //! | `/stereo/{left,right}/calibration` | foxglove.CameraCalibration: K, R = I, P | rig known |
 //! | `/rig/baseline` | foxglove.FrameTransform, left camera → right camera | rig known |
 //! | `/rig/pose` | foxglove.FrameTransform, world → left camera | pose known |
@@ -24,7 +25,7 @@
 //!
 //! [`Dialect::Ros2`] is the same in ROS 2 messages only.
 //!
-//! ROS 2 bags and Foxglove recordings of other programs are read too: image topics are found by
+//! ROS 2 bags, in MCAP and SQLite, and Foxglove recordings of other programs are read too: image topics are found by
 //! their types, and images are paired by their stamps; see [`Selection`]. A bag may be the folder
 //! of its files.
 
@@ -33,6 +34,7 @@ mod assembly;
 mod bag;
 mod cells;
 mod chunk;
+mod container;
 mod dialect;
 mod file;
 mod foreign;
@@ -52,6 +54,7 @@ mod ros;
 mod salvage;
 mod search;
 mod skew;
+mod sqlite;
 mod summary;
 mod sync;
 mod synced_file;
@@ -62,7 +65,7 @@ pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic};
-pub use header::Header;
+pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
 pub use opened::Recording;
 pub use reader::Reader;
@@ -75,6 +78,7 @@ pub use sync::PairGeometry;
 pub use writer::Writer;
 
 use crate::error::{Error, Result};
+use crate::files::BitDepth;
 use crate::stereo::{Frame, Side, StereoCalibration};
 use messages::Channel;
 use std::borrow::Cow;
@@ -110,6 +114,7 @@ fn frame_id(side: Side) -> &'static str {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TopicKind {
     Image(Side),
+    Color(Side),
     Calibration(Side),
     Baseline,
     Pose,
@@ -120,9 +125,11 @@ enum TopicKind {
 }
 
 impl TopicKind {
-    const ALL: [TopicKind; 10] = [
+    const ALL: [TopicKind; 12] = [
         TopicKind::Image(Side::Left),
         TopicKind::Image(Side::Right),
+        TopicKind::Color(Side::Left),
+        TopicKind::Color(Side::Right),
         TopicKind::Calibration(Side::Left),
         TopicKind::Calibration(Side::Right),
         TopicKind::Baseline,
@@ -137,6 +144,8 @@ impl TopicKind {
         match self {
             TopicKind::Image(Side::Left) => "/stereo/left/image",
             TopicKind::Image(Side::Right) => "/stereo/right/image",
+            TopicKind::Color(Side::Left) => "/stereo/left/color",
+            TopicKind::Color(Side::Right) => "/stereo/right/color",
             TopicKind::Calibration(Side::Left) => "/stereo/left/calibration",
             TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
             TopicKind::Baseline => "/rig/baseline",
@@ -190,6 +199,11 @@ trait PairSource: Send {
 
     /// Topic of the left images.
     fn left_topic(&self) -> &str;
+
+    /// How many bits the 16-bit images use.
+    fn depth(&self) -> BitDepth {
+        BitDepth::FULL
+    }
 
     /// Why there was no pair.
     fn why_none(&self) -> String;

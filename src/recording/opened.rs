@@ -2,7 +2,7 @@
 
 use super::CALIBRATION;
 use super::bag::{files, several_files};
-use super::file::McapFile;
+use super::container::Container;
 use super::header::{Header, RECORD};
 use super::index::Index;
 use super::messages::{Channel, Messages};
@@ -15,7 +15,7 @@ use std::sync::{Arc, OnceLock};
 /// Limit of files of a bag that are all kept open. A process may hold 1024 on most systems.
 const MAX_OPEN: usize = 256;
 
-/// A recording that is open: one MCAP file, or those of a ROS 2 bag. Clones share the open files.
+/// A recording that is open: one file, or those of a ROS 2 bag. Clones share the open files.
 #[derive(Clone)]
 pub struct Recording {
     path: PathBuf,
@@ -24,7 +24,7 @@ pub struct Recording {
 
 /// One file, with its index once it was needed.
 struct RecordingFile {
-    file: McapFile,
+    file: Container,
     index: OnceLock<Index>,
     channels: OnceLock<Vec<Channel>>,
 }
@@ -42,7 +42,7 @@ impl Recording {
         // Bags of a day in pieces of a minute have 1440 files.
         let keep = files.len() <= MAX_OPEN;
         let open = |file: &PathBuf| {
-            McapFile::open(file, keep).map(|file| RecordingFile {
+            Container::open(file, keep).map(|file| RecordingFile {
                 file,
                 index: OnceLock::new(),
                 channels: OnceLock::new(),
@@ -68,7 +68,7 @@ impl Recording {
                 return Ok(header);
             }
             // Behind the damage there may be one; absent is known only of a complete index.
-            index.check_complete(&part.file)?;
+            index.check_complete(part.file.path())?;
         }
         let reason = format!("is not a recording of svl: it has no metadata record '{RECORD}'");
         Err(Error::format(&self.path, reason))
@@ -84,7 +84,7 @@ impl Recording {
             if let Some((_, start)) = index.attachments.iter().find(|(known, _)| known == name) {
                 return part.attachment(*start).map(Some);
             }
-            index.check_complete(&part.file)?;
+            index.check_complete(part.file.path())?;
         }
         Ok(None)
     }
@@ -103,7 +103,7 @@ impl Recording {
                     found.push((name.to_owned(), part.attachment(*start)?));
                 }
             }
-            index.check_complete(&part.file)?;
+            index.check_complete(part.file.path())?;
         }
         Ok(found)
     }
@@ -113,11 +113,11 @@ impl Recording {
     /// # Errors
     /// [`Error::Format`] for a bag of several, which names them.
     pub fn only_path(&self) -> Result<&Path> {
-        self.only_file().map(McapFile::path)
+        self.only_part().map(|part| part.file.path())
     }
 
     /// The files, in the order of the recording.
-    pub(super) fn files(&self) -> impl Iterator<Item = &McapFile> {
+    pub(super) fn files(&self) -> impl Iterator<Item = &Container> {
         self.parts.iter().map(|part| &part.file)
     }
 
@@ -125,9 +125,13 @@ impl Recording {
     ///
     /// # Errors
     /// [`Error::Format`] for a bag of several, which names them.
-    pub(super) fn only_file(&self) -> Result<&McapFile> {
+    pub(super) fn only_file(&self) -> Result<&Container> {
+        self.only_part().map(|part| &part.file)
+    }
+
+    fn only_part(&self) -> Result<&RecordingFile> {
         match &*self.parts {
-            [part] => Ok(&part.file),
+            [part] => Ok(part),
             _ => {
                 let paths: Vec<_> = self.files().map(|file| file.path().to_owned()).collect();
                 Err(several_files(&self.path, &paths))
@@ -142,7 +146,10 @@ impl Recording {
         let Error::Damaged { path, .. } = &error else {
             return error;
         };
-        let file = self.files().find(|file| file.path() == path);
+        let file = self.files().find_map(|file| match file {
+            Container::Mcap(file) if file.path() == path => Some(file),
+            _ => None,
+        });
         let first = file.map(|file| -> Result<_> {
             let mut messages = Messages::salvage(file)?;
             while messages.advance()?.is_some() {}
@@ -194,7 +201,10 @@ impl RecordingFile {
         match self.index.get() {
             Some(index) => Ok(index),
             None => {
-                let index = Index::read(&self.file)?;
+                let index = match &self.file {
+                    Container::Mcap(file) => Index::read(file)?,
+                    Container::Sqlite(_) => Index::default(),
+                };
                 // Another thread may have been first; both read the same.
                 Ok(self.index.get_or_init(|| index))
             }
@@ -205,19 +215,30 @@ impl RecordingFile {
         if let Some(channels) = self.channels.get() {
             return Ok(channels);
         }
-        let mut channels = self.index()?.declared.channels();
-        if channels.is_empty() {
-            let mut messages = Messages::open(&self.file)?;
-            // Channels are declared inside chunks, so all of the file has to be read.
-            while let Ok(Some(_)) = messages.advance() {}
-            channels = messages.channels();
-        }
+        let channels = match &self.file {
+            Container::Sqlite(file) => file.channels()?,
+            Container::Mcap(file) => match self.index()?.declared.channels() {
+                none if none.is_empty() => {
+                    let mut messages = Messages::open(file)?;
+                    // Channels are declared inside chunks, so all of the file has to be read.
+                    while let Ok(Some(_)) = messages.advance() {}
+                    messages.channels()
+                }
+                channels => channels,
+            },
+        };
         Ok(self.channels.get_or_init(|| channels))
     }
 
     /// The contents of the attachment whose record begins at `start`.
     fn attachment(&self, start: u64) -> Result<Vec<u8>> {
-        match Records::open(&self.file)?.record_at(start)? {
+        let record = match &self.file {
+            Container::Mcap(file) => Records::open(file)?
+                .record_at(start)?
+                .map(Record::into_owned),
+            Container::Sqlite(_) => None,
+        };
+        match record {
             Some(Record::Attachment { data, .. }) => Ok(data.into_owned()),
             _ => {
                 let reason = format!("the attachment at byte {start} cannot be read");

@@ -1,8 +1,9 @@
 //! Reads the pairs of a recording.
 
 use super::assembly::PairAssembler;
+use super::container::Container;
 use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic};
-use super::messages::{FileEvent, Messages};
+use super::messages::{EventReader, FileEvent};
 use super::pair_index::PairIndex;
 use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
 use crate::error::{Error, Result};
@@ -16,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Left and right are paired by `/stereo/sync` in svl's own recordings, by their stamps in others.
 pub struct Reader {
     recording: Recording,
-    messages: Messages,
+    messages: Box<dyn EventReader>,
     /// Index of the file that is read next.
     next_file: usize,
     source: Box<dyn PairSource>,
@@ -53,8 +54,12 @@ impl Reader {
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
-        let messages = Messages::open(first)?;
+        let messages = first.messages()?;
         let is_own = !selection.names_topics() && is_own(&recording)?;
+        if is_own && selection.bits.is_some() {
+            let why = "is for 16-bit images; recordings of svl have 8 bits";
+            return Err(Error::Usage(format!("--bits {why}")));
+        }
         let mut reader = Self {
             messages,
             next_file: 1,
@@ -141,6 +146,16 @@ impl Reader {
         TruthTopic::open(&self.recording, self.source.left_topic(), selection)
     }
 
+    /// How many bits the 16-bit images use of a recording that svl did not write.
+    pub fn bits(&self) -> Option<u8> {
+        self.source.depth().bits()
+    }
+
+    /// What the user should know of the images that is no warning.
+    pub fn note(&self) -> Option<String> {
+        self.source.depth().note()
+    }
+
     /// The calibration that rectifies raw pairs of a recording that svl did not write, where it
     /// holds one. Where that is incomplete, a remark says why.
     pub fn calibration(&self) -> Option<StereoCalibration> {
@@ -159,7 +174,9 @@ impl Reader {
         if self.pairs.is_none() {
             return Ok(false);
         }
-        let file = self.recording.only_file()?;
+        let Container::Mcap(file) = self.recording.only_file()? else {
+            return Ok(false);
+        };
         if self.index.is_none() {
             self.index = Some(PairIndex::read(file)?);
         }
@@ -169,7 +186,7 @@ impl Reader {
         let Some(place) = pairs.get(index) else {
             return Ok(false);
         };
-        self.messages = pairs.messages(file, place)?;
+        self.messages = Box::new(pairs.messages(file, place)?);
         self.source = Box::new(PairAssembler::default());
         self.ahead.clear();
         self.damage = None;
@@ -237,7 +254,7 @@ impl Reader {
                 // The pairing goes on over the border: left and right may be in different files.
                 Ok(None) => match self.recording.files().nth(self.next_file) {
                     Some(next) => {
-                        self.messages = Messages::open(next)?;
+                        self.messages = next.messages()?;
                         self.next_file += 1;
                     }
                     None => ended = true,

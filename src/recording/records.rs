@@ -556,7 +556,7 @@ fn no_mcap(file: &McapFile) -> Error {
         .reader()
         .and_then(|reader| reader.take(8).read_to_end(&mut start).map_err(io));
     match read {
-        Ok(_) => Error::format(file.path(), not_mcap(&start)),
+        Ok(_) => Error::format(file.path(), not_mcap(file.path(), &start)),
         Err(error) => error,
     }
 }

@@ -1,6 +1,7 @@
 //! Recovers the intact records of a truncated or corrupt file.
 
 use super::append_file::AppendFile;
+use super::container::Container;
 use super::messages::{Messages, Schema};
 use super::salvage::DamagedPart;
 use super::{LIBRARY, Recording, TopicKind};
@@ -40,7 +41,16 @@ impl Recording {
     /// [`Error::Io`], also when `to` exists; [`Error::Format`] for what is not an MCAP file or
     /// holds nothing to save, of which no file is left, and for a bag of several files.
     pub fn recover(&self, to: &Path) -> Result<Recovery> {
-        let from = self.only_file()?;
+        let from = match self.only_file()? {
+            Container::Mcap(file) => file,
+            Container::Sqlite(file) => {
+                let cure = "`sqlite3 FILE .recover` does it for SQLite";
+                return Err(Error::format(
+                    file.path(),
+                    format!("is no MCAP file; {cure}"),
+                ));
+            }
+        };
         let mut messages = Messages::salvage(from)?;
         let first = messages.advance()?;
         let (profile, library) = match first.map(|opcode| messages.record(opcode)).transpose()? {

@@ -2,7 +2,7 @@
 
 use super::Encoded;
 use super::Recording;
-use super::messages::{FileEvent, Messages};
+use super::messages::FileEvent;
 use crate::error::{Error, Result};
 use crate::stereo::{Estimate, Frame};
 use serde::de::DeserializeOwned;
@@ -66,7 +66,7 @@ impl Recording {
     /// The messages of a JSON schema.
     pub(super) fn json_messages<T: DeserializeOwned>(&self, schema: &str) -> Result<Vec<T>> {
         let file = self.only_file()?;
-        let mut messages = Messages::open(file)?;
+        let mut messages = file.messages()?;
         let mut found = Vec::new();
         while let Some(event) = messages.next().map_err(|error| self.located(error))? {
             if let FileEvent::Message {

@@ -1,11 +1,14 @@
 //! Summarizes a recording: topics, pairs, gaps, skew, damage.
 
+use super::container::Container;
 use super::foreign::{Selection, choose, is_image};
-use super::messages::{Channel, FileEvent, Messages};
+use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::salvage::DamagedPart;
 use super::skew::SkewSummary;
 use super::sync::{PairGeometry, StereoSync};
-use super::{AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Reader, Recording, TopicKind};
+use super::{
+    AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Reader, Recording, StampOrigin, TopicKind,
+};
 use crate::error::Result;
 use crate::manifest::Manifest;
 use crate::statistics::upper_rank;
@@ -58,11 +61,11 @@ pub struct RecordingSummary {
     pub end_ns: u64,
     /// Complete pairs of svl's own recordings.
     pub pairs: u64,
-    /// Median period of the left images; nothing where their topic is unknown.
+    /// Median period of the left images; nothing where their topic or their rate is unknown.
     pub period_ns: Option<u64>,
     /// Intervals of more than 1.5 median periods between left images.
     pub gaps: Vec<Gap>,
-    /// Right stamp minus left stamp, over all pairs.
+    /// Right stamp minus left stamp, over all pairs; nothing where it is not known.
     pub skew: Option<SkewSummary>,
     /// Unpaired images, as the recorder counted them.
     pub drops: u64,
@@ -111,9 +114,32 @@ impl Recording {
     /// [`crate::Error::Io`]; [`crate::Error::Format`] for what is not an MCAP file, and for a bag
     /// of several.
     pub fn summary(&self) -> Result<RecordingSummary> {
-        let file = self.only_file()?;
-        let mut messages = Messages::salvage(file)?;
         let mut seen = SummaryScan::default();
+        let file = match self.only_file()? {
+            Container::Mcap(file) => file,
+            Container::Sqlite(file) => {
+                let mut messages = file.messages()?;
+                loop {
+                    match messages.next() {
+                        Ok(Some(event)) => seen.take_in(event),
+                        Ok(None) => break,
+                        Err(error) => {
+                            seen.losses.push(DamagedPart {
+                                at_byte: 0,
+                                bytes: 0,
+                                reason: error.to_string(),
+                            });
+                        }
+                    }
+                }
+                (seen.library, seen.profile) = ("rosbag2, in SQLite".into(), "ros2".into());
+                let channels = file.channels()?;
+                let channels: Vec<_> = channels.iter().collect();
+                seen.stereo = choose(&channels, &Selection::default()).ok();
+                return Ok(seen.summary(file.path(), file.len()));
+            }
+        };
+        let mut messages = Messages::salvage(file)?;
         while let Some(event) = messages.next()? {
             seen.take_in(event);
         }
@@ -160,6 +186,7 @@ struct SummaryScan {
     topics: BTreeMap<String, Topic>,
     /// Stamps of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
+    pairs: u64,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
     geometry: BTreeSet<PairGeometry>,
@@ -234,7 +261,8 @@ impl SummaryScan {
         if TopicKind::from_topic(&channel.topic) == Some(TopicKind::Sync)
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
         {
-            self.skews.push(sync.exposure.skew_ns);
+            self.pairs += 1;
+            self.skews.extend(sync.exposure.skew_ns);
             self.sequences.insert(sync.sequence);
             self.geometry.insert(sync.geometry);
             // The counter of the recorder never falls; after damage the last one read holds.
@@ -263,7 +291,12 @@ impl SummaryScan {
             .collect();
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
-        let period_ns = upper_rank(&periods, 0.5);
+        // Nominal stamps say nothing of the rate.
+        let is_nominal = self
+            .header
+            .as_ref()
+            .is_some_and(|header| matches!(header.stamps, Some(StampOrigin::Nominal(_))));
+        let period_ns = upper_rank(&periods, 0.5).filter(|_| !is_nominal);
         let is_gap =
             |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
@@ -307,7 +340,7 @@ impl SummaryScan {
                 .max()
                 .unwrap_or(0),
             topics: self.topics.into_values().collect(),
-            pairs: self.skews.len() as u64,
+            pairs: self.pairs,
             period_ns,
             gaps: gaps
                 .map(|(after_ns, length_ns)| Gap {

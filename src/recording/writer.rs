@@ -95,7 +95,8 @@ impl Writer {
     /// [`Error::Invalid`] for stamps outside 1970 ..= 2038.
     pub fn write(&mut self, frame: &Frame) -> Result<()> {
         let left = RosStamp::new(frame.stamp_ns)?;
-        let skew_ns = frame.exposure.skew_ns;
+        // The stamp of an image whose skew nobody knows is that of its partner.
+        let skew_ns = frame.exposure.skew_ns.unwrap_or(0);
         // The right stamp is not in a frame; it is the left one plus the skew.
         let right_ns = left.ns().checked_add_signed(skew_ns).ok_or_else(|| {
             Error::Invalid(format!(
@@ -124,11 +125,20 @@ impl Writer {
         if let Some(pose) = &frame.pose {
             self.put(dialect.pose(pose, left), left, sequence)?;
         }
+        let rectified = frame.geometry != Geometry::Raw;
+        if let Some(colors) = &frame.color {
+            for ((camera, stamp), color) in [(Side::Left, left), (Side::Right, right)]
+                .into_iter()
+                .zip(colors)
+            {
+                let message = dialect.color(color, camera, rectified, images, stamp)?;
+                self.put(message, stamp, sequence)?;
+            }
+        }
         for (camera, image, stamp) in [
             (Side::Left, frame.pair.left(), left),
             (Side::Right, frame.pair.right(), right),
         ] {
-            let rectified = frame.geometry != Geometry::Raw;
             self.put(
                 dialect.image(image, camera, rectified, images, stamp)?,
                 stamp,

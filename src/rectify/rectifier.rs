@@ -7,7 +7,7 @@ use super::rotated_camera::RotatedCamera;
 use super::uncalibrated::Homographies;
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, isa};
-use crate::stereo::{Gray, Rig, Side, StereoCalibration, StereoPair};
+use crate::stereo::{Gray, Rgb, Rig, Side, StereoCalibration, StereoPair};
 use nalgebra::{Matrix3, Point2, UnitQuaternion, Vector2};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -154,6 +154,39 @@ impl Rectifier {
             });
         Ok(())
     }
+
+    /// As [`Rectifier::apply`], for each of the three colours.
+    ///
+    /// # Errors
+    /// Those of [`Rectifier::apply`]; [`Error::PairSize`].
+    pub fn apply_color(&self, [left, right]: &[Rgb; 2]) -> Result<[Rgb; 2]> {
+        let (width, height) = self.size();
+        let mut out = [
+            Rgb::filled(width, height, [0; 3])?,
+            Rgb::filled(width, height, [0; 3])?,
+        ];
+        let mut rectified = [
+            Gray::filled(width, height, 0)?,
+            Gray::filled(width, height, 0)?,
+        ];
+        for at in 0..3 {
+            let pair = StereoPair::new(channel(left, at), channel(right, at))?;
+            let [left, right] = &mut rectified;
+            self.apply(&pair, left, right)?;
+            for (out, channel) in out.iter_mut().zip(&rectified) {
+                for (y, row) in channel.rows().enumerate() {
+                    let pixels = out.row_mut(y).iter_mut().zip(row);
+                    pixels.for_each(|(pixel, &value)| pixel[at] = value);
+                }
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// One of the three colours.
+fn channel(image: &Rgb, at: usize) -> Gray {
+    image.map(|pixel| pixel[at])
 }
 
 /// Bands of each image per thread: enough to balance the load.

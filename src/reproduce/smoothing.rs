@@ -275,6 +275,7 @@ mod tests {
             geometry: Geometry::Rectified(None),
             pose: None,
             truth: Some(Truth::exact(Plane::filled(4, 1, 3.0).unwrap(), None)),
+            color: None,
             exposure: Exposure::default(),
         };
         let mut map = DisparityMap::with_planes(4, 1, ExtraPlanes::SSDPI).unwrap();

@@ -293,6 +293,7 @@ mod tests {
                     },
                     ..Truth::exact(disparity, None)
                 }),
+                color: None,
                 exposure: Exposure::default(),
             }
         };

@@ -165,6 +165,7 @@ mod tests {
             stamp_ns: 0,
             name: None,
             pair: StereoPair::new(left, right).unwrap(),
+            color: None,
             geometry: Geometry::Rectified(None),
             pose: None,
             truth: None,

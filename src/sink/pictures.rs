@@ -7,7 +7,7 @@ use crate::files;
 use crate::overlay::{self, Nearness, Picture};
 use crate::report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use crate::score::{Checkpoint, CheckpointTally, Judged, JudgedEstimate};
-use crate::stereo::{CellRule, DepthGrid, Plane};
+use crate::stereo::{CellRule, DepthGrid, Frame, Plane};
 
 /// Widest picture of a frame, pixels: as wide as the arena's.
 const WIDTH: usize = 320;
@@ -195,7 +195,7 @@ impl PictureSink {
         Ok(SceneFigure {
             title: name.to_owned(),
             size: frame.pair.size(),
-            left: files::encode_jpeg(frame.pair.left(), SCENE_WIDTH)?,
+            left: left(frame, SCENE_WIDTH)?,
             max_px,
             truth: frame
                 .truth
@@ -232,7 +232,7 @@ fn shot(identity: &Identity, judged: &Judged, scored: &JudgedEstimate) -> Result
         cells: identity.cells(judged, scored),
         passed: None,
         findings: Vec::new(),
-        left: files::encode_jpeg(frame.pair.left(), WIDTH)?,
+        left: left(frame, WIDTH)?,
         size,
         estimate: marks(&estimate.grid),
         truth: judged.true_grid.as_ref().map(marks),
@@ -243,6 +243,14 @@ fn shot(identity: &Identity, judged: &Judged, scored: &JudgedEstimate) -> Result
 fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
     let Picture { codes, palette } = picture.at_most(width);
     files::encode_palette_png(&codes, &palette)
+}
+
+/// The left image, in colour where the source has it.
+fn left(frame: &Frame, width: usize) -> Result<Vec<u8>> {
+    match &frame.color {
+        Some([left, _]) => files::encode_color_jpeg(left, width),
+        None => files::encode_jpeg(frame.pair.left(), width),
+    }
 }
 
 #[cfg(test)]

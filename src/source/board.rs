@@ -43,8 +43,10 @@ impl Source for BoardSource {
             geometry: Geometry::Raw,
             pose: None,
             truth: None,
+            color: None,
             exposure: Exposure {
                 trigger_id: sequence,
+                skew_ns: Some(0),
                 ..Exposure::default()
             },
         }))

@@ -89,7 +89,10 @@ pub(super) fn read(path: &Path) -> Result<(StereoCalibration, CalibrationFiles)>
 /// The files of a calibration that no file holds yet.
 pub(super) fn written(calibration: &StereoCalibration) -> Result<CalibrationFiles> {
     let folder = folder()?;
-    files::write(folder.path(), calibration)?;
+    // ROS's files hold no cameras without their rectification.
+    let alpha = calibration.rectification().is_none().then_some(0.0);
+    let calibration = framed(calibration.clone(), alpha)?;
+    files::write(folder.path(), &calibration)?;
     contents(&files::inputs(folder.path())?)
 }
 

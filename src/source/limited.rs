@@ -145,6 +145,7 @@ mod tests {
                 stamp_ns: 5_000_000_000 + 100_000_000 * n,
                 name: None,
                 pair: StereoPair::new(image.clone(), image).unwrap(),
+                color: None,
                 geometry: Geometry::Rectified(None),
                 pose: None,
                 truth: None,

@@ -1,10 +1,11 @@
 //! [`open`]: from what a user names to a source of frames, by the table [`SOURCES`].
 
 use super::calibration::{self, Calib, CalibrationFiles};
-use super::dataset::{FolderSource, Scene, SceneSource};
+use super::dataset::{Scene, SceneSource};
+use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, Limited, LiveSource, MeasuredSource, RecordingSource,
-    RectifiedSource, Resized, Source,
+    ArenaSource, BoardSource, FolderRequest, FolderSource, Limited, LiveSource, MeasuredSource,
+    RecordingSource, RectifiedSource, Resized, Source, VideoSource,
 };
 use crate::arena::Arena;
 use crate::error::{Error, Result};
@@ -26,9 +27,15 @@ pub struct Request<'a> {
     pub name: &'a str,
     /// Seed of a simulated source [default: 1].
     pub seed: Option<u64>,
-    /// Topics of the left and right images in a recording that svl did not write [default: found
-    /// by type and name].
+    /// Topics of the left and right images in a recording that svl did not write, patterns of the
+    /// images in a folder, or two videos there [default: found by type and name].
     pub topics: [Option<String>; 2],
+    /// Whether each image holds the left and the right one, side by side.
+    pub side_by_side: bool,
+    /// Pairs per second of images or videos [default: by their stamps].
+    pub fps: Option<f64>,
+    /// How many of 16 bits the images use [default: decided by the first pairs].
+    pub bits: Option<u8>,
     /// Largest skew of a pair that is made by stamp [default: 5 ms in a recording; see
     /// [`GrabRequest`] for cameras].
     pub max_skew_ns: Option<u64>,
@@ -55,6 +62,9 @@ impl<'a> Request<'a> {
             name,
             seed: None,
             topics: [None, None],
+            side_by_side: false,
+            fps: None,
+            bits: None,
             max_skew_ns: None,
             truth: None,
             calib: Calib::default(),
@@ -72,6 +82,16 @@ impl<'a> Request<'a> {
             left,
             right,
             max_skew_ns: self.max_skew_ns.unwrap_or(Selection::MAX_SKEW_NS),
+            bits: self.bits,
+        }
+    }
+
+    fn of_folder(&self) -> FolderRequest {
+        FolderRequest {
+            images: self.topics.clone(),
+            side_by_side: self.side_by_side,
+            fps: self.fps,
+            bits: self.bits,
         }
     }
 }
@@ -94,13 +114,13 @@ pub struct Opened {
     pub start_ns: Option<u64>,
     /// What the user should know that is no warning.
     pub notes: Vec<String>,
-    /// What a recording of raw images says of its cameras.
+    /// What a recording or folder of raw images says of its cameras.
     own_calibration: Option<StereoCalibration>,
     /// The truth of another sensor, where one was asked for.
     truth: Option<TruthTopic>,
     /// The left camera before svl rectified the pairs.
     raw: Option<RawCamera>,
-    /// What a recording that svl did not write does not hold.
+    /// What a recording that svl did not write, or a folder, lacks.
     remarks: Vec<String>,
 }
 
@@ -176,7 +196,11 @@ impl Opened {
                     "{name}: raw images, rectified by what it says of its cameras; --calib none \
                      leaves them"
                 ));
-                let by = "what the recording says of its cameras".to_owned();
+                let by = match self.recording {
+                    Some(_) => "what the recording says of its cameras",
+                    None => "what the folder says of its cameras",
+                };
+                let by = by.to_owned();
                 let rectifier = Rectifier::new(own)?;
                 self.raw = raw_camera(own, &rectifier);
                 (Some(rectifier), by, CalibrationFiles::new())
@@ -294,7 +318,11 @@ impl SourceKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SourceOption {
     Seed,
-    Topics,
+    /// Topics, patterns or videos of left and right.
+    Sides,
+    SideBySide,
+    Fps,
+    Bits,
     MaxSkew,
     /// The topic of another sensor.
     Truth,
@@ -355,7 +383,8 @@ pub const SOURCES: &[SourceKind] = &[
         help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
                compressed or Bayer images of two topics",
         options: &[
-            SourceOption::Topics,
+            SourceOption::Sides,
+            SourceOption::Bits,
             SourceOption::MaxSkew,
             SourceOption::Truth,
         ],
@@ -364,18 +393,34 @@ pub const SOURCES: &[SourceKind] = &[
         recognizes: |name| {
             let path = Path::new(name);
             // A scene may have a recording beside its images.
-            is_file(name, &["mcap", "db3", "zstd", "zst"])
+            is_file(name, &["mcap", "db3", "zstd", "zst", "bag"])
                 || is_bag(path) && Scene::find(path, name).is_none()
         },
         open: recorded,
     },
     SourceKind {
+        name: "FILE.mp4",
+        noun: "a video",
+        help: "a video of both images, with --side-by-side; two are named by their folder: svl \
+               record . --left a.mp4 --right b.mp4; the program ffmpeg decodes them",
+        options: &[SourceOption::SideBySide, SourceOption::Fps],
+        is_path: true,
+        recognizes: |name| is_video(name) && !Path::new(name).is_dir(),
+        open: video,
+    },
+    SourceKind {
         name: FOLDER,
         noun: "a folder",
         help: "a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, \
-               KITTI's training/ (the pairs with truth), or left/ and right/ with images of equal \
-               names",
-        options: &[],
+               KITTI's training/ (the pairs with truth), or many pairs: left/ and right/ with \
+               images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
+               or as --left and --right name them",
+        options: &[
+            SourceOption::Sides,
+            SourceOption::SideBySide,
+            SourceOption::Fps,
+            SourceOption::Bits,
+        ],
         is_path: true,
         recognizes: |name| Path::new(name).is_dir(),
         open: folder,
@@ -385,6 +430,7 @@ pub const SOURCES: &[SourceKind] = &[
 /// The row of [`SOURCES`] that stands for all [`DRIVERS`].
 pub const CAMERAS: &str = "cameras";
 
+/// The row of [`SOURCES`] that recordings are opened by.
 const RECORDING: &str = "FILE.mcap, BAG";
 const FOLDER: &str = "FOLDER";
 
@@ -407,7 +453,12 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
         let cure = "name the left and the right camera, as v4l2:/dev/video0,/dev/video2";
         return Err(Error::Usage(format!("{name}: is no source; {cure}")));
     }
-    let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+    // Recordings may lie in a folder of images or videos.
+    let are_files = |side: &String| side.contains('*') || is_video(side);
+    let of_files = request.side_by_side || request.topics.iter().flatten().any(are_files);
+    let is_bag = |kind: &SourceKind| kind.name == RECORDING && path.is_dir();
+    let mut kinds = SOURCES.iter().filter(|kind| !(of_files && is_bag(kind)));
+    let kind = kinds.find(|kind| (kind.recognizes)(name));
     let Some(kind) = kind.filter(|kind| !kind.is_path || path.exists()) else {
         let what = match path.exists() {
             true => "not a source",
@@ -439,6 +490,9 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
     if is_other {
         let cure = format!("make one first, svl record {name} -o run.mcap");
         return Err(Error::Usage(format!("{name}: is no recording; {cure}")));
+    }
+    if let Some(kind) = SOURCES.iter().find(|kind| kind.name == RECORDING) {
+        refuse_options(request, kind)?;
     }
     recorded(request)?.prepared(request)
 }
@@ -508,7 +562,13 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         files => files?,
     };
     let header = reader.header().cloned();
-    let header = header.unwrap_or_else(|| Header::new(path.display().to_string()));
+    let header = header.unwrap_or_else(|| Header {
+        bits: reader.bits(),
+        ..Header::new(path.display().to_string())
+    });
+    let note = reader
+        .note()
+        .map(|note| format!("{}: {note}", request.name));
     let stem = path.file_stem().and_then(|stem| stem.to_str());
     Ok(Opened {
         scenario: source.scenario()?,
@@ -517,12 +577,37 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         own_calibration: reader.calibration(),
         truth,
         remarks: reader.remarks(),
+        notes: note.into_iter().collect(),
         ..Opened::new(source, header, stem.unwrap_or("recording"))
     })
 }
 
-/// Rate given to a folder of images, which has no stamps.
-const FOLDER_RATE_HZ: f64 = 10.0;
+fn video(request: &Request<'_>) -> Result<Opened> {
+    let path = Path::new(request.name);
+    if !request.side_by_side {
+        return Err(Error::Usage(format!(
+            "{}: is one video: --side-by-side if it holds both images, or name the folder of two, \
+             with --left and --right",
+            request.name
+        )));
+    }
+    let source = VideoSource::side_by_side(path, request.fps)?;
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    Ok(of_video(source, request, stem.unwrap_or("video")))
+}
+
+fn of_video(source: VideoSource, request: &Request<'_>, stem: &str) -> Opened {
+    let header = Header {
+        stamps: source.stamps(),
+        ..Header::new(request.name)
+    };
+    let note = source.stamps().and_then(|origin| origin.note());
+    let note = note.map(|note| format!("{}: {note}", source.name()));
+    Opened {
+        notes: note.into_iter().collect(),
+        ..Opened::new(source, header, stem)
+    }
+}
 
 fn folder(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
@@ -534,13 +619,64 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         scenario: Some(stem.to_owned()),
         ..Header::new(path.display().to_string())
     };
-    let scenes = match Scene::find(path, stem) {
-        Some(scene) => vec![scene],
-        None => Scene::all_in(path, "")?,
+    let folder = request.of_folder();
+    if let [Some(left), Some(right)] = &folder.images
+        && is_video(left)
+        && is_video(right)
+    {
+        if folder.bits.is_some() || folder.side_by_side {
+            let why = "is not for two videos, which are decoded to 8 bits, one for each camera";
+            return Err(Error::Usage(format!("--bits or --side-by-side {why}")));
+        }
+        let source = VideoSource::pair(&path.join(left), &path.join(right), request.fps)?;
+        return Ok(of_video(source, request, stem));
+    }
+    // Who says how its images are called, means no data set's scene.
+    let scenes = match folder.images == [None, None] && !folder.side_by_side {
+        true => match Scene::find(path, stem) {
+            Some(scene) => vec![scene],
+            None => Scene::all_in(path, "")?,
+        },
+        false => Vec::new(),
     };
-    Ok(match scenes.is_empty() {
-        true => Opened::new(FolderSource::new(path, FOLDER_RATE_HZ)?, header, stem),
-        false => Opened::new(SceneSource::new(scenes), header, stem),
+    if !scenes.is_empty() {
+        if request.fps.is_some() {
+            let cure = "--fps is for pairs one after the other; leave it out";
+            return Err(Error::Usage(format!(
+                "{}: holds scenes of a data set; {cure}",
+                request.name
+            )));
+        }
+        let source = SceneSource::with_bits(scenes, request.bits)?;
+        let header = Header {
+            stamps: Some(SceneSource::STAMPS),
+            bits: source.bits(),
+            ..header
+        };
+        return Ok(Opened {
+            notes: source.note().into_iter().collect(),
+            ..Opened::new(source, header, stem)
+        });
+    }
+    let source = FolderSource::new(path, &folder)?;
+    let header = Header {
+        stamps: source.stamps(),
+        bits: source.bits(),
+        ..header
+    };
+    let (own_calibration, unread) = match source.calibration() {
+        Ok(own) => (own.clone(), None),
+        Err(reason) => (None, Some(reason)),
+    };
+    let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
+    let notes = source.notes().into_iter();
+    Ok(Opened {
+        own_calibration,
+        remarks: unread.map(lacks).into_iter().collect(),
+        notes: notes
+            .map(|note| format!("{}: {note}", request.name))
+            .collect(),
+        ..Opened::new(source, header, stem)
     })
 }
 
@@ -564,8 +700,15 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
     let [left, right] = &request.topics;
     let given = [
         (SourceOption::Seed, request.seed.is_some(), "--seed"),
-        (SourceOption::Topics, left.is_some(), "--left"),
-        (SourceOption::Topics, right.is_some(), "--right"),
+        (SourceOption::Sides, left.is_some(), "--left"),
+        (SourceOption::Sides, right.is_some(), "--right"),
+        (
+            SourceOption::SideBySide,
+            request.side_by_side,
+            "--side-by-side",
+        ),
+        (SourceOption::Fps, request.fps.is_some(), "--fps"),
+        (SourceOption::Bits, request.bits.is_some(), "--bits"),
         (
             SourceOption::MaxSkew,
             request.max_skew_ns.is_some(),

@@ -93,9 +93,15 @@ impl RectifiedSource {
         self.rectifier
             .apply(&frame.pair, left, right)
             .map_err(context)?;
+        let color = frame
+            .color
+            .as_ref()
+            .map(|color| self.rectifier.apply_color(color));
+        let color = color.transpose().map_err(context)?;
         let [left, right] = std::mem::replace(&mut self.spare, frame.pair.into_images());
         Ok(Frame {
             pair: StereoPair::new(left, right)?,
+            color,
             geometry: Geometry::Rectified(self.rectifier.rig().copied()),
             // The pose is that of the left camera, which rectification rotates.
             pose: frame

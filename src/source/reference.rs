@@ -257,6 +257,7 @@ mod tests {
                 stamp_ns: 0,
                 name: None,
                 pair: StereoPair::new(image(0)?, image(7)?)?,
+                color: None,
                 geometry: Geometry::Raw,
                 pose: None,
                 truth: Some(Truth::exact(Plane::filled(SIZE.0, SIZE.1, 3.0)?, None)),

@@ -9,7 +9,9 @@ use super::Source;
 use crate::error::{Error, Result};
 use crate::scenario::CropScale;
 use crate::score::Judged;
-use crate::stereo::{Frame, Geometry, Gray, Losses, Plane, Rig, StereoPair, Truth, Visibility};
+use crate::stereo::{
+    Frame, Geometry, Gray, Losses, Plane, Rgb, Rig, StereoPair, Truth, TruthDensity, Visibility,
+};
 
 /// A source whose images are cropped and shrunk.
 pub struct Resized {
@@ -42,7 +44,12 @@ impl Resized {
         }
         let [left, right] = frame.pair.into_images();
         let image = |image: &Gray| shrunk(&cropped(image, window)?, self.scale);
+        let color = |[left, right]: &[Rgb; 2]| -> Result<_> {
+            let image = |image: &Rgb| shrunk_color(&cropped(image, window)?, self.scale);
+            Ok([image(left)?, image(right)?])
+        };
         Ok(Frame {
+            color: frame.color.as_ref().map(color).transpose()?,
             pair: StereoPair::new(image(&left)?, image(&right)?)?,
             geometry: match frame.geometry {
                 Geometry::Rectified(Some(rig)) => {
@@ -72,11 +79,12 @@ impl Resized {
 
     fn truth(&self, truth: &Truth, window: [usize; 4]) -> Result<Truth> {
         let scale = self.scale;
-        let disparity = sampled(&cropped(&truth.disparity, window)?, scale)?;
-        let disparity = disparity.map(|d| (f64::from(d) * scale) as f32);
+        let whole = cropped(&truth.disparity, window)?;
+        let places = sampling(&whole, truth.kind.density, scale)?;
+        let disparity = places.map(|(x, y)| (f64::from(whole.get(x, y)) * scale) as f32);
         let visibility = truth.visibility.as_ref();
-        let visibility = visibility.map(|seen| sampled(&cropped(seen, window)?, scale));
-        let mut visibility = visibility.transpose()?;
+        let visibility = visibility.map(|seen| cropped(seen, window)).transpose()?;
+        let mut visibility = visibility.map(|seen| places.map(|(x, y)| seen.get(x, y)));
         // What the right image shows outside of the crop is seen by the left one alone.
         if let (Some(visibility), true) = (&mut visibility, self.crop.is_some()) {
             let width = disparity.width() as f32;
@@ -107,12 +115,37 @@ fn side(side: usize, scale: f64) -> usize {
     ((side as f64 * scale + 1e-9).floor() as usize).max(1)
 }
 
-/// The pixels in the middle of the new ones.
-fn sampled<T: Copy>(plane: &Plane<T>, scale: f64) -> Result<Plane<T>> {
-    let (width, height) = plane.size();
+/// The pixel whose truth a new one has: that in its middle. Of a sensor's points, between which
+/// there are none, the one nearest to the middle of those that the new pixel covers.
+fn sampling(
+    truth: &Plane<f32>,
+    density: TruthDensity,
+    scale: f64,
+) -> Result<Plane<(usize, usize)>> {
+    let (width, height) = truth.size();
     let middle = |i: usize, side: usize| (((i as f64 + 0.5) / scale) as usize).min(side - 1);
+    let covered = |i: usize, side: usize| {
+        let [from, to] = [i, i + 1].map(|edge| edge as f64 / scale);
+        from.round() as usize..(to.round() as usize).min(side)
+    };
     Plane::from_fn(side(width, scale), side(height, scale), |x, y| {
-        plane.get(middle(x, width), middle(y, height))
+        let (u, v) = (middle(x, width), middle(y, height));
+        if density == TruthDensity::Dense || truth.get(u, v).is_finite() {
+            return (u, v);
+        }
+        let places = covered(y, height).flat_map(|j| covered(x, width).map(move |i| (i, j)));
+        let known = places.filter(|&(i, j)| truth.get(i, j).is_finite());
+        let off = |&(i, j): &(usize, usize)| i.abs_diff(u).pow(2) + j.abs_diff(v).pow(2);
+        known.min_by_key(off).unwrap_or((u, v))
+    })
+}
+
+fn shrunk_color(image: &Rgb, scale: f64) -> Result<Rgb> {
+    let channel = |i: usize| shrunk(&image.map(|pixel| pixel[i]), scale);
+    let channels = [channel(0)?, channel(1)?, channel(2)?];
+    let (width, height) = channels[0].size();
+    Plane::from_fn(width, height, |x, y| {
+        channels.each_ref().map(|channel| channel.get(x, y))
     })
 }
 
@@ -208,6 +241,7 @@ mod tests {
                 stamp_ns: 9,
                 name: None,
                 pair: StereoPair::new(image.clone(), image).unwrap(),
+                color: None,
                 geometry: Geometry::Rectified(Some(rig)),
                 pose: None,
                 truth: Some(Truth::exact(
@@ -282,6 +316,33 @@ mod tests {
         let seen = |x| truth.visibility.as_ref().unwrap().get(x, 0);
         assert_eq!(seen(1), Visibility::Occluded);
         assert_eq!(seen(2), Visibility::Visible);
+    }
+
+    #[test]
+    fn points_of_a_sensor_survive_shrinking_and_holes_of_a_map_stay() {
+        let truth = Plane::from_fn(8, 4, |x, y| match (x, y) {
+            (0, 0) => 2.0,
+            (5, 3) => 6.0,
+            (4, 2) => 8.0,
+            _ => f32::INFINITY,
+        });
+        let truth = truth.unwrap();
+        let known = |density| {
+            let places = sampling(&truth, density, 0.5).unwrap();
+            let values = places.map(|(x, y)| truth.get(x, y));
+            let known = values.pixels().filter(|d| d.is_finite());
+            known.collect::<Vec<_>>()
+        };
+        // The pixels (1, 1) and (5, 3) are the middles.
+        assert_eq!(known(TruthDensity::Sparse), [2.0, 6.0]);
+        assert_eq!(known(TruthDensity::Dense), [6.0]);
+    }
+
+    #[test]
+    fn colours_are_cropped_and_shrunk_as_their_greys() {
+        let color = Rgb::from_fn(4, 2, |x, y| [10 * x as u8, y as u8 * 100, 7]).unwrap();
+        let half = shrunk_color(&cropped(&color, [2, 0, 2, 2]).unwrap(), 0.5).unwrap();
+        assert_eq!(half.row(0), [[25, 50, 7]]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Frames and estimates: what flows from a source through the matchers into the sinks.
 
-use super::{DepthGrid, DisparityMap, Plane, RectifiedPair, Rig, StereoPair};
+use super::{DepthGrid, DisparityMap, Plane, RectifiedPair, Rgb, Rig, StereoPair};
 use crate::error::{Error, Result};
 use crate::timing::StageTimes;
 use std::collections::BTreeMap;
@@ -22,6 +22,9 @@ pub struct Frame {
     pub geometry: Geometry,
     pub pose: Option<Pose>,
     pub truth: Option<Truth>,
+    /// Left and right in colour, of the pair's size, where the source has it. To look at: matchers
+    /// take the pair, which is its luma ([`super::Gray::from_rgb`]).
+    pub color: Option<[Rgb; 2]>,
     pub exposure: Exposure,
 }
 
@@ -71,8 +74,9 @@ impl Geometry {
 pub struct Exposure {
     /// Number of the trigger pulse that triggered both cameras.
     pub trigger_id: u64,
-    /// Right stamp minus left stamp, nanoseconds.
-    pub skew_ns: i64,
+    /// Right stamp minus left stamp, nanoseconds; nothing where the source does not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skew_ns: Option<i64>,
     /// Exposure time, microseconds; 0 when unknown.
     pub shutter_us: u32,
     /// Sensor gain in thousandths of a decibel.
@@ -226,6 +230,8 @@ pub struct Losses {
     pub unreadable: u64,
     /// Frames for which the truth that was asked for has no measurement, where it has some.
     pub without_truth: u64,
+    /// Frames of a video that was cut off or is damaged.
+    pub cut: u64,
     /// What a synchronized grabber counted.
     pub grabber: Option<GrabberReport>,
 }

@@ -17,6 +17,9 @@ pub struct Plane<T> {
 /// An 8-bit grey image.
 pub type Gray = Plane<u8>;
 
+/// An 8-bit colour image: red, green, blue.
+pub type Rgb = Plane<[u8; 3]>;
+
 impl<T: Copy> Plane<T> {
     /// A plane filled with `value`.
     ///
@@ -151,26 +154,10 @@ impl<T: Copy> Plane<T> {
 }
 
 impl Gray {
-    /// Grey from interleaved 8-bit RGB: `(299 R + 587 G + 114 B + 500) / 1000`.
-    ///
-    /// # Errors
-    /// [`Error::Dimensions`] or [`Error::Size`].
-    pub fn from_rgb(width: usize, height: usize, rgb: &[u8]) -> Result<Self> {
-        check_size(width, height)?;
-        let expected = width * height * 3;
-        if rgb.len() != expected {
-            return Err(Error::Size {
-                width,
-                height,
-                expected,
-                got: rgb.len(),
-            });
-        }
-        let luma = |p: &[u8]| {
-            ((299 * u32::from(p[0]) + 587 * u32::from(p[1]) + 114 * u32::from(p[2]) + 500) / 1000)
-                as u8
-        };
-        Self::from_vec(width, height, rgb.chunks_exact(3).map(luma).collect())
+    /// The luma of a colour image: `(299 R + 587 G + 114 B + 500) / 1000`.
+    pub fn from_color(image: &Rgb) -> Self {
+        let weigh = |value: u8, weight: u32| weight * u32::from(value);
+        image.map(|[r, g, b]| ((weigh(r, 299) + weigh(g, 587) + weigh(b, 114) + 500) / 1000) as u8)
     }
 }
 
@@ -220,11 +207,7 @@ mod tests {
 
     #[test]
     fn grey_is_rounded() {
-        assert_eq!(
-            Gray::from_rgb(2, 1, &[255, 255, 255, 10, 20, 30])
-                .unwrap()
-                .row(0),
-            [255, 18]
-        );
+        let color = Rgb::from_vec(2, 1, vec![[255; 3], [10, 20, 30]]).unwrap();
+        assert_eq!(Gray::from_color(&color).row(0), [255, 18]);
     }
 }

@@ -29,7 +29,7 @@ pub use frame::{
     TruthKind, TruthOrigin, Visibility,
 };
 pub use grid::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
-pub use image::{Gray, MAX_SIDE, Plane};
+pub use image::{Gray, MAX_SIDE, Plane, Rgb};
 pub use intrinsics::Intrinsics;
 pub use occlusion::cross_check;
 pub use pair::{RectifiedPair, Side, StereoPair};

@@ -19,6 +19,14 @@ const PARSED: &[(&str, &str)] = &[
         "svl record sim:right.jitter_ms=10 --rate 60 --trigger serial:",
         "needs a controller",
     ),
+    (
+        "svl record both.mp4",
+        "needs a video; cli::own_data has one",
+    ),
+    (
+        "svl record . --left left.mp4",
+        "needs videos; cli::own_data has them",
+    ),
     ("svl datasets fetch", "needs the network"),
     ("svl view", "opens a window"),
     (

@@ -41,6 +41,7 @@ fn frame(sequence: u64, rig: bool) -> Frame {
         ),
         pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
         truth: Some(Truth::exact(truth, None)),
+        color: None,
         exposure: Exposure::default(),
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use svl::kernel::Isa;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
-use svl::stereo::{DisparityMap, Gray, RectifiedPair, StereoPair};
+use svl::stereo::{DisparityMap, Gray, RectifiedPair, Rgb, StereoPair};
 
 /// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there
 /// are none.
@@ -35,7 +35,8 @@ pub(crate) fn pair(folder: &Path, left: &str, right: &str) -> StereoPair {
         let image = image::open(folder.join(file)).unwrap();
         let (width, height) = (image.width() as usize, image.height() as usize);
         if image.color().has_color() {
-            Gray::from_rgb(width, height, image.to_rgb8().as_raw()).unwrap()
+            let rgb = image.to_rgb8().as_raw().as_chunks().0.to_vec();
+            Gray::from_color(&Rgb::from_vec(width, height, rgb).unwrap())
         } else {
             Gray::from_vec(width, height, image.to_luma8().into_raw()).unwrap()
         }

@@ -23,17 +23,23 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     write: Some(write),
 };
 
-/// Reads the rig alone, which older files have without the images' size.
+/// Reads the rig alone, for images of a size, which older files do not have.
 ///
 /// # Errors
-/// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed entry.
-pub fn read_calib(path: &Path) -> Result<Rig> {
-    rig(&Document::parse(
-        path,
-        &text(path)?,
-        FORMAT.syntax,
-        FORMAT.title,
-    )?)
+/// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed entry, and for a
+/// file of images of another size.
+pub fn read_calib(path: &Path, (width, height): (usize, usize)) -> Result<Rig> {
+    let document = Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?;
+    if document.has("width") && document.has("height") {
+        let (w, h) = document.size("width", "height")?;
+        if (w, h) != (width, height) {
+            return Err(document.error(format!(
+                "is of images of {w}x{h} pixels, these have {width}x{height}: scale the images, \
+                 or calibrate for their size"
+            )));
+        }
+    }
+    rig(&document)
 }
 
 fn rig(document: &Document) -> Result<Rig> {

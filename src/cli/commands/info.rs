@@ -6,7 +6,7 @@ use crate::cli::shared::terminal::{
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Misalignment, Recording, RecordingSummary, SkewSummary, Topic};
+use svl::recording::{Misalignment, Recording, RecordingSummary, SkewSummary, StampOrigin, Topic};
 
 /// Show what a recording holds, and whether it is intact
 #[derive(clap::Args)]
@@ -96,7 +96,13 @@ fn table(summary: &RecordingSummary) -> String {
             .get("error")
             .map(|error| format!("ended      by an error: {error}")),
     );
-    lines.extend(summary.skew.iter().flat_map(skew));
+    let bits = summary.header.as_ref().and_then(|header| header.bits);
+    lines.extend(bits.map(|bits| format!("bits       {bits} of 16 used by its source's images")));
+    match &summary.skew {
+        Some(known) => lines.extend(skew(known)),
+        None if summary.pairs > 0 => lines.push("skew       not known".to_owned()),
+        None => {}
+    }
     lines.extend(summary.misalignment.iter().map(misalignment));
     lines.extend(gaps(summary));
     lines.extend(missing(&summary.missing));
@@ -133,9 +139,14 @@ fn pairs(summary: &RecordingSummary) -> String {
         .period_ns
         .filter(|&period| period > 0)
         .map(|period| 1e9 / period as f64);
-    let rate = rate
-        .map(|hz| format!(", {hz:.2} a second"))
-        .unwrap_or_default();
+    let origin = summary.header.as_ref().and_then(|header| header.stamps);
+    let rate = match (origin, rate) {
+        (Some(StampOrigin::Nominal(hz)), _) => {
+            format!(", rate not known (its stamps are nominal, {hz} a second)")
+        }
+        (Some(StampOrigin::Given(hz)), _) => format!(", {hz} a second by --fps"),
+        (None, rate) => rate.map_or(String::new(), |hz| format!(", {hz:.2} a second")),
+    };
     if let Some([left, right]) = &summary.stereo {
         return format!(
             "pairs      those of {left}{rate}, and {right}, by their stamps: svl replay counts them"

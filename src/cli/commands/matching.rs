@@ -11,7 +11,7 @@ use svl::calibrate::files::read_calib;
 use svl::depth::GridSettings;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::recording::CellReport;
-use svl::stereo::{DepthGrid, Reason, RectifiedPair, StereoPair};
+use svl::stereo::{DepthGrid, Reason, RectifiedPair};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
@@ -28,7 +28,7 @@ OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
 for none. WHY.png holds reason codes: 0 valid, 1 border, 2 untextured,
 3 ambiguous, 4 inconsistent, 5 self-check, 6 unmatched.")]
 pub(crate) struct Args {
-    /// Left image, the reference (PNG, JPEG, PNM; colour becomes grey)
+    /// Left image, the reference (PNG, JPEG, PNM, TIFF, BMP, WebP; colour becomes grey)
     left: PathBuf,
     /// Right image, of the same size
     right: PathBuf,
@@ -53,6 +53,12 @@ pub(crate) struct Args {
     /// Middlebury's calibration, for distances
     #[arg(long, value_name = "calib.txt")]
     calib: Option<PathBuf>,
+    /// How many of 16 bits the images use [default: 10, 12, 14 or 16, by their largest value]
+    #[arg(
+        long, value_name = "N", allow_negative_numbers = true,
+        value_parser = usage::within(8..=16u8)
+    )]
+    bits: Option<u8>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -88,13 +94,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     )?;
     let mut matcher = args.algo.build()?;
     let mut output = MatchOutput::new()?;
-    let rig = args.calib.as_deref().map(read_calib).transpose()?;
-    let pair = StereoPair::new(
-        files::read_gray(&args.left)?,
-        files::read_gray(&args.right)?,
-    )
-    .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
+    let (pair, note) = files::read_pair(&args.left, &args.right, args.bits)
+        .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
+    if let Some(note) = note {
+        eprintln!("{note}");
+    }
     let (width, height) = pair.size();
+    let calib = args.calib.as_deref();
+    let rig = calib
+        .map(|path| read_calib(path, (width, height)))
+        .transpose()?;
     let context = MatchContext {
         rig,
         ..MatchContext::default()

@@ -15,15 +15,38 @@ use svl::recording::{TruthSelection, files};
 use svl::scenario::PairRange;
 use svl::source::{self, CAMERAS, Calib, Opened, ReferenceSource, Request, SOURCES, Source};
 
-/// Which pairs to read of a recording that svl did not write.
+/// Which images of a recording, a folder or a video are left and right, and how they are read.
 #[derive(clap::Args, Default)]
 pub(crate) struct TopicArgs {
-    /// Topic of the left images, in another program's recording [default: found by type and name]
-    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
+    /// The left images: a topic of another program's recording; in a folder a pattern, as
+    /// 'a/*.png', where * is the same in left and right, or a video [default: found by type and
+    /// name]
+    #[arg(
+        long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new()
+    )]
     left: Option<String>,
-    /// Topic of the right images
-    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
+    /// The right images
+    #[arg(
+        long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new()
+    )]
     right: Option<String>,
+    /// Each image holds the left and the right one, as its halves
+    #[arg(long)]
+    side_by_side: bool,
+    /// Pairs per second of a folder or video [default: by its stamps; where there are none it is
+    /// not known]
+    #[arg(
+        long, value_name = "HZ", allow_negative_numbers = true,
+        value_parser = usage::within(0.001..=100_000.0)
+    )]
+    fps: Option<f64>,
+    /// How many of their 16 bits the images use [default: 10, 12, 14 or 16, by the largest value of
+    /// the first 16 pairs]
+    #[arg(
+        long, value_name = "N", allow_negative_numbers = true,
+        value_parser = usage::within(8..=16u8)
+    )]
+    bits: Option<u8>,
     /// Largest skew of a pair made by stamp [default: 5; with cameras a quarter of their period,
     /// half of it when they are free-running]
     #[arg(
@@ -56,11 +79,18 @@ impl TopicArgs {
             max_skew_ns: self.truth_skew_ms.map_or(TruthSelection::MAX_SKEW_NS, ns),
         });
         request.truth = truth.or(request.truth.take());
+        request.side_by_side |= self.side_by_side;
+        request.fps = self.fps.or(request.fps);
+        request.bits = self.bits.or(request.bits);
     }
 
     pub(crate) fn is_given(&self) -> bool {
         let topics = [&self.left, &self.right, &self.truth];
-        topics.iter().any(|topic| topic.is_some()) || self.max_skew_ms.is_some()
+        topics.iter().any(|topic| topic.is_some())
+            || self.max_skew_ms.is_some()
+            || self.side_by_side
+            || self.fps.is_some()
+            || self.bits.is_some()
     }
 }
 

@@ -1,7 +1,6 @@
-//! Bayer images to grey: bilinear demosaicing.
+//! Bayer images to colour: bilinear demosaicing.
 
-use crate::error::Result;
-use crate::stereo::{Gray, Plane};
+use crate::stereo::{Gray, Rgb};
 
 /// Colours of the pixels (0,0), (1,0), (0,1), (1,1): 0 red, 1 green, 2 blue.
 pub(super) type Tile = [usize; 4];
@@ -23,16 +22,13 @@ pub(super) fn tile(encoding: &str) -> Option<(Tile, u32)> {
     }
 }
 
-/// Demosaics bilinearly, then [`Gray::from_rgb`]: a missing colour of a pixel is the rounded mean
-/// of its eight neighbours in the image with that colour. Where no neighbour has it, in an image of
-/// one row or column, it is the pixel's own value.
-///
-/// # Errors
-/// None: the sizes are those of a plane.
-pub(super) fn grey(samples: &Gray, tile: Tile) -> Result<Gray> {
+/// Demosaics bilinearly: a missing colour of a pixel is the rounded mean of its eight neighbours in
+/// the image with that colour. Where no neighbour has it, in an image of one row or column, it is
+/// the pixel's own value.
+pub(super) fn color(samples: &Gray, tile: Tile) -> Rgb {
     let (width, height) = samples.size();
     let colour = |x: usize, y: usize| tile[(y & 1) << 1 | (x & 1)];
-    let mut rgb = Vec::with_capacity(3 * width * height);
+    let mut rgb = Vec::with_capacity(width * height);
     for y in 0..height {
         let rows = y.saturating_sub(1)..(y + 2).min(height);
         for x in 0..width {
@@ -51,10 +47,10 @@ pub(super) fn grey(samples: &Gray, tile: Tile) -> Result<Gray> {
                     .checked_div(counts[c])
                     .unwrap_or(own)
             };
-            rgb.extend([0, 1, 2].map(|c| mean(c) as u8));
+            rgb.push([0, 1, 2].map(|c| mean(c) as u8));
         }
     }
-    Plane::from_rgb(width, height, &rgb)
+    Rgb::from_vec(width, height, rgb).expect("of the size of the samples")
 }
 
 #[cfg(test)]
@@ -62,14 +58,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_coloured_plane_has_its_luma_everywhere() {
+    fn a_coloured_plane_has_its_colour_everywhere() {
         let rgb = [200u8, 90, 30];
-        let luma = Gray::from_rgb(1, 1, &rgb).unwrap().get(0, 0);
         for name in ["rggb", "bggr", "gbrg", "grbg"] {
             let (tile, bits) = tile(&format!("bayer_{name}8")).unwrap();
             let mosaic = Gray::from_fn(7, 6, |x, y| rgb[tile[(y & 1) * 2 + (x & 1)]]).unwrap();
             assert!(
-                bits == 8 && grey(&mosaic, tile).unwrap().pixels().all(|v| v == luma),
+                bits == 8 && color(&mosaic, tile).pixels().all(|found| found == rgb),
                 "{name}"
             );
         }
@@ -84,18 +79,14 @@ mod tests {
         // corners.
         let tile = [0, 1, 1, 2];
         let mosaic = Gray::from_fn(5, 5, |x, y| if (x, y) == (2, 2) { 200 } else { 0 }).unwrap();
-        let found = grey(&mosaic, tile).unwrap();
-        let red = |value: u8| Gray::from_rgb(1, 1, &[value, 0, 0]).unwrap().get(0, 0);
+        let found = color(&mosaic, tile);
+        let red = |value: u8| [value, 0, 0];
         assert_eq!(
             [(2, 2), (1, 2), (2, 3), (1, 1)].map(|(x, y)| found.get(x, y)),
             [200, 100, 100, 50].map(red)
         );
-        assert_eq!(found.get(0, 0), 0);
-        assert_eq!(
-            grey(&Gray::filled(1, 1, 7).unwrap(), tile)
-                .unwrap()
-                .get(0, 0),
-            7
-        );
+        assert_eq!(found.get(0, 0), [0; 3]);
+        let one = color(&Gray::filled(1, 1, 7).unwrap(), tile);
+        assert_eq!(one.get(0, 0), [7; 3]);
     }
 }

@@ -1,11 +1,11 @@
 //! Decodes image messages of ROS 2 and Foxglove.
 
-use super::{bayer, json, pixels};
-use crate::files;
+use super::pixels::{self, MessageImage};
+use super::{bayer, json};
+use crate::files::{self, DecodedImage};
 use crate::recording::decode_protobuf;
 use crate::recording::messages::Channel;
 use crate::recording::ros::{self, RawPixels};
-use crate::stereo::Gray;
 use foxglove::messages::{CompressedImage, RawImage};
 
 /// Schemas of image messages.
@@ -17,13 +17,13 @@ pub(super) const SCHEMAS: [&str; 4] = [
 ];
 
 /// The stamp in a message, if any, and its image, or why that cannot be read.
-pub(super) type Stamped = (Option<u64>, Result<Gray, String>);
+pub(super) type Stamped = (Option<u64>, Result<MessageImage, String>);
 
 /// # Errors
 /// Why the message cannot be read.
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
     let raw = |(width, height, step), encoding: &str, data: &[u8]| {
-        pixels::grey(&RawPixels {
+        pixels::decode(&RawPixels {
             width,
             height,
             step,
@@ -35,7 +35,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/Image", "cdr") => {
             let (stamp, image) = ros::read(data, ros::image)?;
-            Ok((ros_stamp(stamp)?, pixels::grey(&image)))
+            Ok((ros_stamp(stamp)?, pixels::decode(&image)))
         }
         ("sensor_msgs/msg/CompressedImage", "cdr") => {
             let m = ros::read(data, ros::compressed_image)?;
@@ -69,24 +69,18 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
 
 /// Decodes a PNG or JPEG. The encoding before compression comes first in `format`, as
 /// image_transport writes it: `bayer_rggb8; png compressed `.
-fn decompress(data: &[u8], format: &str) -> Result<Gray, String> {
+fn decompress(data: &[u8], format: &str) -> Result<MessageImage, String> {
     let image = files::decode_bytes(data).map_err(|e| {
         format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}")
     })?;
-    let mosaic = format
-        .split(';')
-        .next()
-        .and_then(|encoding| bayer::tile(encoding.trim()));
-    match mosaic {
-        // One channel is the mosaic of the sensor; more channels were demosaiced before
-        // compression.
-        // `bayer_*; png compressed`: the PNG holds the mosaic, not its colours.
-        Some((tile, _)) if image.color().channel_count() == 1 => {
-            files::gray(image).and_then(|samples| bayer::grey(&samples, tile))
-        }
-        _ => files::gray(image),
-    }
-    .map_err(|e| e.to_string())
+    // One channel is the mosaic of the sensor; more channels were demosaiced before compression.
+    // `bayer_*; png compressed`: the PNG holds the mosaic, not its colours.
+    let encoding = format.split(';').next().unwrap_or_default().trim();
+    let mosaic = bayer::tile(encoding).filter(|_| image.color().channel_count() == 1);
+    Ok(MessageImage {
+        image: DecodedImage::new(image).map_err(|e| e.to_string())?,
+        mosaic: mosaic.map(|(tile, _)| tile),
+    })
 }
 
 pub(super) fn ros_stamp(

@@ -13,12 +13,15 @@ pub use sensor::{RawCamera, TruthSelection, TruthTopic};
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
-use super::messages::{Channel, FileEvent, Messages};
+use super::container::unpack_message;
+use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
 use crate::counted;
 use crate::error::{Error, Result};
-use crate::stereo::{Exposure, Frame, Geometry, Gray, Rig, Side, StereoCalibration, StereoPair};
+use crate::files::{BitDepth, DECIDING_PAIRS};
+use crate::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoCalibration};
 use camera::Calibration;
+use pixels::MessageImage;
 use stamp_pairing::StampPairing;
 
 /// Pairs the images of two topics by their stamps.
@@ -27,7 +30,8 @@ pub(super) struct Foreign {
     calibrations: [Option<String>; 2],
     /// The last calibration of each camera so far; before there is one, the first in the recording.
     cameras: [Option<Calibration>; 2],
-    partners: StampPairing<std::result::Result<Gray, String>>,
+    partners: StampPairing<std::result::Result<MessageImage, String>>,
+    depth: BitDepth,
     max_skew_ns: u64,
     /// Images of each camera.
     counts: [u64; 2],
@@ -56,27 +60,33 @@ impl Foreign {
             calibrations,
             cameras: [None, None],
             partners: StampPairing::new(selection.max_skew_ns),
+            depth: BitDepth::FULL,
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
             sequence: 0,
             pairs: 0,
             size: (0, 0),
         };
+        let mut first = FirstImages::default();
         for file in recording.files() {
-            let mut messages = Messages::open(file)?;
+            let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
-            // rig.
-            while foreign.lacks_calibration() {
+            // rig. The bit depth too is decided before the first pair.
+            while foreign.lacks_calibration() || !first.are_enough() {
                 match messages.next() {
                     // An unreadable one is reported when it is read in its turn.
                     Ok(Some(FileEvent::Message { channel, data, .. })) => {
-                        drop(foreign.calibrate(channel, &data))
+                        let unpacked = unpack_message(&data).ok().flatten();
+                        let data = unpacked.as_deref().unwrap_or(&data);
+                        drop(foreign.calibrate(channel, data));
+                        first.take_in(&foreign.images, channel, data);
                     }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
                 }
             }
         }
+        foreign.depth = BitDepth::decide(selection.bits, first.largest())?;
         Ok(foreign)
     }
 
@@ -150,14 +160,23 @@ impl PairSource for Foreign {
         log_time: u64,
         data: &[u8],
     ) -> std::result::Result<Option<Frame>, String> {
+        let is_of_use = self.images.contains(&channel.topic)
+            || self
+                .calibrations
+                .iter()
+                .flatten()
+                .any(|topic| *topic == channel.topic);
+        if !is_of_use {
+            return Ok(None);
+        }
+        let unpacked = unpack_message(data)?;
+        let data = unpacked.as_deref().unwrap_or(data);
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
                 self.counts[side as usize] += 1;
                 let (stamp, image) = image::decode(channel, data)?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
-                let bytes = image
-                    .as_ref()
-                    .map_or(0, |image| image.size().0 * image.size().1);
+                let bytes = image.as_ref().map_or(0, |image| image.image.bytes());
                 self.partners
                     .push(side, stamp.unwrap_or(log_time), image, bytes);
             }
@@ -172,21 +191,24 @@ impl PairSource for Foreign {
         let exposure = Exposure {
             trigger_id: sequence,
             // Stamps above 2⁶³ ns are damage; wrapping keeps their difference right all the same.
-            skew_ns: right_ns.wrapping_sub(left_ns).cast_signed(),
+            skew_ns: Some(right_ns.wrapping_sub(left_ns).cast_signed()),
             drops: self.unpaired(),
             ..Exposure::default()
         };
         let pair = match (left, right) {
-            (Ok(left), Ok(right)) => StereoPair::new(left, right).map_err(|e| e.to_string()),
+            (Ok(left), Ok(right)) => {
+                let images = [left, right].map(|image| image.demosaiced(&mut self.depth));
+                self.depth.pair(images).map_err(|e| e.to_string())
+            }
             (Err(reason), _) | (_, Err(reason)) => Err(reason),
         };
         // The size is known from the first pair on; calibrations are checked against it.
-        if let Ok(pair) = &pair {
+        if let Ok((pair, _)) = &pair {
             self.pairs += 1;
             self.size = pair.size();
         }
         let geometry = self.geometry();
-        let frame = pair.map(|pair| Frame {
+        let frame = pair.map(|(pair, color)| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,
@@ -194,6 +216,7 @@ impl PairSource for Foreign {
             geometry,
             pose: None,
             truth: None,
+            color,
             exposure,
         });
         Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
@@ -217,6 +240,10 @@ impl PairSource for Foreign {
 
     fn left_topic(&self) -> &str {
         &self.images[0]
+    }
+
+    fn depth(&self) -> BitDepth {
+        self.depth.clone()
     }
 
     fn why_none(&self) -> String {
@@ -260,5 +287,44 @@ impl PairSource for Foreign {
             self.both()
                 .and_then(|[left, right]| camera::calibration(left, right))
         })
+    }
+}
+
+/// The largest values of the first 16-bit images of both cameras.
+#[derive(Default)]
+struct FirstImages {
+    largest: [Vec<u16>; 2],
+    /// Whether they are of 8 bits: then nothing is to be decided.
+    are_of_8_bits: bool,
+}
+
+impl FirstImages {
+    fn are_enough(&self) -> bool {
+        let enough = |largest: &Vec<u16>| largest.len() >= DECIDING_PAIRS;
+        self.are_of_8_bits || self.largest.iter().all(enough)
+    }
+
+    fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
+        let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
+            return;
+        };
+        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+            return;
+        }
+        // One that cannot be read is reported in its turn.
+        if let Ok((_, Ok(image))) = image::decode(channel, data) {
+            match image.image.largest() {
+                Some(largest) => self.largest[side].push(largest),
+                None => self.are_of_8_bits = true,
+            }
+        }
+    }
+
+    /// Of all together; nothing of 8 bits.
+    fn largest(self) -> Option<Option<u16>> {
+        match self.are_of_8_bits {
+            true => Some(None),
+            false => self.largest.into_iter().flatten().max().map(Some),
+        }
     }
 }

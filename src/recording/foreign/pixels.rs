@@ -1,34 +1,47 @@
-//! Converts the pixel encodings of ROS and Foxglove to 8-bit grey.
+//! Decodes the pixel encodings of ROS and Foxglove.
 
-use super::bayer;
-use crate::files::{every_byte, strided_rows};
+use super::bayer::{self, Tile};
+use crate::files::{BitDepth, DecodedImage, every_byte, strided_rows};
 use crate::recording::ros::RawPixels;
-use crate::stereo::{Gray, Plane};
+use crate::stereo::Plane;
+
+/// An image as its message has it: a mosaic is not interpolated yet, as its bit depth comes first.
+pub(super) struct MessageImage {
+    pub image: DecodedImage,
+    pub mosaic: Option<Tile>,
+}
+
+impl MessageImage {
+    /// The image that the mosaic is of.
+    pub(super) fn demosaiced(self, depth: &mut BitDepth) -> DecodedImage {
+        match self.mosaic {
+            Some(tile) => DecodedImage::Color(bayer::color(&depth.grey(self.image).0, tile)),
+            None => self.image,
+        }
+    }
+}
 
 /// The bytes of one pixel.
 enum PixelLayout {
-    /// Grey is byte `at` of every `bytes`: of 16 bits the upper 8, of YUV the Y.
+    /// Grey is byte `at` of every `bytes`: of YUV the Y.
     Grey { bytes: usize, at: usize },
+    /// Grey of 16 bits.
+    Grey16,
     /// Red, green and blue are these bytes of every `bytes`.
     Colour { bytes: usize, rgb: [usize; 3] },
-    /// One colour a pixel, in tiles of 2x2.
-    Bayer {
-        bytes: usize,
-        at: usize,
-        tile: bayer::Tile,
-    },
 }
 
-/// Grey by the rule of [`Gray::from_rgb`]; of 16 bits the upper 8.
-///
 /// # Errors
 /// Why it cannot be read.
-pub(super) fn grey(raw: &RawPixels<'_>) -> Result<Gray, String> {
-    let layout = layout(raw.encoding, raw.big_endian)?;
+pub(super) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
+    let (layout, mosaic) = match bayer::tile(raw.encoding) {
+        Some((tile, 8)) => (PixelLayout::Grey { bytes: 1, at: 0 }, Some(tile)),
+        Some((tile, _)) => (PixelLayout::Grey16, Some(tile)),
+        None => (layout(raw.encoding)?, None),
+    };
     let bytes = match layout {
-        PixelLayout::Grey { bytes, .. }
-        | PixelLayout::Colour { bytes, .. }
-        | PixelLayout::Bayer { bytes, .. } => bytes,
+        PixelLayout::Grey { bytes, .. } | PixelLayout::Colour { bytes, .. } => bytes,
+        PixelLayout::Grey16 => 2,
     };
     let (width, height, step) = (raw.width as usize, raw.height as usize, raw.step as usize);
     // Saturating: the sizes are unchecked numbers of a message.
@@ -41,36 +54,33 @@ pub(super) fn grey(raw: &RawPixels<'_>) -> Result<Gray, String> {
         )
     })?;
     let image = match layout {
-        PixelLayout::Grey { at, .. } => Plane::from_vec(width, height, every_byte(rows, bytes, at)),
-        PixelLayout::Bayer { at, tile, .. } => {
-            let samples = Plane::from_vec(width, height, every_byte(rows, bytes, at))
-                .map_err(|e| e.to_string())?;
-            bayer::grey(&samples, tile)
+        PixelLayout::Grey { at, .. } => {
+            Plane::from_vec(width, height, every_byte(rows, bytes, at)).map(DecodedImage::Gray)
+        }
+        PixelLayout::Grey16 => {
+            let value = match raw.big_endian {
+                true => u16::from_be_bytes,
+                false => u16::from_le_bytes,
+            };
+            let values = rows.flat_map(|row| row.as_chunks().0).copied().map(value);
+            Plane::from_vec(width, height, values.collect()).map(DecodedImage::Gray16)
         }
         PixelLayout::Colour { rgb, .. } => {
             let pixels = rows.flat_map(|row| row.chunks_exact(bytes));
-            Gray::from_rgb(
-                width,
-                height,
-                &pixels
-                    .flat_map(|pixel| rgb.map(|at| pixel[at]))
-                    .collect::<Vec<_>>(),
-            )
+            let pixels: Vec<u8> = pixels.flat_map(|pixel| rgb.map(|at| pixel[at])).collect();
+            DecodedImage::from_rgb(width, height, &pixels)
         }
     };
-    image.map_err(|e| e.to_string())
+    let image = image.map_err(|e| e.to_string())?;
+    Ok(MessageImage { image, mosaic })
 }
 
-fn layout(encoding: &str, big_endian: bool) -> Result<PixelLayout, String> {
-    let upper = if big_endian { 0 } else { 1 };
+fn layout(encoding: &str) -> Result<PixelLayout, String> {
     Ok(match encoding {
         // 8UC1 and 8UC3 are OpenCV's names, which cv_bridge writes where the encoding is unknown:
         // grey and BGR.
         "mono8" | "8UC1" => PixelLayout::Grey { bytes: 1, at: 0 },
-        "mono16" => PixelLayout::Grey {
-            bytes: 2,
-            at: upper,
-        },
+        "mono16" => PixelLayout::Grey16,
         // ROS's yuv422 is UYVY: the luma is the second byte.
         "yuv422" | "uyvy" | "UYVY" => PixelLayout::Grey { bytes: 2, at: 1 },
         "yuv422_yuy2" | "yuyv" | "YUYV" => PixelLayout::Grey { bytes: 2, at: 0 },
@@ -90,23 +100,11 @@ fn layout(encoding: &str, big_endian: bool) -> Result<PixelLayout, String> {
             bytes: 4,
             rgb: [2, 1, 0],
         },
-        _ => match bayer::tile(encoding) {
-            Some((tile, 8)) => PixelLayout::Bayer {
-                bytes: 1,
-                at: 0,
-                tile,
-            },
-            Some((tile, _)) => PixelLayout::Bayer {
-                bytes: 2,
-                at: upper,
-                tile,
-            },
-            None => {
-                let known =
-                    "mono8, mono16, rgb8, rgba8, bgr8, bgra8, bayer_*8, bayer_*16, uyvy and yuyv";
-                return Err(format!("its pixels are '{encoding}', svl reads {known}"));
-            }
-        },
+        _ => {
+            let known =
+                "mono8, mono16, rgb8, rgba8, bgr8, bgra8, bayer_*8, bayer_*16, uyvy and yuyv";
+            return Err(format!("its pixels are '{encoding}', svl reads {known}"));
+        }
     })
 }
 
@@ -128,7 +126,13 @@ mod tests {
             big_endian: false,
             data,
         };
-        grey(&raw).map(|image| image.pixels().collect())
+        decode(&raw).map(|image| grey(image).pixels().collect())
+    }
+
+    fn grey(image: MessageImage) -> crate::stereo::Gray {
+        let mut depth = BitDepth::FULL;
+        let image = image.demosaiced(&mut depth);
+        depth.grey(image).0
     }
 
     #[test]
@@ -163,7 +167,7 @@ mod tests {
             big_endian: true,
             data: &[77, 0],
         };
-        assert_eq!(grey(&big).unwrap().get(0, 0), 77);
+        assert_eq!(grey(decode(&big).unwrap()).get(0, 0), 77);
         // Pure red, in both orders.
         assert_eq!(read("rgb8", (1, 1), 3, &[255, 0, 0]), Ok(vec![76]));
         assert_eq!(read("bgr8", (1, 1), 3, &[0, 0, 255]), Ok(vec![76]));

@@ -11,6 +11,8 @@ pub struct Selection {
     pub right: Option<String>,
     /// Largest skew of a pair.
     pub max_skew_ns: u64,
+    /// How many of 16 bits the images use; by default decided by the first of them.
+    pub bits: Option<u8>,
 }
 
 impl Selection {
@@ -30,6 +32,7 @@ impl Default for Selection {
             left: None,
             right: None,
             max_skew_ns: Self::MAX_SKEW_NS,
+            bits: None,
         }
     }
 }
@@ -58,6 +61,25 @@ pub(in crate::recording) fn choose(
     topics.sort_unstable();
     // The files of a bag repeat the channels.
     topics.dedup();
+    // Who publishes image_rect_color beside image_rect means the same image.
+    let all = topics.clone();
+    let is_repeated = |topic: &str| {
+        let (name, transport) = match topic.strip_suffix("/compressed") {
+            Some(name) => (name, "/compressed"),
+            None => (topic, ""),
+        };
+        let grey = name
+            .strip_suffix("_color")
+            .map(|grey| format!("{grey}{transport}"));
+        grey.is_some_and(|grey| all.contains(&grey.as_str()))
+    };
+    let is_named = |topic: &str| {
+        [&selection.left, &selection.right]
+            .into_iter()
+            .flatten()
+            .any(|named| named == topic)
+    };
+    topics.retain(|topic| is_named(topic) || !is_repeated(topic));
     let listed = topics.join(", ");
     for (option, named) in [("--left", &selection.left), ("--right", &selection.right)] {
         if let Some(named) = named.as_deref().filter(|named| !topics.contains(named)) {
@@ -70,6 +92,10 @@ pub(in crate::recording) fn choose(
                             channel.schema
                         ),
                     },
+                    None if named.contains('*') => format!(
+                        "{option} {named}: is a pattern, for the images of a folder; here it is a \
+                         topic, of {listed}"
+                    ),
                     None if topics.is_empty() => format!("{option} {named}: it has no images"),
                     None => format!("{option} {named}: no such topic of images; it has {listed}"),
                 },

@@ -1,6 +1,5 @@
 //! Decodes ROS 2 messages from CDR.
 
-use crate::recording::bag::CONVERT;
 use re_cdr::{CdrReader, Error, LittleEndian, Result};
 
 /// Limit of distortion coefficients: `rational_polynomial` in ROS has up to 14.
@@ -67,12 +66,6 @@ pub(in crate::recording) fn read<'a, T>(
     let body = match data {
         // Encapsulation 0x0001: little-endian CDR, the native order of x86 and ARM.
         [0, 1, _, _, body @ ..] => body,
-        // zstd's magic number: a bag whose compression_mode is `message`.
-        [0x28, 0xB5, 0x2F, 0xFD, ..] => {
-            return Err(format!(
-                "it is compressed, message by message, which svl does not read; {CONVERT}"
-            ));
-        }
         _ => return Err("it is not little-endian CDR".to_owned()),
     };
     read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))

@@ -2,17 +2,21 @@
 
 use super::CDR_LE;
 use crate::recording::{Encoded, RosStamp, frame_id, images};
-use crate::stereo::{Gray, Plane, Pose, Rig, Side};
+use crate::stereo::{Plane, Pose, Rig, Side};
 use re_cdr::{CdrWriter, LittleEndian};
 use std::borrow::Cow;
 
 type Cdr<'a> = CdrWriter<'a, LittleEndian>;
 
 /// A sensor_msgs/msg/Image of grey pixels.
-pub(in crate::recording) fn encode_mono8(image: &Gray, stamp: RosStamp, frame_id: &str) -> Encoded {
+pub(in crate::recording) fn encode_8bit<P: images::Pixel>(
+    image: &Plane<P>,
+    stamp: RosStamp,
+    frame_id: &str,
+) -> Encoded {
     encode_image(
         image.size(),
-        "mono8",
+        P::ENCODING,
         &images::pixels(image),
         stamp,
         frame_id,
@@ -59,11 +63,17 @@ fn encode_image(
     )
 }
 
-/// A sensor_msgs/msg/CompressedImage of grey pixels, with the format string of image_transport.
-pub(in crate::recording) fn encode_png(png: &[u8], stamp: RosStamp, frame_id: &str) -> Encoded {
+/// A sensor_msgs/msg/CompressedImage of pixels of that encoding, with the format string of
+/// image_transport.
+pub(in crate::recording) fn encode_png(
+    png: &[u8],
+    encoding: &str,
+    stamp: RosStamp,
+    frame_id: &str,
+) -> Encoded {
     let body = |cdr: &mut Cdr| {
         header(cdr, stamp, frame_id);
-        cdr.write_string("mono8; png compressed ");
+        cdr.write_string(&format!("{encoding}; png compressed "));
         cdr.write_bytes(png);
     };
     encode(

@@ -199,6 +199,7 @@ mod tests {
             stamp_ns,
             name: None,
             pair: StereoPair::new(image.clone(), image.clone()).unwrap(),
+            color: None,
             geometry: Geometry::Rectified(None),
             pose: None,
             truth: None,

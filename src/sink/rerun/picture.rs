@@ -5,7 +5,7 @@
 //! bytes.
 
 use super::scale::Scale;
-use crate::stereo::{DisparityMap, Gray, Plane, Reason, Rig};
+use crate::stereo::{DisparityMap, Frame, Gray, Plane, Reason, Rig};
 use ::rerun::components::Colormap;
 use ::rerun::external::arrow::datatypes::{ArrowPrimitiveType, Float16Type};
 use ::rerun::{
@@ -42,6 +42,17 @@ fn color(reason: Reason) -> Rgba32 {
         Reason::Inconsistent => Rgba32::from_rgb(208, 62, 140),
         Reason::SelfCheck => Rgba32::from_rgb(44, 160, 110),
         Reason::Unmatched => Rgba32::from_rgb(150, 100, 60),
+    }
+}
+
+/// The left image, in colour where the source has it.
+pub(super) fn left(frame: &Frame) -> Image {
+    match &frame.color {
+        Some([left, _]) => {
+            let pixels: Vec<u8> = left.pixels().flatten().collect();
+            Image::from_rgb24(pixels, resolution(left))
+        }
+        None => gray(frame.pair.left()),
     }
 }
 

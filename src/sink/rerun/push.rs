@@ -13,7 +13,7 @@ use ::rerun::{AsComponents, Clear, Scalars, TextLog};
 impl RerunSink {
     /// Logs the camera: image, pose, projection, and the name of the scene.
     pub(super) fn push_scene(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
-        self.log(IMAGE, &picture::gray(frame.pair.left()))?;
+        self.log(IMAGE, &picture::left(frame))?;
         let pose = frame.pose.unwrap_or_else(world::resting);
         let camera = frame.rig().map(|rig| world::pinhole(rig, frame, scale));
         match camera {

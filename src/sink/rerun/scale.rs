@@ -62,6 +62,7 @@ mod tests {
             geometry: Geometry::Rectified(Some(rig)),
             pose: Some(Pose::identity()),
             truth: Some(Truth::exact(truth, None)),
+            color: None,
             exposure: Exposure::default(),
         };
         assert!((Scale::of(&arena).far_m - 3.0).abs() < 1e-6);

@@ -1,18 +1,16 @@
-//! Scenes of stereo data sets and plain folders of pairs, as users have them on disk.
+//! Scenes of stereo data sets, as users have them on disk.
 //!
 //! [`DATASETS`] says all there is to say of a data set: whence it is fetched, under which terms,
 //! and how its files are called. One more is one more entry there.
 
 mod entry;
 mod eth3d;
-mod folder;
 mod kitti;
 mod middlebury;
 mod scene;
 mod truth;
 
 pub use entry::{Dataset, Part};
-pub use folder::FolderSource;
 pub use scene::{Scene, SceneSource};
 
 use crate::error::did_you_mean;

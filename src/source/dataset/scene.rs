@@ -4,14 +4,12 @@ use super::entry::{CalibFile, PairFiles};
 use super::{files, find, truth};
 use crate::calibrate::files::{read_calib, read_projections};
 use crate::error::{Error, Result};
-use crate::files::read_gray;
+use crate::files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
+use crate::recording::StampOrigin;
 use crate::source::Source;
-use crate::stereo::{Exposure, Frame, Geometry, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Rig};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-
-/// Image formats, the usual one first.
-pub(super) const ENDINGS: &[&str] = &["png", "ppm", "pgm", "jpg", "jpeg"];
 
 /// A left and a right image, and where they exist, truth, mask and calibration: a folder of its
 /// own, or one of many numbered scenes that share a folder, as in KITTI.
@@ -158,20 +156,30 @@ impl Scene {
         Some(self.folder.join(name)).filter(|p| p.is_file())
     }
 
-    /// Reads it as frame number `sequence`.
+    fn images(&self) -> Result<[DecodedImage; 2]> {
+        Ok([read_image(&self.left)?, read_image(&self.right)?])
+    }
+
+    /// Reads it as frame number `sequence`; of 16 bits the upper 8 remain.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::PairSize`], each naming the file.
     pub fn read(&self, sequence: u64) -> Result<Frame> {
-        let pair = StereoPair::new(read_gray(&self.left)?, read_gray(&self.right)?)
+        self.read_with(sequence, &mut BitDepth::FULL.clone())
+    }
+
+    fn read_with(&self, sequence: u64, depth: &mut BitDepth) -> Result<Frame> {
+        let (pair, color) = depth
+            .pair(self.images()?)
             .map_err(|e| Error::format(&self.left, e.to_string()))?;
         Ok(Frame {
             sequence,
-            stamp_ns: sequence * 1_000_000_000,
+            stamp_ns: SceneSource::STAMPS.stamp_ns(sequence),
             name: Some(self.name.clone()),
             truth: truth::read(|name| self.file(name), pair.size())?,
+            geometry: Geometry::Rectified(self.rig(pair.size())?),
             pair,
-            geometry: Geometry::Rectified(self.rig()?),
+            color,
             pose: None,
             exposure: Exposure {
                 trigger_id: sequence,
@@ -180,11 +188,11 @@ impl Scene {
         })
     }
 
-    fn rig(&self) -> Result<Option<Rig>> {
+    fn rig(&self, size: (usize, usize)) -> Result<Option<Rig>> {
         match self.pair.calib {
             CalibFile::Middlebury => self
                 .file("calib.txt")
-                .map(|path| read_calib(&path))
+                .map(|path| read_calib(&path, size))
                 .transpose(),
             CalibFile::Projections { file, left, right } => self
                 .file(file)
@@ -206,7 +214,7 @@ fn prefix(folder: &str) -> String {
 /// The image of that name, whatever its format.
 fn image(folder: &Path, name: &str, number: &str) -> Option<PathBuf> {
     let name = name.replace('*', number);
-    ENDINGS
+    IMAGE_ENDINGS
         .iter()
         .map(|ending| folder.join(format!("{name}.{ending}")))
         .find(|p| p.is_file())
@@ -227,7 +235,7 @@ fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
     let number = |name: String| {
         let (stem, ending) = name.rsplit_once('.')?;
         let number = stem.strip_prefix(before)?.strip_suffix(after)?;
-        (ENDINGS.contains(&ending) && !number.is_empty()).then(|| number.to_owned())
+        (IMAGE_ENDINGS.contains(&ending) && !number.is_empty()).then(|| number.to_owned())
     };
     Ok(names(&subfolder)?.into_iter().filter_map(number).collect())
 }
@@ -265,14 +273,46 @@ fn nothing(root: &Path, name: &str) -> Error {
 }
 
 /// Scenes, one frame each.
+///
+/// Nothing is known of when they were taken: a second apart stands for it.
 pub struct SceneSource {
     scenes: Vec<Scene>,
+    depth: BitDepth,
     next: usize,
 }
 
 impl SceneSource {
+    /// Stamps of scenes.
+    pub const STAMPS: StampOrigin = StampOrigin::Nominal(1.0);
+
     pub fn new(scenes: Vec<Scene>) -> Self {
-        Self { scenes, next: 0 }
+        Self::with_bits(scenes, None).expect("only bits that are asked for can be wrong")
+    }
+
+    /// `bits`: how many of 16 are used [default: decided by the first pairs].
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for `bits` of 8-bit images.
+    pub fn with_bits(scenes: Vec<Scene>, bits: Option<u8>) -> Result<Self> {
+        let first = scenes.iter().take(DECIDING_PAIRS);
+        // One that cannot be read is reported in its turn.
+        let readable = first.filter_map(|scene| scene.images().ok());
+        let depth = BitDepth::decide(bits, readable.map(|pair| DecodedImage::largest_of(&pair)))?;
+        Ok(Self {
+            scenes,
+            depth,
+            next: 0,
+        })
+    }
+
+    /// How many bits the 16-bit images use.
+    pub fn bits(&self) -> Option<u8> {
+        self.depth.bits()
+    }
+
+    /// What the user should know of the images that is no warning.
+    pub fn note(&self) -> Option<String> {
+        self.depth.note()
     }
 }
 
@@ -289,7 +329,8 @@ impl Source for SceneSource {
             return Ok(None);
         };
         self.next += 1;
-        scene.read(self.next as u64 - 1).map(Some)
+        let sequence = self.next as u64 - 1;
+        scene.read_with(sequence, &mut self.depth).map(Some)
     }
 
     fn pairs(&self) -> Option<u64> {

@@ -37,7 +37,7 @@ fn cameras_are_recorded_and_what_was_done_is_told() {
                 frame.exposure.trigger_id,
                 frame.exposure.skew_ns
             ),
-            (i as u64, i as u64, 0)
+            (i as u64, i as u64, Some(0))
         );
         assert!(
             frame.exposure.shutter_us > 0 && frame.rig().is_some() && frame.pair.size() == (64, 48)

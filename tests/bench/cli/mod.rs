@@ -19,6 +19,7 @@ mod interrupt;
 mod label;
 mod live;
 mod matching;
+mod own_data;
 mod record;
 mod rectify;
 mod reference;

@@ -34,7 +34,8 @@ fn too_dark_and_too_bright_become_right() {
             );
         }
         assert_eq!(
-            last.exposure.skew_ns, 0,
+            last.exposure.skew_ns.unwrap(),
+            0,
             "a skew of half a shutter would show that they differ"
         );
     }

@@ -22,7 +22,12 @@ fn until(triggered: Triggered, rule: Rule, stage: Stage) -> (usize, String) {
         match grabber.next_pair() {
             Ok(frame) => {
                 pairs += usize::from(
-                    frame.expect("it fails before it ends").exposure.skew_ns < MS as i64,
+                    frame
+                        .expect("it fails before it ends")
+                        .exposure
+                        .skew_ns
+                        .unwrap()
+                        < MS as i64,
                 )
             }
             Err(error) => break error,
@@ -92,7 +97,9 @@ fn a_damaged_image_costs_its_pair_and_is_counted() {
         let (frames, tally) = Stage::new(slow(1.0, 0.0), right).grab(triggered, rule, 20);
         assert_eq!(frames.len(), 20);
         assert!(
-            frames.iter().all(|frame| frame.exposure.skew_ns == 0),
+            frames
+                .iter()
+                .all(|frame| frame.exposure.skew_ns.unwrap() == 0),
             "the next pair is of one moment again"
         );
         assert_eq!(tally.unpaired[Unpaired::Damaged as usize], 1, "{tally}");
@@ -140,7 +147,11 @@ fn a_camera_slower_than_the_timeout_slows_the_rate() {
         let (frames, tally) =
             Stage::new(slow(1.0, 0.0), right).grab(Triggered::WhenArmed, Rule::Trigger, 8);
         assert_eq!(frames.len(), 8, "{tally}");
-        assert!(frames.iter().all(|frame| frame.exposure.skew_ns == 0));
+        assert!(
+            frames
+                .iter()
+                .all(|frame| frame.exposure.skew_ns.unwrap() == 0)
+        );
         let unpaired =
             tally.unpaired.iter().sum::<u64>() - tally.unpaired[Unpaired::Unfinished as usize];
         assert_eq!(unpaired, 0, "{tally}");
@@ -158,7 +169,9 @@ fn an_image_is_of_the_pulse_that_triggered_it_however_late_it_comes() {
         let (frames, tally) = stage.grab(Triggered::WhenArmed, Rule::Trigger, 6);
         assert_eq!(frames.len(), 6, "{tally}");
         assert!(
-            frames.iter().all(|frame| frame.exposure.skew_ns == 0),
+            frames
+                .iter()
+                .all(|frame| frame.exposure.skew_ns.unwrap() == 0),
             "{on_its_way_ms} ms: {tally}"
         );
         assert_eq!(

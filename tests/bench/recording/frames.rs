@@ -32,6 +32,7 @@ pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
         geometry: Geometry::Rectified(None),
         pose: None,
         truth: None,
+        color: None,
         exposure: Exposure::default(),
     }
 }
@@ -62,9 +63,10 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
             Plane::from_fn(size.0, size.1, disparity).unwrap(),
             Some(Plane::from_fn(size.0, size.1, visibility).unwrap()),
         )),
+        color: None,
         exposure: Exposure {
             trigger_id: 1000 + i,
-            skew_ns: -12_345,
+            skew_ns: Some(-12_345),
             shutter_us: 800,
             gain_mdb: -1500,
             drops: i / 3,

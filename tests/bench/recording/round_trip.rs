@@ -174,7 +174,7 @@ fn truth_beyond_infinity_is_exact() {
 fn a_right_image_a_whole_period_late_finds_its_left_one() {
     let late = |i| {
         let mut frame = bare(i, SIZE);
-        frame.exposure.skew_ns = super::frames::PERIOD_NS as i64;
+        frame.exposure.skew_ns = Some(super::frames::PERIOD_NS as i64);
         frame
     };
     round_trip(&(0..5).map(late).collect::<Vec<_>>(), ImageFormat::Raw, 0.0);
@@ -286,7 +286,7 @@ fn what_a_file_cannot_say_is_refused() {
         stamp_ns: 5,
         ..bare(0, SIZE)
     };
-    early.exposure.skew_ns = -6;
+    early.exposure.skew_ns = Some(-6);
     assert_says(
         &writer.write(&early).unwrap_err().to_string(),
         &["before 1970"],

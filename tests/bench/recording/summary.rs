@@ -15,7 +15,7 @@ fn a_summary_knows_counts_gaps_and_skew() {
         .map(|i| {
             let mut frame = full(i, SIZE);
             frame.stamp_ns += if i > 3 { 2 * PERIOD_NS } else { 0 };
-            frame.exposure.skew_ns = skews[i as usize];
+            frame.exposure.skew_ns = Some(skews[i as usize]);
             frame
         })
         .collect();

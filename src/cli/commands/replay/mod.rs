@@ -148,7 +148,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     opened.source = args.reference.wrap(opened.source)?;
 
     outputs.set_aside()?;
-    let mut manifest = Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?;
+    let mut manifest = Manifest {
+        bits: opened.header.bits,
+        ..Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?
+    };
     manifest.runs = vec![opened.record(&opened.source.name(), Path::new(&name))];
     let rerun = args.rerun.clone().map(|target| {
         let scenario = opened.scenario.as_deref();

@@ -199,6 +199,7 @@ mod tests {
                 stamp_ns: 0,
                 name: None,
                 pair: StereoPair::new(image.clone(), image)?,
+                color: None,
                 geometry: Geometry::Raw,
                 pose: None,
                 truth: None,

@@ -1,6 +1,6 @@
 //! Whether the stamps of pairs and measurements are of one clock.
 
-use super::{FileEvent, Messages, Recording, kind};
+use super::{FileEvent, Recording, kind};
 use crate::error::Result;
 
 /// A measurement that is farther from its pair may be of another clock: then all stamps are looked
@@ -18,7 +18,7 @@ pub(super) fn check(
 ) -> Result<std::result::Result<(), String>> {
     let mut ranges: [Option<(u64, u64)>; 2] = [None; 2];
     for file in recording.files() {
-        let mut messages = Messages::open(file)?;
+        let mut messages = file.messages()?;
         // Damage is reported with the pairs.
         while let Ok(Some(event)) = messages.next() {
             let FileEvent::Message {

@@ -9,7 +9,7 @@ mod view;
 
 use super::topics;
 use crate::error::{Error, Result};
-use crate::recording::messages::{Channel, FileEvent, Messages};
+use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
 use crate::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
 use kind::{Measured, MeasuredKind};
@@ -43,7 +43,7 @@ pub struct TruthTopic {
     setup: Setup,
     /// How measurements are seen by the left camera, known from the first pair on.
     view: Option<View>,
-    messages: Messages,
+    messages: Box<dyn EventReader>,
     /// Index of the file that is read next.
     next_file: usize,
     ended: bool,
@@ -74,7 +74,7 @@ impl TruthTopic {
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
         Ok(Self {
-            messages: Messages::open(first)?,
+            messages: first.messages()?,
             recording: recording.clone(),
             left: left.to_owned(),
             selection: selection.clone(),
@@ -196,7 +196,7 @@ impl TruthTopic {
                 Ok(None) | Err(_) => match self.recording.files().nth(self.next_file) {
                     Some(next) => {
                         self.next_file += 1;
-                        match Messages::open(next) {
+                        match next.messages() {
                             Ok(messages) => self.messages = messages,
                             Err(_) => self.ended = true,
                         }

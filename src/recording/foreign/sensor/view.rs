@@ -2,7 +2,7 @@
 
 use super::kind::{self, Measured, MeasuredKind};
 use super::transforms::{Transforms, plain};
-use super::{Channel, FileEvent, Messages, Plane, Recording, Rig, TruthDensity};
+use super::{Channel, FileEvent, Plane, Recording, Rig, TruthDensity};
 use super::{topics, truth};
 use crate::depth::project;
 use crate::error::Result;
@@ -61,7 +61,7 @@ impl Setup {
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
         let mut found = Found::default();
         for file in recording.files() {
-            let mut messages = Messages::open(file)?;
+            let mut messages = file.messages()?;
             let is_found = |found: &Found| {
                 (left_info.is_none() || found.left.is_some())
                     && (own_info.is_none() || found.own.is_some())
