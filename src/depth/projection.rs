@@ -15,10 +15,10 @@ const MAX_RADIUS: usize = 16;
 /// in one pixel the nearest counts, of one surface the one nearest to its centre.
 ///
 /// Another sensor sees between the points of a near surface what the camera does not see behind
-/// it. So a point is dropped as hidden when points that are nearer by a tenth lie around it within
-/// the points' spacing and a half: on its left and its right, or above and below it. That is
+/// it. So a point is dropped as hidden when points that are nearer by a tenth surround it within
+/// the points' spacing and a half: when no line through it has all of them on one side. That is
 /// the screen-space visibility of Pintus, Gobbetti and Agus (Real-time rendering of massive
-/// unstructured raw point clouds using screen-space operators, VAST 2011) with four sectors in
+/// unstructured raw point clouds using screen-space operators, VAST 2011) with that test in
 /// place of their solid angle. A floor, a slanted wall and what stands beside an edge have nearer
 /// neighbours on one side alone and stay.
 pub fn project(
@@ -83,25 +83,48 @@ fn without_hidden(nearest: &Plane<f32>, doffs: f32) -> Plane<f32> {
     let radius = radius(&samples);
     let mut seen = nearest.clone();
     for &(x, y, d) in &samples {
-        let [mut left, mut right, mut above, mut below] = [false; 4];
+        let mut nearer = Fan::default();
         for v in y.saturating_sub(radius)..(y + radius + 1).min(height) {
             let first = x.saturating_sub(radius);
             let window = &nearest.row(v)[first..(x + radius + 1).min(width)];
             for (u, &other) in (first..).zip(window) {
                 if other.is_finite() && is_nearer(other, d, doffs) {
-                    let (dx, dy) = (u.abs_diff(x), v.abs_diff(y));
-                    left |= dx >= dy && u < x;
-                    right |= dx >= dy && u > x;
-                    above |= dy >= dx && v < y;
-                    below |= dy >= dx && v > y;
+                    nearer.add((u as i32 - x as i32, v as i32 - y as i32));
                 }
             }
         }
-        if left && right || above && below {
+        if nearer.is_round {
             seen.set(x, y, f32::INFINITY);
         }
     }
     seen
+}
+
+/// The directions between two of less than half a turn, or those all around.
+#[derive(Default)]
+struct Fan {
+    ends: Option<[(i32, i32); 2]>,
+    is_round: bool,
+}
+
+impl Fan {
+    fn add(&mut self, direction: (i32, i32)) {
+        let cross = |a: (i32, i32), b: (i32, i32)| a.0 * b.1 - a.1 * b.0;
+        let Some([first, last]) = &mut self.ends else {
+            self.ends = Some([direction; 2]);
+            return;
+        };
+        let (from_first, from_last) = (cross(*first, direction), cross(*last, direction));
+        let is_ahead = first.0 * direction.0 + first.1 * direction.1 > 0;
+        match (from_first, from_last) {
+            // Of a fan that is one direction, the same and not its opposite.
+            (0, 0) => self.is_round |= !is_ahead,
+            (0.., ..=0) => {}
+            (1.., 1..) => *last = direction,
+            (..=-1, ..=-1) => *first = direction,
+            _ => self.is_round = true,
+        }
+    }
 }
 
 /// One and a half times the mean spacing of the samples in the area that they cover.

@@ -1,10 +1,8 @@
 //! Decoded images of any depth, and the 8-bit pairs that are made of them.
 
-use super::{MAX_BYTES, image::decode_bytes, read_bounded};
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, Plane, Rgb, StereoPair};
 use image::DynamicImage;
-use std::path::Path;
 
 /// An image as its file, message or video has it.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,18 +11,6 @@ pub(crate) enum DecodedImage {
     Color(Rgb),
     Gray16(Plane<u16>),
     Color16(Plane<[u16; 3]>),
-}
-
-/// Reads an image; its sides are at most [`crate::stereo::MAX_SIDE`].
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Format`].
-pub(crate) fn read_image(path: &Path) -> Result<DecodedImage> {
-    let image = decode_bytes(&read_bounded(path, MAX_BYTES)?).and_then(|image| {
-        // A file that is no image has told so already: what fails here is its size.
-        DecodedImage::new(image).map_err(|e| e.to_string())
-    });
-    image.map_err(|e| Error::format(path, format!("not a readable image: {e}")))
 }
 
 impl DecodedImage {
@@ -123,22 +109,6 @@ impl DecodedImage {
     }
 }
 
-/// Reads two image files as a pair. Of 16-bit images the upper 8 of the `bits` that they use remain
-/// [default: decided by their largest value, with a line for the user where these are not all].
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Format`]; [`Error::PairSize`]; [`Error::Usage`] for `bits` of 8-bit
-/// images.
-pub fn read_pair(
-    left: &Path,
-    right: &Path,
-    bits: Option<u8>,
-) -> Result<(StereoPair, Option<String>)> {
-    let images = [read_image(left)?, read_image(right)?];
-    let mut depth = BitDepth::decide(bits, [DecodedImage::largest_of(&images)])?;
-    Ok((depth.pair(images)?.0, depth.note()))
-}
-
 /// Pairs that the bit depth of a source is decided by.
 pub(crate) const DECIDING_PAIRS: usize = 16;
 
@@ -164,8 +134,8 @@ impl BitDepth {
         warned: false,
     };
 
-    /// Decides by the largest value of each of the first [`DECIDING_PAIRS`] pairs of a source, unless
-    /// `asked` says how many. Of a source of 8-bit images one pair is taken.
+    /// Decides by the largest value of each of the first [`DECIDING_PAIRS`] pairs of a source,
+    /// unless `asked` says how many. Of a source of 8-bit images one pair is taken.
     ///
     /// # Errors
     /// [`Error::Usage`] where `asked` is of no use.

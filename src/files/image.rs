@@ -2,7 +2,7 @@
 
 use super::{BitDepth, DecodedImage, MAX_BYTES, jpeg, read_bounded};
 use crate::error::{Error, Result};
-use crate::stereo::{Gray, MAX_SIDE, Plane, Visibility};
+use crate::stereo::{Gray, MAX_SIDE, Plane, StereoPair, Visibility};
 use image::{
     ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader,
     codecs::png::PngEncoder,
@@ -20,6 +20,32 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
     let bytes = read_bounded(path, MAX_BYTES)?;
     let wrong = |e| Error::format(path, format!("not a readable image: {e}"));
     decode_bytes(&bytes).map_err(wrong)
+}
+
+/// Reads an image; its sides are at most [`MAX_SIDE`].
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`].
+pub(crate) fn read_image(path: &Path) -> Result<DecodedImage> {
+    // A file that is no image has told so already: what fails here is its size.
+    let wrong = |e| Error::format(path, format!("not a readable image: {e}"));
+    DecodedImage::new(decode(path)?).map_err(wrong)
+}
+
+/// Reads two image files as a pair. Of 16-bit images the upper 8 of the `bits` that they use remain
+/// [default: decided by their largest value, with a line for the user where these are not all].
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`]; [`Error::PairSize`]; [`Error::Usage`] for `bits` of 8-bit
+/// images.
+pub fn read_pair(
+    left: &Path,
+    right: &Path,
+    bits: Option<u8>,
+) -> Result<(StereoPair, Option<String>)> {
+    let images = [read_image(left)?, read_image(right)?];
+    let mut depth = BitDepth::decide(bits, [DecodedImage::largest_of(&images)])?;
+    Ok((depth.pair(images)?.0, depth.note()))
 }
 
 /// As [`decode`], for a file in memory.

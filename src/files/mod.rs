@@ -10,13 +10,12 @@ mod picture;
 
 pub(crate) use crate::bounded::read_bounded;
 pub use crate::bounded::read_text;
-pub use decoded::read_pair;
-pub(crate) use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
+pub(crate) use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
 pub use disparity::{
     has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
 };
-pub(crate) use image::{IMAGE_ENDINGS, decode_bytes, gray_of};
-pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
+pub(crate) use image::{IMAGE_ENDINGS, decode_bytes, gray_of, read_image};
+pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, write_png};
 #[cfg(all(feature = "v4l2", target_os = "linux"))]
 pub(crate) use jpeg::brightness;
 pub use npz::read_npz;

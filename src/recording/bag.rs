@@ -48,8 +48,8 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     match files.len() {
         0 => Err(Error::format(
             path,
-            "is a folder, not a recording, nor a ROS 2 bag: it holds no metadata.yaml, no .mcap and \
-             no .db3",
+            "is a folder, not a recording, nor a ROS 2 bag: it holds no metadata.yaml, no .mcap \
+             and no .db3",
         )),
         1 => Ok(files),
         _ => Err(Error::format(
@@ -89,8 +89,8 @@ pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
             false => new.display().to_string(),
         };
         return format!(
-            "is a bag of ROS 1; `rosbags-convert --src {bag} --dst {new}` makes a bag of ROS 2 that \
-             svl reads (pip install rosbags)"
+            "is a bag of ROS 1; `rosbags-convert --src {bag} --dst {new}` makes a bag of ROS 2 \
+             that svl reads (pip install rosbags)"
         );
     }
     "is not an MCAP file, nor a bag of ROS 2 in SQLite; svl reads these (.mcap, .db3)".to_owned()

@@ -21,8 +21,8 @@ pub(super) enum Container {
 }
 
 impl Container {
-    /// Opens a file by how it begins. One that is compressed as a whole is unpacked into a temporary
-    /// file.
+    /// Opens a file by how it begins. One that is compressed as a whole is unpacked into a
+    /// temporary file.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a folder, an empty file, and one that cannot be

@@ -1,5 +1,5 @@
-//! Images in messages: 8-bit grey and colour as foxglove.RawImage (mono8, rgb8) or foxglove.CompressedImage (png), floats
-//! out of sensor_msgs/msg/Image 32FC1.
+//! Images in messages: 8-bit grey and colour as foxglove.RawImage (mono8, rgb8) or
+//! foxglove.CompressedImage (png), floats out of sensor_msgs/msg/Image 32FC1.
 
 use super::{Encoded, RosStamp, decode_protobuf, ros};
 use crate::error::Error;

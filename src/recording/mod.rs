@@ -4,7 +4,7 @@
 //! | topic | message | written when |
 //! |---|---|---|
 //! | `/stereo/{left,right}/image` | foxglove.RawImage mono8, or CompressedImage png | always |
-//! | `/stereo/{left,right}/color` | foxglove.RawImage rgb8, or CompressedImage png | source in colour |
+//! | `/stereo/{left,right}/color` | RawImage rgb8, or CompressedImage png | source in colour |
 //! | `/stereo/{left,right}/calibration` | foxglove.CameraCalibration: K, R = I, P | rig known |
 //! | `/rig/baseline` | foxglove.FrameTransform, left camera → right camera | rig known |
 //! | `/rig/pose` | foxglove.FrameTransform, world → left camera | pose known |
@@ -25,9 +25,9 @@
 //!
 //! [`Dialect::Ros2`] is the same in ROS 2 messages only.
 //!
-//! ROS 2 bags, in MCAP and SQLite, and Foxglove recordings of other programs are read too: image topics are found by
-//! their types, and images are paired by their stamps; see [`Selection`]. A bag may be the folder
-//! of its files.
+//! ROS 2 bags, in MCAP and SQLite, and Foxglove recordings of other programs are read too: image
+//! topics are found by their types, and images are paired by their stamps; see [`Selection`]. A bag
+//! may be the folder of its files.
 
 mod append_file;
 mod assembly;

@@ -6,8 +6,8 @@ use super::photometric::Correlations;
 use super::{CellJudgement, Verdict, judge_cells};
 use crate::stereo::{Cell, CellRule, DepthGrid, Estimate};
 
-/// The number of known cells of which half of the pixels with a disparity are supported, of every `step`-th
-/// column and row.
+/// The number of known cells of which half of the pixels with a disparity are supported, of every
+/// `step`-th column and row.
 pub fn supported_cells(
     estimate: &Estimate,
     step: usize,

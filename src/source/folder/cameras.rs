@@ -20,8 +20,8 @@ pub(super) struct FolderCameras {
 }
 
 /// # Errors
-/// [`crate::Error::Io`]; [`crate::Error::Format`] for a malformed file of rectified cameras, and for one of
-/// another image size than `size`.
+/// [`crate::Error::Io`]; [`crate::Error::Format`] for a malformed file of rectified cameras, and
+/// for one of another image size than `size`.
 pub(super) fn cameras(
     folder: &Path,
     layout: Option<&Layout>,

@@ -77,7 +77,8 @@ impl VideoSource {
         {
             let cure = "convert one, as `ffmpeg -i IN -r HZ OUT` does";
             return unlike(format!(
-                "has {a:.3} frames a second, its partner {b:.3}: their numbers make no pairs; {cure}"
+                "has {a:.3} frames a second, its partner {b:.3}: their numbers make no pairs; \
+                 {cure}"
             ));
         }
         if let (Some(a), Some(b)) = (l.frames, r.frames)

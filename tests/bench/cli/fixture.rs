@@ -39,7 +39,7 @@ impl Fixture {
         let output = command
             .current_dir(self.folder.path())
             .args(line.arguments())
-            .timeout(std::time::Duration::from_secs(300))
+            .timeout(std::time::Duration::from_secs(1800))
             .output();
         let output = output.unwrap();
         Ran {

@@ -173,7 +173,12 @@ fn what_cannot_be_labelled_is_refused() {
     fixture.write("wrong", "q quit");
     fixture.write("bad.toml", "name = 3");
     std::fs::create_dir(fixture.path("empty")).unwrap();
-    fixture.write_pair("p/left/1.pgm", "p/right/1.pgm", (64, 48), 4);
+    fixture.write_pair(
+        "p/left/1700000000.pgm",
+        "p/right/1700000000.pgm",
+        (64, 48),
+        4,
+    );
     fixture.fails(
         "
         label checkpoints sim --script keys => 1: cameras cannot be stepped | svl record sim

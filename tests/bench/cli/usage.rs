@@ -89,7 +89,7 @@ const WRONG: &str = "
     replay sim => 2: sim: is no recording | svl record sim
     replay arena --algo v3 => 2: arena: is no recording | svl record arena
     calibrate distance 1m=a.mcap --cells 9,9 => 2: --cells | 9,9 | 5x3 cells
-    score '' => 2: <SCENARIO>
+    score '' => 2: <SCENARIO
     calibrate distance '' => 2: TABLE.csv
     calibrate check '' => 2: <RECORDING>
     datasets fetch eth3d => 2: --data DIR | SVL_DATASETS

@@ -26,9 +26,9 @@ use sweep::{Algorithms, MAX_ALGORITHMS};
 #[command(after_help = "\
 Examples:
   svl score arena                                the thesis's arena
-  svl score own.mcap --algo v3 --algo sgm        without truth: known cells, times
+  svl score own.mcap --algo v3 --algo sgm        without truth: known cells
   svl score bags/*.mcap --every 10 --from 5
-  svl score own.toml                             with checkpoints: scenarios/own.toml
+  svl score own.toml                             with checkpoints of your own
   svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64
   svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS --out reports/mine
