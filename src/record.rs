@@ -7,7 +7,7 @@ use crate::run::{Matchers, Monitor, Outcome, Pace, run};
 use crate::scenario::Scenario;
 use crate::score::Judge;
 use crate::sink::{RunStart, SinkRequest, Sinks};
-use crate::source::{Opened, open_arena};
+use crate::source::{Opened, RecordingSource, Source, open_arena};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -85,10 +85,16 @@ pub fn cached_run(
     let hash = opened.header.hash.as_deref().unwrap_or_default();
     let key: String = hash.chars().take(12).collect();
     let path = folder.join(format!("{}-{key}.mcap", opened.stem));
-    if path.exists() {
-        return Ok(path);
-    }
     remove_abandoned(folder);
+    match is_complete(&path, opened.source.pairs()) {
+        Ok(true) => return Ok(path),
+        Ok(false) if !path.exists() => {}
+        found => {
+            let reason = found.err().map_or("incomplete".into(), |e| e.to_string());
+            tracing::warn!("{}: {reason}; recorded again", path.display());
+            std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
+        }
+    }
     // Two programs may record the same run at once: each has a file of its own until it is done.
     let partial = path.with_extension(format!("{}.partial", std::process::id()));
     let (outcome, ran) = record(opened, &partial, RecordingFormat::default(), monitor);
@@ -101,6 +107,11 @@ pub fn cached_run(
         let _ = std::fs::remove_file(&partial);
     }
     complete.map(|()| path)
+}
+
+/// Whether a recording has its summary, and all pairs by it. Damage before that is met in reading.
+fn is_complete(path: &Path, pairs: Option<u64>) -> Result<bool> {
+    Ok(path.exists() && RecordingSource::open(path)?.pairs() == pairs)
 }
 
 /// Removes what killed programs left behind. Nothing depends on whether that works.

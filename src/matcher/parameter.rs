@@ -153,9 +153,10 @@ impl Parameters {
     ///
     /// # Errors
     /// [`Error::UnknownParameter`] with the nearest name, [`Error::ParameterValue`] with what is
-    /// expected.
+    /// expected; [`Error::Usage`] for a parameter that is given twice.
     pub fn parse(spec: &MatcherSpec, settings: &str) -> Result<Self> {
         let mut parameters = Self::defaults(spec);
+        let mut given = Vec::new();
         for setting in split(settings, ',').filter(|s| !s.is_empty()) {
             // A name alone has an empty value, which the ranges of all kinds but texts refuse.
             let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
@@ -168,6 +169,13 @@ impl Parameters {
                     name: name.to_owned(),
                     nearest: nearest(name, spec.parameters.iter().map(|p| p.name)),
                 })?;
+            if given.contains(&index) {
+                return Err(Error::Usage(format!(
+                    "{}: {name} is given twice; leave one out",
+                    spec.name
+                )));
+            }
+            given.push(index);
             let range = &spec.parameters[index].range;
             // The defaults are in the order of the table, so they share its indices.
             parameters.0[index].1 = range.parse(text).ok_or_else(|| Error::ParameterValue {

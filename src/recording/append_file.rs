@@ -44,6 +44,9 @@ impl AppendFile {
             }
             _ => Error::io(&path, e),
         })?;
+        // Another svl that is to replace it finds that it is being written. Where files cannot be
+        // locked, there is no such guard.
+        let _ = file.try_lock();
         let memory = Memory::default();
         let mcap = WriteOptions::new()
             .profile(profile)

@@ -61,10 +61,13 @@ pub enum ScenarioSource {
 #[serde(deny_unknown_fields)]
 struct File {
     name: String,
+    #[serde(default)]
     description: String,
+    #[serde(default = "v3")]
     algorithms: Vec<String>,
     #[serde(default)]
     grid: GridSettings,
+    #[serde(default)]
     cells: CellRule,
     source: SourceTable,
     arena: Option<ArenaConfig>,
@@ -72,6 +75,10 @@ struct File {
     checkpoint: Vec<Checkpoint>,
     #[serde(default)]
     gate: Vec<toml::Spanned<Limit>>,
+}
+
+fn v3() -> Vec<String> {
+    vec!["v3".to_owned()]
 }
 
 #[derive(Deserialize)]
@@ -531,7 +538,10 @@ mod tests {
 
     #[test]
     fn omitted_keys_have_the_thesis_defaults() {
-        let scenario = parse(MINIMAL).unwrap();
+        // A name and a source are enough.
+        let scenario = parse("name = \"m\"\n[source]\nkind = \"arena\"\n").unwrap();
+        assert_eq!(scenario.algorithms[0].label(), "v3");
+        assert_eq!(scenario.cells, CellRule::default());
         assert_eq!((scenario.grid.columns, scenario.grid.rows), (5, 3));
         assert_eq!(
             scenario.source,

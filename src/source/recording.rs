@@ -85,7 +85,8 @@ impl Source for RecordingSource {
 
     fn finish(&mut self, _: u64) -> Losses {
         Losses {
-            unpaired: self.reader.unpaired(),
+            // The partner of an image that cannot be read is told with it.
+            unpaired: self.reader.unpaired().saturating_sub(self.unreadable),
             late: self.reader.late(),
             unreadable: self.unreadable,
             ..Losses::default()

@@ -21,7 +21,8 @@ use svl::stereo::{RectifiedPair, StereoPair};
 Examples:
   svl bench
   svl bench --algo v3 --algo v3:smoothing_sigma=0 --size 640x480
-  svl bench --max-disparity 128 --threads 2 --json")]
+  svl bench --max-disparity 128 --threads 2 --json
+  SVL_ISA=avx2 svl bench      as a CPU without AVX-512 would; or portable")]
 pub(crate) struct Args {
     /// Algorithm, as `svl algos` lists them; may be given more than once [default: all of svl's
     /// own]
@@ -134,7 +135,7 @@ fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Fi
                 times.push(time(&mut **matcher, pair, &mut output)?);
             }
             if progress::interrupted() {
-                bail!("stopped by Ctrl-C");
+                bail!("interrupted");
             }
         }
     }

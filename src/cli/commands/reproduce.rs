@@ -62,7 +62,7 @@ const REPORT: FolderRule = FolderRule {
 
 const JSON: &str = "reproduce.json";
 
-const STOPPED: &str = "stopped by Ctrl-C; the report holds what was found before";
+const STOPPED: &str = "interrupted; the report holds what was found before";
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let asked = |e: &&Experiment| {

@@ -289,6 +289,9 @@ fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
         Ok(_) if !force => {
             bail!("{shown}: exists already; name another file, or add --force to replace it")
         }
+        Ok(_) if is_being_written(path) => {
+            bail!("{shown}: another svl is writing it; name another file")
+        }
         _ => {}
     }
     if !parent(path).is_dir() {
@@ -298,6 +301,12 @@ fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// Whether a recorder has locked it.
+fn is_being_written(path: &Path) -> bool {
+    let lock = File::open(path).ok().map(|file| file.try_lock());
+    matches!(lock, Some(Err(TryLockError::WouldBlock)))
 }
 
 /// Refuses a file that is named twice.

@@ -56,7 +56,7 @@ pub(crate) fn cached_run(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow:
     let cached = svl::record::cached_run(Path::new(RECORDINGS), scenario, seed, &mut progress);
     progress.clear();
     if interrupted() {
-        bail!("stopped by Ctrl-C while recording the arena");
+        bail!("interrupted while recording the arena");
     }
     Ok(cached?)
 }

@@ -50,12 +50,12 @@ pub(super) fn accuracy(page: &ReportPage) -> Result<Vec<PlotView>> {
         (
             "Wrong cells against time",
             cells,
-            Axis::new("wrong, of the known cells, %"),
+            Axis::share("wrong, of the known cells, %"),
         ),
         (
             "Wrong pixels against time",
             pixels,
-            Axis::new("off by > 2 px, of the estimates, %"),
+            Axis::share("off by > 2 px, of the estimates, %"),
         ),
     ];
     let plots = plots
@@ -92,9 +92,9 @@ pub(super) fn coverage(page: &ReportPage) -> Result<Vec<PlotView>> {
             "off by > 2 px, of the estimates, %",
         ),
     ];
-    let plots = plots
-        .into_iter()
-        .map(|(title, place, x, y)| scatter(page, title, about, place, Axis::new(x), Axis::new(y)));
+    let plots = plots.into_iter().map(|(title, place, x, y)| {
+        scatter(page, title, about, place, Axis::share(x), Axis::share(y))
+    });
     Ok(plots
         .collect::<Result<Vec<_>>>()?
         .into_iter()

@@ -1,9 +1,11 @@
 //! Lines and points over two axes.
 
 use super::{
-    AXIS, DrawError, PlotCanvas, Series, SeriesStyle, TEXT, WIDTH, color, labels, svg, text,
+    AXIS, DrawError, PlotCanvas, Series, SeriesStyle, TEXT, WIDTH, color, labels, log_ticks, svg,
+    text,
 };
 use crate::error::Result;
+use plotters::coord::combinators::BindKeyPoints;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
@@ -24,6 +26,8 @@ pub struct Axis {
     pub log: bool,
     /// From where to where, instead of what the data span.
     pub range: Option<(f64, f64)>,
+    /// What it shows cannot lie outside of.
+    pub bounds: Option<(f64, f64)>,
 }
 
 const HEIGHT: u32 = 640;
@@ -34,6 +38,14 @@ impl Axis {
         Self {
             label: label.into(),
             ..Self::default()
+        }
+    }
+
+    /// A linear axis of percentages of a whole.
+    pub fn share(label: impl Into<String>) -> Self {
+        Self {
+            bounds: Some((0.0, 100.0)),
+            ..Self::new(label)
         }
     }
 
@@ -67,7 +79,8 @@ impl Axis {
                 } else {
                     low - room
                 };
-                (begin, high + room)
+                let (least, most) = self.bounds.unwrap_or((begin, high + room));
+                (begin.max(least), (high + room).min(most))
             }
         }
     }
@@ -82,13 +95,17 @@ impl Chart {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let (x0, x1) = self.x.span(points().map(|p| p.0));
         let (y0, y1) = self.y.span(points().map(|p| p.1));
+        let log = |low: f64, high: f64| {
+            let axis = (low..high).log_scale();
+            axis.with_key_points(log_ticks(low, high))
+        };
         svg(HEIGHT, &self.title, |canvas| {
             // Plotters has a type per kind of axis, so each combination is its own call.
             match (self.x.log, self.y.log) {
                 (false, false) => self.draw(canvas, x0..x1, y0..y1),
-                (true, false) => self.draw(canvas, (x0..x1).log_scale(), y0..y1),
-                (false, true) => self.draw(canvas, x0..x1, (y0..y1).log_scale()),
-                (true, true) => self.draw(canvas, (x0..x1).log_scale(), (y0..y1).log_scale()),
+                (true, false) => self.draw(canvas, log(x0, x1), y0..y1),
+                (false, true) => self.draw(canvas, x0..x1, log(y0, y1)),
+                (true, true) => self.draw(canvas, log(x0, x1), log(y0, y1)),
             }
         })
     }
@@ -298,6 +315,12 @@ mod tests {
         );
         // No frame of a key.
         assert!(!svg.contains("opacity=\"0.8\""), "{svg}");
+    }
+
+    #[test]
+    fn shares_end_at_a_whole() {
+        assert_eq!(Axis::share("%").span([100.0].into_iter()), (50.0, 100.0));
+        assert_eq!(Axis::share("%").span([99.0, 90.0].into_iter()).1, 99.36);
     }
 
     #[test]

@@ -19,6 +19,25 @@ use plotters::prelude::*;
 use plotters::style::FontFamily;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+/// Where a logarithmic axis from `low` to `high` has ticks: at the powers of ten where it spans
+/// many, else at their 1, 2 and 5, in a narrow range at more digits.
+fn log_ticks(low: f64, high: f64) -> Vec<f64> {
+    let decades = || low.log10().floor() as i32..=high.log10().ceil() as i32;
+    let within = |digits: &[f64]| -> Vec<f64> {
+        let ticks = decades().flat_map(|d| digits.iter().map(move |digit| digit * 10f64.powi(d)));
+        ticks.filter(|t| (low..=high).contains(t)).collect()
+    };
+    if decades().count() > 4 {
+        return within(&[1.0]);
+    }
+    // The halves and tenths: 1.0, 1.1, …
+    let tenths: Vec<_> = (10..100).map(|i| f64::from(i) / 10.0).collect();
+    let finer = [&[1.0, 2.0, 5.0][..], &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0]];
+    let enough = |ticks: &Vec<f64>| ticks.len() >= 3;
+    let found = finer.into_iter().map(within).find(enough);
+    found.unwrap_or_else(|| within(&tenths))
+}
+
 /// Points under one name. What is not finite is omitted and interrupts a line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
@@ -107,3 +126,19 @@ fn svg(
 
 type PlotCanvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type DrawError = DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logarithmic_axes_have_some_ticks_and_not_many() {
+        assert_eq!(log_ticks(0.3, 12.0), [0.5, 1.0, 2.0, 5.0, 10.0]);
+        assert_eq!(
+            log_ticks(0.5, 20_000.0),
+            [1.0, 10.0, 100.0, 1000.0, 10_000.0]
+        );
+        assert_eq!(log_ticks(1.3, 4.5), [1.5, 2.0, 3.0, 4.0]);
+        assert_eq!(log_ticks(1.33, 1.72), [1.4, 1.5, 1.6, 1.7]);
+    }
+}

@@ -103,7 +103,7 @@ fn a_score_reports_what_it_had() {
     });
     assert_eq!(code, Some(1));
     assert!(
-        stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1,
+        stderr.starts_with("error: interrupted") && stderr.lines().count() == 1,
         "{stderr}"
     );
     let json: serde_json::Value =
@@ -157,7 +157,7 @@ fn a_reproduction_keeps_an_earlier_report_until_it_has_another() {
     let (code, stderr) = interrupted(&fixture, "reproduce 7.3 -q", recordings);
     assert_eq!(code, Some(1));
     assert!(
-        stderr.starts_with("error: stopped by Ctrl-C") && stderr.lines().count() == 1,
+        stderr.starts_with("error: interrupted") && stderr.lines().count() == 1,
         "{stderr}"
     );
     assert_eq!(fixture.text("reports/reproduce/reproduce.md"), "earlier");

@@ -1,6 +1,7 @@
 //! `svl replay`.
 
 use super::fixture::{Fixture, assert_says};
+use std::fs;
 
 fn recorded(frames: &str) -> Fixture {
     let fixture = Fixture::new();
@@ -133,7 +134,7 @@ fn force_replaces_what_is_there_only_by_something_whole() {
     fixture.run("replay a.mcap --rows rows.csv --force");
     assert!(fixture.text("rows.csv").starts_with("run_id"));
     assert_eq!(
-        std::fs::read_dir(fixture.path("")).unwrap().count(),
+        fs::read_dir(fixture.path("")).unwrap().count(),
         3,
         "nothing is left over"
     );
@@ -147,14 +148,14 @@ fn force_replaces_what_is_there_only_by_something_whole() {
         Some(1)
     );
     assert!(fixture.text("rows.csv").starts_with("run_id"));
-    let names = std::fs::read_dir(fixture.path(""))
+    let names = fs::read_dir(fixture.path(""))
         .unwrap()
         .map(|entry| entry.unwrap().path());
     let earlier = names
         .into_iter()
         .find(|path| path.extension().is_some_and(|e| e == "earlier"))
         .unwrap();
-    assert_eq!(std::fs::read(earlier).unwrap(), b"precious");
+    assert_eq!(fs::read(earlier).unwrap(), b"precious");
 }
 
 #[test]
@@ -183,7 +184,7 @@ fn verify_tells_what_differs() {
     fixture.run("replay a.mcap --rows rows.csv");
     let rows = fixture.text("rows.csv");
     let hash = column(&fixture, "rows.csv")[1].clone();
-    std::fs::write(fixture.path("other.csv"), rows.replace(&hash, "0")).unwrap();
+    fs::write(fixture.path("other.csv"), rows.replace(&hash, "0")).unwrap();
     let fails = |verify: &str, words: &str| {
         fixture
             .svl(&format!("replay a.mcap {verify}"))
@@ -194,16 +195,16 @@ fn verify_tells_what_differs() {
         "error: v3: 1 results differ from those of other.csv, the first on pair 1",
     );
     let lines: Vec<_> = rows.lines().collect();
-    std::fs::write(fixture.path("short.csv"), lines[..3].join("\n")).unwrap();
+    fs::write(fixture.path("short.csv"), lines[..3].join("\n")).unwrap();
     fails(
         "--verify=short.csv",
         "1 results have no counterpart in short.csv",
     );
     // A table of v3 under the name of another range: equal labels, other parameters.
     let parameters = lines[1].split(',').nth(8).unwrap();
-    std::fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
+    fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
     // What stands in a file starts no program.
-    std::fs::write(
+    fs::write(
         fixture.path("evil.csv"),
         rows.replace(",v3,", ",exec:command=touch pwned,"),
     )
@@ -214,7 +215,7 @@ fn verify_tells_what_differs() {
     );
     assert!(!fixture.path("pwned").exists());
     let pair = lines[1].split(',').nth(6).unwrap();
-    std::fs::write(fixture.path("pairs.csv"), rows.replace(pair, "0")).unwrap();
+    fs::write(fixture.path("pairs.csv"), rows.replace(pair, "0")).unwrap();
     fails(
         "--verify=pairs.csv",
         "is of other pairs than these; pair 0 differs",
@@ -228,7 +229,7 @@ fn verify_tells_what_differs() {
         "--verify=a.txt",
         "expected RESULT.mcap, ROWS.csv or the folder of a report",
     );
-    std::fs::write(fixture.path("bad.csv"), "run_id\nx\n").unwrap();
+    fs::write(fixture.path("bad.csv"), "run_id\nx\n").unwrap();
     fails("--verify=bad.csv", "bad.csv");
 }
 
@@ -239,7 +240,7 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
     // The left images of pairs 4, 5 and 9 are cut short.
     let bytes = fixture.bytes("a.mcap");
     let mut writer =
-        mcap::Writer::new(std::fs::File::create(fixture.path("bad.mcap")).unwrap()).unwrap();
+        mcap::Writer::new(fs::File::create(fixture.path("bad.mcap")).unwrap()).unwrap();
     let mut lefts = 0;
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let mut message = message.unwrap();
@@ -292,14 +293,14 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
 #[test]
 fn the_folder_of_a_bag_is_a_recording() {
     let fixture = Fixture::new();
-    std::fs::create_dir(fixture.path("bag")).unwrap();
+    fs::create_dir(fixture.path("bag")).unwrap();
     fixture.run("record --frames 2 --ros2 -o bag/a.mcap");
     fixture.run("record bag -o b.mcap --max-skew-ms 1");
     assert_says(&fixture.run("info bag"), &["a.mcap"]);
     assert!(fixture.run("replay bag").starts_with("bag (2 pairs)"));
     fixture.run("recover bag -o c.mcap");
     fixture.fails("record bag -o bag/a.mcap --force => 2: bag/a.mcap: named twice");
-    std::fs::copy(fixture.path("bag/a.mcap"), fixture.path("bag/b.mcap")).unwrap();
+    fs::copy(fixture.path("bag/a.mcap"), fixture.path("bag/b.mcap")).unwrap();
     for command in [
         "info bag",
         "record bag",
@@ -315,4 +316,33 @@ fn the_folder_of_a_bag_is_a_recording() {
     }
     fixture.write("old.db3", "SQLite format 3\0");
     fixture.fails("record old.db3 => 1: old.db3: is no bag of rosbag2 in SQLite");
+}
+
+#[test]
+fn a_recording_that_is_being_written_is_not_replaced() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 3);
+    fixture.run("record short.toml -o run.mcap");
+    // As the recorder locks it.
+    let file = fs::File::open(fixture.path("run.mcap")).unwrap();
+    file.try_lock().unwrap();
+    fixture
+        .fails("record short.toml -o run.mcap --force => 1: run.mcap: another svl is writing it");
+    drop(file);
+    fixture.run("record short.toml -o run.mcap --force");
+}
+
+#[test]
+fn an_incomplete_recording_of_the_cache_is_made_again() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 3);
+    let whole = fixture.run("score short.toml");
+    let cached = fs::read_dir(fixture.path("recordings")).unwrap();
+    let cached: Vec<_> = cached.map(|entry| entry.unwrap().path()).collect();
+    let bytes = fs::read(&cached[0]).unwrap();
+    fs::write(&cached[0], &bytes[..bytes.len() / 2]).unwrap();
+    let again = fixture.svl("score short.toml");
+    assert_says(&again.stderr, &["recorded again"]);
+    assert_eq!(again.done().lines().count(), whole.lines().count());
+    assert_eq!(fs::read(&cached[0]).unwrap().len(), bytes.len());
 }

@@ -75,6 +75,7 @@ const WRONG: &str = "
     recover a.mcap -o a.mcap => 2: a.mcap | named twice
     replay a.mcap -o a.mcap --force => 2: a.mcap | named twice
     replay a.mcap --algo v3 --algo v3 => 2: v3 | named twice
+    replay a.mcap --algo v3:max_disparity=9,max_disparity=8 => 2: max_disparity is given twice
     match l.png -o a.pfm => 2: <RIGHT>
     compare one => 2: REPORT
     view => 2: <FILE>

@@ -156,7 +156,7 @@ fn report(path: &Path, outcome: &Outcome, seconds: f64) -> anyhow::Result<()> {
     let bytes = path.metadata()?.len();
     let rate = outcome.frames as f64 / seconds;
     let stopped = if outcome.interrupted {
-        ", stopped by Ctrl-C"
+        ", interrupted"
     } else {
         ""
     };

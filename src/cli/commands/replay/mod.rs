@@ -237,7 +237,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     finished?;
     if outcome.interrupted {
         bail!(
-            "stopped by Ctrl-C after {}; what was written is kept",
+            "interrupted after {}; what was written is kept",
             counted(outcome.frames, "pair")
         );
     }

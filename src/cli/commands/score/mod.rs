@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         total.losses.unreadable += outcome.losses.unreadable;
         ran?;
         if outcome.interrupted {
-            bail!("stopped by Ctrl-C; the report holds what was scored before");
+            bail!("interrupted; the report holds what was scored before");
         }
         Ok(())
     });
