@@ -49,8 +49,8 @@ impl StampOrigin {
         (number as f64 / hz * 1e9).round() as u64
     }
 
-    /// A line for the user.
-    pub(crate) fn note(&self) -> Option<String> {
+    /// What the user of rates and skews should know.
+    pub fn note(&self) -> Option<String> {
         match self {
             Self::Given(_) => None,
             Self::Nominal(hz) => Some(format!(

@@ -601,12 +601,7 @@ fn of_video(source: VideoSource, request: &Request<'_>, stem: &str) -> Opened {
         stamps: source.stamps(),
         ..Header::new(request.name)
     };
-    let note = source.stamps().and_then(|origin| origin.note());
-    let note = note.map(|note| format!("{}: {note}", source.name()));
-    Opened {
-        notes: note.into_iter().collect(),
-        ..Opened::new(source, header, stem)
-    }
+    Opened::new(source, header, stem)
 }
 
 fn folder(request: &Request<'_>) -> Result<Opened> {
@@ -669,13 +664,13 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         Err(reason) => (None, Some(reason)),
     };
     let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
-    let notes = source.notes().into_iter();
+    let note = source
+        .note()
+        .map(|note| format!("{}: {note}", request.name));
     Ok(Opened {
         own_calibration,
         remarks: unread.map(lacks).into_iter().collect(),
-        notes: notes
-            .map(|note| format!("{}: {note}", request.name))
-            .collect(),
+        notes: note.into_iter().collect(),
         ..Opened::new(source, header, stem)
     })
 }

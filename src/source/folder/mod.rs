@@ -106,9 +106,8 @@ impl FolderSource {
     }
 
     /// What the user should know of the pairs that is no warning.
-    pub fn notes(&self) -> Vec<String> {
-        let stamps = self.stamps.as_ref().and_then(StampOrigin::note);
-        stamps.into_iter().chain(self.depth.note()).collect()
+    pub fn note(&self) -> Option<String> {
+        self.depth.note()
     }
 
     /// The calibration that rectifies raw pairs, where the folder holds one, or why that cannot be

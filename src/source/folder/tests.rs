@@ -195,7 +195,7 @@ fn stamps_come_from_names_and_the_user_overrides() {
         stamps(&mut source),
         [(first, None), (first + 50_000_000, None)]
     );
-    assert_eq!((source.stamps(), source.notes()), (None, vec![]));
+    assert_eq!((source.stamps(), source.note()), (None, None));
     let request = FolderRequest {
         fps: Some(25.0),
         ..FolderRequest::default()

@@ -206,18 +206,22 @@ fn a_folder_is_a_report_only_with_its_manifest() {
 #[test]
 fn what_fails_leaves_the_earlier_report() {
     let fixture = Fixture::new();
-    std::fs::create_dir_all(fixture.path("d/s")).unwrap();
-    fixture.write_pair("d/s/im0.pgm", "d/s/im1.pgm", (64, 48), 4);
+    for scene in ["s", "t"] {
+        std::fs::create_dir_all(fixture.path("d").join(scene)).unwrap();
+        let [left, right] = [0, 1].map(|i| format!("d/{scene}/im{i}.pgm"));
+        fixture.write_pair(&left, &right, (64, 48), 4);
+    }
     let text = "name = \"m\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \
                 \"disparity\"\ntolerance_px = 2.0\n[source]\nkind = \"dataset\"\nscenes = \
-                [\"s\"]\n";
+                [\"s\", \"t\"]\n";
     fixture.write("m.toml", text);
     let score = || fixture.svl("score m.toml --data d -q");
     score().done();
     let rows = |folder: &str| fixture.text(&format!("reports/{folder}/rows.csv"));
     let earlier = rows("m");
-    fixture.write("d/s/im1.pgm", "P5\n64 48\n255\nshort");
-    score().failed(1, &["d/s/im1.pgm"]);
+    // The first frame is read before the report is begun.
+    fixture.write_pair("other0.pgm", "d/t/im1.pgm", (32, 48), 4);
+    score().failed(1, &["64x48", "32x48"]);
     assert_eq!(rows("m.earlier-1"), earlier);
     assert!(rows("m").lines().count() < earlier.lines().count());
 }

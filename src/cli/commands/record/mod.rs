@@ -7,7 +7,7 @@ use crate::cli::shared::{recordings, runner, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
-use svl::recording::{Dialect, ImageFormat, RecordingFormat};
+use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
 use svl::run::Outcome;
 use svl::scenario::PairRange;
 use svl::source::{Limited, Request};
@@ -127,6 +127,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             ImageFormat::Raw
         },
     };
+    let stamps = opened.header.stamps.filter(|_| opened.recording.is_none());
     let began = Instant::now();
     let (outcome, ran) = recordings::record(opened, &output, format, quiet);
     let is_kept = output.exists();
@@ -148,6 +149,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     printed?;
     if !quiet {
         report(&output, &outcome, began.elapsed().as_secs_f64())?;
+        if let Some(note) = stamps.as_ref().and_then(StampOrigin::note) {
+            eprintln!("{}: {note}", args.source);
+        }
     }
     runner::complete(&outcome)
 }
