@@ -52,6 +52,9 @@ pub struct GateResult {
     pub value: Option<f64>,
     /// Whether the limit is kept; absent when an algorithm is not in the run.
     pub kept: Option<bool>,
+    /// What must be said of the value, where its truth is not exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caution: Option<String>,
 }
 
 impl Limit {
@@ -150,6 +153,7 @@ impl Limit {
                 algorithm: Some(algorithm.label.clone()),
                 value,
                 kept,
+                caution: summary.caution().filter(|_| self.metric.against_truth),
             }
         };
         // A limit for a bare name has a result per variant of the algorithm.
@@ -165,6 +169,7 @@ impl Limit {
                 algorithm: None,
                 value: None,
                 kept: None,
+                caution: None,
             }]
         };
         if results.is_empty() {
@@ -233,6 +238,9 @@ impl std::fmt::Display for GateResult {
             .map(|(words, bound)| bound.map(|b| (words, metric.show_relative(b))));
         for (i, (words, bound)) in bounds.into_iter().flatten().enumerate() {
             write!(f, "{} {words} {bound}", if i == 0 { "," } else { " and" })?;
+        }
+        if let Some(caution) = &self.caution {
+            write!(f, ", {caution}")?;
         }
         write!(f, " (line {line})")
     }

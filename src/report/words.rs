@@ -127,7 +127,11 @@ pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str,
             .any(|c| c.group.starts_with(term) || term.contains(c.head))
     });
     let times = times.map(|(term, meaning)| (*term, (*meaning).to_owned()));
-    let metrics = metrics.map(|note| note(summary.rule));
+    // Obstacles have a distance, so they are counted where there is a calibration.
+    let mut algorithms = summary.algorithms.iter();
+    let has_rig = algorithms.any(|algorithm| algorithm.totals.get("missed").is_some());
+    let rule = summary.rule.for_rig(has_rig);
+    let metrics = metrics.map(|note| note(rule));
     let absent = absent(summary).map(|words| ("no truth", words));
     let absent = absent.filter(|_| columns.iter().any(|column| column.is_metric()));
     metrics.chain(times).chain(absent).collect()

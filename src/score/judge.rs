@@ -14,7 +14,8 @@ use std::sync::OnceLock;
 pub struct Judge {
     /// Shape of the depth grid, and when a cell is known.
     pub grid: GridSettings,
-    /// When a reported cell counts as right.
+    /// When a reported cell counts as right, where the frame has a calibration
+    /// ([`CellRule::for_rig`]).
     pub cells: CellRule,
     pub checkpoints: Vec<Checkpoint>,
     /// The run whose frames are scored.
@@ -85,14 +86,13 @@ impl Judge {
             return vec![CellSupport::default(); estimates.len()];
         }
         let correlations = self.photometric.then(|| Correlations::new(&frame.pair));
-        let has_rule = matches!(self.cells, CellRule::Disparity { .. }) || frame.rig().is_some();
         let share = |cells: usize| cells as f64 / self.grid.shape().cells() as f64;
         let support = |(i, estimate): (usize, &Estimate)| {
             let others = estimates.iter().enumerate().filter(|(j, _)| *j != i);
             let others: Vec<_> = others.map(|(_, other)| &other.grid).collect();
-            // A median needs two, and a rule of distances a rig.
-            let agreed = (others.len() >= 2 && has_rule)
-                .then(|| agreed_cells(&estimate.grid, &others, self.cells));
+            // A median needs two.
+            let agreed = (others.len() >= 2)
+                .then(|| agreed_cells(&estimate.grid, &others, self.rule(frame)));
             CellSupport {
                 unrivalled: correlations
                     .as_ref()
@@ -111,13 +111,13 @@ impl Judge {
         support: CellSupport,
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
-        let cells = true_grid.map(|truth| judge_cells(truth, &estimate.grid, self.cells));
+        let cells = true_grid.map(|truth| judge_cells(truth, &estimate.grid, self.rule(frame)));
         let truth = frame.truth.as_ref();
         // Collected once: every metric reads the same scores.
         let facts = FrameFacts {
             frame,
             estimate: &estimate,
-            rule: self.cells,
+            rule: self.rule(frame),
             pixels: truth.map(|truth| DisparityScore::new(map, truth)),
             cells: cells.as_deref().map(CellTally::from_judgements),
             support,
@@ -131,6 +131,10 @@ impl Judge {
         }
     }
 
+    fn rule(&self, frame: &Frame) -> CellRule {
+        self.cells.for_rig(frame.rig().is_some())
+    }
+
     fn checkpoints_of(
         &self,
         frame: &Frame,
@@ -142,7 +146,7 @@ impl Judge {
             // Without truth nothing that needs it passes: no frame shows it.
             .filter(|(_, checkpoint)| cells.is_some() || !checkpoint.needs_truth())
             .filter(|(_, checkpoint)| checkpoint.covers(frame, &self.run))
-            .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells, self.cells)))
+            .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells, self.rule(frame))))
             .collect()
     }
 }
@@ -217,12 +221,15 @@ mod tests {
             ..judge.clone()
         };
         assert_eq!(scores(&quick, frame(), &run)[0], [None, Some(0.8)]);
-        // Distances need a rig.
+        // Without a rig there are no distances, and the default rule judges disparities.
         let distances = Judge {
             cells: CellRule::default(),
             ..judge.clone()
         };
-        assert_eq!(scores(&distances, frame(), &run)[0], [Some(0.8), None]);
+        assert_eq!(
+            scores(&distances, frame(), &run),
+            scores(&judge, frame(), &run)
+        );
         let mut known = frame();
         let truth = Plane::filled(100, 60, 6.0).unwrap();
         known.truth = Some(Truth::exact(truth, None));

@@ -29,6 +29,7 @@ pub fn run_request<'a>(runs: &RecordingRuns, run: &'a RecordingRun) -> Result<Re
     }
     let name = path.to_str();
     let name = name.ok_or_else(|| Error::Invalid(format!("{shown}: its name is not in UTF-8")))?;
+    let ns = |ms: f64| (ms * 1e6) as u64;
     let Ok(calib) = runs.calib.as_deref().unwrap_or("own").parse();
     Ok(Request {
         topics: runs.topics.clone(),
@@ -41,9 +42,13 @@ pub fn run_request<'a>(runs: &RecordingRuns, run: &'a RecordingRun) -> Result<Re
             }
             other => other,
         },
+        side_by_side: runs.side_by_side,
+        fps: runs.fps,
+        bits: runs.bits,
+        max_skew_ns: runs.max_skew_ms.map(ns),
         truth: runs.truth.clone().map(|topic| TruthSelection {
             topic,
-            max_skew_ns: TruthSelection::MAX_SKEW_NS,
+            max_skew_ns: runs.truth_skew_ms.map_or(TruthSelection::MAX_SKEW_NS, ns),
         }),
         range: runs.range,
         window: runs.window,

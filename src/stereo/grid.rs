@@ -195,6 +195,16 @@ impl CellRule {
         0.75
     }
 
+    /// The rule for a frame with or without a calibration: without distances disparities are
+    /// judged, within 2 px.
+    #[must_use]
+    pub fn for_rig(self, has_rig: bool) -> Self {
+        match self {
+            Self::Distance { .. } if !has_rig => Self::Disparity { tolerance_px: 2.0 },
+            rule => rule,
+        }
+    }
+
     /// # Errors
     /// [`Error::Invalid`] for what is not a positive number, and for obstacles that are not nearer
     /// than what is clear.

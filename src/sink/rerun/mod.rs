@@ -84,7 +84,8 @@ pub struct RerunSink {
     target: RerunTarget,
     algorithms: Vec<AlgorithmPath>,
     wireframe: Vec<WireObject>,
-    begun: bool,
+    /// Whether the layout was sent, and if so whether with views of the truth.
+    begun: Option<bool>,
     camera: Option<(Scale, Option<Rig>, (usize, usize))>,
     last_pose: Option<Pose>,
     /// Where the run under way begins on the timelines.
@@ -129,7 +130,7 @@ impl RerunSink {
             target,
             algorithms: info::algorithms(run.algorithms.iter().map(|(label, _)| label.clone())),
             wireframe: run.wireframe.clone(),
-            begun: false,
+            begun: None,
             camera: None,
             last_pose: None,
             start: Moment::default(),
@@ -279,9 +280,11 @@ impl Sink for RerunSink {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         let frame = &judged.frame;
         let scale = self.scale(frame)?;
-        if !self.begun {
+        // Also when the first frame with a truth comes, which only some pairs may have.
+        let has_truth = frame.truth.is_some();
+        if self.begun.is_none_or(|had_truth| has_truth && !had_truth) {
             self.begin(judged, &scale)?;
-            self.begun = true;
+            self.begun = Some(has_truth);
         }
         let now = Moment {
             pair: self.start.pair.saturating_add(frame.sequence),

@@ -80,3 +80,36 @@ fn a_source_without_topics_has_no_truth_of_a_sensor() {
          (sensor_msgs/msg/Image)",
     );
 }
+
+#[test]
+fn a_scenario_and_an_option_name_the_same_truth_and_the_gate_says_so() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 3);
+    fixture.run("record short.toml -o run.mcap");
+    fixture.run("record run.mcap --ros2 -o bag.mcap");
+    fixture.write(
+        "own.toml",
+        "name = \"own\"\n[source]\nkind = \"recording\"\nfiles = [\"bag.mcap\"]\n\
+         truth = \"/truth/depth\"\ntruth_skew_ms = 1\n\
+         [[gate]]\nalgorithm = \"v3\"\nmetric = \"wrong\"\nmax = 0.9\n",
+    );
+    let right = |json: Value| json["algorithms"][0]["cells_right"].clone();
+    let option = right(fixture.json("score bag.mcap --truth /truth/depth --json"));
+    assert_eq!(option, right(fixture.json("score own.toml --json")));
+    assert!(option.as_u64() > Some(0), "{option}");
+    let gate = fixture.run("score own.toml --gate");
+    assert_says(
+        &gate,
+        &["at most 90.0 %, against the sensor /truth/depth (line"],
+    );
+}
+
+#[test]
+fn without_a_calibration_cells_are_judged_in_pixels() {
+    let fixture = Fixture::new();
+    fixture.write_pair("scene/im0.pgm", "scene/im1.pgm", (64, 48), 4);
+    let truth = svl::stereo::Plane::filled(64, 48, 4.0).unwrap();
+    svl::files::write_pfm(&fixture.path("scene/disp0.pfm"), &truth).unwrap();
+    let table = fixture.run("score scene --algo bm:max_disparity=16");
+    assert_says(&table, &["right", "within 2 px"]);
+}

@@ -167,6 +167,17 @@ fn patterns_are_runs_that_can_be_compared_and_verified() {
             "source.seeds belongs to kind = \"arena\"",
         ),
         ("files =", "left = \"/a\"\nfiles =", "name both topics"),
+        ("files =", "fps = 0\nfiles =", "fps: 0.001 to 100000"),
+        (
+            "files =",
+            "truth_skew_ms = 5\nfiles =",
+            "truth_skew_ms is for source.truth",
+        ),
+        (
+            "files =",
+            "truth = \"/x\"\nfiles =",
+            "--truth /x: no such topic",
+        ),
         ("free = true", "free = true\nnearer_m = 1", "exactly one of"),
         (
             "order =",

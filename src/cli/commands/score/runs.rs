@@ -43,7 +43,8 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
     }
     let is_recorded = matches!(scenario.source, ScenarioSource::Recording(_));
     if !is_recorded && (args.topics.is_given() || args.rectify.is_given()) {
-        let words = "--left, --right, --max-skew-ms, --truth and --calib are for recordings";
+        let words = "--left, --right, --side-by-side, --fps, --bits, --max-skew-ms, --truth and \
+                     --calib are for recordings";
         return Err(usage::wrong(format!("{}: {words}", args.what[0])));
     }
     Ok(scenario)
