@@ -147,7 +147,7 @@ impl MatcherSpec {
     }
 }
 
-/// An algorithm with its parameters, as written `NAME[:key=value,...]`.
+/// An algorithm with its parameters, as written `[LABEL=]NAME[:key=value,...]`.
 #[derive(Clone)]
 pub struct Algorithm {
     spec: &'static MatcherSpec,
@@ -165,16 +165,41 @@ impl std::str::FromStr for Algorithm {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
+        let (label, written) = labelled(text)?;
         // The first colon alone: values may hold more, as paths of programs do.
-        let (name, settings) = text.split_once(':').unwrap_or((text, ""));
+        let (name, settings) = written.split_once(':').unwrap_or((written, ""));
         let spec = find(name)?;
         let parameters = Parameters::parse(spec, settings)?;
         Ok(Self {
             spec,
             parameters,
-            label: text.to_owned(),
+            label: label.unwrap_or(written).to_owned(),
         })
     }
+}
+
+/// Splits `LABEL=NAME[:key=value,...]` into the label, where there is one, and the rest.
+///
+/// # Errors
+/// [`Error::Usage`] for a label that has other characters than letters, digits, `_`, `-` and `.`,
+/// or is an algorithm's own name.
+pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
+    let Some((label, written)) = text.split_once('=').filter(|(l, _)| !l.contains(':')) else {
+        return Ok((None, text));
+    };
+    let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+    if label.is_empty() || label.len() > 40 || !label.chars().all(is_safe) {
+        let expected = "1 to 40 letters, digits, '_', '-' and '.'";
+        return Err(Error::Usage(format!(
+            "'{label}' is no label of an algorithm; expected {expected}"
+        )));
+    }
+    if find(label).is_ok() {
+        return Err(Error::Usage(format!(
+            "'{label}' is an algorithm's own name; give '{written}' another label"
+        )));
+    }
+    Ok((Some(label), written))
 }
 
 impl Algorithm {
@@ -182,7 +207,13 @@ impl Algorithm {
         self.spec
     }
 
-    /// As the user wrote it.
+    /// The same algorithm, called so.
+    #[must_use]
+    pub fn called(self, label: String) -> Self {
+        Self { label, ..self }
+    }
+
+    /// Its label, or the text that the user wrote.
     pub fn label(&self) -> &str {
         &self.label
     }

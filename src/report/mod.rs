@@ -8,6 +8,7 @@
 //! ```
 
 pub mod calibration;
+mod choice;
 pub mod compare;
 mod gate;
 pub mod html;

@@ -83,12 +83,17 @@ impl Speed {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::rows::Record as _;
     use super::*;
     use crate::report::Row;
 
-    fn row(total_us: u64, (width, height): (u32, u32), disparities: Option<u32>) -> Row {
+    /// A row without metrics.
+    pub(in crate::report) fn row(
+        total_us: u64,
+        (width, height): (u32, u32),
+        disparities: Option<u32>,
+    ) -> Row {
         Row {
             run_id: String::new(),
             scenario: String::new(),

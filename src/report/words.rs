@@ -134,7 +134,9 @@ pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str,
     let metrics = metrics.map(|note| note(rule));
     let absent = absent(summary).map(|words| ("no truth", words));
     let absent = absent.filter(|_| columns.iter().any(|column| column.is_metric()));
-    metrics.chain(times).chain(absent).collect()
+    let choices = summary.choices().into_iter();
+    let choices = choices.filter(|_| columns.iter().any(|column| column.is_metric()));
+    metrics.chain(times).chain(absent).chain(choices).collect()
 }
 
 /// Which columns are not there as the run has no truth.

@@ -136,7 +136,14 @@ fn scatter(
     let mut series: Vec<_> = alone
         .filter_map(|a| Some(one(&a.algorithm, SeriesStyle::Named, place(a)?)))
         .collect();
-    for ParameterSweep { name, points } in &page.sweeps {
+    if page.sweeps.len() > MAX_LINES {
+        series.extend(clouds(page, place));
+    }
+    let lines = page
+        .sweeps
+        .iter()
+        .filter(|_| page.sweeps.len() <= MAX_LINES);
+    for ParameterSweep { name, points } in lines {
         let places: Vec<_> = points
             .iter()
             .filter_map(|(value, label)| Some((value, label, of(label)?)))
@@ -172,6 +179,34 @@ fn scatter(
     }
     .svg()?;
     Ok(Some(PlotView { title, about, svg }))
+}
+
+/// Most sweeps that are drawn as lines: those of a grid would cover each other.
+const MAX_LINES: usize = 6;
+
+/// The swept algorithms as points, a series for each kind of algorithm.
+fn clouds(page: &ReportPage, place: PlotPoint) -> Vec<Series> {
+    let mut clouds: Vec<Series> = Vec::new();
+    for algorithm in &page.summary.algorithms {
+        let holds = |sweep: &&ParameterSweep| {
+            let mut points = sweep.points.iter();
+            points.any(|(_, label)| *label == algorithm.algorithm)
+        };
+        let (Some(sweep), Some(point)) = (page.sweeps.iter().find(holds), place(algorithm)) else {
+            continue;
+        };
+        // Sweeps are called `bm: uniqueness`.
+        let kind = sweep.name.split(':').next().unwrap_or_default();
+        match clouds.iter_mut().find(|cloud| cloud.name == kind) {
+            Some(cloud) => cloud.points.push(point),
+            None => clouds.push(Series {
+                name: kind.to_owned(),
+                form: SeriesStyle::Points,
+                points: vec![point],
+            }),
+        }
+    }
+    clouds
 }
 
 /// Latency, and where the time goes; nothing without pairs.

@@ -14,6 +14,7 @@ use report::{REPORT, ScoreReport};
 use std::path::{Path, PathBuf};
 use svl::report::{GateResult, Summary};
 use svl::run::{Matchers, Outcome};
+use svl::score::{METRICS, Metric, MetricOrigin};
 use sweep::{Algorithms, MAX_ALGORITHMS};
 
 /// Score algorithms on a scenario or on recordings, and write a report
@@ -37,9 +38,14 @@ Examples:
       for a CI: exit 1 when a limit of the scenario is broken
 
 A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for
-seven algorithms, uniqueness=0, 10, … 60. The report joins what differs in one
-number by a line, in its plots of accuracy against speed and of coverage
-against error. A run takes at most 32 algorithms.")]
+seven algorithms, uniqueness=0, 10, … 60; block_size=5/9 is a list. Several
+make a grid, of which --sample N takes N, spread evenly. The report joins what
+differs in one number by a line, in its plots of accuracy against speed and of
+coverage against error. Tables take up to 1000 algorithms, Rerun up to 32.
+
+  svl score arena --algo fast=v3:max_disparity=48 --algo net=exec:command=./n
+
+NAME= before an algorithm is how tables, gates, files and plots call it.")]
 pub(crate) struct Args {
     /// A scenario, the arena, or recordings: svl's or another program's, bags, folders of pairs
     #[arg(
@@ -51,6 +57,12 @@ pub(crate) struct Args {
     /// scenario's; of recordings v3]
     #[arg(long, value_name = "NAME[:key=value,…]")]
     algo: Vec<Algorithms>,
+    /// At most N algorithms of each sweep, spread evenly over its grid, always the same ones
+    #[arg(
+        long, value_name = "N", requires = "algo", allow_negative_numbers = true,
+        value_parser = usage::within(1..=MAX_ALGORITHMS)
+    )]
+    sample: Option<usize>,
     /// Folder for the report; a report of svl's that is there is replaced [default:
     /// reports/SCENARIO]
     #[arg(long, value_name = "DIR")]
@@ -73,6 +85,9 @@ pub(crate) struct Args {
     range: RangeArgs,
     #[command(flatten)]
     reference: ReferenceArgs,
+    /// Sort the algorithms by a metric, the best first [default: as named]
+    #[arg(long, value_name = "METRIC", value_parser = metric)]
+    sort: Option<&'static Metric>,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -86,8 +101,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let named = &args.what[0];
     if scenario.algorithms.len() > MAX_ALGORITHMS {
         let many = scenario.algorithms.len();
-        let words =
-            format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps");
+        let words = format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}");
         return Err(usage::wrong(words));
     }
     if args.gate && scenario.gate.is_empty() {
@@ -129,7 +143,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Err(error) => Some(usage::one_line(error)),
         Ok(()) => total.missing(),
     };
-    let finished = report.finish(&scenario, incomplete);
+    let finished = report.finish(&scenario, args.sort, incomplete);
     // Decided before anything is printed: a full standard output costs no report, and a full disk
     // no row that was written.
     match (&ran, &finished) {
@@ -166,6 +180,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } else {
         Ok(())
     }
+}
+
+fn metric(name: &str) -> Result<&'static Metric, String> {
+    let sortable = |metric: &&Metric| !matches!(metric.origin, MetricOrigin::Checkpoints);
+    let names = METRICS.iter().filter(sortable).map(|metric| metric.name);
+    let expected = || names.clone().collect::<Vec<_>>().join(", ");
+    let found = Metric::find(name).filter(sortable);
+    found.ok_or_else(|| format!("no such metric; expected one of {}", expected()))
 }
 
 /// What `--json` prints.

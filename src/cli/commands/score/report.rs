@@ -10,9 +10,12 @@ use svl::report::html::ReportPage;
 use svl::report::{Row, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::Scenario;
-use svl::score::Judge;
+use svl::score::{Judge, Metric};
 use svl::sink::{ReportPictures, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
 use svl::source::{RunSource, Source};
+
+/// Most algorithms that Rerun shows.
+const MAX_SHOWN: usize = 32;
 
 pub(super) struct ScoreReport {
     folder: PathBuf,
@@ -34,9 +37,11 @@ impl ScoreReport {
             .collect();
         write_json(&folder.join(MANIFEST), &manifest)?;
         let info = RunInfo::new(&manifest, scenario.wireframe(None));
+        let rerun = (RerunTarget::File(folder.join("run.rrd")), info);
         let sinks = Sinks::open(SinkRequest {
             report: Some(folder),
-            rerun: Some((RerunTarget::File(folder.join("run.rrd")), info)),
+            // More have no room in a viewer, nor the file on a disk.
+            rerun: Some(rerun).filter(|_| scenario.algorithms.len() <= MAX_SHOWN),
             ..SinkRequest::default()
         })?;
         Ok(Self {
@@ -73,6 +78,7 @@ impl ScoreReport {
     pub(super) fn finish(
         self,
         scenario: &Scenario,
+        sort: Option<&Metric>,
         incomplete: Option<String>,
     ) -> anyhow::Result<(Summary, Manifest)> {
         let Self {
@@ -87,6 +93,9 @@ impl ScoreReport {
         summary.incomplete = incomplete;
         summary.rule = scenario.cells;
         summary.complete(&mut manifest);
+        if let Some(metric) = sort {
+            summary.sort_by(metric);
+        }
         for run in &mut manifest.runs {
             run.pairs_hash = pairs_hash(&results.rows, &run.name);
         }

@@ -25,8 +25,8 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
         }
     };
     if !args.algo.is_empty() {
-        let swept = args.algo.iter().flat_map(|sweep| sweep.0.clone());
-        scenario.algorithms = swept.collect();
+        let swept = args.algo.iter().map(|sweep| sweep.expand(args.sample));
+        scenario.algorithms = swept.collect::<svl::Result<Vec<_>>>()?.concat();
     }
     if !args.scenes.is_empty() {
         let ScenarioSource::Dataset { scenes } = &mut scenario.source else {

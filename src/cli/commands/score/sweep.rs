@@ -1,112 +1,199 @@
-//! Sweeps: one parameter over a range of values, one algorithm per value.
+//! Sweeps: parameters over ranges and lists of values, one algorithm for each combination.
 
+use std::collections::BTreeSet;
 use std::str::FromStr;
-use svl::matcher::{self, Algorithm, Range, Value};
+use svl::matcher::{self, Algorithm, Range, Value, labelled};
 use svl::report::html::ParameterSweep;
 
-/// Most algorithms of one run: that many still have room in a table and on a plot.
-pub(super) const MAX_ALGORITHMS: usize = 32;
+/// Most algorithms of one run.
+pub(super) const MAX_ALGORITHMS: usize = 1000;
 
-/// What one `--algo` asks for: an algorithm, or several where a number is a range `FROM..TO/STEP`.
+/// What one `--algo` asks for: an algorithm, or a grid of them, where numbers are ranges
+/// `FROM..TO/STEP` or lists `A/B/C`, and words lists.
 #[derive(Clone, Debug)]
-pub(super) struct Algorithms(pub(super) Vec<Algorithm>);
+pub(super) struct Algorithms {
+    label: Option<String>,
+    /// The algorithm's name.
+    name: String,
+    axes: Vec<Axis>,
+}
+
+/// A setting, with its values where it is swept.
+#[derive(Clone, Debug)]
+struct Axis {
+    /// What stands before the value, with `=`; of a setting that is not swept all of it.
+    key: String,
+    values: Vec<String>,
+    is_swept: bool,
+}
 
 impl FromStr for Algorithms {
     type Err = svl::Error;
 
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let Some(swept) = Swept::find(text)? else {
-            return Ok(Self(vec![text.parse()?]));
-        };
-        swept
-            .values()?
-            .iter()
-            .map(|value| format!("{}{value}{}", swept.before, swept.after).parse())
-            .collect::<Result<_, _>>()
-            .map(Self)
-    }
-}
-
-/// The range in a text, with what stands around it.
-struct Swept<'a> {
-    before: &'a str,
-    range: &'a str,
-    after: &'a str,
-}
-
-impl<'a> Swept<'a> {
-    /// The only range among the settings of numbers; a text, say a command, may hold two dots.
-    fn find(text: &'a str) -> svl::Result<Option<Self>> {
-        let Some((name, settings)) = text.split_once(':') else {
-            return Ok(None);
-        };
+    fn from_str(text: &str) -> svl::Result<Self> {
+        let (label, written) = labelled(text)?;
+        let (name, settings) = written.split_once(':').unwrap_or((written, ""));
         let spec = matcher::find(name)?;
-        let is_number = |key: &str| {
-            let parameter = spec.parameters.iter().find(|p| p.name == key);
-            parameter.is_some_and(|p| matches!(p.range, Range::Int { .. } | Range::Real { .. }))
-        };
-        let mut found = None;
-        let mut at = text.len() - settings.len();
-        for setting in settings.split(',') {
-            if let Some((key, range)) = setting
-                .split_once('=')
-                .filter(|(key, value)| value.contains("..") && is_number(key))
-            {
-                if found.is_some() {
-                    return invalid(format!(
-                        "{text}: one range at a time; name the other values one by one"
-                    ));
+        let axis = |setting: &str| -> svl::Result<Axis> {
+            let swept = setting.split_once('=').and_then(|(key, values)| {
+                let parameter = spec.parameters.iter().find(|p| p.name == key)?;
+                Some((key, values, &parameter.range))
+            });
+            let (key, values) = match swept {
+                Some((key, range, Range::Int { .. } | Range::Real { .. }))
+                    if range.contains("..") =>
+                {
+                    (format!("{key}="), range_of(range)?)
                 }
-                let begin = at + key.len() + 1;
-                found = Some(Self {
-                    before: &text[..begin],
-                    range,
-                    after: &text[begin + range.len()..],
-                });
+                // A text, say a command, may hold slashes.
+                Some((key, list, range))
+                    if list.contains('/') && !matches!(range, Range::Text { .. }) =>
+                {
+                    let values = list.split('/').map(str::to_owned).collect();
+                    (format!("{key}="), values)
+                }
+                _ => (setting.to_owned(), Vec::new()),
+            };
+            Ok(Axis {
+                key,
+                is_swept: !values.is_empty(),
+                values: if values.is_empty() {
+                    vec![String::new()]
+                } else {
+                    values
+                },
+            })
+        };
+        let settings = (!settings.is_empty()).then(|| settings.split(','));
+        let axes = settings.into_iter().flatten().map(axis);
+        let algorithms = Self {
+            label: label.map(str::to_owned),
+            name: name.to_owned(),
+            axes: axes.collect::<svl::Result<_>>()?,
+        };
+        // Every value is checked beside the first ones of the others.
+        for (i, axis) in algorithms.axes.iter().enumerate() {
+            for value in 0..axis.values.len() {
+                let mut place = vec![0; algorithms.axes.len()];
+                place[i] = value;
+                algorithms.at(&place)?;
             }
-            at += setting.len() + 1;
         }
-        Ok(found)
+        algorithms.at(&vec![0; algorithms.axes.len()])?;
+        Ok(algorithms)
     }
+}
 
-    /// The values from the first to the last, each in its shortest exact form.
-    fn values(&self) -> svl::Result<Vec<String>> {
-        let range = self.range;
-        let wrong = |why: &str| {
-            svl::Error::Invalid(format!("range '{range}': {why}, for instance 0..20/5"))
-        };
-        let (ends, step) = range
-            .split_once('/')
-            .ok_or_else(|| wrong("write FROM..TO/STEP"))?;
-        let (from, to) = ends
-            .split_once("..")
-            .ok_or_else(|| wrong("write FROM..TO/STEP"))?;
-        // `..=` says what `..` means here as well.
-        let to = to.strip_prefix('=').unwrap_or(to);
-        let number = |text: &str| text.parse().ok().filter(|v: &f64| v.is_finite());
-        let (Some(first), Some(last), Some(width)) = (number(from), number(to), number(step))
-        else {
-            return Err(wrong("FROM, TO and STEP are numbers"));
-        };
-        if width <= 0.0 || last < first {
-            return Err(wrong("STEP is above 0 and TO not below FROM"));
-        }
-        // A step that lands on the end but for the last binary digit lands on it.
-        let steps = ((last - first) / width + 1e-9).floor();
-        if steps >= MAX_ALGORITHMS as f64 {
-            return Err(wrong(&format!(
-                "these are more than {MAX_ALGORITHMS} values; take larger steps"
+impl Algorithms {
+    /// The algorithms, the last parameter running fastest; `sample`: at most so many of them,
+    /// spread evenly over the grid by a quasi-random sequence (R2 of Roberts 2018, generalized),
+    /// always the same ones.
+    pub(super) fn expand(&self, sample: Option<usize>) -> svl::Result<Vec<Algorithm>> {
+        let lengths: Vec<_> = self.axes.iter().map(|axis| axis.values.len()).collect();
+        let all = lengths
+            .iter()
+            .fold(1_usize, |n, len| n.saturating_mul(*len));
+        let most = sample.unwrap_or(all);
+        if most.min(all) > MAX_ALGORITHMS {
+            return Err(svl::Error::Usage(format!(
+                "{all} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps, or a \
+                 --sample of them"
             )));
         }
-        let decimals = |text: &str| {
-            text.split_once('.')
-                .map_or(0, |(_, decimals)| decimals.len())
+        let place = |mut i: usize| {
+            let mut place = vec![0; lengths.len()];
+            for (at, len) in place.iter_mut().zip(&lengths).rev() {
+                (*at, i) = (i % len, i / len);
+            }
+            place
         };
-        let decimals = decimals(from).max(decimals(step)).min(12);
-        Ok((0..=steps as usize)
-            .map(|i| trimmed(&format!("{:.decimals$}", first + width * i as f64)))
-            .collect())
+        let places: Vec<_> = match most < all {
+            true => spread(&lengths, most),
+            false => (0..all).map(place).collect(),
+        };
+        places.iter().map(|place| self.at(place)).collect()
     }
+
+    /// The algorithm with these values.
+    fn at(&self, place: &[usize]) -> svl::Result<Algorithm> {
+        let settings = |is_shown: &dyn Fn(&Axis) -> bool| {
+            let chosen = self.axes.iter().zip(place);
+            let chosen = chosen.filter(|(axis, _)| is_shown(axis));
+            let texts = chosen.map(|(axis, &i)| format!("{}{}", axis.key, axis.values[i]));
+            texts.collect::<Vec<_>>().join(",")
+        };
+        let with = |name: &str, settings: String| match settings.is_empty() {
+            true => name.to_owned(),
+            false => format!("{name}:{settings}"),
+        };
+        let algorithm: Algorithm = with(&self.name, settings(&|_| true)).parse()?;
+        Ok(match &self.label {
+            Some(label) => algorithm.called(with(label, settings(&|axis| axis.is_swept))),
+            None => algorithm,
+        })
+    }
+}
+
+/// The first `count` places that the sequence visits in a grid of more places, each once.
+fn spread(lengths: &[usize], count: usize) -> Vec<Vec<usize>> {
+    let swept: Vec<_> = (0..lengths.len()).filter(|&i| lengths[i] > 1).collect();
+    // The root of x^(d+1) = x + 1, by iteration.
+    let power = 1.0 / (swept.len() as f64 + 1.0);
+    let root = (0..64).fold(2.0_f64, |x, _| (1.0 + x).powf(power));
+    let mut seen = BTreeSet::new();
+    let mut places = Vec::new();
+    // The sequence fills the unit cube evenly, so that it comes by all places; the bound is for
+    // what rounding could keep from it.
+    for i in 1..=10_000 * count {
+        let mut place = vec![0; lengths.len()];
+        for (k, &axis) in swept.iter().enumerate() {
+            let at = (0.5 + i as f64 * root.powi(-(k as i32 + 1))).fract();
+            place[axis] = (at * lengths[axis] as f64) as usize;
+        }
+        if seen.insert(place.clone()) {
+            places.push(place);
+        }
+        if places.len() == count {
+            break;
+        }
+    }
+    places
+}
+
+/// The values of `FROM..TO/STEP`, each in its shortest exact form.
+fn range_of(range: &str) -> svl::Result<Vec<String>> {
+    let wrong =
+        |why: &str| svl::Error::Invalid(format!("range '{range}': {why}, for instance 0..20/5"));
+    let (ends, step) = range
+        .split_once('/')
+        .ok_or_else(|| wrong("write FROM..TO/STEP"))?;
+    let (from, to) = ends
+        .split_once("..")
+        .ok_or_else(|| wrong("write FROM..TO/STEP"))?;
+    // `..=` says what `..` means here as well.
+    let to = to.strip_prefix('=').unwrap_or(to);
+    let number = |text: &str| text.parse().ok().filter(|v: &f64| v.is_finite());
+    let (Some(first), Some(last), Some(width)) = (number(from), number(to), number(step)) else {
+        return Err(wrong("FROM, TO and STEP are numbers"));
+    };
+    if width <= 0.0 || last < first {
+        return Err(wrong("STEP is above 0 and TO not below FROM"));
+    }
+    // A step that lands on the end but for the last binary digit lands on it.
+    let steps = ((last - first) / width + 1e-9).floor();
+    if steps >= MAX_ALGORITHMS as f64 {
+        return Err(wrong(&format!(
+            "these are more than {MAX_ALGORITHMS} values; take larger steps"
+        )));
+    }
+    let decimals = |text: &str| {
+        text.split_once('.')
+            .map_or(0, |(_, decimals)| decimals.len())
+    };
+    let decimals = decimals(from).max(decimals(step)).min(12);
+    Ok((0..=steps as usize)
+        .map(|i| trimmed(&format!("{:.decimals$}", first + width * i as f64)))
+        .collect())
 }
 
 /// A decimal number without the zeros behind it.
@@ -119,10 +206,6 @@ fn trimmed(number: &str) -> String {
     } else {
         number.to_owned()
     }
-}
-
-fn invalid<T>(what: String) -> svl::Result<T> {
-    Err(svl::Error::Invalid(what))
 }
 
 /// What is swept among the algorithms of a run, however they were named: those of one kind that
@@ -158,14 +241,9 @@ pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
 
 /// Whether two algorithms are of one kind and have all parameters but `key` in common.
 fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
-    let others = |of: &Algorithm| {
-        of.parameters()
-            .iter()
-            .filter(|(name, _)| *name != key)
-            .map(|(_, value)| value.clone())
-            .collect::<Vec<_>>()
-    };
-    a.spec().name == b.spec().name && others(a) == others(b)
+    let mut both = a.parameters().iter().zip(b.parameters().iter());
+    a.spec().name == b.spec().name
+        && both.all(|((name, value), (_, other))| name == key || value == other)
 }
 
 fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
@@ -187,7 +265,8 @@ mod tests {
 
     fn labels(text: &str) -> Result<Vec<String>, String> {
         let algorithms: Algorithms = text.parse().map_err(|e: svl::Error| e.to_string())?;
-        Ok(algorithms.0.iter().map(|a| a.label().to_owned()).collect())
+        let algorithms = algorithms.expand(None).map_err(|e| e.to_string())?;
+        Ok(algorithms.iter().map(|a| a.label().to_owned()).collect())
     }
 
     #[test]
@@ -213,15 +292,56 @@ mod tests {
     }
 
     #[test]
+    fn several_ranges_and_lists_are_a_grid() {
+        assert_eq!(
+            labels("bm:uniqueness=0..10/10,block_size=5/9").unwrap(),
+            [(0, 5), (0, 9), (10, 5), (10, 9)]
+                .map(|(u, b)| format!("bm:uniqueness={u},block_size={b}"))
+        );
+        assert_eq!(
+            labels("fast=v3:max_disparity=64,subpixel=true/false").unwrap(),
+            ["fast:subpixel=true", "fast:subpixel=false"]
+        );
+        assert_eq!(labels("net=exec:command='./a/b.py'").unwrap(), ["net"]);
+    }
+
+    #[test]
+    fn a_sample_is_spread_over_the_grid() {
+        let grid: Algorithms = "bm:uniqueness=0..99/1,max_disparity=0..99/1"
+            .parse()
+            .unwrap();
+        let sample = grid.expand(Some(100)).unwrap();
+        assert_eq!(sample.len(), 100);
+        // Of each hundredth of the plane, ten by ten, about one: never more than three.
+        let mut counts = [0; 100];
+        for algorithm in &sample {
+            let [x, y] = ["uniqueness", "max_disparity"]
+                .map(|key| number(algorithm, key).unwrap() as usize / 10);
+            counts[10 * y + x] += 1;
+        }
+        assert!(counts.iter().all(|&n| n <= 3), "{counts:?}");
+        assert!(counts.iter().filter(|&&n| n > 0).count() > 70, "{counts:?}");
+        // Of a small grid all.
+        let small: Algorithms = "bm:uniqueness=0..20/10".parse().unwrap();
+        assert_eq!(small.expand(Some(100)).unwrap().len(), 3);
+        assert_eq!(small.expand(Some(2)).unwrap().len(), 2);
+    }
+
+    #[test]
     fn wrong_ranges_are_named() {
         for (text, word) in [
             ("bm:uniqueness=0..20", "FROM..TO/STEP"),
             ("bm:uniqueness=0..20/x", "are numbers"),
             ("bm:uniqueness=0..20/0", "above 0"),
             ("bm:uniqueness=20..0/5", "above 0"),
-            ("bm:uniqueness=0..100/1", "more than 32"),
-            ("bm:uniqueness=0..1e300/1e-300", "more than 32"),
-            ("bm:uniqueness=0..20/5,block_size=5..9/2", "one range"),
+            ("bm:uniqueness=0..1e300/1e-300", "more than 1000"),
+            (
+                "bm:uniqueness=0..100/1,max_disparity=16..64/1",
+                "4949 algorithms in one run; at most 1000",
+            ),
+            ("bm:block_size=5/x", "block_size=x"),
+            ("v3=bm", "'v3' is an algorithm's own name"),
+            ("a b=bm", "'a b' is no label"),
             ("bm:uniqueness=95..115/10", "0..=100"),
             ("bm:uniqueness=0..1/0.5", "whole number"),
             ("bmm:uniqueness=0..1/1", "did you mean 'bm'"),
