@@ -1,5 +1,6 @@
 //! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
 
+use super::junit::{TestCase, TestResult};
 use super::summary::{AlgorithmSummary, Summary};
 use crate::error::{Error, Result};
 use crate::manifest::{AlgorithmRecord, Manifest};
@@ -193,6 +194,29 @@ impl Limit {
             (frames + c.frames, passed + c.passed)
         });
         (frames > 0).then(|| passed as f64 / frames as f64)
+    }
+}
+
+impl GateResult {
+    /// The verdict in a word; a dash where there is none.
+    pub fn word(&self) -> &'static str {
+        match self.kept {
+            Some(true) => "kept",
+            Some(false) => "BROKEN",
+            None => "–",
+        }
+    }
+
+    /// For JUnit: a limit that has no verdict was skipped.
+    pub fn test_case(&self) -> TestCase {
+        TestCase {
+            name: self.to_string(),
+            result: match self.kept {
+                Some(true) => TestResult::Passed,
+                Some(false) => TestResult::Failed(self.to_string()),
+                None => TestResult::Skipped(self.to_string()),
+            },
+        }
     }
 }
 

@@ -12,6 +12,7 @@ mod choice;
 pub mod compare;
 mod gate;
 pub mod html;
+mod junit;
 mod markdown;
 pub(crate) mod page;
 pub mod plot;
@@ -23,6 +24,7 @@ mod text;
 mod words;
 
 pub use gate::{GateResult, Limit};
+pub use junit::{TestCase, TestResult, junit};
 pub use rows::{CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row};
 pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
 pub use tables::{Table, read_rows};

@@ -1,9 +1,14 @@
 //! `svl compare`: compares reports.
 
+use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::usage;
 use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
 use std::path::PathBuf;
-use svl::report::compare::{Comparison, ScoredRun};
+use svl::report::compare::{Comparison, Judgement, ScoredRun};
+use svl::report::{TestCase, TestResult, junit};
+use svl::score::{METRICS, Metric};
 
 /// Compare reports: changes of metrics, with confidence intervals
 ///
@@ -16,40 +21,143 @@ use svl::report::compare::{Comparison, ScoredRun};
 #[command(after_help = "\
 Examples:
   svl compare reports/before reports/after
-  svl compare reports/v1 reports/v3     one algorithm each: v1 → v3
+  svl compare reports/arena#v1 reports/arena#v3        two algorithms of a report
+  svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
+  svl compare reports/main reports/branch --fail-on worse
+      for a CI: exit 1 when a metric of any algorithm became worse
+  svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
   svl compare reports/arena reports/range --json \\
       | jq '.[0].algorithms[0].metrics'")]
 pub(crate) struct Args {
-    /// Folders that `svl score` wrote; the first is what the others are compared with
-    #[arg(required = true, num_args = 2.., value_name = "REPORT")]
-    reports: Vec<PathBuf>,
+    /// Folders that `svl score` wrote, or one algorithm of them; the first is what the others are
+    /// compared with
+    #[arg(
+        required = true, num_args = 2.., value_name = "REPORT[#ALGORITHM]",
+        value_parser = NonEmptyStringValueParser::new()
+    )]
+    reports: Vec<String>,
+    /// Compare the algorithm BASE of the first report with OTHER of the others [default: those of
+    /// equal names]
+    #[arg(long, value_name = "BASE=OTHER")]
+    map: Vec<String>,
+    /// Fail when a metric became worse: any, or those named
+    #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
+    fail_on: Vec<FailOn>,
+    /// Write the metrics of --fail-on as JUnit's XML
+    #[arg(long, value_name = "FILE", requires = "fail_on")]
+    junit: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    force: bool,
+    /// Print Markdown
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
+/// Which metrics must not become worse; none: any.
+#[derive(Clone, Copy)]
+struct FailOn(Option<&'static Metric>);
+
+fn fail_on(text: &str) -> Result<FailOn, String> {
+    let names = || METRICS.iter().map(|metric| metric.name).collect::<Vec<_>>();
+    let expected = || {
+        format!(
+            "expected worse, or worse:METRIC with one of {}",
+            names().join(", ")
+        )
+    };
+    match text.split_once(':') {
+        None if text == "worse" => Ok(FailOn(None)),
+        Some(("worse", name)) => Metric::find(name)
+            .map(Some)
+            .map(FailOn)
+            .ok_or_else(expected),
+        _ => Err(expected()),
+    }
+}
+
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let runs = args
-        .reports
-        .iter()
-        .map(|folder| ScoredRun::read(folder))
-        .collect::<Result<Vec<_>, _>>()?;
+    let runs = args.reports.iter().map(|text| ScoredRun::named(text));
+    let runs = runs.collect::<Result<Vec<_>, _>>()?;
     let [base, others @ ..] = &runs[..] else {
         bail!("name two reports or more")
     };
-    let comparisons = others
-        .iter()
-        .map(|other| Comparison::from_runs(base, other))
-        .collect::<Result<Vec<_>, _>>()?;
-    if args.json {
-        print_json(&comparisons)
-    } else {
-        print(
-            &comparisons
-                .iter()
-                .map(ToString::to_string)
-                .collect::<Vec<_>>()
-                .join("\n"),
-        )
+    let others = others.iter();
+    let comparisons = others.map(|other| Comparison::from_runs(base, other, &args.map));
+    let comparisons = comparisons.collect::<Result<Vec<_>, _>>()?;
+    let cannot = comparisons.iter().find(|c| !c.is_judged());
+    if let (Some(unlike), false) = (cannot, args.fail_on.is_empty()) {
+        let (base, other) = (unlike.base.display(), unlike.other.display());
+        bail!("{base}, {other}: scenarios or truths differ, so --fail-on has nothing to judge");
     }
+    let cases: Vec<_> = comparisons
+        .iter()
+        .flat_map(|c| cases(c, &args.fail_on))
+        .collect();
+    if cases.is_empty() && !args.fail_on.is_empty() {
+        bail!("--fail-on: no report measures these metrics");
+    }
+    if let Some(path) = &args.junit {
+        if path.extension().is_none_or(|extension| extension != "xml") {
+            return Err(usage::wrong(format!(
+                "{}: must end in .xml",
+                path.display()
+            )));
+        }
+        let mut outputs = Outputs::claim(args.force, [], [path.as_path()])?;
+        outputs.set_aside()?;
+        write(path, junit("svl compare", &cases))?;
+        outputs.commit();
+    }
+    let joined = |texts: Vec<String>| texts.join("\n");
+    if args.json {
+        print_json(&comparisons)?;
+    } else if args.markdown {
+        print(&joined(
+            comparisons.iter().map(Comparison::markdown).collect(),
+        ))?;
+    } else {
+        print(&joined(
+            comparisons.iter().map(ToString::to_string).collect(),
+        ))?;
+    }
+    let failures = cases.iter().filter_map(|case| match &case.result {
+        TestResult::Failed(why) => Some(format!("{}: {why}", case.name)),
+        _ => None,
+    });
+    match &failures.collect::<Vec<_>>()[..] {
+        [] => Ok(()),
+        [one] => bail!("{one}"),
+        [first, more @ ..] => bail!("{first}; and {} more", more.len()),
+    }
+}
+
+/// The metrics that must not become worse, a case each.
+fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
+    let is_meant = |metric: &Metric| {
+        let mut asked = fail_on.iter();
+        asked.any(|FailOn(only)| only.is_none_or(|only| only.name == metric.name))
+    };
+    let mut cases = Vec::new();
+    for algorithm in &comparison.algorithms {
+        for (name, change) in algorithm.changes().filter(|(_, c)| is_meant(c.metric)) {
+            let show = |value| change.metric.show(value);
+            let result = match change.judgement {
+                Judgement::Worse => TestResult::Failed(format!(
+                    "became worse, {} to {}",
+                    show(change.base),
+                    show(change.other)
+                )),
+                _ => TestResult::Passed,
+            };
+            cases.push(TestCase {
+                name: format!("{}: {name}", algorithm.title()),
+                result,
+            });
+        }
+    }
+    cases
 }

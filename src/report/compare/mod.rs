@@ -1,6 +1,7 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
 mod bootstrap;
+mod markdown;
 mod sample;
 mod text;
 
@@ -43,6 +44,8 @@ pub struct Comparison {
     /// Where the truths of the two come from, as their manifests have it; where that is not the
     /// same, nothing is called better or worse either.
     pub truths: [Vec<String>; 2],
+    /// How the two were made; times depend on it.
+    pub origins: [ReportOrigin; 2],
     /// Folders of the incomplete reports, and why.
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
@@ -50,6 +53,16 @@ pub struct Comparison {
     /// Algorithms that only one run has, which are not compared.
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
+}
+
+/// What made a report, and on which machine.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ReportOrigin {
+    /// Version and revision.
+    pub svl: String,
+    pub processor: String,
+    pub isa: String,
+    pub threads: usize,
 }
 
 /// One algorithm in both runs, over the pairs that both took.
@@ -105,7 +118,43 @@ pub enum Judgement {
     Differs,
 }
 
+impl ReportOrigin {
+    fn of(manifest: &Manifest) -> Self {
+        let revision = manifest
+            .git_revision
+            .as_deref()
+            .unwrap_or("revision unknown");
+        Self {
+            svl: format!("{} ({revision})", manifest.svl),
+            processor: manifest.machine.processor.clone(),
+            isa: manifest.machine.isa.clone(),
+            threads: manifest.machine.threads,
+        }
+    }
+}
+
 impl ScoredRun {
+    /// Reads a report, `FOLDER`, or one algorithm of it, `FOLDER#LABEL`.
+    ///
+    /// # Errors
+    /// As [`ScoredRun::read`]; [`Error::Invalid`] for a label that the report does not have.
+    pub fn named(text: &str) -> Result<Self> {
+        let whole = Path::new(text);
+        let Some((folder, label)) = text.rsplit_once('#').filter(|_| !whole.exists()) else {
+            return Self::read(whole);
+        };
+        let mut run = Self::read(Path::new(folder))?;
+        if !run.labels().contains(&label) {
+            let labels = run.labels().join(", ");
+            return Err(Error::Invalid(format!(
+                "{text}: the report has no algorithm '{label}'; it has {labels}"
+            )));
+        }
+        run.manifest.algorithms.retain(|a| a.label == label);
+        run.folder = text.into();
+        Ok(run)
+    }
+
     /// Reads a report.
     ///
     /// # Errors
@@ -191,14 +240,19 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
 }
 
 impl Comparison {
-    /// Compares the algorithms of equal labels; where each run has just one, these two.
+    /// Compares the algorithms of equal labels; where each run has just one, these two; and those
+    /// that `map` names, as `BASE=OTHER`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the runs have no algorithm or no pair in common.
-    pub fn from_runs(base: &ScoredRun, other: &ScoredRun) -> Result<Self> {
+    /// [`Error::Invalid`] when the runs have no algorithm or no pair in common, and for a map of
+    /// what is not in them.
+    pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
         let (ours, theirs) = (base.labels(), other.labels());
         // With one algorithm each, two different algorithms can be compared: v1 with v3.
+        let mapped = map.iter().map(|text| pair(text, &ours, &theirs));
+        let mapped = mapped.collect::<Result<Vec<_>>>()?;
         let shared: Vec<_> = match (&ours[..], &theirs[..]) {
+            _ if !mapped.is_empty() => mapped,
             ([one], [another]) => vec![(*one, *another)],
             // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where
             // their parameters are equal.
@@ -216,22 +270,12 @@ impl Comparison {
                 shown()
             )));
         }
-        let mut algorithms: Vec<_> = shared
+        let algorithms: Vec<_> = shared
             .iter()
             .map(|labels| AlgorithmChange::from_runs(base, other, *labels))
             .collect();
         let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
-        // Other tolerances or cells give other scores of equal results.
         let truths = [base, other].map(|run| run.manifest.truth.clone());
-        // Reports of before say nothing of their truths.
-        let [one, another] = &truths;
-        let same_truth = one.is_empty() || another.is_empty() || one == another;
-        if !same_scenario || !same_truth {
-            let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
-            metrics.for_each(Change::withdraw);
-            let checkpoints = algorithms.iter_mut().flat_map(|a| &mut a.checkpoints);
-            checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
-        }
         if algorithms.iter().all(|a| a.pairs == 0) {
             let cure =
                 "they took other pairs, as other scenarios, seeds or versions of the arena do";
@@ -248,12 +292,13 @@ impl Comparison {
                 .map(|l| (*l).to_owned())
                 .collect()
         };
-        Ok(Self {
+        let mut comparison = Self {
             base: base.folder.clone(),
             other: other.folder.clone(),
             scenario: base.manifest.scenario.clone(),
             same_scenario,
             truths,
+            origins: [base, other].map(|run| ReportOrigin::of(&run.manifest)),
             incomplete: [base, other]
                 .into_iter()
                 .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
@@ -261,11 +306,67 @@ impl Comparison {
             algorithms,
             only_in_base: left(&ours, |pair| pair.0.to_owned()),
             only_in_other: left(&theirs, |pair| pair.1.to_owned()),
-        })
+        };
+        if !comparison.is_judged() {
+            let algorithms = &mut comparison.algorithms;
+            let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
+            metrics.for_each(Change::withdraw);
+            let checkpoints = algorithms.iter_mut().flat_map(|a| &mut a.checkpoints);
+            checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
+        }
+        Ok(comparison)
+    }
+
+    /// Whether anything may be called better or worse: other tolerances or cells give other scores
+    /// of equal results.
+    pub fn is_judged(&self) -> bool {
+        self.same_scenario && !self.other_truths()
+    }
+
+    /// Reports of before say nothing of their truths.
+    fn other_truths(&self) -> bool {
+        let [base, other] = &self.truths;
+        base != other && !base.is_empty() && !other.is_empty()
     }
 }
 
+/// The labels of `BASE=OTHER`, either of which may hold `=`.
+fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str, &'a str)> {
+    let splits = text
+        .match_indices('=')
+        .map(|(i, _)| (&text[..i], &text[i + 1..]));
+    let find = |labels: &[&'a str], label| labels.iter().find(|l| **l == label).copied();
+    let mut found = splits.filter_map(|(a, b)| Some((find(ours, a)?, find(theirs, b)?)));
+    found.next().ok_or_else(|| {
+        let (ours, theirs) = (ours.join(", "), theirs.join(", "));
+        Error::Invalid(format!(
+            "--map {text}: expected BASE=OTHER, an algorithm of the first report ({ours}) and one \
+             of the other ({theirs})"
+        ))
+    })
+}
+
 impl AlgorithmChange {
+    /// What is compared: one algorithm, or two.
+    pub fn title(&self) -> String {
+        match self.other_algorithm == self.algorithm {
+            true if self.same_parameters => self.algorithm.clone(),
+            true => format!("{} (other parameters)", self.algorithm),
+            false => format!("{} → {}", self.algorithm, self.other_algorithm),
+        }
+    }
+
+    /// All changes with what they are called.
+    pub fn changes(&self) -> impl Iterator<Item = (String, &Change)> {
+        let metrics = self.metrics.iter();
+        let metrics = metrics.map(|change| (change.metric.words.to_owned(), change));
+        let checkpoints = self.checkpoints.iter();
+        metrics.chain(checkpoints.map(|c| {
+            let name = format!("checkpoint {} {}", c.checkpoint, c.name);
+            (name, &c.change)
+        }))
+    }
+
     fn from_runs(base: &ScoredRun, other: &ScoredRun, (label, other_label): (&str, &str)) -> Self {
         let (ours, theirs) = (base.rows(label), other.rows(other_label));
         let pairs: Vec<_> = ours

@@ -1,44 +1,67 @@
 //! A comparison on the terminal.
 
-use super::{AlgorithmChange, Change, Comparison, Judgement};
+use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
 use crate::counted;
 use crate::report::summary::caution;
-use crate::score::MetricUnit;
+use crate::score::{Metric, MetricUnit};
 use std::fmt::{Display, Formatter, Result};
+
+impl Comparison {
+    /// How the two were made, and what forbids a judgement.
+    pub(super) fn head(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        let sides = [("base ", &self.base), ("other", &self.other)];
+        for (((name, folder), truths), origin) in sides.iter().zip(&self.truths).zip(&self.origins)
+        {
+            let caution = caution(truths).map_or_else(String::new, |words| format!(": {words}"));
+            lines.push(format!("{name}  {}{caution}", folder.display()));
+            let ReportOrigin {
+                svl,
+                processor,
+                isa,
+                threads,
+            } = origin;
+            let threads = counted(*threads, "thread");
+            lines.push(format!("       svl {svl}, {processor}, {isa}, {threads}"));
+        }
+        let [base, other] = &self.origins;
+        let differs = [
+            ("svl", base.svl != other.svl),
+            ("CPU", base.processor != other.processor),
+            ("instruction set", base.isa != other.isa),
+            ("threads", base.threads != other.threads),
+        ];
+        let differs: Vec<_> = differs.iter().filter(|d| d.1).map(|d| d.0).collect();
+        if !differs.is_empty() {
+            let what = differs.join(", ");
+            lines.push(format!(
+                "Different: {what}; ratios of times are of that, too."
+            ));
+        }
+        let incomplete = self.incomplete.iter();
+        lines.extend(
+            incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display())),
+        );
+        let unlike = [
+            ("truths", self.other_truths()),
+            ("scenarios", !self.same_scenario),
+        ];
+        for (what, differs) in unlike {
+            if differs {
+                lines.push(format!(
+                    "The {what} differ, and with them what counts as right: nothing is called \
+                     better or worse."
+                ));
+            }
+        }
+        lines
+    }
+}
 
 impl Display for Comparison {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let cautions = self.truths.each_ref().map(|truths| caution(truths));
-        for (name, folder, caution) in [
-            ("base ", &self.base, &cautions[0]),
-            ("other", &self.other, &cautions[1]),
-        ] {
-            write!(f, "{name}  {}", folder.display())?;
-            let caution = caution.as_ref();
-            writeln!(
-                f,
-                "{}",
-                caution.map_or_else(String::new, |c| format!(": {c}"))
-            )?;
-        }
-        for (folder, why) in &self.incomplete {
-            writeln!(f, "{} is incomplete: {why}", folder.display())?;
-        }
-        let [base, other] = &self.truths;
-        if base != other && !base.is_empty() && !other.is_empty() {
-            writeln!(
-                f,
-                "The truths differ, and with them what counts as right: nothing is called better \
-                 or worse."
-            )?;
-        }
-        if !self.same_scenario {
-            writeln!(
-                f,
-                "The scenarios differ, and with them what counts as right: nothing is called \
-                 better or worse."
-            )?;
-        }
+        let mut head = self.head().into_iter();
+        head.try_for_each(|line| writeln!(f, "{line}"))?;
         self.algorithms
             .iter()
             .try_for_each(|algorithm| write!(f, "\n{algorithm}"))?;
@@ -62,23 +85,15 @@ impl Display for Comparison {
 impl Display for AlgorithmChange {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let Self {
-            algorithm,
-            other_algorithm,
-            same_parameters,
             pairs,
             unmatched,
             equal_results,
             ..
         } = self;
-        write!(f, "{algorithm}")?;
-        if other_algorithm != algorithm {
-            write!(f, " → {other_algorithm}")?;
-        } else if !same_parameters {
-            f.write_str(" (other parameters)")?;
-        }
         write!(
             f,
-            ": {}, {equal_results} with equal results",
+            "{}: {}, {equal_results} with equal results",
+            self.title(),
             counted(*pairs, "pair")
         )?;
         if *unmatched > 0 {
@@ -93,17 +108,8 @@ impl Display for AlgorithmChange {
             "\n{:28} {:>10} {:>10} {:>10}   95 %",
             "", "base", "other", "change"
         )?;
-        for change in &self.metrics {
-            line(f, change.metric.words, change)?;
-        }
-        for c in &self.checkpoints {
-            line(
-                f,
-                &format!("checkpoint {} {}", c.checkpoint, c.name),
-                &c.change,
-            )?;
-        }
-        Ok(())
+        let mut changes = self.changes();
+        changes.try_for_each(|(name, change)| line(f, &name, change))
     }
 }
 
@@ -117,19 +123,7 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
         judgement,
     } = change;
     let (base, other) = (metric.show(*base), metric.show(*other));
-    let signed = |v: f64| match metric.unit {
-        MetricUnit::Ms => metric.show_relative(v),
-        // Rounded first, as a small negative value would be shown as -0.0.
-        _ => format!(
-            "{}{}",
-            if v < 0.0 && !metric.show(-v).starts_with("0.0 ") {
-                "-"
-            } else {
-                "+"
-            },
-            metric.show(v.abs())
-        ),
-    };
+    let signed = |v: f64| signed(metric, v);
     write!(
         f,
         "  {name:26} {base:>10} {other:>10} {:>10}",
@@ -138,11 +132,29 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
     if let (Some((low, high)), true) = (interval, *judgement != Judgement::Equal) {
         write!(f, "   {} .. {}", signed(*low), signed(*high))?;
     }
-    let word = match judgement {
+    match verdict(*judgement) {
+        "" => writeln!(f),
+        word => writeln!(f, "  {word}"),
+    }
+}
+
+/// A difference with its sign; of times a ratio.
+pub(super) fn signed(metric: &Metric, v: f64) -> String {
+    // Rounded first, as a small negative value would be shown as -0.0.
+    let is_negative = v < 0.0 && !metric.show(-v).starts_with("0.0 ");
+    match metric.unit {
+        MetricUnit::Ms => metric.show_relative(v),
+        _ if is_negative => format!("-{}", metric.show(v.abs())),
+        _ => format!("+{}", metric.show(v.abs())),
+    }
+}
+
+/// A word for what was found; none where that is nothing.
+pub(super) fn verdict(judgement: Judgement) -> &'static str {
+    match judgement {
         Judgement::Equal | Judgement::Unclear => "",
-        Judgement::Better => "  better",
-        Judgement::Worse => "  WORSE",
-        Judgement::Differs => "  differs",
-    };
-    writeln!(f, "{word}")
+        Judgement::Better => "better",
+        Judgement::Worse => "WORSE",
+        Judgement::Differs => "differs",
+    }
 }

@@ -25,6 +25,8 @@ pub struct ReportPage {
     pub summary: Summary,
     /// Per algorithm the time of each pair, ms.
     pub times_ms: Vec<(String, Vec<f64>)>,
+    /// The limits of the scenario's gate, where it was asked for: a word, and what it is about.
+    pub gate: Vec<(&'static str, String)>,
     pub sweeps: Vec<ParameterSweep>,
     /// One per checkpoint, or per frame that is shown of a recording.
     pub figures: Vec<CheckpointFigure>,

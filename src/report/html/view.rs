@@ -23,6 +23,7 @@ pub(super) struct ReportPageView<'a> {
     coverage: Vec<PlotView>,
     checkpoints: Option<AlgorithmTableView<'a>>,
     verdicts: &'static str,
+    gate: &'a [(&'static str, String)],
     speed: Option<AlgorithmTableView<'a>>,
     speed_plots: Vec<PlotView>,
     figures: Vec<FigureView<'a>>,
@@ -64,6 +65,7 @@ impl<'a> ReportPageView<'a> {
             coverage: coverage(page)?,
             checkpoints: AlgorithmTableView::from_checkpoints(summary),
             verdicts: VERDICTS,
+            gate: &page.gate,
             speed: AlgorithmTableView::from_columns(
                 "Speed per algorithm",
                 speed_columns(),

@@ -108,3 +108,39 @@ fn what_cannot_be_compared_is_said() {
     fixture.write("0/rows.csv", "run_id,scenario\na,b\n");
     fixture.svl("compare 0 1").failed(1, &["0/rows.csv"]);
 }
+
+#[test]
+fn algorithms_of_a_report_and_mapped_ones_are_compared() {
+    let fixture = scored(&["v3 --algo bm", "v3:smoothing_sigma=0 --algo bm"]);
+    let text = fixture.run("compare 0#v3 0#bm");
+    assert_says(&text, &["v3 → bm: ", "base   0#v3", "thread"]);
+    assert!(!text.contains("Different:"), "{text}");
+    let text = fixture.run("compare 0 1 --map v3=v3:smoothing_sigma=0");
+    assert_says(&text, &["v3 → v3:smoothing_sigma=0: "]);
+    let page = fixture.run("compare 0#v3 0#bm --markdown");
+    assert_says(&page, &["### ", "| wrong cells |", "|---|---:|"]);
+    fixture.fails(
+        "
+        compare 0#v4 0 => 1: 0#v4: the report has no algorithm 'v4'; it has v3, bm
+        compare 0 1 --map v3=v4 => 1: --map v3=v4: expected BASE=OTHER
+        compare 0 1 --fail-on better => 2: expected worse
+        compare 0 1 --fail-on worse:nothing => 2: expected worse
+        ",
+    );
+}
+
+#[test]
+fn what_became_worse_fails_and_is_in_junits_xml() {
+    let fixture = scored(&["v3", "v3"]);
+    fixture.run("compare 0 1 --fail-on worse --junit equal.xml");
+    let xml = fixture.text("equal.xml");
+    assert_says(&xml, &["failures=\"0\"", "v3: wrong cells"]);
+    // A matcher that reports nearly nothing loses right cells on every pair.
+    let fixture = scored(&["v3", "v3:max_disparity=4"]);
+    let failing = "compare 0 1 --fail-on worse:right --junit worse.xml";
+    fixture
+        .svl(failing)
+        .failed(1, &["right cells: became worse"]);
+    assert_says(&fixture.text("worse.xml"), &["failures=\"1\"", "<failure"]);
+    fixture.fails("compare 0 1 --fail-on worse --junit worse.xml => 1: worse.xml: exists already");
+}

@@ -13,6 +13,7 @@ use svl::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 /// A page under a title and with texts that would be HTML.
 fn page(summary: Summary) -> ReportPage {
     ReportPage {
+        gate: Vec::new(),
         title: "<b>".into(),
         description: "A & B.\n\nC.".into(),
         identity: vec![("CPU".into(), "<script>alert(1)</script>".into())],

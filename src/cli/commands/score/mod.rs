@@ -4,7 +4,7 @@ mod report;
 mod runs;
 mod sweep;
 
-use crate::cli::shared::outputs::Outputs;
+use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::source::{RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::{runner, usage};
@@ -12,7 +12,7 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use report::{REPORT, ScoreReport};
 use std::path::{Path, PathBuf};
-use svl::report::{GateResult, Summary};
+use svl::report::{GateResult, Summary, junit};
 use svl::run::{Matchers, Outcome};
 use svl::score::{METRICS, Metric, MetricOrigin};
 use sweep::{Algorithms, MAX_ALGORITHMS};
@@ -91,6 +91,9 @@ pub(crate) struct Args {
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
+    /// Write the limits of --gate as JUnit's XML; replaces the file
+    #[arg(long, value_name = "FILE.xml", requires = "gate")]
+    junit: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -121,10 +124,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             false => error,
         })?;
     let mut outputs = Outputs::claim_folder(&folder, &REPORT)?;
+    // The file of the CI's run before is of no more use than its report.
+    let junit_path = args.junit.iter().map(PathBuf::as_path);
+    let mut junit_file = Outputs::claim(true, [], junit_path)?;
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let mut runs = runs::runs(&scenario, args, quiet)?;
     args.reference.check(&scenario.algorithms);
     outputs.set_aside()?;
+    junit_file.set_aside()?;
     let mut report = ScoreReport::begin(&scenario, &runs, &folder)?;
     let mut total = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
@@ -143,7 +150,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Err(error) => Some(usage::one_line(error)),
         Ok(()) => total.missing(),
     };
-    let finished = report.finish(&scenario, args.sort, incomplete);
+    let finished = report.finish(&scenario, args.sort, args.gate, incomplete);
     // Decided before anything is printed: a full standard output costs no report, and a full disk
     // no row that was written.
     match (&ran, &finished) {
@@ -151,15 +158,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         _ if finished.is_ok() || total.frames > 0 => outputs.keep_both(),
         _ => drop(outputs),
     }
-    let (summary, manifest) = match (finished, ran.is_err()) {
+    let (summary, results) = match (finished, ran.is_err()) {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
     };
-    let limits = if args.gate { &scenario.gate[..] } else { &[] };
-    let results: Vec<_> = limits
-        .iter()
-        .flat_map(|limit| limit.judge(&summary, &manifest))
-        .collect();
+    if let Some(path) = &args.junit {
+        let cases: Vec<_> = results.iter().map(GateResult::test_case).collect();
+        write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
+        junit_file.commit();
+    }
     if args.json {
         print_json(&ScoreAnswer {
             summary: &summary,
@@ -201,12 +208,7 @@ struct ScoreAnswer<'a> {
 
 /// A result for the terminal.
 fn gate_line(result: &GateResult) -> String {
-    let word = match result.kept {
-        Some(true) => "kept",
-        Some(false) => "BROKEN",
-        None => "–",
-    };
-    format!("{word:<6}  {result}\n")
+    format!("{:<6}  {result}\n", result.word())
 }
 
 /// Refuses a run that broke a limit, or that no limit was for.

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::{Manifest, hash};
 use svl::report::html::ReportPage;
-use svl::report::{Row, Summary};
+use svl::report::{GateResult, Row, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Metric};
@@ -79,8 +79,9 @@ impl ScoreReport {
         self,
         scenario: &Scenario,
         sort: Option<&Metric>,
+        gate: bool,
         incomplete: Option<String>,
-    ) -> anyhow::Result<(Summary, Manifest)> {
+    ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
         let Self {
             folder,
             mut manifest,
@@ -103,7 +104,16 @@ impl ScoreReport {
         write(&folder.join("summary.md"), summary.markdown(&scenario.name))?;
         write_json(&folder.join("summary.json"), &summary)?;
         write_json(&folder.join(MANIFEST), &manifest)?;
+        let limits = if gate { &scenario.gate[..] } else { &[] };
+        let limits = limits.iter();
+        let gate: Vec<_> = limits
+            .flat_map(|limit| limit.judge(&summary, &manifest))
+            .collect();
+        let rulings = gate.iter();
         let page = ReportPage {
+            gate: rulings
+                .map(|result| (result.word(), result.to_string()))
+                .collect(),
             title: scenario.name.clone(),
             description: scenario.description.clone(),
             identity: manifest.entries(),
@@ -114,7 +124,7 @@ impl ScoreReport {
             scenes,
         };
         page.write(&folder.join("index.html"))?;
-        Ok((summary, manifest))
+        Ok((summary, gate))
     }
 }
 
