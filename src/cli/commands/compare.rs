@@ -21,7 +21,7 @@ use svl::score::{METRICS, Metric};
 #[command(after_help = "\
 Examples:
   svl compare reports/before reports/after
-  svl compare reports/arena#v1 reports/arena#v3        two algorithms of a report
+  svl compare reports/arena#v1 reports/arena#v3     two algorithms of a report
   svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
   svl compare reports/main reports/branch --fail-on worse
       for a CI: exit 1 when a metric of any algorithm became worse
