@@ -23,7 +23,7 @@ pub struct Frame {
     pub pose: Option<Pose>,
     pub truth: Option<Truth>,
     /// Left and right in colour, of the pair's size, where the source has it. To look at: matchers
-    /// take the pair, which is its luma ([`super::Gray::from_rgb`]).
+    /// take the pair, which is its luma ([`super::Gray::from_color`]).
     pub color: Option<[Rgb; 2]>,
     pub exposure: Exposure,
 }
