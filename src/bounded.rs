@@ -39,7 +39,7 @@ pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     }
 }
 
-/// Reads a text file of at most `limit` bytes.
+/// Reads a text file of at most `max_bytes`.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     String::from_utf8(read_bounded(path, max_bytes)?)
         .map_err(|_| Error::format(path, "is not UTF-8 text; is it the right file?"))

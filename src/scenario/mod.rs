@@ -568,6 +568,50 @@ mod tests {
     }
 
     #[test]
+    fn every_key_is_documented() {
+        let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/scenario.md");
+        // A package of the crate has no docs.
+        let Ok(docs) = std::fs::read_to_string(docs) else {
+            return;
+        };
+        let cells = "[cells]\njudge = \"distance\"\nzz = 1\n";
+        let checkpoint = "[[checkpoint]]\nnumber = 1\nname = \"a\"\n";
+        let expected_cell = format!("{checkpoint}frames = [0, 1]\n[[checkpoint.cell]]\nzz = 1\n");
+        let sections = [
+            "zz = 1\n".to_owned(),
+            "[grid]\nzz = 1\n".to_owned(),
+            cells.to_owned(),
+            cells.replace("distance", "disparity"),
+            "source = { zz = 1 }\n".to_owned(),
+            format!("{checkpoint}zz = 1\n"),
+            expected_cell,
+            "[[gate]]\nzz = 1\n".to_owned(),
+            "[arena]\nzz = 1\n".to_owned(),
+            "[arena.rig]\nzz = 1\n".to_owned(),
+            "[arena.sensor]\nzz = 1\n".to_owned(),
+            "[arena.robot]\nzz = 1\n".to_owned(),
+            "[arena.world]\nzz = 1\n".to_owned(),
+            "[arena.world]\nblocks = [{ zz = 1 }]\n".to_owned(),
+            "[arena.world]\nballs = [{ zz = 1 }]\n".to_owned(),
+            "[arena.robot]\npath = [{ zz = 1 }]\n".to_owned(),
+        ];
+        for section in sections {
+            let error = parse(&section).unwrap_err().to_string();
+            // unknown field `zz`, expected one of `columns`, `rows`, …
+            let (_, keys) = error.split_once("expected ").expect(&error);
+            let keys: Vec<_> = keys.split('`').skip(1).step_by(2).collect();
+            assert!(!keys.is_empty(), "{error}");
+            for key in keys {
+                let is_told = docs.split(|c: char| !c.is_alphanumeric() && c != '_');
+                assert!(
+                    is_told.into_iter().any(|word| word == key),
+                    "{section}: {key}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn the_embedded_arena_is_whole() {
         let arena = Scenario::arena().unwrap();
         assert_eq!(arena.checkpoints.len(), 6);
