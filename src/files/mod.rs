@@ -7,6 +7,7 @@ mod jpeg;
 mod npz;
 mod pfm;
 mod picture;
+mod rvl;
 
 pub(crate) use crate::bounded::read_bounded;
 pub use crate::bounded::read_text;
@@ -20,7 +21,8 @@ pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, wr
 pub(crate) use jpeg::brightness;
 pub use npz::read_npz;
 pub use pfm::{read_pfm, write_pfm};
-pub use picture::{encode_color_jpeg, encode_jpeg, encode_palette_png};
+pub use picture::{encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png};
+pub use rvl::{InverseDepth, encode_rvl};
 
 use crate::stereo::Plane;
 

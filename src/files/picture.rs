@@ -1,4 +1,4 @@
-//! Small image files for HTML pages: palette PNG and JPEG.
+//! Small image files for HTML pages and Rerun: palette PNG and JPEG.
 
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, Plane, Rgb};
@@ -56,7 +56,32 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
     Ok(file)
 }
 
-/// A JPEG of `image`, scaled down to at most `width` columns.
+/// A PNG of classes, compressed quickly: `codes` are indices into `colors`, the last of which is
+/// opacity.
+///
+/// # Errors
+/// [`Error::Invalid`] with what the encoder says.
+pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u8>> {
+    let (width, height) = codes.size();
+    let data: Vec<u8> = codes.rows().flatten().copied().collect();
+    let palette: Vec<u8> = colors.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
+    let opacities: Vec<u8> = colors.iter().map(|color| color[3]).collect();
+    let mut file = Vec::new();
+    // Sides are at most MAX_SIDE, so they fit in 32 bits.
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_palette(palette);
+    encoder.set_trns(opacities);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.set_filter(png::Filter::NoFilter);
+    encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(&data))
+        .map_err(|e| Error::Invalid(format!("PNG encoder: {e}")))?;
+    Ok(file)
+}
+
+/// A JPEG of `image`, scaled down to at most `width` columns; of any width where that is 0.
 ///
 /// # Errors
 /// [`Error::Invalid`] with what the encoder says.
@@ -104,6 +129,16 @@ mod tests {
             .pixels()
             .map(|p| p.0)
             .collect()
+    }
+
+    #[test]
+    fn classes_have_their_colours_and_opacities() {
+        let codes = Plane::from_vec(3, 2, vec![0, 1, 2, 2, 1, 0]).unwrap();
+        let colors = [[0, 0, 0, 0], [9, 8, 7, 255], [1, 2, 3, 100]];
+        let png = encode_classes_png(&codes, &colors).unwrap();
+        let image = image::load_from_memory(&png).unwrap().into_rgba8();
+        let expected = codes.pixels().map(|code| colors[usize::from(code)]);
+        assert!(image.pixels().map(|p| p.0).eq(expected));
     }
 
     #[test]

@@ -12,7 +12,7 @@ pub use collect::CollectSink;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
 pub use rerun::{
-    BoardView, CellNote, RerunSink, RerunTarget, RunInfo, StepView, VIEWER_HINT,
+    BoardView, CellNote, RerunDetail, RerunSink, RerunTarget, RunInfo, StepView, VIEWER_HINT,
     save_recording_layout,
 };
 pub use table::TableSink;
@@ -25,6 +25,9 @@ use crate::score::{Judge, Judged};
 use crate::stereo::Losses;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The run for Rerun in the folder of a report.
+pub const REPORT_RUN: &str = "run.rrd";
 
 /// Takes the frames of one run after the other.
 pub trait Sink: Send {
@@ -84,7 +87,7 @@ pub struct SinkRequest<'a> {
     pub cells: Option<&'a Path>,
     /// A folder for all tables; the pictures of a report page are collected too.
     pub report: Option<&'a Path>,
-    pub rerun: Option<(RerunTarget, RunInfo)>,
+    pub rerun: Option<(RerunTarget, RerunDetail, RunInfo)>,
     /// A recording of the pairs and of every algorithm's disparities.
     pub recording: Option<Writer>,
 }
@@ -128,8 +131,8 @@ impl Sinks {
                 sinks.push(Box::new(PictureSink::new(&pictures)));
             }
         }
-        if let Some((target, info)) = request.rerun {
-            let sink = RerunSink::new(target, &info)?;
+        if let Some((target, detail, info)) = request.rerun {
+            let sink = RerunSink::new(target, detail, &info)?;
             // It is finished after the tables, which then have the verdicts.
             sinks.push(match request.report {
                 None => Box::new(sink),

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Duration;
 use svl::arena::WireObject;
 use svl::score::Judge;
-use svl::sink::{RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
+use svl::sink::{RerunDetail, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
 use svl::stereo::{
     Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry,
     Gray, GridShape, Plane, Pose, Reason, Rig, StereoPair, Truth,
@@ -98,6 +98,10 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
 }
 
 fn write(path: &Path, rig: bool) {
+    write_frames(path, rig, 3, RerunDetail::Full);
+}
+
+fn write_frames(path: &Path, rig: bool, frames: u64, detail: RerunDetail) {
     let edges = WireObject {
         name: "wall".into(),
         strips: vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]],
@@ -110,7 +114,7 @@ fn write(path: &Path, rig: bool) {
             .into(),
         wireframe: if rig { vec![edges] } else { Vec::new() },
     };
-    let sink = RerunSink::new(RerunTarget::File(path.to_owned()), &run).unwrap();
+    let sink = RerunSink::new(RerunTarget::File(path.to_owned()), detail, &run).unwrap();
     let mut sink = Box::new(sink.with_verdicts(|| Some("# all passed".to_owned())));
     let judge = Judge {
         grid: GridShape {
@@ -120,7 +124,7 @@ fn write(path: &Path, rig: bool) {
         .into(),
         ..Judge::default()
     };
-    for sequence in 0..3 {
+    for sequence in 0..frames {
         let frame = frame(sequence, rig);
         let estimates = LABELS.map(|label| estimate(label, frame.rig()));
         sink.take(&judge.judge(frame, estimates.to_vec())).unwrap();
@@ -134,6 +138,8 @@ struct Content {
     stores: Vec<StoreId>,
     components: BTreeMap<String, BTreeSet<String>>,
     timelines: BTreeMap<String, BTreeSet<String>>,
+    /// Of the timeline `pair`, the frames in which each component of an entity was logged.
+    frames: BTreeMap<(String, String), BTreeSet<i64>>,
 }
 
 impl Content {
@@ -145,6 +151,12 @@ impl Content {
                 LogMsg::ArrowMsg(store, message) if store.kind() == StoreKind::Recording => {
                     let chunk = Chunk::from_arrow_msg(&message).unwrap();
                     let entity = chunk.entity_path().to_string();
+                    for component in chunk.components().keys() {
+                        let frames = chunk.iter_component_indices("pair".into(), *component);
+                        let key = (entity.clone(), component.to_string());
+                        let all = content.frames.entry(key).or_default();
+                        all.extend(frames.map(|(frame, _)| frame.as_i64()));
+                    }
                     let components = chunk.components().keys().map(|c| c.to_string());
                     content
                         .components
@@ -183,9 +195,10 @@ fn every_entity_is_there_for_every_algorithm() {
         ("/world/trail".to_owned(), "LineStrips3D:strips"),
         ("/world/rig/left".to_owned(), "Transform3D:translation"),
         ("/world/rig/left".to_owned(), "Pinhole:image_from_camera"),
-        ("/world/rig/left/image".to_owned(), "Image:buffer"),
+        ("/world/rig/left/image".to_owned(), "EncodedImage:blob"),
         ("/truth/overlay".to_owned(), "Boxes2D:half_sizes"),
-        ("/truth/depth".to_owned(), "DepthImage:buffer"),
+        ("/truth/depth".to_owned(), "EncodedDepthImage:blob"),
+        ("/truth/depth/none".to_owned(), "EncodedImage:blob"),
         ("/run/parameters".to_owned(), "TextDocument:text"),
         ("/run/verdicts".to_owned(), "TextDocument:text"),
     ];
@@ -197,10 +210,10 @@ fn every_entity_is_there_for_every_algorithm() {
             .filter(|&map| map != "ssdpi" || name.starts_with('v'))
         {
             let components = [
-                "DepthImage:buffer",
-                "DepthImage:meter",
-                "DepthImage:depth_range",
-                "DepthImage:colormap",
+                "EncodedDepthImage:blob",
+                "EncodedDepthImage:meter",
+                "EncodedDepthImage:depth_range",
+                "EncodedDepthImage:colormap",
             ];
             expected.extend(components.map(|component| (entity(map), component)));
         }
@@ -214,8 +227,8 @@ fn every_entity_is_there_for_every_algorithm() {
             (entity("overlay/percentiles"), "Boxes2D:half_sizes"),
             (entity("overlay/cells"), "Points2D:labels"),
             (entity("known_cells"), "Scalars:scalars"),
-            (entity("why"), "SegmentationImage:buffer"),
-            (entity("points"), "Points3D:positions"),
+            (entity("why"), "EncodedImage:blob"),
+            (entity("points"), "EncodedDepthImage:blob"),
             (entity("latency/total"), "Scalars:scalars"),
             (entity("latency/matching"), "Scalars:scalars"),
             (entity("coverage"), "Scalars:scalars"),
@@ -246,6 +259,33 @@ fn every_entity_is_there_for_every_algorithm() {
             .iter()
             .all(|&timeline| content.timelines["/algo/v3/depth"].contains(timeline))
     );
+}
+
+#[test]
+fn light_has_images_and_numbers_of_all_frames_and_maps_of_some() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    write_frames(&path, true, 40, RerunDetail::Light);
+    let content = Content::read(&path);
+    let frames = |entity: &str, component: &str| {
+        let key = (entity.to_owned(), component.to_owned());
+        content.frames[&key].iter().copied().collect::<Vec<_>>()
+    };
+    let all: Vec<i64> = (0..40).collect();
+    assert_eq!(frames("/world/rig/left/image", "EncodedImage:blob"), all);
+    assert_eq!(frames("/algo/v3/overlay", "Boxes2D:half_sizes"), all);
+    assert_eq!(frames("/algo/v3/latency/total", "Scalars:scalars"), all);
+    for map in ["disparity", "depth", "points", "ssdpi"] {
+        let entity = format!("/algo/v3/{map}");
+        assert_eq!(frames(&entity, "EncodedDepthImage:blob"), [0, 30], "{map}");
+        // They do not stay beside the images of other frames.
+        assert_eq!(frames(&entity, "Clear:is_recursive"), [1, 31], "{map}");
+    }
+    assert_eq!(frames("/algo/v3/why", "EncodedImage:blob"), [0, 30]);
+    assert_eq!(frames("/algo/v3/why", "Clear:is_recursive"), [1, 31]);
+    assert_eq!(frames("/truth/depth", "EncodedDepthImage:blob"), [0, 30]);
+    // A list of them, of which a click leads there.
+    assert_eq!(frames("/run/frames", "TextLog:text"), [0, 30]);
 }
 
 #[test]
@@ -282,11 +322,12 @@ fn a_frame_without_rig_has_disparity_and_no_depth() {
     let path = folder.path().join("scenes.rrd");
     write(&path, false);
     let content = Content::read(&path);
-    assert!(content.has("/algo/v3/disparity", "DepthImage:buffer"));
+    assert!(content.has("/algo/v3/disparity", "EncodedDepthImage:blob"));
     assert!(content.has("/truth/overlay", "Boxes2D:half_sizes"));
     assert!(content.has("/run/frames", "TextLog:text"));
-    assert!(!content.has("/algo/v3/depth", "DepthImage:buffer"));
-    assert!(!content.has("/algo/v3/points", "Points3D:positions"));
+    for map in ["depth", "points"] {
+        assert!(!content.has(&format!("/algo/v3/{map}"), "EncodedDepthImage:blob"));
+    }
     assert!(!content.has("/world/rig/left", "Pinhole:image_from_camera"));
 }
 
@@ -304,7 +345,7 @@ fn a_target_that_cannot_be_is_one_line() {
     ];
     for target in targets {
         let name = target.to_string();
-        let error = RerunSink::new(target, &RunInfo::default())
+        let error = RerunSink::new(target, RerunDetail::Full, &RunInfo::default())
             .err()
             .expect("not a target")
             .to_string();

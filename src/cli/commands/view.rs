@@ -1,28 +1,37 @@
-//! `svl view`: a recording or a run in the Rerun viewer.
+//! `svl view`: a recording, a run or the run of a report in the Rerun viewer.
 
 use anyhow::{Context, bail};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use svl::recording::{Recording, only_file};
-use svl::sink::{VIEWER_HINT, save_recording_layout};
+use svl::sink::{REPORT_RUN, VIEWER_HINT, save_recording_layout};
 
 /// Open a recording or a run in the Rerun viewer
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  svl view run.rrd\n  svl view recordings/arena.mcap")]
+#[command(after_help = "\
+Examples:
+  svl view reports/arena
+  svl view run.rrd --web     in the browser; over ssh forward ports 9090 and 9876
+  svl view recordings/arena.mcap")]
 pub(crate) struct Args {
-    /// A recording (.mcap) or a run (.rrd)
+    /// A recording (.mcap), a run (.rrd), or the folder of a report
     file: PathBuf,
+    /// Serve the viewer to a browser, until Ctrl-C
+    #[arg(long)]
+    web: bool,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let run = args.file.join(REPORT_RUN);
+    let named = if run.is_file() { &run } else { &args.file };
     // The viewer names a recording after the path it is given, and the layout must name the same.
-    let file = only_file(&args.file)?
+    let file = only_file(named)?
         .canonicalize()
-        .map_err(|cause| svl::Error::io(&args.file, cause))?;
+        .map_err(|cause| svl::Error::io(named, cause))?;
     match file.extension().and_then(|extension| extension.to_str()) {
         // A run carries its layout.
-        Some("rrd") => view(&[&file]),
+        Some("rrd") => view(&[&file], args.web),
         Some("mcap") => {
             let folder = tempfile::tempdir().context("no folder for the layout")?;
             let layout = folder.path().join("layout.rbl");
@@ -33,21 +42,26 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
                 .map(|topic| topic.name)
                 .collect();
             if save_recording_layout(&file, &topics, &layout)? {
-                view(&[&file, &layout])
+                view(&[&file, &layout], args.web)
             } else {
-                view(&[&file])
+                view(&[&file], args.web)
             }
         }
         _ => bail!(
-            "{}: neither a recording (.mcap) nor a run (.rrd)",
+            "{}: neither a recording (.mcap), a run (.rrd) nor the folder of a report with one",
             args.file.display()
         ),
     }
 }
 
-/// Runs the viewer until its window is closed.
-fn view(files: &[&Path]) -> anyhow::Result<()> {
-    match Command::new("rerun").args(files).status() {
+/// Runs the viewer until its window is closed, or the server ended.
+fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
+    // Not to the whole network.
+    let served: &[&str] = match web {
+        true => &["--web-viewer", "--bind", "127.0.0.1"],
+        false => &[],
+    };
+    match Command::new("rerun").args(served).args(files).status() {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => bail!("the Rerun viewer ended with {status}"),
         Err(error) if error.kind() == ErrorKind::NotFound => {

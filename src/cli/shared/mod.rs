@@ -1,8 +1,9 @@
-//! What subcommands share: sources, outputs, progress, stepping through frames, wrong usage.
+//! What subcommands share: sources, outputs, Rerun, progress, stepping through frames, wrong usage.
 
 pub(crate) mod outputs;
 pub(crate) mod progress;
 pub(crate) mod recordings;
+pub(crate) mod rerun;
 pub(crate) mod runner;
 pub(crate) mod source;
 pub(crate) mod stepper;

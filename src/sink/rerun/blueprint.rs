@@ -9,7 +9,8 @@ use ::rerun::external::re_sdk_types::blueprint::archetypes::{
     ViewportBlueprint, VisibleTimeRanges,
 };
 use ::rerun::external::re_sdk_types::blueprint::components::{
-    ColumnShare, ContainerKind, PanelState, RootContainer, RowShare, VisibleTimeRange,
+    ColumnShare, ContainerKind, LoopMode, PanelState, PlayState, RootContainer, RowShare,
+    VisibleTimeRange,
 };
 use ::rerun::external::re_sdk_types::external::uuid::Uuid;
 use ::rerun::external::re_types_core::datatypes::{
@@ -193,9 +194,23 @@ impl From<LayoutView> for LayoutNode {
     }
 }
 
+/// Where the time cursor stands when the viewer opens.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum TimeCursor {
+    /// At the first frame, paused.
+    First,
+    /// At the last frame, and with those that come.
+    Last,
+}
+
 /// Writes the layout `root`, its panels folded, its time cursor on `timeline`, into a blueprint's
 /// stream.
-fn log(root: &LayoutNode, timeline: &str, stream: &RecordingStream) -> RecordingStreamResult<()> {
+fn log(
+    root: &LayoutNode,
+    timeline: &str,
+    cursor: TimeCursor,
+    stream: &RecordingStream,
+) -> RecordingStreamResult<()> {
     // The viewer reads a blueprint at its latest moment of this timeline.
     stream.set_time_sequence("blueprint", 0);
     let (_, root) = root.log(stream)?;
@@ -212,9 +227,15 @@ fn log(root: &LayoutNode, timeline: &str, stream: &RecordingStream) -> Recording
         "selection_panel",
         &PanelBlueprint::new().with_state(PanelState::Collapsed),
     )?;
-    let time = TimePanelBlueprint::new()
+    let mut time = TimePanelBlueprint::new()
         .with_state(PanelState::Collapsed)
         .with_timeline(timeline);
+    if cursor == TimeCursor::First {
+        // Paused alone would stand at the last frame that was read by then.
+        time = time
+            .with_play_state(PlayState::Paused)
+            .with_loop_mode(LoopMode::All);
+    }
     stream.log("time_panel", &time)
 }
 
@@ -230,10 +251,11 @@ pub(super) fn send(
     root: &LayoutNode,
     app: ApplicationId,
     timeline: &str,
+    cursor: TimeCursor,
     stream: &RecordingStream,
 ) -> RecordingStreamResult<()> {
     let (blueprint, storage) = builder(app).memory()?;
-    log(root, timeline, &blueprint)?;
+    log(root, timeline, cursor, &blueprint)?;
     let messages = storage.take();
     let Some(id) = messages.first().map(|message| message.store_id().clone()) else {
         return Ok(());
@@ -250,7 +272,7 @@ pub(super) fn save(
     path: &Path,
 ) -> RecordingStreamResult<()> {
     let blueprint = builder(app).save(path)?;
-    log(root, timeline, &blueprint)?;
+    log(root, timeline, TimeCursor::Last, &blueprint)?;
     // The viewer activates what it has read so far. A failure shows again below.
     let _ = blueprint.flush_blocking();
     if let Some(info) = blueprint.store_info() {

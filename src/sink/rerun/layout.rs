@@ -20,7 +20,8 @@ pub(super) struct Facts {
     /// What its truth is called, where it has one.
     pub truth: Option<String>,
     pub rig: bool,
-    pub named: bool,
+    /// Whether frames are listed.
+    pub listed: bool,
     /// Size of the images, unless they come from several scenes.
     pub size: Option<(usize, usize)>,
     /// Position and target of the 3D view, world frame, metres.
@@ -147,7 +148,7 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
         LayoutView::new("TextDocument", "verdicts", "run/verdicts", ["$origin"]).into(),
         LayoutView::new("TextDocument", "parameters", "run/parameters", ["$origin"]).into(),
     ];
-    if facts.named {
+    if facts.listed {
         texts.push(LayoutView::new("TextLog", "frames", "run/frames", ["$origin"]).into());
     }
     nodes.push(LayoutNode::tabs("text", texts));

@@ -8,9 +8,9 @@
 //!   rig/left/image
 //! algo/<name>/overlay          the thesis's picture of the depth grid
 //!            /overlay/cells    the distances of its cells, as text
-//!            /disparity /depth /why
+//!            /disparity /depth /depth/none /why
 //!            /ssdpi            of algorithms that have one
-//!            /points           the cloud, in the camera's frame
+//!            /points           the depths of the cloud
 //!            /latency/<stage>  milliseconds, and /latency/total
 //!            /coverage         percent of the pixels
 //!            /wrong_cells      where truth and rig are known
@@ -19,10 +19,12 @@
 //! run/parameters  run/verdicts  run/frames
 //! legend/why
 //! ```
-//! Timelines: `pair`, the frame's number, and `time`, its stamp.
+//! Timelines: `pair`, the frame's number, and `time`, its stamp. Maps are those of all frames, or of
+//! some ([`RerunDetail`]), which `run/frames` lists; between them they are cleared.
 
 mod blueprint;
 mod board;
+mod detail;
 mod info;
 mod layout;
 mod overlay;
@@ -34,6 +36,7 @@ mod target;
 mod world;
 
 pub use board::BoardView;
+pub use detail::RerunDetail;
 pub use info::RunInfo;
 pub use layout::save_recording_layout;
 pub use step::{CellNote, StepView};
@@ -42,15 +45,18 @@ pub use target::{RerunTarget, VIEWER_HINT};
 use super::{RunStart, Sink};
 use crate::arena::WireObject;
 use crate::error::{Error, Result};
-use crate::score::{Judged, METRICS, Metric};
+use crate::score::{Checkpoint, Judged, METRICS, Metric};
 use crate::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use crate::timing::Stage;
+use ::rerun::log::ChunkBatcherConfig;
 use ::rerun::{
     Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
     ViewCoordinates,
 };
+use detail::MapFrames;
 use info::AlgorithmPath;
 use scale::Scale;
+use std::time::Duration;
 
 /// Rerun's word for the program: recordings of one application share their layout.
 const APPLICATION: &str = "svl";
@@ -59,11 +65,19 @@ const TIMELINES: [&str; 2] = ["pair", "time"];
 const CAMERA: &str = "world/rig/left";
 const IMAGE: &str = "world/rig/left/image";
 const LEGEND: &str = "legend/why";
-/// The maps that every algorithm has.
-const MAPS: [&str; 3] = ["disparity", "why", "depth"];
+/// The maps that every algorithm has, and its cloud.
+const MAPS: [&str; 4] = ["disparity", "why", "depth", "points"];
 /// Stamps from here on (2001, in nanoseconds) are taken for Unix time, smaller ones for the time
 /// since the start of the recording.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
+
+/// A file is written in few large pieces: each costs its columns' names, a viewer opens a tenth of
+/// them five times as fast, and a run that is killed loses at most one.
+const FILE_BATCHES: ChunkBatcherConfig = ChunkBatcherConfig {
+    flush_tick: Duration::from_secs(10),
+    flush_num_bytes: 8 << 20,
+    ..ChunkBatcherConfig::DEFAULT
+};
 
 /// Colours of the algorithms' lines, distinct to most eyes (after Okabe and Ito), on a dark
 /// ground.
@@ -92,17 +106,12 @@ pub struct RerunSink {
     start: Moment,
     /// The last frame's place on them.
     last: Option<Moment>,
-    maps: MapState,
+    map_frames: MapFrames,
+    /// Whether the frame being logged has maps.
+    has_maps: bool,
+    /// Number and name of the run's checkpoints.
+    checkpoints: Vec<String>,
     verdicts: Option<Box<dyn FnOnce() -> Option<String> + Send>>,
-}
-
-/// Whether the maps and point clouds of the algorithms are still logged.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum MapState {
-    Shown,
-    /// The next frame clears the last ones, so that they do not stay beside later images.
-    ToClear,
-    Gone,
 }
 
 /// A place on the timelines.
@@ -119,11 +128,14 @@ impl RerunSink {
     /// # Errors
     /// The file exists (it is never overwritten: remove it first) or cannot be made; no viewer to
     /// spawn, or none at the URL. Always one line.
-    pub fn new(target: RerunTarget, run: &RunInfo) -> Result<Self> {
-        let builder = RecordingStreamBuilder::new(APPLICATION)
+    pub fn new(target: RerunTarget, detail: RerunDetail, run: &RunInfo) -> Result<Self> {
+        let mut builder = RecordingStreamBuilder::new(APPLICATION)
             .recording_id(run.recording_id.as_str())
             .recording_name(run.scenario.as_str())
             .send_properties(true);
+        if target.file().is_some() {
+            builder = builder.batcher_config(FILE_BATCHES);
+        }
         let stream = target.open(builder)?;
         let sink = Self {
             stream,
@@ -135,7 +147,9 @@ impl RerunSink {
             last_pose: None,
             start: Moment::default(),
             last: None,
-            maps: MapState::Shown,
+            map_frames: MapFrames::new(detail),
+            has_maps: false,
+            checkpoints: Vec::new(),
             verdicts: None,
         };
         sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
@@ -150,14 +164,13 @@ impl RerunSink {
             "run/verdicts",
             &TextDocument::from_markdown(info::awaiting(run)),
         )?;
-        for root in ["algo", "truth", "legend"] {
-            sink.log_static(root, &picture::classes())?;
-        }
+        sink.log_static(LEGEND, &picture::classes())?;
         for path in [
             "truth/overlay",
             "truth/overlay/percentiles",
             "truth/overlay/cells",
             "truth/depth",
+            "truth/depth/none",
             LEGEND,
         ] {
             sink.log_static(path, &world::on_image())?;
@@ -179,11 +192,15 @@ impl RerunSink {
 
     /// Frames of reference, names and colours of an algorithm's entities.
     fn style(&self, algorithm: &AlgorithmPath, color: Rgba32) -> Result<()> {
-        let overlays = ["overlay", "overlay/percentiles", "overlay/cells"];
+        let overlays = [
+            "overlay",
+            "overlay/percentiles",
+            "overlay/cells",
+            "depth/none",
+        ];
         for map in overlays.iter().chain(&MAPS) {
             self.log_static(&algorithm.path(map), &world::on_image())?;
         }
-        self.log_static(&algorithm.path("points"), &world::in_camera())?;
         for (stage, color) in Stage::ALL.into_iter().zip(COLORS.into_iter().skip(1)) {
             self.log_static(
                 &algorithm.path(&format!("latency/{}", stage.name())),
@@ -219,7 +236,7 @@ impl RerunSink {
                 other => other.to_string(),
             }),
             rig: frame.rig().is_some(),
-            named: frame.name.is_some(),
+            listed: frame.name.is_some() || self.map_frames.are_some(),
             size: frame.name.is_none().then(|| frame.pair.size()),
             eye: world::eye(&self.wireframe, scale),
             plots: METRICS
@@ -229,8 +246,20 @@ impl RerunSink {
                 .collect(),
         };
         let root = layout::run(&self.algorithms, &facts);
-        blueprint::send(&root, APPLICATION.into(), TIMELINES[0], &self.stream)
+        let (app, cursor) = (APPLICATION.into(), self.target.cursor());
+        blueprint::send(&root, app, TIMELINES[0], cursor, &self.stream)
             .map_err(|error| self.target.failed(error))
+    }
+
+    /// Waits until all that was logged is written or sent.
+    fn flush(&self) -> Result<()> {
+        let flushed = self.stream.flush_blocking();
+        flushed.map_err(|error| match &self.target {
+            RerunTarget::File(path) => {
+                Error::format(path, "could not be written to its end; is the disk full?")
+            }
+            viewer => viewer.broken(&error.to_string()),
+        })
     }
 
     /// The colour scale of the frame's camera, kept for as long as rig and image size stay.
@@ -257,21 +286,17 @@ fn line(name: &str, color: Rgba32) -> SeriesLines {
 }
 
 impl Sink for RerunSink {
-    /// The timelines place a further run after the one before, with a second between. The
-    /// algorithms' maps and clouds are kept of the first run alone, which is what a viewer's memory
-    /// holds; images, overlays and numbers of all.
-    fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
+    /// The timelines place a further run after the one before, with a second between.
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        let words = |c: &Checkpoint| format!("checkpoint {}, {}", c.number, c.name);
+        self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
+        self.map_frames.begin_run();
         if let Some(last) = self.last {
             self.start = Moment {
                 pair: last.pair + 1,
                 time_ns: last.time_ns + 1_000_000_000,
             };
             self.last_pose = None;
-            self.maps = if self.maps == MapState::Shown {
-                MapState::ToClear
-            } else {
-                MapState::Gone
-            };
         }
         Ok(())
     }
@@ -290,7 +315,7 @@ impl Sink for RerunSink {
             pair: self.start.pair.saturating_add(frame.sequence),
             time_ns: self.start.time_ns.saturating_add(frame.stamp_ns),
         };
-        self.last = Some(now);
+        let is_first = self.last.replace(now).is_none();
         let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
         self.stream
             .set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
@@ -302,6 +327,13 @@ impl Sink for RerunSink {
                 TimeCell::from_timestamp_nanos_since_epoch(nanos)
             },
         );
+        let had_maps = std::mem::replace(&mut self.has_maps, self.map_frames.next(judged));
+        if had_maps && !self.has_maps {
+            self.clear_maps()?;
+        }
+        if self.has_maps && (frame.name.is_some() || self.map_frames.are_some()) {
+            self.push_name(judged)?;
+        }
         self.push_scene(frame, &scale)?;
         self.push_truth(judged, &scale)?;
         for algorithm in &self.algorithms {
@@ -311,10 +343,11 @@ impl Sink for RerunSink {
                 None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
             }
         }
-        if self.maps == MapState::ToClear {
-            self.maps = MapState::Gone;
+        match is_first {
+            // The viewer's time cursor stands where the first piece of a file begins.
+            true => self.flush(),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink
@@ -323,13 +356,6 @@ impl Sink for RerunSink {
         if let Some(markdown) = self.verdicts.take().and_then(|markdown| markdown()) {
             self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;
         }
-        self.stream
-            .flush_blocking()
-            .map_err(|error| match &self.target {
-                RerunTarget::File(path) => {
-                    Error::format(path, "could not be written to its end; is the disk full?")
-                }
-                viewer => viewer.broken(&error.to_string()),
-            })
+        self.flush()
     }
 }

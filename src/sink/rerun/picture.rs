@@ -1,35 +1,38 @@
 //! Disparity, depth, SSDPI and reason maps as Rerun images with fixed ranges and colours.
 //!
-//! Disparities (pixels), depths (metres) and ln(SSDPI + 1) are half floats: 11 bits of precision,
-//! half of `f32`'s size, and NaN is the invalid value that an integer does not have. Reasons are
-//! bytes.
+//! Images are JPEG files. Disparities, depths and ln(SSDPI + 1) are RVL files of 16-bit codes, in
+//! which 0 is none; reasons PNG files with a palette. In all a quarter of what half floats and bytes
+//! take.
 
 use super::scale::Scale;
+use crate::error::Result;
+use crate::files::{self, InverseDepth};
 use crate::stereo::{DisparityMap, Frame, Gray, Plane, Reason, Rig};
-use ::rerun::components::Colormap;
-use ::rerun::external::arrow::datatypes::{ArrowPrimitiveType, Float16Type};
+use ::rerun::components::{Colormap, MediaType};
 use ::rerun::{
-    AnnotationContext, ChannelDatatype, DepthImage, Image, ImageFormat, Points2D, Radius, Rgba32,
-    SegmentationImage,
+    AnnotationContext, EncodedDepthImage, EncodedImage, Image, Points2D, Radius, Rgba32,
 };
-
-/// IEEE half precision, by way of Arrow, which Rerun brings along.
-type Half = <Float16Type as ArrowPrimitiveType>::Native;
 
 /// The thesis's scale of SSDPI: 0 to 12, its logarithm (section 5.3.3).
 const SSDPI_RANGE: [f64; 2] = [0.0, 12.0];
 
-/// Class of the pixels without a depth: the first code after those of the reasons.
-const UNKNOWN: u8 = Reason::ALL.len() as u8;
+/// Codes per pixel of disparity, the resolution of StereoBM and SGM, and per unit of ln(SSDPI + 1).
+const PER_PX: f32 = 16.0;
+const PER_LN: f32 = 8.0;
 
-/// Names and colours of the classes. Rerun applies them to everything below the entity.
+/// Pixels without a depth.
+const UNKNOWN: [u8; 4] = [12, 12, 14, 255];
+
+/// Rerun ignores the transparency of an image of full opacity.
+const OPAQUE: f32 = 0.999;
+
+/// Limit of the points of a cloud: enough to see the shape.
+const MAX_POINTS: f64 = 20_000.0;
+
+/// Names and colours of the reasons, for their legend.
 pub(super) fn classes() -> AnnotationContext {
-    let reasons = Reason::ALL.map(|reason| (reason as u16, reason.name(), color(reason)));
-    AnnotationContext::new(reasons.into_iter().chain([(
-        UNKNOWN.into(),
-        "unknown",
-        Rgba32::from_rgb(12, 12, 14),
-    )]))
+    let class = |reason: Reason| (reason as u16, reason.name(), color(reason));
+    AnnotationContext::new(Reason::ALL.map(class))
 }
 
 /// A reason's colour. Valid pixels are transparent, so that the image shows through.
@@ -46,14 +49,12 @@ fn color(reason: Reason) -> Rgba32 {
 }
 
 /// The left image, in colour where the source has it.
-pub(super) fn left(frame: &Frame) -> Image {
-    match &frame.color {
-        Some([left, _]) => {
-            let pixels: Vec<u8> = left.pixels().flatten().collect();
-            Image::from_rgb24(pixels, resolution(left))
-        }
-        None => gray(frame.pair.left()),
-    }
+pub(super) fn left(frame: &Frame) -> Result<EncodedImage> {
+    let jpeg = match &frame.color {
+        Some([left, _]) => files::encode_color_jpeg(left, 0),
+        None => files::encode_jpeg(frame.pair.left(), 0),
+    };
+    Ok(EncodedImage::new(jpeg?).with_media_type(MediaType::JPEG))
 }
 
 /// A grey image.
@@ -65,52 +66,86 @@ pub(super) fn gray(image: &Gray) -> Image {
 }
 
 /// Disparities in pixels, blue (far) over green to red (near); none is nearly black.
-pub(super) fn disparity(map: &Plane<f32>, scale: &Scale) -> DepthImage {
-    half(map, |d| d, [0.0, scale.nearness.near_px()], Colormap::Turbo)
+pub(super) fn disparity(map: &Plane<f32>, scale: &Scale) -> EncodedDepthImage {
+    let codes = map.map(|d| code(d, PER_PX));
+    // Ranges are in codes.
+    let range = [0.0, scale.nearness.near_px() * f64::from(PER_PX)];
+    coded(&codes, None, range, Colormap::Turbo).with_meter(PER_PX)
 }
 
-/// Depths in metres, red (near) over yellow to blue (far), and the mask that blackens the pixels
-/// without: Rerun paints NaN in the colour of 0, which here would be that of the nearest obstacle.
-pub(super) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> (DepthImage, SegmentationImage) {
-    let unknown = |d| {
-        if meters(d, rig).is_nan() {
-            UNKNOWN
-        } else {
-            Reason::Valid as u8
-        }
+/// Depths in metres, red (near) over yellow to blue (far).
+pub(super) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthImage {
+    let codes = map.map(|d| match has_depth(d, rig) {
+        true => code(d, PER_PX),
+        false => 0,
+    });
+    let inverse = InverseDepth {
+        a: (rig.focal_px() * rig.baseline_m()) as f32 * PER_PX,
+        b: -rig.doffs_px() as f32 * PER_PX,
     };
-    let depth = half(
-        map,
-        |d| meters(d, rig),
+    coded(
+        &codes,
+        Some(inverse),
         [0.0, scale.far_m],
         Colormap::Spectral,
-    );
-    (depth, mask(map, unknown).with_opacity(1.0))
+    )
+    .with_meter(1.0)
 }
 
-/// Depth of a disparity; NaN where there is none or it lies at infinity.
-fn meters(disparity: f32, rig: &Rig) -> f32 {
-    let depth_m = rig
-        .depth_m(disparity.into())
-        .filter(|_| disparity.is_finite());
-    depth_m.map_or(f32::NAN, |z| z as f32)
+/// What blackens the pixels without a depth: Rerun paints them in the colour of 0, which is that of
+/// the nearest obstacle.
+///
+/// # Errors
+/// As [`files::encode_classes_png`], as are the next ones.
+pub(super) fn no_depth(map: &Plane<f32>, rig: &Rig) -> Result<EncodedImage> {
+    let codes = map.map(|d| u8::from(!has_depth(d, rig)));
+    let png = files::encode_classes_png(&codes, &[[0; 4], UNKNOWN])?;
+    Ok(over(png).with_opacity(OPAQUE))
+}
+
+/// The depths as a cloud, which Rerun makes of a depth image in 3D: every n-th column and row, none
+/// beyond the scale's far end, where a pixel of disparity is metres of depth.
+pub(super) fn points(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> Result<EncodedDepthImage> {
+    let (width, height) = map.size();
+    let step = ((width * height) as f64 / MAX_POINTS).sqrt().ceil() as usize;
+    let nearest_px = rig.disparity_px(scale.far_m) as f32;
+    let sparse = Plane::from_fn(width, height, |x, y| {
+        let disparity = map.get(x, y);
+        match x % step == 0 && y % step == 0 && disparity >= nearest_px {
+            true => disparity,
+            false => f32::INFINITY,
+        }
+    })?;
+    Ok(depth(&sparse, rig, scale).with_point_fill_ratio(step as f32))
+}
+
+/// Whether a disparity is one, and nearer than infinity.
+fn has_depth(disparity: f32, rig: &Rig) -> bool {
+    disparity.is_finite() && rig.depth_m(disparity.into()).is_some()
 }
 
 /// ln(SSDPI + 1); black where nothing was compared.
-pub(super) fn ssdpi(map: &Plane<u32>) -> DepthImage {
-    let ln = |s: u32| {
-        if s == DisparityMap::NO_SSDPI {
-            f32::NAN
-        } else {
-            (s as f32).ln_1p()
-        }
-    };
-    half(map, ln, SSDPI_RANGE, Colormap::Inferno)
+pub(super) fn ssdpi(map: &Plane<u32>) -> EncodedDepthImage {
+    let codes = map.map(|s| match s {
+        DisparityMap::NO_SSDPI => 0,
+        s => code((s as f32).ln_1p(), PER_LN),
+    });
+    let range = SSDPI_RANGE.map(|end| end * f64::from(PER_LN));
+    coded(&codes, None, range, Colormap::Inferno).with_meter(PER_LN)
 }
 
-/// Reasons by their codes.
-pub(super) fn why(map: &Plane<Reason>) -> SegmentationImage {
-    mask(map, |reason| reason as u8).with_opacity(0.8)
+/// Reasons in their colours.
+pub(super) fn why(map: &Plane<Reason>) -> Result<EncodedImage> {
+    let colors = Reason::ALL.map(|reason| color(reason).to_array());
+    let png = files::encode_classes_png(&map.map(|reason| reason as u8), &colors)?;
+    Ok(over(png).with_opacity(0.8))
+}
+
+/// An image over others, which Rerun draws at -10 and below.
+fn over(png: Vec<u8>) -> EncodedImage {
+    EncodedImage::new(png)
+        .with_media_type(MediaType::PNG)
+        .with_draw_order(0.0)
 }
 
 /// Height of the legend, as a share of the image's.
@@ -133,33 +168,25 @@ pub(super) fn legend((width, height): (usize, usize)) -> Points2D {
         .with_radii([Radius::new_ui_points(4.0)])
 }
 
-fn half<T: Copy>(
-    map: &Plane<T>,
-    value: impl Fn(T) -> f32,
-    range: [f64; 2],
-    colors: Colormap,
-) -> DepthImage {
-    let mut bytes = Vec::with_capacity(2 * map.width() * map.height());
-    for &pixel in map.rows().flatten() {
-        let value = value(pixel);
-        let value = Half::from_f32(if value.is_finite() { value } else { f32::NAN });
-        bytes.extend_from_slice(&value.to_ne_bytes());
+/// A value as a code, the largest for all beyond; 0 where there is none.
+fn code(value: f32, per_unit: f32) -> u16 {
+    match value.is_finite() {
+        // 0 itself is a value, which none must not be.
+        true => (value * per_unit).round().clamp(1.0, u16::MAX.into()) as u16,
+        false => 0,
     }
-    DepthImage::new(
-        bytes,
-        ImageFormat::depth(resolution(map), ChannelDatatype::F16),
-    )
-    .with_meter(1.0)
-    .with_depth_range(range)
-    .with_colormap(colors)
 }
 
-fn mask<T: Copy>(map: &Plane<T>, class: impl Fn(T) -> u8) -> SegmentationImage {
-    let classes: Vec<u8> = map.pixels().map(class).collect();
-    SegmentationImage::new(
-        classes,
-        ImageFormat::segmentation(resolution(map), ChannelDatatype::U8),
-    )
+fn coded(
+    codes: &Plane<u16>,
+    inverse: Option<InverseDepth>,
+    range: [f64; 2],
+    colors: Colormap,
+) -> EncodedDepthImage {
+    EncodedDepthImage::new(files::encode_rvl(codes, inverse))
+        .with_media_type(MediaType::RVL)
+        .with_depth_range(range)
+        .with_colormap(colors)
 }
 
 fn resolution<T: Copy>(map: &Plane<T>) -> [u32; 2] {
@@ -172,9 +199,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_disparity_is_nan_and_not_zero_metres() {
+    fn no_disparity_is_no_depth_and_not_0() {
         let rig = Rig::new(328.0, (159.5, 119.5), 0.05, 0.0).unwrap();
-        assert_eq!(meters(8.2, &rig), 2.0);
-        assert!(meters(f32::INFINITY, &rig).is_nan() && meters(0.0, &rig).is_nan());
+        let has = [8.2, 0.0, f32::INFINITY].map(|d| has_depth(d, &rig));
+        assert_eq!(has, [true, false, false]);
+        let codes = [f32::NAN, 0.0, 2.0, 1e9].map(|value| code(value, 16.0));
+        assert_eq!(codes, [0, 1, 32, u16::MAX]);
     }
 }

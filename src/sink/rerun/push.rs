@@ -3,7 +3,7 @@
 use super::info::AlgorithmPath;
 use super::overlay::Overlay;
 use super::scale::Scale;
-use super::{CAMERA, IMAGE, MAPS, MapState, RerunSink, picture, world};
+use super::{CAMERA, IMAGE, MAPS, RerunSink, picture, world};
 use crate::error::Result;
 use crate::score::{Judged, JudgedEstimate, METRICS};
 use crate::stereo::{DepthGrid, DisparityMap, Frame, Plane};
@@ -13,7 +13,7 @@ use ::rerun::{AsComponents, Clear, Scalars, TextLog};
 impl RerunSink {
     /// Logs the camera: image, pose, projection, and the name of the scene.
     pub(super) fn push_scene(&mut self, frame: &Frame, scale: &Scale) -> Result<()> {
-        self.log(IMAGE, &picture::left(frame))?;
+        self.log(IMAGE, &picture::left(frame)?)?;
         let pose = frame.pose.unwrap_or_else(world::resting);
         let camera = frame.rig().map(|rig| world::pinhole(rig, frame, scale));
         match camera {
@@ -27,19 +27,43 @@ impl RerunSink {
             self.log("world/trail", &world::step(from, to))?;
         }
         self.last_pose = frame.pose;
-        if let Some(name) = &frame.name {
-            self.log("run/frames", &TextLog::new(name.as_str()))?;
-        }
         Ok(())
     }
 
-    /// Logs the truth: its depth grid and its depths.
+    /// Lists a frame that has maps, so that a click leads to it: by its name, or what it shows.
+    pub(super) fn push_name(&self, judged: &Judged) -> Result<()> {
+        let mut estimates = judged.estimates.iter();
+        let shown = estimates.find_map(|scored| scored.checkpoints.first());
+        let checkpoint = shown.and_then(|(i, _)| self.checkpoints.get(*i));
+        let words = match (&judged.frame.name, checkpoint) {
+            (Some(name), _) => name.as_str(),
+            (None, Some(checkpoint)) => checkpoint,
+            (None, None) => "maps",
+        };
+        self.log("run/frames", &TextLog::new(words))
+    }
+
+    /// Logs the truth: its depth grid and, where the frame has maps, its depths.
     pub(super) fn push_truth(&self, judged: &Judged, scale: &Scale) -> Result<()> {
         let (Some(truth), Some(grid)) = (&judged.frame.truth, &judged.true_grid) else {
             return self.log("truth", &Clear::recursive());
         };
         self.log_overlay("truth/overlay", grid, &judged.frame, scale)?;
-        self.log_depth("truth/depth", &truth.disparity, &judged.frame, scale)
+        match self.has_maps {
+            true => self.log_depth("truth/depth", &truth.disparity, &judged.frame, scale),
+            false => Ok(()),
+        }
+    }
+
+    /// Clears all maps and clouds, which must not stay beside later images.
+    pub(super) fn clear_maps(&self) -> Result<()> {
+        for algorithm in &self.algorithms {
+            let ssdpi = algorithm.extra.ssdpi.then_some("ssdpi");
+            let maps = MAPS.into_iter().chain(ssdpi);
+            maps.map(|map| algorithm.path(map))
+                .try_for_each(|path| self.log(&path, &Clear::recursive()))?;
+        }
+        self.log("truth/depth", &Clear::recursive())
     }
 
     /// Logs the estimate of one algorithm: overlay, maps, metrics.
@@ -53,14 +77,8 @@ impl RerunSink {
         let estimate = &scored.estimate;
         let map = &estimate.disparity;
         self.log_overlay(&algorithm.path("overlay"), &estimate.grid, frame, scale)?;
-        match self.maps {
-            MapState::Shown => self.push_maps(algorithm, map, frame, scale)?,
-            MapState::ToClear => MAPS
-                .iter()
-                .chain(map.ssdpi().map(|_| &"ssdpi"))
-                .chain(&["points"])
-                .try_for_each(|map| self.log(&algorithm.path(map), &Clear::flat()))?,
-            MapState::Gone => {}
+        if self.has_maps {
+            self.push_maps(algorithm, map, frame, scale)?;
         }
 
         let millis = |time: std::time::Duration| Scalars::single(time.as_secs_f64() * 1e3);
@@ -94,15 +112,15 @@ impl RerunSink {
             &algorithm.path("disparity"),
             &picture::disparity(map.disparity(), scale),
         )?;
-        self.log(&algorithm.path("why"), &picture::why(map.why()))?;
+        self.log(&algorithm.path("why"), &picture::why(map.why())?)?;
         if let Some(ssdpi) = map.ssdpi() {
             self.log(&algorithm.path("ssdpi"), &picture::ssdpi(ssdpi))?;
         }
         self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
         let points = frame
             .rig()
-            .map(|rig| world::points(map, frame.pair.left(), rig, scale));
-        self.log_or_clear(&algorithm.path("points"), points)
+            .map(|rig| picture::points(map.disparity(), rig, scale));
+        self.log_or_clear(&algorithm.path("points"), points.transpose()?)
     }
 
     fn log_overlay(
@@ -131,13 +149,11 @@ impl RerunSink {
         frame: &Frame,
         scale: &Scale,
     ) -> Result<()> {
-        let depth = frame.rig().map(|rig| picture::depth(disparity, rig, scale));
-        self.log_or_clear(
-            path,
-            depth
-                .as_ref()
-                .map(|(depth, mask)| [depth as &dyn AsComponents, mask]),
-        )
+        let Some(rig) = frame.rig() else {
+            return self.log(path, &Clear::recursive());
+        };
+        self.log(path, &picture::depth(disparity, rig, scale))?;
+        self.log(&format!("{path}/none"), &picture::no_depth(disparity, rig)?)
     }
 
     pub(super) fn log(&self, path: &str, what: &(impl AsComponents + ?Sized)) -> Result<()> {

@@ -51,6 +51,7 @@ impl StepView {
             &root,
             APPLICATION.into(),
             TIMELINES[0],
+            view.target.cursor(),
             &view.stream,
         ))?;
         Ok(view)

@@ -1,5 +1,6 @@
 //! Rerun destinations: a file, a viewer started for the run, or a running one.
 
+use super::blueprint::TimeCursor;
 use crate::error::{Error, Result};
 use ::rerun::sink::FileSinkError;
 use ::rerun::{RecordingStream, RecordingStreamBuilder, RecordingStreamError};
@@ -75,6 +76,15 @@ impl std::fmt::Display for RerunTarget {
 }
 
 impl RerunTarget {
+    /// Where the viewer's time cursor is to stand: a file is read from its first frame, a run
+    /// followed.
+    pub(super) fn cursor(&self) -> TimeCursor {
+        match self {
+            Self::File(_) => TimeCursor::First,
+            Self::Spawn | Self::Url(_) => TimeCursor::Last,
+        }
+    }
+
     /// Opens the stream. An existing file is an error: nothing is overwritten unasked.
     pub(super) fn open(&self, builder: RecordingStreamBuilder) -> Result<RecordingStream> {
         match self {

@@ -7,24 +7,16 @@
 
 use super::{CAMERA, scale::Scale};
 use crate::arena::WireObject;
-use crate::stereo::{DisparityMap, Frame, Gray, Pose, Rig, Side};
-use ::rerun::{CoordinateFrame, LineStrips3D, Pinhole, Points3D, Radius, Rgba32, Transform3D};
+use crate::stereo::{Frame, Pose, Rig, Side};
+use ::rerun::{CoordinateFrame, LineStrips3D, Pinhole, Radius, Rgba32, Transform3D};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 /// Name of the left camera's optical frame.
 const CAMERA_FRAME: &str = "left_camera";
 
-/// Limit of the points of a cloud: enough to see the shape, small enough for hundreds of frames.
-const MAX_POINTS: f64 = 10_000.0;
-
 /// Puts an entity onto the left image.
 pub(super) fn on_image() -> CoordinateFrame {
     CoordinateFrame::new(format!("tf#/{CAMERA}"))
-}
-
-/// Puts an entity into the left camera's optical frame.
-pub(super) fn in_camera() -> CoordinateFrame {
-    CoordinateFrame::new(CAMERA_FRAME)
 }
 
 /// The pose where none is known: at the origin, upright, looking along the x axis of the world.
@@ -75,37 +67,6 @@ pub(super) fn wireframe(things: &[WireObject]) -> LineStrips3D {
         .with_show_labels(false)
         .with_colors([Rgba32::from_rgb(150, 155, 165)])
         .with_radii([Radius::new_ui_points(0.8)])
-}
-
-/// The points of a disparity map in the camera's optical frame, grey as in the image: every n-th
-/// column and row, none beyond the scale's far end, where a pixel of disparity is metres of depth.
-pub(super) fn points(map: &DisparityMap, image: &Gray, rig: &Rig, scale: &Scale) -> Points3D {
-    let (width, height) = map.size();
-    let step = ((width * height) as f64 / MAX_POINTS).sqrt().ceil() as usize;
-    let (cx, cy) = rig.center_px();
-    let mut positions = Vec::new();
-    let mut colors = Vec::new();
-    for y in (0..height).step_by(step) {
-        for x in (0..width).step_by(step) {
-            let depth = map
-                .at(x, y)
-                .ok()
-                .and_then(|d| rig.depth_m(d.into()))
-                .filter(|&z| z <= scale.far_m);
-            let Some(z) = depth else { continue };
-            let along = z / rig.focal_px();
-            positions.push([
-                ((x as f64 - cx) * along) as f32,
-                ((y as f64 - cy) * along) as f32,
-                z as f32,
-            ]);
-            let grey = image.get(x, y);
-            colors.push(Rgba32::from_rgb(grey, grey, grey));
-        }
-    }
-    Points3D::new(positions)
-        .with_colors(colors)
-        .with_radii([Radius::new_ui_points(1.2)])
 }
 
 /// Position and target of the 3D view: over the whole arena, else from behind the camera.

@@ -18,7 +18,7 @@ use svl::report::Summary;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Judged};
-use svl::sink::{CollectSink, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
+use svl::sink::{CollectSink, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
 use svl::source::Request;
 use verify::{Earlier, Verification};
 
@@ -81,6 +81,15 @@ pub(crate) struct Args {
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
+    /// Maps for Rerun: those of all pairs (full), or of every 30th and of all scenes (light); images,
+    /// overlays and numbers are always those of all pairs
+    #[arg(
+        long,
+        value_name = "light|full",
+        default_value = "full",
+        requires = "rerun"
+    )]
+    rerun_detail: RerunDetail,
     /// Check that the results equal those of an earlier run, by default those in the recording
     /// itself
     #[arg(
@@ -157,7 +166,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let scenario = opened.scenario.as_deref();
         let scenario = scenario.and_then(|text| Scenario::parse(text, Path::new(&name)).ok());
         let wireframe = scenario.map_or_else(Vec::new, |s| s.wireframe(seed));
-        (target, RunInfo::new(&manifest, wireframe))
+        (
+            target,
+            args.rerun_detail,
+            RunInfo::new(&manifest, wireframe),
+        )
     });
     let result = |path: &PathBuf| opened.writer(path, ImageFormat::Raw, &manifest);
     let mut sinks = Sinks::open(SinkRequest {

@@ -5,6 +5,7 @@ mod runs;
 mod sweep;
 
 use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::source::{RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::{runner, usage};
@@ -15,6 +16,7 @@ use std::path::{Path, PathBuf};
 use svl::report::{GateResult, Summary, junit};
 use svl::run::{Matchers, Outcome};
 use svl::score::{METRICS, Metric, MetricOrigin};
+use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
 use sweep::{Algorithms, MAX_ALGORITHMS};
 
 /// Score algorithms on a scenario or on recordings, and write a report
@@ -88,6 +90,14 @@ pub(crate) struct Args {
     /// Sort the algorithms by a metric, the best first [default: as named]
     #[arg(long, value_name = "METRIC", value_parser = metric)]
     sort: Option<&'static Metric>,
+    /// Show the run in Rerun: a new viewer, a running one, a file, or none [default: run.rrd in the
+    /// report]
+    #[arg(long, value_name = "spawn|URL|FILE.rrd|none")]
+    rerun: Option<RerunChoice>,
+    /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint, and
+    /// of all scenes; images, overlays and numbers are always those of all pairs
+    #[arg(long, value_name = "light|full", default_value = "light")]
+    rerun_detail: RerunDetail,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -123,7 +133,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             true => svl::Error::format(named, error.to_string()),
             false => error,
         })?;
+    let rerun = match &args.rerun {
+        None => Some(RerunTarget::File(folder.join(REPORT_RUN))),
+        Some(choice) => choice.target().cloned(),
+    };
     let mut outputs = Outputs::claim_folder(&folder, &REPORT)?;
+    if let (Some(_), Some(file)) = (&args.rerun, rerun.as_ref().and_then(RerunTarget::file)) {
+        outputs = outputs.and(Outputs::claim(false, [], [file])?);
+    }
     // The file of the CI's run before is of no more use than its report.
     let junit_path = args.junit.iter().map(PathBuf::as_path);
     let mut junit_file = Outputs::claim(true, [], junit_path)?;
@@ -132,7 +149,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     args.reference.check(&scenario.algorithms);
     outputs.set_aside()?;
     junit_file.set_aside()?;
-    let mut report = ScoreReport::begin(&scenario, &runs, &folder)?;
+    let mut report = {
+        let rerun = rerun.map(|target| (target, args.rerun_detail));
+        ScoreReport::begin(&scenario, &runs, &folder, rerun)?
+    };
     let mut total = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
         let (outcome, ran) = report.take(run, &mut matchers, quiet);

@@ -11,7 +11,9 @@ use svl::report::{GateResult, Row, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Metric};
-use svl::sink::{ReportPictures, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
+use svl::sink::{
+    REPORT_RUN, ReportPictures, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks,
+};
 use svl::source::{RunSource, Source};
 
 /// Most algorithms that Rerun shows.
@@ -28,6 +30,7 @@ impl ScoreReport {
         scenario: &Scenario,
         runs: &[(RunSource, Judge)],
         folder: &Path,
+        rerun: Option<(RerunTarget, RerunDetail)>,
     ) -> anyhow::Result<Self> {
         let mut manifest =
             Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
@@ -37,11 +40,12 @@ impl ScoreReport {
             .collect();
         write_json(&folder.join(MANIFEST), &manifest)?;
         let info = RunInfo::new(&manifest, scenario.wireframe(None));
-        let rerun = (RerunTarget::File(folder.join("run.rrd")), info);
         let sinks = Sinks::open(SinkRequest {
             report: Some(folder),
             // More have no room in a viewer, nor the file on a disk.
-            rerun: Some(rerun).filter(|_| scenario.algorithms.len() <= MAX_SHOWN),
+            rerun: rerun
+                .filter(|_| scenario.algorithms.len() <= MAX_SHOWN)
+                .map(|(target, detail)| (target, detail, info)),
             ..SinkRequest::default()
         })?;
         Ok(Self {
@@ -180,5 +184,5 @@ const REPORT_FILES: &[&str] = &[
     "summary.md",
     "summary.json",
     "index.html",
-    "run.rrd",
+    REPORT_RUN,
 ];

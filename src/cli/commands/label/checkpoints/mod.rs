@@ -7,6 +7,7 @@ mod scenario_file;
 mod tool;
 mod view;
 
+use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::source::{self, SourceParser};
 use crate::cli::shared::stepper::{
     self, Ended, FrameStore, Key, Keys, Open, Reaction, Screen, StepTool, Stepper,
@@ -25,7 +26,7 @@ use svl::counted;
 use svl::grab;
 use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
-use svl::sink::{RerunTarget, StepView};
+use svl::sink::StepView;
 use svl::source::{Request, run_request};
 use svl::stereo::GridShape;
 use tool::Labelling;
@@ -87,24 +88,6 @@ pub(crate) struct Args {
     script: Option<PathBuf>,
 }
 
-/// Where frames are shown besides.
-#[derive(Clone)]
-enum RerunChoice {
-    None,
-    To(RerunTarget),
-}
-
-impl std::str::FromStr for RerunChoice {
-    type Err = svl::Error;
-
-    fn from_str(text: &str) -> svl::Result<Self> {
-        match text {
-            "none" => Ok(Self::None),
-            target => target.parse().map(Self::To),
-        }
-    }
-}
-
 /// Largest number of columns and of rows that can be told apart on a screen.
 const MOST_CELLS: usize = 20;
 
@@ -161,10 +144,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let run = file.run(opened.start_ns.unwrap_or(stepper.frame().stamp_ns));
     let (draft_file, found) = DraftFile::open(file.path(), name)?;
-    let viewer = match &args.rerun {
-        RerunChoice::None => None,
-        RerunChoice::To(target) => Some(StepView::new(target.clone())?),
-    };
+    let viewer = args.rerun.target().cloned().map(StepView::new);
+    let viewer = viewer.transpose()?;
     let mut tool = Labelling {
         file,
         draft_file,
