@@ -12,7 +12,7 @@ use svl::sink::{REPORT_RUN, VIEWER_HINT, save_recording_layout};
 #[command(after_help = "\
 Examples:
   svl view reports/arena
-  svl view run.rrd --web     in the browser; over ssh forward ports 9090 and 9876
+  svl view run.rrd --web     in the browser (over ssh: ports 9090 and 9876)
   svl view recordings/arena.mcap")]
 pub(crate) struct Args {
     /// A recording (.mcap), a run (.rrd), or the folder of a report
