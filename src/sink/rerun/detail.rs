@@ -7,8 +7,7 @@ use std::str::FromStr;
 /// Whose maps and point clouds are logged. Images, overlays and numbers are logged of all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RerunDetail {
-    /// Those of [`EVERY`]th frames, of [`EVERY_AT_CHECKPOINT`]th frames of those that show a
-    /// checkpoint, and of all scenes.
+    /// Those of every 30th frame, of every 10th of those that show a checkpoint, and of all scenes.
     Light,
     /// Those of all frames.
     #[default]
