@@ -1,6 +1,6 @@
 //! RVL, a lossless code of 16-bit depth images: Wilson, "Fast Lossless Depth Image Compression",
-//! 2017, with the header of ROS 2's `compressed_depth_image_transport`, as Rerun reads it. Maps take
-//! as much as in a PNG of medium compression, in a fifth of the time.
+//! 2017, with the header of ROS 2's `compressed_depth_image_transport`, as Rerun reads it. Maps
+//! take as much as in a PNG of medium compression, in a fifth of the time.
 
 use crate::stereo::Plane;
 

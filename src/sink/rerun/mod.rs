@@ -19,8 +19,8 @@
 //! run/parameters  run/verdicts  run/frames
 //! legend/why
 //! ```
-//! Timelines: `pair`, the frame's number, and `time`, its stamp. Maps are those of all frames, or of
-//! some ([`RerunDetail`]), which `run/frames` lists; between them they are cleared.
+//! Timelines: `pair`, the frame's number, and `time`, its stamp. Maps are those of all frames, or
+//! of some ([`RerunDetail`]), which `run/frames` lists; between them they are cleared.
 
 mod blueprint;
 mod board;

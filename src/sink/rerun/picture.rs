@@ -1,8 +1,8 @@
 //! Disparity, depth, SSDPI and reason maps as Rerun images with fixed ranges and colours.
 //!
 //! Images are JPEG files. Disparities, depths and ln(SSDPI + 1) are RVL files of 16-bit codes, in
-//! which 0 is none; reasons PNG files with a palette. In all a quarter of what half floats and bytes
-//! take.
+//! which 0 is none; reasons PNG files with a palette. In all a quarter of what half floats and
+//! bytes take.
 
 use super::scale::Scale;
 use crate::error::Result;

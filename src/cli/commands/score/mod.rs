@@ -94,8 +94,8 @@ pub(crate) struct Args {
     /// report]
     #[arg(long, value_name = "spawn|URL|FILE.rrd|none")]
     rerun: Option<RerunChoice>,
-    /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint, and
-    /// of all scenes; images, overlays and numbers are always those of all pairs
+    /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint,
+    /// and of all scenes; images, overlays and numbers are always those of all pairs
     #[arg(long, value_name = "light|full", default_value = "light")]
     rerun_detail: RerunDetail,
     /// Fail when a limit of the scenario's [[gate]] is broken
