@@ -63,16 +63,31 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
 /// [`Error::Invalid`] with what the encoder says.
 pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u8>> {
     let (width, height) = codes.size();
-    let data: Vec<u8> = codes.rows().flatten().copied().collect();
+    // Two classes are a bit each; each row of bits begins at a byte, its first pixel highest.
+    let byte = |eight: &[u8]| {
+        let bits = eight.iter().enumerate();
+        bits.fold(0, |byte, (i, &bit)| byte | bit << (7 - i))
+    };
+    let data: Vec<u8> = match colors.len() {
+        ..=2 => codes
+            .rows()
+            .flat_map(|row| row.chunks(8).map(byte))
+            .collect(),
+        _ => codes.rows().flatten().copied().collect(),
+    };
     let palette: Vec<u8> = colors.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
     let opacities: Vec<u8> = colors.iter().map(|color| color[3]).collect();
     let mut file = Vec::new();
     // Sides are at most MAX_SIDE, so they fit in 32 bits.
     let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
     encoder.set_color(png::ColorType::Indexed);
+    if colors.len() <= 2 {
+        encoder.set_depth(png::BitDepth::One);
+    }
     encoder.set_palette(palette);
     encoder.set_trns(opacities);
-    encoder.set_compression(png::Compression::Fast);
+    // `Compression::Fast` has one table of codes for all images, which classes do not suit.
+    encoder.set_deflate_compression(png::DeflateCompression::Level(1));
     encoder.set_filter(png::Filter::NoFilter);
     encoder
         .write_header()
@@ -133,12 +148,16 @@ mod tests {
 
     #[test]
     fn classes_have_their_colours_and_opacities() {
-        let codes = Plane::from_vec(3, 2, vec![0, 1, 2, 2, 1, 0]).unwrap();
         let colors = [[0, 0, 0, 0], [9, 8, 7, 255], [1, 2, 3, 100]];
-        let png = encode_classes_png(&codes, &colors).unwrap();
-        let image = image::load_from_memory(&png).unwrap().into_rgba8();
-        let expected = codes.pixels().map(|code| colors[usize::from(code)]);
-        assert!(image.pixels().map(|p| p.0).eq(expected));
+        for classes in [2, 3] {
+            let codes: Vec<u8> = (0..22).map(|i| i * i / 3 % classes).collect();
+            let codes = Plane::from_vec(11, 2, codes).unwrap();
+            let colors = &colors[..usize::from(classes)];
+            let png = encode_classes_png(&codes, colors).unwrap();
+            let image = image::load_from_memory(&png).unwrap().into_rgba8();
+            let expected = codes.pixels().map(|code| colors[usize::from(code)]);
+            assert!(image.pixels().map(|p| p.0).eq(expected));
+        }
     }
 
     #[test]

@@ -4,7 +4,8 @@ use crate::error::{Error, Result};
 use crate::score::Judged;
 use std::str::FromStr;
 
-/// Whose maps and point clouds are logged. Images, overlays and numbers are logged of all frames.
+/// Whose maps and point clouds are logged. Images, overlays and numbers are those of all frames, and
+/// SSDPI is that of some: no other map takes as much.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RerunDetail {
     /// Those of every 30th frame, of every 10th of those that show a checkpoint, and of all scenes.
@@ -13,11 +14,6 @@ pub enum RerunDetail {
     #[default]
     Full,
 }
-
-/// Of light detail each so manieth frame has maps,
-pub const EVERY: u64 = 30;
-/// and while frames show a checkpoint each so manieth: one or two of a robot's visit.
-pub const EVERY_AT_CHECKPOINT: u64 = 10;
 
 impl FromStr for RerunDetail {
     type Err = Error;
@@ -33,33 +29,26 @@ impl FromStr for RerunDetail {
     }
 }
 
-/// Chooses the frames with maps, as they come.
-#[derive(Clone, Copy)]
-pub(super) struct MapFrames {
-    detail: RerunDetail,
-    /// Frames since the last that has maps, in this run.
+/// Every Nth frame is listed,
+const EVERY: u64 = 30;
+/// and every Nth while frames show a checkpoint: one or two of a robot's visit.
+const EVERY_AT_CHECKPOINT: u64 = 10;
+
+/// Chooses some frames as they come: a run's first one, every 30th, every 10th of those that show a
+/// checkpoint, and all scenes.
+#[derive(Clone, Copy, Default)]
+pub(super) struct ListedFrames {
+    /// Frames since the last that is listed, in this run.
     since: Option<u64>,
 }
 
-impl MapFrames {
-    pub(super) fn new(detail: RerunDetail) -> Self {
-        Self {
-            detail,
-            since: None,
-        }
-    }
-
-    /// Whether only some frames have maps.
-    pub(super) fn are_some(self) -> bool {
-        self.detail == RerunDetail::Light
-    }
-
-    /// A run begins, whose first frame has maps.
+impl ListedFrames {
+    /// A run begins, whose first frame is listed.
     pub(super) fn begin_run(&mut self) {
         self.since = None;
     }
 
-    /// Whether the next frame has maps.
+    /// Whether the next frame is listed.
     pub(super) fn next(&mut self, judged: &Judged) -> bool {
         let mut estimates = judged.estimates.iter();
         let shows_checkpoint = estimates.any(|scored| !scored.checkpoints.is_empty());
@@ -72,12 +61,10 @@ impl MapFrames {
             false => EVERY,
         };
         let since = self.since.map(|since| since + 1);
-        let has_maps = self.detail == RerunDetail::Full
-            // Scenes are few, and no neighbour shows what one of them does.
-            || is_scene
-            || since.is_none_or(|since| since >= every);
-        self.since = if has_maps { Some(0) } else { since };
-        has_maps
+        // Scenes are few, and no neighbour shows what one of them does.
+        let listed = is_scene || since.is_none_or(|since| since >= every);
+        self.since = if listed { Some(0) } else { since };
+        listed
     }
 }
 
@@ -86,8 +73,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn light_has_maps_of_the_first_every_nth_and_checkpoints() {
-        let mut frames = MapFrames::new(RerunDetail::Light);
+    fn listed_are_the_first_every_nth_those_of_checkpoints_and_scenes() {
+        let mut frames = ListedFrames::default();
         let mut at = |checkpoint: std::ops::Range<u64>| {
             frames.begin_run();
             let mut has = |i: &u64| frames.choose(false, checkpoint.contains(i));
@@ -95,9 +82,6 @@ mod tests {
         };
         assert_eq!(at(0..0), [0, 30, 60]);
         assert_eq!(at(40..52), [0, 30, 40, 50]);
-        let mut full = MapFrames::new(RerunDetail::Full);
-        assert!((0..3).all(|_| full.choose(false, false)));
-        let mut scenes = MapFrames::new(RerunDetail::Light);
-        assert!((0..3).all(|_| scenes.choose(true, false)));
+        assert!((0..3).all(|_| frames.choose(true, false)));
     }
 }

@@ -20,8 +20,6 @@ pub(super) struct Facts {
     /// What its truth is called, where it has one.
     pub truth: Option<String>,
     pub rig: bool,
-    /// Whether frames are listed.
-    pub listed: bool,
     /// Size of the images, unless they come from several scenes.
     pub size: Option<(usize, usize)>,
     /// Position and target of the 3D view, world frame, metres.
@@ -144,13 +142,11 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     let (counts, others): (Vec<_>, Vec<_>) = facts.plots.iter().partition(|m| m.counts());
     let mut nodes = vec![latency];
     nodes.extend(others.iter().chain(&counts).map(metric));
-    let mut texts: Vec<LayoutNode> = vec![
+    let texts: Vec<LayoutNode> = vec![
         LayoutView::new("TextDocument", "verdicts", "run/verdicts", ["$origin"]).into(),
         LayoutView::new("TextDocument", "parameters", "run/parameters", ["$origin"]).into(),
+        LayoutView::new("TextLog", "frames", "run/frames", ["$origin"]).into(),
     ];
-    if facts.listed {
-        texts.push(LayoutView::new("TextLog", "frames", "run/frames", ["$origin"]).into());
-    }
     nodes.push(LayoutNode::tabs("text", texts));
     LayoutNode::row("numbers", nodes, &[])
 }

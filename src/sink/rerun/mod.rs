@@ -20,7 +20,7 @@
 //! legend/why
 //! ```
 //! Timelines: `pair`, the frame's number, and `time`, its stamp. Maps are those of all frames, or
-//! of some ([`RerunDetail`]), which `run/frames` lists; between them they are cleared.
+//! of some ([`RerunDetail`]); between them they are cleared. `run/frames` lists those frames.
 
 mod blueprint;
 mod board;
@@ -53,7 +53,7 @@ use ::rerun::{
     Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
     ViewCoordinates,
 };
-use detail::MapFrames;
+use detail::ListedFrames;
 use info::AlgorithmPath;
 use scale::Scale;
 use std::time::Duration;
@@ -106,8 +106,10 @@ pub struct RerunSink {
     start: Moment,
     /// The last frame's place on them.
     last: Option<Moment>,
-    map_frames: MapFrames,
-    /// Whether the frame being logged has maps.
+    detail: RerunDetail,
+    frames: ListedFrames,
+    /// Whether the frame being logged is listed, and whether it has maps.
+    is_listed: bool,
     has_maps: bool,
     /// Number and name of the run's checkpoints.
     checkpoints: Vec<String>,
@@ -147,7 +149,9 @@ impl RerunSink {
             last_pose: None,
             start: Moment::default(),
             last: None,
-            map_frames: MapFrames::new(detail),
+            detail,
+            frames: ListedFrames::default(),
+            is_listed: false,
             has_maps: false,
             checkpoints: Vec::new(),
             verdicts: None,
@@ -236,7 +240,6 @@ impl RerunSink {
                 other => other.to_string(),
             }),
             rig: frame.rig().is_some(),
-            listed: frame.name.is_some() || self.map_frames.are_some(),
             size: frame.name.is_none().then(|| frame.pair.size()),
             eye: world::eye(&self.wireframe, scale),
             plots: METRICS
@@ -290,7 +293,7 @@ impl Sink for RerunSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
         let words = |c: &Checkpoint| format!("checkpoint {}, {}", c.number, c.name);
         self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
-        self.map_frames.begin_run();
+        self.frames.begin_run();
         if let Some(last) = self.last {
             self.start = Moment {
                 pair: last.pair + 1,
@@ -327,12 +330,13 @@ impl Sink for RerunSink {
                 TimeCell::from_timestamp_nanos_since_epoch(nanos)
             },
         );
-        let had_maps = std::mem::replace(&mut self.has_maps, self.map_frames.next(judged));
-        if had_maps && !self.has_maps {
-            self.clear_maps()?;
-        }
-        if self.has_maps && (frame.name.is_some() || self.map_frames.are_some()) {
+        self.is_listed = self.frames.next(judged);
+        if self.is_listed {
             self.push_name(judged)?;
+        }
+        let has_maps = self.is_listed || self.detail == RerunDetail::Full;
+        if std::mem::replace(&mut self.has_maps, has_maps) && !has_maps {
+            self.clear_maps()?;
         }
         self.push_scene(frame, &scale)?;
         self.push_truth(judged, &scale)?;

@@ -30,7 +30,7 @@ impl RerunSink {
         Ok(())
     }
 
-    /// Lists a frame that has maps, so that a click leads to it: by its name, or what it shows.
+    /// Lists a frame by its name, or by what it shows, so that a click leads to it.
     pub(super) fn push_name(&self, judged: &Judged) -> Result<()> {
         let mut estimates = judged.estimates.iter();
         let shown = estimates.find_map(|scored| scored.checkpoints.first());
@@ -38,7 +38,7 @@ impl RerunSink {
         let words = match (&judged.frame.name, checkpoint) {
             (Some(name), _) => name.as_str(),
             (None, Some(checkpoint)) => checkpoint,
-            (None, None) => "maps",
+            (None, None) => "all maps",
         };
         self.log("run/frames", &TextLog::new(words))
     }
@@ -113,8 +113,12 @@ impl RerunSink {
             &picture::disparity(map.disparity(), scale),
         )?;
         self.log(&algorithm.path("why"), &picture::why(map.why())?)?;
-        if let Some(ssdpi) = map.ssdpi() {
-            self.log(&algorithm.path("ssdpi"), &picture::ssdpi(ssdpi))?;
+        match map.ssdpi() {
+            Some(ssdpi) if self.is_listed => {
+                self.log(&algorithm.path("ssdpi"), &picture::ssdpi(ssdpi))?;
+            }
+            Some(_) => self.log(&algorithm.path("ssdpi"), &Clear::flat())?,
+            None => {}
         }
         self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
         let points = frame

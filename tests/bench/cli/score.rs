@@ -39,8 +39,9 @@ fn scores_the_arena_and_writes_the_whole_report() {
             .count()
     };
     assert_eq!(recordings(), 2);
-    fixture.run("score short.toml -q");
+    fixture.run("score short.toml -q --rerun none");
     assert_eq!(recordings(), 2);
+    assert!(!fixture.path("reports/arena/run.rrd").exists());
 }
 
 #[test]

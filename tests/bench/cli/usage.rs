@@ -114,6 +114,8 @@ const FAILED: &str = "
     match nosuch.png r.png -o a.pfm => 1: nosuch.png | no such file
     eval nosuch.pfm b.pfm --protocol eth3d => 1: no such file | check the name
     bench --algo exec:command=/no/such => 1: /no/such | check its name
+    score arena --rerun-detail much => 2: much | light | full
+    replay run.mcap --rerun-detail light => 2: --rerun
     view nosuch.rrd => 1: nosuch.rrd | no such file or folder; check the name
     view text.txt => 1: text.txt | .mcap | .rrd
     info nosuch.mcap => 1: nosuch.mcap | no such file
