@@ -38,6 +38,9 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub runs: Vec<RunRecord>,
     pub machine: Machine,
+    /// What its times are of, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<String>,
 }
 
 /// A recording, bag or folder of a run.
@@ -70,6 +73,12 @@ pub struct AlgorithmRecord {
     pub disparities: Option<u32>,
     /// Digest of all its results in their order, once the run is over.
     pub results_hash: Option<String>,
+    /// The memory that it took for its largest pair, where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory_bytes: Option<usize>,
+    /// Why it failed on its last pair, if it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
 }
 
 /// The machine. Times depend on it, results do not.
@@ -119,6 +128,7 @@ impl Manifest {
             algorithms: algorithms.iter().map(AlgorithmRecord::new).collect(),
             runs: Vec::new(),
             machine: Machine::this()?,
+            times: None,
         })
     }
 
@@ -145,6 +155,7 @@ impl Manifest {
             ("instruction set", Some(isa.clone())),
             ("threads", Some(threads.to_string())),
             ("governor", governor.clone()),
+            ("times", self.times.clone()),
         ];
         let fixed = fixed
             .into_iter()
@@ -199,6 +210,8 @@ impl AlgorithmRecord {
             parameters_hash,
             disparities,
             results_hash: None,
+            memory_bytes: None,
+            failure: None,
         }
     }
 

@@ -6,12 +6,14 @@
 use crate::counted;
 use crate::depth;
 use crate::error::{Error, Result};
+use crate::manifest::Manifest;
 use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use crate::score::{Judge, Judged};
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;
-use crate::stereo::{DisparityMap, Estimate, Frame, Losses};
+use crate::stereo::{DisparityMap, Estimate, Frame, Losses, RectifiedPair};
 use crate::timing::StageTimes;
+use std::collections::VecDeque;
 use std::sync::mpsc::{channel, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -24,6 +26,21 @@ pub trait Monitor {
     fn failed(&mut self, failure: &str) {
         tracing::warn!("{failure}");
     }
+
+    /// Does `work`, and says what memory it took, where the program counts that.
+    fn memory_of(&mut self, work: &mut dyn FnMut()) -> Option<MemoryUse> {
+        work();
+        None
+    }
+}
+
+/// Memory that some work allocated, bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryUse {
+    /// At most, beyond what was allocated before.
+    pub peak: usize,
+    /// More than before once the work was done; negative where it freed more.
+    pub kept: isize,
 }
 
 /// How fast frames are taken.
@@ -33,6 +50,29 @@ pub enum Pace {
     Asap,
     /// At their stamps, that many times faster.
     Times(f64),
+    /// As soon as possible, and measured: frames are read in batches, matched while nothing else of
+    /// svl runs, then judged and taken by the sinks. The times of a pair are those of its median
+    /// matching of so many, which must have equal results; matchings that set up the memory for a
+    /// size of images do not count.
+    Measured { rounds: usize },
+}
+
+impl Pace {
+    /// What the times of such a run are of, in words.
+    pub fn times(self) -> String {
+        match self {
+            Self::Asap | Self::Times(_) => {
+                "matching while svl reads and writes; `svl score` measures it alone".to_owned()
+            }
+            Self::Measured { rounds } => {
+                let rounds = match rounds {
+                    0 | 1 => String::new(),
+                    _ => format!("; of each pair the median of {rounds} matchings"),
+                };
+                format!("matching alone, while svl neither reads nor writes{rounds}")
+            }
+        }
+    }
 }
 
 /// What a run did.
@@ -81,6 +121,7 @@ struct RunMatcher {
     last_failure: String,
     /// Maps that the sinks are done with.
     spent: Vec<DisparityMap>,
+    memory: Option<MemoryUse>,
 }
 
 impl Matchers {
@@ -105,6 +146,7 @@ impl Matchers {
                 matcher,
                 last_failure: String::new(),
                 spent: Vec::new(),
+                memory: None,
             })
         };
         algorithms
@@ -118,6 +160,19 @@ impl Matchers {
     /// No algorithms: the frames go to the sinks as they are.
     pub fn none() -> Self {
         Self(Vec::new())
+    }
+
+    /// Completes the manifest with the memory of each algorithm, known after a measured run whose
+    /// monitor counts it, and with why it failed on its last pair.
+    pub fn complete(&self, manifest: &mut Manifest) {
+        for record in &mut manifest.algorithms {
+            if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {
+                let process = entry.matcher.process_memory();
+                record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));
+                let failure = Some(&entry.last_failure).filter(|failure| !failure.is_empty());
+                record.failure = failure.cloned();
+            }
+        }
     }
 
     /// Keeps the maps of estimates for later frames.
@@ -141,7 +196,8 @@ type Spent = Vec<(String, DisparityMap)>;
 /// of their own, in the same order; else all happens in turn, so that other threads do not disturb
 /// the times that are measured. With a source that listens all happens in turn too. The threads for
 /// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never
-/// waits for the caller's pool, whose only thread may be waiting for them.
+/// waits for the caller's pool, whose only thread may be waiting for them. A measured run
+/// ([`Pace::Measured`]) matches first and has the two threads afterwards, batch by batch.
 ///
 /// An algorithm that fails on a frame leaves no estimate for it, and the others go on. It is
 /// reported to the monitor, but not again while the algorithm fails for the same reason frame
@@ -161,6 +217,11 @@ pub fn run(
         matchers,
         judge: start.judge,
         pacer: Pacer { pace, start: None },
+        rounds: match pace {
+            Pace::Measured { rounds } => Some(rounds.max(1)),
+            Pace::Asap | Pace::Times(_) => None,
+        },
+        warm_for: None,
         monitor,
         frames: 0,
         failures: 0,
@@ -172,7 +233,9 @@ pub fn run(
     let mut taken = 0;
     let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_run(start));
     let ran = begun.and_then(|()| {
-        if !matching.matchers.0.is_empty() && reads_ahead {
+        if matching.rounds.is_some() && !source.listens() {
+            in_batches(source, &mut matching, sinks, &mut taken)
+        } else if !matching.matchers.0.is_empty() && reads_ahead {
             side_by_side(source, &mut matching, sinks, &mut taken)
         } else {
             in_turn(source, &mut matching, sinks, &mut taken)
@@ -281,6 +344,116 @@ fn side_by_side(
     })
 }
 
+/// A batch of a measured run: at most so many frames,
+const BATCH_FRAMES: usize = 32;
+/// so many bytes of frames and maps,
+const BATCH_BYTES: usize = 256 << 20;
+/// and so much time to match it, so that a slow program's results are written soon.
+const BATCH_TIME: Duration = Duration::from_secs(1);
+
+/// Batches are matched while nothing else runs; then one is read while the sinks take the last.
+fn in_batches(
+    source: &mut dyn Source,
+    matching: &mut Matching<'_>,
+    sinks: &mut [Box<dyn Sink>],
+    taken: &mut u64,
+) -> Result<()> {
+    let judge = matching.judge;
+    let mut waiting = Waiting::new(matching.matchers.0.len());
+    std::thread::scope(|scope| scope.spawn(|| waiting.fill(source)).join())
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    loop {
+        let (mut matched, mut ran) = (Vec::new(), Ok(true));
+        let began = Instant::now();
+        while matches!(ran, Ok(true)) && began.elapsed() < BATCH_TIME {
+            let Some(frame) = waiting.frames.pop_front() else {
+                break;
+            };
+            ran = matching.matched(&frame).map(|estimates| {
+                matched.push((frame, estimates));
+                matching.go_on()
+            });
+        }
+        let goes_on = matches!(ran, Ok(true));
+        let pushed = std::thread::scope(|scope| {
+            if goes_on {
+                scope.spawn(|| waiting.fill(source));
+            }
+            let (send, received) = sync_channel(BETWEEN);
+            scope.spawn(move || {
+                let _pool = own_pool();
+                let mut judging = matched.into_iter();
+                // Ends early when a sink failed.
+                judging.all(|(frame, matched)| send.send(judged(judge, frame, matched)).is_ok());
+            });
+            let pushing = scope.spawn(|| -> Result<Vec<Spent>> {
+                let _pool = own_pool();
+                let mut back = Vec::new();
+                for judged in received {
+                    push(sinks, &judged)?;
+                    *taken += 1;
+                    back.push(spent(judged));
+                }
+                sinks.iter_mut().try_for_each(|sink| sink.settle())?;
+                Ok(back)
+            });
+            pushing
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        });
+        for spent in pushed? {
+            matching.matchers.take_back(spent);
+        }
+        if !ran? {
+            return Ok(());
+        }
+        if waiting.frames.is_empty() {
+            if let Some(end) = waiting.end.take() {
+                return end;
+            }
+        }
+    }
+}
+
+/// Frames that were read and not matched yet.
+struct Waiting {
+    frames: VecDeque<Frame>,
+    algorithms: usize,
+    /// How the source ended.
+    end: Option<Result<()>>,
+}
+
+impl Waiting {
+    fn new(algorithms: usize) -> Self {
+        Self {
+            frames: VecDeque::new(),
+            algorithms,
+            end: None,
+        }
+    }
+
+    /// Reads a batch, in a thread without a pool.
+    fn fill(&mut self, source: &mut dyn Source) {
+        let _pool = own_pool();
+        // Both images, colour and truth; a map per algorithm.
+        let bytes = |frame: &Frame| {
+            let (width, height) = frame.pair.size();
+            width * height * (9 + 6 * self.algorithms)
+        };
+        let mut held: usize = self.frames.iter().map(bytes).sum();
+        while self.end.is_none() && self.frames.len() < BATCH_FRAMES && held < BATCH_BYTES {
+            match source.next() {
+                Ok(Some(frame)) => {
+                    held += bytes(&frame);
+                    self.frames.push_back(frame);
+                }
+                Ok(None) => self.end = Some(Ok(())),
+                Err(error) => self.end = Some(Err(error)),
+            }
+        }
+    }
+}
+
 /// A rayon pool that is the calling thread alone: what it hands to rayon happens in place.
 fn own_pool() -> rayon::ThreadPool {
     let pool = rayon::ThreadPoolBuilder::new()
@@ -332,11 +505,75 @@ fn spent(judged: Judged) -> Spent {
         .collect()
 }
 
+impl RunMatcher {
+    fn compute(&mut self, pair: RectifiedPair<'_>, context: &MatchContext) -> Result<MatchOutput> {
+        let mut output = match self.spent.pop() {
+            Some(map) => MatchOutput::with_memory(map),
+            None => MatchOutput::new()?,
+        };
+        output.begin();
+        self.matcher.compute(pair, context, &mut output)?;
+        // Cells are scored by their place: another shape would compare the wrong ones.
+        match &output.grid {
+            Some(grid) if grid.shape() != context.grid.shape() => Err(Error::Invalid(
+                "its depth grid does not have the shape of the run's".into(),
+            )),
+            _ => Ok(output),
+        }
+    }
+
+    /// Sets up its memory for that pair, and learns how much that is.
+    fn warm_up(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        context: &MatchContext,
+        monitor: &mut dyn Monitor,
+    ) {
+        self.spent.clear();
+        let used = monitor.memory_of(&mut || {
+            // An error comes again when the pair is matched, and is reported then.
+            if let Ok(output) = self.compute(pair, context) {
+                self.spent.push(output.disparity);
+            }
+        });
+        let before = self.memory.unwrap_or_default();
+        self.memory = used.map(|used| MemoryUse {
+            peak: before
+                .peak
+                .max(used.peak.saturating_add_signed(before.kept)),
+            kept: before.kept + used.kept,
+        });
+    }
+
+    /// The output whose time is the median, by nearest rank, of outputs for one pair.
+    fn median(&mut self, mut outputs: Vec<MatchOutput>) -> Result<MatchOutput> {
+        if let [first, others @ ..] = &outputs[..]
+            && !others.is_empty()
+        {
+            let hash = first.disparity.hash();
+            if others.iter().any(|other| other.disparity.hash() != hash) {
+                return Err(Error::Invalid(
+                    "its result differs when the pair is matched again".into(),
+                ));
+            }
+        }
+        outputs.sort_by_key(|output| output.clock.times().total());
+        let middle = outputs.swap_remove((outputs.len() - 1) / 2);
+        let others = outputs.into_iter().map(|output| output.disparity);
+        self.spent.extend(others);
+        Ok(middle)
+    }
+}
+
 /// What stands between source and sinks.
 struct Matching<'a> {
     matchers: &'a mut Matchers,
     judge: &'a Judge,
     pacer: Pacer,
+    /// How often a pair is matched in a measured run.
+    rounds: Option<usize>,
+    /// The size of images that the algorithms have memory for, in a measured run.
+    warm_for: Option<(usize, usize)>,
     monitor: &'a mut dyn Monitor,
     frames: u64,
     failures: u64,
@@ -346,10 +583,9 @@ struct Matching<'a> {
 impl Matching<'_> {
     fn matched(&mut self, frame: &Frame) -> Result<Vec<Matched>> {
         self.pacer.wait_for(frame);
-        let mut matched = Vec::with_capacity(self.matchers.0.len());
         if self.matchers.0.is_empty() {
             // A recording of raw pairs needs no rectified ones.
-            return Ok(matched);
+            return Ok(Vec::new());
         }
         let pair = frame.rectified()?;
         let context = MatchContext {
@@ -358,39 +594,45 @@ impl Matching<'_> {
             cells: self.judge.cells,
             ..MatchContext::default()
         };
-        for entry in &mut self.matchers.0 {
-            let mut output = match entry.spent.pop() {
-                Some(map) => MatchOutput::with_memory(map),
-                None => MatchOutput::new()?,
-            };
-            output.begin();
-            let computed = entry.matcher.compute(pair, &context, &mut output);
-            // Cells are scored by their place: another shape would compare the wrong ones.
-            let shape = self.judge.grid.shape();
-            let computed = computed.and_then(|()| match &output.grid {
-                Some(grid) if grid.shape() != shape => Err(Error::Invalid(
-                    "its depth grid does not have the shape of the run's".into(),
-                )),
-                _ => Ok(()),
-            });
-            if let Err(error) = computed {
-                self.failures += 1;
-                let failure = error.to_string();
-                if failure != entry.last_failure {
-                    let label = &entry.label;
-                    self.monitor
-                        .failed(&format!("{label} on pair {}: {failure}", frame.sequence));
-                }
-                entry.last_failure = failure;
-                continue;
+        if self.rounds.is_some() && self.warm_for.replace(pair.size()) != Some(pair.size()) {
+            for entry in &mut self.matchers.0 {
+                entry.warm_up(pair, &context, self.monitor);
             }
-            entry.last_failure.clear();
-            let times = output.clock.times();
-            matched.push(Matched {
-                algorithm: entry.label.clone(),
-                output,
-                times,
-            });
+        }
+        // In turns, so that a slow moment of the machine meets all algorithms.
+        let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();
+        for _ in 0..self.rounds.unwrap_or(1) {
+            for (entry, outputs) in self.matchers.0.iter_mut().zip(&mut rounds) {
+                if let Ok(before) = outputs {
+                    match entry.compute(pair, &context) {
+                        Ok(output) => before.push(output),
+                        Err(error) => *outputs = Err(error),
+                    }
+                }
+            }
+        }
+        let mut matched = Vec::with_capacity(rounds.len());
+        for (entry, outputs) in self.matchers.0.iter_mut().zip(rounds) {
+            match outputs.and_then(|outputs| entry.median(outputs)) {
+                Ok(output) => {
+                    entry.last_failure.clear();
+                    matched.push(Matched {
+                        algorithm: entry.label.clone(),
+                        times: output.clock.times(),
+                        output,
+                    });
+                }
+                Err(error) => {
+                    self.failures += 1;
+                    let failure = error.to_string();
+                    if failure != entry.last_failure {
+                        let label = &entry.label;
+                        self.monitor
+                            .failed(&format!("{label} on pair {}: {failure}", frame.sequence));
+                    }
+                    entry.last_failure = failure;
+                }
+            }
         }
         Ok(matched)
     }

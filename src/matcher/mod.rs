@@ -38,6 +38,12 @@ pub trait Matcher: Send {
         context: &MatchContext,
         output: &mut MatchOutput,
     ) -> Result<()>;
+
+    /// The most memory that a process of its own has taken, bytes; none where it has no process, or
+    /// the system does not say.
+    fn process_memory(&self) -> Option<usize> {
+        None
+    }
 }
 
 /// What a matcher may know besides the pair.

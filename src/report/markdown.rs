@@ -2,7 +2,7 @@
 
 use super::summary::Summary;
 use super::words::{
-    CheckpointCell, Checkpoints, Column, VERDICTS, columns, notes, shown, speed_columns,
+    CheckpointCell, Checkpoints, Column, VERDICTS, columns, lines, notes, shown, speed_columns,
 };
 
 impl Summary {
@@ -44,10 +44,8 @@ impl Summary {
             "" => c.head.to_owned(),
             group => format!("{group}: {}", c.head),
         });
-        let lines = self.algorithms.iter().map(|a| {
-            let cells = columns.iter().map(|column| column.cell(a));
-            std::iter::once(escape(&a.algorithm)).chain(cells).collect()
-        });
+        let lines = lines(&columns, self)
+            .map(|(name, cells)| std::iter::once(escape(name)).chain(cells).collect());
         table(
             page,
             std::iter::once("algorithm".to_owned())

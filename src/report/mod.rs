@@ -26,5 +26,5 @@ mod words;
 pub use gate::{GateResult, Limit};
 pub use junit::{TestCase, TestResult, junit};
 pub use rows::{CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row};
-pub use summary::{AlgorithmSummary, CheckpointSummary, Summary};
+pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
 pub use tables::{Table, read_rows};

@@ -3,6 +3,11 @@
 use crate::statistics::nearest_rank;
 use polars::prelude::{DataFrame, PolarsResult};
 
+/// The modified Z-score, (t − median) / (1.4826 · median absolute deviation), from which a time is
+/// an outlier: that of the program hyperfine (Iglewicz and Hoaglin, How to Detect and Handle
+/// Outliers, 1993, take 3.5 for normal ones).
+pub(super) const OUTLIER: f64 = 14.26;
+
 /// What the pairs of one algorithm took.
 pub(super) struct Speed {
     /// µs, ascending.
@@ -71,6 +76,22 @@ impl Speed {
         nearest_rank(&self.sorted, share).map_or(0.0, |us| us as f64 / 1e3)
     }
 
+    /// How many pairs took unlike the others for their size.
+    pub(super) fn outliers(&self) -> u64 {
+        let Some(median) = nearest_rank(&self.per_pixel, 0.5) else {
+            return 0;
+        };
+        let mut deviations: Vec<_> = self.per_pixel.iter().map(|t| (t - median).abs()).collect();
+        deviations.sort_by(f64::total_cmp);
+        let scale = 1.4826 * nearest_rank(&deviations, 0.5).unwrap_or_default();
+        let slow = self
+            .per_pixel
+            .iter()
+            .filter(|t| **t - median > OUTLIER * scale);
+        // Times in whole microseconds may all be equal; then there is nothing to measure by.
+        if scale > 0.0 { slow.count() as u64 } else { 0 }
+    }
+
     /// Median seconds per million pixels.
     pub(super) fn time_per_mp_s(&self) -> f64 {
         nearest_rank(&self.per_pixel, 0.5).unwrap_or_default()
@@ -133,6 +154,20 @@ pub(super) mod tests {
         assert!((speed.time_per_gd_s().unwrap() - 1.0).abs() < 1e-12);
         // The middle three: neither the slowest nor the fastest.
         assert_eq!(speed.stages_ms, [0.1, 0.0, 5.0, 0.0, 4.9]);
+    }
+
+    #[test]
+    fn outliers_are_far_slower_than_the_spread() {
+        let outliers = |us: &[u64]| {
+            let rows: Vec<_> = us.iter().map(|&us| row(us, (100, 100), None)).collect();
+            Speed::from_rows(&Row::frame(&rows).unwrap())
+                .unwrap()
+                .outliers()
+        };
+        // Median 1010, of its deviations 20: the limit is 1010 + 14.26 · 29.7 = 1433.
+        assert_eq!(outliers(&[980, 990, 1000, 1010, 1020, 1400, 1500]), 1);
+        assert_eq!(outliers(&[1000, 1000, 1000, 1000, 9000]), 0);
+        assert_eq!(outliers(&[5]), 0);
     }
 
     #[test]

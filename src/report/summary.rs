@@ -22,9 +22,22 @@ pub struct Summary {
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
+    /// Algorithms that failed on every pair.
+    pub failed: Vec<FailedAlgorithm>,
     /// How cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
+    /// What the times are of, where that is known.
+    #[serde(skip)]
+    pub times: Option<String>,
+}
+
+/// An algorithm without a result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FailedAlgorithm {
+    pub algorithm: String,
+    /// Why it failed on the last pair.
+    pub reason: String,
 }
 
 record! {
@@ -57,6 +70,10 @@ record! {
         other_ms: f64,
         /// Digest of the hashes of its results in their order.
         results_hash: String,
+        /// Pairs whose time per pixel is an outlier, [`OUTLIER`].
+        outliers: u64,
+        /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
+        memory_mb: Option<f64>,
     }
 }
 
@@ -108,8 +125,24 @@ impl Summary {
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
 
-    /// Completes the manifest with the digests of pairs and results.
-    pub fn complete(&self, manifest: &mut Manifest) {
+    /// Completes the manifest with the digests of pairs and results, and the summary with what only
+    /// the manifest has.
+    pub fn complete(&mut self, manifest: &mut Manifest) {
+        self.times.clone_from(&manifest.times);
+        for record in &manifest.algorithms {
+            let mut summaries = self.algorithms.iter_mut();
+            let summary = summaries.find(|a| a.algorithm == record.label);
+            match (summary, &record.failure) {
+                (Some(summary), _) => {
+                    summary.memory_mb = record.memory_bytes.map(|bytes| bytes as f64 / 1e6);
+                }
+                (None, Some(reason)) => self.failed.push(FailedAlgorithm {
+                    algorithm: record.label.clone(),
+                    reason: reason.clone(),
+                }),
+                (None, None) => {}
+            }
+        }
         manifest.pairs_hash.clone_from(&self.pairs_hash);
         manifest.truth.clone_from(&self.truth);
         for record in &mut manifest.algorithms {
@@ -142,7 +175,9 @@ impl Summary {
             truth: truths(rows)?,
             algorithms,
             checkpoints,
+            failed: Vec::new(),
             rule: CellRule::default(),
+            times: None,
         })
     }
 }
@@ -202,6 +237,8 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         checks_ms,
         other_ms,
         results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
+        outliers: speed.outliers(),
+        memory_mb: None,
     })
 }
 

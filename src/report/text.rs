@@ -2,7 +2,7 @@
 //! with (`{summary:80}`), or at 100 columns.
 
 use super::summary::Summary;
-use super::words::{Checkpoints, Column, VERDICTS, columns, notes, shown};
+use super::words::{Checkpoints, Column, VERDICTS, columns, failed, lines, notes, shown};
 use std::fmt::{Display, Formatter, Result};
 
 /// Width where none is given, as in a pipe.
@@ -17,7 +17,10 @@ impl Display for Summary {
             writeln!(f, "INCOMPLETE: {why}\n")?;
         }
         if self.algorithms.is_empty() {
-            return writeln!(f, "No pairs.");
+            return match failed(self) {
+                Some(failed) => writeln!(f, "No pairs. Failed: {failed}"),
+                None => writeln!(f, "No pairs."),
+            };
         }
         let columns = shown(columns(), self);
         let total = f.width().unwrap_or(WIDTH);
@@ -28,7 +31,9 @@ impl Display for Summary {
             .map(|block| width(block))
             .max()
             .unwrap_or_default();
+        let failed = self.failed.iter().map(|failed| failed.algorithm.as_str());
         let names = self.algorithms.iter().map(|a| a.algorithm.as_str());
+        let names = names.chain(failed);
         let name = name_width(names, total.saturating_sub(widest));
         let caution = self.caution();
         for block in blocks {
@@ -60,11 +65,11 @@ impl Summary {
             write!(f, "{:>width$}", column.head)?;
         }
         writeln!(f)?;
-        for algorithm in &self.algorithms {
-            label(f, &algorithm.algorithm, name)?;
-            for (i, column) in columns.iter().enumerate() {
+        for (algorithm, cells) in lines(columns, self) {
+            label(f, algorithm, name)?;
+            for (i, (column, cell)) in columns.iter().zip(cells).enumerate() {
                 let width = gap(columns, i) + column.width;
-                write!(f, "{:>width$}", column.cell(algorithm))?;
+                write!(f, "{cell:>width$}")?;
             }
             writeln!(f)?;
         }

@@ -1,6 +1,7 @@
 //! Columns, notes and number formats of a summary, shared by terminal, Markdown and HTML.
 
-use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
+use super::summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
+use crate::counted;
 use crate::score::{METRICS, Metric, MetricUnit};
 
 /// Shown for a number that does not exist.
@@ -61,10 +62,11 @@ pub(super) fn columns() -> Vec<Column> {
         width: metric.head.chars().count().max(5),
         number: ColumnSource::Metric(metric),
     });
-    let pairs = Column::new("", "pairs", 6, |a| a.pairs.to_string());
+    let pairs = Column::new("", PAIRS, 6, |a| a.pairs.to_string());
     let times = [
         Column::new("ms per pair", "p50", 7, |a| ms(a.p50_ms)),
         Column::new("ms per pair", "p99", 7, |a| ms(a.p99_ms)),
+        Column::new("", "MB", 6, |a| digits(a.memory_mb)),
     ];
     std::iter::once(pairs).chain(metrics).chain(times).collect()
 }
@@ -94,6 +96,26 @@ pub(super) fn shown(mut columns: Vec<Column>, summary: &Summary) -> Vec<Column> 
     columns
 }
 
+/// A line per algorithm: its name and its cells, those that failed on every pair last.
+pub(super) fn lines<'a>(
+    columns: &[Column],
+    summary: &'a Summary,
+) -> impl Iterator<Item = (&'a str, Vec<String>)> {
+    let line = |a: &'a AlgorithmSummary| {
+        let cells = columns.iter().map(|column| column.cell(a));
+        (a.algorithm.as_str(), cells.collect())
+    };
+    let failed = |failed: &'a FailedAlgorithm| {
+        let cell = |column: &Column| if column.head == PAIRS { "0" } else { NONE };
+        let cells = columns.iter().map(|column| cell(column).to_owned());
+        (failed.algorithm.as_str(), cells.collect())
+    };
+    let failed = summary.failed.iter().map(failed);
+    summary.algorithms.iter().map(line).chain(failed)
+}
+
+const PAIRS: &str = "pairs";
+
 /// What the columns of times mean: term and meaning.
 const TIME_NOTES: &[(&str, &str)] = &[
     (
@@ -109,6 +131,7 @@ const TIME_NOTES: &[(&str, &str)] = &[
         "MDE/s",
         "million pixels times disparities tried a second: of the median pair",
     ),
+    ("MB", "memory for the largest pair, disparity map included"),
     (
         "stages",
         "means over the half of the pairs nearest to the median; other: what belongs to no stage",
@@ -132,11 +155,48 @@ pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str,
     let has_rig = algorithms.any(|algorithm| algorithm.totals.get("missed").is_some());
     let rule = summary.rule.for_rig(has_rig);
     let metrics = metrics.map(|note| note(rule));
+    let has_times = columns.iter().any(|column| column.head == "p99");
+    let of_times = summary.times.clone().map(|times| ("times", times));
+    let of_times = of_times.into_iter().chain(outliers(summary));
+    let times = times.chain(of_times.filter(|_| has_times));
     let absent = absent(summary).map(|words| ("no truth", words));
     let absent = absent.filter(|_| columns.iter().any(|column| column.is_metric()));
     let choices = summary.choices().into_iter();
     let choices = choices.filter(|_| columns.iter().any(|column| column.is_metric()));
+    let failed = failed(summary).filter(|_| columns.iter().any(|c| c.head == PAIRS));
+    let failed = failed.map(|words| ("failed", words));
+    let metrics = failed.into_iter().chain(metrics);
     metrics.chain(times).chain(absent).chain(choices).collect()
+}
+
+/// Which algorithms failed on every pair, and why.
+pub(super) fn failed(summary: &Summary) -> Option<String> {
+    let failed = summary.failed.iter();
+    let failed = failed.map(|f| format!("{} on every pair: {}", f.algorithm, f.reason));
+    let words = failed.collect::<Vec<_>>().join("; ");
+    (!words.is_empty()).then_some(words)
+}
+
+/// Which algorithms have outliers among their times.
+fn outliers(summary: &Summary) -> Option<(&'static str, String)> {
+    let of = summary.algorithms.iter().filter(|a| a.outliers > 0);
+    let of = of.map(|a| {
+        format!(
+            "{} of {}'s {}",
+            a.outliers,
+            a.algorithm,
+            counted(a.pairs, "pair")
+        )
+    });
+    let of: Vec<_> = of.collect();
+    let cure = "the machine was busy; an idle one, or --repeat, gives better times";
+    // Of a long search the number says enough.
+    let words = match of.len() {
+        0 => return None,
+        1..=8 => format!("{} took far longer than the others: {cure}", of.join(", ")),
+        n => format!("{n} algorithms have pairs that took far longer than the others: {cure}"),
+    };
+    Some(("outliers", words))
 }
 
 /// Which columns are not there as the run has no truth.

@@ -45,6 +45,14 @@ pub trait Sink: Send {
     /// What keeps it from being kept. What was taken before stays readable.
     fn take(&mut self, judged: &Judged) -> Result<()>;
 
+    /// Waits until its threads have done what it gave them: measured matching begins.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    fn settle(&mut self) -> Result<()> {
+        Ok(())
+    }
+
     /// The run is over, complete or not.
     ///
     /// # Errors

@@ -6,7 +6,7 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::PathBuf;
-use svl::report::compare::{Comparison, Judgement, ScoredRun};
+use svl::report::compare::{Comparison, History, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{METRICS, Metric};
 
@@ -26,6 +26,8 @@ Examples:
   svl compare reports/main reports/branch --fail-on worse
       for a CI: exit 1 when a metric of any algorithm became worse
   svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
+  svl compare --history reports/* --page history.html
+      each metric over the dates and revisions of all reports
   svl compare reports/arena reports/range --json \\
       | jq '.[0].algorithms[0].metrics'")]
 pub(crate) struct Args {
@@ -43,6 +45,15 @@ pub(crate) struct Args {
     /// Fail when a metric became worse: any, or those named
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
     fail_on: Vec<FailOn>,
+    /// Show each metric over all reports, by their dates, in place of their differences
+    #[arg(long, conflicts_with_all = ["map", "fail_on", "markdown"])]
+    history: bool,
+    /// Draw the metrics of --history on an HTML page
+    #[arg(
+        long, value_name = "FILE.html", requires = "history",
+        value_parser = usage::ending(&["html"])
+    )]
+    page: Option<PathBuf>,
     /// Write the metrics of --fail-on as JUnit's XML
     #[arg(long, value_name = "FILE", requires = "fail_on")]
     junit: Option<PathBuf>,
@@ -80,6 +91,9 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    if args.history {
+        return history(args);
+    }
     let runs = args.reports.iter().map(|text| ScoredRun::named(text));
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
     let [base, others @ ..] = &runs[..] else {
@@ -132,6 +146,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         [] => Ok(()),
         [one] => bail!("{one}"),
         [first, more @ ..] => bail!("{first}; and {} more", more.len()),
+    }
+}
+
+/// Prints and draws the history of the reports.
+fn history(args: &Args) -> anyhow::Result<()> {
+    let history = History::from_reports(&args.reports)?;
+    if let Some(path) = &args.page {
+        let mut outputs = Outputs::claim(args.force, [], [path.as_path()])?;
+        outputs.set_aside()?;
+        write(path, history.page()?)?;
+        outputs.commit();
+    }
+    match args.json {
+        true => print_json(&history),
+        false => print(&history.to_string()),
     }
 }
 

@@ -1,9 +1,10 @@
 //! The progress bars of long work, and Ctrl-C.
 
+use super::memory;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-use svl::run::Monitor;
+use svl::run::{MemoryUse, Monitor};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 static HANDLER: OnceLock<()> = OnceLock::new();
@@ -71,6 +72,10 @@ impl Progress {
 }
 
 impl Monitor for Progress {
+    fn memory_of(&mut self, work: &mut dyn FnMut()) -> Option<MemoryUse> {
+        Some(memory::used_by(work))
+    }
+
     fn failed(&mut self, failure: &str) {
         self.0.suspend(|| tracing::warn!("{failure}"));
     }

@@ -122,6 +122,10 @@ impl Exec {
 }
 
 impl Matcher for Exec {
+    fn process_memory(&self) -> Option<usize> {
+        self.program.as_ref()?.memory()
+    }
+
     fn compute(
         &mut self,
         pair: RectifiedPair<'_>,

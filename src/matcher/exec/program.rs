@@ -65,6 +65,17 @@ pub(super) struct Program {
 }
 
 impl Program {
+    /// The most memory that it has had, bytes, where the system tells.
+    pub(super) fn memory(&self) -> Option<usize> {
+        let status = format!("/proc/{}/status", self.child.id());
+        let status = std::fs::read_to_string(status).ok()?;
+        let peak = status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmHWM:"))?;
+        let kilobytes: usize = peak.trim().strip_suffix("kB")?.trim().parse().ok()?;
+        Some(kilobytes << 10)
+    }
+
     /// Starts the program `words[0]`.
     pub(super) fn start(words: &[String]) -> Result<Self, ProgramFailure> {
         let mut command = Command::new(&words[0]);

@@ -1,6 +1,7 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
 mod bootstrap;
+mod history;
 mod markdown;
 mod sample;
 mod text;
@@ -11,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::score::{Better, METRICS, Metric, MetricUnit};
 pub(crate) use bootstrap::{Interval, Resamples};
+pub use history::{History, HistoryLine, HistoryReport, ScenarioHistory};
 use sample::Sample;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -63,6 +65,8 @@ pub struct ReportOrigin {
     pub processor: String,
     pub isa: String,
     pub threads: usize,
+    /// What its times are of, in words, where that is known.
+    pub times: Option<String>,
 }
 
 /// One algorithm in both runs, over the pairs that both took.
@@ -129,6 +133,7 @@ impl ReportOrigin {
             processor: manifest.machine.processor.clone(),
             isa: manifest.machine.isa.clone(),
             threads: manifest.machine.threads,
+            times: manifest.times.clone(),
         }
     }
 }

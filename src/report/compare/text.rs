@@ -20,6 +20,7 @@ impl Comparison {
                 processor,
                 isa,
                 threads,
+                times: _,
             } = origin;
             let threads = counted(*threads, "thread");
             lines.push(format!("       svl {svl}, {processor}, {isa}, {threads}"));
@@ -30,6 +31,7 @@ impl Comparison {
             ("CPU", base.processor != other.processor),
             ("instruction set", base.isa != other.isa),
             ("threads", base.threads != other.threads),
+            ("what was timed", base.times != other.times),
         ];
         let differs: Vec<_> = differs.iter().filter(|d| d.1).map(|d| d.0).collect();
         if !differs.is_empty() {

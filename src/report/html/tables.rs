@@ -1,7 +1,7 @@
 //! The tables of the page: one wide table, and for narrow screens one per group of its columns.
 
 use super::super::summary::Summary;
-use super::super::words::{CheckpointCell, Checkpoints, Column, notes, percent, shown};
+use super::super::words::{CheckpointCell, Checkpoints, Column, lines, notes, percent, shown};
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -48,15 +48,8 @@ impl<'a> AlgorithmTableView<'a> {
             text,
             words: String::new(),
         };
-        let lines = summary.algorithms.iter().map(|algorithm| {
-            (
-                algorithm.algorithm.as_str(),
-                columns
-                    .iter()
-                    .map(|column| plain(column.cell(algorithm)))
-                    .collect(),
-            )
-        });
+        let lines = lines(&columns, summary)
+            .map(|(name, cells)| (name, cells.into_iter().map(plain).collect()));
         let lines: Vec<_> = lines.collect();
         (!lines.is_empty()).then(|| Self {
             label,

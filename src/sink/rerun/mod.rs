@@ -354,6 +354,10 @@ impl Sink for RerunSink {
         }
     }
 
+    fn settle(&mut self) -> Result<()> {
+        self.flush()
+    }
+
     /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink
     /// is dropped.
     fn finish(mut self: Box<Self>) -> Result<()> {

@@ -161,6 +161,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         bits: opened.header.bits,
         ..Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?
     };
+    manifest.times = Some(args.rate.times());
     manifest.runs = vec![opened.record(&opened.source.name(), Path::new(&name))];
     let rerun = args.rerun.clone().map(|target| {
         let scenario = opened.scenario.as_deref();
@@ -225,10 +226,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             Err(error) => Some(error.to_string()),
             Ok(()) => outcome.missing(),
         };
-        let summary = Summary {
+        let mut summary = Summary {
             incomplete,
             ..Summary::from_rows(&rows, &[])?
         };
+        matchers.complete(&mut manifest);
+        summary.complete(&mut manifest);
         verification = before
             .map(|before| {
                 let cells = now.map(|now| now.take().concat()).unwrap_or_default();

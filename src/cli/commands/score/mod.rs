@@ -14,7 +14,7 @@ use clap::builder::NonEmptyStringValueParser;
 use report::{REPORT, ScoreReport};
 use std::path::{Path, PathBuf};
 use svl::report::{GateResult, Summary, junit};
-use svl::run::{Matchers, Outcome};
+use svl::run::{Matchers, Outcome, Pace};
 use svl::score::{METRICS, Metric, MetricOrigin};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
 use sweep::{Algorithms, MAX_ALGORITHMS};
@@ -87,6 +87,12 @@ pub(crate) struct Args {
     range: RangeArgs,
     #[command(flatten)]
     reference: ReferenceArgs,
+    /// Match each pair N times, in turns; its time is the median, and all results must be equal
+    #[arg(
+        long, value_name = "N", default_value_t = 1, allow_negative_numbers = true,
+        value_parser = usage::within(1..=1000usize)
+    )]
+    repeat: usize,
     /// Sort the algorithms by a metric, the best first [default: as named]
     #[arg(long, value_name = "METRIC", value_parser = metric)]
     sort: Option<&'static Metric>,
@@ -151,7 +157,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     junit_file.set_aside()?;
     let mut report = {
         let rerun = rerun.map(|target| (target, args.rerun_detail));
-        ScoreReport::begin(&scenario, &runs, &folder, rerun)?
+        let pace = Pace::Measured {
+            rounds: args.repeat,
+        };
+        ScoreReport::begin(&scenario, &runs, &folder, rerun, pace)?
     };
     let mut total = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
@@ -170,7 +179,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Err(error) => Some(usage::one_line(error)),
         Ok(()) => total.missing(),
     };
-    let finished = report.finish(&scenario, args.sort, args.gate, incomplete);
+    let finished = report.finish(&scenario, &matchers, args.sort, args.gate, incomplete);
     // Decided before anything is printed: a full standard output costs no report, and a full disk
     // no row that was written.
     match (&ran, &finished) {

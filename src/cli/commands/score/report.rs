@@ -23,6 +23,7 @@ pub(super) struct ScoreReport {
     folder: PathBuf,
     manifest: Manifest,
     sinks: Sinks,
+    pace: Pace,
 }
 
 impl ScoreReport {
@@ -31,9 +32,11 @@ impl ScoreReport {
         runs: &[(RunSource, Judge)],
         folder: &Path,
         rerun: Option<(RerunTarget, RerunDetail)>,
+        pace: Pace,
     ) -> anyhow::Result<Self> {
         let mut manifest =
             Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+        manifest.times = Some(pace.times());
         manifest.runs = runs
             .iter()
             .filter_map(|(run, _)| run.record.clone())
@@ -52,6 +55,7 @@ impl ScoreReport {
             folder: folder.to_owned(),
             manifest,
             sinks,
+            pace,
         })
     }
 
@@ -72,7 +76,7 @@ impl ScoreReport {
             run,
             matchers,
             &start,
-            Pace::Asap,
+            self.pace,
             self.sinks.as_mut_slice(),
             &title,
             quiet,
@@ -82,6 +86,7 @@ impl ScoreReport {
     pub(super) fn finish(
         self,
         scenario: &Scenario,
+        matchers: &Matchers,
         sort: Option<&Metric>,
         gate: bool,
         incomplete: Option<String>,
@@ -97,6 +102,7 @@ impl ScoreReport {
         let ReportPictures { figures, scenes } = results.pictures;
         summary.incomplete = incomplete;
         summary.rule = scenario.cells;
+        matchers.complete(&mut manifest);
         summary.complete(&mut manifest);
         if let Some(metric) = sort {
             summary.sort_by(metric);
