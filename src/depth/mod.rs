@@ -1,6 +1,7 @@
 //! Disparities to the depth grid and to distances (thesis, section 5.1 and annex B).
 
 mod curve;
+pub mod decision;
 mod grid;
 mod pinhole;
 mod projection;

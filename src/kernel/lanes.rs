@@ -56,6 +56,23 @@ pub(super) fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) {
     }
 }
 
+/// See [`super::transpose_plane`].
+#[inline(always)]
+pub(super) fn transpose_plane(rows: &[u8], stride: usize, height: usize, out: &mut [u8]) {
+    for y in (0..height).step_by(SIDE) {
+        for x in (0..stride).step_by(SIDE) {
+            let mut square = Square::default();
+            for (i, pixels) in square.iter_mut().enumerate() {
+                let row = &rows[(y + i) * stride + x..];
+                *pixels = *row.first_chunk().expect("a square within the plane");
+            }
+            for (i, column) in transpose_square(&square).iter().enumerate() {
+                out[(x + i) * height + y..][..SIDE].copy_from_slice(column);
+            }
+        }
+    }
+}
+
 /// The lanes of columns as rows, one after the other.
 #[inline(always)]
 pub(super) fn transpose_back<T: Copy, C: AsRef<[T]>>(columns: &[C], out: &mut [T]) {

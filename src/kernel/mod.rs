@@ -10,15 +10,19 @@ mod capped_ssd;
 mod census;
 mod choose;
 mod filter;
+mod halve;
 mod isa;
 mod lanes;
 mod pairs;
 mod paths;
 mod row_paths;
+mod row_winners;
 mod sad;
 mod scanline;
 mod sliding_ssd;
+mod small_census;
 mod ssd_search;
+mod strip_paths;
 mod texture;
 mod volume;
 mod window_table;
@@ -32,10 +36,13 @@ pub use isa::{Isa, isa};
 pub use lanes::Lanes;
 pub use paths::{Paths, Penalties};
 pub use row_paths::RowPaths;
+pub use row_winners::RowWinners;
 pub use sad::{PIXELS, SadTest, SadWinners};
 pub use scanline::{ScanlinePaths, edge, edge_before};
 pub use sliding_ssd::{Match, REACH, WINDOW, weight};
+pub use small_census::{SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH};
 pub use ssd_search::{Doubt, SsdSearch};
+pub use strip_paths::{PathCost, StripPlace};
 pub use texture::DogTaps;
 pub use volume::{OUTSIDE, VolumeShape};
 pub use window_table::{NO_SUM, Proposal, TableSearch, WindowTable, window_sums};
@@ -274,6 +281,81 @@ kernels! {
     /// Winner-takes-all over a row, in both images. Other disparities must be worse by `uniqueness`
     /// per cent.
     pub fn choose_row(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) = choose::choose;
+
+    /// A row of half the size: of four neighbouring rows of an image the low-pass `[1 3 3 1]` in
+    /// both directions, edges replicated, `(Σ + 8) >> 4`: quarters of grey levels, 0 ..= 1020.
+    ///
+    /// `smooth` is scratch for a pixel more than the image has at either end.
+    pub fn halve_row(rows: [&[u8]; 4], smooth: &mut [u16], out: &mut [u16]) = halve::halve;
+
+    /// The census of 5 x 5 pixels of the middle one of five rows, a bit for each darker neighbour,
+    /// in blocks. The rows have [`SMALL_CENSUS_REACH`] further pixels at both ends.
+    pub fn small_census_row(
+        rows: [&[u16]; 5],
+        out: [&mut [u8]; SMALL_CENSUS_PLANES],
+    ) = small_census::census;
+
+    /// What a change of disparity by more than one costs between two pixels each:
+    /// `max(p1, ⌊p2·edge / max(edge, |difference|)⌋)`; `penalties` are p1 and p2.
+    pub fn step_penalties(
+        pixels: [&[u16]; 2],
+        penalties: [u8; 2],
+        edge: u16,
+        out: &mut [u8],
+    ) = small_census::penalties;
+
+    /// Transposes a plane of bytes: `rows` lie `stride` apart, the columns of `out` `height`, both
+    /// multiples of 16.
+    pub fn transpose_plane(
+        rows: &[u8],
+        stride: usize,
+        height: usize,
+        out: &mut [u8],
+    ) = lanes::transpose_plane;
+
+    /// Hamming distances of the censuses of a strip, and the sums of their paths along it in both
+    /// directions.
+    ///
+    /// `line` has an element more than there are disparities, the last [`u8::MAX`]. `steps` has what
+    /// a jump costs from the pixel before.
+    pub fn follow_strip(
+        place: &StripPlace,
+        censuses: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
+        steps: &[u8],
+        cost: PathCost,
+        costs: &mut [Lanes<u8>],
+        line: &mut [Lanes<u8>],
+        sums: &mut [Lanes<u8>],
+    ) = strip_paths::follow;
+
+    /// Adds the sums of a strip of columns, from a row on, and those of the strip of rows that has
+    /// the row: up to 16 rows from `top`, the columns of a block from `first`, for `count`
+    /// disparities. In `out` a disparity of a row has `stride` pixels.
+    pub fn sum_strips(
+        columns: &[Lanes<u8>],
+        rows: &[Lanes<u8>],
+        count: usize,
+        first_top: [usize; 2],
+        stride: usize,
+        out: &mut [u8],
+    ) = row_winners::sum;
+
+    /// The winners of a row in both images, ties to the lower disparity. `sums` has `stride` pixels
+    /// per disparity, [`u8::MAX`] beyond the image.
+    pub fn choose_winners(
+        sums: &[u8],
+        stride: usize,
+        out: &mut RowWinners,
+    ) = row_winners::choose;
+
+    /// Sixteenths of a half pixel of a row of winners: the winner, and the equiangular fraction
+    /// `⌊(16·(below − above) + rise) / (2·rise)⌋` with `rise = max(below, above) − least`; none at
+    /// both ends of the `count` disparities.
+    pub fn winner_fractions(
+        winners: &RowWinners,
+        count: usize,
+        out: &mut [i16],
+    ) = row_winners::fractions;
 
     /// Medians of nine, three rows by three columns; the outermost columns count twice, as they
     /// have no neighbour beyond them.

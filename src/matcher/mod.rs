@@ -15,6 +15,7 @@ mod v1;
 mod v2;
 mod v3;
 mod v4;
+mod v5;
 
 pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, Parameters, Range, Value};
@@ -22,7 +23,7 @@ pub use parameter::{Parameter, Parameters, Range, Value};
 use crate::depth::GridSettings;
 use crate::error::{Error, Result, nearest};
 use crate::kernel::{Isa, isa};
-use crate::stereo::{CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig};
+use crate::stereo::{Cell, CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig};
 use crate::timing::Clock;
 
 /// A stereo correspondence algorithm, with its scratch memory.
@@ -78,6 +79,8 @@ pub struct MatchOutput {
     pub grid: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
+    /// Memory for the cells of a grid.
+    cells: Vec<Cell>,
 }
 
 impl MatchOutput {
@@ -95,13 +98,26 @@ impl MatchOutput {
             disparity,
             grid: None,
             clock: Clock::start(),
+            cells: Vec::new(),
         }
     }
 
     /// Starts the clock for the next pair and forgets the last grid.
     pub fn begin(&mut self) {
-        self.grid = None;
+        self.take_back_cells();
         self.clock = Clock::start();
+    }
+
+    /// Memory for the cells of a grid: those of the last one, where there was one.
+    pub fn take_cells(&mut self) -> Vec<Cell> {
+        self.take_back_cells();
+        std::mem::take(&mut self.cells)
+    }
+
+    fn take_back_cells(&mut self) {
+        if let Some(grid) = self.grid.take() {
+            self.cells = grid.into_cells();
+        }
     }
 }
 
@@ -126,6 +142,7 @@ pub const MATCHERS: &[MatcherSpec] = &[
     v2::SPEC,
     v3::SPEC,
     v4::SPEC,
+    v5::SPEC,
     bm::SPEC,
     sgm::SPEC,
     #[cfg(feature = "exec")]

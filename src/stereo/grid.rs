@@ -128,6 +128,11 @@ impl DepthGrid {
         self.shape
     }
 
+    /// The cells in raster order.
+    pub fn into_cells(self) -> Vec<Cell> {
+        self.cells
+    }
+
     /// The cell at (`column`, `row`).
     pub fn cell(&self, column: usize, row: usize) -> &Cell {
         &self.cells[row * self.shape.columns + column]

@@ -51,6 +51,7 @@ fn every_reason_occurs_and_no_other() {
             ),
             "v3" => ("", &[Valid, Border, Untextured, SelfCheck][..]),
             "v4" => ("", &[Valid, Border, Untextured, SelfCheck, Unmatched][..]),
+            "v5" => ("", &[Valid, Border, Ambiguous, Inconsistent][..]),
             "bm" => (
                 ",symmetry_tolerance=0,block_size=5",
                 &[Valid, Border, Untextured, Ambiguous, Inconsistent][..],

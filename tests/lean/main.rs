@@ -21,3 +21,4 @@ mod sgm;
 mod solve;
 mod thesis;
 mod v3;
+mod v5;

@@ -114,6 +114,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         disparity: map,
         grid: own_grid,
         clock,
+        ..
     } = output;
 
     outputs.set_aside()?;

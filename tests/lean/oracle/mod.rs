@@ -6,6 +6,7 @@ pub(crate) mod scenes;
 pub(crate) mod sgm;
 pub(crate) mod symmetric;
 pub(crate) mod v4;
+pub(crate) mod v5;
 
 use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, RowMut, StereoPair};
 

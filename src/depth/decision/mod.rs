@@ -1,0 +1,190 @@
+//! The safe choice: what may be said of a cell of the depth grid, and how probably it is right.
+//!
+//! A cell's verdict depends on a percentile of its true disparities. Of all disparities that could
+//! be reported, the one is chosen whose tolerance interval leaves the least of the cell on either
+//! side. What was measured on the way becomes a probability by a table of steps.
+//!
+//! Disparities are in bins of 1/8 pixel.
+
+mod tolerance;
+mod verdict;
+
+pub use tolerance::Tolerance;
+pub use verdict::{Feature, VerdictTable};
+
+use crate::stereo::{Cell, CellDepth, Rig};
+
+/// Bins per pixel of disparity.
+pub const BINS_PER_PX: i32 = 8;
+
+/// How cells are decided.
+#[derive(Clone, Debug)]
+pub struct Decision {
+    /// The percentile of the cell's disparities that is reported, 1..=99: 50 is the median, 75 the
+    /// nearest quarter.
+    pub rank: i64,
+    /// Of nearly equal disparities, by so many thousandths of the cell, the one nearest to that
+    /// percentile is reported.
+    pub slack: i64,
+    /// Least score of a cell that is known, thousandths of the log odds.
+    pub least_score: i64,
+    pub table: &'static VerdictTable,
+}
+
+/// The pixels of a cell, gathered.
+#[derive(Clone, Debug)]
+pub struct CellPixels {
+    /// Per bin the pixels in it, then those in lower bins: all, and those that were seen.
+    all: Vec<i64>,
+    seen: Vec<i64>,
+    pixels: i64,
+    /// Sums over the pixels: matching costs, and steps of grey level to the left neighbour in
+    /// quarters.
+    cost: i64,
+    texture: i64,
+}
+
+/// What is known of a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellEvidence {
+    /// What is reported, and the percentile that is asked for, bins.
+    pub report: i64,
+    pub target: i64,
+    /// As [`Feature::ALL`] has them.
+    pub features: [i64; Feature::ALL.len()],
+}
+
+impl CellPixels {
+    /// Counts over `bins` bins.
+    pub fn new(bins: usize) -> Self {
+        Self {
+            all: vec![0; bins + 1],
+            seen: vec![0; bins + 1],
+            pixels: 0,
+            cost: 0,
+            texture: 0,
+        }
+    }
+
+    /// Forgets all pixels.
+    pub fn clear(&mut self) {
+        self.all.fill(0);
+        self.seen.fill(0);
+        (self.pixels, self.cost, self.texture) = (0, 0, 0);
+    }
+
+    /// Adds pixels of a row: their bins, whether each was seen, and the sums of their costs and
+    /// steps.
+    pub fn add(&mut self, bins: &[i16], seen: &[u8], cost: i64, texture: i64) {
+        for (&bin, &seen) in bins.iter().zip(seen) {
+            // Counted a place higher, so that sums of all before are counts of lower bins.
+            let place = bin as usize + 1;
+            self.all[place] += 1;
+            self.seen[place] += i64::from(seen);
+        }
+        self.pixels += bins.len() as i64;
+        self.cost += cost;
+        self.texture += texture;
+    }
+
+    /// Makes counts of lower bins of the counts of bins.
+    fn accumulate(&mut self) {
+        for counts in [&mut self.all, &mut self.seen] {
+            let mut below = 0;
+            for count in counts {
+                below += *count;
+                *count = below;
+            }
+        }
+    }
+
+    /// The first bin that at least `percent` of the pixels do not exceed.
+    fn percentile(&self, percent: i64) -> i64 {
+        let reached = |&below: &i64| 100 * below >= percent * self.pixels;
+        self.all[1..].partition_point(|below| !reached(below)) as i64
+    }
+}
+
+impl Decision {
+    /// Decides on the pixels, at least one, which are of no use afterwards.
+    pub fn evidence(&self, cell: &mut CellPixels, tolerance: &Tolerance) -> CellEvidence {
+        cell.accumulate();
+        let pixels = cell.pixels;
+        let bins = tolerance.bins();
+        let (all, seen) = (&cell.all, &cell.seen);
+        // How much of the cell may be uncertain on the side where there is less room.
+        let safe = |v: usize| {
+            let [l, r] = tolerance.within(v);
+            let near = (100 - self.rank) * pixels - 100 * (pixels - all[r]);
+            (self.rank * pixels - 100 * all[l]).min(near)
+        };
+        let held = |v: usize| {
+            let [l, r] = tolerance.within(v);
+            seen[r] - seen[l]
+        };
+        let score = |v: usize| 4 * safe(v) + 100 * held(v);
+        let best = (0..bins).map(score).max().unwrap_or_default();
+        let target = cell.percentile(self.rank);
+        let good = |v: &usize| 10 * (best - score(*v)) <= 4 * self.slack * pixels;
+        let report = (0..bins)
+            .filter(good)
+            .min_by_key(|&v| ((v as i64 - target).abs(), -(v as i64)))
+            .unwrap_or_default();
+        let report_bins = report as i64;
+        CellEvidence {
+            report: report_bins,
+            target,
+            features: [
+                (10 * safe(report)).div_euclid(pixels),
+                1000 * held(report) / pixels,
+                1000 * seen[bins] / pixels,
+                1000 * (report_bins - target).abs() / tolerance.span(report),
+                100 * cell.cost / pixels,
+                25 * cell.texture / pixels,
+            ],
+        }
+    }
+
+    /// The cell as a grid has it. `min_valid` is the least share of pixels that were seen.
+    pub fn cell(
+        &self,
+        pixels: &CellPixels,
+        evidence: &CellEvidence,
+        min_valid: f64,
+        rig: Option<&Rig>,
+    ) -> Cell {
+        let score = self.table.score(evidence);
+        let seen = evidence.features[Feature::Seen as usize];
+        let known =
+            seen as f64 >= 1000.0 * min_valid && score >= self.least_score && evidence.report > 0;
+        let px = |bins: i64| bins as f32 / BINS_PER_PX as f32;
+        let median_px = px(evidence.report);
+        let count = *pixels.seen.last().unwrap_or(&0);
+        Cell {
+            valid_share: count as f64 / pixels.pixels.max(1) as f64,
+            depth: known.then(|| CellDepth {
+                median_px,
+                p20_px: px(pixels.percentile(20)),
+                p80_px: px(pixels.percentile(80)),
+                distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
+            }),
+            probability: Some(1.0 / (1.0 + (-score as f64 / 1000.0).exp())),
+        }
+    }
+
+    /// The score from which a cell is right with that probability, 0.5..1.
+    pub fn least_score(confidence: f64) -> i64 {
+        (1000.0 * (confidence / (1.0 - confidence)).ln() + 0.5).floor() as i64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn confidence_is_log_odds() {
+        assert_eq!(Decision::least_score(0.75), 1099);
+        assert_eq!(Decision::least_score(0.5), 0);
+    }
+}

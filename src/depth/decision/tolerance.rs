@@ -1,0 +1,108 @@
+//! For which true disparities a reported one is right.
+
+use super::BINS_PER_PX;
+use crate::stereo::{CellRule, Rig};
+
+/// Per bin that could be reported, the bins of true disparities for which that is right.
+#[derive(Clone, Debug)]
+pub struct Tolerance {
+    /// First and last bin, not limited to those that there are.
+    ends: Vec<[i32; 2]>,
+    /// First bin and the one behind the last, limited.
+    within: Vec<[u32; 2]>,
+}
+
+/// Distances beyond which nothing is told apart are reported as this disparity, pixels.
+const MOST_PX: f64 = 10_000.0;
+
+impl Tolerance {
+    /// Of a rule, narrowed on both sides by `allowance_px`, for `bins` bins. Without a rig
+    /// distances are judged as [`CellRule::for_rig`] says.
+    pub fn new(rule: CellRule, rig: Option<&Rig>, allowance_px: f64, bins: usize) -> Self {
+        let ends = |v: i32| match (rule.for_rig(rig.is_some()), rig) {
+            (
+                CellRule::Distance {
+                    tolerance_m,
+                    tolerance_percent,
+                    ..
+                },
+                Some(rig),
+            ) => by_distance(
+                v,
+                rig,
+                [tolerance_m, tolerance_percent / 100.0],
+                allowance_px,
+            ),
+            (CellRule::Disparity { tolerance_px }, _) => {
+                by_disparity(v, tolerance_px, allowance_px)
+            }
+            // `for_rig` leaves no rule of distances without a rig.
+            (CellRule::Distance { .. }, None) => [v, v],
+        };
+        let ends: Vec<_> = (0..bins as i32).map(ends).collect();
+        let limited = |bin: i32| bin.clamp(0, bins as i32) as u32;
+        let within = ends
+            .iter()
+            .map(|[first, last]| [limited(*first), limited(last.saturating_add(1))])
+            .collect();
+        Self { ends, within }
+    }
+
+    /// How many bins there are.
+    pub fn bins(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The first bin for which `bin` is right, and the one behind the last.
+    pub(super) fn within(&self, bin: usize) -> [usize; 2] {
+        self.within[bin].map(|end| end as usize)
+    }
+
+    /// For how many bins `bin` is right, those beyond the range with them.
+    pub(super) fn span(&self, bin: usize) -> i64 {
+        let [first, last] = self.ends[bin].map(i64::from);
+        last - first + 1
+    }
+}
+
+fn by_disparity(v: i32, tolerance_px: f64, allowance_px: f64) -> [i32; 2] {
+    let scale = f64::from(BINS_PER_PX);
+    let k = ((tolerance_px - allowance_px) * scale + 0.5)
+        .floor()
+        .max(0.0) as i32;
+    [v - k, v + k]
+}
+
+fn by_distance(v: i32, rig: &Rig, [metres, share]: [f64; 2], allowance_px: f64) -> [i32; 2] {
+    let scale = f64::from(BINS_PER_PX);
+    let (fb, doffs) = (rig.focal_px() * rig.baseline_m(), rig.doffs_px());
+    let d = (f64::from(v) / scale + doffs).max(0.001);
+    let z = fb / d;
+    let bin = |px: f64| ((px.min(MOST_PX) - doffs) * scale + 0.5).floor() as i32;
+    let farther = ((1.0 - share) * d).min(fb / (z + metres)) + allowance_px;
+    let nearest = if z > metres + 0.001 {
+        fb / (z - metres).max(0.001)
+    } else {
+        MOST_PX
+    };
+    let nearer = ((1.0 + share) * d).max(nearest) - allowance_px;
+    [bin(farther).min(v), bin(nearer).max(v)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_intervals() {
+        // The arena's rig: f·B = 0.044 · 160 / tan 26°.
+        let focal = 160.0 / 26_f64.to_radians().tan();
+        let rig = Rig::new(focal, (160.0, 120.0), 0.044, 0.0).unwrap();
+        let tolerance = Tolerance::new(CellRule::default(), Some(&rig), 0.25, 16 * 41);
+        let ends = [24, 100, 400].map(|v: usize| tolerance.ends[v]);
+        assert_eq!(ends, [[21, 27], [82, 118], [299, 610]]);
+        let pixels = Tolerance::new(CellRule::default(), None, 0.25, 16);
+        assert_eq!(pixels.ends[5], [-9, 19]);
+        assert_eq!(pixels.within(5), [0, 16]);
+    }
+}

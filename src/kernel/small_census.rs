@@ -1,0 +1,55 @@
+//! Census of 5 x 5 pixels in 24 bits, as three planes of bytes, and the penalties of steps.
+
+use super::Lanes;
+
+const N: usize = Lanes::COUNT;
+
+/// Planes of bytes that a census of 24 neighbours takes.
+pub const SMALL_CENSUS_PLANES: usize = 3;
+
+/// Pixels of the window to either side.
+pub const SMALL_CENSUS_REACH: usize = 2;
+
+/// See [`super::small_census_row`].
+#[inline(always)]
+pub(super) fn census(rows: [&[u16]; 5], out: [&mut [u8]; SMALL_CENSUS_PLANES]) {
+    const REACH: usize = SMALL_CENSUS_REACH;
+    let lanes = |row: &[u16], at: usize| -> [u16; N] {
+        *row[at..].first_chunk().expect("a block and its margin")
+    };
+    let neighbours = |k: usize| if k < 12 { k } else { k + 1 };
+    for (plane, out) in out.into_iter().enumerate() {
+        for (block, out) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
+            let x = block * N;
+            let centre = lanes(rows[REACH], x + REACH);
+            let mut bits = [0_u16; N];
+            for k in 8 * plane..8 * plane + 8 {
+                let k = neighbours(k);
+                let neighbour = lanes(rows[k / 5], x + k % 5);
+                for i in 0..N {
+                    bits[i] = bits[i] << 1 | u16::from(neighbour[i] < centre[i]);
+                }
+            }
+            for i in 0..N {
+                out[i] = bits[i] as u8;
+            }
+        }
+    }
+}
+
+/// See [`super::step_penalties`].
+#[inline(always)]
+pub(super) fn penalties(
+    [from, to]: [&[u16]; 2],
+    [small, large]: [u8; 2],
+    edge: u16,
+    out: &mut [u8],
+) {
+    let product = f32::from(large) * f32::from(edge);
+    for ((out, &from), &to) in out.iter_mut().zip(from).zip(to) {
+        let step = from.abs_diff(to).max(edge);
+        // The quotient of whole numbers below 2^24 is rounded to the nearest float, which is never
+        // the next whole number: truncating it is the division of whole numbers.
+        *out = small.max((product / f32::from(step)) as u8);
+    }
+}

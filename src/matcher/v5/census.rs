@@ -1,0 +1,173 @@
+//! Both images at half size, their censuses, and the cost of steps: by row, and by column.
+
+use super::super::stage::both;
+use crate::kernel::{
+    Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, halve_row, small_census_row,
+    step_penalties, transpose_plane,
+};
+use crate::stereo::{Gray, StereoPair};
+
+const REACH: usize = SMALL_CENSUS_REACH;
+const PLANES: usize = SMALL_CENSUS_PLANES;
+
+/// A plane of bytes and the same transposed, both in whole blocks of lanes.
+pub(super) struct TwoWayPlane {
+    pub(super) rows: Vec<u8>,
+    pub(super) columns: Vec<u8>,
+}
+
+/// An image at half size with its censuses.
+pub(super) struct HalfImage {
+    size: (usize, usize),
+    /// Quarters of grey levels, each row between margins of clamped pixels.
+    half: Vec<u16>,
+    smooth: Vec<u16>,
+    pub(super) census: [TwoWayPlane; PLANES],
+    /// Places before the first pixel of the planes by row.
+    pub(super) margin: usize,
+}
+
+/// What jumps of disparity cost, from the pixel above and from the one on the left.
+pub(super) struct StepCosts {
+    pub(super) down: Vec<u8>,
+    pub(super) across: TwoWayPlane,
+}
+
+/// Whole blocks of lanes.
+pub(super) fn padded(pixels: usize) -> usize {
+    pixels.next_multiple_of(Lanes::COUNT)
+}
+
+impl TwoWayPlane {
+    /// Of `size`, with room before the first pixel by row.
+    fn new((width, height): (usize, usize), margin: usize) -> Self {
+        let pixels = padded(width) * padded(height);
+        Self {
+            rows: vec![0; margin + pixels],
+            columns: vec![0; pixels],
+        }
+    }
+
+    fn transpose(&mut self, isa: Isa, (width, height): (usize, usize), margin: usize) {
+        let rows = &self.rows[margin..];
+        transpose_plane(isa, rows, padded(width), padded(height), &mut self.columns);
+    }
+}
+
+impl HalfImage {
+    /// For images of twice `size`, whose censuses are shifted by up to `shift` pixels.
+    pub(super) fn new(size: (usize, usize), shift: usize) -> Self {
+        let stride = padded(size.0) + 2 * REACH;
+        let margin = padded(shift);
+        Self {
+            size,
+            half: vec![0; stride * size.1],
+            smooth: vec![0; 2 * size.0 + 3],
+            census: std::array::from_fn(|_| TwoWayPlane::new(size, margin)),
+            margin,
+        }
+    }
+
+    fn stride(&self) -> usize {
+        padded(self.size.0) + 2 * REACH
+    }
+
+    /// The pixels of a row.
+    pub(super) fn row(&self, y: usize) -> &[u16] {
+        &self.half[y * self.stride() + REACH..][..self.size.0]
+    }
+
+    /// Hamming distance between the census of a pixel and that of a pixel of `other` in its row.
+    pub(super) fn distance(&self, other: &Self, y: usize, x: usize, other_x: usize) -> u8 {
+        let start = y * padded(self.size.0);
+        let planes = self.census.iter().zip(&other.census);
+        let differing = planes.map(|(own, others)| {
+            own.rows[self.margin + start + x] ^ others.rows[other.margin + start + other_x]
+        });
+        differing.map(|byte| byte.count_ones() as u8).sum()
+    }
+
+    /// The sum of the steps from each of a row's columns to its left neighbour.
+    pub(super) fn texture(&self, y: usize, columns: &std::ops::Range<usize>) -> i64 {
+        let row = self.row(y);
+        let from = columns.start.max(1);
+        if from >= columns.end {
+            return 0;
+        }
+        let pairs = row[from - 1..columns.end - 1]
+            .iter()
+            .zip(&row[from..columns.end]);
+        i64::from(pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())
+    }
+
+    fn load(&mut self, isa: Isa, image: &Gray) {
+        let ((width, height), stride) = (self.size, self.stride());
+        let last = image.height() - 1;
+        for (y, out) in self.half.chunks_exact_mut(stride).enumerate() {
+            let rows = [
+                (2 * y).saturating_sub(1),
+                2 * y,
+                2 * y + 1,
+                last.min(2 * y + 2),
+            ];
+            let smooth = &mut self.smooth[..image.width() + 2];
+            halve_row(
+                isa,
+                rows.map(|y| image.row(y)),
+                smooth,
+                &mut out[REACH..][..width],
+            );
+            let (first, end) = (out[REACH], out[REACH + width - 1]);
+            out[..REACH].fill(first);
+            out[REACH + width..].fill(end);
+        }
+        for y in 0..height {
+            let rows = std::array::from_fn(|j| {
+                let y = (y + j).saturating_sub(REACH).min(height - 1);
+                &self.half[y * stride..][..stride]
+            });
+            let start = self.margin + y * padded(width);
+            let out = self
+                .census
+                .each_mut()
+                .map(|plane| &mut plane.rows[start..][..padded(width)]);
+            small_census_row(isa, rows, out);
+        }
+        for plane in &mut self.census {
+            plane.transpose(isa, self.size, self.margin);
+        }
+    }
+}
+
+/// Loads both images of a pair.
+pub(super) fn load(isa: Isa, images: &mut [HalfImage; 2], pair: &StereoPair) {
+    let [left, right] = images;
+    both(
+        || left.load(isa, pair.left()),
+        || right.load(isa, pair.right()),
+    );
+}
+
+impl StepCosts {
+    pub(super) fn new(size: (usize, usize)) -> Self {
+        Self {
+            down: vec![0; padded(size.0) * size.1],
+            across: TwoWayPlane::new(size, 0),
+        }
+    }
+
+    /// Of the left image; `penalties` are p1 and p2.
+    pub(super) fn load(&mut self, isa: Isa, left: &HalfImage, penalties: [u8; 2], edge: u16) {
+        let (width, height) = left.size;
+        for y in 0..height {
+            let start = y * padded(width);
+            let row = left.row(y);
+            let above = left.row(y.saturating_sub(1));
+            let down = &mut self.down[start..][..width];
+            step_penalties(isa, [above, row], penalties, edge, down);
+            let across = &mut self.across.rows[start + 1..][..width - 1];
+            step_penalties(isa, [&row[..width - 1], &row[1..]], penalties, edge, across);
+        }
+        self.across.transpose(isa, left.size, 0);
+    }
+}

@@ -1,0 +1,298 @@
+//! v5: what may be said of a cell.
+//!
+//! svl's own algorithm. Not the disparity of a pixel is asked for, but the distance of a cell of the
+//! depth grid, and whether it may be told. SGM (Hirschmüller 2008) of small censuses at half size
+//! along four paths; then gaps are filled as hidden surfaces are, and each cell reports what is right
+//! whatever its uncertain pixels are ([`crate::depth::decision`]).
+
+mod census;
+mod half_map;
+mod sums;
+
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use crate::depth::decision::{CellPixels, Decision, Tolerance, VerdictTable};
+use crate::error::{Error, Result};
+use crate::kernel::{Isa, PathCost};
+use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
+use crate::timing::Stage;
+use census::{HalfImage, StepCosts};
+use half_map::{HalfMap, WinnerTest};
+use sums::StripSums;
+
+pub(super) const SPEC: MatcherSpec = MatcherSpec {
+    name: "v5",
+    aliases: &[],
+    summary: "svl's own: cells that are safe to report, from semi-global matching at half size; \
+              says how probably each is right",
+    paper: "svl, docs/v5.md; after Hirschmüller, Stereo Processing by Semiglobal Matching and \
+            Mutual Information, PAMI 30(2), 2008",
+    parameters: &[
+        Parameter {
+            name: "revision",
+            unit: "",
+            range: Range::int(1, 1..=1),
+            description: "of the algorithm; results of a revision never change",
+        },
+        Parameter {
+            name: "max_disparity",
+            unit: "px",
+            range: Range::int(80, 0..=255),
+            description: "largest disparity; half as many are tried, at half size",
+        },
+        Parameter {
+            name: "out",
+            unit: "bits",
+            range: Range::int(7, 0..=24),
+            description: "cost of a disparity that leads out of the right image; random is 12",
+        },
+        Parameter {
+            name: "p1",
+            unit: "bits",
+            range: Range::int(6, 0..=39),
+            description: "cost of a step of disparity by one: slopes",
+        },
+        Parameter {
+            name: "p2",
+            unit: "bits",
+            range: Range::int(32, 0..=39),
+            description: "cost of any other step, at least p1: edges of objects",
+        },
+        Parameter {
+            name: "edge",
+            unit: "1/4 grey level",
+            range: Range::int(40, 1..=1020),
+            description: "difference of neighbours beyond which p2 falls in proportion",
+        },
+        Parameter {
+            name: "unique",
+            unit: "",
+            range: Range::int(20, 0..=65_535),
+            description: "a pixel is seen when its second best sum is greater by 1/unique",
+        },
+        Parameter {
+            name: "jump",
+            unit: "1/8 px",
+            range: Range::int(16, 0..=4096),
+            description: "gaps between disparities that differ by more belong to the farther one",
+        },
+        Parameter {
+            name: "slack",
+            unit: "‰",
+            range: Range::int(10, 0..=500),
+            description: "of nearly equally safe disparities the one nearest to the median",
+        },
+        Parameter {
+            name: "target",
+            unit: "",
+            range: Range::Choice {
+                default: "median",
+                options: &["median", "near"],
+            },
+            description: "what a cell reports: its median, or its nearest quarter",
+        },
+        Parameter {
+            name: "rank",
+            unit: "%",
+            range: Range::int(0, 0..=99),
+            description: "percentile of the cell that is reported, 0 = the target's: 50, near 75",
+        },
+        Parameter {
+            name: "allowance_px",
+            unit: "px",
+            range: Range::real(0.25, 0.0..=16.0),
+            description: "part of the tolerance that is kept for the matcher's own error",
+        },
+        Parameter {
+            name: "confidence",
+            unit: "",
+            range: Range::real(0.75, 0.5..=0.999),
+            description: "least probability that a cell that is reported is right",
+        },
+    ],
+    build: |parameters, isa| Ok(Box::new(V5::new(parameters, isa)?)),
+};
+
+struct V5 {
+    isa: Isa,
+    /// Disparities at half size.
+    count: usize,
+    cost: PathCost,
+    penalties: [u8; 2],
+    edge: u16,
+    test: WinnerTest,
+    jump: i32,
+    allowance_px: f64,
+    decision: Decision,
+    scratch: Option<Scratch>,
+    tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
+    cells: Vec<CellPixels>,
+}
+
+/// Memory for pairs of one size.
+struct Scratch {
+    size: (usize, usize),
+    images: [HalfImage; 2],
+    steps: StepCosts,
+    sums: StripSums,
+    map: HalfMap,
+}
+
+impl V5 {
+    fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
+        let byte = |name| parameters.int(name) as u8;
+        let [p1, p2, out] = ["p1", "p2", "out"].map(byte);
+        if p2 < p1 {
+            return Err(Error::Usage(format!(
+                "v5: p2={p2} is below p1={p1}: a large step costs at least a small one"
+            )));
+        }
+        let (rank, table) = match parameters.choice("target") {
+            "near" => (75, &VerdictTable::NEAR),
+            _ => (50, &VerdictTable::MEDIAN),
+        };
+        let rank = match parameters.int("rank") {
+            0 => rank,
+            rank => i64::from(rank),
+        };
+        let count = parameters.int("max_disparity") as usize / 2 + 1;
+        Ok(Self {
+            isa,
+            count,
+            cost: PathCost { out, small: p1 },
+            penalties: [p1, p2],
+            edge: parameters.int("edge") as u16,
+            test: WinnerTest {
+                unique: parameters.int("unique") as u32,
+                out,
+            },
+            jump: parameters.int("jump"),
+            allowance_px: parameters.real("allowance_px"),
+            decision: Decision {
+                rank,
+                slack: i64::from(parameters.int("slack")),
+                least_score: Decision::least_score(parameters.real("confidence")),
+                table,
+            },
+            scratch: None,
+            tolerance: None,
+            cells: Vec::new(),
+        })
+    }
+
+    /// Disparities are told apart by so many bins.
+    fn bins(&self) -> usize {
+        16 * self.count
+    }
+
+    /// Decides on the cells of the half image, in raster order.
+    fn decide(&mut self, context: &MatchContext, cells: &mut Vec<Cell>) {
+        let bins = self.bins();
+        let rule = context.cells.for_rig(context.rig.is_some());
+        let known = self.tolerance.take();
+        let known = known.filter(|(of, rig, _)| *of == rule && *rig == context.rig);
+        let (_, _, tolerance) = self.tolerance.insert(known.unwrap_or_else(|| {
+            let made = Tolerance::new(rule, context.rig.as_ref(), self.allowance_px, bins);
+            (rule, context.rig, made)
+        }));
+        let shape = context.grid.shape();
+        let pixels = match &mut self.cells[..] {
+            [pixels, ..] => pixels,
+            [] => {
+                self.cells.push(CellPixels::new(bins));
+                &mut self.cells[0]
+            }
+        };
+        let unknown = Cell {
+            valid_share: 0.0,
+            depth: None,
+            probability: None,
+        };
+        cells.clear();
+        for place in shape.iter() {
+            let Some(Scratch { images, map, .. }) = &self.scratch else {
+                cells.push(unknown);
+                continue;
+            };
+            let (columns, rows) = shape.pixels(place, map.size());
+            if columns.is_empty() || rows.is_empty() || !map.sees() {
+                cells.push(unknown);
+                continue;
+            }
+            pixels.clear();
+            for y in rows {
+                let (bins, seen, cost) = map.part(y, &columns);
+                pixels.add(bins, seen, cost, images[0].texture(y, &columns));
+            }
+            let evidence = self.decision.evidence(pixels, tolerance);
+            let rig = context.rig.as_ref();
+            cells.push(
+                self.decision
+                    .cell(pixels, &evidence, context.grid.min_valid, rig),
+            );
+        }
+    }
+}
+
+impl Matcher for V5 {
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        context: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        let (width, height) = pair.size();
+        output.disparity.resize(width, height, ExtraPlanes::NONE)?;
+        let size = (width / 2, height / 2);
+        if size.0 == 0 || size.1 == 0 {
+            // There is no half image.
+            self.scratch = None;
+            let rows = output.disparity.rows_mut();
+            rows.for_each(|mut row| row.clear(Reason::Border));
+        } else {
+            // Freed before the new memory is allocated, so that both sizes are never held at once.
+            self.scratch.take_if(|scratch| scratch.size != size);
+            let count = self.count;
+            let scratch = self
+                .scratch
+                .get_or_insert_with(|| Scratch::new(size, count));
+            let Scratch {
+                images,
+                steps,
+                sums,
+                map,
+                ..
+            } = scratch;
+            let isa = self.isa;
+
+            census::load(isa, images, &pair);
+            output.clock.lap(Stage::Smoothing);
+
+            steps.load(isa, &images[0], self.penalties, self.edge);
+            sums.follow(isa, images, steps, self.cost);
+            map.choose(isa, sums, images, self.test);
+            output.clock.lap(Stage::Matching);
+
+            map.keep_majorities();
+            map.fill(self.jump);
+            map.write(&mut output.disparity);
+        }
+        let mut cells = output.take_cells();
+        self.decide(context, &mut cells);
+        output.grid = Some(DepthGrid::new(context.grid.shape(), cells)?);
+        output.clock.lap(Stage::Checks);
+        Ok(())
+    }
+}
+
+impl Scratch {
+    fn new(size: (usize, usize), count: usize) -> Self {
+        let images = [HalfImage::new(size, 0), HalfImage::new(size, count - 1)];
+        Self {
+            size,
+            steps: StepCosts::new(size),
+            sums: StripSums::new(size, count, images[1].margin),
+            map: HalfMap::new(size, count),
+            images,
+        }
+    }
+}

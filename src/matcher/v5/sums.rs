@@ -1,0 +1,123 @@
+//! The sums of four paths: strips of columns and strips of rows, each by a thread of its own.
+
+use super::census::{HalfImage, StepCosts, TwoWayPlane, padded};
+use crate::kernel::{Isa, Lanes, PathCost, StripPlace, follow_strip, sum_strips};
+use rayon::prelude::*;
+
+const N: usize = Lanes::COUNT;
+
+/// The sums of all strips.
+pub(super) struct StripSums {
+    count: usize,
+    strips: Vec<Strip>,
+    columns: usize,
+}
+
+/// A strip with its memory.
+struct Strip {
+    place: StripPlace,
+    costs: Vec<Lanes<u8>>,
+    line: Vec<Lanes<u8>>,
+    sums: Vec<Lanes<u8>>,
+}
+
+impl Strip {
+    fn new(place: StripPlace, count: usize) -> Self {
+        let lanes = |n: usize| vec![Lanes::splat(u8::MAX); n];
+        Self {
+            place,
+            costs: lanes(place.length * count),
+            line: lanes(count + 1),
+            sums: lanes(place.length * count),
+        }
+    }
+}
+
+impl StripSums {
+    /// For images of `size` and `count` disparities; `margin` is that of the right censuses.
+    pub(super) fn new((width, height): (usize, usize), count: usize, margin: usize) -> Self {
+        let column = |x: usize| StripPlace {
+            length: height,
+            start: x,
+            right: margin + x,
+            pitch: padded(width),
+            towards: 1,
+            column: x,
+            lanes_are_columns: true,
+        };
+        let row = |y: usize| StripPlace {
+            length: width,
+            start: y,
+            right: y,
+            pitch: padded(height),
+            towards: padded(height),
+            column: 0,
+            lanes_are_columns: false,
+        };
+        let columns = (0..width).step_by(N).map(column);
+        let rows = (0..height).step_by(N).map(row);
+        let strips = columns.chain(rows).map(|place| Strip::new(place, count));
+        Self {
+            count,
+            strips: strips.collect(),
+            columns: width.div_ceil(N),
+        }
+    }
+
+    /// Follows the paths of all strips.
+    pub(super) fn follow(
+        &mut self,
+        isa: Isa,
+        images: &[HalfImage; 2],
+        steps: &StepCosts,
+        cost: PathCost,
+    ) {
+        self.strips.par_iter_mut().for_each(|strip| {
+            let by_column = strip.place.lanes_are_columns;
+            let planes = images.each_ref().map(|image| {
+                let plane = |plane| chosen(plane, by_column);
+                image.census.each_ref().map(plane)
+            });
+            let steps = match by_column {
+                true => &steps.down[..],
+                false => &steps.across.columns,
+            };
+            let Strip {
+                place,
+                costs,
+                line,
+                sums,
+            } = strip;
+            follow_strip(isa, place, planes, steps, cost, costs, line, sums);
+        });
+    }
+
+    /// The sums of up to 16 rows from `top`, a multiple of 16, on: by row, disparity and column,
+    /// with `stride` columns, [`u8::MAX`] beyond the image's `width`.
+    pub(super) fn rows(&self, isa: Isa, top: usize, width: usize, stride: usize, out: &mut [u8]) {
+        let rows = &self.strips[self.columns + top / N];
+        for (i, columns) in self.strips[..self.columns].iter().enumerate() {
+            let columns = &columns.sums[top * self.count..];
+            sum_strips(
+                isa,
+                columns,
+                &rows.sums,
+                self.count,
+                [i * N, top],
+                stride,
+                out,
+            );
+        }
+        for line in out.chunks_exact_mut(stride) {
+            line[width..].fill(u8::MAX);
+        }
+    }
+}
+
+/// The plane whose rows, or columns, are lanes.
+fn chosen(plane: &TwoWayPlane, by_column: bool) -> &[u8] {
+    match by_column {
+        true => &plane.rows,
+        false => &plane.columns,
+    }
+}

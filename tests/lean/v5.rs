@@ -1,0 +1,317 @@
+//! v5 against its oracle, and the oracle against known answers of other implementations.
+
+use crate::common;
+use crate::oracle::scenes::{Scene, pairs, pool};
+use crate::oracle::v5::{Evidence, MEDIAN, NEAR, Steps, V5, score};
+use proptest::prelude::*;
+use svl::kernel::Isa;
+use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::stereo::{CellRule, Reason, RectifiedPair, Rig, StereoPair};
+
+impl V5 {
+    fn text(&self, target: &str) -> String {
+        let Self {
+            max_disparity,
+            out,
+            p1,
+            p2,
+            edge,
+            unique,
+            jump,
+            slack,
+            rank,
+            allowance,
+        } = self;
+        format!(
+            "v5:max_disparity={max_disparity},out={out},p1={p1},p2={p2},edge={edge},\
+             unique={unique},jump={jump},slack={slack},rank={rank},allowance_px={allowance},\
+             target={target}"
+        )
+    }
+
+    /// Checks map and grid of the matcher on every instruction set and two thread counts.
+    fn agrees(
+        &self,
+        target: &str,
+        pair: &StereoPair,
+        rig: Option<Rig>,
+    ) -> Result<(), TestCaseError> {
+        let algorithm: Algorithm = self.text(target).parse().unwrap();
+        let expected = self.steps(pair);
+        let tolerance = match &rig {
+            Some(rig) => self.tolerance_m(rig.focal_px() * rig.baseline_m(), rig.doffs_px()),
+            None => self.tolerance_px(2.0),
+        };
+        let table = if target == "near" { NEAR } else { MEDIAN };
+        for isa in Isa::available() {
+            for threads in [1, 2] {
+                let output = pool(threads).install(|| {
+                    let mut output = MatchOutput::new().unwrap();
+                    let mut matcher = algorithm.build_on(isa).unwrap();
+                    let context = MatchContext {
+                        rig,
+                        cells: CellRule::default(),
+                        ..MatchContext::default()
+                    };
+                    // The second time in memory that is in use.
+                    for _ in 0..2 {
+                        output.begin();
+                        let pair = RectifiedPair::assume(pair);
+                        matcher.compute(pair, &context, &mut output).unwrap();
+                    }
+                    output
+                });
+                let words = format!("{algorithm:?} {isa} {threads}");
+                same_map(&output, &expected, pair.left().width())
+                    .map_err(|why| TestCaseError::fail(format!("{words}: {why}")))?;
+                self.same_cells(&output, &expected, &tolerance, table, &words)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn same_cells(
+        &self,
+        output: &MatchOutput,
+        steps: &Steps,
+        tolerance: &[(i32, i32)],
+        table: crate::oracle::v5::Table,
+        words: &str,
+    ) -> Result<(), TestCaseError> {
+        let grid = output.grid.as_ref().unwrap();
+        if steps.filled.iter().all(|&bin| bin < 0) || steps.size.0 < 5 || steps.size.1 < 3 {
+            prop_assert!(
+                grid.iter()
+                    .all(|(_, cell)| cell.depth.is_none() || steps.size.0 < 5 || steps.size.1 < 3)
+            );
+            return Ok(());
+        }
+        let evidence = self.evidence(steps, tolerance, (5, 3));
+        for ((place, cell), evidence) in grid.iter().zip(evidence) {
+            let known = is_known(table, &evidence);
+            let reported = cell.depth.map(|depth| (8.0 * depth.median_px) as i64);
+            prop_assert_eq!(
+                reported,
+                known.then_some(evidence[0]),
+                "{} {:?} {:?}",
+                words,
+                place,
+                evidence
+            );
+            let odds = score(table, &evidence) as f64 / 1000.0;
+            let probability = 1.0 / (1.0 + (-odds).exp());
+            prop_assert!(
+                (cell.probability.unwrap() - probability).abs() < 1e-12,
+                "{}",
+                words
+            );
+        }
+        Ok(())
+    }
+}
+
+fn is_known(table: crate::oracle::v5::Table, evidence: &Evidence) -> bool {
+    evidence[4] >= 200 && score(table, evidence) >= 1099 && evidence[0] > 0
+}
+
+/// What differs, if anything.
+fn same_map(output: &MatchOutput, steps: &Steps, width: usize) -> Result<(), String> {
+    let (w, h) = steps.size;
+    let map = &output.disparity;
+    for y in 0..map.size().1 {
+        for x in 0..width {
+            let place = match w * h {
+                0 => None,
+                _ => Some((y / 2).min(h - 1) * w + (x / 2).min(w - 1)),
+            };
+            let expected = match place {
+                None => Err(Reason::Border),
+                Some(place) if steps.seen[place] => Ok(f32::from(steps.disparity[place]) / 8.0),
+                Some(place) => {
+                    // The winner at half size, whose fraction is at most half of it.
+                    let best = (steps.disparity[place] + 8).div_euclid(16);
+                    Err(if (place % w) < best as usize {
+                        Reason::Border
+                    } else if !steps.consistent[place] {
+                        Reason::Inconsistent
+                    } else {
+                        Reason::Ambiguous
+                    })
+                }
+            };
+            let got = map.at(x, y);
+            // A fraction of exactly one half may belong to either winner.
+            let near_border = matches!((got, expected), (Err(a), Err(b)) if a != b)
+                && steps.disparity[place.unwrap()].rem_euclid(16) == 8;
+            if got != expected && !near_border {
+                return Err(format!("at {x}, {y}: {got:?}, expected {expected:?}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn arena_rig() -> Rig {
+    let focal = 160.0 / 26_f64.to_radians().tan();
+    Rig::new(focal, (160.0, 120.0), 0.044, 0.0).unwrap()
+}
+
+fn parameters() -> impl Strategy<Value = V5> {
+    let penalties = prop_oneof![2 => (0..=12, 0..=27), 1 => Just((39, 0)), 1 => Just((0, 39))];
+    let range = prop_oneof![1 => 0..=4_usize, 3 => 5..=90_usize, 1 => 91..=255_usize];
+    let rest = (
+        0..=24_u8,
+        prop::sample::select(vec![1, 40, 1020]),
+        prop::sample::select(vec![0, 1, 20, 65_535]),
+        prop::sample::select(vec![0, 16, 4096]),
+        prop::sample::select(vec![0, 10, 500]),
+        prop::sample::select(vec![1, 50, 75, 99]),
+        prop::sample::select(vec![0.0, 0.25, 3.0]),
+    );
+    (penalties, range, rest).prop_map(|((p1, more), max_disparity, rest)| V5 {
+        max_disparity,
+        out: rest.0,
+        p1,
+        p2: (p1 + more).min(39),
+        edge: rest.1,
+        unique: rest.2,
+        jump: rest.3,
+        slack: rest.4,
+        rank: rest.5,
+        allowance: rest.6,
+    })
+}
+
+fn sizes() -> impl Strategy<Value = (usize, usize)> {
+    prop_oneof![
+        4 => (1usize..=70, 1usize..=40),
+        1 => (250usize..=280, 1usize..=8),
+        1 => (1usize..=8, 130usize..=150),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn equals_its_oracle(
+        pair in pairs(sizes()),
+        v5 in parameters(),
+        near in any::<bool>(),
+        has_rig in any::<bool>(),
+    ) {
+        let rig = has_rig.then(arena_rig);
+        v5.agrees(if near { "near" } else { "median" }, &pair, rig)?;
+    }
+}
+
+#[test]
+fn equals_its_oracle_on_larger_images() {
+    for (size, shift) in [((161, 121), 9), ((320, 51), 30)] {
+        let pair = crate::oracle::scenes::pair(Scene::ALL[0], size, shift, 5, 7);
+        V5::default()
+            .agrees("median", &pair, Some(arena_rig()))
+            .unwrap();
+    }
+}
+
+/// CRC-32 of every step for pairs of the arena, as the specification has them (section 3.11).
+#[cfg(feature = "bench")]
+#[test]
+fn the_oracle_gives_the_specification_s_answers() {
+    use svl::arena::{Arena, ArenaConfig};
+    fn crc<T: Copy, const N: usize>(values: &[T], bytes: impl Fn(T) -> [u8; N]) -> u32 {
+        crc32fast::hash(&values.iter().flat_map(|&v| bytes(v)).collect::<Vec<_>>())
+    }
+    let known: [(u64, [u32; 9]); 3] = [
+        (
+            0,
+            [
+                0x48edd7ee, 0x7f2b6ff6, 0x34ea7937, 0xcacb594a, 0xb0a90212, 0xee305a78, 0xa73d7738,
+                0x7edcf5c1, 0,
+            ],
+        ),
+        (
+            100,
+            [
+                0x48ad2f71, 0x4978a26c, 0xc8cd3032, 0xaa4a6b86, 0x00cf2b6d, 0x62356878, 0xcda01b10,
+                0x2bc55a22, 0,
+            ],
+        ),
+        (
+            200,
+            [
+                0x89063527, 0xcb5bff3f, 0xad3a29f3, 0x132f7bd9, 0x5d967f30, 0x545933a6, 0x5f9fe900,
+                0xf0e90a55, 0,
+            ],
+        ),
+    ];
+    let arena = Arena::new(&ArenaConfig::default(), 1).unwrap();
+    let v5 = V5::default();
+    let rig = arena_rig();
+    let tolerance = v5.tolerance_m(rig.focal_px() * rig.baseline_m(), rig.doffs_px());
+    let (lo, hi): (Vec<_>, Vec<_>) = tolerance.iter().copied().unzip();
+    assert_eq!(crc(&lo, i32::to_le_bytes), 0x2723c6e2);
+    assert_eq!(crc(&hi, i32::to_le_bytes), 0xb86efdb5);
+    for (number, known) in known {
+        let steps = v5.steps(&arena.frame(number).unwrap().pair);
+        let flags: Vec<u8> = steps.seen.iter().map(|&seen| seen.into()).collect();
+        let evidence = v5.evidence(&steps, &tolerance, (5, 3)).concat();
+        let got = [
+            crc(&steps.half[0], u16::to_le_bytes),
+            crc(&steps.census[0], u32::to_le_bytes),
+            crc(&steps.costs, u8::to_le_bytes),
+            crc(&steps.sums, u8::to_le_bytes),
+            crc(&steps.disparity, i16::to_le_bytes),
+            crc(&flags, u8::to_le_bytes),
+            crc(&steps.filled, i16::to_le_bytes),
+            crc(&evidence, i64::to_le_bytes),
+        ];
+        let words = |crcs: &[u32]| crcs.iter().map(|c| format!("{c:08x}")).collect::<Vec<_>>();
+        assert_eq!(words(&got), words(&known[..8]), "pair {number}");
+    }
+}
+
+/// Disparities and cells of real scenes, of an independent implementation in Python.
+#[test]
+fn equals_an_independent_implementation_on_real_scenes() {
+    let Some(datasets) = common::datasets() else {
+        return;
+    };
+    let expected = datasets.join("../expected/v5");
+    for name in ["tsukuba", "cones", "oakd-stereodemo_toy"] {
+        let folder = datasets.join(name.replace("stereodemo_", "stereodemo/"));
+        let pair = common::pair(&folder, "im0.png", "im1.png");
+        let v5 = V5::default();
+        let steps = v5.steps(&pair);
+        let bins = image::open(expected.join(format!("{name}.bins.png")))
+            .unwrap()
+            .into_luma16();
+        let got = steps.seen.iter().zip(&steps.disparity);
+        let got: Vec<u16> = got
+            .map(|(&seen, &d)| if seen { d as u16 + 1 } else { 0 })
+            .collect();
+        assert_eq!(got, bins.into_raw(), "{name}");
+        for (file, rank, table) in [("cells", 50, MEDIAN), ("near", 75, NEAR)] {
+            let v5 = V5 {
+                rank,
+                ..V5::default()
+            };
+            let evidence = v5.evidence(&steps, &v5.tolerance_px(2.0), (6, 3));
+            let text =
+                std::fs::read_to_string(expected.join(format!("{name}.{file}.csv"))).unwrap();
+            for (line, evidence) in text.lines().skip(1).zip(&evidence) {
+                let mut known: Vec<i64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+                let is_known = known.pop().unwrap() == 1;
+                let got: Vec<_> = evidence
+                    .iter()
+                    .copied()
+                    .chain([score(table, evidence)])
+                    .collect();
+                assert_eq!(got, known[2..], "{name} {line}");
+                assert_eq!(self::is_known(table, evidence), is_known, "{name} {line}");
+            }
+        }
+        v5.agrees("median", &pair, None).unwrap();
+    }
+}
