@@ -36,18 +36,18 @@ pub use isa::{Isa, isa};
 pub use lanes::Lanes;
 pub use paths::{Paths, Penalties};
 pub use row_paths::RowPaths;
-pub use row_winners::RowWinners;
+pub use row_winners::{RowWinners, WinnerTest};
 pub use sad::{PIXELS, SadTest, SadWinners};
 pub use scanline::{ScanlinePaths, edge, edge_before};
 pub use sliding_ssd::{Match, REACH, WINDOW, weight};
-pub use small_census::{SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH};
+pub use small_census::{SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS};
 pub use ssd_search::{Doubt, SsdSearch};
 pub use strip_paths::{PathCost, StripPlace};
 pub use texture::DogTaps;
 pub use volume::{OUTSIDE, VolumeShape};
 pub use window_table::{NO_SUM, Proposal, TableSearch, WindowTable, window_sums};
 
-use crate::stereo::{Gray, RowMut};
+use crate::stereo::{Gray, Reason, RowMut};
 
 /// Makes, per kernel, a safe function that runs its body compiled for the given instruction set; a
 /// body with `, pairs` behind it gets that set's [`pairs::Pairs`] as its first argument.
@@ -295,12 +295,11 @@ kernels! {
         out: [&mut [u8]; SMALL_CENSUS_PLANES],
     ) = small_census::census;
 
-    /// What a change of disparity by more than one costs between two pixels each:
-    /// `max(p1, ⌊p2·edge / max(edge, |difference|)⌋)`; `penalties` are p1 and p2.
+    /// What a change of disparity by more than one costs between two pixels each, by the table of
+    /// their differences.
     pub fn step_penalties(
         pixels: [&[u16]; 2],
-        penalties: [u8; 2],
-        edge: u16,
+        table: &[u8; STEPS],
         out: &mut [u8],
     ) = small_census::penalties;
 
@@ -356,6 +355,17 @@ kernels! {
         count: usize,
         out: &mut [i16],
     ) = row_winners::fractions;
+
+    /// Tests a row of winners: *border* where they lead out of the right image, *inconsistent* where
+    /// that prefers another, *ambiguous* where `unique·(second − least) < least + 8`. Writes their
+    /// matching costs, too. The censuses begin at the rows' first pixels.
+    pub fn test_winners(
+        test: &WinnerTest,
+        winners: &RowWinners,
+        censuses: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
+        costs: &mut [u8],
+        why: &mut [Reason],
+    ) = row_winners::test;
 
     /// Medians of nine, three rows by three columns; the outermost columns count twice, as they
     /// have no neighbour beyond them.

@@ -2,6 +2,8 @@
 
 use super::Lanes;
 use super::lanes::{SIDE, Square, transpose_square};
+use super::small_census::SMALL_CENSUS_PLANES;
+use crate::stereo::Reason;
 
 const N: usize = Lanes::COUNT;
 
@@ -47,6 +49,9 @@ pub(super) fn sum(
     let lane = top % N;
     for d in 0..count {
         for x in (0..N).step_by(SIDE) {
+            if (first + x) * count >= rows.len() {
+                continue;
+            }
             let mut square = Square::default();
             for (i, along) in square.iter_mut().enumerate() {
                 if let Some(row) = rows.get((first + x + i) * count + d) {
@@ -80,17 +85,8 @@ pub(super) fn choose(sums: &[u8], stride: usize, out: &mut RowWinners) {
         let (mut least, mut best) = (*at(0, x), [0_u8; N]);
         let (mut right_least, mut right) = (least, [0_u8; N]);
         for d in 1..count {
-            let (sum, right_sum) = (at(d, x), at(d, x + d));
-            for l in 0..N {
-                best[l] = if sum[l] < least[l] { d as u8 } else { best[l] };
-                least[l] = least[l].min(sum[l]);
-                right[l] = if right_sum[l] < right_least[l] {
-                    d as u8
-                } else {
-                    right[l]
-                };
-                right_least[l] = right_least[l].min(right_sum[l]);
-            }
+            lower(at(d, x), d, &mut least, &mut best);
+            lower(at(d, x + d), d, &mut right_least, &mut right);
         }
         let (mut second, mut below, mut above) = ([u8::MAX; N], [0; N], [0; N]);
         for d in 0..count {
@@ -98,10 +94,9 @@ pub(super) fn choose(sums: &[u8], stride: usize, out: &mut RowWinners) {
             for l in 0..N {
                 // 0, 1, 2 below, at and above the winner.
                 let from = (d as u8).wrapping_sub(best[l]).wrapping_add(1);
-                let other = if from > 2 { sum[l] } else { u8::MAX };
-                second[l] = second[l].min(other);
-                below[l] = if from == 0 { sum[l] } else { below[l] };
-                above[l] = if from == 2 { sum[l] } else { above[l] };
+                second[l] = second[l].min(sum[l] | mask(from < 3));
+                below[l] |= sum[l] & mask(from == 0);
+                above[l] |= sum[l] & mask(from == 2);
             }
         }
         let put = |row: &mut [u8], lanes: [u8; N]| row[x..x + N].copy_from_slice(&lanes);
@@ -114,7 +109,23 @@ pub(super) fn choose(sums: &[u8], stride: usize, out: &mut RowWinners) {
     }
 }
 
-/// See [`super::fractions`].
+/// All bits, or none. Vectors select by masks; of branches compilers make branches.
+#[inline(always)]
+fn mask(condition: bool) -> u8 {
+    u8::from(condition).wrapping_neg()
+}
+
+/// Takes the sums of a disparity where they are lower than the least.
+#[inline(always)]
+fn lower(sum: &[u8; N], d: usize, least: &mut [u8; N], best: &mut [u8; N]) {
+    for l in 0..N {
+        let lower = mask(sum[l] < least[l]);
+        best[l] = best[l] & !lower | d as u8 & lower;
+        least[l] = least[l].min(sum[l]);
+    }
+}
+
+/// See [`super::winner_fractions`].
 #[inline(always)]
 pub(super) fn fractions(winners: &RowWinners, count: usize, out: &mut [i16]) {
     let last = count as u8 - 1;
@@ -126,8 +137,50 @@ pub(super) fn fractions(winners: &RowWinners, count: usize, out: &mut [i16]) {
         // Floats hold these numbers, and the quotient of two of them is never rounded up to a whole
         // number; with 16 added it is positive, so that truncating it is the floor.
         let (number, twice) = (16 * (below - above) + rise, 2 * rise.max(1));
-        let eighths = ((number + 16 * twice) as f32 / twice as f32) as i32 - 16;
+        let quotient = (number + 16 * twice) as f32 / twice as f32;
+        // SAFETY: it is 0 ..= 8192, as a sum is a byte.
+        let eighths = unsafe { quotient.to_int_unchecked::<i32>() } - 16;
         let inner = best > 0 && best < last && rise > 0;
-        *out = 16 * i16::from(best) + if inner { eighths as i16 } else { 0 };
+        *out = 16 * i16::from(best) + eighths as i16 * i16::from(inner);
+    }
+}
+
+/// What a winner must pass, and the cost of leaving the image.
+#[derive(Clone, Copy, Debug)]
+pub struct WinnerTest {
+    pub unique: u32,
+    pub out: u8,
+}
+
+/// See [`super::test_winners`].
+#[inline(always)]
+pub(super) fn test(
+    test: &WinnerTest,
+    winners: &RowWinners,
+    [left, right]: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
+    costs: &mut [u8],
+    why: &mut [Reason],
+) {
+    let width = costs.len();
+    let [left, right] = [left, right].map(|planes| planes.map(|plane| &plane[..width]));
+    let (best, right_best) = (&winners.best[..width], &winners.right[..width]);
+    let (least, second) = (&winners.least[..width], &winners.second[..width]);
+    for (x, (cost, why)) in costs.iter_mut().zip(why).enumerate() {
+        let Some(match_x) = x.checked_sub(best[x].into()) else {
+            (*cost, *why) = (test.out, Reason::Border);
+            continue;
+        };
+        let differing = [0, 1, 2].map(|p| u32::from(left[p][x] ^ right[p][match_x]));
+        // Together: that is one instruction where there is one.
+        *cost = (differing[0] | differing[1] << 8 | differing[2] << 16).count_ones() as u8;
+        let (least, second) = (u32::from(least[x]), u32::from(second[x]));
+        // Of a second that does not exist, 255, every positive share is enough.
+        let unique = test.unique * (second - least) >= least + 8;
+        let unique = unique | (second == 255 && test.unique > 0);
+        *why = match (right_best[match_x] == best[x], unique) {
+            (false, _) => Reason::Inconsistent,
+            (true, false) => Reason::Ambiguous,
+            (true, true) => Reason::Valid,
+        };
     }
 }

@@ -10,6 +10,9 @@ pub const SMALL_CENSUS_PLANES: usize = 3;
 /// Pixels of the window to either side.
 pub const SMALL_CENSUS_REACH: usize = 2;
 
+/// More than the greatest difference of two pixels at half size; a power of two.
+pub const STEPS: usize = 1024;
+
 /// See [`super::small_census_row`].
 #[inline(always)]
 pub(super) fn census(rows: [&[u16]; 5], out: [&mut [u8]; SMALL_CENSUS_PLANES]) {
@@ -39,17 +42,8 @@ pub(super) fn census(rows: [&[u16]; 5], out: [&mut [u8]; SMALL_CENSUS_PLANES]) {
 
 /// See [`super::step_penalties`].
 #[inline(always)]
-pub(super) fn penalties(
-    [from, to]: [&[u16]; 2],
-    [small, large]: [u8; 2],
-    edge: u16,
-    out: &mut [u8],
-) {
-    let product = f32::from(large) * f32::from(edge);
+pub(super) fn penalties([from, to]: [&[u16]; 2], table: &[u8; STEPS], out: &mut [u8]) {
     for ((out, &from), &to) in out.iter_mut().zip(from).zip(to) {
-        let step = from.abs_diff(to).max(edge);
-        // The quotient of whole numbers below 2^24 is rounded to the nearest float, which is never
-        // the next whole number: truncating it is the division of whole numbers.
-        *out = small.max((product / f32::from(step)) as u8);
+        *out = table[usize::from(from.abs_diff(to)) % STEPS];
     }
 }

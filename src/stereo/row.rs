@@ -115,6 +115,15 @@ impl RowMut<'_> {
         self.why[x] = Reason::Valid;
     }
 
+    /// Writes all pixels, `+∞` where there is no disparity; SSDPIs stay.
+    ///
+    /// # Panics
+    /// Unless both have the row's width.
+    pub fn write(&mut self, disparities: &[f32], why: &[Reason]) {
+        self.disparity.copy_from_slice(disparities);
+        self.why.copy_from_slice(why);
+    }
+
     /// Writes that there is no disparity, and why; the SSDPI stays.
     pub fn reject(&mut self, x: usize, reason: Reason) {
         debug_assert!(reason != Reason::Valid);

@@ -34,9 +34,9 @@ pub struct Decision {
 /// The pixels of a cell, gathered.
 #[derive(Clone, Debug)]
 pub struct CellPixels {
-    /// Per bin the pixels in it, then those in lower bins: all, and those that were seen.
-    all: Vec<i64>,
-    seen: Vec<i64>,
+    /// Per bin the pixels in it, then those in lower bins: all in the lower half of the bits, those
+    /// that were seen in the upper.
+    counts: Vec<u64>,
     pixels: i64,
     /// Sums over the pixels: matching costs, and steps of grey level to the left neighbour in
     /// quarters.
@@ -58,8 +58,7 @@ impl CellPixels {
     /// Counts over `bins` bins.
     pub fn new(bins: usize) -> Self {
         Self {
-            all: vec![0; bins + 1],
-            seen: vec![0; bins + 1],
+            counts: vec![0; bins + 1],
             pixels: 0,
             cost: 0,
             texture: 0,
@@ -68,8 +67,7 @@ impl CellPixels {
 
     /// Forgets all pixels.
     pub fn clear(&mut self) {
-        self.all.fill(0);
-        self.seen.fill(0);
+        self.counts.fill(0);
         (self.pixels, self.cost, self.texture) = (0, 0, 0);
     }
 
@@ -78,9 +76,7 @@ impl CellPixels {
     pub fn add(&mut self, bins: &[i16], seen: &[u8], cost: i64, texture: i64) {
         for (&bin, &seen) in bins.iter().zip(seen) {
             // Counted a place higher, so that sums of all before are counts of lower bins.
-            let place = bin as usize + 1;
-            self.all[place] += 1;
-            self.seen[place] += i64::from(seen);
+            self.counts[bin as usize + 1] += 1 + (u64::from(seen) << 32);
         }
         self.pixels += bins.len() as i64;
         self.cost += cost;
@@ -89,19 +85,27 @@ impl CellPixels {
 
     /// Makes counts of lower bins of the counts of bins.
     fn accumulate(&mut self) {
-        for counts in [&mut self.all, &mut self.seen] {
-            let mut below = 0;
-            for count in counts {
-                below += *count;
-                *count = below;
-            }
+        let mut below = 0;
+        for count in &mut self.counts {
+            below += *count;
+            *count = below;
         }
+    }
+
+    /// How many pixels have lower bins.
+    fn all(&self, bin: usize) -> i64 {
+        i64::from(self.counts[bin] as u32)
+    }
+
+    /// How many of these were seen.
+    fn seen(&self, bin: usize) -> i64 {
+        (self.counts[bin] >> 32) as i64
     }
 
     /// The first bin that at least `percent` of the pixels do not exceed.
     fn percentile(&self, percent: i64) -> i64 {
-        let reached = |&below: &i64| 100 * below >= percent * self.pixels;
-        self.all[1..].partition_point(|below| !reached(below)) as i64
+        let reached = |&count: &u64| 100 * i64::from(count as u32) >= percent * self.pixels;
+        self.counts[1..].partition_point(|count| !reached(count)) as i64
     }
 }
 
@@ -111,16 +115,17 @@ impl Decision {
         cell.accumulate();
         let pixels = cell.pixels;
         let bins = tolerance.bins();
-        let (all, seen) = (&cell.all, &cell.seen);
+        let all = |bin| cell.all(bin);
+        let seen = |bin| cell.seen(bin);
         // How much of the cell may be uncertain on the side where there is less room.
         let safe = |v: usize| {
             let [l, r] = tolerance.within(v);
-            let near = (100 - self.rank) * pixels - 100 * (pixels - all[r]);
-            (self.rank * pixels - 100 * all[l]).min(near)
+            let near = (100 - self.rank) * pixels - 100 * (pixels - all(r));
+            (self.rank * pixels - 100 * all(l)).min(near)
         };
         let held = |v: usize| {
             let [l, r] = tolerance.within(v);
-            seen[r] - seen[l]
+            seen(r) - seen(l)
         };
         let score = |v: usize| 4 * safe(v) + 100 * held(v);
         let best = (0..bins).map(score).max().unwrap_or_default();
@@ -137,7 +142,7 @@ impl Decision {
             features: [
                 (10 * safe(report)).div_euclid(pixels),
                 1000 * held(report) / pixels,
-                1000 * seen[bins] / pixels,
+                1000 * seen(bins) / pixels,
                 1000 * (report_bins - target).abs() / tolerance.span(report),
                 100 * cell.cost / pixels,
                 25 * cell.texture / pixels,
@@ -159,9 +164,9 @@ impl Decision {
             seen as f64 >= 1000.0 * min_valid && score >= self.least_score && evidence.report > 0;
         let px = |bins: i64| bins as f32 / BINS_PER_PX as f32;
         let median_px = px(evidence.report);
-        let count = *pixels.seen.last().unwrap_or(&0);
+        let count = pixels.seen(pixels.counts.len() - 1) as f64;
         Cell {
-            valid_share: count as f64 / pixels.pixels.max(1) as f64,
+            valid_share: count / pixels.pixels.max(1) as f64,
             depth: known.then(|| CellDepth {
                 median_px,
                 p20_px: px(pixels.percentile(20)),

@@ -1,11 +1,10 @@
 //! Both images at half size, their censuses, and the cost of steps: by row, and by column.
 
-use super::super::stage::both;
 use crate::kernel::{
-    Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, halve_row, small_census_row,
+    Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS, halve_row, small_census_row,
     step_penalties, transpose_plane,
 };
-use crate::stereo::{Gray, StereoPair};
+use crate::stereo::Gray;
 
 const REACH: usize = SMALL_CENSUS_REACH;
 const PLANES: usize = SMALL_CENSUS_PLANES;
@@ -77,14 +76,10 @@ impl HalfImage {
         &self.half[y * self.stride() + REACH..][..self.size.0]
     }
 
-    /// Hamming distance between the census of a pixel and that of a pixel of `other` in its row.
-    pub(super) fn distance(&self, other: &Self, y: usize, x: usize, other_x: usize) -> u8 {
-        let start = y * padded(self.size.0);
-        let planes = self.census.iter().zip(&other.census);
-        let differing = planes.map(|(own, others)| {
-            own.rows[self.margin + start + x] ^ others.rows[other.margin + start + other_x]
-        });
-        differing.map(|byte| byte.count_ones() as u8).sum()
+    /// The censuses from the first pixel of a row on.
+    pub(super) fn censuses(&self, y: usize) -> [&[u8]; PLANES] {
+        let start = self.margin + y * padded(self.size.0);
+        self.census.each_ref().map(|plane| &plane.rows[start..])
     }
 
     /// The sum of the steps from each of a row's columns to its left neighbour.
@@ -100,7 +95,8 @@ impl HalfImage {
         i64::from(pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())
     }
 
-    fn load(&mut self, isa: Isa, image: &Gray) {
+    /// Halves an image and takes its censuses.
+    pub(super) fn load(&mut self, isa: Isa, image: &Gray) {
         let ((width, height), stride) = (self.size, self.stride());
         let last = image.height() - 1;
         for (y, out) in self.half.chunks_exact_mut(stride).enumerate() {
@@ -139,15 +135,6 @@ impl HalfImage {
     }
 }
 
-/// Loads both images of a pair.
-pub(super) fn load(isa: Isa, images: &mut [HalfImage; 2], pair: &StereoPair) {
-    let [left, right] = images;
-    both(
-        || left.load(isa, pair.left()),
-        || right.load(isa, pair.right()),
-    );
-}
-
 impl StepCosts {
     pub(super) fn new(size: (usize, usize)) -> Self {
         Self {
@@ -156,17 +143,17 @@ impl StepCosts {
         }
     }
 
-    /// Of the left image; `penalties` are p1 and p2.
-    pub(super) fn load(&mut self, isa: Isa, left: &HalfImage, penalties: [u8; 2], edge: u16) {
+    /// Of the left image, by the table of its differences.
+    pub(super) fn load(&mut self, isa: Isa, left: &HalfImage, table: &[u8; STEPS]) {
         let (width, height) = left.size;
         for y in 0..height {
             let start = y * padded(width);
             let row = left.row(y);
             let above = left.row(y.saturating_sub(1));
             let down = &mut self.down[start..][..width];
-            step_penalties(isa, [above, row], penalties, edge, down);
+            step_penalties(isa, [above, row], table, down);
             let across = &mut self.across.rows[start + 1..][..width - 1];
-            step_penalties(isa, [&row[..width - 1], &row[1..]], penalties, edge, across);
+            step_penalties(isa, [&row[..width - 1], &row[1..]], table, across);
         }
         self.across.transpose(isa, left.size, 0);
     }

@@ -2,9 +2,10 @@
 
 use super::census::{HalfImage, padded};
 use super::sums::StripSums;
-use crate::kernel::{Isa, RowWinners, choose_winners, winner_fractions};
+use crate::kernel::{Isa, RowWinners, WinnerTest, choose_winners, test_winners, winner_fractions};
 use crate::stereo::{DisparityMap, Reason};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rows that are summed up at once.
 const TILE: usize = 16;
@@ -13,39 +14,27 @@ const TILE: usize = 16;
 pub(super) struct HalfMap {
     size: (usize, usize),
     count: usize,
-    winners: Vec<Winner>,
-    bands: Vec<BandScratch>,
-    band_rows: usize,
-    /// Sums of three rows, a pixel more at both ends.
-    columns: Vec<u8>,
+    /// Disparities in bins of 1/8 pixel of the full image.
+    bins: Vec<i16>,
+    /// The matching costs of the disparities.
+    own: Vec<u8>,
+    /// Whether they pass the tests, or why not.
+    why: Vec<Reason>,
     /// 1 where a pixel is seen.
     seen: Vec<u8>,
     /// Bins of all pixels, the gaps filled; of no meaning where no pixel was seen.
     filled: Vec<i16>,
-}
-
-/// What is made of a pixel's sums.
-#[derive(Clone, Copy)]
-struct Winner {
-    /// Disparity in bins of 1/8 pixel of the full image.
-    bin: i16,
-    /// The matching cost of the disparity.
-    own: u8,
-    /// Whether it passes the tests, or why not.
-    why: Reason,
+    bands: Vec<BandScratch>,
+    band_rows: usize,
 }
 
 struct BandScratch {
     sums: Vec<u8>,
     winners: RowWinners,
-    bins: Vec<i16>,
-}
-
-/// What a winner must pass, and the cost of leaving the image.
-#[derive(Clone, Copy)]
-pub(super) struct WinnerTest {
-    pub(super) unique: u32,
-    pub(super) out: u8,
+    /// How many of three rows pass, a pixel more at both ends.
+    passing: Vec<u8>,
+    /// A row of the full image.
+    row: (Vec<f32>, Vec<Reason>),
 }
 
 /// Pixels of a disparity of a row of sums: the row's, and as many as the disparities shift it.
@@ -63,25 +52,30 @@ impl HalfMap {
         };
         let band_rows = height.div_ceil(bands).next_multiple_of(TILE);
         let scratch = || BandScratch {
-            sums: vec![0; TILE * count * stride(width, count)],
+            sums: vec![u8::MAX; TILE * count * stride(width, count)],
             winners: RowWinners::new(padded(width)),
-            bins: vec![0; padded(width)],
+            passing: vec![0; width + 2],
+            row: (
+                vec![0.0; 2 * width + 1],
+                vec![Reason::Border; 2 * width + 1],
+            ),
         };
-        let winner = Winner {
-            bin: 0,
-            own: 0,
-            why: Reason::Border,
-        };
+        let pixels = width * height;
         Self {
             size,
             count,
-            winners: vec![winner; width * height],
+            bins: vec![0; pixels],
+            own: vec![0; pixels],
+            why: vec![Reason::Border; pixels],
+            seen: vec![0; pixels],
+            filled: vec![0; pixels],
             bands: (0..height.div_ceil(band_rows)).map(|_| scratch()).collect(),
             band_rows,
-            columns: vec![0; width + 2],
-            seen: vec![0; width * height],
-            filled: vec![0; width * height],
         }
+    }
+
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.size
     }
 
     /// Chooses the winners and tests them.
@@ -90,81 +84,62 @@ impl HalfMap {
         isa: Isa,
         sums: &StripSums,
         images: &[HalfImage; 2],
-        test: WinnerTest,
+        test: &WinnerTest,
     ) {
         let ((width, _), count, band_rows) = (self.size, self.count, self.band_rows);
         let stride = stride(width, count);
-        let bands = self.winners.par_chunks_mut(band_rows * width);
-        let bands = bands.zip(&mut self.bands).enumerate();
-        bands.for_each(|(band, (winners, scratch))| {
-            for (i, winners) in winners.chunks_exact_mut(width).enumerate() {
+        let pixels = band_rows * width;
+        let planes = (
+            self.bins.par_chunks_mut(pixels),
+            self.own.par_chunks_mut(pixels),
+            self.why.par_chunks_mut(pixels),
+            &mut self.bands,
+        );
+        let bands = planes.into_par_iter().enumerate();
+        bands.for_each(|(band, (bins, own, why, scratch))| {
+            let rows = own.chunks_exact_mut(width).zip(why.chunks_exact_mut(width));
+            for (i, (bins, (own, why))) in bins.chunks_exact_mut(width).zip(rows).enumerate() {
                 let y = band * band_rows + i;
                 if i % TILE == 0 {
                     sums.rows(isa, y, width, stride, &mut scratch.sums);
                 }
                 let of_row = &scratch.sums[i % TILE * count * stride..][..count * stride];
                 choose_winners(isa, of_row, stride, &mut scratch.winners);
-                winner_fractions(isa, &scratch.winners, count, &mut scratch.bins);
-                for (x, winner) in winners.iter_mut().enumerate() {
-                    let (why, own) = test.winner(images, &scratch.winners, (x, y));
-                    *winner = Winner {
-                        bin: scratch.bins[x],
-                        own,
-                        why,
-                    };
-                }
+                winner_fractions(isa, &scratch.winners, count, bins);
+                let censuses = images.each_ref().map(|image| image.censuses(y));
+                test_winners(isa, test, &scratch.winners, censuses, own, why);
             }
         });
     }
 
-    /// A pixel stays seen when at least five of the nine around it pass the tests.
-    pub(super) fn keep_majorities(&mut self) {
-        let (width, height) = self.size;
-        let winners = &self.winners;
-        let row = |y: usize| &winners[y * width..][..width];
-        let passes = |winner: &Winner| u8::from(winner.why == Reason::Valid);
-        for (y, seen) in self.seen.chunks_exact_mut(width).enumerate() {
-            let [above, here, below] = [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(row);
-            for (x, sum) in self.columns[1..=width].iter_mut().enumerate() {
-                *sum = passes(&above[x]) + passes(&here[x]) + passes(&below[x]);
+    /// A pixel stays seen when at least five of the nine around it pass the tests. Gaps between seen
+    /// pixels of a row are filled: by their mean, by the smaller of two that differ by more than
+    /// `jump`, by the only one at the ends. A row without any takes the nearest one.
+    pub(super) fn fill(&mut self, jump: i32) {
+        let (size, band_rows) = (self.size, self.band_rows);
+        let (width, why, bins) = (size.0, &self.why, &self.bins);
+        let pixels = band_rows * width;
+        let planes = (
+            self.seen.par_chunks_mut(pixels),
+            self.filled.par_chunks_mut(pixels),
+            &mut self.bands,
+        );
+        let bands = planes.into_par_iter().enumerate();
+        bands.for_each(|(band, (seen, filled, scratch))| {
+            let rows = seen
+                .chunks_exact_mut(width)
+                .zip(filled.chunks_exact_mut(width));
+            for (y, (seen, filled)) in (band * band_rows..).zip(rows) {
+                keep_majorities(why, size, y, &mut scratch.passing, seen);
+                fill_row(&bins[y * width..][..width], seen, jump, filled);
             }
-            self.columns[0] = self.columns[1];
-            self.columns[width + 1] = self.columns[width];
-            for ((seen, winner), sums) in seen.iter_mut().zip(here).zip(self.columns.windows(3)) {
-                let around = sums[0] + sums[1] + sums[2];
-                *seen = passes(winner) & u8::from(around >= 5);
-            }
-        }
+        });
+        self.fill_empty_rows();
     }
 
-    /// Fills the gaps between seen pixels of a row: by their mean, by the smaller of two that differ
-    /// by more than `jump`, by the only one at the ends. A row without any takes the nearest one.
-    pub(super) fn fill(&mut self, jump: i32) {
+    fn fill_empty_rows(&mut self) {
         let (width, height) = self.size;
-        let seen_in = |y: usize| &self.seen[y * width..][..width];
-        for y in 0..height {
-            let (seen, winners) = (seen_in(y), &self.winners[y * width..][..width]);
-            let filled = &mut self.filled[y * width..][..width];
-            let mut before: Option<(usize, i16)> = None;
-            for x in (0..width).filter(|&x| seen[x] == 1) {
-                let bin = winners[x].bin;
-                let (from, value) = match before {
-                    None => (0, bin),
-                    Some((at, left)) if i32::from(left.abs_diff(bin)) > jump => {
-                        (at + 1, left.min(bin))
-                    }
-                    Some((at, left)) => (at + 1, (left + bin) >> 1),
-                };
-                filled[from..x].fill(value);
-                filled[x] = bin;
-                before = Some((x, bin));
-            }
-            if let Some((at, bin)) = before {
-                filled[at + 1..].fill(bin);
-            }
-        }
         let has_any = |y: usize| self.seen[y * width..][..width].contains(&1);
-        // Rows that have some and rows that are copied do not overlap.
         let mut above = None;
         for y in 0..height {
             if has_any(y) {
@@ -177,13 +152,9 @@ impl HalfMap {
                 (Some(row), _) | (None, Some(row)) => row,
                 (None, None) => return,
             };
-            self.filled
-                .copy_within(nearest * width..(nearest + 1) * width, y * width);
+            let nearest = nearest * width..(nearest + 1) * width;
+            self.filled.copy_within(nearest, y * width);
         }
-    }
-
-    pub(super) fn size(&self) -> (usize, usize) {
-        self.size
     }
 
     /// Whether any pixel is seen.
@@ -192,66 +163,106 @@ impl HalfMap {
     }
 
     /// Bins, which pixels are seen, and the sum of the costs, of a row's columns.
-    pub(super) fn part(&self, y: usize, columns: &std::ops::Range<usize>) -> (&[i16], &[u8], i64) {
-        let places = y * self.size.0 + columns.start..y * self.size.0 + columns.end;
-        let costs = self.winners[places.clone()].iter();
-        let cost: u32 = costs.map(|winner| u32::from(winner.own)).sum();
+    pub(super) fn part(&self, y: usize, columns: &Range<usize>) -> (&[i16], &[u8], i64) {
+        let start = y * self.size.0;
+        let places = start + columns.start..start + columns.end;
+        let own = self.own[places.clone()].iter();
+        let cost: u32 = own.map(|&own| u32::from(own)).sum();
         (
             &self.filled[places.clone()],
             &self.seen[places],
-            i64::from(cost),
+            cost.into(),
         )
     }
 
     /// Writes the seen disparities to the full image: each to its four pixels, an odd last column or
     /// row as its neighbour.
-    pub(super) fn write(&self, map: &mut DisparityMap) {
-        let (width, height) = self.size;
-        for (y, mut row) in map.rows_mut().enumerate() {
-            let start = (y / 2).min(height - 1) * width;
-            for x in 0..row.width() {
-                let place = start + (x / 2).min(width - 1);
-                let winner = self.winners[place];
-                match winner.why {
-                    _ if self.seen[place] == 1 => row.accept(x, f32::from(winner.bin) / 8.0),
-                    // Its neighbours failed.
-                    Reason::Valid => row.reject(x, Reason::Ambiguous),
-                    why => row.reject(x, why),
+    pub(super) fn write(&mut self, map: &mut DisparityMap) {
+        let Self {
+            size: (width, height),
+            bins,
+            why,
+            seen,
+            bands,
+            band_rows,
+            ..
+        } = self;
+        let (width, height) = (*width, *height);
+        // The bands of the full image; an odd last row may need one more band than there is.
+        let full_rows =
+            (2 * *band_rows).max(map.size().1.div_ceil(bands.len()).next_multiple_of(2));
+        let bands = &mut bands[..map.size().1.div_ceil(full_rows)];
+        map.each_band_mut(full_rows, bands, |top, band, scratch| {
+            let (disparities, reasons) = &mut scratch.row;
+            for (y, mut row) in (top..).zip(band.into_rows()) {
+                // Two rows are equal, and so is an odd last one.
+                if y % 2 == 0 && y < 2 * height || y == top {
+                    let start = (y / 2).min(height - 1) * width;
+                    let places = start..start + width;
+                    let seen = &seen[places.clone()];
+                    let bins = bins[places.clone()].iter().zip(seen);
+                    for (out, (bin, &seen)) in disparities.as_chunks_mut().0.iter_mut().zip(bins) {
+                        let disparity = f32::from(*bin) / 8.0;
+                        *out = [if seen == 1 { disparity } else { f32::INFINITY }; 2];
+                    }
+                    let whys = why[places].iter().zip(seen);
+                    for (out, (&why, &seen)) in reasons.as_chunks_mut().0.iter_mut().zip(whys) {
+                        *out = [match (seen, why) {
+                            // Its neighbours failed.
+                            (0, Reason::Valid) => Reason::Ambiguous,
+                            (_, why) => why,
+                        }; 2];
+                    }
+                    disparities[2 * width] = disparities[2 * width - 1];
+                    reasons[2 * width] = reasons[2 * width - 1];
                 }
+                row.write(&disparities[..row.width()], &reasons[..row.width()]);
             }
-        }
+        });
     }
 }
 
-impl WinnerTest {
-    /// Whether the winner of a pixel passes, and its cost.
-    fn winner(
-        self,
-        [left, right]: &[HalfImage; 2],
-        winners: &RowWinners,
-        (x, y): (usize, usize),
-    ) -> (Reason, u8) {
-        let best = usize::from(winners.best[x]);
-        let Some(match_x) = x.checked_sub(best) else {
-            return (Reason::Border, self.out);
+/// Marks the pixels of row `y` that pass, as five of the nine around them do.
+fn keep_majorities(
+    why: &[Reason],
+    (width, height): (usize, usize),
+    y: usize,
+    passing: &mut [u8],
+    seen: &mut [u8],
+) {
+    let row = |y: usize| &why[y * width..][..width];
+    let passes = |why: Reason| u8::from(why == Reason::Valid);
+    let [above, here, below] = [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(row);
+    let rows = above.iter().zip(here).zip(below);
+    for (sum, ((above, here), below)) in passing[1..=width].iter_mut().zip(rows) {
+        *sum = passes(*above) + passes(*here) + passes(*below);
+    }
+    passing[0] = passing[1];
+    passing[width + 1] = passing[width];
+    for ((seen, why), sums) in seen.iter_mut().zip(here).zip(passing.windows(3)) {
+        *seen = passes(*why) & u8::from(sums[0] + sums[1] + sums[2] >= 5);
+    }
+}
+
+/// Fills the gaps of a row; leaves a row without any seen pixel as it is.
+fn fill_row(bins: &[i16], seen: &[u8], jump: i32, filled: &mut [i16]) {
+    let mut before: Option<(usize, i16)> = None;
+    for (x, (&bin, _)) in bins
+        .iter()
+        .zip(seen)
+        .enumerate()
+        .filter(|(_, (_, seen))| **seen == 1)
+    {
+        let (from, value) = match before {
+            None => (0, bin),
+            Some((at, left)) if i32::from(left.abs_diff(bin)) > jump => (at + 1, left.min(bin)),
+            Some((at, left)) => (at + 1, (left + bin) >> 1),
         };
-        let own = left.distance(right, y, x, match_x);
-        if usize::from(winners.right[match_x]) != best {
-            return (Reason::Inconsistent, own);
-        }
-        let (least, second) = (u32::from(winners.least[x]), u32::from(winners.second[x]));
-        let is_unique = match second {
-            // There is no other.
-            255 => self.unique > 0,
-            _ => self.unique * (second - least) >= least + 8,
-        };
-        (
-            if is_unique {
-                Reason::Valid
-            } else {
-                Reason::Ambiguous
-            },
-            own,
-        )
+        filled[from..x].fill(value);
+        filled[x] = bin;
+        before = Some((x, bin));
+    }
+    if let Some((at, bin)) = before {
+        filled[at + 1..].fill(bin);
     }
 }

@@ -9,14 +9,16 @@ mod census;
 mod half_map;
 mod sums;
 
+use super::stage::both;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::depth::decision::{CellPixels, Decision, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
-use crate::kernel::{Isa, PathCost};
+use crate::kernel::{Isa, PathCost, STEPS, WinnerTest};
 use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
 use crate::timing::Stage;
 use census::{HalfImage, StepCosts};
-use half_map::{HalfMap, WinnerTest};
+use half_map::HalfMap;
+use rayon::prelude::*;
 use sums::StripSums;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -117,8 +119,8 @@ struct V5 {
     /// Disparities at half size.
     count: usize,
     cost: PathCost,
-    penalties: [u8; 2],
-    edge: u16,
+    /// What a jump of disparity costs, by the difference of the pixels.
+    jumps: [u8; STEPS],
     test: WinnerTest,
     jump: i32,
     allowance_px: f64,
@@ -146,6 +148,7 @@ impl V5 {
                 "v5: p2={p2} is below p1={p1}: a large step costs at least a small one"
             )));
         }
+        let edge = parameters.int("edge");
         let (rank, table) = match parameters.choice("target") {
             "near" => (75, &VerdictTable::NEAR),
             _ => (50, &VerdictTable::MEDIAN),
@@ -159,8 +162,9 @@ impl V5 {
             isa,
             count,
             cost: PathCost { out, small: p1 },
-            penalties: [p1, p2],
-            edge: parameters.int("edge") as u16,
+            jumps: std::array::from_fn(|difference| {
+                p1.max((i32::from(p2) * edge / edge.max(difference as i32)) as u8)
+            }),
             test: WinnerTest {
                 unique: parameters.int("unique") as u32,
                 out,
@@ -195,28 +199,26 @@ impl V5 {
             (rule, context.rig, made)
         }));
         let shape = context.grid.shape();
-        let pixels = match &mut self.cells[..] {
-            [pixels, ..] => pixels,
-            [] => {
-                self.cells.push(CellPixels::new(bins));
-                &mut self.cells[0]
-            }
-        };
         let unknown = Cell {
             valid_share: 0.0,
             depth: None,
             probability: None,
         };
         cells.clear();
-        for place in shape.iter() {
-            let Some(Scratch { images, map, .. }) = &self.scratch else {
-                cells.push(unknown);
-                continue;
-            };
+        cells.resize(shape.cells(), unknown);
+        let Some(Scratch { images, map, .. }) = &self.scratch else {
+            return;
+        };
+        if !map.sees() {
+            return;
+        }
+        self.cells
+            .resize_with(shape.cells(), || CellPixels::new(bins));
+        let decide = |(i, (cell, pixels)): (usize, (&mut Cell, &mut CellPixels))| {
+            let place = (i % shape.columns, i / shape.columns);
             let (columns, rows) = shape.pixels(place, map.size());
-            if columns.is_empty() || rows.is_empty() || !map.sees() {
-                cells.push(unknown);
-                continue;
+            if columns.is_empty() || rows.is_empty() {
+                return;
             }
             pixels.clear();
             for y in rows {
@@ -225,11 +227,12 @@ impl V5 {
             }
             let evidence = self.decision.evidence(pixels, tolerance);
             let rig = context.rig.as_ref();
-            cells.push(
-                self.decision
-                    .cell(pixels, &evidence, context.grid.min_valid, rig),
-            );
-        }
+            *cell = self
+                .decision
+                .cell(pixels, &evidence, context.grid.min_valid, rig);
+        };
+        let cells = cells.par_iter_mut().zip(&mut self.cells);
+        cells.enumerate().for_each(decide);
     }
 }
 
@@ -264,15 +267,20 @@ impl Matcher for V5 {
             } = scratch;
             let isa = self.isa;
 
-            census::load(isa, images, &pair);
+            let [left, right] = images;
+            both(
+                || {
+                    left.load(isa, pair.left());
+                    steps.load(isa, left, &self.jumps);
+                },
+                || right.load(isa, pair.right()),
+            );
             output.clock.lap(Stage::Smoothing);
 
-            steps.load(isa, &images[0], self.penalties, self.edge);
             sums.follow(isa, images, steps, self.cost);
-            map.choose(isa, sums, images, self.test);
+            map.choose(isa, sums, images, &self.test);
             output.clock.lap(Stage::Matching);
 
-            map.keep_majorities();
             map.fill(self.jump);
             map.write(&mut output.disparity);
         }

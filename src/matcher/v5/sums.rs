@@ -93,7 +93,8 @@ impl StripSums {
     }
 
     /// The sums of up to 16 rows from `top`, a multiple of 16, on: by row, disparity and column,
-    /// with `stride` columns, [`u8::MAX`] beyond the image's `width`.
+    /// with `stride` columns. Those of whole
+    /// blocks are written, with [`u8::MAX`] beyond the image's `width`.
     pub(super) fn rows(&self, isa: Isa, top: usize, width: usize, stride: usize, out: &mut [u8]) {
         let rows = &self.strips[self.columns + top / N];
         for (i, columns) in self.strips[..self.columns].iter().enumerate() {
@@ -109,7 +110,7 @@ impl StripSums {
             );
         }
         for line in out.chunks_exact_mut(stride) {
-            line[width..].fill(u8::MAX);
+            line[width..padded(width)].fill(u8::MAX);
         }
     }
 }
