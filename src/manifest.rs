@@ -2,7 +2,8 @@
 
 use crate::error::Result;
 use crate::kernel;
-use crate::matcher::Algorithm;
+use crate::matcher::{self, Algorithm};
+use crate::stereo::CellRule;
 use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
 use std::path::Path;
@@ -130,6 +131,17 @@ impl Manifest {
             machine: Machine::this()?,
             times: None,
         })
+    }
+
+    /// Says by which rule cells are judged: it is a parameter of the algorithms that answer them.
+    pub fn set_rule(&mut self, rule: CellRule) {
+        for record in &mut self.algorithms {
+            let answers = matcher::find(&record.name).is_ok_and(|spec| spec.answers_cells);
+            if answers {
+                let of = format!("{}:{}", record.name, record.parameters);
+                record.parameters_hash = hash(&format!("{of};{}", rule.right_words()))[..16].into();
+            }
+        }
     }
 
     /// Names and values for people. Names are unique, and no value is empty.

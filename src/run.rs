@@ -480,6 +480,7 @@ fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
             times,
         } = matched;
         let disparity = output.disparity;
+        let own_grid = output.grid.is_some();
         let grid = output
             .grid
             .unwrap_or_else(|| depth::grid(disparity.disparity(), judge.grid, frame.rig()));
@@ -487,6 +488,7 @@ fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
             algorithm,
             disparity,
             grid,
+            own_grid,
             times,
         }
     };

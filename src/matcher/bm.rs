@@ -50,6 +50,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Speckles::SIZE,
         Speckles::RANGE,
     ],
+    answers_cells: false,
     build: |parameters, isa| Ok(matcher(Bm::new(parameters, isa)?)),
 };
 

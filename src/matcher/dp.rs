@@ -73,6 +73,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             "run whose disparity is propagated over one larger by one (OpenCV's parameter 5)",
         ),
     ],
+    answers_cells: false,
     build: |parameters, isa| Ok(matcher(Dp::new(parameters, isa))),
 };
 

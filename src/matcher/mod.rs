@@ -130,6 +130,8 @@ pub struct MatcherSpec {
     /// Where the method was published.
     pub paper: &'static str,
     pub parameters: &'static [Parameter],
+    /// Whether it answers the cells of the depth grid itself, by the rule that they are judged by.
+    pub answers_cells: bool,
     /// Makes one that runs on that instruction set; the parameters are complete and within their
     /// ranges.
     pub build: fn(&Parameters, Isa) -> Result<Box<dyn Matcher>>,

@@ -62,6 +62,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Speckles::SIZE,
         Speckles::RANGE,
     ],
+    answers_cells: false,
     build: |parameters, isa| Ok(matcher(Sgm::new(parameters, isa)?)),
 };
 

@@ -33,6 +33,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         SUBPIXEL,
         BACK_CHECK,
     ],
+    answers_cells: false,
     build: |parameters, isa| {
         let texture = DeviationTexture::new(parameters.real(DeviationTexture::THRESHOLD.name));
         let filter = SpreadFilter {

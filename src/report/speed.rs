@@ -8,6 +8,9 @@ use polars::prelude::{DataFrame, PolarsResult};
 /// Outliers, 1993, take 3.5 for normal ones).
 pub(super) const OUTLIER: f64 = 14.26;
 
+/// Fewest pairs that have a spread.
+const FEWEST: usize = 20;
+
 /// What the pairs of one algorithm took.
 pub(super) struct Speed {
     /// µs, ascending.
@@ -88,8 +91,12 @@ impl Speed {
             .per_pixel
             .iter()
             .filter(|t| **t - median > OUTLIER * scale);
-        // Times in whole microseconds may all be equal; then there is nothing to measure by.
-        if scale > 0.0 { slow.count() as u64 } else { 0 }
+        // Times in whole microseconds may all be equal, and a few say little of their spread: then
+        // there is nothing to measure by.
+        match self.per_pixel.len() >= FEWEST && scale > 0.0 {
+            true => slow.count() as u64,
+            false => 0,
+        }
     }
 
     /// Median seconds per million pixels.
@@ -164,10 +171,11 @@ pub(super) mod tests {
                 .unwrap()
                 .outliers()
         };
-        // Median 1010, of its deviations 20: the limit is 1010 + 14.26 · 29.7 = 1433.
-        assert_eq!(outliers(&[980, 990, 1000, 1010, 1020, 1400, 1500]), 1);
-        assert_eq!(outliers(&[1000, 1000, 1000, 1000, 9000]), 0);
-        assert_eq!(outliers(&[5]), 0);
+        // Median 1009, of the deviations 5: the limit is 1009 + 14.26 · 7.4 = 1115.
+        let spread: Vec<u64> = (1000..1020).collect();
+        assert_eq!(outliers(&[&spread[..], &[1110, 1200]].concat()), 1);
+        assert_eq!(outliers(&[&spread[..5], &[9000]].concat()), 0);
+        assert_eq!(outliers(&[&[1000; 30][..], &[9000]].concat()), 0);
     }
 
     #[test]

@@ -30,6 +30,9 @@ pub struct Summary {
     /// What the times are of, where that is known.
     #[serde(skip)]
     pub times: Option<String>,
+    /// Whether they are of matching alone.
+    #[serde(skip)]
+    pub measured: bool,
 }
 
 /// An algorithm without a result.
@@ -178,6 +181,7 @@ impl Summary {
             failed: Vec::new(),
             rule: CellRule::default(),
             times: None,
+            measured: false,
         })
     }
 }

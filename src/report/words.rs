@@ -179,7 +179,11 @@ pub(super) fn failed(summary: &Summary) -> Option<String> {
 
 /// Which algorithms have outliers among their times.
 fn outliers(summary: &Summary) -> Option<(&'static str, String)> {
-    let of = summary.algorithms.iter().filter(|a| a.outliers > 0);
+    // Else svl's own reading and writing makes them.
+    let of = summary
+        .algorithms
+        .iter()
+        .filter(|a| summary.measured && a.outliers > 0);
     let of = of.map(|a| {
         format!(
             "{} of {}'s {}",

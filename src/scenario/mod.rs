@@ -63,7 +63,7 @@ struct File {
     name: String,
     #[serde(default)]
     description: String,
-    #[serde(default = "v3")]
+    #[serde(default = "v5")]
     algorithms: Vec<String>,
     #[serde(default)]
     grid: GridSettings,
@@ -77,8 +77,8 @@ struct File {
     gate: Vec<toml::Spanned<Limit>>,
 }
 
-fn v3() -> Vec<String> {
-    vec!["v3".to_owned()]
+fn v5() -> Vec<String> {
+    vec!["v5".to_owned()]
 }
 
 #[derive(Deserialize)]

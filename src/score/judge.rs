@@ -2,8 +2,8 @@
 
 use super::{
     CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, Correlations,
-    DisparityScore, FrameFacts, MetricValues, RunPart, agreed_cells, judge_cells, true_grid,
-    unrivalled_cells,
+    DisparityScore, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueQuarters, agreed_cells,
+    judge_cells, true_grid, unrivalled_cells,
 };
 use crate::depth::GridSettings;
 use crate::stereo::{CellRule, DepthGrid, Estimate, Frame};
@@ -64,13 +64,17 @@ impl Judge {
             true => None,
             false => true_grid(&frame, self.grid.shape()),
         };
+        let quarters = frame
+            .truth
+            .as_ref()
+            .zip(true_grid.as_ref())
+            .map(|(truth, grid)| TrueQuarters::new(truth, grid, self.rule(&frame), frame.rig()));
+        let true_cells = true_grid.as_ref().zip(quarters.as_ref());
         let supports = self.supports(&frame, &estimates);
         let estimates = estimates
             .into_iter()
             .zip(supports)
-            .map(|(estimate, support)| {
-                self.judge_estimate(&frame, true_grid.as_ref(), estimate, support)
-            })
+            .map(|(estimate, support)| self.judge_estimate(&frame, true_cells, estimate, support))
             .collect();
         Judged {
             frame,
@@ -106,24 +110,29 @@ impl Judge {
     fn judge_estimate(
         &self,
         frame: &Frame,
-        true_grid: Option<&DepthGrid>,
+        true_cells: Option<(&DepthGrid, &TrueQuarters)>,
         estimate: Estimate,
         support: CellSupport,
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
-        let cells = true_grid.map(|truth| judge_cells(truth, &estimate.grid, self.rule(frame)));
+        let rule = self.rule(frame);
+        let cells = true_cells.map(|(truth, _)| judge_cells(truth, &estimate.grid, rule));
+        let surfaces = true_cells.map(|(truth, quarters)| {
+            SurfaceTally::new(frame, truth, quarters, &estimate.grid, rule)
+        });
         let truth = frame.truth.as_ref();
         // Collected once: every metric reads the same scores.
         let facts = FrameFacts {
             frame,
             estimate: &estimate,
-            rule: self.rule(frame),
+            rule,
             pixels: truth.map(|truth| DisparityScore::new(map, truth)),
             cells: cells.as_deref().map(CellTally::from_judgements),
+            surfaces,
             support,
         };
         JudgedEstimate {
-            hash: map.hash(),
+            hash: estimate.hash(),
             metrics: MetricValues::of_frame(&facts),
             checkpoints: self.checkpoints_of(frame, &estimate.grid, cells.as_deref()),
             cells,
@@ -189,6 +198,7 @@ mod tests {
             algorithm: String::new(),
             grid: depth::grid(disparity.disparity(), GridSettings::default(), None),
             disparity,
+            own_grid: false,
             times: StageTimes::default(),
         }
     }

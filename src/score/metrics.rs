@@ -4,7 +4,7 @@
 //! take their columns, headings and words from [`METRICS`]. A new metric is computed where it
 //! belongs (pixels: `disparity.rs`, cells: `cells.rs`) and gets an entry here.
 
-use super::{CellTally, DisparityScore};
+use super::{CellTally, DisparityScore, SurfaceTally};
 use crate::stereo::{CellRule, Estimate, Frame};
 use serde::{Serialize, Serializer};
 
@@ -18,6 +18,8 @@ pub struct FrameFacts<'a> {
     pub pixels: Option<DisparityScore>,
     /// The cells against the truth; absent without truth.
     pub cells: Option<CellTally>,
+    /// The cells against the nearest quarters of the truth; absent without truth.
+    pub surfaces: Option<SurfaceTally>,
     /// What needs no truth, of frames that have none.
     pub support: CellSupport,
 }
@@ -39,9 +41,20 @@ impl FrameFacts<'_> {
     /// As `cells`, where distances are known: elsewhere no obstacle can be missed, and a 0 would
     /// claim too much.
     fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
-        let distances =
-            matches!(self.rule, CellRule::Distance { .. }) && self.frame.rig().is_some();
-        self.cells(count).filter(|_| distances)
+        self.cells(count).filter(|_| self.has_distances())
+    }
+
+    fn surfaces(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        self.surfaces.as_ref().map(|cells| count(cells) as f64)
+    }
+
+    /// As `surfaces`, where distances are known.
+    fn near_obstacles(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        self.surfaces(count).filter(|_| self.has_distances())
+    }
+
+    fn has_distances(&self) -> bool {
+        matches!(self.rule, CellRule::Distance { .. }) && self.frame.rig().is_some()
     }
 }
 
@@ -223,6 +236,117 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "false_obstacles",
             of: |facts| facts.obstacles(|cells| cells.false_obstacles),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "right_surface",
+        words: "right cells, by surface",
+        group: "by surface, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_right_surface",
+            of: |facts| facts.surfaces(|cells| cells.right),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "right also where a report names a nearer surface that fills a quarter of \
+                         the cell or more";
+            ("by surface", words.into())
+        }),
+    },
+    Metric {
+        name: "wrong_surface",
+        words: "wrong cells, by surface",
+        group: "by surface, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong_surface",
+            of: |facts| facts.surfaces(|cells| cells.wrong),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "right_near",
+        words: "right cells, by the nearest quarter",
+        group: "nearest quarter, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_right_near",
+            of: |facts| facts.surfaces(|cells| cells.near_right),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "judged by the nearest quarter of a cell in place of its median";
+            ("nearest quarter", words.into())
+        }),
+    },
+    Metric {
+        name: "wrong_near",
+        words: "wrong cells, by the nearest quarter",
+        group: "nearest quarter, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong_near",
+            of: |facts| facts.surfaces(|cells| cells.near_wrong),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "missed25",
+        words: "missed near obstacles",
+        group: "near obstacles",
+        head: "missed",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "missed25",
+            of: |facts| facts.near_obstacles(|cells| cells.missed),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells whose nearest quarter is nearer than {obstacle_m} m reported beyond \
+                 {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of which less \
+                 than 5 % is nearer than {clear_m} m (false)"
+            );
+            ("near obstacles", words)
+        }),
+    },
+    Metric {
+        name: "false5",
+        words: "false near obstacles",
+        group: "near obstacles",
+        head: "false",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "false5",
+            of: |facts| facts.near_obstacles(|cells| cells.falsely),
             total: MetricTotal::Sum,
         },
         plot: None,

@@ -9,6 +9,7 @@ mod metrics;
 mod photometric;
 pub mod protocol;
 mod support;
+mod surfaces;
 
 pub use cells::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
 pub use checkpoint::{
@@ -23,3 +24,4 @@ pub use metrics::{
 };
 pub use photometric::Correlations;
 pub use support::{agreed_cells, supported_cells, unrivalled_cells};
+pub use surfaces::{SurfaceTally, TrueQuarters};

@@ -91,6 +91,7 @@ mod tests {
             algorithm: "a".into(),
             grid: depth::grid(disparity.disparity(), SHAPE.into(), None),
             disparity,
+            own_grid: false,
             times: StageTimes::default(),
         }
     }

@@ -215,7 +215,19 @@ pub struct Estimate {
     pub algorithm: String,
     pub disparity: DisparityMap,
     pub grid: DepthGrid,
+    /// Whether the algorithm made the grid, not [`crate::depth::grid`].
+    pub own_grid: bool,
     pub times: StageTimes,
+}
+
+impl Estimate {
+    /// Hash of the disparities, and of the grid where it is the algorithm's own.
+    pub fn hash(&self) -> u128 {
+        match self.own_grid {
+            false => self.disparity.hash(),
+            true => self.grid.hash(self.disparity.hash()),
+        }
+    }
 }
 
 /// What of a source is in no frame, each with its reason.

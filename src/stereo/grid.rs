@@ -128,6 +128,20 @@ impl DepthGrid {
         self.shape
     }
 
+    /// Hash of the disparities of all cells and of another hash. Probabilities are left out, as
+    /// their last digits depend on the machine.
+    pub(crate) fn hash(&self, other: u128) -> u128 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        hasher.update(&other.to_le_bytes());
+        for cell in &self.cells {
+            let px = |d: CellDepth| [d.median_px, d.p20_px, d.p80_px];
+            // Infinity for an unknown one, which no disparity is.
+            let px = cell.depth.map_or([f32::INFINITY; 3], px);
+            px.iter().for_each(|px| hasher.update(&px.to_le_bytes()));
+        }
+        hasher.digest128()
+    }
+
     /// The cells in raster order.
     pub fn into_cells(self) -> Vec<Cell> {
         self.cells

@@ -93,6 +93,7 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
         algorithm: label.to_owned(),
         disparity,
         grid,
+        own_grid: false,
         times,
     }
 }

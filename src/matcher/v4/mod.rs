@@ -42,6 +42,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         SUBPIXEL,
         BACK_CHECK,
     ],
+    answers_cells: false,
     build: |parameters, isa| Ok(matcher(V4::new(parameters, isa)?)),
 };
 

@@ -111,6 +111,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             description: "least probability that a cell that is reported is right",
         },
     ],
+    answers_cells: true,
     build: |parameters, isa| Ok(Box::new(V5::new(parameters, isa)?)),
 };
 

@@ -2,6 +2,7 @@
 //! checkpoints against both.
 
 mod config;
+mod perturbed;
 mod pictures;
 mod scenario;
 mod truth;

@@ -91,7 +91,7 @@ fn a_scenario_and_an_option_name_the_same_truth_and_the_gate_says_so() {
         "own.toml",
         "name = \"own\"\n[source]\nkind = \"recording\"\nfiles = [\"bag.mcap\"]\n\
          truth = \"/truth/depth\"\ntruth_skew_ms = 1\n\
-         [[gate]]\nalgorithm = \"v3\"\nmetric = \"wrong\"\nmax = 0.9\n",
+         [[gate]]\nalgorithm = \"v5\"\nmetric = \"wrong\"\nmax = 0.9\n",
     );
     let right = |json: Value| json["algorithms"][0]["cells_right"].clone();
     let option = right(fixture.json("score bag.mcap --truth /truth/depth --json"));

@@ -192,7 +192,7 @@ fn verify_tells_what_differs() {
     };
     fails(
         "--verify=other.csv",
-        "error: v3: 1 results differ from those of other.csv, the first on pair 1",
+        "error: v5: 1 results differ from those of other.csv, the first on pair 1",
     );
     let lines: Vec<_> = rows.lines().collect();
     fs::write(fixture.path("short.csv"), lines[..3].join("\n")).unwrap();
@@ -200,13 +200,13 @@ fn verify_tells_what_differs() {
         "--verify=short.csv",
         "1 results have no counterpart in short.csv",
     );
-    // A table of v3 under the name of another range: equal labels, other parameters.
+    // A table of v5 under the name of another range: equal labels, other parameters.
     let parameters = lines[1].split(',').nth(8).unwrap();
     fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
     // What stands in a file starts no program.
     fs::write(
         fixture.path("evil.csv"),
-        rows.replace(",v3,", ",exec:command=touch pwned,"),
+        rows.replace(",v5,", ",exec:command=touch pwned,"),
     )
     .unwrap();
     fails(

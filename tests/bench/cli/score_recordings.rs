@@ -257,7 +257,7 @@ fn a_range_keeps_numbers_and_stamps_and_a_smaller_image_its_distances() {
         let cells = read_rows(&fixture.path(&format!("reports/{report}/cells.csv"))).unwrap();
         cells
             .into_iter()
-            .filter(|cell: &CellRow| cell.algorithm == "v3")
+            .filter(|cell: &CellRow| ["v3", "v5"].contains(&cell.algorithm.as_str()))
             .collect()
     };
     let (half, whole) = (cells("half"), cells("run1"));
@@ -338,7 +338,7 @@ fn cells_are_data_in_results_tables_and_json() {
         assert!(off.abs() < 1e-6);
     }
     let info = fixture.svl(&["info", "result.mcap"]).done();
-    assert!(info.contains("/algo/v3/cells"), "{info}");
+    assert!(info.contains("/algo/v5/cells"), "{info}");
     let verified = fixture
         .svl(&["replay", "result.mcap", "-q", "--verify"])
         .done();

@@ -239,6 +239,7 @@ fn results_stand_beside_the_pairs() {
         algorithm: algorithm.to_owned(),
         disparity: disparity.clone(),
         grid: grid.clone(),
+        own_grid: false,
         times: Default::default(),
     };
     let estimates = [estimate("v3"), estimate("exec:command=/bin/elas")];

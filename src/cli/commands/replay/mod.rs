@@ -45,7 +45,7 @@ pub(crate) struct Args {
     /// newest of recordings/, else the arena, recorded first]
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v3; with
+    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v5; with
     /// --verify those of the earlier run]
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
@@ -149,7 +149,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .transpose()?;
     let algorithms = match (&args.algo[..], &before) {
         ([], Some(before)) => before.algorithms()?,
-        ([], None) => vec!["v3".parse()?],
+        ([], None) => vec!["v5".parse()?],
         (named, _) => named.to_vec(),
     };
     let mut matchers = Matchers::new(&algorithms)?;
@@ -161,6 +161,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         bits: opened.header.bits,
         ..Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?
     };
+    manifest.set_rule(Judge::default().cells);
     manifest.times = Some(args.rate.times());
     manifest.runs = vec![opened.record(&opened.source.name(), Path::new(&name))];
     let rerun = args.rerun.clone().map(|target| {

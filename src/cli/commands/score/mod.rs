@@ -56,7 +56,7 @@ pub(crate) struct Args {
     )]
     what: Vec<String>,
     /// Algorithm, as `svl algos` lists them, or a sweep; may be given more than once [default: the
-    /// scenario's; of recordings v3]
+    /// scenario's; of recordings v5]
     #[arg(long, value_name = "NAME[:key=value,…]")]
     algo: Vec<Algorithms>,
     /// At most N algorithms of each sweep, spread evenly over its grid, always the same ones

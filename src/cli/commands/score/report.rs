@@ -36,6 +36,7 @@ impl ScoreReport {
     ) -> anyhow::Result<Self> {
         let mut manifest =
             Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+        manifest.set_rule(scenario.cells);
         manifest.times = Some(pace.times());
         manifest.runs = runs
             .iter()
@@ -102,6 +103,7 @@ impl ScoreReport {
         let ReportPictures { figures, scenes } = results.pictures;
         summary.incomplete = incomplete;
         summary.rule = scenario.cells;
+        summary.measured = true;
         matchers.complete(&mut manifest);
         summary.complete(&mut manifest);
         if let Some(metric) = sort {

@@ -21,7 +21,7 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
                 let cure = "name one scenario, or recordings";
                 return Err(usage::wrong(format!("{name}: is a scenario; {cure}")));
             }
-            Scenario::of_recordings(recordings, vec!["v3".parse()?])?
+            Scenario::of_recordings(recordings, vec!["v5".parse()?])?
         }
     };
     if !args.algo.is_empty() {
