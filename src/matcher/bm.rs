@@ -27,6 +27,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &["svs"],
     summary: "block matching of edges in square windows, the Small Vision System's and OpenCV's: \
               fast and dense",
+    about: "",
     paper: "Konolige, Small Vision Systems: Hardware and Implementation, ISRR 1997; OpenCV's \
             StereoBM",
     parameters: &[

@@ -33,6 +33,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "dynamic programming along rows: dense and often wrong, the base line that the \
               thesis gave up",
+    about: "",
     paper: "Birchfield and Tomasi, Depth Discontinuities by Pixel-to-Pixel Stereo, ICCV 1998; \
             OpenCV 1.0, cvaux",
     parameters: &[

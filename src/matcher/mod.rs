@@ -127,6 +127,8 @@ pub struct MatcherSpec {
     /// Other names it is known by; unique in the table, as `name` is.
     pub aliases: &'static [&'static str],
     pub summary: &'static str,
+    /// How it works, in some lines; may be empty.
+    pub about: &'static str,
     /// Where the method was published.
     pub paper: &'static str,
     pub parameters: &'static [Parameter],

@@ -27,6 +27,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "semi-global matching of censuses along eight paths: the densest and most exact, and \
               the slowest",
+    about: "",
     paper: "Hirschmüller, Stereo Processing by Semiglobal Matching and Mutual Information, PAMI \
             30(2), 2008",
     parameters: &[

@@ -21,6 +21,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "block matching of contrasty pixels with a spread filter and a symmetric check: \
               sparse and careful",
+    about: "",
     paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
             2007, section 5.3.2",
     parameters: &[

@@ -19,6 +19,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "block matching on textured pixels with a self check: fast and robust, made for \
               obstacle avoidance",
+    about: "",
     paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
             2007, section 5.3.3",
     parameters: &[

@@ -95,6 +95,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let last = width();
     let mut text: String = specs.iter().map(|spec| describe(spec, last)).collect();
+    if let Some(spec) = args.name.filter(|spec| !spec.about.is_empty()) {
+        text += &wrapped("", 0, spec.about, last);
+        text.push('\n');
+    }
     text += &wrapped(
         "",
         0,

@@ -41,6 +41,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "any program, over its standard input and output: to compare with an algorithm that \
               svl does not have",
+    about: "",
     paper: "whatever the program does; adapters/opencv.py explains the protocol and is an example",
     parameters: &[
         Parameter {

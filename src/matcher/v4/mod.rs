@@ -29,6 +29,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "windows in a hash table, matched across rows: for cameras that are not aligned, and \
               measures their vertical misalignment",
+    about: "",
     paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
             2007, section 5.3.4",
     parameters: &[
