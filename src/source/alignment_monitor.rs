@@ -1,4 +1,4 @@
-//! Monitors the pairs of a source: their vertical misalignment, and their sizes.
+//! Monitors the vertical misalignment of a source's pairs.
 
 use super::Source;
 use crate::counted;
@@ -7,15 +7,12 @@ use crate::rectify::AlignmentMeter;
 use crate::score::Judged;
 use crate::stereo::{Frame, Losses};
 
-/// A source that measures a few of its pairs, and warns once when they are vertically misaligned, and
-/// at the end when some are not of the first one's size, which a camera's are. Scenes may differ.
+/// A source that measures a few of its pairs, and warns once when they are vertically misaligned.
 pub struct AlignmentMonitor<'a> {
     source: &'a mut dyn Source,
     meter: AlignmentMeter,
     taken: u64,
     measured: u64,
-    size: Option<(usize, usize)>,
-    other_sizes: u64,
 }
 
 /// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
@@ -29,30 +26,6 @@ impl<'a> AlignmentMonitor<'a> {
             meter: AlignmentMeter::new(),
             taken: 0,
             measured: 0,
-            size: None,
-            other_sizes: 0,
-        }
-    }
-
-    fn count_sizes(&mut self, frame: Option<&Frame>) {
-        match frame {
-            Some(frame) if frame.name.is_none() => {
-                let size = frame.pair.size();
-                let is_other = *self.size.get_or_insert(size) != size;
-                self.other_sizes += u64::from(is_other);
-            }
-            Some(_) => {}
-            None => {
-                if let (Some((width, height)), 1..) = (self.size, self.other_sizes) {
-                    tracing::warn!(
-                        "{}: {} not of the first one's size, {width}x{height}: matched as they \
-                         are, though a camera's are all of one size",
-                        self.source.name(),
-                        counted(self.other_sizes, "pair")
-                    );
-                    self.other_sizes = 0;
-                }
-            }
         }
     }
 
@@ -88,7 +61,6 @@ impl Source for AlignmentMonitor<'_> {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
-        self.count_sizes(frame.as_ref());
         self.measure(frame.as_ref());
         Ok(frame)
     }

@@ -248,6 +248,26 @@ pub struct Losses {
     pub grabber: Option<GrabberReport>,
 }
 
+impl Losses {
+    /// Adds those of another run; of grabbers the last one's report stays.
+    pub fn add(&mut self, other: Self) {
+        let Self {
+            unpaired,
+            late,
+            unreadable,
+            without_truth,
+            cut,
+            grabber,
+        } = other;
+        self.unpaired += unpaired;
+        self.late += late;
+        self.unreadable += unreadable;
+        self.without_truth += without_truth;
+        self.cut += cut;
+        self.grabber = grabber.or(self.grabber.take());
+    }
+}
+
 /// The counts of a synchronized grabber at its end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GrabberReport {

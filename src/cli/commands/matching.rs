@@ -1,7 +1,7 @@
 //! `svl match`: one pair of image files through one algorithm.
 
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_error, print_json};
 use crate::cli::shared::usage;
 use anyhow::Context;
 use serde::Serialize;
@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let (pair, note) = files::read_pair(&args.left, &args.right, args.bits)
         .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
     if let Some(note) = note {
-        eprintln!("{note}");
+        print_error(note);
     }
     let (width, height) = pair.size();
     let calib = args.calib.as_deref();

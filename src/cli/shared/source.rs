@@ -1,7 +1,7 @@
 //! Options of sources on the command line, and what help and lists say of [`SOURCES`].
 
 use super::progress::{Progress, interrupted, listen_for_interrupt};
-use super::terminal::{LAST_COLUMN, print, width, wrapped};
+use super::terminal::{LAST_COLUMN, print, print_error, width, wrapped};
 use super::usage;
 use clap::builder::{NonEmptyStringValueParser, PossibleValue, TypedValueParser};
 use std::path::{Path, PathBuf};
@@ -315,7 +315,7 @@ pub(crate) fn open_recording(request: &Request<'_>, quiet: bool) -> anyhow::Resu
 fn noted(opened: svl::Result<Opened>, quiet: bool) -> anyhow::Result<Opened> {
     let opened = opened?;
     if !quiet {
-        opened.notes.iter().for_each(|note| eprintln!("{note}"));
+        opened.notes.iter().for_each(print_error);
     }
     Ok(opened)
 }

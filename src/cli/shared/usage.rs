@@ -1,6 +1,7 @@
 //! What is wrong with the command line itself, whatever files and machines there are: one line, and
 //! exit code 2.
 
+use super::terminal::print_error;
 use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::error::ErrorKind;
@@ -20,10 +21,10 @@ pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
 pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     let line = one_line(error);
     if error.downcast_ref().is_some_and(svl::Error::is_usage) {
-        eprintln!("error: {line}; see --help");
+        print_error(format_args!("error: {line}; see --help"));
         ExitCode::from(2)
     } else {
-        eprintln!("error: {line}");
+        print_error(format_args!("error: {line}"));
         ExitCode::FAILURE
     }
 }
@@ -47,7 +48,7 @@ pub(crate) fn report_clap(error: &Error) -> ExitCode {
                 _ => format!("{text} {line}"),
             },
         );
-        eprintln!("{line}; see --help");
+        print_error(format_args!("{line}; see --help"));
     } else {
         // A closed standard output is no reason to panic.
         let _ = error.print();

@@ -46,6 +46,8 @@ pub struct FolderSource {
     calibration: std::result::Result<Option<StereoCalibration>, String>,
     /// Size of the first pair that can be read.
     size: (usize, usize),
+    /// Whether a pair of another size was met.
+    sizes_differ: bool,
     next: usize,
 }
 
@@ -91,6 +93,7 @@ impl FolderSource {
             geometry: of_cameras.geometry,
             calibration: of_cameras.calibration,
             size,
+            sizes_differ: false,
             next: 0,
         })
     }
@@ -114,6 +117,19 @@ impl FolderSource {
     /// read.
     pub fn calibration(&self) -> &std::result::Result<Option<StereoCalibration>, String> {
         &self.calibration
+    }
+
+    /// Warns once of a pair that is not of the first one's size, as a camera's are.
+    fn compare_size(&mut self, frame: &Frame) {
+        let ((width, height), (first_width, first_height)) = (frame.pair.size(), self.size);
+        if (width, height) != self.size && !std::mem::replace(&mut self.sizes_differ, true) {
+            tracing::warn!(
+                "{}: pair {} has {width}x{height} pixels, the first {first_width}x{first_height}: \
+                 a camera's are all of one size; this and others are matched as they are",
+                self.folder.display(),
+                frame.name.as_deref().unwrap_or_default()
+            );
+        }
     }
 
     fn read(&mut self, number: usize) -> Result<Frame> {
@@ -183,7 +199,10 @@ impl Source for FolderSource {
         while self.next < self.pairs.len() {
             self.next += 1;
             match self.read(self.next - 1) {
-                Ok(frame) => return Ok(Some(frame)),
+                Ok(frame) => {
+                    self.compare_size(&frame);
+                    return Ok(Some(frame));
+                }
                 Err(error) => {
                     // As in recordings: one line in the log; the number follows at the end.
                     if self.unreadable == 0 {

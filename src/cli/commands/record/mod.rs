@@ -2,7 +2,7 @@
 
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::source::{self, CameraArgs, RangeArgs, RectifyArgs, TopicArgs};
-use crate::cli::shared::terminal::print;
+use crate::cli::shared::terminal::{print, print_error};
 use crate::cli::shared::{recordings, runner, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -150,7 +150,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !quiet {
         report(&output, &outcome, began.elapsed().as_secs_f64())?;
         if let Some(note) = stamps.as_ref().and_then(StampOrigin::note) {
-            eprintln!("{}: {note}", args.source);
+            print_error(format_args!("{}: {note}", args.source));
         }
     }
     runner::complete(&outcome)

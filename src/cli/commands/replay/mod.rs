@@ -5,7 +5,7 @@ mod verify;
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::recordings::{self, RECORDINGS};
 use crate::cli::shared::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
-use crate::cli::shared::terminal::{print, print_json, width};
+use crate::cli::shared::terminal::{print, print_error, print_json, width};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -282,7 +282,9 @@ fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
         return Ok(path);
     }
     if !quiet {
-        eprintln!("no recording in {RECORDINGS}/: recording the arena first");
+        print_error(format_args!(
+            "no recording in {RECORDINGS}/: recording the arena first"
+        ));
     }
     recordings::cached_run(&Scenario::arena()?, 1, quiet)
 }

@@ -167,7 +167,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let (outcome, ran) = report.take(run, &mut matchers, quiet);
         total.frames += outcome.frames;
         total.failures += outcome.failures;
-        total.losses.unreadable += outcome.losses.unreadable;
+        total.losses.add(outcome.losses);
         ran?;
         if outcome.interrupted {
             bail!("interrupted; the report holds what was scored before");
