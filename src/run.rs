@@ -11,7 +11,7 @@ use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use crate::score::{Judge, Judged};
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;
-use crate::stereo::{DisparityMap, Estimate, Frame, Losses, RectifiedPair};
+use crate::stereo::{DisparityMap, Estimate, Frame, Losses, RectifiedPair, Rig};
 use crate::timing::StageTimes;
 use std::collections::VecDeque;
 use std::sync::mpsc::{channel, sync_channel};
@@ -122,6 +122,8 @@ struct RunMatcher {
     /// Maps that the sinks are done with.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
+    /// Where its parameters determine it, and until the user was warned of it.
+    max_disparity: Option<i32>,
 }
 
 impl Matchers {
@@ -147,6 +149,7 @@ impl Matchers {
                 last_failure: String::new(),
                 spent: Vec::new(),
                 memory: None,
+                max_disparity: algorithm.max_disparity(),
             })
         };
         algorithms
@@ -524,6 +527,23 @@ impl RunMatcher {
         }
     }
 
+    /// Warns once where its range of disparities ends before obstacles do.
+    fn warn_of_range(&mut self, rig: &Rig, obstacle_m: f64) {
+        let nearest_m = |px: i32| rig.depth_m(f64::from(px));
+        let Some(nearest_m) = self.max_disparity.and_then(nearest_m) else {
+            return;
+        };
+        if nearest_m >= obstacle_m {
+            let px = rig.disparity_px(obstacle_m).ceil();
+            tracing::warn!(
+                "{}: max_disparity sees nothing nearer than {nearest_m:.2} m, but obstacles are what \
+                 is nearer than {obstacle_m} m: it takes more than {px} px",
+                self.label
+            );
+            self.max_disparity = None;
+        }
+    }
+
     /// Sets up its memory for that pair, and learns how much that is.
     fn warm_up(
         &mut self,
@@ -591,14 +611,19 @@ impl Matching<'_> {
         }
         let pair = frame.rectified()?;
         let context = MatchContext {
+            truth: frame.truth.as_ref(),
             rig: frame.rig().copied(),
             grid: self.judge.grid,
             cells: self.judge.cells,
             ..MatchContext::default()
         };
         if self.rounds.is_some() && self.warm_for.replace(pair.size()) != Some(pair.size()) {
+            let (obstacle_m, _) = self.judge.cells.obstacle_and_clear_m();
             for entry in &mut self.matchers.0 {
                 entry.warm_up(pair, &context, self.monitor);
+                if let Some(rig) = frame.rig() {
+                    entry.warn_of_range(rig, obstacle_m);
+                }
             }
         }
         // In turns, so that a slow moment of the machine meets all algorithms.

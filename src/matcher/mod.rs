@@ -11,6 +11,7 @@ mod parameter;
 mod quotes;
 mod sgm;
 pub mod stage;
+mod truth;
 mod v1;
 mod v2;
 mod v3;
@@ -23,7 +24,7 @@ pub use parameter::{Parameter, Parameters, Range, Value};
 use crate::depth::GridSettings;
 use crate::error::{Error, Result, nearest};
 use crate::kernel::{Isa, isa};
-use crate::stereo::{Cell, CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig};
+use crate::stereo::{Cell, CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig, Truth};
 use crate::timing::Clock;
 
 /// A stereo correspondence algorithm, with its scratch memory.
@@ -49,7 +50,9 @@ pub trait Matcher: Send {
 
 /// What a matcher may know besides the pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MatchContext {
+pub struct MatchContext<'a> {
+    /// The truth of the frame, for the algorithm `truth` alone.
+    pub truth: Option<&'a Truth>,
     /// The rig of a calibrated pair.
     pub rig: Option<Rig>,
     /// Shape of the depth grid, and when a cell is known.
@@ -60,10 +63,11 @@ pub struct MatchContext {
     pub threads: usize,
 }
 
-impl Default for MatchContext {
+impl Default for MatchContext<'_> {
     /// No rig, the thesis's grid, the default cell rule, the threads of rayon's current pool.
     fn default() -> Self {
         Self {
+            truth: None,
             rig: None,
             grid: GridSettings::default(),
             cells: CellRule::default(),
@@ -149,6 +153,7 @@ pub const MATCHERS: &[MatcherSpec] = &[
     v5::SPEC,
     bm::SPEC,
     sgm::SPEC,
+    truth::SPEC,
     #[cfg(feature = "exec")]
     exec::SPEC,
 ];
@@ -168,6 +173,11 @@ pub fn find(name: &str) -> Result<&'static MatcherSpec> {
 }
 
 impl MatcherSpec {
+    /// Whether it matches images in this process: not a program, nor the truth.
+    pub fn matches_images(&self) -> bool {
+        !["exec", "truth"].contains(&self.name)
+    }
+
     /// Its name, then its aliases.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         std::iter::once(self.name).chain(self.aliases.iter().copied())
@@ -263,6 +273,15 @@ impl Algorithm {
             (Some(Value::Int(min)), Value::Int(max)) => u32::try_from(max - min + 1).ok(),
             // Algorithms without a lower bound (dp) begin at 0.
             (_, Value::Int(max)) => u32::try_from(max + 1).ok(),
+            _ => None,
+        }
+    }
+
+    /// The greatest disparity that is tried, where the parameters determine it, pixels.
+    pub fn max_disparity(&self) -> Option<i32> {
+        let mut parameters = self.parameters.iter();
+        match parameters.find(|(name, _)| *name == "max_disparity")? {
+            (_, Value::Int(max)) => Some(*max),
             _ => None,
         }
     }

@@ -37,10 +37,10 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// All but exec, whose results and memory are those of its program; `tests/lean/exec/` has its
-/// contract.
+/// Those that match images. The results and the memory of exec are those of its program;
+/// `tests/lean/exec/` has its contract.
 fn matchers() -> impl Iterator<Item = &'static MatcherSpec> {
-    MATCHERS.iter().filter(|spec| spec.name != "exec")
+    MATCHERS.iter().filter(|spec| spec.matches_images())
 }
 
 fn build(name: &str) -> Box<dyn Matcher> {

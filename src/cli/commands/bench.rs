@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         // Programs are measured only when they are named.
         [] => MATCHERS
             .iter()
-            .filter(|spec| spec.name != "exec")
+            .filter(|spec| spec.matches_images())
             .map(|spec| spec.name.parse())
             .collect::<Result<_, _>>()?,
         named => named.to_vec(),

@@ -50,7 +50,7 @@ pub struct HistoryLine {
 }
 
 impl History {
-    /// Puts reports in order. Folders whose names begin with `.earlier-` hold what a later report
+    /// Puts reports in order. Folders whose names end with `.earlier-N` hold what a later report
     /// replaced, and are left out.
     ///
     /// # Errors
@@ -60,7 +60,7 @@ impl History {
         for name in names {
             let folder = PathBuf::from(name);
             let file = folder.file_name().unwrap_or_default().to_string_lossy();
-            match file.starts_with(".earlier-") {
+            match file.contains(".earlier-") {
                 true => left_out.push(folder),
                 false => runs.push(ScoredRun::named(name)?),
             }
@@ -240,10 +240,10 @@ impl Display for ScenarioHistory {
             writeln!(f, "{i:>4}  {}", report.words())?;
         }
         let names = self.lines.iter().map(|line| line.algorithm.chars().count());
-        let width = names.max().unwrap_or(0).clamp(9, 32);
+        let width = names.max().unwrap_or(0).clamp(9, 19);
         writeln!(
             f,
-            "\n{:<width$}  {:<11}  {:<20}  {:>11}  {:>11}",
+            "\n{:<width$}  {:<13}  {:<20}  {:>9}  {:>9}",
             "algorithm", "metric", "over the reports", "first", "last"
         )?;
         for line in &self.lines {
@@ -253,7 +253,7 @@ impl Display for ScenarioHistory {
             };
             writeln!(
                 f,
-                "{:<width$}  {:<11}  {:<20}  {:>11}  {:>11}",
+                "{:<width$}  {:<13}  {:<20}  {:>9}  {:>9}",
                 line.algorithm,
                 line.metric.name,
                 sparkline(&line.values),

@@ -124,8 +124,8 @@ impl FolderSource {
         let ((width, height), (first_width, first_height)) = (frame.pair.size(), self.size);
         if (width, height) != self.size && !std::mem::replace(&mut self.sizes_differ, true) {
             tracing::warn!(
-                "{}: pair {} has {width}x{height} pixels, the first {first_width}x{first_height}: \
-                 a camera's are all of one size; this and others are matched as they are",
+                "{}: pair {} has {width}x{height} pixels, the first {first_width}x{first_height}; \
+                 a camera's are all of one size",
                 self.folder.display(),
                 frame.name.as_deref().unwrap_or_default()
             );

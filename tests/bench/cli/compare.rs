@@ -144,3 +144,32 @@ fn what_became_worse_fails_and_is_in_junits_xml() {
     assert_says(&fixture.text("worse.xml"), &["failures=\"1\"", "<failure"]);
     fixture.fails("compare 0 1 --fail-on worse --junit worse.xml => 1: worse.xml: exists already");
 }
+
+#[test]
+fn reports_in_the_order_of_their_dates_are_a_history() {
+    let fixture = scored(&["v3", "v3:max_disparity=24 --algo bm", "v3"]);
+    std::fs::rename(fixture.path("2"), fixture.path("0.earlier-1")).unwrap();
+    let text = fixture.run("compare --history 1 0 0.earlier-1 --page history.html");
+    let words = [
+        "  0\n   2  ",
+        "bm                   right           ▄                            –     ",
+        "0.earlier-1: left out, a later report replaced it",
+    ];
+    assert_says(&text, &words);
+    assert_says(&fixture.text("history.html"), &["<svg", "wrong"]);
+    fixture.fails("compare --history 0 1 --page history.html => 1: history.html: exists already");
+    let json = fixture.json("compare --history 1 0 --json");
+    let lines = json["scenarios"][0]["lines"].as_array().unwrap();
+    let of = |algorithm: &str| {
+        let own =
+            |line: &&serde_json::Value| line["algorithm"] == algorithm && line["metric"] == "right";
+        lines.iter().find(own).unwrap()["values"].clone()
+    };
+    assert!(of("bm")[0].is_null() && of("bm")[1].is_f64(), "{json}");
+    assert!(of("v3")[0].is_f64() && of("v3")[1].is_null(), "{json}");
+    // Another scenario has its own.
+    fixture.write_short_arena("short.toml", 2);
+    fixture.run("score short.toml -q --out 3 --algo v3");
+    let json = fixture.json("compare --history 0 3 --json");
+    assert_eq!(json["scenarios"].as_array().unwrap().len(), 2);
+}

@@ -192,6 +192,38 @@ fn a_gate_that_judges_nothing_does_not_pass() {
 }
 
 #[test]
+fn truth_is_the_best_line_and_checks_the_checkpoints() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 60);
+    let json = fixture.json("score short.toml -q --json --algo truth --algo v3 --out both");
+    let right = |i: usize| json["algorithms"][i]["cells_right"].as_u64().unwrap();
+    assert!(right(0) > 1790 && right(1) < right(0), "{json}");
+    fixture.run("score short.toml -q --check");
+    assert!(fixture.path("reports/arena-check/index.html").exists());
+    // A range in which no obstacle is seen.
+    let near = "score short.toml --algo truth:max_disparity=8 --out near";
+    assert_says(
+        &fixture.svl(near).stderr,
+        &["max_disparity sees nothing nearer than"],
+    );
+    // Nothing is that near.
+    let impossible = "[[checkpoint]]\nnumber = 7\nname = \"impossible\"\nframes = [0, 3]\n\
+                      [[checkpoint.cell]]\nat = [2, 1]\nnearer_m = 0.05\n\n[[checkpoint]]";
+    let text = fixture.text("short.toml");
+    let text = text.replacen("[[checkpoint]]", impossible, 1);
+    fixture.write("wrong.toml", text);
+    let wrong = "score wrong.toml -q --check --out wrong => 1: \
+                 even the truth fails checkpoint 7 impossible in 8 of 8 frames";
+    fixture.fails(wrong);
+    fixture.write_pair("left/1.pgm", "right/1.pgm", (64, 48), 4);
+    let without = "
+        score . --check -q --out none => 1: algorithms failed on 1 pair
+        score short.toml --check --gate => 2: cannot be used with
+    ";
+    fixture.fails(without);
+}
+
+#[test]
 fn a_folder_is_a_report_only_with_its_manifest() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);

@@ -104,6 +104,10 @@ pub(crate) struct Args {
     /// and of all scenes; images, overlays and numbers are always those of all pairs
     #[arg(long, value_name = "light|full", default_value = "light")]
     rerun_detail: RerunDetail,
+    /// Score the truth itself: fail when a checkpoint fails that a perfect matcher would pass; the
+    /// report's folder is reports/SCENARIO-check
+    #[arg(long, conflicts_with_all = ["algo", "gate", "reference"])]
+    check: bool,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -129,10 +133,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
              some"
         );
     }
-    let folder = args
-        .out
-        .clone()
-        .unwrap_or_else(|| Path::new("reports").join(&scenario.name));
+    let folder = args.out.clone().unwrap_or_else(|| {
+        let kind = if args.check { "-check" } else { "" };
+        Path::new("reports").join(format!("{}{kind}", scenario.name))
+    });
     let mut matchers =
         Matchers::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
             // The file is wrong, not the command line.
@@ -211,10 +215,34 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     ran?;
     runner::complete(&total)?;
-    if args.gate {
-        pass_gate(&results)
-    } else {
-        Ok(())
+    match (args.gate, args.check) {
+        (true, _) => pass_gate(&results),
+        (_, true) => pass_check(&summary),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a scenario whose checkpoints the truth itself fails.
+fn pass_check(summary: &Summary) -> anyhow::Result<()> {
+    let failed = summary.checkpoints.iter().filter(|c| c.passed < c.frames);
+    let failed: Vec<_> = failed
+        .map(|c| {
+            let frames = c.frames - c.passed;
+            format!(
+                "{} {} in {} of {} frames",
+                c.checkpoint, c.name, frames, c.frames
+            )
+        })
+        .collect();
+    if summary.checkpoints.is_empty() {
+        bail!("--check: no checkpoint is judged; it needs checkpoints, and frames with truth");
+    }
+    match &failed[..] {
+        [] => Ok(()),
+        failed => bail!(
+            "--check: even the truth fails checkpoint {}",
+            failed.join(", ")
+        ),
     }
 }
 

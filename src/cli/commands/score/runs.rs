@@ -5,6 +5,7 @@ use crate::cli::shared::source::{self, data_folder};
 use crate::cli::shared::{recordings, usage};
 use anyhow::bail;
 use std::path::Path;
+use svl::matcher::Algorithm;
 use svl::scenario::{PairRange, Scenario, ScenarioSource};
 use svl::score::Judge;
 use svl::source::dataset::{Scene, SceneSource};
@@ -24,6 +25,15 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
             Scenario::of_recordings(recordings, vec!["v5".parse()?])?
         }
     };
+    if args.check {
+        let ranges = scenario
+            .algorithms
+            .iter()
+            .filter_map(Algorithm::max_disparity);
+        let max = ranges.max().unwrap_or(80);
+        scenario.algorithms = vec![format!("truth:max_disparity={max}").parse()?];
+        scenario.gate.clear();
+    }
     if !args.algo.is_empty() {
         let swept = args.algo.iter().map(|sweep| sweep.expand(args.sample));
         scenario.algorithms = swept.collect::<svl::Result<Vec<_>>>()?.concat();
