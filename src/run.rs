@@ -410,10 +410,10 @@ fn in_batches(
         if !ran? {
             return Ok(());
         }
-        if waiting.frames.is_empty() {
-            if let Some(end) = waiting.end.take() {
-                return end;
-            }
+        if waiting.frames.is_empty()
+            && let Some(end) = waiting.end.take()
+        {
+            return end;
         }
     }
 }
@@ -536,8 +536,8 @@ impl RunMatcher {
         if nearest_m >= obstacle_m {
             let px = rig.disparity_px(obstacle_m).ceil();
             tracing::warn!(
-                "{}: max_disparity sees nothing nearer than {nearest_m:.2} m, but obstacles are what \
-                 is nearer than {obstacle_m} m: it takes more than {px} px",
+                "{}: max_disparity sees nothing nearer than {nearest_m:.2} m, but obstacles are \
+                 what is nearer than {obstacle_m} m: it takes more than {px} px",
                 self.label
             );
             self.max_disparity = None;

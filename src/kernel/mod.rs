@@ -315,16 +315,15 @@ kernels! {
     /// Hamming distances of the censuses of a strip, and the sums of their paths along it in both
     /// directions.
     ///
-    /// `line` has an element more than there are disparities, the last [`u8::MAX`]. `steps` has what
-    /// a jump costs from the pixel before.
+    /// `line` has an element more than there are disparities, the last [`u8::MAX`]. `steps` has
+    /// what a jump costs from the pixel before.
     pub fn follow_strip(
         place: &StripPlace,
         censuses: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
         steps: &[u8],
         cost: PathCost,
-        costs: &mut [Lanes<u8>],
         line: &mut [Lanes<u8>],
-        sums: &mut [Lanes<u8>],
+        costs_and_sums: [&mut [Lanes<u8>]; 2],
     ) = strip_paths::follow;
 
     /// Adds the sums of a strip of columns, from a row on, and those of the strip of rows that has
@@ -356,9 +355,9 @@ kernels! {
         out: &mut [i16],
     ) = row_winners::fractions;
 
-    /// Tests a row of winners: *border* where they lead out of the right image, *inconsistent* where
-    /// that prefers another, *ambiguous* where `unique·(second − least) < least + 8`. Writes their
-    /// matching costs, too. The censuses begin at the rows' first pixels.
+    /// Tests a row of winners: *border* where they lead out of the right image, *inconsistent*
+    /// where that prefers another, *ambiguous* where `unique·(second − least) < least + 8`. Writes
+    /// their matching costs, too. The censuses begin at the rows' first pixels.
     pub fn test_winners(
         test: &WinnerTest,
         winners: &RowWinners,

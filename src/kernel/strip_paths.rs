@@ -43,9 +43,8 @@ pub(super) fn follow(
     [left, right]: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
     steps: &[u8],
     cost: PathCost,
-    costs: &mut [Lanes<u8>],
     line: &mut [Lanes<u8>],
-    sums: &mut [Lanes<u8>],
+    [costs, sums]: [&mut [Lanes<u8>]; 2],
 ) {
     let count = line.len() - 1;
     let mut least = [0; N];
@@ -71,9 +70,10 @@ pub(super) fn follow(
         let sums = &mut sums[i * count..][..count];
         let mut add = |d: usize, path: [u8; N]| {
             let sum: &mut Lanes<u8> = &mut sums[d];
-            for l in 0..N {
-                sum.0[l] += path[l];
-            }
+            sum.0
+                .iter_mut()
+                .zip(path)
+                .for_each(|(sum, path)| *sum += path);
         };
         if i + 1 == place.length {
             least = begin(costs, line);
@@ -133,9 +133,7 @@ fn begin(costs: &[Lanes<u8>], line: &mut [Lanes<u8>]) -> [u8; N] {
     let mut least = [u8::MAX; N];
     for (path, cost) in line.iter_mut().zip(costs) {
         *path = *cost;
-        for l in 0..N {
-            least[l] = least[l].min(cost.0[l]);
-        }
+        least = std::array::from_fn(|l| least[l].min(cost.0[l]));
     }
     least
 }
@@ -151,10 +149,7 @@ fn advance(
     large: &[u8; N],
     mut take: impl FnMut(usize, [u8; N]),
 ) -> [u8; N] {
-    let mut jump = [0; N];
-    for l in 0..N {
-        jump[l] = least[l] + large[l];
-    }
+    let jump: [u8; N] = std::array::from_fn(|l| least[l] + large[l]);
     let mut new_least = [u8::MAX; N];
     let mut stepped_up = [u8::MAX; N];
     for (d, cost) in costs.iter().enumerate() {

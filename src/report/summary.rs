@@ -73,7 +73,7 @@ record! {
         other_ms: f64,
         /// Digest of the hashes of its results in their order.
         results_hash: String,
-        /// Pairs whose time per pixel is an outlier, [`OUTLIER`].
+        /// Pairs whose time per pixel is an outlier: a modified Z-score above 14.26.
         outliers: u64,
         /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
         memory_mb: Option<f64>,

@@ -112,9 +112,9 @@ impl HalfMap {
         });
     }
 
-    /// A pixel stays seen when at least five of the nine around it pass the tests. Gaps between seen
-    /// pixels of a row are filled: by their mean, by the smaller of two that differ by more than
-    /// `jump`, by the only one at the ends. A row without any takes the nearest one.
+    /// A pixel stays seen when at least five of the nine around it pass the tests. Gaps between
+    /// seen pixels of a row are filled: by their mean, by the smaller of two that differ by more
+    /// than `jump`, by the only one at the ends. A row without any takes the nearest one.
     pub(super) fn fill(&mut self, jump: i32) {
         let (size, band_rows) = (self.size, self.band_rows);
         let (width, why, bins) = (size.0, &self.why, &self.bins);
@@ -175,8 +175,8 @@ impl HalfMap {
         )
     }
 
-    /// Writes the seen disparities to the full image: each to its four pixels, an odd last column or
-    /// row as its neighbour.
+    /// Writes the seen disparities to the full image: each to its four pixels, an odd last column
+    /// or row as its neighbour.
     pub(super) fn write(&mut self, map: &mut DisparityMap) {
         let Self {
             size: (width, height),

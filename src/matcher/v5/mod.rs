@@ -1,9 +1,9 @@
 //! v5: what may be said of a cell.
 //!
-//! svl's own algorithm. Not the disparity of a pixel is asked for, but the distance of a cell of the
-//! depth grid, and whether it may be told. SGM (Hirschmüller 2008) of small censuses at half size
-//! along four paths; then gaps are filled as hidden surfaces are, and each cell reports what is right
-//! whatever its uncertain pixels are ([`crate::depth::decision`]).
+//! svl's own algorithm. Not the disparity of a pixel is asked for, but the distance of a cell of
+//! the depth grid, and whether it may be told. SGM (Hirschmüller 2008) of small censuses at half
+//! size along four paths; then gaps are filled as hidden surfaces are, and each cell reports
+//! what is right whatever its uncertain pixels are ([`crate::depth::decision`]).
 
 mod census;
 mod half_map;
@@ -31,8 +31,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             misalignment. 2. The census of 5x5 pixels and semi-global matching along four paths \
             give each pixel a disparity; what leads out of the image costs less than a random \
             match. 3. A pixel is seen when it is unique, the right image agrees, and most of its \
-            neighbours are seen, too. 4. Gaps between seen pixels belong to the farther surface, as \
-            hidden pixels do. 5. A cell reports the disparity that stays right, by the rule of \
+            neighbours are seen, too. 4. Gaps between seen pixels belong to the farther surface, \
+            as hidden pixels do. 5. A cell reports the disparity that stays right, by the rule of \
             the scenario, whatever its uncertain pixels are: the one whose tolerance leaves the \
             least of the cell on either side. 6. That margin, how much was seen and supports the \
             report, matching costs and texture become the probability that the report is right; \

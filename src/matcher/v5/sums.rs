@@ -88,7 +88,7 @@ impl StripSums {
                 line,
                 sums,
             } = strip;
-            follow_strip(isa, place, planes, steps, cost, costs, line, sums);
+            follow_strip(isa, place, planes, steps, cost, line, [costs, sums]);
         });
     }
 

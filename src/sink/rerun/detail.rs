@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 use crate::score::Judged;
 use std::str::FromStr;
 
-/// Whose maps and point clouds are logged. Images, overlays and numbers are those of all frames, and
-/// SSDPI is that of some: no other map takes as much.
+/// Whose maps and point clouds are logged. Images, overlays and numbers are those of all frames,
+/// and SSDPI is that of some: no other map takes as much.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RerunDetail {
     /// Those of every 30th frame, of every 10th of those that show a checkpoint, and of all scenes.

@@ -21,6 +21,10 @@ pub(crate) struct V5 {
 pub(crate) struct Steps {
     pub(crate) size: (usize, usize),
     pub(crate) half: [Vec<u16>; 2],
+    #[cfg_attr(
+        not(feature = "bench"),
+        expect(dead_code, reason = "known answers need the arena")
+    )]
     pub(crate) census: [Vec<u32>; 2],
     /// By row, column, disparity.
     pub(crate) costs: Vec<u8>,
@@ -333,7 +337,7 @@ impl V5 {
         let (lo, hi) = tolerance[report as usize];
         let half = |p: usize| i64::from(steps.half[0][p]);
         let step = |p: usize| {
-            if p % w == 0 {
+            if p.is_multiple_of(w) {
                 0
             } else {
                 (half(p) - half(p - 1)).abs()
