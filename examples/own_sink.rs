@@ -42,6 +42,7 @@ pub fn main() -> svl::Result<()> {
     let (manifest, judge) = (Manifest::new("arena", None, &algorithms)?, Judge::default());
     let start = RunStart {
         manifest: &manifest,
+        log: None,
         seed: Some(1),
         judge: &judge,
     };

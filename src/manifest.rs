@@ -1,6 +1,6 @@
 //! The manifest of a run: version, scenario, algorithms with parameters, hashes, machine.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::kernel;
 use crate::matcher::{self, Algorithm};
 use crate::stereo::CellRule;
@@ -42,6 +42,9 @@ pub struct Manifest {
     /// What its times are of, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<String>,
+    /// When the run went on after it was killed or interrupted, as `began`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub resumed: Vec<String>,
 }
 
 /// A recording, bag or folder of a run.
@@ -130,7 +133,53 @@ impl Manifest {
             runs: Vec::new(),
             machine: Machine::this()?,
             times: None,
+            resumed: Vec::new(),
         })
+    }
+
+    /// Reads that of a report.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for what is no manifest.
+    pub fn read(report: &Path) -> Result<Self> {
+        let path = report.join("manifest.json");
+        let text = read_to_string(&path).map_err(|e| Error::io(&path, e))?;
+        serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))
+    }
+
+    /// What keeps two from being parts of one run, in words.
+    pub fn difference(&self, other: &Self) -> Option<&'static str> {
+        let algorithms = |of: &Self| {
+            let of = of.algorithms.iter();
+            of.map(|a| (a.label.clone(), a.parameters_hash.clone()))
+                .collect::<Vec<_>>()
+        };
+        let runs = |of: &Self| {
+            let of = of.runs.iter().cloned();
+            of.map(|run| RunRecord {
+                pairs_hash: None,
+                ..run
+            })
+            .collect::<Vec<_>>()
+        };
+        let svl = |of: &Self| (of.svl.clone(), of.git_revision.clone());
+        let scenario = |of: &Self| (of.scenario.clone(), of.scenario_hash.clone());
+        [
+            ("another svl made it", svl(self) == svl(other)),
+            (
+                "its scenario was another",
+                scenario(self) == scenario(other),
+            ),
+            (
+                "its algorithms were others",
+                algorithms(self) == algorithms(other),
+            ),
+            ("its recordings were others", runs(self) == runs(other)),
+            ("another machine made it", self.machine == other.machine),
+            ("its times are of another kind", self.times == other.times),
+        ]
+        .into_iter()
+        .find_map(|(what, is_equal)| (!is_equal).then_some(what))
     }
 
     /// Says by which rule cells are judged: it is a parameter of the algorithms that answer them.
@@ -168,6 +217,10 @@ impl Manifest {
             ("threads", Some(threads.to_string())),
             ("governor", governor.clone()),
             ("times", self.times.clone()),
+            (
+                "resumed",
+                (!self.resumed.is_empty()).then(|| self.resumed.join(", ")),
+            ),
         ];
         let fixed = fixed
             .into_iter()

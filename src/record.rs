@@ -33,6 +33,7 @@ pub fn record(
     let judge = Judge::default();
     let start = RunStart {
         manifest: &manifest,
+        log: None,
         seed: opened.header.seed,
         judge: &judge,
     };

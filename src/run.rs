@@ -8,7 +8,8 @@ use crate::depth;
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
-use crate::score::{Judge, Judged};
+use crate::report::{LoggedResult, ResultLog};
+use crate::score::{Judge, Judged, MetricValues};
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;
 use crate::stereo::{DisparityMap, Estimate, Frame, Losses, RectifiedPair, Rig};
@@ -224,6 +225,9 @@ pub fn run(
             Pace::Measured { rounds } => Some(rounds.max(1)),
             Pace::Asap | Pace::Times(_) => None,
         },
+        log: start.log.filter(|log| !log.is_empty()),
+        seed: start.seed,
+        needed: Vec::new(),
         warm_for: None,
         monitor,
         frames: 0,
@@ -372,6 +376,7 @@ fn in_batches(
             let Some(frame) = waiting.frames.pop_front() else {
                 break;
             };
+            matching.ask_for_maps(&frame, sinks);
             ran = matching.matched(&frame).map(|estimates| {
                 matched.push((frame, estimates));
                 matching.go_on()
@@ -472,16 +477,21 @@ struct Matched {
     algorithm: String,
     output: MatchOutput,
     times: StageTimes,
+    /// Metrics and hash, where an earlier part of the run has them.
+    logged: Option<(MetricValues, u128)>,
 }
 
 /// Completes the estimates of a frame with their grids and scores them.
 fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
+    let mut logged = Vec::new();
     let estimate = |matched: Matched| {
         let Matched {
             algorithm,
             output,
             times,
+            logged: of_log,
         } = matched;
+        logged.push(of_log);
         let disparity = output.disparity;
         let own_grid = output.grid.is_some();
         let grid = output
@@ -496,7 +506,14 @@ fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
         }
     };
     let estimates = matched.into_iter().map(estimate).collect();
-    judge.judge(frame, estimates)
+    let mut judged = judge.judge(frame, estimates);
+    for (scored, logged) in judged.estimates.iter_mut().zip(logged) {
+        if let Some((metrics, hash)) = logged {
+            scored.metrics = metrics;
+            scored.hash = hash;
+        }
+    }
+    judged
 }
 
 fn push(sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
@@ -567,6 +584,23 @@ impl RunMatcher {
         });
     }
 
+    /// A result of an earlier part of the run. Its map is empty.
+    fn logged(
+        &mut self,
+        result: &LoggedResult,
+        (width, height): (usize, usize),
+    ) -> Result<Matched> {
+        let mut output = MatchOutput::new()?;
+        output.disparity = DisparityMap::new(width, height)?;
+        output.grid = Some(result.grid.clone());
+        Ok(Matched {
+            algorithm: self.label.clone(),
+            output,
+            times: result.times(),
+            logged: Some((result.row.metrics, result.hash)),
+        })
+    }
+
     /// The output whose time is the median, by nearest rank, of outputs for one pair.
     fn median(&mut self, mut outputs: Vec<MatchOutput>) -> Result<MatchOutput> {
         if let [first, others @ ..] = &outputs[..]
@@ -594,6 +628,12 @@ struct Matching<'a> {
     pacer: Pacer,
     /// How often a pair is matched in a measured run.
     rounds: Option<usize>,
+    /// Results of an earlier part of the run, which take the place of matching,
+    log: Option<&'a ResultLog>,
+    /// that with this seed,
+    seed: Option<u64>,
+    /// unless a sink needs the map of that algorithm.
+    needed: Vec<bool>,
     /// The size of images that the algorithms have memory for, in a measured run.
     warm_for: Option<(usize, usize)>,
     monitor: &'a mut dyn Monitor,
@@ -602,7 +642,19 @@ struct Matching<'a> {
     interrupted: bool,
 }
 
-impl Matching<'_> {
+impl<'a> Matching<'a> {
+    /// Learns whose maps of the next frame the sinks need.
+    fn ask_for_maps(&mut self, frame: &Frame, sinks: &mut [Box<dyn Sink>]) {
+        if self.log.is_some() {
+            self.needed.clear();
+            self.needed.resize(self.matchers.0.len(), false);
+            let shows_checkpoint = self.judge.shows_checkpoint(frame);
+            for sink in sinks {
+                sink.ask_for_maps(frame, shows_checkpoint, &mut self.needed);
+            }
+        }
+    }
+
     fn matched(&mut self, frame: &Frame) -> Result<Vec<Matched>> {
         self.pacer.wait_for(frame);
         if self.matchers.0.is_empty() {
@@ -626,10 +678,13 @@ impl Matching<'_> {
                 }
             }
         }
+        let logged = self.logged(frame);
+        let is_known = |i: usize| logged[i].is_some() && self.needed.get(i) == Some(&false);
         // In turns, so that a slow moment of the machine meets all algorithms.
         let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();
         for _ in 0..self.rounds.unwrap_or(1) {
-            for (entry, outputs) in self.matchers.0.iter_mut().zip(&mut rounds) {
+            let entries = self.matchers.0.iter_mut().zip(&mut rounds).enumerate();
+            for (_, (entry, outputs)) in entries.filter(|(i, _)| !is_known(*i)) {
                 if let Ok(before) = outputs {
                     match entry.compute(pair, &context) {
                         Ok(output) => before.push(output),
@@ -639,14 +694,22 @@ impl Matching<'_> {
             }
         }
         let mut matched = Vec::with_capacity(rounds.len());
-        for (entry, outputs) in self.matchers.0.iter_mut().zip(rounds) {
+        for (i, (entry, outputs)) in self.matchers.0.iter_mut().zip(rounds).enumerate() {
+            if is_known(i)
+                && let Some(result) = logged[i]
+            {
+                matched.push(entry.logged(result, pair.size())?);
+                continue;
+            }
             match outputs.and_then(|outputs| entry.median(outputs)) {
                 Ok(output) => {
                     entry.last_failure.clear();
+                    let times = logged[i].map_or_else(|| output.clock.times(), |r| r.times());
                     matched.push(Matched {
                         algorithm: entry.label.clone(),
-                        times: output.clock.times(),
+                        times,
                         output,
+                        logged: None,
                     });
                 }
                 Err(error) => {
@@ -662,6 +725,17 @@ impl Matching<'_> {
             }
         }
         Ok(matched)
+    }
+
+    /// What an earlier part of the run made of the frame, per algorithm.
+    fn logged(&self, frame: &Frame) -> Vec<Option<&'a LoggedResult>> {
+        let Some(log) = self.log else {
+            return vec![None; self.matchers.0.len()];
+        };
+        let run = Some(self.judge.run.name.as_str()).filter(|name| !name.is_empty());
+        let pair = log.pair(run, self.seed, frame);
+        let entries = self.matchers.0.iter();
+        entries.map(|entry| pair.get(&entry.label)).collect()
     }
 
     fn go_on(&mut self) -> bool {
@@ -813,6 +887,7 @@ mod tests {
         let judge = Judge::default();
         let start = RunStart {
             manifest: &manifest,
+            log: None,
             seed: None,
             judge: &judge,
         };

@@ -13,6 +13,7 @@ pub mod compare;
 mod gate;
 pub mod html;
 mod junit;
+mod log;
 mod markdown;
 pub(crate) mod page;
 pub mod plot;
@@ -25,6 +26,9 @@ mod words;
 
 pub use gate::{GateResult, Limit};
 pub use junit::{TestCase, TestResult, junit};
-pub use rows::{CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row};
+pub use log::{LoggedPair, LoggedResult, ResultLog};
+pub use rows::{
+    CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row, hash_words,
+};
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
 pub use tables::{Table, read_rows};

@@ -111,6 +111,11 @@ macro_rules! record {
 }
 pub(super) use record;
 
+/// A hash of pixels or of a result as rows have it.
+pub fn hash_words(hash: u128) -> String {
+    format!("{hash:032x}")
+}
+
 record! {
     /// One pair through one algorithm.
     Row {

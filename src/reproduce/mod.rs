@@ -195,6 +195,7 @@ impl<'a> Context<'a> {
         let manifest = Manifest::new("reproduce", None, &algorithms)?;
         let start = RunStart {
             manifest: &manifest,
+            log: None,
             seed: None,
             judge,
         };

@@ -150,13 +150,23 @@ impl Judge {
         grid: &DepthGrid,
         cells: Option<&[CellJudgement]>,
     ) -> Vec<(usize, CheckpointFrame)> {
-        let shown = self.checkpoints.iter().enumerate();
-        shown
-            // Without truth nothing that needs it passes: no frame shows it.
-            .filter(|(_, checkpoint)| cells.is_some() || !checkpoint.needs_truth())
-            .filter(|(_, checkpoint)| checkpoint.covers(frame, &self.run))
+        self.shown(frame)
             .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells, self.rule(frame))))
             .collect()
+    }
+
+    /// Whether the frame shows a checkpoint.
+    pub fn shows_checkpoint(&self, frame: &Frame) -> bool {
+        self.shown(frame).next().is_some()
+    }
+
+    fn shown(&self, frame: &Frame) -> impl Iterator<Item = (usize, &Checkpoint)> {
+        let has_truth = frame.truth.is_some();
+        let checkpoints = self.checkpoints.iter().enumerate();
+        checkpoints
+            // Without truth nothing that needs it passes: no frame shows it.
+            .filter(move |(_, checkpoint)| has_truth || !checkpoint.needs_truth())
+            .filter(move |(_, checkpoint)| checkpoint.covers(frame, &self.run))
     }
 }
 

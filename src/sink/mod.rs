@@ -20,9 +20,9 @@ pub use table::TableSink;
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::recording::Writer;
-use crate::report::{CheckpointRow, Row, Summary};
+use crate::report::{CheckpointRow, ResultLog, Row, Summary};
 use crate::score::{Judge, Judged};
-use crate::stereo::Losses;
+use crate::stereo::{Frame, Losses};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -44,6 +44,11 @@ pub trait Sink: Send {
     /// # Errors
     /// What keeps it from being kept. What was taken before stays readable.
     fn take(&mut self, judged: &Judged) -> Result<()>;
+
+    /// Whose disparity maps it will show of a frame that comes later: for each of `algorithms`, those
+    /// of the run, sets what it needs. Asked for every frame in order, before any of them is taken,
+    /// where results of an earlier run stand in for matching: they have none.
+    fn ask_for_maps(&mut self, _frame: &Frame, _shows_checkpoint: bool, _needed: &mut [bool]) {}
 
     /// Waits until its threads have done what it gave them: measured matching begins.
     ///
@@ -72,6 +77,8 @@ pub trait Sink: Send {
 #[derive(Clone, Copy)]
 pub struct RunStart<'a> {
     pub manifest: &'a Manifest,
+    /// Results of an earlier part of the same run, which a measured run takes in place of matching.
+    pub log: Option<&'a ResultLog>,
     /// Seed of the arena's run.
     pub seed: Option<u64>,
     pub judge: &'a Judge,

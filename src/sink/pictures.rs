@@ -82,6 +82,16 @@ impl Sink for PictureSink {
         Ok(())
     }
 
+    fn ask_for_maps(&mut self, frame: &Frame, shows_checkpoint: bool, needed: &mut [bool]) {
+        // Samples of recordings show what maps there are.
+        if shows_checkpoint || frame.name.is_some() {
+            let pictured = pictured(&self.algorithms);
+            for (needed, label) in needed.iter_mut().zip(&self.algorithms) {
+                *needed |= pictured.contains(&label.as_str());
+            }
+        }
+    }
+
     fn take(&mut self, judged: &Judged) -> Result<()> {
         for scored in &judged.estimates {
             let label = &scored.estimate.algorithm;

@@ -3,7 +3,7 @@
 use super::{Outbox, RunStart, Sink};
 use crate::error::Result;
 use crate::manifest::AlgorithmRecord;
-use crate::report::{CellRow, Row, Table};
+use crate::report::{CellRow, Row, Table, hash_words};
 use crate::score::{CellJudgement, Judged, JudgedEstimate};
 use crate::timing::Stage;
 use std::path::Path;
@@ -128,7 +128,7 @@ impl Identity {
             stamp_ns: frame.stamp_ns,
             name: frame.name.clone().unwrap_or_default(),
             seed: self.seed,
-            pair_hash: format!("{:032x}", judged.pair_hash()),
+            pair_hash: hash_words(judged.pair_hash()),
             algorithm: estimate.algorithm.clone(),
             parameters_hash: algorithm.map_or_else(String::new, |a| a.parameters_hash.clone()),
             width: width as u32,
@@ -140,7 +140,7 @@ impl Identity {
             checks_us: stage(Stage::Checks),
             total_us: us(estimate.times.total()),
             metrics: scored.metrics,
-            result_hash: format!("{:032x}", scored.hash),
+            result_hash: hash_words(scored.hash),
             truth: frame
                 .truth
                 .as_ref()

@@ -165,15 +165,14 @@ impl ScoredRun {
     /// # Errors
     /// [`Error::Io`], [`Error::Format`] with the file that is missing or is no part of a report.
     pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join("manifest.json");
         // The manifest is written first, so an interrupted report has one too.
-        if !path.is_file() {
+        if !folder.join("manifest.json").is_file() {
             return Err(Error::format(
                 folder,
                 "is not a report of `svl score`: it has no manifest.json",
             ));
         }
-        let manifest = read_json(&path)?;
+        let manifest = Manifest::read(folder)?;
         let summary = folder.join("summary.json");
         let incomplete = match summary.is_file() {
             true => read_json::<Whole>(&summary)?.incomplete,

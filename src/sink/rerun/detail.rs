@@ -55,7 +55,8 @@ impl ListedFrames {
         self.choose(judged.frame.name.is_some(), shows_checkpoint)
     }
 
-    fn choose(&mut self, is_scene: bool, shows_checkpoint: bool) -> bool {
+    /// Whether the next frame is listed, by what is known of it before it is judged.
+    pub(super) fn choose(&mut self, is_scene: bool, shows_checkpoint: bool) -> bool {
         let every = match shows_checkpoint {
             true => EVERY_AT_CHECKPOINT,
             false => EVERY,

@@ -108,6 +108,8 @@ pub struct RerunSink {
     last: Option<Moment>,
     detail: RerunDetail,
     frames: ListedFrames,
+    /// The same, of frames that come later.
+    upcoming: ListedFrames,
     /// Whether the frame being logged is listed, and whether it has maps.
     is_listed: bool,
     has_maps: bool,
@@ -151,6 +153,7 @@ impl RerunSink {
             last: None,
             detail,
             frames: ListedFrames::default(),
+            upcoming: ListedFrames::default(),
             is_listed: false,
             has_maps: false,
             checkpoints: Vec::new(),
@@ -294,6 +297,7 @@ impl Sink for RerunSink {
         let words = |c: &Checkpoint| format!("checkpoint {}, {}", c.number, c.name);
         self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
         self.frames.begin_run();
+        self.upcoming.begin_run();
         if let Some(last) = self.last {
             self.start = Moment {
                 pair: last.pair + 1,
@@ -302,6 +306,13 @@ impl Sink for RerunSink {
             self.last_pose = None;
         }
         Ok(())
+    }
+
+    fn ask_for_maps(&mut self, frame: &Frame, shows_checkpoint: bool, needed: &mut [bool]) {
+        let is_listed = self.upcoming.choose(frame.name.is_some(), shows_checkpoint);
+        if is_listed || self.detail == RerunDetail::Full {
+            needed.fill(true);
+        }
     }
 
     /// Shows a frame. An algorithm without an estimate for it shows nothing there.

@@ -25,6 +25,7 @@ mod rectify;
 mod reference;
 mod replay;
 mod reproduce;
+mod resume;
 mod score;
 mod score_recordings;
 mod survive;

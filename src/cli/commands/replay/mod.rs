@@ -198,6 +198,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let judge = Judge::default();
     let start = RunStart {
         manifest: &manifest,
+        log: None,
         seed,
         judge: &judge,
     };

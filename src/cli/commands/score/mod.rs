@@ -13,7 +13,7 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use report::{REPORT, ScoreReport};
 use std::path::{Path, PathBuf};
-use svl::report::{GateResult, Summary, junit};
+use svl::report::{GateResult, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::score::{METRICS, Metric, MetricOrigin};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
@@ -36,6 +36,7 @@ Examples:
   svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS --out reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
+  svl score arena --algo sgm:p1=5..20/5 --resume     goes on where it was killed
   svl score scenarios/arena.toml --gate
       for a CI: exit 1 when a limit of the scenario is broken
 
@@ -108,6 +109,10 @@ pub(crate) struct Args {
     /// report's folder is reports/SCENARIO-check
     #[arg(long, conflicts_with_all = ["algo", "gate", "reference"])]
     check: bool,
+    /// Go on with the killed or interrupted run in the report's folder: what its rows hold is not
+    /// matched again
+    #[arg(long)]
+    resume: bool,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -157,14 +162,24 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Recorded first: Ctrl-C there leaves an earlier report as it is.
     let mut runs = runs::runs(&scenario, args, quiet)?;
     args.reference.check(&scenario.algorithms);
+    let pace = Pace::Measured {
+        rounds: args.repeat,
+    };
+    let mut manifest = report::manifest(&scenario, &runs, pace)?;
+    let log = match args.resume {
+        true => ResultLog::read(&folder, &manifest, scenario.grid)?,
+        false => {
+            warn_of_unfinished(&folder);
+            ResultLog::default()
+        }
+    };
+    log.continue_in(&mut manifest);
+    let others = log.others().to_vec();
     outputs.set_aside()?;
     junit_file.set_aside()?;
     let mut report = {
         let rerun = rerun.map(|target| (target, args.rerun_detail));
-        let pace = Pace::Measured {
-            rounds: args.repeat,
-        };
-        ScoreReport::begin(&scenario, &runs, &folder, rerun, pace)?
+        ScoreReport::begin(&scenario, &folder, rerun, (manifest, log), pace)?
     };
     let mut total = Outcome::default();
     let ran = runs.iter_mut().try_for_each(|run| {
@@ -174,7 +189,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         total.losses.add(outcome.losses);
         ran?;
         if outcome.interrupted {
-            bail!("interrupted; the report holds what was scored before");
+            bail!(
+                "interrupted; the report holds what was scored before, and --resume goes on with it"
+            );
         }
         Ok(())
     });
@@ -187,7 +204,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Decided before anything is printed: a full standard output costs no report, and a full disk
     // no row that was written.
     match (&ran, &finished) {
-        (Ok(()), Ok(_)) => outputs.commit(),
+        (Ok(()), Ok(_)) => {
+            outputs.commit();
+            // The report has what an interrupted part of it left there.
+            for other in &others {
+                if let Err(error) = std::fs::remove_dir_all(other) {
+                    tracing::warn!("{}: cannot be removed: {error}", other.display());
+                }
+            }
+        }
         _ if finished.is_ok() || total.frames > 0 => outputs.keep_both(),
         _ => drop(outputs),
     }
@@ -219,6 +244,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (true, _) => pass_gate(&results),
         (_, true) => pass_check(&summary),
         _ => Ok(()),
+    }
+}
+
+/// Says that a run goes lost that could go on.
+fn warn_of_unfinished(folder: &Path) {
+    let rows = folder.join("rows.csv").metadata();
+    if rows.is_ok_and(|rows| rows.len() > 0) && !folder.join("summary.json").exists() {
+        tracing::warn!(
+            "{}: holds an unfinished run, which is scored anew; --resume would go on with it",
+            folder.display()
+        );
     }
 }
 

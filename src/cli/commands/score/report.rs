@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::{Manifest, hash};
 use svl::report::html::ReportPage;
-use svl::report::{GateResult, Row, Summary};
+use svl::report::{GateResult, ResultLog, Row, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Metric};
@@ -22,26 +22,34 @@ const MAX_SHOWN: usize = 32;
 pub(super) struct ScoreReport {
     folder: PathBuf,
     manifest: Manifest,
+    /// What an earlier part of the run left.
+    log: ResultLog,
     sinks: Sinks,
     pace: Pace,
+}
+
+/// What identifies a report, and where it goes on from.
+pub(super) fn manifest(
+    scenario: &Scenario,
+    runs: &[(RunSource, Judge)],
+    pace: Pace,
+) -> anyhow::Result<Manifest> {
+    let mut manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+    manifest.set_rule(scenario.cells);
+    manifest.times = Some(pace.times());
+    let records = runs.iter().filter_map(|(run, _)| run.record.clone());
+    manifest.runs = records.collect();
+    Ok(manifest)
 }
 
 impl ScoreReport {
     pub(super) fn begin(
         scenario: &Scenario,
-        runs: &[(RunSource, Judge)],
         folder: &Path,
         rerun: Option<(RerunTarget, RerunDetail)>,
+        (manifest, log): (Manifest, ResultLog),
         pace: Pace,
     ) -> anyhow::Result<Self> {
-        let mut manifest =
-            Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
-        manifest.set_rule(scenario.cells);
-        manifest.times = Some(pace.times());
-        manifest.runs = runs
-            .iter()
-            .filter_map(|(run, _)| run.record.clone())
-            .collect();
         write_json(&folder.join(MANIFEST), &manifest)?;
         let info = RunInfo::new(&manifest, scenario.wireframe(None));
         let sinks = Sinks::open(SinkRequest {
@@ -55,6 +63,7 @@ impl ScoreReport {
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
+            log,
             sinks,
             pace,
         })
@@ -69,6 +78,7 @@ impl ScoreReport {
     ) -> (Outcome, svl::Result<()>) {
         let start = RunStart {
             manifest: &self.manifest,
+            log: Some(&self.log),
             seed: run.seed,
             judge,
         };

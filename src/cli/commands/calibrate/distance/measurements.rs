@@ -199,6 +199,7 @@ impl Measuring<'_> {
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
         let start = RunStart {
             manifest: &Manifest::new(name, None, &algorithms)?,
+            log: None,
             seed: None,
             judge: &Judge::default(),
         };

@@ -1,0 +1,135 @@
+//! `svl score --resume`: what was killed goes on, and ends as it would have.
+
+use super::fixture::{Fixture, assert_says};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+const SCORE: &str = "score short.toml --algo v3 --algo bm --algo v5 --out r";
+
+fn short_arena() -> Fixture {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 60);
+    fixture
+}
+
+/// The lines of a table without the columns that begin or end with these, which differ.
+fn columns_but(table: &str, but: &[&str]) -> Vec<Vec<String>> {
+    let mut lines = csv::Reader::from_reader(table.as_bytes());
+    let heads = lines.headers().unwrap().clone();
+    let differs = |head: &str| but.iter().any(|of| head.ends_with(of));
+    let kept = |line: csv::StringRecord| {
+        let cells = line.iter().zip(&heads);
+        let kept = cells.filter(|(_, head)| !differs(head));
+        kept.map(|(cell, _)| cell.to_owned()).collect()
+    };
+    lines.records().map(|line| kept(line.unwrap())).collect()
+}
+
+/// Cuts a file off behind that share of its bytes.
+fn cut(fixture: &Fixture, name: &str, share: f64) {
+    let bytes = fixture.bytes(name);
+    fixture.write(name, &bytes[..(bytes.len() as f64 * share) as usize]);
+}
+
+#[test]
+fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
+    let fixture = short_arena();
+    fixture.run(&format!("{SCORE} -q"));
+    let tables = ["rows", "cells", "checkpoints", "verdicts", "summary"];
+    let whole = tables.map(|table| fixture.text(&format!("r/{table}.csv")));
+    let manifest = fixture.text("r/manifest.json");
+    // What a kill leaves: tables that end within a line, and no summary.
+    let names = std::fs::read_dir(fixture.path("r")).unwrap();
+    for name in names.map(|entry| entry.unwrap().file_name().into_string().unwrap()) {
+        if !["rows.csv", "cells.csv", "manifest.json"].contains(&name.as_str()) {
+            std::fs::remove_file(fixture.path(&format!("r/{name}"))).unwrap();
+        }
+    }
+    cut(&fixture, "r/rows.csv", 0.61);
+    cut(&fixture, "r/cells.csv", 0.58);
+    let taken = fixture.text("r/cells.csv").matches('\n').count() / 15;
+    let rows = fixture.text("r/rows.csv");
+    let kept: Vec<_> = rows.lines().take(taken / 3 * 3).collect();
+    fixture.run(&format!("{SCORE} -q --resume"));
+    // Of pairs that were whole the rows are the same to the last byte, with their times.
+    let resumed = fixture.text("r/rows.csv");
+    assert!(kept.len() > 150, "{}", kept.len());
+    assert_eq!(resumed.lines().take(kept.len()).collect::<Vec<_>>(), kept);
+    let differing = ["_us", "_ms", "_s", "outliers", "memory_mb"];
+    for (table, whole) in tables.iter().zip(&whole) {
+        let text = fixture.text(&format!("r/{table}.csv"));
+        let [resumed, whole] = [&text, whole].map(|table| columns_but(table, &differing));
+        assert_eq!(resumed, whole, "{table}");
+    }
+    let key = |manifest: &str, key: &str| {
+        let json: serde_json::Value = serde_json::from_str(manifest).unwrap();
+        json[key].clone()
+    };
+    let after = fixture.text("r/manifest.json");
+    assert_eq!(key(&after, "run_id"), key(&manifest, "run_id"));
+    assert_eq!(key(&after, "resumed").as_array().unwrap().len(), 1);
+    assert!(!fixture.path("r.earlier-1").exists());
+    // Nothing is left to do, which is soon done.
+    fixture.run(&format!("{SCORE} -q --resume"));
+    let others = "
+        score short.toml -q --algo v3 --out r --resume => 1: r: cannot be resumed | algorithms were
+        score short.toml -q --algo v3 --algo bm --algo v5 --out r --resume --repeat 2 => \
+            1: cannot be resumed | times are of another kind | without --resume
+    ";
+    fixture.fails(others);
+    // Without anything to go on with it begins.
+    fixture.run("score short.toml -q --algo v3 --out new --resume");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_that_is_killed_twice_goes_on_twice() {
+    let fixture = short_arena();
+    // Recorded before, so that the kills meet the scoring.
+    fixture.run("score short.toml -q --algo v3 --out first");
+    let kill_after = |rows: usize| {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
+        command
+            .current_dir(fixture.path(""))
+            .args(SCORE.split(' '))
+            .args(["-q", "--resume"])
+            .stdout(Stdio::null());
+        let mut child = command.spawn().unwrap();
+        let began = Instant::now();
+        let path = fixture.path("r/rows.csv");
+        let lines = || std::fs::read_to_string(&path).map_or(0, |text| text.lines().count());
+        while lines() < rows && child.try_wait().unwrap().is_none() {
+            assert!(began.elapsed() < Duration::from_secs(120), "it never began");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        fixture.text("r/rows.csv")
+    };
+    let first = kill_after(100);
+    let second = kill_after(150);
+    fixture.run(&format!("{SCORE} -q --resume"));
+    let rows = fixture.text("r/rows.csv");
+    assert_eq!(rows.lines().count(), 1 + 2 * 60 * 3);
+    for part in [first, second] {
+        let whole = &part[..part.rfind('\n').unwrap()];
+        let own: Vec<_> = whole.lines().collect();
+        let cells_are_whole = own.len().saturating_sub(3);
+        assert_eq!(
+            rows.lines().take(cells_are_whole).collect::<Vec<_>>(),
+            own[..cells_are_whole]
+        );
+    }
+    assert!(!fixture.path("r.earlier-1").exists() && !fixture.path("r.earlier-2").exists());
+    let page = fixture.text("r/index.html");
+    assert_says(&page, &["resumed"]);
+}
+
+#[test]
+fn an_unfinished_run_is_not_replaced_without_a_word() {
+    let fixture = short_arena();
+    fixture.run("score short.toml -q --algo v3 --out r");
+    std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+    let ran = fixture.svl("score short.toml --algo v3 --out r");
+    assert_says(&ran.stderr, &["unfinished run", "--resume"]);
+}
