@@ -45,8 +45,8 @@ pub trait Sink: Send {
     /// What keeps it from being kept. What was taken before stays readable.
     fn take(&mut self, judged: &Judged) -> Result<()>;
 
-    /// Whose disparity maps it will show of a frame that comes later: for each of `algorithms`, those
-    /// of the run, sets what it needs. Asked for every frame in order, before any of them is taken,
+    /// Whose disparity maps it will show of a frame that comes later: sets in `needed` those of the
+    /// run's algorithms. Asked for every frame in order, before any of them is taken,
     /// where results of an earlier run stand in for matching: they have none.
     fn ask_for_maps(&mut self, _frame: &Frame, _shows_checkpoint: bool, _needed: &mut [bool]) {}
 

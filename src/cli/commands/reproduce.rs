@@ -125,7 +125,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 /// The arena of chapter 7, one run of it.
 fn arena_run(quiet: bool) -> anyhow::Result<(Scenario, Box<dyn Source>)> {
     let scenario = Scenario::arena()?;
-    let path = recordings::cached_run(&scenario, 1, quiet)?;
+    let path = recordings::cached_run(&scenario, 1, quiet, None)?;
     Ok((scenario, Box::new(RecordingSource::open(path)?)))
 }
 

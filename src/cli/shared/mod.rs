@@ -1,5 +1,6 @@
-//! What subcommands share: sources, outputs, Rerun, progress, memory, frame stepping, wrong usage.
+//! What subcommands share: sources, outputs, Rerun, progress, live tables, memory, frame stepping, wrong usage.
 
+pub(crate) mod live;
 pub(crate) mod memory;
 pub(crate) mod outputs;
 pub(crate) mod progress;

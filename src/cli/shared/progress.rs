@@ -1,5 +1,6 @@
 //! The progress bars of long work, and Ctrl-C.
 
+use super::live::LiveTable;
 use super::memory;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::OnceLock;
@@ -32,11 +33,21 @@ pub(crate) fn listen_for_interrupt() {
 }
 
 /// A bar that counts pairs, with their rate.
-pub(crate) struct Progress(ProgressBar);
+pub(crate) struct Progress(ProgressBar, Option<LiveTable>);
 
 impl Progress {
     /// `pairs`: how many there will be, where known.
     pub(crate) fn new(what: &str, pairs: Option<u64>, quiet: bool) -> Self {
+        Self::with_table(what, pairs, quiet, None)
+    }
+
+    /// With a table below it.
+    pub(crate) fn with_table(
+        what: &str,
+        pairs: Option<u64>,
+        quiet: bool,
+        table: Option<&LiveTable>,
+    ) -> Self {
         listen_for_interrupt();
         let bar = if quiet {
             ProgressBar::hidden()
@@ -44,8 +55,8 @@ impl Progress {
             pairs.map_or_else(ProgressBar::no_length, ProgressBar::new)
         };
         let form = match pairs {
-            Some(_) => "{prefix:<24} {bar:30} {pos:>6}/{len} pairs {per_sec:>9} {eta:>4} left",
-            None => "{prefix:<24} {spinner} {pos:>6} pairs {per_sec:>9}",
+            Some(_) => "{prefix:<24!} {bar:16} {pos:>6}/{len} pairs {per_sec:>7} {eta:>3} left{msg}",
+            None => "{prefix:<24!} {spinner} {pos:>6} pairs {per_sec:>7}{msg}",
         };
         // The templates above are constants; the tests run both.
         let style = ProgressStyle::with_template(form).expect("a valid template");
@@ -56,7 +67,15 @@ impl Progress {
             },
         ));
         bar.set_prefix(what.to_owned());
-        Self(bar)
+        let progress = Self(bar, table.cloned());
+        progress.show_table();
+        progress
+    }
+
+    fn show_table(&self) {
+        if let Some(table) = self.1.as_ref().filter(|_| !self.0.is_hidden()) {
+            self.0.set_message(table.text());
+        }
     }
 
     /// One pair more is done; whether to go on.
@@ -82,6 +101,10 @@ impl Monitor for Progress {
 
     fn go_on(&mut self, done: u64) -> bool {
         self.0.set_position(done);
+        // The sinks take a batch at a time.
+        if done.is_multiple_of(8) {
+            self.show_table();
+        }
         !interrupted()
     }
 }
@@ -98,7 +121,7 @@ impl Bytes {
             ProgressBar::no_length()
         };
         let form =
-            "{prefix:<36} {bar:24} {bytes:>10}/{total_bytes} {bytes_per_sec:>12} {eta:>4} left";
+            "{prefix:<24!} {bar:12} {bytes:>10}/{total_bytes} {bytes_per_sec:>12} {eta:>3} left";
         // The template above is a constant; the tests run it.
         bar.set_style(ProgressStyle::with_template(form).expect("a valid template"));
         bar.set_prefix(what.to_owned());

@@ -1,5 +1,6 @@
 //! The folder `recordings/`: unnamed recordings, the newest of them, the cache of simulated runs.
 
+use super::live::LiveTable;
 use super::progress::{Progress, interrupted, listen_for_interrupt};
 use super::runner::report_losses;
 use anyhow::{Context, bail};
@@ -46,13 +47,19 @@ pub(crate) fn record(
 }
 
 /// The recording of an arena scenario with a seed, made first where the cache does not hold it.
-pub(crate) fn cached_run(scenario: &Scenario, seed: u64, quiet: bool) -> anyhow::Result<PathBuf> {
+pub(crate) fn cached_run(
+    scenario: &Scenario,
+    seed: u64,
+    quiet: bool,
+    table: Option<&LiveTable>,
+) -> anyhow::Result<PathBuf> {
     create()?;
     let pairs = match &scenario.source {
         ScenarioSource::Arena { config, .. } => Some(config.frames),
         ScenarioSource::Dataset { .. } | ScenarioSource::Recording(_) => None,
     };
-    let mut progress = Progress::new(&format!("arena, seed {seed}"), pairs, quiet);
+    let name = format!("arena, seed {seed}");
+    let mut progress = Progress::with_table(&name, pairs, quiet, table);
     let cached = svl::record::cached_run(Path::new(RECORDINGS), scenario, seed, &mut progress);
     progress.clear();
     if interrupted() {

@@ -7,7 +7,7 @@ use svl::sink::{RunStart, Sink};
 use svl::source::{AlignmentMonitor, AssumeRectified, Source};
 use svl::stereo::Losses;
 
-/// Runs a source through the algorithms, with a progress bar, and warns of what is in no frame.
+/// Runs a source through the algorithms, with that progress bar, and warns of what is in no frame.
 /// The outcome holds also for a run that failed.
 pub(crate) fn run_through(
     source: &mut dyn Source,
@@ -15,10 +15,8 @@ pub(crate) fn run_through(
     start: &RunStart<'_>,
     pace: Pace,
     sinks: &mut [Box<dyn Sink>],
-    title: &str,
-    quiet: bool,
+    mut progress: Progress,
 ) -> (Outcome, svl::Result<()>) {
-    let mut progress = Progress::new(title, source.pairs(), quiet);
     let mut rectified = AssumeRectified::new(source);
     let mut monitored = AlignmentMonitor::new(&mut rectified);
     let ran = run(&mut monitored, matchers, start, pace, sinks, &mut progress);

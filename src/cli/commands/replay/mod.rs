@@ -3,6 +3,7 @@
 mod verify;
 
 use crate::cli::shared::outputs::Outputs;
+use crate::cli::shared::progress::Progress;
 use crate::cli::shared::recordings::{self, RECORDINGS};
 use crate::cli::shared::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_error, print_json, width};
@@ -203,14 +204,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         judge: &judge,
     };
     let title = opened.source.name();
+    let progress = Progress::new(&title, opened.source.pairs(), quiet);
     let (outcome, ran) = runner::run_through(
         &mut *opened.source,
         &mut matchers,
         &start,
         args.rate,
         sinks.as_mut_slice(),
-        &title,
-        quiet,
+        progress,
     );
     // Everything that came before an error is kept and reported, so the sinks are finished first.
     let (results, finished) = sinks.finish();
@@ -287,5 +288,5 @@ fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
             "no recording in {RECORDINGS}/: recording the arena first"
         ));
     }
-    recordings::cached_run(&Scenario::arena()?, 1, quiet)
+    recordings::cached_run(&Scenario::arena()?, 1, quiet, None)
 }

@@ -4,6 +4,7 @@ mod report;
 mod runs;
 mod sweep;
 
+use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::source::{RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
@@ -12,6 +13,7 @@ use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use report::{REPORT, ScoreReport};
+use runs::ScoredSource;
 use std::path::{Path, PathBuf};
 use svl::report::{GateResult, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
@@ -159,13 +161,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // The file of the CI's run before is of no more use than its report.
     let junit_path = args.junit.iter().map(PathBuf::as_path);
     let mut junit_file = Outputs::claim(true, [], junit_path)?;
-    // Recorded first: Ctrl-C there leaves an earlier report as it is.
-    let mut runs = runs::runs(&scenario, args, quiet)?;
+    let runs = runs::runs(&scenario, args, quiet)?;
     args.reference.check(&scenario.algorithms);
     let pace = Pace::Measured {
         rounds: args.repeat,
     };
     let mut manifest = report::manifest(&scenario, &runs, pace)?;
+    let live = LiveTable::default();
+    let mut runs = runs.into_iter();
+    let open = |run: ScoredSource| run.open(&scenario, args, quiet, &live);
+    // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
+    let first = runs.next().map(open).transpose()?;
     let log = match args.resume {
         true => ResultLog::read(&folder, &manifest, scenario.grid)?,
         false => {
@@ -179,11 +185,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     junit_file.set_aside()?;
     let mut report = {
         let rerun = rerun.map(|target| (target, args.rerun_detail));
-        ScoreReport::begin(&scenario, &folder, rerun, (manifest, log), pace)?
+        ScoreReport::begin(&scenario, &folder, rerun, (manifest, log), &live, pace)?
     };
     let mut total = Outcome::default();
-    let ran = runs.iter_mut().try_for_each(|run| {
-        let (outcome, ran) = report.take(run, &mut matchers, quiet);
+    let opened = first.into_iter().map(Ok).chain(runs.map(open));
+    let ran = opened.into_iter().try_for_each(|run| {
+        let mut run = run?;
+        let (outcome, ran) = report.take(&mut run, &mut matchers, quiet);
         total.frames += outcome.frames;
         total.failures += outcome.failures;
         total.losses.add(outcome.losses);

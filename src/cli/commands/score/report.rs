@@ -1,7 +1,10 @@
 //! The report of `svl score` under way: manifest, sinks, and what is written at the end.
 
+use super::runs::ScoredSource;
 use super::sweep::sweeps;
+use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{FolderRule, write, write_json};
+use crate::cli::shared::progress::Progress;
 use crate::cli::shared::runner;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -25,19 +28,20 @@ pub(super) struct ScoreReport {
     /// What an earlier part of the run left.
     log: ResultLog,
     sinks: Sinks,
+    live: LiveTable,
     pace: Pace,
 }
 
 /// What identifies a report, and where it goes on from.
 pub(super) fn manifest(
     scenario: &Scenario,
-    runs: &[(RunSource, Judge)],
+    runs: &[ScoredSource],
     pace: Pace,
 ) -> anyhow::Result<Manifest> {
     let mut manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
     manifest.set_rule(scenario.cells);
     manifest.times = Some(pace.times());
-    let records = runs.iter().filter_map(|(run, _)| run.record.clone());
+    let records = runs.iter().filter_map(ScoredSource::record);
     manifest.runs = records.collect();
     Ok(manifest)
 }
@@ -48,11 +52,12 @@ impl ScoreReport {
         folder: &Path,
         rerun: Option<(RerunTarget, RerunDetail)>,
         (manifest, log): (Manifest, ResultLog),
+        live: &LiveTable,
         pace: Pace,
     ) -> anyhow::Result<Self> {
         write_json(&folder.join(MANIFEST), &manifest)?;
         let info = RunInfo::new(&manifest, scenario.wireframe(None));
-        let sinks = Sinks::open(SinkRequest {
+        let mut sinks = Sinks::open(SinkRequest {
             report: Some(folder),
             // More have no room in a viewer, nor the file on a disk.
             rerun: rerun
@@ -60,11 +65,13 @@ impl ScoreReport {
                 .map(|(target, detail)| (target, detail, info)),
             ..SinkRequest::default()
         })?;
+        sinks.push(live.clone());
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
             log,
             sinks,
+            live: live.clone(),
             pace,
         })
     }
@@ -82,16 +89,13 @@ impl ScoreReport {
             seed: run.seed,
             judge,
         };
-        let title = format!("score {}", run.name());
-        runner::run_through(
-            run,
-            matchers,
-            &start,
-            self.pace,
-            self.sinks.as_mut_slice(),
-            &title,
-            quiet,
-        )
+        let title = match run.seed {
+            Some(seed) => format!("score {}, seed {seed}", self.manifest.scenario),
+            None => format!("score {}", run.name()),
+        };
+        let progress = Progress::with_table(&title, run.pairs(), quiet, Some(&self.live));
+        let sinks = self.sinks.as_mut_slice();
+        runner::run_through(run, matchers, &start, self.pace, sinks, progress)
     }
 
     pub(super) fn finish(

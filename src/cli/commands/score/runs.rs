@@ -1,15 +1,17 @@
 //! What `svl score` scores: the scenario that is named or meant, and its runs.
 
 use super::Args;
+use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::source::{self, data_folder};
 use crate::cli::shared::{recordings, usage};
 use anyhow::bail;
 use std::path::Path;
+use svl::manifest::RunRecord;
 use svl::matcher::Algorithm;
 use svl::scenario::{PairRange, Scenario, ScenarioSource};
 use svl::score::Judge;
 use svl::source::dataset::{Scene, SceneSource};
-use svl::source::{Limited, RecordingSource, RunSource, Source, run_request};
+use svl::source::{Limited, RecordingSource, RunSource, run_request};
 
 /// The scenario that is named, or that of the recordings that are.
 pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
@@ -60,26 +62,63 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
     Ok(scenario)
 }
 
-/// The scenario's runs, each with its judge; those of an arena are recorded where the cache does
-/// not hold them.
+/// A run with its judge.
+pub(super) enum ScoredSource {
+    Opened(Box<(RunSource, Judge)>),
+    /// Of the arena with that seed, recorded when its turn comes: what comes before is on the screen
+    /// by then.
+    Arena(u64),
+}
+
+impl ScoredSource {
+    /// The recording of the user's that it reads.
+    pub(super) fn record(&self) -> Option<RunRecord> {
+        match self {
+            Self::Opened(opened) => opened.0.record.clone(),
+            Self::Arena(_) => None,
+        }
+    }
+
+    /// Opens it, recorded first where the cache does not hold it.
+    pub(super) fn open(
+        self,
+        scenario: &Scenario,
+        args: &Args,
+        quiet: bool,
+        table: &LiveTable,
+    ) -> anyhow::Result<(RunSource, Judge)> {
+        let seed = match self {
+            Self::Opened(opened) => return Ok(*opened),
+            Self::Arena(seed) => seed,
+        };
+        let path = recordings::cached_run(scenario, seed, quiet, Some(table))?;
+        let source = Limited::new(Box::new(RecordingSource::open(path)?), range(args)?, None);
+        let source = args.reference.wrap(Box::new(source))?;
+        let mut run = RunSource::new(source, Some(seed));
+        let judge = run.judge(&scenario.judge())?;
+        Ok((run, judge))
+    }
+}
+
+fn range(args: &Args) -> anyhow::Result<PairRange> {
+    let mut range = PairRange::default();
+    args.range.fill(&mut range);
+    range.validate().map_err(usage::wrong)?;
+    Ok(range)
+}
+
+/// The scenario's runs. All that the user names is opened, so that what is wrong with the last one
+/// is said before the first is scored.
 pub(super) fn runs(
     scenario: &Scenario,
     args: &Args,
     quiet: bool,
-) -> anyhow::Result<Vec<(RunSource, Judge)>> {
-    let mut range = PairRange::default();
-    args.range.fill(&mut range);
-    range.validate().map_err(usage::wrong)?;
-    let of_range = |source: Box<dyn Source>| Limited::new(source, range, None);
+) -> anyhow::Result<Vec<ScoredSource>> {
+    let range = range(args)?;
     let mut runs = Vec::new();
     match &scenario.source {
         ScenarioSource::Arena { seeds, .. } => {
-            for &seed in seeds {
-                let path = recordings::cached_run(scenario, seed, quiet)?;
-                let source = of_range(Box::new(RecordingSource::open(path)?));
-                let source = args.reference.wrap(Box::new(source))?;
-                runs.push(RunSource::new(source, Some(seed)));
-            }
+            return Ok(seeds.iter().copied().map(ScoredSource::Arena).collect());
         }
         ScenarioSource::Dataset { scenes } => {
             let Some(data) = data_folder(args.data.as_deref()) else {
@@ -90,7 +129,7 @@ pub(super) fn runs(
                 );
             };
             let scenes = Scene::find_all(&data, scenes)?;
-            let source = of_range(Box::new(SceneSource::new(scenes)));
+            let source = Limited::new(Box::new(SceneSource::new(scenes)), range, None);
             let source = args.reference.wrap(Box::new(source))?;
             runs.push(RunSource::new(source, None));
         }
@@ -109,7 +148,7 @@ pub(super) fn runs(
     let judge = scenario.judge();
     let judged = runs.into_iter().map(|mut run| {
         let judge = run.judge(&judge)?;
-        Ok((run, judge))
+        Ok(ScoredSource::Opened(Box::new((run, judge))))
     });
     judged.collect()
 }

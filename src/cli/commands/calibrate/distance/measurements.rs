@@ -1,5 +1,6 @@
 //! Distances with their disparities, from a table or measured in recordings.
 
+use crate::cli::shared::progress::Progress;
 use crate::cli::shared::source::open_recording;
 use crate::cli::shared::{runner, usage};
 use anyhow::{Context, bail};
@@ -13,7 +14,7 @@ use svl::run::{Matchers, Pace};
 use svl::scenario::PairRange;
 use svl::score::{Judge, Judged};
 use svl::sink::{self, CollectSink, RunStart, Sink};
-use svl::source::{Calib, Limited, Request};
+use svl::source::{Calib, Limited, Request, Source};
 use svl::stereo::{DepthGrid, MAX_SIDE, Rig};
 
 /// Most measurements; more make no better curve.
@@ -203,14 +204,14 @@ impl Measuring<'_> {
             seed: None,
             judge: &Judge::default(),
         };
+        let progress = Progress::new(name, source.pairs(), self.quiet);
         let (outcome, ran) = runner::run_through(
             &mut source,
             &mut Matchers::new(&algorithms)?,
             &start,
             Pace::Asap,
             &mut sinks,
-            name,
-            self.quiet,
+            progress,
         );
         sink::finish(sinks)?;
         ran?;

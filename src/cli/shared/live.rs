@@ -1,0 +1,109 @@
+//! What algorithms have reached so far, below the progress bar of `svl score`.
+
+use std::fmt::Write;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use svl::Result;
+use svl::score::{Judged, Metric, MetricValues};
+use svl::sink::Sink;
+
+/// Most algorithms that are shown.
+const SHOWN: usize = 12;
+
+/// A sink that adds up, and what it has so far as text. Clones share it.
+#[derive(Clone, Default)]
+pub(crate) struct LiveTable(Arc<Mutex<Vec<LiveLine>>>);
+
+struct LiveLine {
+    algorithm: String,
+    pairs: u32,
+    sums: MetricValues,
+    time: Duration,
+}
+
+impl LiveTable {
+    fn lines(&self) -> MutexGuard<'_, Vec<LiveLine>> {
+        // Whole after a panic elsewhere, too: lines are changed at once.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A line per algorithm, each after a line break.
+    pub(crate) fn text(&self) -> String {
+        let lines = self.lines();
+        let names = lines.iter().map(|line| line.algorithm.chars().count());
+        let width = names.take(SHOWN).max().unwrap_or(0).min(40);
+        let mut text = String::new();
+        for line in lines.iter().take(SHOWN) {
+            let name: String = line.algorithm.chars().take(width).collect();
+            let _ = write!(text, "\n{name:<width$}{}", line.words());
+        }
+        if let Some(more) = lines.len().checked_sub(SHOWN).filter(|more| *more > 0) {
+            let _ = write!(text, "\nand {more} more");
+        }
+        text
+    }
+}
+
+impl LiveLine {
+    fn words(&self) -> String {
+        let mut text = String::new();
+        let judged = ["right", "wrong"].map(|name| (name, self.share(name)));
+        let known = self
+            .sums
+            .get("known")
+            .map(|sum| sum / f64::from(self.pairs));
+        let shown = match judged[0].1 {
+            Some(_) => &judged[..],
+            None => &[("known", known)],
+        };
+        for (name, share) in shown {
+            if let Some(share) = share {
+                let _ = write!(text, "  {name} {:5.1} %", 100.0 * share);
+            }
+        }
+        let ms = self.time.as_secs_f64() * 1e3 / f64::from(self.pairs);
+        let _ = write!(text, "  {ms:7.2} ms per pair");
+        text
+    }
+
+    fn share(&self, name: &str) -> Option<f64> {
+        self.sums.value(Metric::find(name)?)
+    }
+}
+
+impl Sink for LiveTable {
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        let mut lines = self.lines();
+        for scored in &judged.estimates {
+            let algorithm = &scored.estimate.algorithm;
+            let place = match lines.iter().position(|line| line.algorithm == *algorithm) {
+                Some(place) => place,
+                None => {
+                    lines.push(LiveLine {
+                        algorithm: algorithm.clone(),
+                        pairs: 0,
+                        sums: MetricValues::default(),
+                        time: Duration::ZERO,
+                    });
+                    lines.len() - 1
+                }
+            };
+            let line = &mut lines[place];
+            line.pairs += 1;
+            line.time += scored.estimate.times.total();
+            let before = line.sums;
+            line.sums = MetricValues::from_fn(|metric| {
+                let [sum, value] = [&before, &scored.metrics].map(|of| of.get(metric.name));
+                match (sum, value) {
+                    (Some(sum), Some(value)) => Some(sum + value),
+                    (one, None) | (None, one) => one,
+                }
+            });
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
