@@ -159,17 +159,23 @@ fn stderr_note(stderr: &str) -> String {
 /// The cause of an I/O error, with the cure where there is one.
 fn words(cause: &std::io::Error) -> String {
     use std::io::ErrorKind::{
-        IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem, StorageFull,
+        AlreadyExists, IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,
+        StorageFull,
     };
     let words = match cause.kind() {
         NotFound => "no such file or folder; check the name",
+        AlreadyExists => "exists already, as something else; name another",
         IsADirectory => "is a folder; name a file",
         NotADirectory => "part of it is a file, not a folder; check the name",
         PermissionDenied => "permission denied; name another place or change its permissions",
         ReadOnlyFilesystem => "cannot be written on a read-only file system; name another place",
         StorageFull => "no space left on the device; free some or name another place",
-        // Rarer causes: the system's own message.
-        _ => return cause.to_string(),
+        // Rarer causes: the system's own message, without its number.
+        _ => {
+            let words = cause.to_string();
+            let words = words.split(" (os error").next().unwrap_or_default();
+            return words.to_lowercase();
+        }
     };
     words.to_owned()
 }

@@ -473,8 +473,50 @@ fn line(text: &str, at: usize) -> usize {
 }
 
 /// The parser's message, which has several lines, in one, with line and column.
+/// The keys without a default: of the file, of its tables, and of each in its lists of tables.
+const REQUIRED: [(&str, &[&str]); 4] = [
+    ("", &["name", "source"]),
+    ("source", &["kind"]),
+    ("checkpoint", &["number", "name"]),
+    ("gate", &["algorithm", "metric"]),
+];
+
+/// The keys of [`REQUIRED`] that a scenario does not have.
+fn missing_keys(text: &str) -> Vec<String> {
+    let Ok(file) = text.parse::<toml::Table>() else {
+        return Vec::new();
+    };
+    let mut missing = Vec::new();
+    let mut look = |table: &toml::Table, keys: &[&str], of: String| {
+        let absent = keys.iter().filter(|key| !table.contains_key(**key));
+        missing.extend(absent.map(|key| format!("{key}{of}")));
+    };
+    for (name, keys) in REQUIRED {
+        match file.get(name) {
+            None if name.is_empty() => look(&file, keys, String::new()),
+            Some(toml::Value::Table(table)) => look(table, keys, format!(" of [{name}]")),
+            Some(toml::Value::Array(tables)) => {
+                for (i, table) in (1..).zip(tables.iter().filter_map(toml::Value::as_table)) {
+                    look(table, keys, format!(" of [[{name}]] {i}"));
+                }
+            }
+            _ => {}
+        }
+    }
+    missing
+}
+
 fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
-    let message = plain(&error.message().lines().collect::<Vec<_>>().join(" "));
+    let mut message = plain(&error.message().lines().collect::<Vec<_>>().join(" "));
+    // serde ends at the first.
+    if message.starts_with("missing field") {
+        let missing = missing_keys(text);
+        if missing.len() > 1 {
+            let what = format!("missing {}", missing.join(", "));
+            return Error::format(path, what);
+        }
+        message = message.replacen("field", "key", 1);
+    }
     let place = error.span().map(|span| {
         let before = text.get(..span.start).unwrap_or(text);
         let line = line(text, span.start);

@@ -1,10 +1,11 @@
 //! `svl datasets`: the data sets svl reads, listed or fetched.
 
+use crate::cli::shared::outputs::make_folder;
 use crate::cli::shared::progress::Bytes;
 use crate::cli::shared::source::data_folder;
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use crate::cli::shared::usage;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -166,8 +167,7 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
     };
     let origin = Origin::named(args.from.as_deref())?;
     let folder = data.join(dataset.name);
-    std::fs::create_dir_all(&folder)
-        .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    make_folder(&folder)?;
     print(&format!(
         "{}: {}\nTerms: {}; {}\n",
         dataset.name, dataset.title, dataset.licence, dataset.home
@@ -248,7 +248,7 @@ impl Fetching {
         let mut first = [0];
         let page = std::fs::File::open(&path)
             .and_then(|mut file| Ok(file.read(&mut first)? == 1 && first == *b"<"));
-        if page.with_context(|| path.display().to_string())? {
+        if page.map_err(|e| svl::Error::io(&path, e))? {
             if downloads {
                 // It would be taken for the file the next time.
                 let _ = std::fs::remove_file(&path);
@@ -276,7 +276,7 @@ impl Fetching {
         )?;
         // What the user put there stays.
         if fetch::is_archive(file) && downloads {
-            std::fs::remove_file(&path).with_context(|| path.display().to_string())?;
+            std::fs::remove_file(&path).map_err(|e| svl::Error::io(&path, e))?;
         }
         Ok(())
     }
@@ -310,8 +310,7 @@ impl Fetching {
             return Ok((own.to_owned(), own.display().to_string()));
         }
         let folder = own.parent().unwrap_or(&self.folder);
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+        make_folder(folder)?;
         self.with_bar("fetch", own, |bar| fetch::download(&url, own, bar))?;
         Ok((own.to_owned(), url))
     }
@@ -332,11 +331,11 @@ impl Fetching {
         } else {
             if path != own {
                 let folder = own.parent().unwrap_or(&self.folder);
-                std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+                make_folder(folder)?;
                 // Half a copy must not be taken for the file.
                 let partial = own.with_extension("copy");
-                std::fs::copy(path, &partial).with_context(|| partial.display().to_string())?;
-                std::fs::rename(&partial, own).with_context(|| own.display().to_string())?;
+                std::fs::copy(path, &partial).map_err(|e| svl::Error::io(&partial, e))?;
+                std::fs::rename(&partial, own).map_err(|e| svl::Error::io(&own, e))?;
             }
             self.written += 1;
         }

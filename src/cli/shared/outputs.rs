@@ -6,6 +6,11 @@ use anyhow::{Context, bail};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
+/// Makes a folder, with those above it.
+pub(crate) fn make_folder(path: &Path) -> svl::Result<()> {
+    std::fs::create_dir_all(path).map_err(|e| svl::Error::io(path, e))
+}
+
 /// What a command writes. Dropped before [`Outputs::commit`] or [`Outputs::keep_both`], it puts the
 /// earlier files back in place of new ones that are of no use.
 #[must_use]
@@ -71,8 +76,7 @@ impl Outputs {
     /// the same kind.
     pub(crate) fn claim_folder(path: &Path, rule: &'static FolderRule) -> anyhow::Result<Self> {
         let created = !path.exists();
-        std::fs::create_dir_all(path)
-            .with_context(|| format!("{}: cannot make the folder", path.display()))?;
+        make_folder(path)?;
         // Two runs into one folder would take each other's files for an earlier report's. Where
         // folders cannot be opened or locked, there is no such guard.
         let lock = File::open(path).ok();
@@ -274,7 +278,7 @@ fn free_name(folder: &Path) -> PathBuf {
 fn files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
-        .with_context(|| folder.display().to_string())
+        .map_err(|e| svl::Error::io(folder, e).into())
 }
 
 /// Moves a file into a folder.
@@ -338,7 +342,7 @@ fn parent(path: &Path) -> &Path {
 
 /// Writes a file of a report.
 pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-    std::fs::write(path, content).with_context(|| path.display().to_string())
+    std::fs::write(path, content).map_err(|e| svl::Error::io(path, e).into())
 }
 
 /// Writes a file of a report as JSON.

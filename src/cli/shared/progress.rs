@@ -55,7 +55,9 @@ impl Progress {
             pairs.map_or_else(ProgressBar::no_length, ProgressBar::new)
         };
         let form = match pairs {
-            Some(_) => "{prefix:<24!} {bar:16} {pos:>6}/{len} pairs {per_sec:>7} {eta:>3} left{msg}",
+            Some(_) => {
+                "{prefix:<24!} {bar:16} {pos:>6}/{len} pairs {per_sec:>7} {eta:>3} left{msg}"
+            }
             None => "{prefix:<24!} {spinner} {pos:>6} pairs {per_sec:>7}{msg}",
         };
         // The templates above are constants; the tests run both.

@@ -1,9 +1,10 @@
 //! The folder `recordings/`: unnamed recordings, the newest of them, the cache of simulated runs.
 
 use super::live::LiveTable;
+use super::outputs::make_folder;
 use super::progress::{Progress, interrupted, listen_for_interrupt};
 use super::runner::report_losses;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::recording::RecordingFormat;
 use svl::run::Outcome;
@@ -68,7 +69,6 @@ pub(crate) fn cached_run(
     Ok(cached?)
 }
 
-fn create() -> anyhow::Result<()> {
-    std::fs::create_dir_all(RECORDINGS)
-        .with_context(|| format!("{RECORDINGS}: cannot make the folder"))
+fn create() -> svl::Result<()> {
+    make_folder(Path::new(RECORDINGS))
 }

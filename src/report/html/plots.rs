@@ -227,29 +227,23 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         ("other", |a| a.other_ms),
     ];
     // Rows hold whole microseconds, so a stage below 1 % may be rounding alone.
-    // A stage that no algorithm has would only lengthen the key.
     let counts = |of: PlotNumber| {
         page.summary
             .algorithms
             .iter()
             .any(|a| of(a) > 0.01 * a.p50_ms)
     };
-    let stages: Vec<_> = stages.into_iter().filter(|(_, of)| counts(*of)).collect();
+    let counted = stages.map(|(_, of)| counts(of));
+    let times = |a: &AlgorithmSummary| {
+        let times = stages.iter().zip(counted);
+        let times = times.map(|((_, of), counts)| if counts { of(a) } else { 0.0 });
+        (a.algorithm.clone(), times.collect())
+    };
     let bars = Bars {
         title: String::new(),
         label: "ms per pair".into(),
         parts: stages.iter().map(|(name, _)| (*name).to_owned()).collect(),
-        bars: page
-            .summary
-            .algorithms
-            .iter()
-            .map(|a| {
-                (
-                    a.algorithm.clone(),
-                    stages.iter().map(|(_, of)| of(a)).collect(),
-                )
-            })
-            .collect(),
+        bars: page.summary.algorithms.iter().map(times).collect(),
     };
     let shares = Bars {
         label: "shares; the number: ms per pair".into(),

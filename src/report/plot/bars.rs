@@ -11,7 +11,7 @@ pub struct Bars {
     pub title: String,
     /// What the length of a bar is, with its unit.
     pub label: String,
-    /// Names of the parts.
+    /// Names of the parts. One that no bar has is not in the key; others keep their colours.
     pub parts: Vec<String>,
     /// Name, and a length per part, 0 or more.
     pub bars: Vec<(String, Vec<f64>)>,
@@ -54,8 +54,8 @@ impl Bars {
         let height = head + FOOT + BAR * self.bars.len() as i32;
         svg(height as u32, &self.title, |canvas| {
             draw_title(canvas, &self.title)?;
-            for (i, (part, (x, y))) in self.parts.iter().zip(key).enumerate() {
-                let y = y + head - key_height;
+            for (i, (x, y)) in key {
+                let (part, y) = (&self.parts[i], y + head - key_height);
                 canvas.draw(&Rectangle::new(
                     [(x, y), (x + 24, y + 24)],
                     color(i).filled(),
@@ -66,19 +66,21 @@ impl Bars {
         })
     }
 
-    /// Where the parts of the key stand, in lines as wide as the plot, and how high they are.
-    fn key(&self) -> (Vec<(i32, i32)>, i32) {
+    /// The parts of the key and where they stand, in lines as wide as the plot, and how high they
+    /// are.
+    fn key(&self) -> (Vec<(usize, (i32, i32))>, i32) {
         if self.parts.len() < 2 {
             return (Vec::new(), 0);
         }
         let (mut x, mut y, mut places) = (0, 0, Vec::new());
-        for part in &self.parts {
+        let is_shown = |i: usize| self.bars.iter().any(|(_, parts)| parts[i] > 0.0);
+        for (i, part) in self.parts.iter().enumerate().filter(|(i, _)| is_shown(*i)) {
             let width = 34 + text_width(part, SIZE);
             // A part wider than the plot stays alone on its line.
             if x > 0 && x + width > WIDTH as i32 {
                 (x, y) = (0, y + KEY);
             }
-            places.push((x, y));
+            places.push((i, (x, y)));
             x += width + 28;
         }
         (places, y + KEY)
@@ -168,20 +170,22 @@ mod tests {
 
     #[test]
     fn one_rectangle_per_part_and_key() {
-        let parts = vec!["matching".to_owned(), "checks".to_owned()];
+        let parts = ["smoothing", "matching", "checks"].map(str::to_owned);
         let bars = vec![
-            ("v1".to_owned(), vec![1.0, 0.5]),
-            ("v3".to_owned(), vec![0.5, 0.25]),
+            ("v1".to_owned(), vec![0.0, 1.0, 0.5]),
+            ("v3".to_owned(), vec![0.0, 0.5, 0.25]),
         ];
         let svg = Bars {
             title: "times".into(),
             label: "ms".into(),
-            parts,
+            parts: parts.into(),
             bars,
         }
         .svg()
         .unwrap();
-        assert_eq!(svg.matches("<rect").count(), 2 + 4);
+        // A part that no bar has is not in the key, and leaves the others their colours.
+        let of = |fill: &str| svg.matches(&format!("fill=\"{fill}\"")).count();
+        assert_eq!((of("#D55E00"), of("#009E73")), (3, 3), "{svg}");
         assert!(svg.contains("\n1.50\n"), "{svg}");
     }
 

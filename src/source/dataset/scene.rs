@@ -132,12 +132,14 @@ impl Scene {
         Ok(scenes)
     }
 
-    fn of_number(folder: &Path, prefix: &str, number: &str) -> Result<Vec<Self>> {
+    /// A scene by its number, or by its frame's name as KITTI's results have it, `000000_10`.
+    fn of_number(folder: &Path, prefix: &str, name: &str) -> Result<Vec<Self>> {
+        let numbers = [Some(name), name.strip_suffix("_10")].into_iter().flatten();
         let pairs = files().flat_map(|f| f.pairs).filter(|pair| pair.numbered());
-        let pair = pairs
-            .into_iter()
-            .find(|pair| image(folder, pair.left, number).is_some());
-        pair.map(|pair| Self::numbered(folder, pair, prefix, number.to_owned()))
+        let mut named = pairs.flat_map(|pair| numbers.clone().map(move |number| (pair, number)));
+        let found = named.find(|(pair, number)| image(folder, pair.left, number).is_some());
+        found
+            .map(|(pair, number)| Self::numbered(folder, pair, prefix, number.to_owned()))
             .into_iter()
             .collect()
     }
@@ -257,6 +259,10 @@ fn names(folder: &Path) -> Result<BTreeSet<String>> {
 fn nothing(root: &Path, name: &str) -> Error {
     let path = root.join(name);
     let shown = root.display();
+    if path.is_dir() && Scene::all_in(&path, "").is_ok_and(|scenes| !scenes.is_empty()) {
+        let words = format!("is a folder of scenes; '{name}/*' names all of them");
+        return Error::format(path, words);
+    }
     let what = if path.is_dir() || name.ends_with('*') && path.parent().is_some_and(Path::is_dir) {
         "holds no stereo pair (im0.png and im1.png, say)"
     } else {

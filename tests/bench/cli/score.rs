@@ -91,7 +91,15 @@ fn bad_scenarios_are_one_line_with_line_and_column() {
     fixture.write("unknown.toml", arena.replacen("\nmust", "\nmist", 1));
     fixture.write("algorithm.toml", arena.replacen("\"v3\"", "\"v33\"", 1));
     fixture.write("binary.toml", [0xff, 0xfe, 0]);
+    fixture.write(
+        "bare.toml",
+        "[source]\n[[checkpoint]]\nname = \"a\"\n[[gate]]\n",
+    );
+    fixture.write("nameless.toml", "[source]\nkind = \"arena\"\n");
     let wrong = "
+        score bare.toml => 1: bare.toml: missing name, kind of [source], number of [[checkpoint]] 1, \
+            algorithm of [[gate]] 1, metric of [[gate]] 1
+        score nameless.toml => 1: line 1, column 1: missing key `name`
         score unknown.toml => 1: unknown.toml: line  | , column  | unknown field `mist`
         score algorithm.toml => 1: algorithm.toml | did you mean 'v3'?
         score binary.toml => 1: binary.toml | UTF-8

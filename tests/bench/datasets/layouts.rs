@@ -189,10 +189,12 @@ fn kitti_2012() {
     let frames = tree.frames(&["kitti2012/training/*"]).unwrap();
     assert_eq!(frames.len(), 2);
     assert_eq!(frames[1].name.as_deref(), Some("kitti2012/training/000001"));
-    assert_eq!(
-        tree.frames(&["kitti2012/training/000001"]).unwrap()[0].name,
-        frames[1].name
-    );
+    // By number, or as the files of results are called.
+    for name in ["kitti2012/training/000001", "kitti2012/training/000001_10"] {
+        assert_eq!(tree.frames(&[name]).unwrap()[0].name, frames[1].name);
+    }
+    let folder = tree.frames(&["kitti2012/training"]).unwrap_err();
+    assert_says(&folder.to_string(), &["'kitti2012/training/*' names all"]);
     for frame in &frames {
         expect_truth(frame, true);
         // The grey cameras, not the coloured ones.
