@@ -37,6 +37,24 @@ pub trait Pairs {
 
     /// `sum + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
     fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32>;
+
+    /// `(float − 2²³) · weight` of each row, rounded once, of the floats with those bits, which are
+    /// between 2²³ and 2²⁴; the weight is a whole number below 2¹⁶, and `bias` −2²³ times it.
+    fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32>;
+}
+
+/// 2²³.
+pub(super) const BIAS: f32 = 8_388_608.0;
+
+/// [`Pairs::costs`] where one operation multiplies and adds.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn fused_costs(floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
+    let mut costs = Group::splat(0.0);
+    for l in 0..Group::ROWS {
+        costs.0[l] = f32::from_bits(floats.0[l]).mul_add(weight, bias);
+    }
+    costs
 }
 
 pub struct Portable;
@@ -55,6 +73,13 @@ impl Pairs for Portable {
         self.add_products(sum, pairs)
     }
 
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+        x86::add_products_sse2(sum, pairs)
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
     #[inline(always)]
     fn add_products(&self, mut sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
         for l in 0..Group::ROWS {
@@ -62,6 +87,15 @@ impl Pairs for Portable {
             sum.0[l] = sum.0[l].wrapping_add_signed(product(0) + product(1));
         }
         sum
+    }
+
+    #[inline(always)]
+    fn costs(&self, floats: Group<u32>, weight: f32, _: f32) -> Group<f32> {
+        let mut costs = Group::splat(0.0);
+        for l in 0..Group::ROWS {
+            costs.0[l] = (f32::from_bits(floats.0[l]) - BIAS) * weight;
+        }
+        costs
     }
 }
 
@@ -100,6 +134,18 @@ mod x86 {
     // SAFETY of all below: the token says that the CPU has the instructions; arrays of numbers are
     // vectors of their size.
 
+    /// [`Pairs::add_products`] with SSE2, which every x86-64 has.
+    #[inline(always)]
+    pub(super) fn add_products_sse2(sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
+        // SAFETY: see above.
+        unsafe {
+            let sum = transmute::<Group<u32>, [__m128i; 4]>(sum);
+            let [a, b] = transmute::<[Group<[i16; 2]>; 2], [[__m128i; 4]; 2]>(pairs);
+            let quarter = |i: usize| _mm_add_epi32(sum[i], _mm_madd_epi16(a[i], b[i]));
+            transmute::<[__m128i; 4], Group<u32>>(std::array::from_fn(quarter))
+        }
+    }
+
     impl Pairs for Avx2 {
         #[inline(always)]
         fn sum(
@@ -127,6 +173,11 @@ mod x86 {
                 transmute::<[__m256i; 2], Group<u32>>([half(0), half(1)])
             }
         }
+
+        #[inline(always)]
+        fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
+            super::fused_costs(floats, weight, bias)
+        }
     }
 
     impl Pairs for Avx512 {
@@ -153,6 +204,11 @@ mod x86 {
                 let [a, b] = transmute::<[Group<[i16; 2]>; 2], [__m512i; 2]>(pairs);
                 transmute::<__m512i, Group<u32>>(_mm512_add_epi32(sum, _mm512_madd_epi16(a, b)))
             }
+        }
+
+        #[inline(always)]
+        fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
+            super::fused_costs(floats, weight, bias)
         }
     }
 }

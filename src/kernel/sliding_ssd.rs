@@ -5,9 +5,13 @@
 //! "Optimization", and figure 5.10). What comes in less what goes out is
 //! `(l² − l'²) + (r² − r'²) − 2·(l·r − l'·r')`: the first two belong to one image each and are the
 //! same for all disparities, the last is one product of pairs.
+//!
+//! Sums are kept as the bits of the 32-bit float 2²³ + SSD: below 2²⁴ its bits count up by one as the
+//! number does, so the sum slides in integers and is multiplied by its weight as a float, in one
+//! operation where an integer product takes two.
 
 use super::Lanes;
-use super::pairs::{Group, Pairs};
+use super::pairs::{BIAS, Group, Pairs};
 use std::ops::Range;
 
 /// Half of the one-dimensional window of v1 to v4: it covers x − 4 ..= x + 4.
@@ -42,6 +46,15 @@ impl Match {
     }
 }
 
+/// The sum of an SSD of 0: the bits of 2²³.
+const ZERO: u32 = 0x4b00_0000;
+
+/// The SSD that a sum stands for.
+#[inline(always)]
+pub(super) fn ssd(sum: u32) -> u32 {
+    sum ^ ZERO
+}
+
 /// The cheapest disparity of a column of windows.
 #[derive(Clone, Copy)]
 pub(super) struct Winners {
@@ -49,26 +62,101 @@ pub(super) struct Winners {
     pub(super) winner: Group<Match>,
 }
 
-impl Winners {
-    pub(super) const NONE: Self = Self {
-        cost: Group::splat(u32::MAX),
+/// The cheapest so far.
+#[derive(Clone, Copy)]
+struct Cheapest {
+    /// The bits of floats: they compare as whole numbers do, and sooner.
+    cost: Group<i32>,
+    winner: Group<Match>,
+}
+
+impl Cheapest {
+    const NONE: Self = Self {
+        cost: Group::splat(i32::MAX),
         winner: Group::splat(Match::NONE),
     };
 
+    /// Costs below are exact; others were rounded, but not to below.
+    const EXACT: f32 = 16_777_216.0;
+
     /// These or, where it is cheaper, the disparity of that place.
     #[inline(always)]
-    pub(super) fn or(self, ssds: Group<u32>, weight: u32, place: u32) -> Self {
-        let mut winners = self;
+    fn or(self, pairs: &impl Pairs, sums: Group<u32>, disparity: &WeightedDisparity) -> Self {
+        let costs = pairs.costs(sums, disparity.weight, disparity.bias);
+        let mut cheapest = self;
         for l in 0..Group::ROWS {
-            let (cost, least) = (ssds.0[l] * weight, self.cost.0[l]);
-            winners.winner.0[l] = if cost < least {
-                Match(place | ssds.0[l])
-            } else {
-                self.winner.0[l]
-            };
-            winners.cost.0[l] = least.min(cost);
+            let (cost, least) = (costs.0[l].to_bits() as i32, self.cost.0[l]);
+            let here = Match(disparity.place ^ sums.0[l]);
+            cheapest.winner.0[l] = if cost < least { here } else { self.winner.0[l] };
+            cheapest.cost.0[l] = least.min(cost);
+        }
+        cheapest
+    }
+
+    /// Of all `sums`, once more in integers where a cost is too large for floats.
+    #[inline(always)]
+    fn winners(self, sums: &[Group<u32>], weights: &[WeightedDisparity]) -> Winners {
+        let mut most = 0;
+        for cost in self.cost.0 {
+            most = cost.max(most);
+        }
+        if most >= Self::EXACT.to_bits() as i32 {
+            return Winners::in_integers(sums, weights);
+        }
+        let mut cost = Group::splat(0);
+        for l in 0..Group::ROWS {
+            let exact = f32::from_bits(self.cost.0[l] as u32);
+            // SAFETY: it is a whole number, from 0 to below `EXACT`.
+            cost.0[l] = unsafe { exact.to_int_unchecked::<i32>() } as u32;
+        }
+        Winners {
+            cost,
+            winner: self.winner,
+        }
+    }
+}
+
+impl Winners {
+    /// A window that differs by 70 grey levels from its best match: few columns have one.
+    #[cold]
+    fn in_integers(sums: &[Group<u32>], disparities: &[WeightedDisparity]) -> Self {
+        let mut winners = Self {
+            cost: Group::splat(u32::MAX),
+            winner: Group::splat(Match::NONE),
+        };
+        for (sums, disparity) in sums.iter().zip(disparities) {
+            for l in 0..Group::ROWS {
+                let cost = ssd(sums.0[l]) * disparity.whole_weight;
+                if cost < winners.cost.0[l] {
+                    winners.cost.0[l] = cost;
+                    winners.winner.0[l] = Match(disparity.place ^ sums.0[l]);
+                }
+            }
         }
         winners
+    }
+}
+
+/// A disparity and what multiplies its SSD to make it a cost.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WeightedDisparity {
+    pub(super) whole_weight: u32,
+    pub(super) weight: f32,
+    /// −2²³ times the weight.
+    bias: f32,
+    /// Its [`Match`] with a sum's [`ZERO`] turned over: a sum makes of it the match.
+    place: u32,
+}
+
+impl WeightedDisparity {
+    /// That one, counted from the first, with a weight below 2¹⁶.
+    pub(super) fn new(index: u32, weight: u32) -> Self {
+        Self {
+            whole_weight: weight,
+            weight: weight as f32,
+            bias: -BIAS * weight as f32,
+            place: index << Match::BITS ^ ZERO,
+        }
     }
 }
 
@@ -154,8 +242,7 @@ impl<'a> RowGroup<'a> {
         pairs: &impl Pairs,
         x: usize,
         windows: Range<usize>,
-        weights: &[u32],
-        index: usize,
+        disparities: &[WeightedDisparity],
         sums: &mut [Group<u32>],
     ) -> Winners {
         // Windows that were not there before: all for the first x, else that at the left edge.
@@ -166,45 +253,37 @@ impl<'a> RowGroup<'a> {
         }
         .max(windows.start);
         let (slid, new) = sums.split_at_mut(windows.end - fresh);
-        let (slid_weights, new_weights) = weights.split_at(slid.len());
-        let mut places = (index as u32..).map(|index| index << Match::BITS);
-        let mut winners = Winners::NONE;
+        let (slid_disparities, new_disparities) = disparities.split_at(slid.len());
+        let mut cheapest = Cheapest::NONE;
         if !slid.is_empty() {
             // (a − b)² = a² − 2ab + b²: the squares slide by themselves, and −2ab comes from the
             // factors, for pixels that enter, and for those that leave.
             let left = Step::to(x, self.left, self.group, [-2, 2]);
             let steps = self.steps[fresh..windows.end].iter().rev();
-            for (((sum, &weight), right), place) in slid
-                .iter_mut()
-                .zip(slid_weights)
-                .zip(steps)
-                .zip(&mut places)
-            {
-                let ssds = pairs.sum(
+            for ((sum, disparity), right) in slid.iter_mut().zip(slid_disparities).zip(steps) {
+                *sum = pairs.sum(
                     *sum,
                     [left.squares, right.squares],
                     [left.pixels, right.pixels],
                 );
-                *sum = ssds;
-                winners = winners.or(ssds, weight, place);
+                cheapest = cheapest.or(pairs, *sum, disparity);
             }
         }
-        for (((sum, &weight), u), place) in new
+        for ((sum, disparity), u) in new
             .iter_mut()
-            .zip(new_weights)
+            .zip(new_disparities)
             .zip((windows.start..fresh).rev())
-            .zip(places)
         {
             *sum = self.fresh(x, u);
-            winners = winners.or(*sum, weight, place);
+            cheapest = cheapest.or(pairs, *sum, disparity);
         }
-        winners
+        cheapest.winners(sums, disparities)
     }
 
     /// The sum of the windows around `x` and `u`.
     #[inline(always)]
     fn fresh(&self, x: usize, u: usize) -> Group<u32> {
-        let mut sum = Group::splat(0);
+        let mut sum = Group::splat(ZERO);
         for (a, b) in self.left[x - REACH..=x + REACH]
             .iter()
             .zip(&self.right[u - REACH..=u + REACH])
@@ -218,5 +297,35 @@ impl<'a> RowGroup<'a> {
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pairs::Portable;
+    use super::*;
+
+    /// Costs that floats round to the same number are told apart, and of equal ones the first wins.
+    #[test]
+    fn the_cheapest_is_that_of_whole_numbers() {
+        let disparities = [80, 81].map(|d| WeightedDisparity::new(d as u32, weight(d)));
+        let [first, second] = disparities.map(|disparity| disparity.whole_weight);
+        let costs_of = |ssd: u32, more: u32| [ssd, ssd * first / second + more];
+        for ssd in (1..1000).chain(48_000..49_000).chain(500_000..501_000) {
+            for ssds in [costs_of(ssd, 0), costs_of(ssd, 1)] {
+                let sums = ssds.map(|ssd| Group::splat(ZERO ^ ssd));
+                let found = sums.iter().zip(&disparities);
+                let found = found.fold(Cheapest::NONE, |cheapest, (sums, disparity)| {
+                    cheapest.or(&Portable, *sums, disparity)
+                });
+                let winners = found.winners(&sums, &disparities);
+                let costs = [ssds[0] * first, ssds[1] * second];
+                let best = usize::from(costs[1] < costs[0]);
+                assert_eq!(winners.cost, Group::splat(costs[best]), "{ssds:?}");
+                let winner = winners.winner.0[7];
+                assert_eq!(winner.index(), 80 + best as u32, "{ssds:?}");
+                assert_eq!(winner.ssd(), ssds[best]);
+            }
+        }
     }
 }

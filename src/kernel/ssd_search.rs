@@ -4,7 +4,7 @@
 use super::Lanes;
 use super::lanes::transpose_back;
 use super::pairs::{Group, Pairs};
-use super::sliding_ssd::{Match, REACH, RowGroup, Step, Winners};
+use super::sliding_ssd::{Match, REACH, RowGroup, Step, WeightedDisparity, Winners, ssd};
 
 /// A search along rows of one width, with its scratch memory.
 pub struct SsdSearch {
@@ -20,8 +20,7 @@ pub struct SsdSearch {
 /// The disparities to be tried.
 struct WeightedRange {
     first: i32,
-    /// What multiplies the SSD of each to make it a cost.
-    weights: Vec<u32>,
+    all: Vec<WeightedDisparity>,
 }
 
 /// Verdict of a filter on the costs of a window.
@@ -34,10 +33,11 @@ pub enum Doubt {
     Open,
 }
 
-/// The costs of a column of windows: `sums` times `weights`, for the disparities from `index` on.
+/// The costs of a column of windows: the SSDs of `sums` times the weights of the disparities, from
+/// that with the `index` on.
 struct Costs<'a> {
     sums: &'a [Group<u32>],
-    weights: &'a [u32],
+    disparities: &'a [WeightedDisparity],
     index: usize,
 }
 
@@ -50,7 +50,13 @@ impl SsdSearch {
             sums: vec![Group::splat(0); weights.len()],
             matches: vec![Group::splat(Match::NONE); width],
             doubts: vec![Group::splat(Doubt::Certain); width],
-            range: WeightedRange { first, weights },
+            range: WeightedRange {
+                first,
+                all: (0..)
+                    .zip(weights)
+                    .map(|(index, weight)| WeightedDisparity::new(index, weight))
+                    .collect(),
+            },
         }
     }
 
@@ -61,7 +67,7 @@ impl SsdSearch {
 
     /// What multiplies the SSD of the disparity at that index.
     pub fn weight(&self, index: u32) -> u32 {
-        self.range.weights[index as usize]
+        self.range.all[index as usize].whole_weight
     }
 }
 
@@ -87,14 +93,14 @@ impl WeightedRange {
             }
             // The windows of those disparities, from the right to the left.
             let last = (x as i32 - self.first) as usize + 1;
-            let (sums, weights) = (&mut sums[from..to], &self.weights[from..to]);
-            let winners = rows.slide(pairs, x, last - to..last - from, weights, from, sums);
+            let (sums, disparities) = (&mut sums[from..to], &self.all[from..to]);
+            let winners = rows.slide(pairs, x, last - to..last - from, disparities, sums);
             visit(
                 x,
                 &winners,
                 &Costs {
                     sums,
-                    weights,
+                    disparities,
                     index: from,
                 },
             );
@@ -211,12 +217,12 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
     for l in 0..Group::ROWS {
         beside.0[l] = winners.winner.0[l].index().wrapping_sub(1);
     }
-    for (index, (sum, &weight)) in (costs.index as u32..).zip(costs.sums.iter().zip(costs.weights))
-    {
+    let costs = (costs.index as u32..).zip(costs.sums.iter().zip(costs.disparities));
+    for (index, (sum, disparity)) in costs {
         for l in 0..Group::ROWS {
             // 0 ..= 2 for the winner and its neighbours; what lies below them wraps to much more.
             let elsewhere = index.wrapping_sub(beside.0[l]) > 2;
-            let rival = rivals.0[l].min(sum.0[l] * weight);
+            let rival = rivals.0[l].min(ssd(sum.0[l]) * disparity.whole_weight);
             rivals.0[l] = if elsewhere { rival } else { rivals.0[l] };
         }
     }
@@ -231,11 +237,11 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
 #[inline(always)]
 fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<Doubt> {
     let [mut zeroth, mut first, mut second] = [Group::splat(0f32); 3];
-    for (i, (sum, &weight)) in costs.sums.iter().zip(costs.weights).enumerate() {
-        let (d, weight) = (i as f32, weight as f32);
+    for (i, (sum, disparity)) in costs.sums.iter().zip(costs.disparities).enumerate() {
+        let (d, weight) = (i as f32, disparity.weight);
         for l in 0..Group::ROWS {
             // An SSD has 20 bits: signed, as AVX2 converts no other.
-            let inverse = 1.0 / ((sum.0[l] as i32 as f32) * weight + 25.0);
+            let inverse = 1.0 / ((ssd(sum.0[l]) as i32 as f32) * weight + 25.0);
             let q = inverse * inverse;
             zeroth.0[l] += q;
             first.0[l] += q * d;
