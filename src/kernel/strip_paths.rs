@@ -3,6 +3,9 @@
 //! A strip is as many neighbouring columns, or rows, as there are lanes; the paths run along it, so
 //! that no lane looks at another. SGM's recurrence is Hirschmüller 2008, equation 13.
 
+// Iterators over lanes in place of these loops take four times as long.
+#![expect(clippy::needless_range_loop)]
+
 use super::Lanes;
 use super::small_census::SMALL_CENSUS_PLANES;
 
@@ -70,10 +73,9 @@ pub(super) fn follow(
         let sums = &mut sums[i * count..][..count];
         let mut add = |d: usize, path: [u8; N]| {
             let sum: &mut Lanes<u8> = &mut sums[d];
-            sum.0
-                .iter_mut()
-                .zip(path)
-                .for_each(|(sum, path)| *sum += path);
+            for l in 0..N {
+                sum.0[l] += path[l];
+            }
         };
         if i + 1 == place.length {
             least = begin(costs, line);
@@ -133,7 +135,9 @@ fn begin(costs: &[Lanes<u8>], line: &mut [Lanes<u8>]) -> [u8; N] {
     let mut least = [u8::MAX; N];
     for (path, cost) in line.iter_mut().zip(costs) {
         *path = *cost;
-        least = std::array::from_fn(|l| least[l].min(cost.0[l]));
+        for l in 0..N {
+            least[l] = least[l].min(cost.0[l]);
+        }
     }
     least
 }
@@ -149,7 +153,10 @@ fn advance(
     large: &[u8; N],
     mut take: impl FnMut(usize, [u8; N]),
 ) -> [u8; N] {
-    let jump: [u8; N] = std::array::from_fn(|l| least[l] + large[l]);
+    let mut jump = [0; N];
+    for l in 0..N {
+        jump[l] = least[l] + large[l];
+    }
     let mut new_least = [u8::MAX; N];
     let mut stepped_up = [u8::MAX; N];
     for (d, cost) in costs.iter().enumerate() {
