@@ -315,15 +315,14 @@ kernels! {
     /// Hamming distances of the censuses of a strip, and the sums of their paths along it in both
     /// directions.
     ///
-    /// `line` has an element more than there are disparities, the last [`u8::MAX`]. `steps` has
-    /// what a jump costs from the pixel before.
+    /// `line` has an element more than there are disparities, the last [`u8::MAX`].
     pub fn follow_strip(
         place: &StripPlace,
         censuses: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
-        steps: &[u8],
-        cost: PathCost,
+        cost: PathCost<'_>,
+        costs: &mut [Lanes<u8>],
         line: &mut [Lanes<u8>],
-        costs_and_sums: [&mut [Lanes<u8>]; 2],
+        sums: &mut [Lanes<u8>],
     ) = strip_paths::follow;
 
     /// Adds the sums of a strip of columns, from a row on, and those of the strip of rows that has

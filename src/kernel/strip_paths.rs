@@ -3,7 +3,7 @@
 //! A strip is as many neighbouring columns, or rows, as there are lanes; the paths run along it, so
 //! that no lane looks at another. SGM's recurrence is Hirschmüller 2008, equation 13.
 
-// Iterators over lanes in place of these loops take four times as long.
+// Iterators over lanes in place of these loops take longer.
 #![expect(clippy::needless_range_loop)]
 
 use super::Lanes;
@@ -32,11 +32,13 @@ pub struct StripPlace {
 
 /// What paths cost.
 #[derive(Clone, Copy, Debug)]
-pub struct PathCost {
+pub struct PathCost<'a> {
     /// Of a disparity that leads out of the right image.
     pub out: u8,
     /// Of a change of disparity by one.
     pub small: u8,
+    /// Of any other change from the pixel before, by the place of the pixel.
+    pub large: &'a [u8],
 }
 
 /// See [`super::follow_strip`].
@@ -44,10 +46,10 @@ pub struct PathCost {
 pub(super) fn follow(
     place: &StripPlace,
     [left, right]: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
-    steps: &[u8],
-    cost: PathCost,
+    cost: PathCost<'_>,
+    costs: &mut [Lanes<u8>],
     line: &mut [Lanes<u8>],
-    [costs, sums]: [&mut [Lanes<u8>]; 2],
+    sums: &mut [Lanes<u8>],
 ) {
     let count = line.len() - 1;
     let mut least = [0; N];
@@ -62,7 +64,7 @@ pub(super) fn follow(
             least = begin(costs, line);
             sums.copy_from_slice(costs);
         } else {
-            let large = lanes(steps, place.start + i * place.pitch);
+            let large = lanes(cost.large, place.start + i * place.pitch);
             least = advance(costs, line, least, cost.small, large, |d, path| {
                 sums[d].0 = path;
             });
@@ -84,7 +86,7 @@ pub(super) fn follow(
                 .enumerate()
                 .for_each(|(d, cost)| add(d, cost.0));
         } else {
-            let large = lanes(steps, place.start + (i + 1) * place.pitch);
+            let large = lanes(cost.large, place.start + (i + 1) * place.pitch);
             least = advance(costs, line, least, cost.small, large, add);
         }
     }

@@ -335,7 +335,7 @@ impl Fetching {
                 // Half a copy must not be taken for the file.
                 let partial = own.with_extension("copy");
                 std::fs::copy(path, &partial).map_err(|e| svl::Error::io(&partial, e))?;
-                std::fs::rename(&partial, own).map_err(|e| svl::Error::io(&own, e))?;
+                std::fs::rename(&partial, own).map_err(|e| svl::Error::io(own, e))?;
             }
             self.written += 1;
         }

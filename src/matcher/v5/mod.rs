@@ -13,7 +13,7 @@ use super::stage::both;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::depth::decision::{CellPixels, Decision, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
-use crate::kernel::{Isa, PathCost, STEPS, WinnerTest};
+use crate::kernel::{Isa, STEPS, WinnerTest};
 use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
 use crate::timing::Stage;
 use census::{HalfImage, StepCosts};
@@ -130,7 +130,8 @@ struct V5 {
     isa: Isa,
     /// Disparities at half size.
     count: usize,
-    cost: PathCost,
+    /// Of a disparity that leads out of the right image, and of a change by one.
+    out_and_small: [u8; 2],
     /// What a jump of disparity costs, by the difference of the pixels.
     jumps: [u8; STEPS],
     test: WinnerTest,
@@ -173,7 +174,7 @@ impl V5 {
         Ok(Self {
             isa,
             count,
-            cost: PathCost { out, small: p1 },
+            out_and_small: [out, p1],
             jumps: std::array::from_fn(|difference| {
                 p1.max((i32::from(p2) * edge / edge.max(difference as i32)) as u8)
             }),
@@ -289,7 +290,7 @@ impl Matcher for V5 {
             );
             output.clock.lap(Stage::Smoothing);
 
-            sums.follow(isa, images, steps, self.cost);
+            sums.follow(isa, images, steps, self.out_and_small);
             map.choose(isa, sums, images, &self.test);
             output.clock.lap(Stage::Matching);
 

@@ -64,13 +64,14 @@ impl StripSums {
         }
     }
 
-    /// Follows the paths of all strips.
+    /// Follows the paths of all strips, with what a disparity that leads out of the right image costs,
+    /// and what a change by one.
     pub(super) fn follow(
         &mut self,
         isa: Isa,
         images: &[HalfImage; 2],
         steps: &StepCosts,
-        cost: PathCost,
+        [out, small]: [u8; 2],
     ) {
         self.strips.par_iter_mut().for_each(|strip| {
             let by_column = strip.place.lanes_are_columns;
@@ -78,9 +79,13 @@ impl StripSums {
                 let plane = |plane| chosen(plane, by_column);
                 image.census.each_ref().map(plane)
             });
-            let steps = match by_column {
-                true => &steps.down[..],
-                false => &steps.across.columns,
+            let cost = PathCost {
+                out,
+                small,
+                large: match by_column {
+                    true => &steps.down[..],
+                    false => &steps.across.columns,
+                },
             };
             let Strip {
                 place,
@@ -88,7 +93,7 @@ impl StripSums {
                 line,
                 sums,
             } = strip;
-            follow_strip(isa, place, planes, steps, cost, line, [costs, sums]);
+            follow_strip(isa, place, planes, cost, costs, line, sums);
         });
     }
 

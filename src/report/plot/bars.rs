@@ -29,6 +29,9 @@ const NAMES: i32 = 400;
 const SUM: i32 = 110;
 const SIZE: u32 = TEXT - 2;
 
+/// A point of the plot, from the left and from the top.
+type Place = (i32, i32);
+
 impl Bars {
     /// The plot as an SVG document.
     ///
@@ -68,7 +71,7 @@ impl Bars {
 
     /// The parts of the key and where they stand, in lines as wide as the plot, and how high they
     /// are.
-    fn key(&self) -> (Vec<(usize, (i32, i32))>, i32) {
+    fn key(&self) -> (Vec<(usize, Place)>, i32) {
         if self.parts.len() < 2 {
             return (Vec::new(), 0);
         }
