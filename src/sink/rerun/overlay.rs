@@ -29,9 +29,13 @@ pub(super) struct Overlay {
     pub distances: Points2D,
 }
 
+/// Most overlays side by side whose labels do not cover each other.
+const MAX_LABELLED: usize = 4;
+
 impl Overlay {
-    /// Of `grid` on an image of `size` pixels.
-    pub(super) fn new(grid: &DepthGrid, size: (usize, usize), scale: &Scale) -> Self {
+    /// Of `grid` on an image of `size` pixels, the distances written out unless there are too many
+    /// `views` for that.
+    pub(super) fn new(grid: &DepthGrid, size: (usize, usize), scale: &Scale, views: usize) -> Self {
         let mut medians = Vec::new();
         let mut percentiles = Vec::new();
         let mut unknown = Vec::new();
@@ -47,10 +51,13 @@ impl Overlay {
         let mut distances = Vec::new();
         for (place, cell) in grid.iter() {
             let Some(depth) = cell.depth else { continue };
-            let label = match depth.distance_m {
+            let mut label = match depth.distance_m {
                 Some(distance_m) => format!("{distance_m:.2} m"),
                 None => format!("{:.1} px", depth.median_px),
             };
+            if let Some(probability) = cell.probability {
+                label.push_str(&format!("\n{:.0} %", 100.0 * probability));
+            }
             let (x, y) = grid.shape().pixels(place, size);
             // Below the squares, which are centred.
             let at = [
@@ -72,7 +79,7 @@ impl Overlay {
             percentiles: boxes(&percentiles, 0.6 * unit).with_draw_order(32.0),
             distances: Points2D::new(distances.iter().map(|(at, _)| *at))
                 .with_labels(distances.into_iter().map(|(_, label)| label))
-                .with_show_labels(true)
+                .with_show_labels(views <= MAX_LABELLED)
                 .with_radii([Radius::new_ui_points(0.0)])
                 .with_draw_order(33.0),
         }

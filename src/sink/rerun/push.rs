@@ -140,7 +140,7 @@ impl RerunSink {
             lines,
             percentiles,
             distances,
-        } = Overlay::new(grid, frame.pair.size(), scale);
+        } = Overlay::new(grid, frame.pair.size(), scale, self.algorithms.len());
         self.log(path, &[&lines as &dyn AsComponents, &medians, &unknown])?;
         self.log(&format!("{path}/percentiles"), &percentiles)?;
         self.log(&format!("{path}/cells"), &distances)
