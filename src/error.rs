@@ -164,7 +164,9 @@ fn words(cause: &std::io::Error) -> String {
     };
     let words = match cause.kind() {
         NotFound => "no such file or folder; check the name",
-        AlreadyExists => "exists already, as something else; name another",
+        AlreadyExists if cause.raw_os_error().is_some() => {
+            "exists already, as something else; name another"
+        }
         IsADirectory => "is a folder; name a file",
         NotADirectory => "part of it is a file, not a folder; check the name",
         PermissionDenied => "permission denied; name another place or change its permissions",

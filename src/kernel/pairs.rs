@@ -46,17 +46,6 @@ pub trait Pairs {
 /// 2²³.
 pub(super) const BIAS: f32 = 8_388_608.0;
 
-/// [`Pairs::costs`] where one operation multiplies and adds.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn fused_costs(floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
-    let mut costs = Group::splat(0.0);
-    for l in 0..Group::ROWS {
-        costs.0[l] = f32::from_bits(floats.0[l]).mul_add(weight, bias);
-    }
-    costs
-}
-
 pub struct Portable;
 
 impl Pairs for Portable {
@@ -134,6 +123,16 @@ mod x86 {
     // SAFETY of all below: the token says that the CPU has the instructions; arrays of numbers are
     // vectors of their size.
 
+    /// [`Pairs::costs`]: one operation multiplies and adds.
+    #[inline(always)]
+    fn fused_costs(floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
+        let mut costs = Group::splat(0.0);
+        for l in 0..Group::ROWS {
+            costs.0[l] = f32::from_bits(floats.0[l]).mul_add(weight, bias);
+        }
+        costs
+    }
+
     /// [`Pairs::add_products`] with SSE2, which every x86-64 has.
     #[inline(always)]
     pub(super) fn add_products_sse2(sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32> {
@@ -176,7 +175,7 @@ mod x86 {
 
         #[inline(always)]
         fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
-            super::fused_costs(floats, weight, bias)
+            fused_costs(floats, weight, bias)
         }
     }
 
@@ -208,7 +207,7 @@ mod x86 {
 
         #[inline(always)]
         fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
-            super::fused_costs(floats, weight, bias)
+            fused_costs(floats, weight, bias)
         }
     }
 }

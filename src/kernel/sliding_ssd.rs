@@ -6,9 +6,9 @@
 //! `(l² − l'²) + (r² − r'²) − 2·(l·r − l'·r')`: the first two belong to one image each and are the
 //! same for all disparities, the last is one product of pairs.
 //!
-//! Sums are kept as the bits of the 32-bit float 2²³ + SSD: below 2²⁴ its bits count up by one as the
-//! number does, so the sum slides in integers and is multiplied by its weight as a float, in one
-//! operation where an integer product takes two.
+//! Sums are kept as the bits of the 32-bit float 2²³ + SSD: below 2²⁴ its bits count up by one as
+//! the number does, so the sum slides in integers and is multiplied by its weight as a float, in
+//! one operation where an integer product takes two.
 
 use super::Lanes;
 use super::pairs::{BIAS, Group, Pairs};

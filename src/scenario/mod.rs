@@ -597,7 +597,7 @@ mod tests {
     fn omitted_keys_have_the_thesis_defaults() {
         // A name and a source are enough.
         let scenario = parse("name = \"m\"\n[source]\nkind = \"arena\"\n").unwrap();
-        assert_eq!(scenario.algorithms[0].label(), "v3");
+        assert_eq!(scenario.algorithms[0].label(), "v5");
         assert_eq!(scenario.cells, CellRule::default());
         assert_eq!((scenario.grid.columns, scenario.grid.rows), (5, 3));
         assert_eq!(

@@ -1,4 +1,5 @@
-//! What subcommands share: sources, outputs, Rerun, progress, live tables, memory, frame stepping, wrong usage.
+//! What subcommands share: sources, outputs, Rerun, progress, live tables, memory, frame stepping,
+//! wrong usage.
 
 pub(crate) mod live;
 pub(crate) mod memory;

@@ -64,8 +64,8 @@ impl StripSums {
         }
     }
 
-    /// Follows the paths of all strips, with what a disparity that leads out of the right image costs,
-    /// and what a change by one.
+    /// Follows the paths of all strips, with what a disparity that leads out of the right image
+    /// costs, and what a change by one.
     pub(super) fn follow(
         &mut self,
         isa: Isa,

@@ -81,7 +81,7 @@ fn a_folder_with_anything_else_is_left_alone() {
     fixture.write("mine/thesis.tex", "years of work");
     fixture.fails("score short.toml --out mine => 1: mine/thesis.tex | --out");
     fixture.write("file", "");
-    fixture.fails("score short.toml --out file => 1: file: cannot make the folder");
+    fixture.fails("score short.toml --out file => 1: file: exists already, as something else");
 }
 
 #[test]
@@ -97,8 +97,8 @@ fn bad_scenarios_are_one_line_with_line_and_column() {
     );
     fixture.write("nameless.toml", "[source]\nkind = \"arena\"\n");
     let wrong = "
-        score bare.toml => 1: bare.toml: missing name, kind of [source], number of [[checkpoint]] 1, \
-            algorithm of [[gate]] 1, metric of [[gate]] 1
+        score bare.toml => 1: bare.toml: missing name, kind of [source], \
+            number of [[checkpoint]] 1, algorithm of [[gate]] 1, metric of [[gate]] 1
         score nameless.toml => 1: line 1, column 1: missing key `name`
         score unknown.toml => 1: unknown.toml: line  | , column  | unknown field `mist`
         score algorithm.toml => 1: algorithm.toml | did you mean 'v3'?

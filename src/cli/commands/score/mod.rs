@@ -38,7 +38,7 @@ Examples:
   svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS --out reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
-  svl score arena --algo sgm:p1=5..20/5 --resume     goes on where it was killed
+  svl score arena --algo sgm:p1=5..20/5 --resume   goes on where it was killed
   svl score scenarios/arena.toml --gate
       for a CI: exit 1 when a limit of the scenario is broken
 

@@ -65,8 +65,8 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
 /// A run with its judge.
 pub(super) enum ScoredSource {
     Opened(Box<(RunSource, Judge)>),
-    /// Of the arena with that seed, recorded when its turn comes: what comes before is on the screen
-    /// by then.
+    /// Of the arena with that seed, recorded when its turn comes: what comes before is on the
+    /// screen by then.
     Arena(u64),
 }
 
