@@ -11,7 +11,10 @@ trap 'rm -rf "$work"' EXIT
 svl score scenarios/arena.toml --quiet >/dev/null
 svl score scenarios/middlebury.toml --data "$datasets" --quiet >/dev/null
 table() { awk -v want="$2" '/^\|/ { if (!inside) n++; inside = 1; if (n == want) print; next } { inside = 0 }' "$1"; }
-table reports/arena/summary.md 1 >"$work/arena"
+# Columns that a page has room for; the report has all.
+columns() { awk -F'|' 'NR == 1 { for (i = 2; i < NF; i++) if ($i ~ / (algorithm|MB) $|cells|obstacles|ms per/ && $i !~ /: known $/) keep[i] }
+  { line = "|"; for (i = 2; i < NF; i++) if (i in keep) line = line $i "|"; print line }'; }
+table reports/arena/summary.md 1 | columns >"$work/arena"
 table reports/arena/summary.md 2 >"$work/checkpoints"
 table reports/middlebury/summary.md 1 >"$work/middlebury"
 { echo '```text'; svl bench; echo '```'; } >"$work/bench"
