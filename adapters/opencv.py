@@ -7,12 +7,17 @@
 
 svl starts the program once. Per pair it sends one line of JSON and the pixels of both images:
 
-    {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n}
+    {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n,"columns":C,"rows":R,
+     "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}   (no rig: not known)
     W*H bytes of the left image, W*H bytes of the right image
 
 and reads one line of JSON and W*H little-endian floats, +inf for none, row by row:
 
     {"seq":n,"millis":t}  or, and nothing after it,  {"seq":n,"error":"why"}
+
+A program may answer the cells of the depth grid itself: "cells":[null,{"disparity_px":12.5},
+{"disparity_px":12.5,"probability":0.97},...] beside millis, C*R of them, row by row, null for an
+unknown one. Without, svl makes the cells of the disparities.
 
 Standard output is the answer and nothing else; standard error appears in svl's error messages. A
 left pixel (x, y) with disparity d matches (x - d, y) in the right image. At the end of the input

@@ -494,9 +494,10 @@ fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
         logged.push(of_log);
         let disparity = output.disparity;
         let own_grid = output.grid.is_some();
-        let grid = output
-            .grid
-            .unwrap_or_else(|| depth::grid(disparity.disparity(), judge.grid, frame.rig()));
+        let grid = output.grid.unwrap_or_else(|| {
+            let (map, left) = (disparity.disparity(), frame.pair.left());
+            depth::cells(map, left, judge.grid, judge.cells, frame.rig())
+        });
         Estimate {
             algorithm,
             disparity,

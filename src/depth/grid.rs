@@ -17,6 +17,19 @@ pub struct GridSettings {
     pub rows: usize,
     /// Least share of a cell's pixels with a disparity, 0..=1.
     pub min_valid: f64,
+    /// What cells report.
+    pub decision: CellDecision,
+}
+
+/// What the cells of a disparity map report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CellDecision {
+    /// The median of their disparities, as the thesis does.
+    #[default]
+    Median,
+    /// What is safe to report, with its probability ([`crate::depth::decision::safe_grid`]).
+    Safe,
 }
 
 impl Default for GridSettings {
@@ -33,6 +46,7 @@ impl From<GridShape> for GridSettings {
             columns,
             rows,
             min_valid: MIN_VALID,
+            decision: CellDecision::Median,
         }
     }
 }
@@ -46,8 +60,8 @@ impl GridSettings {
     }
 }
 
-/// The grid of a plane of disparities, of a matcher or of the truth: per cell the median, 20th and
-/// 80th percentile of those that are finite, and the distance of the median.
+/// The grid of medians of a plane of disparities, of a matcher or of the truth: per cell the
+/// median, 20th and 80th percentile of those that are finite, and the distance of the median.
 ///
 /// A cell is unknown when fewer than `min_valid`, 0..=1, of its pixels have a disparity, and when
 /// none has. Distances are pinhole, `f·B / (d + doffs)`; without `rig` there are none.

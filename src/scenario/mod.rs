@@ -271,6 +271,7 @@ impl File {
             columns,
             rows,
             min_valid,
+            decision: _,
         } = self.grid;
         if !(1..=MAX_GRID).contains(&columns)
             || !(1..=MAX_GRID).contains(&rows)

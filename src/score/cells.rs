@@ -1,6 +1,6 @@
 //! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
-use crate::depth::{self, GridSettings};
+use crate::depth::{self, CellDecision, GridSettings};
 use crate::stereo::{
     Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, TruthDensity, TruthOrigin,
 };
@@ -100,6 +100,7 @@ pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
     };
     let settings = GridSettings {
         min_valid,
+        decision: CellDecision::Median,
         ..shape.into()
     };
     let grid = depth::grid(&truth.disparity, settings, frame.rig());

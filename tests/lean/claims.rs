@@ -4,7 +4,7 @@
 //! Thresholds were set after measuring, with some room, so that a change for the worse shows.
 
 use crate::common;
-use svl::depth::{self, GridSettings};
+use svl::depth::{self, CellDecision, GridSettings};
 use svl::kernel::Isa;
 use svl::stereo::{DisparityMap, Gray, Plane, Reason, StereoPair};
 
@@ -171,6 +171,7 @@ fn v3_reports_fewer_wrong_cells_than_v1() {
         columns: 6,
         rows: 3,
         min_valid,
+        decision: CellDecision::Median,
     };
     let (mut v1, mut v3) = (0, 0);
     for (_, pair, truth) in scenes() {

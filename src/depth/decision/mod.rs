@@ -6,9 +6,13 @@
 //!
 //! Disparities are in bins of 1/8 pixel.
 
+mod fill;
+mod map;
 mod tolerance;
 mod verdict;
 
+pub use fill::{fill_empty_rows, fill_row};
+pub use map::safe_grid;
 pub use tolerance::Tolerance;
 pub use verdict::{Feature, VerdictTable};
 

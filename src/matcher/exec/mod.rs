@@ -4,7 +4,8 @@
 //! pixels of both images, row by row, without gaps:
 //!
 //! ```text
-//! {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n}\n
+//! {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n,"columns":C,"rows":R,
+//!  "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}\n   without rig: not known
 //! W·H bytes of the left image, W·H bytes of the right image
 //! ```
 //!
@@ -15,6 +16,10 @@
 //! {"seq":n,"millis":t}\n  or  {"seq":n,"error":"why this pair cannot be matched"}\n
 //! W·H · 4 bytes                nothing
 //! ```
+//!
+//! A program may answer the C·R cells of the depth grid itself: `"cells":[...]` beside `millis`, row
+//! by row, `null` for an unknown one, else `{"disparity_px":d}` or with `"probability":p`, 0 to 1.
+//! Distances follow from the rig. Where it does not, cells are made of its disparities.
 //!
 //! `millis` is the self-reported time of the matching, without the transfer; it is the time that
 //! svl reports. At the end of its input the program must end. The end of its standard error is kept
@@ -30,10 +35,14 @@ mod protocol;
 use super::quotes::words;
 use super::stage::DisparityRange;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use crate::depth;
 use crate::error::{Error, Result};
-use crate::stereo::{ExtraPlanes, Reason, RectifiedPair, StereoPair};
+use crate::stereo::{
+    Cell, CellDepth, DepthGrid, ExtraPlanes, Plane, Reason, RectifiedPair, StereoPair,
+};
 use crate::timing::Stage;
 use program::{Program, ProgramFailure};
+use protocol::{Question, Reply, ReplyCell};
 use std::time::Duration;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -116,10 +125,19 @@ impl Exec {
         Ok(self.program.insert(program))
     }
 
-    fn ask(&mut self, pair: &StereoPair) -> std::result::Result<protocol::Reply, ProgramFailure> {
+    fn ask(
+        &mut self,
+        pair: &StereoPair,
+        context: &MatchContext,
+    ) -> std::result::Result<Reply, ProgramFailure> {
         let (sequence, timeout) = (self.sequence, self.timeout);
-        let request = protocol::request(pair, self.range, sequence);
-        self.program()?.ask(request, sequence, pair.size(), timeout)
+        let request = protocol::request(pair, self.range, sequence, context);
+        let question = Question {
+            sequence,
+            size: pair.size(),
+            cells: context.grid.shape().cells(),
+        };
+        self.program()?.ask(request, question, timeout)
     }
 }
 
@@ -131,24 +149,25 @@ impl Matcher for Exec {
     fn compute(
         &mut self,
         pair: RectifiedPair<'_>,
-        _: &MatchContext,
+        context: &MatchContext,
         output: &mut MatchOutput,
     ) -> Result<()> {
         let (map, (width, height)) = (&mut output.disparity, pair.size());
         // Also for pairs that fail, so that no two requests share a number.
         self.sequence += 1;
         map.resize(width, height, ExtraPlanes::NONE)?;
-        let reply = self.ask(&pair).map_err(|failure| {
+        let reply = self.ask(&pair, context).map_err(|failure| {
             // Dropped, so ended.
             self.program = None;
             failure.into_error(&self.command)
         })?;
-        let (millis, disparities) = match reply {
-            protocol::Reply::Matched {
+        let (millis, disparities, cells) = match reply {
+            Reply::Matched {
                 millis,
                 disparities,
-            } => (millis, disparities),
-            protocol::Reply::Refused(why) => {
+                cells,
+            } => (millis, disparities, cells),
+            Reply::Refused(why) => {
                 return Err(
                     ProgramFailure::new(format!("answered: {why}")).into_error(&self.command)
                 );
@@ -164,8 +183,34 @@ impl Matcher for Exec {
                 }
             }
         }
+        output.grid = cells
+            .map(|cells| own_grid(&cells, map.disparity(), context))
+            .transpose()?;
         let matching = Duration::from_secs_f64(millis / 1e3);
         output.clock.lap_of(Stage::Matching, matching);
         Ok(())
     }
+}
+
+/// The program's own cells, with the share of its disparities that each has.
+fn own_grid(
+    cells: &[Option<ReplyCell>],
+    disparity: &Plane<f32>,
+    context: &MatchContext,
+) -> Result<DepthGrid> {
+    let seen = depth::grid(disparity, context.grid, None);
+    let cell = |(own, (_, seen)): (&Option<ReplyCell>, (_, &Cell))| Cell {
+        valid_share: seen.valid_share,
+        depth: own.map(|own| CellDepth {
+            median_px: own.disparity_px,
+            p20_px: own.disparity_px,
+            p80_px: own.disparity_px,
+            distance_m: context
+                .rig
+                .and_then(|rig| rig.depth_m(f64::from(own.disparity_px))),
+        }),
+        probability: own.and_then(|own| own.probability),
+    };
+    let cells = cells.iter().zip(seen.iter()).map(cell).collect();
+    DepthGrid::new(context.grid.shape(), cells)
 }

@@ -1,7 +1,7 @@
 //! A child process that matches pairs. Threads write to it and read from it, so that it can neither
 //! block svl nor be blocked by a full pipe of its standard error.
 
-use super::protocol::{Reply, one_line, read_reply};
+use super::protocol::{Question, Reply, one_line, read_reply};
 use crate::error::Error;
 use std::collections::VecDeque;
 use std::io::{BufReader, ErrorKind, Read, Write};
@@ -42,9 +42,6 @@ impl ProgramFailure {
         }
     }
 }
-
-/// A pair to be answered: its number and its size.
-type Question = (u64, (usize, usize));
 
 enum ProgramEvent {
     Answered(Result<Reply, String>),
@@ -129,14 +126,14 @@ impl Program {
     pub(super) fn ask(
         &mut self,
         request: Vec<u8>,
-        sequence: u64,
-        size: (usize, usize),
+        question: Question,
         timeout: Duration,
     ) -> Result<Reply, ProgramFailure> {
         self.received.store(0, Ordering::Relaxed);
         // A thread that is gone has left an event, which says more.
-        let _ = self.questions.send((sequence, size));
+        let _ = self.questions.send(question);
         let _ = self.requests.send(request);
+        let size = question.size;
         match self.events.recv_timeout(timeout) {
             Ok(ProgramEvent::Answered(Ok(reply))) => Ok(reply),
             Ok(ProgramEvent::Answered(Err(reason))) => Err(self.failed(reason)),
@@ -235,15 +232,9 @@ fn write(mut stdin: ChildStdin, requests: &Receiver<Vec<u8>>, events: &Sender<Pr
 
 fn read(stdout: Counted, questions: &Receiver<Question>, events: &Sender<ProgramEvent>) {
     let mut stdout = BufReader::new(stdout);
-    for (sequence, size) in questions {
-        if events
-            .send(ProgramEvent::Answered(read_reply(
-                &mut stdout,
-                sequence,
-                size,
-            )))
-            .is_err()
-        {
+    for question in questions {
+        let answered = ProgramEvent::Answered(read_reply(&mut stdout, question));
+        if events.send(answered).is_err() {
             return;
         }
     }

@@ -1,7 +1,8 @@
 //! What goes to the program and what comes back.
 
+use crate::matcher::MatchContext;
 use crate::matcher::stage::DisparityRange;
-use crate::stereo::StereoPair;
+use crate::stereo::{Rig, StereoPair};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Read};
 
@@ -16,6 +17,10 @@ struct RequestLine {
     min_disparity: i32,
     max_disparity: i32,
     seq: u64,
+    columns: usize,
+    rows: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rig: Option<Rig>,
 }
 
 /// A line before disparities, or in their place.
@@ -24,19 +29,48 @@ struct ReplyLine {
     seq: u64,
     millis: Option<f64>,
     error: Option<String>,
+    cells: Option<Vec<Option<ReplyCell>>>,
+}
+
+/// A cell that the program knows.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ReplyCell {
+    pub(super) disparity_px: f32,
+    pub(super) probability: Option<f64>,
+}
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Question {
+    pub(super) sequence: u64,
+    /// Width and height of the pair.
+    pub(super) size: (usize, usize),
+    /// How many cells the grid has.
+    pub(super) cells: usize,
 }
 
 /// What the program answered to a pair.
 #[derive(Debug, PartialEq)]
 pub(super) enum Reply {
     /// Disparities in raster order, each finite or `+∞`.
-    Matched { millis: f64, disparities: Vec<f32> },
+    Matched {
+        millis: f64,
+        disparities: Vec<f32>,
+        /// Its own cells in raster order, nothing for unknown ones.
+        cells: Option<Vec<Option<ReplyCell>>>,
+    },
     /// Why it does not match the pair, in one line.
     Refused(String),
 }
 
 /// The bytes that ask for a pair.
-pub(super) fn request(pair: &StereoPair, range: DisparityRange, seq: u64) -> Vec<u8> {
+pub(super) fn request(
+    pair: &StereoPair,
+    range: DisparityRange,
+    seq: u64,
+    context: &MatchContext,
+) -> Vec<u8> {
     let (width, height) = pair.size();
     let line = RequestLine {
         width,
@@ -44,6 +78,9 @@ pub(super) fn request(pair: &StereoPair, range: DisparityRange, seq: u64) -> Vec
         min_disparity: range.min(),
         max_disparity: range.max(),
         seq,
+        columns: context.grid.columns,
+        rows: context.grid.rows,
+        rig: context.rig,
     };
     // Numbers under plain names.
     let mut bytes = serde_json::to_vec(&line).expect("JSON");
@@ -54,15 +91,19 @@ pub(super) fn request(pair: &StereoPair, range: DisparityRange, seq: u64) -> Vec
     bytes
 }
 
-/// Reads the answer to the pair `seq` of that size.
+/// Reads the answer to a question.
 ///
 /// # Errors
 /// What is wrong with it, as what the program did.
 pub(super) fn read_reply(
     from: &mut BufReader<impl Read>,
-    seq: u64,
-    (width, height): (usize, usize),
+    question: Question,
 ) -> Result<Reply, String> {
+    let Question {
+        sequence: seq,
+        size: (width, height),
+        ..
+    } = question;
     let broken = |error: std::io::Error| format!("cannot be read from: {error}");
     let mut line = Vec::new();
     from.by_ref()
@@ -96,11 +137,16 @@ pub(super) fn read_reply(
         } => Reply::Refused(one_line(&why)),
         ReplyLine {
             millis: Some(millis),
+            cells,
             ..
-        } if (0.0..1e9).contains(&millis) => Reply::Matched {
-            millis,
-            disparities: read_disparities(from, width, height)?,
-        },
+        } if (0.0..1e9).contains(&millis) => {
+            check_cells(cells.as_deref(), question.cells)?;
+            Reply::Matched {
+                millis,
+                disparities: read_disparities(from, width, height)?,
+                cells,
+            }
+        }
         _ => return Err(garbage("neither millis, 0 or more, nor error")),
     };
     // What is left over would be read as the reply to the next pair.
@@ -110,6 +156,27 @@ pub(super) fn read_reply(
             "wrote {more} bytes and perhaps more after its reply for {width}x{height} pixels"
         )),
     }
+}
+
+/// Refuses cells that no grid of that many has.
+fn check_cells(cells: Option<&[Option<ReplyCell>]>, expected: usize) -> Result<(), String> {
+    let Some(cells) = cells else { return Ok(()) };
+    if cells.len() != expected {
+        let given = cells.len();
+        return Err(format!(
+            "gave {given} cells where the grid has {expected}: columns times rows, row by row"
+        ));
+    }
+    for (i, cell) in cells.iter().enumerate() {
+        let Some(cell) = cell else { continue };
+        if !cell.disparity_px.is_finite() {
+            return Err(format!("gave cell {i} no finite disparity_px"));
+        }
+        if cell.probability.is_some_and(|p| !(0.0..=1.0).contains(&p)) {
+            return Err(format!("gave cell {i} a probability that is not 0 to 1"));
+        }
+    }
+    Ok(())
 }
 
 fn read_disparities(from: &mut impl Read, width: usize, height: usize) -> Result<Vec<f32>, String> {

@@ -2,6 +2,7 @@
 
 use super::census::{HalfImage, padded};
 use super::sums::StripSums;
+use crate::depth::decision::{fill_empty_rows, fill_row};
 use crate::kernel::{Isa, RowWinners, WinnerTest, choose_winners, test_winners, winner_fractions};
 use crate::stereo::{DisparityMap, Reason};
 use rayon::prelude::*;
@@ -134,27 +135,7 @@ impl HalfMap {
                 fill_row(&bins[y * width..][..width], seen, jump, filled);
             }
         });
-        self.fill_empty_rows();
-    }
-
-    fn fill_empty_rows(&mut self) {
-        let (width, height) = self.size;
-        let has_any = |y: usize| self.seen[y * width..][..width].contains(&1);
-        let mut above = None;
-        for y in 0..height {
-            if has_any(y) {
-                above = Some(y);
-                continue;
-            }
-            let below = (y + 1..height).find(|&other| has_any(other));
-            let nearest = match (above, below) {
-                (Some(above), Some(below)) if below - y < y - above => below,
-                (Some(row), _) | (None, Some(row)) => row,
-                (None, None) => return,
-            };
-            let nearest = nearest * width..(nearest + 1) * width;
-            self.filled.copy_within(nearest, y * width);
-        }
+        fill_empty_rows(&self.seen, width, &mut self.filled);
     }
 
     /// Whether any pixel is seen.
@@ -241,28 +222,5 @@ fn keep_majorities(
     passing[width + 1] = passing[width];
     for ((seen, why), sums) in seen.iter_mut().zip(here).zip(passing.windows(3)) {
         *seen = passes(*why) & u8::from(sums[0] + sums[1] + sums[2] >= 5);
-    }
-}
-
-/// Fills the gaps of a row; leaves a row without any seen pixel as it is.
-fn fill_row(bins: &[i16], seen: &[u8], jump: i32, filled: &mut [i16]) {
-    let mut before: Option<(usize, i16)> = None;
-    for (x, (&bin, _)) in bins
-        .iter()
-        .zip(seen)
-        .enumerate()
-        .filter(|(_, (_, seen))| **seen == 1)
-    {
-        let (from, value) = match before {
-            None => (0, bin),
-            Some((at, left)) if i32::from(left.abs_diff(bin)) > jump => (at + 1, left.min(bin)),
-            Some((at, left)) => (at + 1, (left + bin) >> 1),
-        };
-        filled[from..x].fill(value);
-        filled[x] = bin;
-        before = Some((x, bin));
-    }
-    if let Some((at, bin)) = before {
-        filled[at + 1..].fill(bin);
     }
 }

@@ -232,6 +232,37 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
 }
 
 #[test]
+fn the_safe_choice_decides_the_cells_of_any_map() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("median.toml", 40);
+    let median = fixture.text("median.toml");
+    let safe = |decision: &str| {
+        let with = format!("[grid]\ndecision = \"{decision}\"\n");
+        median.replacen("[grid]\n", &with, 1)
+    };
+    fixture.write("safe.toml", safe("safe"));
+    fixture.write("mean.toml", safe("mean"));
+    let cells = |scenario: &str| {
+        let json = fixture.json(&format!(
+            "score {scenario} -q --json --algo sgm --algo v5 --out {scenario}.report"
+        ));
+        let of = |i: usize, key: &str| json["algorithms"][i][key].as_u64().unwrap();
+        [0, 1].map(|i| ["cells_right", "cells_wrong"].map(|key| of(i, key)))
+    };
+    let ([median_sgm, median_v5], [safe_sgm, safe_v5]) = (cells("median.toml"), cells("safe.toml"));
+    assert_eq!(median_v5, safe_v5, "v5 decides by itself");
+    assert!(
+        2 * safe_sgm[1] < median_sgm[1] && 10 * safe_sgm[0] > 9 * median_sgm[0],
+        "{median_sgm:?} {safe_sgm:?}"
+    );
+    // With a probability in every row of a cell.
+    let table = fixture.text("safe.toml.report/cells.csv");
+    let unsure = |line: &&str| line.contains(",sgm,") && line.ends_with(',');
+    assert_eq!(table.lines().filter(unsure).count(), 0);
+    fixture.fails("score mean.toml -q => 1: mean.toml: line | unknown variant `mean`");
+}
+
+#[test]
 fn a_folder_is_a_report_only_with_its_manifest() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);

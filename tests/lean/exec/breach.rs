@@ -155,3 +155,22 @@ fn closed_pipes_are_told() {
     plugin.wait_for("closed");
     plugin.fails(&["does not read its input"]);
 }
+
+#[test]
+fn cells_that_no_grid_has_are_told() {
+    for (cells, words) in [
+        ("[None] * 14", "gave 14 cells where the grid has 15"),
+        (
+            "[{'disparity_px': 1, 'probability': 1.5}] * 15",
+            "gave cell 0 a probability that is not 0 to 1",
+        ),
+        ("[{'disparity': 1}] * 15", "unknown field `disparity`"),
+        ("[1] * 15", "expected struct"),
+    ] {
+        let body = format!("line, _ = pair()\nanswer(line, None, millis=1, cells={cells})");
+        let Some(mut plugin) = start(&body, "") else {
+            return;
+        };
+        plugin.fails(&[words]);
+    }
+}

@@ -73,12 +73,17 @@ pub(crate) fn pair(width: usize, height: usize) -> StereoPair {
 
 impl Plugin {
     pub(crate) fn compute(&mut self, pair: &StereoPair) -> svl::Result<Clock> {
+        self.compute_with(pair, &MatchContext::default())
+    }
+
+    pub(crate) fn compute_with(
+        &mut self,
+        pair: &StereoPair,
+        context: &MatchContext,
+    ) -> svl::Result<Clock> {
         self.output.begin();
-        self.matcher.compute(
-            RectifiedPair::assume(pair),
-            &MatchContext::default(),
-            &mut self.output,
-        )?;
+        self.matcher
+            .compute(RectifiedPair::assume(pair), context, &mut self.output)?;
         Ok(std::mem::replace(&mut self.output.clock, Clock::start()))
     }
 

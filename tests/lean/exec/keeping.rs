@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl::stereo::{Gray, Reason, RectifiedPair, StereoPair};
+use svl::stereo::{Gray, Reason, RectifiedPair, Rig, StereoPair};
 
 #[test]
 fn pixels_go_and_disparities_come() {
@@ -164,4 +164,42 @@ fn the_example_adapter_matches() {
         )
         .unwrap_err();
     assert!(error.to_string().contains("answered: OpenCV"), "{error}");
+}
+
+#[test]
+fn a_program_answers_cells_itself() {
+    let body = r#"
+line, _ = pair()
+assert (line["columns"], line["rows"]) == (5, 3) and "rig" not in line, line
+answer(line, None, millis=1.5, cells=[None, {"disparity_px": 12.5}] + 13 * [{"disparity_px": 4, "probability": 0.75}])
+line, _ = pair()
+answer(line)
+line, _ = pair()
+assert line["rig"] == {"focal_px": 300.0, "cx_px": 6.0, "cy_px": 2.0, "baseline_m": 0.1, "doffs_px": 0.0}, line
+answer(line, None, millis=1.5, cells=15 * [{"disparity_px": 10}])
+"#;
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    let pair = pair(20, 12);
+    plugin.compute(&pair).unwrap();
+    let grid = plugin.output.grid.take().unwrap();
+    let cell = |column: usize, row: usize| {
+        let cell = grid.cell(column, row);
+        (cell.depth.map(|depth| depth.median_px), cell.probability)
+    };
+    assert_eq!(cell(0, 0), (None, None));
+    assert_eq!(cell(1, 0), (Some(12.5), None));
+    assert_eq!(cell(4, 2), (Some(4.0), Some(0.75)));
+    // Another pair, another answer: its cells are those of its disparities.
+    plugin.compute(&pair).unwrap();
+    assert!(plugin.output.grid.is_none());
+    let context = MatchContext {
+        rig: Some(Rig::new(300.0, (6.0, 2.0), 0.1, 0.0).unwrap()),
+        ..MatchContext::default()
+    };
+    plugin.compute_with(&pair, &context).unwrap();
+    let grid = plugin.output.grid.take().unwrap();
+    let distance = grid.cell(2, 1).depth.unwrap().distance_m;
+    assert!((distance.unwrap() - 3.0).abs() < 1e-9, "{distance:?}");
 }

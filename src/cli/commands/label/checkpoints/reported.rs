@@ -53,7 +53,9 @@ impl Reported {
             .take()
             .filter(|own| own.shape() == grid.shape());
         let disparity = self.output.disparity.disparity();
-        self.grid = Some(own.unwrap_or_else(|| depth::grid(disparity, grid, frame.rig())));
+        self.grid = Some(own.unwrap_or_else(|| {
+            depth::cells(disparity, frame.pair.left(), grid, cells, frame.rig())
+        }));
         Ok(())
     }
 

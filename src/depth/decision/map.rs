@@ -1,0 +1,149 @@
+//! The safe choice for any disparity map.
+
+use super::{
+    BINS_PER_PX, CellPixels, Decision, Tolerance, VerdictTable, fill_empty_rows, fill_row,
+};
+use crate::depth::GridSettings;
+use crate::stereo::{Cell, CellRule, DepthGrid, Gray, Plane, Rig};
+
+/// Part of the tolerance that is kept for the matcher, pixels.
+const ALLOWANCE_PX: f64 = 0.25;
+/// Ends of a gap that differ by more are of two surfaces, bins.
+const JUMP: i32 = 16;
+/// Least probability that a cell is right for it to be known.
+const CONFIDENCE: f64 = 0.75;
+
+/// The grid of a disparity map whose cells are known where they are safe to report: gaps are
+/// filled, and a cell reports the disparity that stays right by `rule` whatever its uncertain
+/// pixels are (specification of v5, sections 3.7 to 3.10, with the settings of v5's defaults and
+/// its table for medians).
+///
+/// As a map has no matching costs, they count as low. Disparities of 0 and below are never
+/// reported. `left` is the left image, of the map's size.
+pub fn safe_grid(
+    disparity: &Plane<f32>,
+    left: &Gray,
+    settings: GridSettings,
+    rule: CellRule,
+    rig: Option<&Rig>,
+) -> DepthGrid {
+    let (width, height) = disparity.size();
+    let bin = |px: f32| match px.is_finite() {
+        true => (px * BINS_PER_PX as f32).round().clamp(0.0, 32_000.0) as i16,
+        false => 0,
+    };
+    let bins: Vec<_> = disparity.pixels().map(bin).collect();
+    let seen: Vec<_> = disparity
+        .pixels()
+        .map(|d| u8::from(d.is_finite()))
+        .collect();
+    let mut filled = vec![0; bins.len()];
+    for y in 0..height {
+        let row = y * width..(y + 1) * width;
+        fill_row(
+            &bins[row.clone()],
+            &seen[row.clone()],
+            JUMP,
+            &mut filled[row],
+        );
+    }
+    let sees = fill_empty_rows(&seen, width, &mut filled);
+    let most = bins.iter().copied().max().unwrap_or_default();
+    let count = most as usize + 1;
+    let tolerance = Tolerance::new(rule, rig, ALLOWANCE_PX, count);
+    let decision = Decision {
+        rank: 50,
+        slack: 10,
+        least_score: Decision::least_score(CONFIDENCE),
+        table: &VerdictTable::MEDIAN,
+    };
+    let mut pixels = CellPixels::new(count);
+    let cell = |place| {
+        let (columns, rows) = settings.shape().pixels(place, (width, height));
+        if !sees || columns.is_empty() || rows.is_empty() {
+            return Cell {
+                valid_share: 0.0,
+                depth: None,
+                probability: None,
+            };
+        }
+        pixels.clear();
+        for y in rows {
+            let row = y * width + columns.start..y * width + columns.end;
+            let texture = texture(left.row(y), &columns);
+            pixels.add(&filled[row.clone()], &seen[row], 0, texture);
+        }
+        let evidence = decision.evidence(&mut pixels, &tolerance);
+        decision.cell(&pixels, &evidence, settings.min_valid, rig)
+    };
+    let cells = settings.shape().iter().map(cell).collect();
+    // One cell was made per place.
+    DepthGrid::new(settings.shape(), cells).expect("a grid has at least one cell")
+}
+
+/// Sum of the differences of these columns from their left neighbours, quarters of a grey level.
+fn texture(row: &[u8], columns: &std::ops::Range<usize>) -> i64 {
+    let from = columns.start.max(1);
+    let pairs = row[from - 1..].iter().zip(&row[from..columns.end]);
+    4 * i64::from(pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::depth;
+
+    const SETTINGS: GridSettings = GridSettings {
+        columns: 2,
+        rows: 1,
+        min_valid: 0.2,
+        decision: depth::CellDecision::Safe,
+    };
+    const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
+
+    fn cells(disparity: impl Fn(usize, usize) -> f32) -> Vec<Option<f32>> {
+        let left = Gray::from_fn(40, 20, |x, y| (x * 37 + y * 11) as u8).unwrap();
+        let map = Plane::from_fn(40, 20, disparity).unwrap();
+        let grid = depth::cells(&map, &left, SETTINGS, RULE, None);
+        let px = |cell: &Cell| cell.depth.map(|depth| depth.median_px);
+        grid.into_cells().iter().map(px).collect()
+    }
+
+    #[test]
+    fn cells_of_one_surface_are_known_and_those_of_two_are_not() {
+        // The left cell lies on one surface, seen by half of its pixels; the right one on two.
+        let scene = |x: usize, y: usize| match x {
+            0..20 if (x + y).is_multiple_of(2) => 10.0,
+            0..20 => f32::INFINITY,
+            20..30 => 10.0,
+            _ => 30.0,
+        };
+        assert_eq!(cells(scene), [Some(10.0), None]);
+        // The median would report both.
+        let map = Plane::from_fn(40, 20, scene).unwrap();
+        let medians = depth::grid(&map, SETTINGS, None);
+        assert!(medians.iter().all(|(_, cell)| cell.depth.is_some()));
+    }
+
+    #[test]
+    fn hidden_pixels_belong_to_the_farther_surface() {
+        // Two fifths are near, and what is not seen beside them is far.
+        let scene = |x: usize, _: usize| match x % 20 {
+            0..6 => 30.0,
+            6..13 => f32::INFINITY,
+            _ => 10.0,
+        };
+        let known = cells(scene);
+        assert!(
+            known.iter().all(|px| px.is_none_or(|px| px < 12.0)),
+            "{known:?}"
+        );
+    }
+
+    #[test]
+    fn nothing_seen_is_nothing_known() {
+        assert_eq!(cells(|_, _| f32::INFINITY), [None, None]);
+        assert_eq!(cells(|_, _| 0.0), [None, None]);
+        assert_eq!(cells(|_, _| -3.0), [None, None]);
+    }
+}
