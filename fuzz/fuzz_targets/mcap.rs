@@ -29,7 +29,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         let _ = std::fs::remove_file(&saved);
         if recording.recover(&saved).is_ok() {
             let saved = Recording::open(saved).expect("it was just written");
-            assert!(saved.summary().expect("it was just written").is_whole());
+            assert!(saved.summary().expect("it was just written").is_intact());
             read(saved);
         }
     });

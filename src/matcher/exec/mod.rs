@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n,"columns":C,"rows":R,
-//!  "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}\n   without rig: not known
+//!  "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}\n   no rig: not known
 //! W·H bytes of the left image, W·H bytes of the right image
 //! ```
 //!
@@ -17,9 +17,9 @@
 //! W·H · 4 bytes                nothing
 //! ```
 //!
-//! A program may answer the C·R cells of the depth grid itself: `"cells":[...]` beside `millis`, row
-//! by row, `null` for an unknown one, else `{"disparity_px":d}` or with `"probability":p`, 0 to 1.
-//! Distances follow from the rig. Where it does not, cells are made of its disparities.
+//! A program may answer the C·R cells of the depth grid itself: `"cells":[...]` beside `millis`,
+//! row by row, `null` for an unknown one, else `{"disparity_px":d}` or with `"probability":p`, 0 to
+//! 1. Distances follow from the rig. Where it does not, cells are made of its disparities.
 //!
 //! `millis` is the self-reported time of the matching, without the transfer; it is the time that
 //! svl reports. At the end of its input the program must end. The end of its standard error is kept

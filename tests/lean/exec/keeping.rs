@@ -171,11 +171,13 @@ fn a_program_answers_cells_itself() {
     let body = r#"
 line, _ = pair()
 assert (line["columns"], line["rows"]) == (5, 3) and "rig" not in line, line
-answer(line, None, millis=1.5, cells=[None, {"disparity_px": 12.5}] + 13 * [{"disparity_px": 4, "probability": 0.75}])
+sure = {"disparity_px": 4, "probability": 0.75}
+answer(line, None, millis=1.5, cells=[None, {"disparity_px": 12.5}] + 13 * [sure])
 line, _ = pair()
 answer(line)
 line, _ = pair()
-assert line["rig"] == {"focal_px": 300.0, "cx_px": 6.0, "cy_px": 2.0, "baseline_m": 0.1, "doffs_px": 0.0}, line
+rig = {"focal_px": 300.0, "cx_px": 6.0, "cy_px": 2.0, "baseline_m": 0.1, "doffs_px": 0.0}
+assert line["rig"] == rig, line
 answer(line, None, millis=1.5, cells=15 * [{"disparity_px": 10}])
 "#;
     let Some(mut plugin) = start(body, "") else {
