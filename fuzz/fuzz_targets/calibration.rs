@@ -4,6 +4,7 @@
 use std::path::Path;
 use svl::calibrate::files::read_calib;
 use svl::source::dataset::Scene;
+use svl::stereo::Side;
 
 fn read_kitti(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
     for camera in ["image_2", "image_3"] {
@@ -27,7 +28,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             assert!(
                 rig.focal_px() > 0.0
                     && rig.baseline_m() > 0.0
-                    && rig.projection(true).iter().all(|v| !v.is_nan())
+                    && rig.projection(Side::Right).iter().all(|v| !v.is_nan())
             );
         }
     });

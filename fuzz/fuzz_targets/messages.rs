@@ -14,13 +14,14 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     svl_fuzz::on_file("a.mcap", &file, |path| {
         let recording = Recording::open(path).expect("a file");
         let summary = recording.summary().expect("a whole file");
-        assert!(summary.is_whole(), "{:?}", summary.damage);
+        assert!(summary.is_intact(), "{:?}", summary.damage);
         let named =
             [("/l", "/r"), ("/stereo/left/image", "/stereo/right/image")].map(|(left, right)| {
                 Selection {
                     left: Some(left.to_owned()),
                     right: Some(right.to_owned()),
                     max_skew_ns: 3,
+                    bits: None,
                 }
             });
         for selection in [Selection::default()].iter().chain(&named) {
