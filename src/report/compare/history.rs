@@ -1,7 +1,7 @@
 //! Reports in the order of their dates: each metric over svl's revisions.
 
 use super::ScoredRun;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::report::page::fill;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::{AlgorithmSummary, Summary};
@@ -15,8 +15,15 @@ use std::path::PathBuf;
 pub struct History {
     /// By scenario, in the order of their first reports.
     pub scenarios: Vec<ScenarioHistory>,
-    /// Reports that a later one replaced, which are left out.
-    pub left_out: Vec<PathBuf>,
+    /// What of the named is left out: reports that a later one replaced, and what is none.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Something that is no part of a history.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LeftOut {
+    pub path: PathBuf,
+    pub reason: &'static str,
 }
 
 /// The reports of one scenario.
@@ -51,19 +58,35 @@ pub struct HistoryLine {
 
 impl History {
     /// Puts reports in order. Folders whose names end with `.earlier-N` hold what a later report
-    /// replaced, and are left out.
+    /// replaced, and are left out, as is what is no report of `svl score`: a shell's `reports/*`
+    /// names that too.
     ///
     /// # Errors
-    /// As [`ScoredRun::named`] and [`Summary::from_rows`].
+    /// [`Error::Invalid`] where there is no report; as [`ScoredRun::named`] and
+    /// [`Summary::from_rows`].
     pub fn from_reports(names: &[String]) -> Result<Self> {
         let (mut runs, mut left_out) = (Vec::new(), Vec::new());
         for name in names {
             let folder = PathBuf::from(name);
             let file = folder.file_name().unwrap_or_default().to_string_lossy();
-            match file.contains(".earlier-") {
-                true => left_out.push(folder),
-                false => runs.push(ScoredRun::named(name)?),
+            let reason = if file.contains(".earlier-") {
+                Some("a later report replaced it")
+            } else if folder.exists() && !folder.join("manifest.json").is_file() {
+                Some("no report of `svl score`")
+            } else {
+                None
+            };
+            match reason {
+                Some(reason) => left_out.push(LeftOut {
+                    path: folder,
+                    reason,
+                }),
+                None => runs.push(ScoredRun::named(name)?),
             }
+        }
+        if runs.is_empty() {
+            let what = "none of these is a report of `svl score`; name some, or reports/*";
+            return Err(Error::Invalid(what.to_owned()));
         }
         runs.sort_by(|a, b| a.manifest.began.cmp(&b.manifest.began));
         let mut scenarios: Vec<Vec<ScoredRun>> = Vec::new();
@@ -222,12 +245,8 @@ impl Display for History {
             }
             scenario.fmt(f)?;
         }
-        for folder in &self.left_out {
-            writeln!(
-                f,
-                "{}: left out, a later report replaced it",
-                folder.display()
-            )?;
+        for LeftOut { path, reason } in &self.left_out {
+            writeln!(f, "{}: left out, {reason}", path.display())?;
         }
         Ok(())
     }
@@ -286,7 +305,7 @@ fn sparkline(values: &[Option<f64>]) -> String {
 #[derive(Serialize)]
 struct HistoryView<'a> {
     scenarios: Vec<ScenarioView<'a>>,
-    left_out: &'a [PathBuf],
+    left_out: &'a [LeftOut],
     images: [(); 0],
     identity: [(); 0],
     incomplete: Option<&'a str>,

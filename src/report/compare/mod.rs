@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::manifest::Manifest;
 use crate::score::{Better, METRICS, Metric, MetricUnit};
 pub(crate) use bootstrap::{Interval, Resamples};
-pub use history::{History, HistoryLine, HistoryReport, ScenarioHistory};
+pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
 use sample::Sample;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};

@@ -45,9 +45,9 @@ impl<'a> FigureView<'a> {
 
 fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -> ShotView<'a> {
     let estimate = |cell: &CellRow| match cell.verdict {
-        Verdict::Unknown => "unknown".to_owned(),
-        Verdict::Wrong => format!("{}, wrong", depth(cell.distance_m, cell.median_px)),
-        _ => depth(cell.distance_m, cell.median_px),
+        Verdict::Unknown => format!("unknown{}", probability(cell)),
+        Verdict::Wrong => format!("{}, wrong", estimated(cell)),
+        _ => estimated(cell),
     };
     let truth = |cell: &CellRow| depth(cell.true_distance_m, cell.true_median_px);
     let mut picture = |label, file, marks| images.picture(label, file, shot.size, marks);
@@ -139,12 +139,24 @@ fn wrong(cell: &CellRow) -> String {
         (_, true) => ", false obstacle",
         _ => "",
     };
-    let estimate = depth(cell.distance_m, cell.median_px);
     let truth = depth(cell.true_distance_m, cell.true_median_px);
     format!(
-        "({}, {}) {estimate}, truly {truth}{obstacle}",
-        cell.column, cell.row
+        "({}, {}) {}, truly {truth}{obstacle}",
+        cell.column,
+        cell.row,
+        estimated(cell)
     )
+}
+
+/// What is reported of a cell, and how probably it is right, where the algorithm says so.
+fn estimated(cell: &CellRow) -> String {
+    let depth = depth(cell.distance_m, cell.median_px);
+    format!("{depth}{}", probability(cell))
+}
+
+fn probability(cell: &CellRow) -> String {
+    let words = |p: f64| format!(" ({:.0} % probable)", 100.0 * p);
+    cell.probability.map_or_else(String::new, words)
 }
 
 /// What is measured of the frame's pixels, and the time.

@@ -149,15 +149,22 @@ fn what_became_worse_fails_and_is_in_junits_xml() {
 fn reports_in_the_order_of_their_dates_are_a_history() {
     let fixture = scored(&["v3", "v3:max_disparity=24 --algo bm", "v3"]);
     std::fs::rename(fixture.path("2"), fixture.path("0.earlier-1")).unwrap();
-    let text = fixture.run("compare --history 1 0 0.earlier-1 --page history.html");
+    fixture.write("README.md", "");
+    let text = fixture.run("compare --history 1 0 0.earlier-1 README.md --page history.html");
     let words = [
         "  0\n   2  ",
         "bm                   right           ▄                            –     ",
         "0.earlier-1: left out, a later report replaced it",
+        "README.md: left out, no report of `svl score`",
     ];
     assert_says(&text, &words);
     assert_says(&fixture.text("history.html"), &["<svg", "wrong"]);
-    fixture.fails("compare --history 0 1 --page history.html => 1: history.html: exists already");
+    let wrong = "
+        compare --history 0 1 --page history.html => 1: history.html: exists already
+        compare --history README.md README.md => 1: none of these is a report
+        compare --history 0 nowhere => 1: nowhere: is not a report
+    ";
+    fixture.fails(wrong);
     let json = fixture.json("compare --history 1 0 --json");
     let lines = json["scenarios"][0]["lines"].as_array().unwrap();
     let of = |algorithm: &str| {

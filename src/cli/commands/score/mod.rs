@@ -198,7 +198,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ran?;
         if outcome.interrupted {
             bail!(
-                "interrupted; the report holds what was scored before, and --resume goes on with it"
+                "{INTERRUPTED}; the report holds what was scored before, and --resume goes on with \
+                 it"
             );
         }
         Ok(())
@@ -255,10 +256,20 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
 }
 
+/// How a report says that Ctrl-C ended its run.
+const INTERRUPTED: &str = "interrupted";
+
 /// Says that a run goes lost that could go on.
 fn warn_of_unfinished(folder: &Path) {
     let rows = folder.join("rows.csv").metadata();
-    if rows.is_ok_and(|rows| rows.len() > 0) && !folder.join("summary.json").exists() {
+    let was_killed = || !folder.join("summary.json").exists();
+    let was_interrupted = || {
+        let summary = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+        let summary = serde_json::from_str::<serde_json::Value>(&summary).unwrap_or_default();
+        let why = summary["incomplete"].as_str();
+        why.is_some_and(|why| why.starts_with(INTERRUPTED))
+    };
+    if rows.is_ok_and(|rows| rows.len() > 0) && (was_killed() || was_interrupted()) {
         tracing::warn!(
             "{}: holds an unfinished run, which is scored anew; --resume would go on with it",
             folder.display()
