@@ -72,8 +72,8 @@ mod tests {
             let large = vec![1_u8; 50_000_000];
             kept = large[..10_000_000].to_vec();
         });
-        // Other tests allocate meanwhile, but not as much.
-        assert!((60_000_000..70_000_000).contains(&used.peak), "{used:?}");
+        // Other tests allocate and free meanwhile, but not as much.
+        assert!((55_000_000..70_000_000).contains(&used.peak), "{used:?}");
         assert!((5_000_000..15_000_000).contains(&used.kept), "{used:?}");
         assert_eq!(kept.len(), 10_000_000);
     }
