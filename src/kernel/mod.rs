@@ -34,7 +34,7 @@ pub use choose::{ChosenRow, Totals};
 pub use filter::PREFILTER_CAP;
 pub use isa::{Isa, isa};
 pub use lanes::Lanes;
-pub use paths::{Paths, Penalties};
+pub use paths::{PathBlock, Penalties};
 pub use row_paths::RowPaths;
 pub use row_winners::{RowWinners, WinnerTest};
 pub use sad::{PIXELS, SadTest, SadWinners};
@@ -245,22 +245,25 @@ kernels! {
         out: &mut [Lanes<u8>],
     ) = census::costs;
 
-    /// Aggregates costs along both directions of the rows from `top` of `image` on: those of a band
-    /// or less. `costs` are those rows of the cost volume.
+    /// Aggregates costs along both directions of the rows from `top` of `image` on, those of a band
+    /// or less, and writes what they add to the matching costs. `costs` and `sums` are those rows
+    /// of the volume.
     pub fn follow_rows(
         paths: &mut RowPaths,
         costs: &[Lanes<u8>],
         image: &Gray,
         top: usize,
         penalties: &Penalties,
+        sums: &mut [Lanes<u8>],
     ) = row_paths::follow;
 
     /// Aggregates costs along `paths` over the next row of a sweep, and writes what they add to its
-    /// matching costs.
+    /// matching costs. The block begins at column `x`; `costs` are those that it reaches.
     ///
     /// `grey` is the row of the left image and the previous one in the direction of the sweep.
     pub fn follow_paths(
-        paths: &mut Paths,
+        paths: &mut PathBlock,
+        x: usize,
         costs: &[Lanes<u8>],
         grey: [&[u8]; 2],
         penalties: &Penalties,
@@ -270,7 +273,8 @@ kernels! {
     /// As [`follow_paths`], but sums all eight path costs: `sums` are what the paths of the other
     /// sweep and those along the row add.
     pub fn finish_paths(
-        paths: &mut Paths,
+        paths: &mut PathBlock,
+        x: usize,
         costs: &[Lanes<u8>],
         grey: [&[u8]; 2],
         penalties: &Penalties,

@@ -2,7 +2,7 @@
 //! come from the previous row of a sweep over the image.
 //!
 //! Path costs fit a byte: the matching cost is at most 62 and what a path adds to it at most P2.
-//! What three paths add fits a byte too, with P2 up to [`Paths::LARGEST_PENALTY`].
+//! What three paths add fits a byte too, with P2 up to [`PathBlock::LARGEST_PENALTY`].
 
 use super::volume::OUTSIDE;
 use super::{Lanes, Totals, VolumeShape};
@@ -18,119 +18,88 @@ pub struct Penalties {
     pub large: [u8; 256],
 }
 
-/// The paths of a sweep, downwards or upwards: along the column and along both diagonals.
-pub struct Paths {
-    shape: VolumeShape,
-    /// Rows of the sweep so far.
-    behind: usize,
-    /// From the previous, the same and the next column of the previous row.
-    lines: [PathLine; 3],
-}
-
-/// Path costs of a row in one direction, by disparity and then by pixel: [`OUTSIDE`] where there is
-/// no path, as before the image.
+/// The paths of a sweep, downwards or upwards, through a block of columns: along the column and
+/// along both diagonals.
 ///
-/// Costs stay where they are until the path's next pixel replaces them. As a diagonal path moves on
-/// by a column per row, the place of the row's first pixel moves as far the other way.
-struct PathLine {
-    span: usize,
-    costs: Vec<u8>,
-    least: Vec<u8>,
+/// The diagonals come from the neighbouring blocks: before a row, [`PathBlock::enter`] takes their
+/// costs of the previous row.
+pub struct PathBlock {
+    /// From the previous, the same and the next column of the previous row. Path costs by
+    /// disparity, one slot more than there are, then their least: [`OUTSIDE`] where there is no
+    /// path.
+    lines: [Vec<PathPixels>; 3],
 }
 
-impl Paths {
+/// What the pixels of a block hold, between their neighbours of the blocks beside.
+type PathPixels = [u8; N + 2];
+
+impl PathBlock {
     /// Largest P2.
     pub const LARGEST_PENALTY: i32 = 85;
 
     /// Paths over volumes of that shape.
     pub fn new(shape: VolumeShape) -> Self {
-        let lines = [(); 3].map(|()| {
-            // An odd number of cache lines, so that neighbouring disparities do not contend for the
-            // same ones.
-            let span = ((shape.padded() + shape.height).div_ceil(N) | 1) * N;
-            PathLine {
-                span,
-                costs: vec![OUTSIDE; (shape.count + 1) * span],
-                least: vec![OUTSIDE; span],
-            }
-        });
         Self {
-            shape,
-            behind: 0,
-            lines,
+            lines: [(); 3].map(|()| vec![[OUTSIDE; N + 2]; Self::slots(&shape)]),
         }
+    }
+
+    /// Slots of a line.
+    pub fn slots(shape: &VolumeShape) -> usize {
+        shape.count + 2
     }
 
     /// Begins a sweep.
     pub fn restart(&mut self) {
-        self.behind = 0;
         for line in &mut self.lines {
-            line.costs.fill(OUTSIDE);
-            line.least.fill(OUTSIDE);
+            line.fill([OUTSIDE; N + 2]);
         }
     }
 
-    /// Aggregates over the next row, and passes on what the three paths add, block by block and
-    /// disparity by disparity.
+    /// Copies the costs of the diagonal that enters the block before this one.
+    pub fn first(&self, out: &mut [u8]) {
+        for (out, pixels) in out.iter_mut().zip(&self.lines[2]) {
+            *out = pixels[1];
+        }
+    }
+
+    /// Takes the costs of the diagonals that enter from the block before, `before`, and from the one
+    /// after. Leaves in `before` those that enter the block after.
+    pub fn enter(&mut self, before: &mut [u8], after: &[u8]) {
+        let [falling, _, rising] = &mut self.lines;
+        for (pixels, before) in falling.iter_mut().zip(before) {
+            pixels[0] = std::mem::replace(before, pixels[N]);
+        }
+        for (pixels, after) in rising.iter_mut().zip(after) {
+            pixels[N + 1] = *after;
+        }
+    }
+
+    /// Aggregates over the next row, and passes on what each of the three paths adds, disparity
+    /// by disparity. `x` is the block's first column.
     #[inline(always)]
     fn advance(
         &mut self,
+        x: usize,
         costs: &[Lanes<u8>],
         [grey, grey_behind]: [&[u8]; 2],
         penalties: &Penalties,
-        mut out: impl FnMut(usize, usize, &[u8; N], [u8; N]),
+        out: impl PathOutput<3, N>,
     ) {
-        let Self {
-            shape,
-            behind,
-            lines,
-        } = self;
-        let starts = [shape.height - 1 - *behind, 0, *behind];
-        for (block, costs) in costs.chunks_exact(shape.count).enumerate() {
-            let large = steps(block * N, grey, grey_behind, penalties);
-            let at = starts.map(|start| start + block * N);
-            let [falling, column, rising] = lines.each_mut();
-            let (falling, falling_least) = falling.at(at[0]);
-            let (column, column_least) = column.at(at[1]);
-            let (rising, rising_least) = rising.at(at[2]);
-            let costs = costs[..shape.reached_in(block)]
-                .iter()
-                .map(|lanes| &lanes.0);
-            let least = [falling_least, column_least, rising_least];
-            advance(
-                [falling, column, rising],
-                least,
-                costs,
-                penalties.small,
-                large,
-                |i, cost, added| {
-                    let mut sum = [0; N];
-                    for l in 0..N {
-                        sum[l] = added[0][l] + added[1][l] + added[2][l];
-                    }
-                    out(block, i, cost, sum);
-                },
-            );
-        }
-        *behind += 1;
-    }
-}
-
-impl PathLine {
-    /// The costs of the block at `place`, and their least.
-    #[inline(always)]
-    fn at(&mut self, place: usize) -> (impl Iterator<Item = &mut [u8; N]>, &mut [u8; N]) {
-        let costs = self.costs.chunks_exact_mut(self.span);
-        (
-            costs.map(move |row| {
-                row[place..]
-                    .first_chunk_mut()
-                    .expect("a block within the line")
-            }),
-            self.least[place..]
-                .first_chunk_mut()
-                .expect("a block within the line"),
-        )
+        let large = steps(x, grey, grey_behind, penalties);
+        let [falling, column, rising] = self.lines.each_mut().map(|line| {
+            let (least, costs) = line.split_last_mut().expect("not empty");
+            (costs.iter_mut(), least)
+        });
+        advance(
+            [falling.0, column.0, rising.0],
+            [falling.1, column.1, rising.1],
+            [0, 1, 2],
+            costs.iter().map(|lanes| &lanes.0),
+            penalties.small,
+            large,
+            out,
+        );
     }
 }
 
@@ -152,23 +121,33 @@ fn steps(x: usize, grey: &[u8], behind: &[u8], penalties: &Penalties) -> [[u8; N
 /// min L(q) + P2) − min L(q)` with q the pixel before p on the path.
 ///
 /// `lines` and `least` hold L(q) and min L(q), and become those of p; a line has one slot more than
-/// p has disparities, `costs`. `out` gets what each path adds to a cost.
+/// p has disparities, `costs`. A slot has S − N neighbours about its pixels; q begins at `from` in
+/// it, p in the middle. `out` gets what each path adds to a cost.
 #[inline(always)]
-pub(super) fn advance<'a, const R: usize, const N: usize>(
-    lines: [impl Iterator<Item = &'a mut [u8; N]>; R],
-    least: [&mut [u8; N]; R],
+pub(super) fn advance<'a, const R: usize, const N: usize, const S: usize>(
+    lines: [impl Iterator<Item = &'a mut [u8; S]>; R],
+    least: [&mut [u8; S]; R],
+    from: [usize; R],
     costs: impl Iterator<Item = &'a [u8; N]>,
     small: u8,
     large: [[u8; N]; R],
-    mut out: impl FnMut(usize, &[u8; N], [[u8; N]; R]),
+    mut out: impl PathOutput<R, N>,
 ) {
     let mut lines = lines;
     let mut slots = lines
         .each_mut()
         .map(|line| line.next().expect("one more than there are disparities"));
+    let part = |slot: &[u8; S], from: usize| -> [u8; N] {
+        *slot[from..]
+            .first_chunk()
+            .expect("neighbours on both sides")
+    };
+    let store = |slot: &mut [u8; S], lanes: [u8; N]| {
+        *slot[(S - N) / 2..].first_chunk_mut().expect("as above") = lanes;
+    };
     let mut lower = [[OUTSIDE; N]; R];
-    let mut same = slots.each_ref().map(|slot| **slot);
-    let before = least.each_ref().map(|least| **least);
+    let mut same = std::array::from_fn::<_, R, _>(|r| part(slots[r], from[r]));
+    let before = std::array::from_fn::<_, R, _>(|r| part(least[r], from[r]));
     let mut limit = [[0; N]; R];
     for r in 0..R {
         for l in 0..N {
@@ -184,7 +163,7 @@ pub(super) fn advance<'a, const R: usize, const N: usize>(
             let next = lines[r]
                 .next()
                 .expect("one more than there are disparities");
-            let higher = *next;
+            let higher = part(next, from[r]);
             let mut now = [0; N];
             for l in 0..N {
                 let step = lower[r][l].min(higher[l]).saturating_add(small);
@@ -193,53 +172,81 @@ pub(super) fn advance<'a, const R: usize, const N: usize>(
                 now[l] = cost[l].saturating_add(added[r][l]);
                 fewest[r][l] = fewest[r][l].min(now[l]);
             }
-            *std::mem::replace(&mut slots[r], next) = now;
+            store(std::mem::replace(&mut slots[r], next), now);
             lower[r] = std::mem::replace(&mut same[r], higher);
         }
-        out(i, cost, added);
+        out.put(i, cost, added);
     }
     for (r, least) in least.into_iter().enumerate() {
         // A diagonal path may have reached more disparities on its previous pixel.
-        *slots[r] = [OUTSIDE; N];
-        *least = fewest[r];
+        store(slots[r], [OUTSIDE; N]);
+        store(least, fewest[r]);
+    }
+}
+
+/// Where [`advance`] leaves what R paths add to the cost at place `i` of the disparities.
+///
+/// A trait, because closures cannot be told to be inlined, and those of some size are not.
+pub(super) trait PathOutput<const R: usize, const N: usize> {
+    fn put(&mut self, i: usize, cost: &[u8; N], added: [[u8; N]; R]);
+}
+
+struct Sums<'a>(&'a mut [Lanes<u8>]);
+
+impl PathOutput<3, N> for Sums<'_> {
+    #[inline(always)]
+    fn put(&mut self, i: usize, _: &[u8; N], added: [[u8; N]; 3]) {
+        for l in 0..N {
+            self.0[i].0[l] = added[0][l] + added[1][l] + added[2][l];
+        }
+    }
+}
+
+/// All eight paths of a block from column `x` on.
+struct AllPaths<'a> {
+    x: usize,
+    sums: [&'a [Lanes<u8>]; 2],
+    totals: &'a mut Totals,
+}
+
+impl PathOutput<3, N> for AllPaths<'_> {
+    #[inline(always)]
+    fn put(&mut self, i: usize, cost: &[u8; N], added: [[u8; N]; 3]) {
+        let [sums, along] = self.sums.map(|sums| &sums[i].0);
+        let total = self.totals.at_mut(i, self.x);
+        // Each path carries C + added: of eight, the cost counts eight times.
+        for l in 0..N {
+            total[l] = 8 * u16::from(cost[l])
+                + u16::from(sums[l])
+                + u16::from(along[l])
+                + u16::from(added[0][l] + added[1][l] + added[2][l]);
+        }
     }
 }
 
 /// See [`super::follow_paths`].
 #[inline(always)]
 pub(super) fn follow(
-    paths: &mut Paths,
+    paths: &mut PathBlock,
+    x: usize,
     costs: &[Lanes<u8>],
     grey: [&[u8]; 2],
     penalties: &Penalties,
     sums: &mut [Lanes<u8>],
 ) {
-    let count = paths.shape.count;
-    paths.advance(costs, grey, penalties, |block, i, _, added| {
-        sums[block * count + i].0 = added
-    });
+    paths.advance(x, costs, grey, penalties, Sums(sums));
 }
 
 /// See [`super::finish_paths`].
 #[inline(always)]
 pub(super) fn finish(
-    paths: &mut Paths,
+    paths: &mut PathBlock,
+    x: usize,
     costs: &[Lanes<u8>],
     grey: [&[u8]; 2],
     penalties: &Penalties,
-    [sums, along]: [&[Lanes<u8>]; 2],
+    sums: [&[Lanes<u8>]; 2],
     totals: &mut Totals,
 ) {
-    let count = paths.shape.count;
-    paths.advance(costs, grey, penalties, |block, i, cost, added| {
-        let (sums, along) = (&sums[block * count + i].0, &along[block * count + i].0);
-        let total = totals.at_mut(i, block * N);
-        // Each path carries C + added: of eight, the cost counts eight times.
-        for l in 0..N {
-            total[l] = 8 * u16::from(cost[l])
-                + u16::from(sums[l])
-                + u16::from(along[l])
-                + u16::from(added[l]);
-        }
-    });
+    paths.advance(x, costs, grey, penalties, AllPaths { x, sums, totals });
 }

@@ -5,7 +5,7 @@
 //! transposed back.
 
 use super::lanes::{SIDE, Square, transpose_square};
-use super::paths::advance;
+use super::paths::{PathOutput, advance};
 use super::volume::OUTSIDE;
 use super::{Lanes, Penalties, VolumeShape};
 use crate::stereo::Gray;
@@ -23,8 +23,6 @@ pub struct RowPaths {
     steps: Vec<[u8; ROWS]>,
     /// Path costs of the column behind, by disparity; none after the last.
     line: Vec<[u8; ROWS]>,
-    /// What the paths add, as rows of a volume.
-    sums: Vec<Lanes<u8>>,
 }
 
 impl RowPaths {
@@ -41,13 +39,28 @@ impl RowPaths {
             added: lanes(columns * shape.count),
             steps: lanes(columns),
             line: lanes(shape.count + 1),
-            sums: vec![Lanes::splat(0); shape.stride() * ROWS],
         }
     }
+}
 
-    /// What the paths of the band last followed add to the costs of its row `y`.
-    pub fn row(&self, y: usize) -> &[Lanes<u8>] {
-        &self.sums[y * self.shape.stride()..][..self.shape.stride()]
+struct FromLeft<'a>(&'a mut [[u8; ROWS]]);
+
+impl PathOutput<1, ROWS> for FromLeft<'_> {
+    #[inline(always)]
+    fn put(&mut self, i: usize, _: &[u8; ROWS], [added]: [[u8; ROWS]; 1]) {
+        self.0[i] = added;
+    }
+}
+
+/// Added to what [`FromLeft`] left.
+struct FromRight<'a>(&'a mut [[u8; ROWS]]);
+
+impl PathOutput<1, ROWS> for FromRight<'_> {
+    #[inline(always)]
+    fn put(&mut self, i: usize, _: &[u8; ROWS], [added]: [[u8; ROWS]; 1]) {
+        for l in 0..ROWS {
+            self.0[i][l] += added[l];
+        }
     }
 }
 
@@ -59,6 +72,7 @@ pub(super) fn follow(
     image: &Gray,
     top: usize,
     penalties: &Penalties,
+    sums: &mut [Lanes<u8>],
 ) {
     let RowPaths {
         shape,
@@ -66,7 +80,6 @@ pub(super) fn follow(
         added,
         steps,
         line,
-        sums,
     } = paths;
     let (count, stride) = (shape.count, shape.stride());
     let rows = costs.len() / stride;
@@ -108,10 +121,11 @@ pub(super) fn follow(
         advance(
             [line.iter_mut()],
             [&mut least],
+            [0],
             costs.iter(),
             penalties.small,
             [steps[x]],
-            |i, _, [from_left]| added[i] = from_left,
+            FromLeft(added),
         );
     }
     line.fill([OUTSIDE; ROWS]);
@@ -126,14 +140,11 @@ pub(super) fn follow(
         advance(
             [line.iter_mut()],
             [&mut least],
+            [0],
             costs.iter(),
             penalties.small,
             [step],
-            |i, _, [from_right]| {
-                for l in 0..ROWS {
-                    added[i][l] += from_right[l];
-                }
-            },
+            FromRight(added),
         );
     }
 
@@ -144,7 +155,7 @@ pub(super) fn follow(
                 for (column, lanes) in square.iter_mut().enumerate() {
                     *lanes = added[(block * N + l + column) * count + i];
                 }
-                for (row, part) in transpose_square(&square).iter().enumerate() {
+                for (row, part) in transpose_square(&square).iter().take(rows).enumerate() {
                     sums[row * stride + block * count + i].0[l..][..ROWS].copy_from_slice(part);
                 }
             }

@@ -42,7 +42,7 @@ impl VolumeShape {
 
     /// As [`VolumeShape::reached`], for the pixels of a block.
     #[inline(always)]
-    pub(super) fn reached_in(&self, block: usize) -> usize {
+    pub fn reached_in(&self, block: usize) -> usize {
         self.reached((block + 1) * Lanes::COUNT - 1)
     }
 }

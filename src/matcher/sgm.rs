@@ -18,7 +18,7 @@ use super::stage::{
 };
 use super::{MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
-use crate::kernel::{ChosenRow, Isa, Paths, Penalties, VolumeShape, median_row};
+use crate::kernel::{ChosenRow, Isa, PathBlock, Penalties, VolumeShape, median_row};
 use crate::stereo::{DisparityMap, ExtraPlanes, Reason, RowMut, StereoPair};
 use crate::timing::{Clock, Stage};
 
@@ -36,13 +36,13 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "p1",
             unit: "",
-            range: Range::int(14, 0..=Paths::LARGEST_PENALTY),
+            range: Range::int(14, 0..=PathBlock::LARGEST_PENALTY),
             description: "cost of a step of disparity by one, in bits of the census: slopes",
         },
         Parameter {
             name: "p2",
             unit: "",
-            range: Range::int(80, 0..=Paths::LARGEST_PENALTY),
+            range: Range::int(80, 0..=PathBlock::LARGEST_PENALTY),
             description: "cost of any other step, at least p1: edges of objects",
         },
         Parameter {

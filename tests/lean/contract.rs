@@ -24,16 +24,19 @@ pub(crate) fn equals(
     Ok(())
 }
 
-/// `algorithm` gives on two threads what it gives on one.
+/// `algorithm` gives on several threads what it gives on one.
 pub(crate) fn threads_do_not_matter(
     algorithm: &str,
     pair: &StereoPair,
 ) -> Result<(), TestCaseError> {
     let isa = Isa::available().next().unwrap();
-    let [one, two] =
-        [1, 2].map(|threads| pool(threads).install(|| common::run(algorithm, isa, pair)));
-    prop_assert_eq!(difference(&two, &one), None, "{}", algorithm);
-    prop_assert_eq!(one.hash(), two.hash());
+    let on = |threads| pool(threads).install(|| common::run(algorithm, isa, pair));
+    let one = on(1);
+    for threads in [2, 3, 8] {
+        let several = on(threads);
+        prop_assert_eq!(difference(&several, &one), None, "{}", algorithm);
+        prop_assert_eq!(one.hash(), several.hash());
+    }
     Ok(())
 }
 

@@ -68,7 +68,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn threads_do_not_matter(pair in pairs((1usize..=80, 1usize..=60)), sgm in matchers()) {
+    fn threads_do_not_matter(pair in pairs((1usize..=330, 1usize..=60)), sgm in matchers()) {
         contract::threads_do_not_matter(&sgm.text(), &pair)?;
     }
 }

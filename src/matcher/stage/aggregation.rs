@@ -1,26 +1,36 @@
 //! SGM cost aggregation (Hirschmüller 2008, section 2.3) along eight paths that end in a pixel, and
 //! the disparity of the least sum.
 //!
-//! Two sweeps follow three directions each, one downwards and one upwards, and run at the same
-//! time. In its first half of the image each stores what its paths add. Then they change halves:
-//! each adds its paths and those along the row to what the other has stored, and chooses the
-//! disparities. The result depends on nothing but the costs.
+//! First the paths along the rows, in bands. Then two sweeps follow three directions each, one
+//! downwards and one upwards, at the same time. In its first half of the image each stores what its
+//! paths add. Then they change halves: each adds its paths to what the other has stored, and
+//! chooses the disparities. The result depends on nothing but the costs.
+//!
+//! Threads share a sweep as a wavefront: each takes the next row and follows its blocks from the
+//! left, each as soon as the row before has passed the block after it. So a sweep has work for half
+//! as many threads as a row has blocks.
 
-use super::{CostVolume, both};
+use super::CostVolume;
 use crate::kernel::{
-    ChosenRow, Isa, Lanes, Paths, Penalties, RowPaths, Totals, VolumeShape, choose_row,
-    finish_paths, follow_paths, follow_rows,
+    ChosenRow, Isa, Lanes, OUTSIDE, PathBlock, Penalties, RowPaths, Totals, VolumeShape,
+    choose_row, finish_paths, follow_paths, follow_rows,
 };
 use crate::stereo::{Gray, Reason};
+use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard};
 
 /// The aggregation, with its scratch memory.
 pub struct Aggregation {
     shape: VolumeShape,
-    /// What the paths of the sweep that came to a row first add to its costs.
+    /// What the paths along the rows add to the costs.
+    along: Vec<Lanes<u8>>,
+    /// What the paths of the sweep that came to a row first add.
     sums: Vec<Lanes<u8>>,
-    down: PathSweep,
-    up: PathSweep,
+    /// Downwards and upwards.
+    sweeps: [Sweep; 2],
+    workers: Vec<Worker>,
 }
 
 /// The disparities chosen from the sums.
@@ -33,11 +43,25 @@ pub struct Chosen {
     right: Vec<i16>,
 }
 
-struct PathSweep {
+struct Sweep {
     upwards: bool,
-    paths: Paths,
+    blocks: Vec<SweepBlock>,
+}
+
+/// A block of columns.
+struct SweepBlock {
+    paths: Mutex<PathBlock>,
+    /// Rows that have passed it.
+    rows: AtomicUsize,
+}
+
+/// A thread's scratch memory.
+struct Worker {
     along: RowPaths,
     totals: Totals,
+    /// Costs of the diagonals that enter a block from the blocks before and after it.
+    before: Vec<u8>,
+    after: Vec<u8>,
 }
 
 /// Neighbouring rows of [`Chosen`].
@@ -49,21 +73,19 @@ struct ChosenRows<'a> {
 
 impl Aggregation {
     /// Bytes per [`Lanes`] of the cost volume, for that and for the sums.
-    pub const BYTES: usize = 2 * size_of::<Lanes<u8>>();
+    pub const BYTES: usize = 3 * size_of::<Lanes<u8>>();
 
-    /// For costs of that shape.
+    /// For costs of that shape, on the threads of rayon's current pool.
     pub fn new(shape: VolumeShape) -> Self {
-        let sweep = |upwards| PathSweep {
-            upwards,
-            paths: Paths::new(shape),
-            along: RowPaths::new(shape),
-            totals: Totals::new(shape),
-        };
+        let sums = vec![Lanes::splat(0); shape.stride() * shape.height];
         Self {
             shape,
-            sums: vec![Lanes::splat(0); shape.stride() * shape.height],
-            down: sweep(false),
-            up: sweep(true),
+            along: sums.clone(),
+            sums,
+            sweeps: [false, true].map(|upwards| Sweep::new(shape, upwards)),
+            workers: (0..rayon::current_num_threads())
+                .map(|_| Worker::new(shape))
+                .collect(),
         }
     }
 
@@ -80,140 +102,211 @@ impl Aggregation {
     ) {
         let Self {
             shape,
+            along,
             sums,
-            down,
-            up,
+            sweeps,
+            workers,
         } = self;
         let (middle, height, stride) = (shape.height / 2, shape.height, shape.stride());
-        let work = Work {
-            isa,
-            costs,
-            image,
-            penalties,
-            uniqueness,
+
+        let bands = along.chunks_mut(stride * RowPaths::ROWS);
+        let bands = Mutex::new((0..height).step_by(RowPaths::ROWS).zip(bands));
+        let follow_bands = |worker: &mut Worker| {
+            while let Some((top, sums)) = next(&bands) {
+                let costs = costs.rows(top..height.min(top + RowPaths::ROWS));
+                follow_rows(isa, &mut worker.along, costs, image, top, penalties, sums);
+            }
         };
-        // The sweeps meet in the middle: until there they write disjoint halves and need no lock.
+        // The sweeps meet in the middle: until there they write disjoint halves.
+        sweeps.iter_mut().for_each(Sweep::restart);
         let (top, bottom) = sums.split_at_mut(middle * stride);
-        down.paths.restart();
-        up.paths.restart();
-        both(
-            || work.begin(down, 0..middle, 0, top),
-            || work.begin(up, (middle..height).rev(), middle, bottom),
+        let rows = [
+            in_order(false, (0..middle).zip(top.chunks_exact_mut(stride))),
+            in_order(true, (middle..height).zip(bottom.chunks_exact_mut(stride))),
+        ];
+        on_rows(
+            workers,
+            follow_bands,
+            rows,
+            |i, passed, (y, sums), worker| {
+                let (costs, grey) = (costs.row(y), sweeps[i].grey(image, y));
+                let Worker { before, after, .. } = worker;
+                sweeps[i].pass_row(shape, passed, [before, after], |paths, x, lanes| {
+                    let (costs, sums) = (&costs[lanes.clone()], &mut sums[lanes]);
+                    follow_paths(isa, paths, x, costs, grey, penalties, sums);
+                });
+            },
         );
+
         // Then each goes on over the half that the other has left its sums in.
-        let (top_chosen, bottom_chosen) = chosen.split(middle);
-        both(
-            || work.finish(down, middle..height, bottom, bottom_chosen),
-            || work.finish(up, 0..middle, top, top_chosen),
+        let first_half = [middle, height - middle];
+        let (top, bottom) = chosen.split(middle);
+        let rows = [
+            in_order(false, (middle..height).zip(bottom.rows(shape))),
+            in_order(true, (0..middle).zip(top.rows(shape))),
+        ];
+        on_rows(
+            workers,
+            |_| (),
+            rows,
+            |i, passed, (y, mut chosen), worker| {
+                let (costs, grey) = (costs.row(y), sweeps[i].grey(image, y));
+                let [sums, along] = [&*sums, &*along].map(|sums| &sums[y * stride..][..stride]);
+                let (passed, totals) = (first_half[i] + passed, &mut worker.totals);
+                let beside = [&mut worker.before, &mut worker.after];
+                sweeps[i].pass_row(shape, passed, beside, |paths, x, lanes| {
+                    let sums = [&sums[lanes.clone()], &along[lanes.clone()]];
+                    finish_paths(isa, paths, x, &costs[lanes], grey, penalties, sums, totals);
+                });
+                choose_row(isa, totals, uniqueness, &mut chosen);
+            },
         );
     }
 }
 
-/// Inputs of both sweeps.
-struct Work<'a> {
-    isa: Isa,
-    costs: &'a CostVolume,
-    image: &'a Gray,
-    penalties: &'a Penalties,
-    uniqueness: u32,
-}
-
-impl Work<'_> {
-    /// Row `y` of the image and the previous one of the sweep. The first row of a sweep has none;
-    /// no path of it looks there.
-    fn grey(&self, upwards: bool, y: usize) -> [&[u8]; 2] {
-        let behind = if upwards {
-            (y + 1).min(self.image.height() - 1)
-        } else {
-            y.saturating_sub(1)
+impl Sweep {
+    fn new(shape: VolumeShape, upwards: bool) -> Self {
+        let block = || SweepBlock {
+            paths: Mutex::new(PathBlock::new(shape)),
+            rows: AtomicUsize::new(0),
         };
-        [self.image.row(y), self.image.row(behind)]
-    }
-
-    /// Aggregates over `rows` of the first half of a sweep, whose top row is `top`, and stores what
-    /// the paths add.
-    fn begin(
-        &self,
-        sweep: &mut PathSweep,
-        rows: impl Iterator<Item = usize>,
-        top: usize,
-        sums: &mut [Lanes<u8>],
-    ) {
-        let stride = self.costs.shape().stride();
-        for y in rows {
-            let (grey, sums) = (
-                self.grey(sweep.upwards, y),
-                &mut sums[(y - top) * stride..][..stride],
-            );
-            follow_paths(
-                self.isa,
-                &mut sweep.paths,
-                self.costs.row(y),
-                grey,
-                self.penalties,
-                sums,
-            );
+        Self {
+            upwards,
+            blocks: (0..shape.blocks()).map(|_| block()).collect(),
         }
     }
 
-    /// Aggregates over the half that the other sweep began with, sums everything and chooses.
-    fn finish(
+    fn restart(&mut self) {
+        for block in &mut self.blocks {
+            *block.rows.get_mut() = 0;
+            // A thread that panicked has left nothing that restarting does not mend.
+            block.paths.clear_poison();
+            block.paths.get_mut().expect("not poisoned").restart();
+        }
+    }
+
+    /// Row `y` of the image and the previous one of the sweep. The first row of a sweep has none;
+    /// no path of it looks there.
+    fn grey<'a>(&self, image: &'a Gray, y: usize) -> [&'a [u8]; 2] {
+        let behind = if self.upwards {
+            (y + 1).min(image.height() - 1)
+        } else {
+            y.saturating_sub(1)
+        };
+        [image.row(y), image.row(behind)]
+    }
+
+    /// Follows the blocks of a row that comes after `passed` others: `follow` gets the paths of
+    /// each, its first column and its lanes of the row's costs.
+    fn pass_row(
         &self,
-        sweep: &mut PathSweep,
-        half: Range<usize>,
-        sums: &[Lanes<u8>],
-        mut chosen: ChosenRows<'_>,
+        shape: &VolumeShape,
+        passed: usize,
+        [before, after]: [&mut Vec<u8>; 2],
+        mut follow: impl FnMut(&mut PathBlock, usize, Range<usize>),
     ) {
-        let shape = self.costs.shape();
-        let PathSweep {
-            upwards,
-            paths,
-            along,
-            totals,
-        } = sweep;
-        let bands = half
-            .clone()
-            .step_by(RowPaths::ROWS)
-            .map(|top| top..half.end.min(top + RowPaths::ROWS));
-        for band in in_order(bands, *upwards) {
-            follow_rows(
-                self.isa,
-                along,
-                self.costs.rows(band.clone()),
-                self.image,
-                band.start,
-                self.penalties,
+        let _release = ReleaseOnPanic(self);
+        before.fill(OUTSIDE);
+        for (i, block) in self.blocks.iter().enumerate() {
+            match self.blocks.get(i + 1) {
+                Some(next) => next.after(passed).first(after),
+                None => after.fill(OUTSIDE),
+            }
+            let first = i * shape.count;
+            let mut paths = block.after(passed);
+            paths.enter(before, after);
+            follow(
+                &mut paths,
+                i * Lanes::COUNT,
+                first..first + shape.reached_in(i),
             );
-            for y in in_order(band.clone(), *upwards) {
-                let grey = self.grey(*upwards, y);
-                let sums = [
-                    &sums[(y - half.start) * shape.stride()..],
-                    along.row(y - band.start),
-                ];
-                finish_paths(
-                    self.isa,
-                    paths,
-                    self.costs.row(y),
-                    grey,
-                    self.penalties,
-                    sums,
-                    totals,
-                );
-                choose_row(
-                    self.isa,
-                    totals,
-                    self.uniqueness,
-                    &mut chosen.row(y - half.start, &shape),
-                );
+            drop(paths);
+            block.rows.store(passed + 1, Ordering::Release);
+        }
+    }
+}
+
+impl SweepBlock {
+    /// The paths, once so many rows have passed. Rows are taken in their order and wait for earlier
+    /// ones only, so some thread can always go on.
+    fn after(&self, rows: usize) -> MutexGuard<'_, PathBlock> {
+        let mut tries = 0;
+        while self.rows.load(Ordering::Acquire) < rows {
+            tries += 1;
+            if tries < 100 {
+                std::hint::spin_loop();
+            } else {
+                std::thread::yield_now();
+            }
+        }
+        self.paths.lock().expect("no other thread panicked")
+    }
+}
+
+/// Lets the threads go on that wait for a row whose thread panics.
+struct ReleaseOnPanic<'a>(&'a Sweep);
+
+impl Drop for ReleaseOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            for block in &self.0.blocks {
+                block.rows.store(usize::MAX, Ordering::Release);
             }
         }
     }
 }
 
+impl Worker {
+    fn new(shape: VolumeShape) -> Self {
+        let beside = vec![OUTSIDE; PathBlock::slots(&shape)];
+        Self {
+            along: RowPaths::new(shape),
+            totals: Totals::new(shape),
+            before: beside.clone(),
+            after: beside,
+        }
+    }
+}
+
+/// Runs `first` with each worker, and then `work` on the rows of both sweeps: it gets which sweep it
+/// is, how many rows have been taken before, the row and a worker. Each worker runs on a thread of
+/// rayon's current pool, where it has threads for it.
+fn on_rows<R: Send>(
+    workers: &mut [Worker],
+    first: impl Fn(&mut Worker) + Sync,
+    rows: [impl Iterator<Item = R> + Send; 2],
+    work: impl Fn(usize, usize, R, &mut Worker) + Sync,
+) {
+    let rows = rows.map(|rows| Mutex::new(rows.enumerate()));
+    let all = |(number, worker): (usize, &mut Worker)| {
+        first(worker);
+        // Each begins with one sweep and then helps with the other.
+        for i in [number % 2, 1 - number % 2] {
+            while let Some((taken, row)) = next(&rows[i]) {
+                work(i, taken, row, worker);
+            }
+        }
+    };
+    if let [worker] = workers {
+        all((0, worker));
+    } else {
+        workers
+            .par_iter_mut()
+            .enumerate()
+            .with_max_len(1)
+            .for_each(all);
+    }
+}
+
+/// The next of the items that threads share.
+fn next<T>(items: &Mutex<impl Iterator<Item = T>>) -> Option<T> {
+    items.lock().expect("no other thread panicked").next()
+}
+
 /// `items` in the order of a sweep.
 fn in_order<T>(
-    items: impl DoubleEndedIterator<Item = T> + Clone,
     upwards: bool,
+    items: impl DoubleEndedIterator<Item = T>,
 ) -> impl Iterator<Item = T> {
     // Both directions as one type of iterator, without boxing it.
     let (down, up) = if upwards {
@@ -268,12 +361,15 @@ impl Chosen {
     }
 }
 
-impl ChosenRows<'_> {
-    fn row(&mut self, y: usize, shape: &VolumeShape) -> ChosenRow<'_> {
-        ChosenRow {
-            left: &mut self.left[y * shape.width..][..shape.width],
-            why: &mut self.why[y * shape.width..][..shape.width],
-            right: &mut self.right[y * shape.padded()..][..shape.padded()],
-        }
+impl<'a> ChosenRows<'a> {
+    fn rows(
+        self,
+        shape: &VolumeShape,
+    ) -> impl DoubleEndedIterator<Item = ChosenRow<'a>> + ExactSizeIterator {
+        let left = self.left.chunks_exact_mut(shape.width);
+        let why = self.why.chunks_exact_mut(shape.width);
+        let right = self.right.chunks_exact_mut(shape.padded());
+        let rows = left.zip(why).zip(right);
+        rows.map(|((left, why), right)| ChosenRow { left, why, right })
     }
 }
