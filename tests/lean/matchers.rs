@@ -114,7 +114,7 @@ fn instruction_sets_and_threads_do_not_matter() {
             .install(|| common::run(spec.name, Isa::PORTABLE, &pair))
             .hash();
         for isa in Isa::available() {
-            for threads in [1, 2, 3] {
+            for threads in [1, 2, 3, 8] {
                 let got = pool(threads)
                     .install(|| common::run(spec.name, isa, &pair))
                     .hash();
