@@ -71,6 +71,8 @@ pub mod score;
 pub mod sink;
 #[cfg(feature = "bench")]
 pub mod source;
+#[cfg(feature = "bench")]
+pub mod train;
 #[cfg(feature = "calibrate")]
 mod words;
 #[cfg(feature = "calibrate")]

@@ -145,6 +145,7 @@ mod tests {
         let cell = |px: f32| Cell {
             valid_share: 0.5,
             probability: None,
+            evidence: None,
             depth: (px > 0.0).then_some(CellDepth {
                 median_px: px,
                 p20_px: px,

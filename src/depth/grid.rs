@@ -119,6 +119,7 @@ fn cell(
         valid_share,
         depth,
         probability: None,
+        evidence: None,
     }
 }
 

@@ -19,7 +19,7 @@ mod v4;
 mod v5;
 
 pub use mirrored::{match_right, mirrored};
-pub use parameter::{Parameter, Parameters, Range, Value};
+pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 
 use crate::depth::GridSettings;
 use crate::error::{Error, Result, nearest};

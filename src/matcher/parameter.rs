@@ -4,6 +4,7 @@
 use super::MatcherSpec;
 use super::quotes::{closed, split, unquote};
 use crate::error::{Error, Result, nearest};
+use std::io::Read;
 use std::ops::RangeInclusive;
 
 /// A parameter of an algorithm.
@@ -38,7 +39,12 @@ pub enum Range {
         default: &'static str,
         options: &'static [&'static str],
     },
+    /// A text file, none by default.
+    File,
 }
+
+/// Most bytes of a file that a parameter names.
+const MAX_FILE: u64 = 1 << 20;
 
 /// A parameter's value.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +54,14 @@ pub enum Value {
     Flag(bool),
     Text(String),
     Choice(&'static str),
+    File(Option<ParameterFile>),
+}
+
+/// A file that a parameter names, read when the algorithm is named.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterFile {
+    pub path: String,
+    pub text: String,
 }
 
 impl Range {
@@ -76,6 +90,7 @@ impl Range {
             Range::Flag { default } => Value::Flag(default),
             Range::Text { default } => Value::Text(default.to_owned()),
             Range::Choice { default, .. } => Value::Choice(default),
+            Range::File => Value::File(None),
         }
     }
 
@@ -99,6 +114,8 @@ impl Range {
                 .find(|o| **o == text)
                 .copied()
                 .map(Value::Choice),
+            Range::File if text.is_empty() => Some(Value::File(None)),
+            Range::File => ParameterFile::read(unquote(text)).map(|file| Value::File(Some(file))),
         }
     }
 }
@@ -111,6 +128,7 @@ impl std::fmt::Display for Range {
             Range::Flag { .. } => write!(f, "true or false"),
             Range::Text { .. } => write!(f, "a text that closes its quotes"),
             Range::Choice { options, .. } => write!(f, "one of {}", options.join(", ")),
+            Range::File => write!(f, "a text file of at most {} MiB", MAX_FILE >> 20),
         }
     }
 }
@@ -129,7 +147,26 @@ impl std::fmt::Display for Value {
                 quote = if v.contains('"') { '\'' } else { '"' }
             ),
             Value::Choice(v) => write!(f, "{v}"),
+            Value::File(None) => Ok(()),
+            // Equal texts are equal parameters: what the file holds is part of it.
+            Value::File(Some(file)) => {
+                let hash = xxhash_rust::xxh3::xxh3_64(file.text.as_bytes());
+                write!(f, "{}#{hash:016x}", file.path)
+            }
         }
+    }
+}
+
+impl ParameterFile {
+    fn read(path: &str) -> Option<Self> {
+        // Before opening: to open a pipe would wait for its writer.
+        let is_file = std::fs::metadata(path).is_ok_and(|of| of.is_file());
+        let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
+        let mut text = String::new();
+        // One more than allowed: the file may grow while it is read.
+        file.take(MAX_FILE + 1).read_to_string(&mut text).ok()?;
+        let path = path.to_owned();
+        (text.len() as u64 <= MAX_FILE).then_some(Self { path, text })
     }
 }
 
@@ -233,6 +270,17 @@ impl Parameters {
     pub fn text(&self, name: &str) -> &str {
         match self.value(name) {
             Value::Text(v) => v,
+            other => panic!("parameter {name} is {other:?}"),
+        }
+    }
+
+    /// The file `name`, where one is given.
+    ///
+    /// # Panics
+    /// As [`Parameters::int`].
+    pub fn file(&self, name: &str) -> Option<&ParameterFile> {
+        match self.value(name) {
+            Value::File(v) => v.as_ref(),
             other => panic!("parameter {name} is {other:?}"),
         }
     }

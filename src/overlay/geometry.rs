@@ -232,6 +232,7 @@ mod tests {
         let cell = |known: bool| Cell {
             valid_share: 0.5,
             probability: None,
+            evidence: None,
             depth: known.then_some(CellDepth {
                 median_px: 8.0,
                 p20_px: 8.0,

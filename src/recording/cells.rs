@@ -102,6 +102,7 @@ mod tests {
             valid_share: 1.0,
             depth,
             probability,
+            evidence: None,
         };
         let shape = GridShape {
             columns: 2,

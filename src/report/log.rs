@@ -188,6 +188,7 @@ fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
             valid_share: row.valid_share,
             depth,
             probability: row.probability,
+            evidence: None,
         });
     }
     let cells = cells.into_iter().collect::<Option<Vec<_>>>()?;

@@ -136,6 +136,15 @@ pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> V
         .collect()
 }
 
+/// Whether a report is right by the rule; an unknown cell is not. Nothing where the rule finds no
+/// truth, as a distance at infinity.
+pub fn is_right(truth: &CellDepth, reported: Option<&CellDepth>, rule: CellRule) -> Option<bool> {
+    match judge_cell(Some(truth), reported, rule).verdict {
+        Verdict::NoTruth => None,
+        verdict => Some(verdict == Verdict::Right),
+    }
+}
+
 fn judge_cell(
     truth: Option<&CellDepth>,
     reported: Option<&CellDepth>,

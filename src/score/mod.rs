@@ -11,7 +11,7 @@ pub mod protocol;
 mod support;
 mod surfaces;
 
-pub use cells::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
+pub use cells::{CellJudgement, CellTally, Verdict, is_right, judge_cells, true_grid};
 pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
     ExpectedCell, RunPart,

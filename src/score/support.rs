@@ -54,6 +54,7 @@ pub fn agreed_cells(own: &DepthGrid, others: &[&DepthGrid], rule: CellRule) -> u
         depths.sort_by(|a, b| a.median_px.total_cmp(&b.median_px));
         Cell {
             probability: None,
+            evidence: None,
             valid_share: 1.0,
             // The smaller disparity, hence the farther, of two in the middle.
             depth: (depths.len() >= 2).then(|| depths[(depths.len() - 1) / 2]),

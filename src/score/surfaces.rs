@@ -68,6 +68,18 @@ impl TrueQuarters {
         };
         Self(true_grid.iter().map(quarter).collect())
     }
+
+    /// The nearest quarters, where the cells have a truth.
+    pub fn depths(&self) -> impl Iterator<Item = Option<CellDepth>> {
+        self.0.iter().map(|quarter| {
+            quarter.map(|quarter| CellDepth {
+                median_px: quarter.near_px as f32,
+                p20_px: quarter.near_px as f32,
+                p80_px: quarter.near_px as f32,
+                distance_m: quarter.near_m,
+            })
+        })
+    }
 }
 
 impl SurfaceTally {

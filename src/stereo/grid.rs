@@ -54,6 +54,24 @@ pub struct Cell {
     pub depth: Option<CellDepth>,
     /// How probably it is right, 0..=1, where the algorithm says so.
     pub probability: Option<f64>,
+    /// What the probability rests on, where svl's own decision made it.
+    pub evidence: Option<CellEvidence>,
+}
+
+/// What is known of a cell before it is decided whether to report it
+/// ([`crate::depth::decision`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellEvidence {
+    /// What is to be reported, and the percentile that is asked for, bins of 1/8 pixel.
+    pub report: i64,
+    pub target: i64,
+    /// In the order of [`crate::depth::decision::Feature::ALL`].
+    pub features: [i64; CellEvidence::FEATURES],
+}
+
+impl CellEvidence {
+    /// How many features there are.
+    pub const FEATURES: usize = 7;
 }
 
 impl Cell {

@@ -28,7 +28,7 @@ pub use frame::{
     Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, Pose, Truth, TruthDensity,
     TruthKind, TruthOrigin, Visibility,
 };
-pub use grid::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
+pub use grid::{Cell, CellDepth, CellEvidence, CellRule, CellState, DepthGrid, GridShape};
 pub use image::{Gray, MAX_SIDE, Plane, Rgb};
 pub use intrinsics::Intrinsics;
 pub use occlusion::cross_check;

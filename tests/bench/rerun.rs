@@ -71,11 +71,13 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
         Cell {
             valid_share: 0.0,
             probability: None,
+            evidence: None,
             depth: None,
         },
         Cell {
             valid_share: 1.0,
             probability: None,
+            evidence: None,
             depth: Some(known),
         },
     ];

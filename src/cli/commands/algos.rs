@@ -50,6 +50,7 @@ impl AlgorithmEntry {
                     serde_json::Value::Null,
                     serde_json::Value::Null,
                 ),
+                Range::File => Default::default(),
                 Range::Choice { default, .. } => (
                     default.into(),
                     serde_json::Value::Null,
@@ -150,6 +151,7 @@ fn setting(p: &matcher::Parameter) -> String {
         Range::Real { min, max, .. } => format!("{min}..={max}"),
         Range::Flag { .. } => "true, false".to_owned(),
         Range::Text { .. } => return "text".to_owned(),
+        Range::File => return "file".to_owned(),
         Range::Choice { options, .. } => options.join(", "),
     };
     format!("{}{unit} ({range})", p.range.default())

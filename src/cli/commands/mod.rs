@@ -15,6 +15,7 @@ mod recover;
 mod replay;
 mod reproduce;
 mod score;
+mod train;
 mod view;
 
 use clap::Subcommand;
@@ -32,6 +33,7 @@ pub(super) enum Command {
     Calibrate(calibrate::Args),
     View(view::Args),
     Label(label::Args),
+    Train(train::Args),
     Info(info::Args),
     Recover(recover::Args),
     Algos(algos::Args),
@@ -61,6 +63,7 @@ impl Command {
             Self::Calibrate(args) => calibrate::run(&args, quiet),
             Self::View(args) => view::run(&args),
             Self::Label(args) => label::run(&args, quiet),
+            Self::Train(args) => train::run(&args, quiet),
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),

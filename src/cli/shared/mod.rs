@@ -8,6 +8,7 @@ pub(crate) mod progress;
 pub(crate) mod recordings;
 pub(crate) mod rerun;
 pub(crate) mod runner;
+pub(crate) mod scenario_runs;
 pub(crate) mod source;
 pub(crate) mod stepper;
 pub(crate) mod terminal;

@@ -55,7 +55,7 @@ pub fn safe_grid(
         rank: 50,
         slack: 10,
         least_score: Decision::least_score(CONFIDENCE),
-        table: &VerdictTable::MEDIAN,
+        table: VerdictTable::MEDIAN,
     };
     let mut pixels = CellPixels::new(count);
     let cell = |place| {
@@ -65,6 +65,7 @@ pub fn safe_grid(
                 valid_share: 0.0,
                 depth: None,
                 probability: None,
+                evidence: None,
             };
         }
         pixels.clear();

@@ -16,7 +16,7 @@ pub use map::safe_grid;
 pub use tolerance::Tolerance;
 pub use verdict::{Feature, VerdictTable};
 
-use crate::stereo::{Cell, CellDepth, Rig};
+use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
 
 /// Bins per pixel of disparity.
 pub const BINS_PER_PX: i32 = 8;
@@ -32,7 +32,7 @@ pub struct Decision {
     pub slack: i64,
     /// Least score of a cell that is known, thousandths of the log odds.
     pub least_score: i64,
-    pub table: &'static VerdictTable,
+    pub table: VerdictTable,
 }
 
 /// The pixels of a cell, gathered.
@@ -46,16 +46,6 @@ pub struct CellPixels {
     /// quarters.
     cost: i64,
     texture: i64,
-}
-
-/// What is known of a cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CellEvidence {
-    /// What is reported, and the percentile that is asked for, bins.
-    pub report: i64,
-    pub target: i64,
-    /// As [`Feature::ALL`] has them.
-    pub features: [i64; Feature::ALL.len()],
 }
 
 impl CellPixels {
@@ -150,6 +140,7 @@ impl Decision {
                 1000 * (report_bins - target).abs() / tolerance.span(report),
                 100 * cell.cost / pixels,
                 25 * cell.texture / pixels,
+                tolerance.span(report),
             ],
         }
     }
@@ -178,6 +169,7 @@ impl Decision {
                 distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
             }),
             probability: Some(1.0 / (1.0 + (-score as f64 / 1000.0).exp())),
+            evidence: Some(*evidence),
         }
     }
 

@@ -1,6 +1,7 @@
 //! What is measured of a cell as log odds that its report is right.
 
-use super::CellEvidence;
+use crate::stereo::CellEvidence;
+use std::borrow::Cow;
 
 /// A number of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,34 +18,66 @@ pub enum Feature {
     Cost,
     /// Mean difference of left neighbours, hundredths of a grey level.
     Texture,
+    /// For how many bins of true disparities the report is right.
+    Span,
 }
 
 impl Feature {
-    pub const ALL: [Self; 6] = [
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Margin => "margin",
+            Self::Support => "support",
+            Self::Seen => "seen",
+            Self::Shift => "shift",
+            Self::Cost => "cost",
+            Self::Texture => "texture",
+            Self::Span => "span",
+        }
+    }
+
+    pub const ALL: [Self; CellEvidence::FEATURES] = [
         Self::Margin,
         Self::Support,
         Self::Seen,
         Self::Shift,
         Self::Cost,
         Self::Texture,
+        Self::Span,
     ];
+}
+
+/// Greatest number of a table's file.
+#[cfg(feature = "bench")]
+const MAX_VALUE: u64 = 1_000_000_000;
+
+#[cfg(feature = "bench")]
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TableFile {
+    rank: i64,
+    base: i64,
+    #[serde(default)]
+    steps: std::collections::BTreeMap<String, Vec<(i64, i64)>>,
 }
 
 /// Log odds of a cell, in thousandths: a base, and per feature the score of the last of its steps
 /// that it exceeds.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VerdictTable {
+    /// The percentile of a cell's disparities that it is for.
+    pub rank: i64,
     pub base: i64,
     /// By feature: above which value, what score.
-    pub steps: [&'static [(i64, i64)]; Feature::ALL.len()],
+    pub steps: [Cow<'static, [(i64, i64)]>; Feature::ALL.len()],
 }
 
 impl VerdictTable {
     /// For the median of a cell (specification of v5, section 3.10).
     pub const MEDIAN: Self = Self {
+        rank: 50,
         base: -131,
         steps: [
-            &[
+            Cow::Borrowed(&[
                 (26, 226),
                 (49, 829),
                 (67, 1678),
@@ -53,26 +86,28 @@ impl VerdictTable {
                 (127, 2897),
                 (157, 3564),
                 (239, 4278),
-            ],
-            &[(84, 321), (215, 451), (528, 758)],
-            &[(314, 610), (364, 743), (509, 947), (640, 997)],
-            &[(315, -630)],
-            &[
+            ]),
+            Cow::Borrowed(&[(84, 321), (215, 451), (528, 758)]),
+            Cow::Borrowed(&[(314, 610), (364, 743), (509, 947), (640, 997)]),
+            Cow::Borrowed(&[(315, -630)]),
+            Cow::Borrowed(&[
                 (313, -59),
                 (325, -434),
                 (359, -510),
                 (372, -578),
                 (412, -747),
-            ],
-            &[(181, -669), (326, -727)],
+            ]),
+            Cow::Borrowed(&[(181, -669), (326, -727)]),
+            Cow::Borrowed(&[]),
         ],
     };
 
     /// For the nearest quarter of a cell (specification of v5, near table).
     pub const NEAR: Self = Self {
+        rank: 75,
         base: -1066,
         steps: [
-            &[
+            Cow::Borrowed(&[
                 (10, 128),
                 (28, 525),
                 (44, 1142),
@@ -84,21 +119,83 @@ impl VerdictTable {
                 (194, 3295),
                 (221, 3569),
                 (240, 4390),
-            ],
-            &[
+            ]),
+            Cow::Borrowed(&[
                 (108, 66),
                 (177, 571),
                 (207, 763),
                 (236, 1029),
                 (264, 1178),
                 (592, 1419),
-            ],
-            &[(493, 282), (578, 507), (597, 753)],
-            &[(150, -75), (358, -773)],
-            &[(404, -131), (414, -275), (445, -561), (460, -703)],
-            &[(563, 154)],
+            ]),
+            Cow::Borrowed(&[(493, 282), (578, 507), (597, 753)]),
+            Cow::Borrowed(&[(150, -75), (358, -773)]),
+            Cow::Borrowed(&[(404, -131), (414, -275), (445, -561), (460, -703)]),
+            Cow::Borrowed(&[(563, 154)]),
+            Cow::Borrowed(&[]),
         ],
     };
+
+    /// For the median of a cell, revision 2.
+    pub const MEDIAN_2: Self = Self::MEDIAN;
+
+    /// For the nearest quarter of a cell, revision 2.
+    pub const NEAR_2: Self = Self::NEAR;
+
+    /// Reads the table of a file: TOML with `rank`, `base`, and under `[steps]` per feature a list of
+    /// `[above, score]`, which rises.
+    ///
+    /// # Errors
+    /// What is wrong with the text, in one line.
+    #[cfg(feature = "bench")]
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let file: TableFile = toml::from_str(text).map_err(|error| {
+            let message = error.message().lines().next().unwrap_or_default();
+            format!("is no table of cells ({message}); `svl train cells` makes one")
+        })?;
+        if !(1..=99).contains(&file.rank) {
+            return Err(format!("rank is {}; it is a percentile, 1..=99", file.rank));
+        }
+        let known = |name: &String| Feature::ALL.iter().any(|feature| feature.name() == name);
+        if let Some(name) = file.steps.keys().find(|name| !known(name)) {
+            let names = Feature::ALL.map(Feature::name).join(", ");
+            return Err(format!("[steps] has '{name}'; expected {names}"));
+        }
+        for (name, steps) in &file.steps {
+            if !steps.is_sorted_by(|a, b| a.0 < b.0) {
+                return Err(format!("the steps of '{name}' do not rise"));
+            }
+            let is_large = |value: i64| value.unsigned_abs() > MAX_VALUE;
+            if steps
+                .iter()
+                .any(|step| is_large(step.0) || is_large(step.1))
+            {
+                return Err(format!("'{name}' has a step beyond {MAX_VALUE}"));
+            }
+        }
+        if file.base.unsigned_abs() > MAX_VALUE {
+            return Err(format!("base is beyond {MAX_VALUE}"));
+        }
+        let mut steps = file.steps;
+        Ok(Self {
+            rank: file.rank,
+            base: file.base,
+            steps: Feature::ALL
+                .map(|feature| Cow::Owned(steps.remove(feature.name()).unwrap_or_default())),
+        })
+    }
+
+    /// The table as [`VerdictTable::parse`] reads it.
+    pub fn to_toml(&self) -> String {
+        use std::fmt::Write;
+        let mut text = format!("rank = {}\nbase = {}\n\n[steps]\n", self.rank, self.base);
+        for (feature, steps) in Feature::ALL.into_iter().zip(&self.steps) {
+            let steps: Vec<_> = steps.iter().map(|(a, s)| format!("[{a}, {s}]")).collect();
+            // Writing to a text cannot fail.
+            let _ = writeln!(text, "{} = [{}]", feature.name(), steps.join(", "));
+        }
+        text
+    }
 
     /// The log odds that the cell's report is right, thousandths.
     pub fn score(&self, evidence: &CellEvidence) -> i64 {
@@ -111,5 +208,43 @@ impl VerdictTable {
                 reached.map_or(0, |(_, score)| *score)
             });
         self.base + parts.sum::<i64>()
+    }
+}
+
+#[cfg(all(test, feature = "bench"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_comes_back_from_its_file() {
+        for table in [VerdictTable::MEDIAN, VerdictTable::NEAR] {
+            assert_eq!(VerdictTable::parse(&table.to_toml()), Ok(table));
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_file_is_one_line() {
+        let cases = [
+            ("", "missing field"),
+            ("rank = 50\nbase = 1\nother = 2", "unknown field"),
+            ("rank = 0\nbase = 1", "rank is 0"),
+            (
+                "rank = 50\nbase = 1\n[steps]\nmargins = [[1, 2]]",
+                "'margins'",
+            ),
+            (
+                "rank = 50\nbase = 1\n[steps]\ncost = [[2, 2], [1, 3]]",
+                "do not rise",
+            ),
+            (
+                "rank = 50\nbase = 1\n[steps]\ncost = [[2, 9999999999]]",
+                "beyond",
+            ),
+            ("rank = 50\nbase = 9999999999", "base is beyond"),
+        ];
+        for (text, expected) in cases {
+            let error = VerdictTable::parse(text).unwrap_err();
+            assert!(error.contains(expected) && !error.contains('\n'), "{error}");
+        }
     }
 }

@@ -10,7 +10,9 @@ mod half_map;
 mod sums;
 
 use super::stage::both;
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{
+    MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, ParameterFile, Parameters, Range,
+};
 use crate::depth::decision::{CellPixels, Decision, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, STEPS, WinnerTest};
@@ -43,7 +45,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "revision",
             unit: "",
-            range: Range::int(1, 1..=1),
+            range: Range::int(2, 1..=2),
             description: "of the algorithm; results of a revision never change",
         },
         Parameter {
@@ -104,6 +106,12 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             description: "what a cell reports: its median, or its nearest quarter",
         },
         Parameter {
+            name: "table",
+            unit: "",
+            range: Range::File,
+            description: "steps of the probability, of `svl train cells`, in place of the target's",
+        },
+        Parameter {
             name: "rank",
             unit: "%",
             range: Range::int(0, 0..=99),
@@ -138,6 +146,9 @@ struct V5 {
     jump: i32,
     allowance_px: f64,
     decision: Decision,
+    /// Whether a cell needs the grid's least share of seen pixels to be known. From revision 2 on
+    /// the probability alone decides, which counts that share among its evidence.
+    needs_valid: bool,
     scratch: Option<Scratch>,
     tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
     cells: Vec<CellPixels>,
@@ -162,12 +173,9 @@ impl V5 {
             )));
         }
         let edge = parameters.int("edge");
-        let (rank, table) = match parameters.choice("target") {
-            "near" => (75, &VerdictTable::NEAR),
-            _ => (50, &VerdictTable::MEDIAN),
-        };
+        let table = table(parameters)?;
         let rank = match parameters.int("rank") {
-            0 => rank,
+            0 => table.rank,
             rank => i64::from(rank),
         };
         let count = parameters.int("max_disparity") as usize / 2 + 1;
@@ -190,6 +198,7 @@ impl V5 {
                 least_score: Decision::least_score(parameters.real("confidence")),
                 table,
             },
+            needs_valid: parameters.int("revision") == 1,
             scratch: None,
             tolerance: None,
             cells: Vec::new(),
@@ -216,6 +225,7 @@ impl V5 {
             valid_share: 0.0,
             depth: None,
             probability: None,
+            evidence: None,
         };
         cells.clear();
         cells.resize(shape.cells(), unknown);
@@ -227,6 +237,10 @@ impl V5 {
         }
         self.cells
             .resize_with(shape.cells(), || CellPixels::new(bins));
+        let min_valid = match self.needs_valid {
+            true => context.grid.min_valid,
+            false => 0.0,
+        };
         let decide = |(i, (cell, pixels)): (usize, (&mut Cell, &mut CellPixels))| {
             let place = (i % shape.columns, i / shape.columns);
             let (columns, rows) = shape.pixels(place, map.size());
@@ -240,13 +254,45 @@ impl V5 {
             }
             let evidence = self.decision.evidence(pixels, tolerance);
             let rig = context.rig.as_ref();
-            *cell = self
-                .decision
-                .cell(pixels, &evidence, context.grid.min_valid, rig);
+            *cell = self.decision.cell(pixels, &evidence, min_valid, rig);
         };
         let cells = cells.par_iter_mut().zip(&mut self.cells);
         cells.enumerate().for_each(decide);
     }
+}
+
+/// The steps of the probability that the parameters ask for.
+fn table(parameters: &Parameters) -> Result<VerdictTable> {
+    let target = parameters.choice("target");
+    if let Some(file) = parameters.file("table") {
+        if target != "median" {
+            return Err(Error::Usage(format!(
+                "v5: target={target} and table={}: a table is for the target it was made for; \
+                 leave one out",
+                file.path
+            )));
+        }
+        return read_table(file);
+    }
+    Ok(match (target, parameters.int("revision")) {
+        ("near", 1) => VerdictTable::NEAR,
+        ("near", _) => VerdictTable::NEAR_2,
+        (_, 1) => VerdictTable::MEDIAN,
+        _ => VerdictTable::MEDIAN_2,
+    })
+}
+
+#[cfg(feature = "bench")]
+fn read_table(file: &ParameterFile) -> Result<VerdictTable> {
+    VerdictTable::parse(&file.text).map_err(|why| Error::Usage(format!("{}: {why}", file.path)))
+}
+
+#[cfg(not(feature = "bench"))]
+fn read_table(file: &ParameterFile) -> Result<VerdictTable> {
+    Err(Error::Usage(format!(
+        "{}: tables are read by the feature `bench`, which this library is without",
+        file.path
+    )))
 }
 
 impl Matcher for V5 {

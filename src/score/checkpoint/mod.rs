@@ -346,6 +346,7 @@ mod tests {
         let cell = |distance_m: Option<f64>| Cell {
             valid_share: 0.5,
             probability: None,
+            evidence: None,
             depth: distance_m.map(|z| CellDepth {
                 median_px: 1.0,
                 p20_px: 1.0,
@@ -390,6 +391,7 @@ mod tests {
             let cell = |distance_m: Option<f64>| Cell {
                 valid_share: 1.0,
                 probability: None,
+                evidence: None,
                 depth: distance_m.map(|z| CellDepth {
                     median_px: 1.0,
                     p20_px: 1.0,

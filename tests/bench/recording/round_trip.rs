@@ -231,6 +231,7 @@ fn results_stand_beside_the_pairs() {
         vec![Cell {
             valid_share: 0.0,
             probability: None,
+            evidence: None,
             depth: None,
         }],
     )

@@ -40,11 +40,13 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
     let known = Cell {
         valid_share: 1.0,
         probability: None,
+        evidence: None,
         depth: Some(depth),
     };
     let unknown = Cell {
         valid_share: 0.0,
         probability: None,
+        evidence: None,
         depth: None,
     };
     let drawn = |cells: [Cell; 3]| {

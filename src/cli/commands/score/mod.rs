@@ -1,19 +1,18 @@
 //! `svl score`: scores algorithms on a scenario or on recordings, and writes a report.
 
 mod report;
-mod runs;
+mod scenario;
 mod sweep;
 
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::rerun::RerunChoice;
-use crate::cli::shared::source::{RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
+use crate::cli::shared::scenario_runs::{ScenarioSourceArgs, ScoredSource, runs as open_runs};
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use report::{REPORT, ScoreReport};
-use runs::ScoredSource;
 use std::path::{Path, PathBuf};
 use svl::report::{GateResult, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
@@ -72,24 +71,8 @@ pub(crate) struct Args {
     /// reports/SCENARIO]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
-    #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
-    /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in
-    /// a folder
-    #[arg(
-        long, value_name = "SCENE", num_args = 1..,
-        value_parser = NonEmptyStringValueParser::new()
-    )]
-    scenes: Vec<String>,
     #[command(flatten)]
-    topics: TopicArgs,
-    #[command(flatten)]
-    rectify: RectifyArgs,
-    #[command(flatten)]
-    range: RangeArgs,
-    #[command(flatten)]
-    reference: ReferenceArgs,
+    source: ScenarioSourceArgs,
     /// Match each pair N times, in turns; its time is the median, and all results must be equal
     #[arg(
         long, value_name = "N", default_value_t = 1, allow_negative_numbers = true,
@@ -127,7 +110,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let scenario = runs::scenario(args)?;
+    let scenario = scenario::scenario(args)?;
     let named = &args.what[0];
     if scenario.algorithms.len() > MAX_ALGORITHMS {
         let many = scenario.algorithms.len();
@@ -161,15 +144,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // The file of the CI's run before is of no more use than its report.
     let junit_path = args.junit.iter().map(PathBuf::as_path);
     let mut junit_file = Outputs::claim(true, [], junit_path)?;
-    let runs = runs::runs(&scenario, args, quiet)?;
-    args.reference.check(&scenario.algorithms);
+    let runs = open_runs(&scenario, &args.source, quiet)?;
+    args.source.reference.check(&scenario.algorithms);
     let pace = Pace::Measured {
         rounds: args.repeat,
     };
     let mut manifest = report::manifest(&scenario, &runs, pace)?;
     let live = LiveTable::default();
     let mut runs = runs.into_iter();
-    let open = |run: ScoredSource| run.open(&scenario, args, quiet, &live);
+    let open = |run: ScoredSource| run.open(&scenario, &args.source, quiet, Some(&live));
     // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
     let first = runs.next().map(open).transpose()?;
     let log = match args.resume {

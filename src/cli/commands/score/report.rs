@@ -1,11 +1,11 @@
 //! The report of `svl score` under way: manifest, sinks, and what is written at the end.
 
-use super::runs::ScoredSource;
 use super::sweep::sweeps;
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{FolderRule, write, write_json};
 use crate::cli::shared::progress::Progress;
 use crate::cli::shared::runner;
+use crate::cli::shared::scenario_runs::ScoredSource;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::{Manifest, hash};

@@ -1,0 +1,244 @@
+//! `svl train cells`: the table by which the cells of v5 become known.
+
+use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::progress::{Progress, interrupted};
+use crate::cli::shared::scenario_runs::{ScenarioSourceArgs, runs};
+use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::{runner, usage};
+use anyhow::bail;
+use std::path::{Path, PathBuf};
+use svl::depth::decision::Feature;
+use svl::manifest::Manifest;
+use svl::matcher::Algorithm;
+use svl::run::{Matchers, Pace};
+use svl::scenario::Scenario;
+use svl::sink::{CollectSink, RunStart, Sink};
+use svl::source::Source;
+use svl::train::{CellSample, CellTarget, CellTraining, FOLDS, cell_samples, fit_cells};
+
+/// Fit the table by which the cells of v5 become known
+///
+/// Runs an algorithm over scenarios with a truth, and looks at every cell: what was measured of it,
+/// and whether its report would be right. Fits the steps that make a probability of the one, a
+/// logistic regression, and writes them as a table that `--algo v5:table=FILE` reads, with a page of
+/// what it is worth. Runs and scenes are held out in five parts, never single cells, and all figures
+/// are of those held out. Equal data give equal tables.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml
+  svl train cells own.toml bag.toml -o own-table.toml
+  svl replay run.mcap --algo v5:table=own-table.toml
+
+A scenario counts by the square root of its number of cells: few real scenes
+beside many simulated ones are heard.")]
+pub(crate) struct Args {
+    /// Scenarios whose frames have a truth
+    #[arg(value_name = "SCENARIO.toml", required = true)]
+    scenarios: Vec<PathBuf>,
+    /// Table to write; a page of the same name, .html, is written beside it
+    #[arg(short, long, value_name = "FILE.toml")]
+    out: PathBuf,
+    /// Replace the files
+    #[arg(long)]
+    force: bool,
+    /// Whose cells are learned: v5, or any algorithm in scenarios with decision = "safe"
+    #[arg(
+        long, value_name = "NAME[:key=value,…]", default_value = "v5",
+        value_parser = usage::algorithm
+    )]
+    algo: Algorithm,
+    /// Write the cells that were learned from
+    #[arg(long, value_name = "FILE.csv")]
+    samples: Option<PathBuf>,
+    #[command(flatten)]
+    source: ScenarioSourceArgs,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Least probability of a known cell, in the figures: v5's default.
+const CONFIDENCE: f64 = 0.75;
+
+/// Fewest cells of either kind that are worth a fit.
+const FEWEST: usize = 20;
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let target = CellTarget::of(&args.algo)?;
+    let page = args.out.with_extension("html");
+    let paths = [&args.out, &page].into_iter().chain(&args.samples);
+    let mut outputs = Outputs::claim(args.force, [], paths.map(PathBuf::as_path))?;
+    let mut learned = Learned::default();
+    for path in &args.scenarios {
+        learned.learn(path, args, target, quiet)?;
+    }
+    let Learned {
+        samples,
+        groups,
+        scenarios,
+    } = learned;
+    let of_kind = |right: bool| {
+        let of_kind = |sample: &&CellSample| sample.can_be_told() && sample.right == right;
+        samples.iter().filter(of_kind).count()
+    };
+    let [right, wrong] = [true, false].map(of_kind);
+    if right.min(wrong) < FEWEST {
+        bail!(
+            "{right} right and {wrong} wrong cells are too few, at least {FEWEST} of each; take \
+             more runs, scenes or scenarios"
+        );
+    }
+    if groups.len() < 2 {
+        bail!("one run cannot be held out of itself; take more seeds, scenes or recordings");
+    }
+    let progress = Progress::new("fit", Some(FOLDS as u64 + 1), quiet);
+    let weights: Vec<_> = scenarios
+        .iter()
+        .flat_map(|(_, cells)| std::iter::repeat_n(1.0 / (*cells as f64).sqrt(), *cells))
+        .collect();
+    // As many samples in all as there are: what little the ridge adds stays little.
+    let scale = samples.len() as f64 / weights.iter().sum::<f64>();
+    let weights: Vec<_> = weights.iter().map(|weight| weight * scale).collect();
+    let fit = fit_cells(&samples, &weights, target.rank(), || progress.step());
+    progress.clear();
+    let Some(fit) = fit else {
+        bail!("interrupted; nothing is written");
+    };
+    let algorithm = args.algo.label().to_owned();
+    let training = CellTraining::new(algorithm, CONFIDENCE, &samples, &fit, &scenarios);
+    let manifest = Manifest::new("train cells", None, std::slice::from_ref(&args.algo))?;
+    outputs.set_aside()?;
+    let head: String = header(&manifest, &groups, &training);
+    write(&args.out, head + &fit.table.to_toml())?;
+    write(&page, training.page(manifest.entries())?)?;
+    if let Some(path) = &args.samples {
+        write(path, samples_csv(&samples, &groups)?)?;
+    }
+    outputs.commit();
+    if args.json {
+        print_json(&training)
+    } else {
+        let (table, page) = (args.out.display(), page.display());
+        print(&format!("{training}\n{table}\n{page}"))
+    }
+}
+
+/// What the table's file says of itself.
+fn header(manifest: &Manifest, groups: &[String], training: &CellTraining) -> String {
+    let revision = manifest.git_revision.as_deref().unwrap_or("unknown");
+    let algorithm = &training.algorithm;
+    let mut text = format!(
+        "# Table of cells, made by `svl train cells`, svl {} ({revision}), {}.\n# Of {algorithm}, \
+         from: ",
+        manifest.svl, manifest.began
+    );
+    text += &groups.join(", ");
+    text + "\n\n"
+}
+
+fn samples_csv(samples: &[CellSample], groups: &[String]) -> anyhow::Result<Vec<u8>> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    let head = ["group", "report", "target"];
+    csv.write_record(
+        head.into_iter()
+            .chain(Feature::ALL.map(Feature::name))
+            .chain(["right", "known"]),
+    )?;
+    for sample in samples {
+        let numbers = |evidence: svl::stereo::CellEvidence| {
+            [evidence.report, evidence.target]
+                .into_iter()
+                .chain(evidence.features)
+        };
+        let numbers: Vec<_> = match sample.evidence {
+            Some(evidence) => numbers(evidence).map(|n| n.to_string()).collect(),
+            None => vec![String::new(); 2 + Feature::ALL.len()],
+        };
+        let ends = [sample.right, sample.known].map(|is| u8::from(is).to_string());
+        let group = std::iter::once(groups[sample.group].clone());
+        csv.write_record(group.chain(numbers).chain(ends))?;
+    }
+    Ok(csv.into_inner()?)
+}
+
+/// The cells of all scenarios.
+#[derive(Default)]
+struct Learned {
+    samples: Vec<CellSample>,
+    /// Runs and scenes.
+    groups: Vec<String>,
+    /// With the number of their cells.
+    scenarios: Vec<(String, usize)>,
+}
+
+impl Learned {
+    fn learn(
+        &mut self,
+        path: &Path,
+        args: &Args,
+        target: CellTarget,
+        quiet: bool,
+    ) -> anyhow::Result<()> {
+        let mut scenario = Scenario::read(path)?;
+        args.source
+            .change(&mut scenario, &path.display().to_string())?;
+        scenario.algorithms = vec![args.algo.clone()];
+        let mut matchers = Matchers::new(&scenario.algorithms)?;
+        let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+        let before = self.samples.len();
+        for run in runs(&scenario, &args.source, quiet)? {
+            let (mut run, judge) = run.open(&scenario, &args.source, quiet, None)?;
+            let of_frame = {
+                let judge = judge.clone();
+                CollectSink::new(move |judged| {
+                    let samples = cell_samples(&judge, judged, target, 0);
+                    (judged.frame.name.clone(), samples)
+                })
+            };
+            let collected = of_frame.outbox();
+            let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
+            let start = RunStart {
+                manifest: &manifest,
+                log: None,
+                seed: run.seed,
+                judge: &judge,
+            };
+            let name = match run.seed {
+                Some(seed) => format!("{} seed {seed}", scenario.name),
+                None => run.name(),
+            };
+            let progress = Progress::new(&format!("learn {name}"), run.pairs(), quiet);
+            let (pace, sinks) = (Pace::Asap, &mut sinks);
+            let (_, ran) =
+                runner::run_through(&mut run, &mut matchers, &start, pace, sinks, progress);
+            ran?;
+            sinks.drain(..).try_for_each(Sink::finish)?;
+            if interrupted() {
+                bail!("interrupted; nothing is written");
+            }
+            for (scene, samples) in collected.take() {
+                let group = self.group(scene.map_or(name.clone(), |scene| scene));
+                let samples = samples.into_iter();
+                self.samples
+                    .extend(samples.map(|sample| CellSample { group, ..sample }));
+            }
+        }
+        let cells = self.samples.len() - before;
+        if !self.samples[before..].iter().any(CellSample::can_be_told) {
+            let cure = "frames need a truth, and the algorithm has to say what its cells rest on: \
+                        v5 does, others with decision = \"safe\" under [grid]";
+            bail!("{}: has no cells to learn from; {cure}", path.display());
+        }
+        self.scenarios.push((scenario.name, cells));
+        Ok(())
+    }
+
+    fn group(&mut self, name: String) -> usize {
+        let known = self.groups.iter().position(|group| *group == name);
+        known.unwrap_or_else(|| {
+            self.groups.push(name);
+            self.groups.len() - 1
+        })
+    }
+}

@@ -1,0 +1,201 @@
+//! The runs of a scenario, opened to be scored.
+
+use super::live::LiveTable;
+use super::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs, data_folder};
+use super::{recordings, usage};
+use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
+use std::path::PathBuf;
+use svl::manifest::RunRecord;
+use svl::scenario::{PairRange, Scenario, ScenarioSource};
+use svl::score::Judge;
+use svl::source::dataset::{Scene, SceneSource};
+use svl::source::{Limited, RecordingSource, RunSource, run_request};
+
+/// What of a scenario's source the command line changes.
+#[derive(clap::Args)]
+pub(crate) struct ScenarioSourceArgs {
+    /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// These scenes below the folder of the data sets in place of the scenario's; DIR/* are all in
+    /// a folder
+    #[arg(
+        long, value_name = "SCENE", num_args = 1..,
+        value_parser = NonEmptyStringValueParser::new()
+    )]
+    scenes: Vec<String>,
+    /// These seeds in place of the arena's, as 4..10 or 4,7,9
+    #[arg(long, value_name = "SEEDS", value_parser = seeds)]
+    seeds: Option<Seeds>,
+    #[command(flatten)]
+    topics: TopicArgs,
+    #[command(flatten)]
+    rectify: RectifyArgs,
+    #[command(flatten)]
+    range: RangeArgs,
+    #[command(flatten)]
+    pub(crate) reference: ReferenceArgs,
+}
+
+impl ScenarioSourceArgs {
+    /// Changes the scenario that the user called `named`: other scenes.
+    ///
+    /// # Errors
+    /// For what is not for its kind of source.
+    pub(crate) fn change(&self, scenario: &mut Scenario, named: &str) -> anyhow::Result<()> {
+        if !self.scenes.is_empty() {
+            let ScenarioSource::Dataset { scenes } = &mut scenario.source else {
+                let what = &named;
+                bail!("{what}: does not read scenes; --scenes is for scenarios that do");
+            };
+            scenes.clone_from(&self.scenes);
+            // The page and the scenario's hash identify the scenes.
+            let scenes = self.scenes.join(", ");
+            scenario.description.push_str(&format!(
+                "\n\nOf other scenes than the scenario's: {scenes}."
+            ));
+            scenario.text.push_str(&format!("\n# --scenes {scenes}\n"));
+        }
+        if let Some(Seeds(seeds)) = &self.seeds {
+            let ScenarioSource::Arena { seeds: of, .. } = &mut scenario.source else {
+                bail!("{named}: is not of the arena; --seeds is for scenarios that are");
+            };
+            of.clone_from(seeds);
+            let seeds: Vec<_> = seeds.iter().map(u64::to_string).collect();
+            let seeds = seeds.join(", ");
+            scenario
+                .description
+                .push_str(&format!("\n\nOf other seeds than the scenario's: {seeds}."));
+            scenario.text.push_str(&format!("\n# --seeds {seeds}\n"));
+        }
+        let is_recorded = matches!(scenario.source, ScenarioSource::Recording(_));
+        if !is_recorded && (self.topics.is_given() || self.rectify.is_given()) {
+            let words = "--left, --right, --side-by-side, --fps, --bits, --max-skew-ms, --truth and \
+                     --calib are for recordings";
+            return Err(usage::wrong(format!("{named}: {words}")));
+        }
+        Ok(())
+    }
+}
+
+/// Seeds of the arena.
+#[derive(Clone, Debug, PartialEq)]
+struct Seeds(Vec<u64>);
+
+/// Most seeds of one command.
+const MAX_SEEDS: usize = 1000;
+
+fn seeds(text: &str) -> Result<Seeds, String> {
+    let expected = || format!("expected numbers as 4..10 or 4,7,9, at most {MAX_SEEDS}");
+    let number = |text: &str| text.trim().parse::<u64>().map_err(|_| expected());
+    let mut seeds = Vec::new();
+    for part in text.split(',') {
+        let (first, last) = match part.split_once("..") {
+            Some((first, last)) => (number(first)?, number(last)?),
+            None => (number(part)?, number(part)?),
+        };
+        if first > last || last - first >= MAX_SEEDS as u64 {
+            return Err(expected());
+        }
+        seeds.extend(first..=last);
+    }
+    let mut sorted = seeds.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    match sorted.len() == seeds.len() && seeds.len() <= MAX_SEEDS {
+        true => Ok(Seeds(seeds)),
+        false => Err(expected() + ", each once"),
+    }
+}
+
+/// A run with its judge.
+pub(crate) enum ScoredSource {
+    Opened(Box<(RunSource, Judge)>),
+    /// Of the arena with that seed, recorded when its turn comes: what comes before is on the
+    /// screen by then.
+    Arena(u64),
+}
+
+impl ScoredSource {
+    /// The recording of the user's that it reads.
+    pub(crate) fn record(&self) -> Option<RunRecord> {
+        match self {
+            Self::Opened(opened) => opened.0.record.clone(),
+            Self::Arena(_) => None,
+        }
+    }
+
+    /// Opens it, recorded first where the cache does not hold it.
+    pub(crate) fn open(
+        self,
+        scenario: &Scenario,
+        args: &ScenarioSourceArgs,
+        quiet: bool,
+        table: Option<&LiveTable>,
+    ) -> anyhow::Result<(RunSource, Judge)> {
+        let seed = match self {
+            Self::Opened(opened) => return Ok(*opened),
+            Self::Arena(seed) => seed,
+        };
+        let path = recordings::cached_run(scenario, seed, quiet, table)?;
+        let source = Limited::new(Box::new(RecordingSource::open(path)?), range(args)?, None);
+        let source = args.reference.wrap(Box::new(source))?;
+        let mut run = RunSource::new(source, Some(seed));
+        let judge = run.judge(&scenario.judge())?;
+        Ok((run, judge))
+    }
+}
+
+fn range(args: &ScenarioSourceArgs) -> anyhow::Result<PairRange> {
+    let mut range = PairRange::default();
+    args.range.fill(&mut range);
+    range.validate().map_err(usage::wrong)?;
+    Ok(range)
+}
+
+/// The scenario's runs. All that the user names is opened, so that what is wrong with the last one
+/// is said before the first is scored.
+pub(crate) fn runs(
+    scenario: &Scenario,
+    args: &ScenarioSourceArgs,
+    quiet: bool,
+) -> anyhow::Result<Vec<ScoredSource>> {
+    let range = range(args)?;
+    let mut runs = Vec::new();
+    match &scenario.source {
+        ScenarioSource::Arena { seeds, .. } => {
+            return Ok(seeds.iter().copied().map(ScoredSource::Arena).collect());
+        }
+        ScenarioSource::Dataset { scenes } => {
+            let Some(data) = data_folder(args.data.as_deref()) else {
+                bail!(
+                    "scenario '{}' reads scenes of data sets: name their folder with --data DIR \
+                     or SVL_DATASETS",
+                    scenario.name
+                );
+            };
+            let scenes = Scene::find_all(&data, scenes)?;
+            let source = Limited::new(Box::new(SceneSource::new(scenes)), range, None);
+            let source = args.reference.wrap(Box::new(source))?;
+            runs.push(RunSource::new(source, None));
+        }
+        ScenarioSource::Recording(recorded) => {
+            for run in scenario.recordings()? {
+                let mut request = run_request(recorded, &run)?;
+                args.topics.fill(&mut request);
+                args.rectify.fill(&mut request);
+                args.range.fill(&mut request.range);
+                let mut opened = source::open(request, quiet)?;
+                opened.source = args.reference.wrap(opened.source)?;
+                runs.push(RunSource::of_recording(&run, opened));
+            }
+        }
+    }
+    let judge = scenario.judge();
+    let judged = runs.into_iter().map(|mut run| {
+        let judge = run.judge(&judge)?;
+        Ok(ScoredSource::Opened(Box::new((run, judge))))
+    });
+    judged.collect()
+}

@@ -1,0 +1,108 @@
+//! Cells of frames with a truth, as the verdict table sees them.
+
+use crate::error::{Error, Result};
+use crate::matcher::{Algorithm, Value};
+use crate::score::{Judge, Judged, TrueQuarters, is_right};
+use crate::stereo::{CellDepth, CellEvidence};
+
+/// A cell that could be reported, or not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellSample {
+    /// The run or scene that it is of: samples of one are never parted.
+    pub group: usize,
+    /// Absent where nothing was seen.
+    pub evidence: Option<CellEvidence>,
+    /// Whether the report would be right, by the scenario's rule.
+    pub right: bool,
+    /// Whether the algorithm reported it.
+    pub known: bool,
+}
+
+impl CellSample {
+    /// Whether there is something to report.
+    pub fn can_be_told(&self) -> bool {
+        self.evidence.is_some_and(|evidence| evidence.report > 0)
+    }
+}
+
+/// What of a cell is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CellTarget {
+    #[default]
+    Median,
+    /// Its nearest quarter.
+    Near,
+}
+
+impl CellTarget {
+    /// What the cells of an algorithm are to report.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for another percentile than a target's.
+    pub fn of(algorithm: &Algorithm) -> Result<Self> {
+        let mut target = Self::Median;
+        for (name, value) in algorithm.parameters().iter() {
+            match (name, value) {
+                ("target", Value::Choice("near")) => target = Self::Near,
+                ("rank", Value::Int(1..)) => {
+                    let label = algorithm.label();
+                    let cure = "leave rank out; target=near asks for the nearest quarter";
+                    return Err(Error::Usage(format!("{label}: {cure}")));
+                }
+                _ => {}
+            }
+        }
+        Ok(target)
+    }
+
+    /// The percentile of the disparities.
+    pub fn rank(self) -> i64 {
+        match self {
+            Self::Median => 50,
+            Self::Near => 75,
+        }
+    }
+}
+
+/// The cells of a frame that have a truth, as the first algorithm of the run sees them.
+pub fn cell_samples(
+    judge: &Judge,
+    judged: &Judged,
+    target: CellTarget,
+    group: usize,
+) -> Vec<CellSample> {
+    let (Some(truth), Some(grid)) = (&judged.frame.truth, &judged.true_grid) else {
+        return Vec::new();
+    };
+    let Some(estimate) = judged.estimates.first() else {
+        return Vec::new();
+    };
+    let rig = judged.frame.rig();
+    let rule = judge.cells.for_rig(rig.is_some());
+    let quarters = TrueQuarters::new(truth, grid, rule, rig);
+    let wanted: Vec<_> = match target {
+        CellTarget::Median => grid.iter().map(|(_, cell)| cell.depth).collect(),
+        CellTarget::Near => quarters.depths().collect(),
+    };
+    let cells = estimate.estimate.grid.iter().zip(wanted);
+    let sample = |((_, cell), truth): ((_, &crate::stereo::Cell), Option<CellDepth>)| {
+        let reported = cell.evidence.map(|evidence| {
+            let median_px = evidence.report as f32 / crate::depth::decision::BINS_PER_PX as f32;
+            CellDepth {
+                median_px,
+                p20_px: median_px,
+                p80_px: median_px,
+                distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
+            }
+        });
+        let reported = reported.as_ref().filter(|depth| depth.median_px > 0.0);
+        Some(CellSample {
+            group,
+            evidence: cell.evidence,
+            // Nothing where the rule finds no truth, as at infinity.
+            right: is_right(&truth?, reported, rule)?,
+            known: cell.depth.is_some(),
+        })
+    };
+    cells.filter_map(sample).collect()
+}
