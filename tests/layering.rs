@@ -35,7 +35,7 @@ const ORDER: [&[&str]; 10] = [
     &["grab", "recording", "score", "manifest"],
     &["source", "sink", "report", "scenario"],
     &["run"],
-    &["record", "reproduce"],
+    &["record", "reproduce", "train"],
     &["cli"],
 ];
 

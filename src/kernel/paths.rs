@@ -63,8 +63,8 @@ impl PathBlock {
         }
     }
 
-    /// Takes the costs of the diagonals that enter from the block before, `before`, and from the one
-    /// after. Leaves in `before` those that enter the block after.
+    /// Takes the costs of the diagonals that enter from the block before, `before`, and from the
+    /// one after. Leaves in `before` those that enter the block after.
     pub fn enter(&mut self, before: &mut [u8], after: &[u8]) {
         let [falling, _, rising] = &mut self.lines;
         for (pixels, before) in falling.iter_mut().zip(before) {

@@ -1,10 +1,10 @@
 //! Fits a [`VerdictTable`] to samples: a logistic regression on steps, chosen forward.
 //!
-//! A step is worth a score to all cells whose feature exceeds its value. The step that explains most
-//! of what is left is added, and the scores of all are fitted again by Newton's method (iteratively
-//! reweighted least squares, with a small ridge), up to [`MOST_STEPS`]. How many steps to take is
-//! decided by cross-validation: whole groups are held out, never single cells, as the cells of a run
-//! resemble each other.
+//! A step is worth a score to all cells whose feature exceeds its value. The step that explains
+//! most of what is left is added, and the scores of all are fitted again by Newton's method
+//! (iteratively reweighted least squares, with a small ridge), up to [`MOST_STEPS`]. How many steps
+//! to take is decided by cross-validation: whole groups are held out, never single cells, as the
+//! cells of a run resemble each other.
 
 use super::CellSample;
 use crate::depth::decision::{Feature, VerdictTable};
@@ -48,6 +48,8 @@ struct Step {
 struct Model {
     base: f64,
     steps: Vec<(Step, f64)>,
+    /// Steps that would lead the wrong way ([`direction`]).
+    refused: Vec<Step>,
 }
 
 /// The samples with their features as places among candidate values.
@@ -171,6 +173,17 @@ impl Data {
             };
             model.steps.push((step, 0.0));
             self.refit(of, &mut model);
+            // Others may turn when one comes.
+            while let Some(wrong) = model
+                .steps
+                .iter()
+                .position(|(step, score)| score * direction(step.feature) < 0.0)
+            {
+                let (wrong, _) = model.steps.remove(wrong);
+                model.refused.push(wrong);
+                self.refit(of, &mut model);
+            }
+            path.truncate(model.steps.len());
             path.push(model.clone());
         }
         path
@@ -197,7 +210,8 @@ impl Data {
                 slope += sums[place + 1][0];
                 curvature += sums[place + 1][1];
                 let step = Step { feature, place };
-                if model.steps.iter().any(|(taken, _)| *taken == step) {
+                let taken = model.steps.iter().any(|(taken, _)| *taken == step);
+                if taken || model.refused.contains(&step) || slope * direction(feature) < 0.0 {
                     continue;
                 }
                 // Splits off no handful of samples.
@@ -292,6 +306,17 @@ impl Data {
             base: thousandths(model.base),
             steps,
         }
+    }
+}
+
+/// Which way a feature may lead: more room, support and seen pixels never make a report less
+/// probable, nor do a greater shift and cost make it more so. So a fit says little that is true of
+/// its samples alone.
+fn direction(feature: usize) -> f64 {
+    match Feature::ALL[feature] {
+        Feature::Margin | Feature::Support | Feature::Seen => 1.0,
+        Feature::Shift | Feature::Cost => -1.0,
+        Feature::Texture | Feature::Span => 0.0,
     }
 }
 

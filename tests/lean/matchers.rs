@@ -201,7 +201,7 @@ fn tables_are_sane() {
             let default = match parameter.range {
                 Range::Int { default, min, max } => (min..=max).contains(&default),
                 Range::Real { default, min, max } => (min..=max).contains(&default),
-                Range::Flag { .. } | Range::Text { .. } => true,
+                Range::Flag { .. } | Range::Text { .. } | Range::File => true,
                 Range::Choice { default, options } => options.contains(&default),
             };
             assert!(default, "{name}");

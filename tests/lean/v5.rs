@@ -4,6 +4,7 @@ use crate::common;
 use crate::oracle::scenes::{Scene, pairs, pool};
 use crate::oracle::v5::{Evidence, MEDIAN, NEAR, Steps, V5, score};
 use proptest::prelude::*;
+use svl::depth::decision::VerdictTable;
 use svl::kernel::Isa;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::stereo::{CellRule, Reason, RectifiedPair, Rig, StereoPair};
@@ -23,7 +24,7 @@ impl V5 {
             allowance,
         } = self;
         format!(
-            "v5:max_disparity={max_disparity},out={out},p1={p1},p2={p2},edge={edge},\
+            "v5:revision=1,max_disparity={max_disparity},out={out},p1={p1},p2={p2},edge={edge},\
              unique={unique},jump={jump},slack={slack},rank={rank},allowance_px={allowance},\
              target={target}"
         )
@@ -88,6 +89,14 @@ impl V5 {
         }
         let evidence = self.evidence(steps, tolerance, (5, 3));
         for ((place, cell), evidence) in grid.iter().zip(evidence) {
+            let rested_on = cell.evidence.unwrap();
+            prop_assert_eq!(
+                [rested_on.report, rested_on.target],
+                [evidence[0], evidence[1]]
+            );
+            prop_assert_eq!(&rested_on.features[..6], &evidence[2..]);
+            let (first, last) = tolerance[evidence[0] as usize];
+            prop_assert_eq!(rested_on.features[6], i64::from(last - first + 1));
             let known = is_known(table, &evidence);
             let reported = cell.depth.map(|depth| (8.0 * depth.median_px) as i64);
             prop_assert_eq!(
@@ -112,6 +121,31 @@ impl V5 {
 
 fn is_known(table: crate::oracle::v5::Table, evidence: &Evidence) -> bool {
     evidence[4] >= 200 && score(table, evidence) >= 1099 && evidence[0] > 0
+}
+
+/// Revision 2 differs in its table, in which probability is enough, and in that a cell of few seen
+/// pixels may be known.
+#[test]
+fn revision_2_decides_by_its_probability_alone() {
+    let pair = crate::oracle::scenes::pair(Scene::Noise, (150, 60), 6, 150, 7);
+    let cells = |text: &str| {
+        let mut output = MatchOutput::new().unwrap();
+        let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
+        let (pair, context) = (RectifiedPair::assume(&pair), MatchContext::default());
+        matcher.compute(pair, &context, &mut output).unwrap();
+        output.grid.unwrap().into_cells()
+    };
+    let (one, two) = (cells("v5:revision=1"), cells("v5"));
+    assert!(one != two);
+    for (one, two) in one.iter().zip(&two) {
+        assert_eq!(one.evidence, two.evidence);
+        let evidence = two.evidence.unwrap();
+        let score = VerdictTable::MEDIAN_2.score(&evidence);
+        // 0.85 as log odds.
+        assert_eq!(two.depth.is_some(), score >= 1735 && evidence.report > 0);
+    }
+    assert_eq!(two, cells("v5:confidence=0.85"));
+    assert_eq!(one, cells("v5:revision=1,confidence=0.75"));
 }
 
 /// What differs, if anything.

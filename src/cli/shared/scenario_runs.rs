@@ -39,44 +39,53 @@ pub(crate) struct ScenarioSourceArgs {
 }
 
 impl ScenarioSourceArgs {
-    /// Changes the scenario that the user called `named`: other scenes.
+    /// Changes the scenarios that the options are for; the user called the first one `named`.
     ///
     /// # Errors
-    /// For what is not for its kind of source.
-    pub(crate) fn change(&self, scenario: &mut Scenario, named: &str) -> anyhow::Result<()> {
+    /// For an option that is for none of them.
+    pub(crate) fn change(&self, scenarios: &mut [Scenario], named: &str) -> anyhow::Result<()> {
         if !self.scenes.is_empty() {
-            let ScenarioSource::Dataset { scenes } = &mut scenario.source else {
-                let what = &named;
-                bail!("{what}: does not read scenes; --scenes is for scenarios that do");
-            };
-            scenes.clone_from(&self.scenes);
-            // The page and the scenario's hash identify the scenes.
-            let scenes = self.scenes.join(", ");
-            scenario.description.push_str(&format!(
-                "\n\nOf other scenes than the scenario's: {scenes}."
-            ));
-            scenario.text.push_str(&format!("\n# --scenes {scenes}\n"));
+            let names = self.scenes.join(", ");
+            let changed = scenarios.iter_mut().filter_map(|scenario| {
+                let ScenarioSource::Dataset { scenes } = &mut scenario.source else {
+                    return None;
+                };
+                scenes.clone_from(&self.scenes);
+                Some(note(scenario, "scenes", &names))
+            });
+            if changed.count() == 0 {
+                bail!("{named}: does not read scenes; --scenes is for scenarios that do");
+            }
         }
-        if let Some(Seeds(seeds)) = &self.seeds {
-            let ScenarioSource::Arena { seeds: of, .. } = &mut scenario.source else {
+        if let Some(Seeds(numbers)) = &self.seeds {
+            let names: Vec<_> = numbers.iter().map(u64::to_string).collect();
+            let changed = scenarios.iter_mut().filter_map(|scenario| {
+                let ScenarioSource::Arena { seeds, .. } = &mut scenario.source else {
+                    return None;
+                };
+                seeds.clone_from(numbers);
+                Some(note(scenario, "seeds", &names.join(", ")))
+            });
+            if changed.count() == 0 {
                 bail!("{named}: is not of the arena; --seeds is for scenarios that are");
-            };
-            of.clone_from(seeds);
-            let seeds: Vec<_> = seeds.iter().map(u64::to_string).collect();
-            let seeds = seeds.join(", ");
-            scenario
-                .description
-                .push_str(&format!("\n\nOf other seeds than the scenario's: {seeds}."));
-            scenario.text.push_str(&format!("\n# --seeds {seeds}\n"));
+            }
         }
-        let is_recorded = matches!(scenario.source, ScenarioSource::Recording(_));
-        if !is_recorded && (self.topics.is_given() || self.rectify.is_given()) {
-            let words = "--left, --right, --side-by-side, --fps, --bits, --max-skew-ms, --truth and \
-                     --calib are for recordings";
+        let is_recorded = |of: &Scenario| matches!(of.source, ScenarioSource::Recording(_));
+        if (self.topics.is_given() || self.rectify.is_given()) && !scenarios.iter().any(is_recorded)
+        {
+            let words = "--left, --right, --side-by-side, --fps, --bits, --max-skew-ms, --truth \
+                         and --calib are for recordings";
             return Err(usage::wrong(format!("{named}: {words}")));
         }
         Ok(())
     }
+}
+
+/// Says in the scenario what was changed: its page and its hash identify it.
+fn note(scenario: &mut Scenario, what: &str, names: &str) {
+    let words = format!("\n\nOf other {what} than the scenario's: {names}.");
+    scenario.description.push_str(&words);
+    scenario.text.push_str(&format!("\n# --{what} {names}\n"));
 }
 
 /// Seeds of the arena.

@@ -136,14 +136,89 @@ impl VerdictTable {
         ],
     };
 
-    /// For the median of a cell, revision 2.
-    pub const MEDIAN_2: Self = Self::MEDIAN;
+    /// For the median of a cell, revision 2 (docs/v5.md: made by `svl train cells`).
+    pub const MEDIAN_2: Self = Self {
+        rank: 50,
+        base: 2599,
+        steps: [
+            Cow::Borrowed(&[
+                (42, 968),
+                (60, 1562),
+                (91, 2337),
+                (127, 2888),
+                (160, 3454),
+                (235, 4347),
+                (485, 5918),
+            ]),
+            Cow::Borrowed(&[
+                (69, 625),
+                (121, 1406),
+                (183, 2504),
+                (485, 3231),
+                (524, 4571),
+                (575, 6899),
+            ]),
+            Cow::Borrowed(&[(638, 315)]),
+            Cow::Borrowed(&[(168, -425), (350, -1389)]),
+            Cow::Borrowed(&[
+                (357, -838),
+                (413, -1466),
+                (465, -2093),
+                (500, -2718),
+                (638, -3184),
+            ]),
+            Cow::Borrowed(&[(183, -495), (476, -1234), (897, -821), (1080, -1275)]),
+            Cow::Borrowed(&[
+                (9, -1563),
+                (13, -2483),
+                (47, -3531),
+                (59, -4420),
+                (83, -2640),
+                (201, -1060),
+                (238, 396),
+            ]),
+        ],
+    };
 
     /// For the nearest quarter of a cell, revision 2.
-    pub const NEAR_2: Self = Self::NEAR;
+    pub const NEAR_2: Self = Self {
+        rank: 75,
+        base: 1295,
+        steps: [
+            Cow::Borrowed(&[
+                (28, 997),
+                (50, 1685),
+                (99, 2198),
+                (127, 2576),
+                (173, 3081),
+                (249, 6382),
+            ]),
+            Cow::Borrowed(&[
+                (101, 560),
+                (167, 879),
+                (250, 1316),
+                (558, 1775),
+                (666, 4017),
+            ]),
+            Cow::Borrowed(&[(480, 407), (556, 805), (638, 1332), (746, 2126)]),
+            Cow::Borrowed(&[(67, -270), (155, -580), (516, -1942)]),
+            Cow::Borrowed(&[(413, -871), (473, -1708), (516, -2141), (582, -2669)]),
+            Cow::Borrowed(&[(550, 466), (1001, -448)]),
+            Cow::Borrowed(&[
+                (9, -1854),
+                (11, -2621),
+                (13, -4554),
+                (25, -3301),
+                (35, -1904),
+                (49, -2596),
+                (65, -1586),
+                (400, 274),
+            ]),
+        ],
+    };
 
-    /// Reads the table of a file: TOML with `rank`, `base`, and under `[steps]` per feature a list of
-    /// `[above, score]`, which rises.
+    /// Reads the table of a file: TOML with `rank`, `base`, and under `[steps]` per feature a list
+    /// of `[above, score]`, which rises.
     ///
     /// # Errors
     /// What is wrong with the text, in one line.

@@ -268,9 +268,9 @@ impl Worker {
     }
 }
 
-/// Runs `first` with each worker, and then `work` on the rows of both sweeps: it gets which sweep it
-/// is, how many rows have been taken before, the row and a worker. Each worker runs on a thread of
-/// rayon's current pool, where it has threads for it.
+/// Runs `first` with each worker, and then `work` on the rows of both sweeps: it gets which sweep
+/// it is, how many rows have been taken before, the row and a worker. Each worker runs on a thread
+/// of rayon's current pool, where it has threads for it.
 fn on_rows<R: Send>(
     workers: &mut [Worker],
     first: impl Fn(&mut Worker) + Sync,

@@ -126,8 +126,9 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "confidence",
             unit: "",
-            range: Range::real(0.75, 0.5..=0.999),
-            description: "least probability that a cell that is reported is right",
+            range: Range::real(0.0, 0.0..=0.999),
+            description: "least probability of a cell that is reported, 0 = the revision's: 0.75, \
+                          from 2 on 0.85",
         },
     ],
     answers_cells: true,
@@ -178,6 +179,11 @@ impl V5 {
             0 => table.rank,
             rank => i64::from(rank),
         };
+        let confidence = match (parameters.real("confidence"), parameters.int("revision")) {
+            (0.0, 1) => 0.75,
+            (0.0, _) => 0.85,
+            (confidence, _) => confidence,
+        };
         let count = parameters.int("max_disparity") as usize / 2 + 1;
         Ok(Self {
             isa,
@@ -195,7 +201,7 @@ impl V5 {
             decision: Decision {
                 rank,
                 slack: i64::from(parameters.int("slack")),
-                least_score: Decision::least_score(parameters.real("confidence")),
+                least_score: Decision::least_score(confidence),
                 table,
             },
             needs_valid: parameters.int("revision") == 1,

@@ -33,6 +33,8 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
         let swept = args.algo.iter().map(|sweep| sweep.expand(args.sample));
         scenario.algorithms = swept.collect::<svl::Result<Vec<_>>>()?.concat();
     }
-    args.source.change(&mut scenario, &args.what[0])?;
+    let named = &args.what[0];
+    args.source
+        .change(std::slice::from_mut(&mut scenario), named)?;
     Ok(scenario)
 }

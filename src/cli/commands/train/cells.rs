@@ -20,9 +20,9 @@ use svl::train::{CellSample, CellTarget, CellTraining, FOLDS, cell_samples, fit_
 ///
 /// Runs an algorithm over scenarios with a truth, and looks at every cell: what was measured of it,
 /// and whether its report would be right. Fits the steps that make a probability of the one, a
-/// logistic regression, and writes them as a table that `--algo v5:table=FILE` reads, with a page of
-/// what it is worth. Runs and scenes are held out in five parts, never single cells, and all figures
-/// are of those held out. Equal data give equal tables.
+/// logistic regression, and writes them as a table that `--algo v5:table=FILE` reads, with a page
+/// of what it is worth. Runs and scenes are held out in five parts, never single cells, and all
+/// figures are of those held out. Equal data give equal tables.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -70,8 +70,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let paths = [&args.out, &page].into_iter().chain(&args.samples);
     let mut outputs = Outputs::claim(args.force, [], paths.map(PathBuf::as_path))?;
     let mut learned = Learned::default();
-    for path in &args.scenarios {
-        learned.learn(path, args, target, quiet)?;
+    let scenarios = args.scenarios.iter().map(|path| Scenario::read(path));
+    let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
+    let named = args.scenarios[0].display().to_string();
+    args.source.change(&mut scenarios, &named)?;
+    for (scenario, path) in scenarios.into_iter().zip(&args.scenarios) {
+        learned.learn(scenario, path, args, target, quiet)?;
     }
     let Learned {
         samples,
@@ -175,14 +179,12 @@ struct Learned {
 impl Learned {
     fn learn(
         &mut self,
+        mut scenario: Scenario,
         path: &Path,
         args: &Args,
         target: CellTarget,
         quiet: bool,
     ) -> anyhow::Result<()> {
-        let mut scenario = Scenario::read(path)?;
-        args.source
-            .change(&mut scenario, &path.display().to_string())?;
         scenario.algorithms = vec![args.algo.clone()];
         let mut matchers = Matchers::new(&scenario.algorithms)?;
         let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
