@@ -22,6 +22,7 @@ pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 
 use crate::depth::GridSettings;
+use crate::depth::decision::VerdictTable;
 use crate::error::{Error, Result, nearest};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{Cell, CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig, Truth};
@@ -283,6 +284,17 @@ impl Algorithm {
         match parameters.find(|(name, _)| *name == "max_disparity")? {
             (_, Value::Int(max)) => Some(*max),
             _ => None,
+        }
+    }
+
+    /// The table by which its cells become known, of v5 alone.
+    ///
+    /// # Errors
+    /// What is wrong with the table's file.
+    pub fn verdict_table(&self) -> Result<Option<VerdictTable>> {
+        match self.spec.name {
+            "v5" => v5::table(&self.parameters).map(Some),
+            _ => Ok(None),
         }
     }
 

@@ -10,6 +10,7 @@
 pub mod calibration;
 mod choice;
 pub mod compare;
+pub mod evidence;
 mod gate;
 pub mod html;
 mod junit;

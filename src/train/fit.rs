@@ -18,7 +18,7 @@ use std::borrow::Cow;
 pub struct CellFit {
     pub table: VerdictTable,
     /// Per sample, in their order, the log odds in thousandths that a table gives it which was
-    /// fitted without the sample's fold; the least number where nothing can be told.
+    /// fitted without the sample's fold; the least number where there is nothing to report.
     pub held_out: Vec<i64>,
     /// Mean logistic loss of held-out samples by the number of steps, from none on.
     pub losses: Vec<f64>,
@@ -60,8 +60,8 @@ struct Data {
     weights: Vec<f64>,
 }
 
-/// Fits a table for reports of the `rank`th percentile to samples with those weights. Samples of
-/// which nothing can be told are left out.
+/// Fits a table for reports of the `rank`th percentile to samples with those weights. Samples with
+/// nothing to report are left out.
 ///
 /// The result depends on nothing but the samples and their order.
 ///
@@ -75,15 +75,19 @@ pub fn fit_cells(
 ) -> Option<CellFit> {
     let data = Data::new(samples, weights);
     let fold = |group: usize| group % FOLDS;
-    let told: Vec<_> = (0..samples.len())
-        .filter(|&i| samples[i].can_be_told())
+    let reportable: Vec<_> = (0..samples.len())
+        .filter(|&i| samples[i].is_reportable())
         .collect();
     let folds: Vec<_> = (0..FOLDS)
         .into_par_iter()
         .map(|held_out| {
             let part = |held| {
                 let is_held = |i: &usize| (fold(samples[*i].group) == held_out) == held;
-                told.iter().copied().filter(is_held).collect::<Vec<_>>()
+                reportable
+                    .iter()
+                    .copied()
+                    .filter(is_held)
+                    .collect::<Vec<_>>()
             };
             let (train, test) = (part(false), part(true));
             let path = match train.is_empty() || test.is_empty() {
@@ -113,7 +117,7 @@ pub fn fit_cells(
             held_out[i] = table.score(&samples[i].evidence.unwrap_or_default());
         }
     }
-    let path = data.path(&told, steps);
+    let path = data.path(&reportable, steps);
     progress().then(|| CellFit {
         table: data.table(&path[path.len() - 1], rank),
         held_out,

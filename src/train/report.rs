@@ -80,7 +80,7 @@ impl CellTraining {
             let reported = |is_known: &dyn Fn(usize) -> bool| {
                 let known = range
                     .clone()
-                    .filter(|&i| samples[i].can_be_told() && is_known(i));
+                    .filter(|&i| samples[i].is_reportable() && is_known(i));
                 let (right, wrong): (Vec<_>, Vec<_>) = known.partition(|&i| samples[i].right);
                 ReportedCells {
                     right: share(right.len()),
@@ -101,8 +101,8 @@ impl CellTraining {
         let scenarios = scenarios.iter().map(scenario).collect();
         let bin = |ends: &[f64]| {
             let inside = |i: &usize| said[*i] >= ends[0] && (said[*i] < ends[1] || ends[1] == 1.0);
-            let told = (0..samples.len()).filter(|&i| samples[i].can_be_told());
-            let inside: Vec<_> = told.filter(inside).collect();
+            let reportable = (0..samples.len()).filter(|&i| samples[i].is_reportable());
+            let inside: Vec<_> = reportable.filter(inside).collect();
             let mean = |of: &dyn Fn(usize) -> f64| {
                 inside.iter().map(|&i| of(i)).sum::<f64>() / inside.len().max(1) as f64
             };
@@ -142,12 +142,12 @@ impl CellTraining {
         };
         let reliability = Chart {
             title: String::new(),
-            x: whole("said, %"),
-            y: whole("right, %"),
+            x: whole("predicted, %"),
+            y: whole("observed right, %"),
             series: vec![
                 line("cells", SeriesStyle::Both, points.collect()),
                 line(
-                    "as said",
+                    "as predicted",
                     SeriesStyle::Line,
                     vec![(0.0, 0.0), (100.0, 100.0)],
                 ),
@@ -192,7 +192,7 @@ impl Display for CellTraining {
         writeln!(
             f,
             "{:38}{:>9}{:>20}{:>13}",
-            "", "all told:", "fitted, held out:", "table in use:"
+            "", "all reported:", "fitted, held out:", "table in use:"
         )?;
         writeln!(
             f,
@@ -216,7 +216,7 @@ impl Display for CellTraining {
         writeln!(
             f,
             "\n{:>13}{:>10}{:>9}{:>9}",
-            "said, %", "cells", "mean", "right"
+            "predicted, %", "cells", "mean", "right"
         )?;
         for bin in &self.reliability {
             let range = format!("{:.0} to {:.0}", 100.0 * bin.from, 100.0 * bin.to);

@@ -20,7 +20,7 @@ pub struct CellSample {
 
 impl CellSample {
     /// Whether there is something to report.
-    pub fn can_be_told(&self) -> bool {
+    pub fn is_reportable(&self) -> bool {
         self.evidence.is_some_and(|evidence| evidence.report > 0)
     }
 }

@@ -1,6 +1,6 @@
 //! `svl match`: one pair of image files through one algorithm.
 
-use crate::cli::shared::outputs::Outputs;
+use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::terminal::{print, print_error, print_json};
 use crate::cli::shared::usage;
 use anyhow::Context;
@@ -9,8 +9,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use svl::calibrate::files::read_calib;
 use svl::depth::GridSettings;
+use svl::manifest::Manifest;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::recording::CellReport;
+use svl::report::evidence::EvidencePage;
 use svl::stereo::{DepthGrid, Reason, RectifiedPair};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
@@ -23,6 +25,7 @@ Examples:
   svl match im0.png im1.png --algo v3:max_disparity=64 -o d.png \\
       --why why.png --preview p.png
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
+  svl match im0.png im1.png --algo v5 -o d.pfm --cells cells.html
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
 for none. WHY.png holds reason codes: 0 valid, 1 border, 2 untextured,
@@ -50,6 +53,9 @@ pub(crate) struct Args {
     /// Where a picture of the disparities goes
     #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
+    /// Where a page goes that shows what each cell of v5 rests on: why it is known, or not
+    #[arg(long, value_name = "C.html", value_parser = usage::ending(&["html"]))]
+    cells: Option<PathBuf>,
     /// Middlebury's calibration, for distances
     #[arg(long, value_name = "calib.txt")]
     calib: Option<PathBuf>,
@@ -86,7 +92,18 @@ struct MatchReport<'a> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = [Some(&args.output), args.why.as_ref(), args.preview.as_ref()];
+    let table = args.algo.verdict_table()?;
+    if args.cells.is_some() && table.is_none() {
+        let label = args.algo.label();
+        let words = format!("--cells: {label} does not say what its cells rest on; --algo v5 does");
+        return Err(usage::wrong(words));
+    }
+    let outputs = [
+        Some(&args.output),
+        args.why.as_ref(),
+        args.preview.as_ref(),
+        args.cells.as_ref(),
+    ];
     let mut outputs = Outputs::claim(
         args.force,
         [args.left.as_path(), &args.right],
@@ -130,9 +147,26 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             .fold(1.0, f32::max);
         files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
     }
-    outputs.commit();
     let settings = GridSettings::default();
     let grid = own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, rig.as_ref()));
+    if let Some((path, table)) = args.cells.as_ref().zip(table) {
+        let manifest = Manifest::new("match", None, std::slice::from_ref(&args.algo))?;
+        let page = EvidencePage {
+            title: format!("{}, {}", args.algo.label(), args.left.display()),
+            left: pair.left(),
+            disparity: map.disparity(),
+            grid: &grid,
+            rule: context.cells.for_rig(rig.is_some()),
+            rig: rig.as_ref(),
+            table,
+            allowance_px: args.algo.parameters().real("allowance_px"),
+            // v5's, whose half image has half as many disparities.
+            bins: 16 * (args.algo.max_disparity().unwrap_or_default() as usize / 2 + 1),
+            identity: manifest.entries(),
+        };
+        write(path, page.render()?)?;
+    }
+    outputs.commit();
     let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
     let report = MatchReport {
         algorithm: args.algo.label(),

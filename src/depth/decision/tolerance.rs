@@ -54,7 +54,7 @@ impl Tolerance {
     }
 
     /// The first bin for which `bin` is right, and the one behind the last.
-    pub(super) fn within(&self, bin: usize) -> [usize; 2] {
+    pub fn within(&self, bin: usize) -> [usize; 2] {
         self.within[bin].map(|end| end as usize)
     }
 

@@ -23,6 +23,16 @@ pub enum Feature {
 }
 
 impl Feature {
+    /// Unit of its values, empty for a plain number.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Margin | Self::Support | Self::Seen | Self::Shift => "‰",
+            Self::Cost => "bits/100",
+            Self::Texture => "grey levels/100",
+            Self::Span => "px/8",
+        }
+    }
+
     pub fn name(self) -> &'static str {
         match self {
             Self::Margin => "margin",

@@ -268,7 +268,10 @@ impl V5 {
 }
 
 /// The steps of the probability that the parameters ask for.
-fn table(parameters: &Parameters) -> Result<VerdictTable> {
+///
+/// # Errors
+/// What is wrong with a table's file.
+pub(super) fn table(parameters: &Parameters) -> Result<VerdictTable> {
     let target = parameters.choice("target");
     if let Some(file) = parameters.file("table") {
         if target != "median" {

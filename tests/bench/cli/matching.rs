@@ -148,3 +148,25 @@ fn real_scenes_equal_the_expected_output() {
         );
     }
 }
+
+#[test]
+fn the_page_of_cells_shows_what_each_rests_on() {
+    let fixture = Fixture::new();
+    fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
+    fixture.run("match l.pgm r.pgm --algo v5 -o d.pfm --cells c.html");
+    let page = fixture.text("c.html");
+    assert_says(
+        &page,
+        &[
+            "column 4, row 2",
+            " px, ",
+            "probable",
+            "margin",
+            "tolerance",
+            "base",
+            "<svg",
+        ],
+    );
+    fixture.fails("match l.pgm r.pgm --algo v3 -o e.pfm --cells e.html => 2: --cells | v3 | v5");
+    assert!(!fixture.path("e.pfm").exists());
+}

@@ -29,4 +29,5 @@ mod resume;
 mod score;
 mod score_recordings;
 mod survive;
+mod train;
 mod usage;

@@ -83,7 +83,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         scenarios,
     } = learned;
     let of_kind = |right: bool| {
-        let of_kind = |sample: &&CellSample| sample.can_be_told() && sample.right == right;
+        let of_kind = |sample: &&CellSample| sample.is_reportable() && sample.right == right;
         samples.iter().filter(of_kind).count()
     };
     let [right, wrong] = [true, false].map(of_kind);
@@ -227,7 +227,7 @@ impl Learned {
             }
         }
         let cells = self.samples.len() - before;
-        if !self.samples[before..].iter().any(CellSample::can_be_told) {
+        if !self.samples[before..].iter().any(CellSample::is_reportable) {
             let cure = "frames need a truth, and the algorithm has to say what its cells rest on: \
                         v5 does, others with decision = \"safe\" under [grid]";
             bail!("{}: has no cells to learn from; {cure}", path.display());

@@ -1,0 +1,101 @@
+//! `svl train`.
+
+use super::fixture::{Fixture, assert_says};
+
+const TRAIN: &str = "-q train cells short.toml --seeds 4..7 --algo v5:max_disparity=64";
+
+fn short_arena() -> Fixture {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 12);
+    fixture
+}
+
+#[test]
+fn cells_are_learned_and_the_table_decides() {
+    let fixture = short_arena();
+    let text = fixture.run(&format!("{TRAIN} -o own.toml --samples own.csv"));
+    assert_says(
+        &text,
+        &[
+            "steps; % of cells",
+            "arena",
+            "720",
+            "predicted, %",
+            "own.toml",
+            "own.html",
+        ],
+    );
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
+    let samples = fixture.text("own.csv");
+    assert!(samples.starts_with("group,report,target,margin,support,seen,shift,cost,"));
+    assert_eq!(samples.lines().count(), 1 + 4 * 12 * 15);
+    assert_says(&fixture.text("own.html"), &["Reliability", "held out"]);
+    // The same data give the same table, but for its date.
+    let table = fixture.text("own.toml");
+    fixture.run(&format!("{TRAIN} -o again.toml"));
+    let below_date = |table: &str| table.lines().skip(1).map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(below_date(&table), below_date(&fixture.text("again.toml")));
+
+    // The table is part of the parameters, by what it holds.
+    let right = |algorithm: &str, out: &str| {
+        let to = format!("--rerun none --out {out} --json");
+        let json = fixture.json(&format!("-q score short.toml --algo {algorithm} {to}"));
+        let manifest = fixture.text(&format!("{out}/manifest.json"));
+        let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+        let hash = manifest["algorithms"][0]["parameters_hash"].clone();
+        (json["algorithms"][0]["cells_right"].as_u64().unwrap(), hash)
+    };
+    let own = right("v5:table=own.toml", "a");
+    assert!(own.0 > 200, "{own:?}");
+    fixture.write("own.toml", table.replace("base = ", "base = -9"));
+    let cautious = right("v5:table=own.toml", "b");
+    assert!(
+        cautious.0 < own.0 && cautious.1 != own.1,
+        "{own:?} {cautious:?}"
+    );
+}
+
+#[test]
+fn what_cannot_be_learned_is_refused_in_one_line() {
+    let fixture = short_arena();
+    fixture.write("mine.toml", "mine");
+    fixture.fails(
+        "-q train cells short.toml --seeds 4..5 -o t.toml --algo v3 => 1: short.toml | no cells to \
+         learn from | v5 does
+        -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out
+        train cells short.toml --seeds 4..5 -o t.toml --algo v5:rank=60 => 2: leave rank out
+        train cells short.toml --scenes cones -o t.toml => 1: short.toml | does not read scenes
+        train cells short.toml --seeds 5..4 -o t.toml => 2: --seeds | 4..10
+        train cells short.toml --seeds 3,3 -o t.toml => 2: --seeds | each once
+        train cells short.toml --seeds a -o t.toml => 2: --seeds
+        train cells short.toml --seeds 1..5000 -o t.toml => 2: --seeds | at most 1000
+        train cells short.toml --seeds 4..5 -o mine.toml => 1: mine.toml",
+    );
+    assert!(!fixture.path("t.toml").exists());
+    assert_eq!(fixture.text("mine.toml"), "mine");
+}
+
+#[test]
+fn a_table_that_is_none_is_refused_in_one_line() {
+    let fixture = Fixture::new();
+    fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
+    fixture.write("bad.toml", "rank = 50\n");
+    fixture.write("good.toml", "rank = 50\nbase = 9000\n");
+    fixture.fails(
+        "match l.pgm r.pgm -o d.pfm --algo v5:table=none.toml => 2: table | text file
+        match l.pgm r.pgm -o d.pfm --algo v5:table=bad.toml => 2: bad.toml | svl train cells
+        match l.pgm r.pgm -o d.pfm --algo v5:table=good.toml,target=near => 2: leave one out",
+    );
+    let known = |algorithm: &str| {
+        let line = format!("match l.pgm r.pgm -o d.pfm --force --json --algo {algorithm}");
+        let cells = fixture.json(&line)["cells"].clone();
+        let cells = cells.as_array().unwrap().iter();
+        cells
+            .filter(|cell| cell["disparity_px"].is_number())
+            .count()
+    };
+    assert!(known("v5:table=good.toml") >= known("v5"));
+}
