@@ -258,12 +258,11 @@ kernels! {
     ) = row_paths::follow;
 
     /// Aggregates costs along `paths` over the next row of a sweep, and writes what they add to its
-    /// matching costs. The block begins at column `x`; `costs` are those that it reaches.
+    /// matching costs. `costs` are those that the block reaches.
     ///
     /// `grey` is the row of the left image and the previous one in the direction of the sweep.
     pub fn follow_paths(
         paths: &mut PathBlock,
-        x: usize,
         costs: &[Lanes<u8>],
         grey: [&[u8]; 2],
         penalties: &Penalties,
@@ -274,7 +273,6 @@ kernels! {
     /// sweep and those along the row add.
     pub fn finish_paths(
         paths: &mut PathBlock,
-        x: usize,
         costs: &[Lanes<u8>],
         grey: [&[u8]; 2],
         penalties: &Penalties,

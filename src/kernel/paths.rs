@@ -24,6 +24,8 @@ pub struct Penalties {
 /// The diagonals come from the neighbouring blocks: before a row, [`PathBlock::enter`] takes their
 /// costs of the previous row.
 pub struct PathBlock {
+    /// The block's first column.
+    x: usize,
     /// From the previous, the same and the next column of the previous row. Path costs by
     /// disparity, one slot more than there are, then their least: [`OUTSIDE`] where there is no
     /// path.
@@ -37,9 +39,10 @@ impl PathBlock {
     /// Largest P2.
     pub const LARGEST_PENALTY: i32 = 85;
 
-    /// Paths over volumes of that shape.
-    pub fn new(shape: VolumeShape) -> Self {
+    /// Paths through a block of volumes of that shape.
+    pub fn new(shape: VolumeShape, block: usize) -> Self {
         Self {
+            x: block * N,
             lines: [(); 3].map(|()| vec![[OUTSIDE; N + 2]; Self::slots(&shape)]),
         }
     }
@@ -76,17 +79,16 @@ impl PathBlock {
     }
 
     /// Aggregates over the next row, and passes on what each of the three paths adds, disparity
-    /// by disparity. `x` is the block's first column.
+    /// by disparity.
     #[inline(always)]
     fn advance(
         &mut self,
-        x: usize,
         costs: &[Lanes<u8>],
         [grey, grey_behind]: [&[u8]; 2],
         penalties: &Penalties,
         out: impl PathOutput<3, N>,
     ) {
-        let large = steps(x, grey, grey_behind, penalties);
+        let large = steps(self.x, grey, grey_behind, penalties);
         let [falling, column, rising] = self.lines.each_mut().map(|line| {
             let (least, costs) = line.split_last_mut().expect("not empty");
             (costs.iter_mut(), least)
@@ -196,8 +198,9 @@ struct Sums<'a>(&'a mut [Lanes<u8>]);
 impl PathOutput<3, N> for Sums<'_> {
     #[inline(always)]
     fn put(&mut self, i: usize, _: &[u8; N], added: [[u8; N]; 3]) {
-        for l in 0..N {
-            self.0[i].0[l] = added[0][l] + added[1][l] + added[2][l];
+        let [a, b, c] = added;
+        for (l, sum) in self.0[i].0.iter_mut().enumerate() {
+            *sum = a[l] + b[l] + c[l];
         }
     }
 }
@@ -228,25 +231,24 @@ impl PathOutput<3, N> for AllPaths<'_> {
 #[inline(always)]
 pub(super) fn follow(
     paths: &mut PathBlock,
-    x: usize,
     costs: &[Lanes<u8>],
     grey: [&[u8]; 2],
     penalties: &Penalties,
     sums: &mut [Lanes<u8>],
 ) {
-    paths.advance(x, costs, grey, penalties, Sums(sums));
+    paths.advance(costs, grey, penalties, Sums(sums));
 }
 
 /// See [`super::finish_paths`].
 #[inline(always)]
 pub(super) fn finish(
     paths: &mut PathBlock,
-    x: usize,
     costs: &[Lanes<u8>],
     grey: [&[u8]; 2],
     penalties: &Penalties,
     sums: [&[Lanes<u8>]; 2],
     totals: &mut Totals,
 ) {
-    paths.advance(x, costs, grey, penalties, AllPaths { x, sums, totals });
+    let x = paths.x;
+    paths.advance(costs, grey, penalties, AllPaths { x, sums, totals });
 }

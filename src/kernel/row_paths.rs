@@ -58,8 +58,8 @@ struct FromRight<'a>(&'a mut [[u8; ROWS]]);
 impl PathOutput<1, ROWS> for FromRight<'_> {
     #[inline(always)]
     fn put(&mut self, i: usize, _: &[u8; ROWS], [added]: [[u8; ROWS]; 1]) {
-        for l in 0..ROWS {
-            self.0[i][l] += added[l];
+        for (sum, added) in self.0[i].iter_mut().zip(added) {
+            *sum += added;
         }
     }
 }

@@ -40,7 +40,8 @@ impl VolumeShape {
         self.count.min((x as i32 + 1 - self.first).max(0) as usize)
     }
 
-    /// As [`VolumeShape::reached`], for the pixels of a block.
+    /// How many of the disparities lead from some pixel of a block into the right image. Costs
+    /// beyond them are neither written nor read.
     #[inline(always)]
     pub fn reached_in(&self, block: usize) -> usize {
         self.reached((block + 1) * Lanes::COUNT - 1)

@@ -128,7 +128,7 @@ impl std::fmt::Display for Range {
             Range::Flag { .. } => write!(f, "true or false"),
             Range::Text { .. } => write!(f, "a text that closes its quotes"),
             Range::Choice { options, .. } => write!(f, "one of {}", options.join(", ")),
-            Range::File => write!(f, "a text file of at most {} MiB", MAX_FILE >> 20),
+            Range::File => write!(f, "a readable text file of at most {} MiB", MAX_FILE >> 20),
         }
     }
 }

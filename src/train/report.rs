@@ -191,7 +191,7 @@ impl Display for CellTraining {
         writeln!(f, "{steps} steps; % of cells, known from {confidence} on")?;
         writeln!(
             f,
-            "{:38}{:>9}{:>20}{:>13}",
+            "{:34}{:>13}{:>20}{:>13}",
             "", "all reported:", "fitted, held out:", "table in use:"
         )?;
         writeln!(

@@ -28,6 +28,10 @@ const PARSED: &[(&str, &str)] = &[
         "needs videos; cli::own_data has them",
     ),
     ("svl datasets fetch", "needs the network"),
+    (
+        "svl train cells scenarios/arena.toml scenarios/arena-row.toml",
+        "takes minutes; cli::train is a short one",
+    ),
     ("svl view", "opens a window"),
     (
         "svl label checkpoints",

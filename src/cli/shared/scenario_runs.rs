@@ -51,7 +51,8 @@ impl ScenarioSourceArgs {
                     return None;
                 };
                 scenes.clone_from(&self.scenes);
-                Some(note(scenario, "scenes", &names))
+                note(scenario, "scenes", &names);
+                Some(())
             });
             if changed.count() == 0 {
                 bail!("{named}: does not read scenes; --scenes is for scenarios that do");
@@ -64,7 +65,8 @@ impl ScenarioSourceArgs {
                     return None;
                 };
                 seeds.clone_from(numbers);
-                Some(note(scenario, "seeds", &names.join(", ")))
+                note(scenario, "seeds", &names.join(", "));
+                Some(())
             });
             if changed.count() == 0 {
                 bail!("{named}: is not of the arena; --seeds is for scenarios that are");

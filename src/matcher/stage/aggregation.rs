@@ -131,9 +131,9 @@ impl Aggregation {
             |i, passed, (y, sums), worker| {
                 let (costs, grey) = (costs.row(y), sweeps[i].grey(image, y));
                 let Worker { before, after, .. } = worker;
-                sweeps[i].pass_row(shape, passed, [before, after], |paths, x, lanes| {
+                sweeps[i].pass_row(shape, passed, [before, after], |paths, lanes| {
                     let (costs, sums) = (&costs[lanes.clone()], &mut sums[lanes]);
-                    follow_paths(isa, paths, x, costs, grey, penalties, sums);
+                    follow_paths(isa, paths, costs, grey, penalties, sums);
                 });
             },
         );
@@ -154,9 +154,9 @@ impl Aggregation {
                 let [sums, along] = [&*sums, &*along].map(|sums| &sums[y * stride..][..stride]);
                 let (passed, totals) = (first_half[i] + passed, &mut worker.totals);
                 let beside = [&mut worker.before, &mut worker.after];
-                sweeps[i].pass_row(shape, passed, beside, |paths, x, lanes| {
+                sweeps[i].pass_row(shape, passed, beside, |paths, lanes| {
                     let sums = [&sums[lanes.clone()], &along[lanes.clone()]];
-                    finish_paths(isa, paths, x, &costs[lanes], grey, penalties, sums, totals);
+                    finish_paths(isa, paths, &costs[lanes], grey, penalties, sums, totals);
                 });
                 choose_row(isa, totals, uniqueness, &mut chosen);
             },
@@ -166,13 +166,13 @@ impl Aggregation {
 
 impl Sweep {
     fn new(shape: VolumeShape, upwards: bool) -> Self {
-        let block = || SweepBlock {
-            paths: Mutex::new(PathBlock::new(shape)),
+        let block = |block| SweepBlock {
+            paths: Mutex::new(PathBlock::new(shape, block)),
             rows: AtomicUsize::new(0),
         };
         Self {
             upwards,
-            blocks: (0..shape.blocks()).map(|_| block()).collect(),
+            blocks: (0..shape.blocks()).map(block).collect(),
         }
     }
 
@@ -197,13 +197,13 @@ impl Sweep {
     }
 
     /// Follows the blocks of a row that comes after `passed` others: `follow` gets the paths of
-    /// each, its first column and its lanes of the row's costs.
+    /// each and its lanes of the row's costs.
     fn pass_row(
         &self,
         shape: &VolumeShape,
         passed: usize,
         [before, after]: [&mut Vec<u8>; 2],
-        mut follow: impl FnMut(&mut PathBlock, usize, Range<usize>),
+        mut follow: impl FnMut(&mut PathBlock, Range<usize>),
     ) {
         let _release = ReleaseOnPanic(self);
         before.fill(OUTSIDE);
@@ -215,11 +215,7 @@ impl Sweep {
             let first = i * shape.count;
             let mut paths = block.after(passed);
             paths.enter(before, after);
-            follow(
-                &mut paths,
-                i * Lanes::COUNT,
-                first..first + shape.reached_in(i),
-            );
+            follow(&mut paths, first..first + shape.reached_in(i));
             drop(paths);
             block.rows.store(passed + 1, Ordering::Release);
         }

@@ -37,7 +37,10 @@ pub(crate) struct Args {
     #[arg(value_name = "SCENARIO.toml", required = true)]
     scenarios: Vec<PathBuf>,
     /// Table to write; a page of the same name, .html, is written beside it
-    #[arg(short, long, value_name = "FILE.toml")]
+    #[arg(
+        short, long, value_name = "FILE.toml",
+        value_parser = usage::ending(&["toml"])
+    )]
     out: PathBuf,
     /// Replace the files
     #[arg(long)]

@@ -6,7 +6,9 @@ use clap::Subcommand;
 
 /// Train what algorithms decide by, from runs with a truth
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  svl train cells scenarios/arena-train.toml -o table.toml")]
+#[command(
+    after_help = "Example:\n  svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml"
+)]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Train,
