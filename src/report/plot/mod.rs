@@ -32,10 +32,20 @@ fn log_ticks(low: f64, high: f64) -> Vec<f64> {
     }
     // The halves and tenths: 1.0, 1.1, …
     let tenths: Vec<_> = (10..100).map(|i| f64::from(i) / 10.0).collect();
-    let finer = [&[1.0, 2.0, 5.0][..], &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0]];
+    let finer = [
+        &[1.0, 2.0, 5.0][..],
+        &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0],
+        &[
+            1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0,
+        ],
+    ];
     let enough = |ticks: &Vec<f64>| ticks.len() >= 3;
     let found = finer.into_iter().map(within).find(enough);
-    found.unwrap_or_else(|| within(&tenths))
+    found.unwrap_or_else(|| {
+        let ticks = within(&tenths);
+        let every = ticks.len().div_ceil(8).max(1);
+        ticks.into_iter().step_by(every).collect()
+    })
 }
 
 /// Points under one name. What is not finite is omitted and interrupts a line.
@@ -140,5 +150,6 @@ mod tests {
         );
         assert_eq!(log_ticks(1.3, 4.5), [1.5, 2.0, 3.0, 4.0]);
         assert_eq!(log_ticks(1.33, 1.72), [1.4, 1.5, 1.6, 1.7]);
+        assert_eq!(log_ticks(0.72, 1.125), [0.8, 0.9, 1.0]);
     }
 }
