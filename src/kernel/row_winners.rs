@@ -170,9 +170,13 @@ pub(super) fn test(
             (*cost, *why) = (test.out, Reason::Border);
             continue;
         };
-        let differing = [0, 1, 2].map(|p| u32::from(left[p][x] ^ right[p][match_x]));
         // Together: that is one instruction where there is one.
-        *cost = (differing[0] | differing[1] << 8 | differing[2] << 16).count_ones() as u8;
+        let [a, b, c] = [
+            left[0][x] ^ right[0][match_x],
+            left[1][x] ^ right[1][match_x],
+            left[2][x] ^ right[2][match_x],
+        ];
+        *cost = u32::from_le_bytes([a, b, c, 0]).count_ones() as u8;
         let (least, second) = (u32::from(least[x]), u32::from(second[x]));
         // Of a second that does not exist, 255, every positive share is enough.
         let unique = test.unique * (second - least) >= least + 8;

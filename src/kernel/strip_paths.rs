@@ -107,7 +107,13 @@ fn match_pixels(
     out: u8,
     costs: &mut [Lanes<u8>],
 ) {
-    let here = left.map(|plane| *lanes(plane, place.start + i * place.pitch));
+    // Written out: `map` would be a call, and copy.
+    let from = place.start + i * place.pitch;
+    let here = [
+        lanes(left[0], from),
+        lanes(left[1], from),
+        lanes(left[2], from),
+    ];
     let at = place.right + i * place.pitch;
     let (column, last) = match place.lanes_are_columns {
         true => (place.column, place.column + N - 1),
@@ -118,7 +124,12 @@ fn match_pixels(
             costs.0 = [out; N];
             continue;
         }
-        let there = right.map(|plane| lanes(plane, at - d * place.towards));
+        let from = at - d * place.towards;
+        let there = [
+            lanes(right[0], from),
+            lanes(right[1], from),
+            lanes(right[2], from),
+        ];
         for l in 0..N {
             let [a, b, c] = [0, 1, 2].map(|plane| here[plane][l] ^ there[plane][l]);
             // A full adder first, as fewer bytes are counted then.
