@@ -8,7 +8,7 @@ use crate::stereo::{CellDepth, CellEvidence};
 /// A cell that could be reported, or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellSample {
-    /// The run or scene that it is of: samples of one are never parted.
+    /// The scene, the recording or the seed that it is of: samples of one are never parted.
     pub group: usize,
     /// Absent where nothing was seen.
     pub evidence: Option<CellEvidence>,
@@ -38,21 +38,20 @@ impl CellTarget {
     /// What the cells of an algorithm are to report.
     ///
     /// # Errors
-    /// [`Error::Usage`] for another percentile than a target's.
+    /// [`Error::Usage`] for another percentile than a target's; what is wrong with a table's file.
     pub fn of(algorithm: &Algorithm) -> Result<Self> {
-        let mut target = Self::Median;
-        for (name, value) in algorithm.parameters().iter() {
-            match (name, value) {
-                ("target", Value::Choice("near")) => target = Self::Near,
-                ("rank", Value::Int(1..)) => {
-                    let label = algorithm.label();
-                    let cure = "leave rank out; target=near asks for the nearest quarter";
-                    return Err(Error::Usage(format!("{label}: {cure}")));
-                }
-                _ => {}
+        let rank = algorithm.verdict_table()?.map_or(50, |table| table.rank);
+        let given = algorithm.parameters().iter();
+        let is_given = given.filter(|(name, value)| *name == "rank" && **value != Value::Int(0));
+        match (rank, is_given.count()) {
+            (50, 0) => Ok(Self::Median),
+            (75, 0) => Ok(Self::Near),
+            _ => {
+                let label = algorithm.label();
+                let cure = "leave rank out; target=near asks for the nearest quarter";
+                Err(Error::Usage(format!("{label}: {cure}")))
             }
         }
-        Ok(target)
     }
 
     /// The percentile of the disparities.

@@ -116,7 +116,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let training = CellTraining::new(algorithm, CONFIDENCE, &samples, &fit, &scenarios);
     let manifest = Manifest::new("train cells", None, std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
-    let head: String = header(&manifest, &groups, &training);
+    let head = header(&manifest, &groups, &training);
     write(&args.out, head + &fit.table.to_toml())?;
     write(&page, training.page(manifest.entries())?)?;
     if let Some(path) = &args.samples {
@@ -140,6 +140,9 @@ fn header(manifest: &Manifest, groups: &[String], training: &CellTraining) -> St
          from: ",
         manifest.svl, manifest.began
     );
+    let scenarios = training.scenarios.iter().map(|of| of.name.as_str());
+    text += &scenarios.collect::<Vec<_>>().join(", ");
+    text += ".\n# Runs and scenes: ";
     text += &groups.join(", ");
     text + "\n\n"
 }
@@ -209,11 +212,13 @@ impl Learned {
                 seed: run.seed,
                 judge: &judge,
             };
+            // The same walk in another arena is no other scene.
             let name = match run.seed {
-                Some(seed) => format!("{} seed {seed}", scenario.name),
+                Some(seed) => format!("arena seed {seed}"),
                 None => run.name(),
             };
-            let progress = Progress::new(&format!("learn {name}"), run.pairs(), quiet);
+            let title = format!("learn {}, {name}", scenario.name);
+            let progress = Progress::new(&title, run.pairs(), quiet);
             let (pace, sinks) = (Pace::Asap, &mut sinks);
             let (_, ran) =
                 runner::run_through(&mut run, &mut matchers, &start, pace, sinks, progress);
