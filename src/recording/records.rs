@@ -390,6 +390,14 @@ impl Records {
             return Ok(Top::Passed);
         }
         if let Some(salvage) = &mut self.salvage
+            && salvage
+                .covers_others(opcode, self.start..self.at)
+                .map_err(|e| Error::io(&self.path, e))?
+        {
+            self.pass_over(self.at, "what looks like a private record covers others")?;
+            return Ok(Top::Passed);
+        }
+        if let Some(salvage) = &mut self.salvage
             && matches!(opcode, op::ATTACHMENT | op::METADATA | op::DATA_END)
         {
             salvage

@@ -139,6 +139,17 @@ impl Salvage {
         Ok(found)
     }
 
+    /// Whether what looks like a private record, at `place`, is none: behind damage any byte from
+    /// 0x80 on looks like one, and what follows it like a length. Records that prove to be some
+    /// begin within it.
+    pub(super) fn covers_others(&mut self, opcode: u8, place: Range<u64>) -> io::Result<bool> {
+        if opcode < PRIVATE || !self.has_losses() {
+            return Ok(false);
+        }
+        let found = self.search.next(place.start + 1..place.end)?;
+        Ok(found.is_some())
+    }
+
     /// Trusts the record at `place` if it proves to be one.
     pub(super) fn try_trust(&mut self, place: Range<u64>) -> io::Result<()> {
         if self.search.proves_at(place.start)? {
@@ -148,10 +159,12 @@ impl Salvage {
     }
 }
 
+/// Opcodes from here on are private to other programs.
+const PRIVATE: u8 = 0x80;
+
 /// Why a record cannot be intact.
 pub(super) fn examine(opcode: u8, body: &[u8]) -> Result<(), String> {
-    // Opcodes from 0x80 on are private to other programs.
-    if !is_record(opcode) && opcode < 0x80 {
+    if !is_record(opcode) && opcode < PRIVATE {
         return Err(format!("a record is of the unknown kind {opcode:#04x}"));
     }
     if has_fields(opcode) && body_size(opcode, body) != Some(body.len() as u64) {

@@ -166,6 +166,25 @@ fn bytes_that_are_zeroed_or_gone_cost_only_what_they_hit() {
     }
 }
 
+/// Behind damage, bytes from 0x80 on look like private records, whatever length they then have.
+#[test]
+fn what_looks_like_a_private_record_behind_damage_covers_nothing() {
+    let whole = Whole::new();
+    let (chunk, next) = (&whole.chunks[2], &whole.chunks[3]);
+    let length = (next.end - chunk.end) as u64;
+    let mut bad = whole.bytes.clone();
+    bad[chunk.end - 40..chunk.end - 20].fill(0);
+    let fake = [&[0x9a][..], &length.to_le_bytes()].concat();
+    bad.splice(chunk.end..chunk.end, fake);
+    whole.check(&bad, chunk, "a fake private record");
+    // Without damage it is one, and its owner's matter.
+    let mut private = whole.bytes.clone();
+    let record = [&[0x9a][..], &4_u64.to_le_bytes(), b"mine"].concat();
+    private.splice(chunk.end..chunk.end, record);
+    let (recovery, _) = recovered(whole.folder.path(), &private);
+    assert_eq!(recovery.unwrap().pairs, 6);
+}
+
 #[test]
 fn losses_say_where_they_are() {
     let whole = Whole::new();
