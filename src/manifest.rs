@@ -185,7 +185,7 @@ impl Manifest {
     /// Says by which rule cells are judged: it is a parameter of the algorithms that answer them.
     pub fn set_rule(&mut self, rule: CellRule) {
         for record in &mut self.algorithms {
-            let answers = matcher::find(&record.name).is_ok_and(|spec| spec.answers_cells);
+            let answers = matcher::find(&record.name).is_ok_and(|spec| spec.cells.is_some());
             if answers {
                 let of = format!("{}:{}", record.name, record.parameters);
                 record.parameters_hash = hash(&format!("{of};{}", rule.right_words()))[..16].into();

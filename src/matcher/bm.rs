@@ -51,7 +51,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Speckles::SIZE,
         Speckles::RANGE,
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, isa| Ok(matcher(Bm::new(parameters, isa)?)),
 };
 

@@ -74,7 +74,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             "run whose disparity is propagated over one larger by one (OpenCV's parameter 5)",
         ),
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, isa| Ok(matcher(Dp::new(parameters, isa))),
 };
 

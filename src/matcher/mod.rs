@@ -22,7 +22,7 @@ pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 
 use crate::depth::GridSettings;
-use crate::depth::decision::VerdictTable;
+use crate::depth::decision::SafeChoice;
 use crate::error::{Error, Result, nearest};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{Cell, CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig, Truth};
@@ -137,8 +137,9 @@ pub struct MatcherSpec {
     /// Where the method was published.
     pub paper: &'static str,
     pub parameters: &'static [Parameter],
-    /// Whether it answers the cells of the depth grid itself, by the rule that they are judged by.
-    pub answers_cells: bool,
+    /// How it decides on the cells of the depth grid, where it answers them itself by the rule that
+    /// they are judged by.
+    pub cells: Option<fn(&Parameters) -> Result<SafeChoice>>,
     /// Makes one that runs on that instruction set; the parameters are complete and within their
     /// ranges.
     pub build: fn(&Parameters, Isa) -> Result<Box<dyn Matcher>>,
@@ -287,15 +288,13 @@ impl Algorithm {
         }
     }
 
-    /// The table by which its cells become known, of v5 alone.
+    /// How it decides on cells, where it answers them itself ([`MatcherSpec::cells`]).
     ///
     /// # Errors
-    /// What is wrong with the table's file.
-    pub fn verdict_table(&self) -> Result<Option<VerdictTable>> {
-        match self.spec.name {
-            "v5" => v5::table(&self.parameters).map(Some),
-            _ => Ok(None),
-        }
+    /// What is wrong with its parameters, as with the file of a table.
+    pub fn safe_choice(&self) -> Result<Option<SafeChoice>> {
+        let choice = self.spec.cells.map(|choice| choice(&self.parameters));
+        choice.transpose()
     }
 
     /// A matcher on the instruction set in use, [`crate::kernel::isa`].

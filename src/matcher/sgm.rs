@@ -63,7 +63,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Speckles::SIZE,
         Speckles::RANGE,
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, isa| Ok(matcher(Sgm::new(parameters, isa)?)),
 };
 

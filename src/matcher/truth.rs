@@ -17,7 +17,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     about: "",
     paper: "none: it looks at no image",
     parameters: &[DisparityRange::MIN, DisparityRange::MAX],
-    answers_cells: false,
+    cells: None,
     build: |parameters, _| {
         Ok(Box::new(TrueDisparities(DisparityRange::from_parameters(
             parameters,

@@ -32,7 +32,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         SUBPIXEL,
         BACK_CHECK,
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, isa| {
         let filter = ErrorFilter::from_parameters(parameters)?;
         let tolerance_px = parameters.int(SymmetricCheck::TOLERANCE.name);

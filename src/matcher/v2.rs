@@ -34,7 +34,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         SUBPIXEL,
         BACK_CHECK,
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, isa| {
         let texture = DeviationTexture::new(parameters.real(DeviationTexture::THRESHOLD.name));
         let filter = SpreadFilter {

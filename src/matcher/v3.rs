@@ -31,7 +31,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         SUBPIXEL,
         BACK_CHECK,
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, isa| {
         let texture = Some(Box::new(DogTexture::from_parameters(parameters)) as _);
         // The self check looks at the left image alone. Without a second matching, v3 is the

@@ -139,9 +139,9 @@ impl Salvage {
         Ok(found)
     }
 
-    /// Whether what looks like a private record, at `place`, is none: behind damage any byte from
-    /// 0x80 on looks like one, and what follows it like a length. Records that prove to be some
-    /// begin within it.
+    /// Whether the bytes at `place`, which look like a private record, hold other records that
+    /// prove to be ones. Behind damage any byte from 0x80 on looks like a private record, and the
+    /// bytes after it like its length.
     pub(super) fn covers_others(&mut self, opcode: u8, place: Range<u64>) -> io::Result<bool> {
         if opcode < PRIVATE || !self.has_losses() {
             return Ok(false);

@@ -33,7 +33,7 @@ pub const FOLDS: usize = 5;
 /// Values of a feature between which steps are tried.
 const CANDIDATES: usize = 48;
 
-/// Pulls scores towards none, as so many samples would.
+/// Weight of the ridge (L2) penalty on each score.
 const RIDGE: f64 = 1.0;
 
 /// A candidate: its feature, and its place among the feature's values.

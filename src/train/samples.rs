@@ -1,7 +1,7 @@
 //! Cells of frames with a truth, as the verdict table sees them.
 
 use crate::error::{Error, Result};
-use crate::matcher::{Algorithm, Value};
+use crate::matcher::Algorithm;
 use crate::score::{Judge, Judged, TrueQuarters, is_right};
 use crate::stereo::{CellDepth, CellEvidence};
 
@@ -40,16 +40,16 @@ impl CellTarget {
     /// # Errors
     /// [`Error::Usage`] for another percentile than a target's; what is wrong with a table's file.
     pub fn of(algorithm: &Algorithm) -> Result<Self> {
-        let rank = algorithm.verdict_table()?.map_or(50, |table| table.rank);
-        let given = algorithm.parameters().iter();
-        let is_given = given.filter(|(name, value)| *name == "rank" && **value != Value::Int(0));
-        match (rank, is_given.count()) {
-            (50, 0) => Ok(Self::Median),
-            (75, 0) => Ok(Self::Near),
-            _ => {
+        let choice = algorithm.safe_choice()?;
+        match choice.map_or(50, |choice| choice.decision.rank) {
+            50 => Ok(Self::Median),
+            75 => Ok(Self::Near),
+            rank => {
                 let label = algorithm.label();
                 let cure = "leave rank out; target=near asks for the nearest quarter";
-                Err(Error::Usage(format!("{label}: {cure}")))
+                Err(Error::Usage(format!(
+                    "{label}: nothing is judged at rank {rank}: {cure}"
+                )))
             }
         }
     }
@@ -78,10 +78,9 @@ pub fn cell_samples(
     };
     let rig = judged.frame.rig();
     let rule = judge.cells.for_rig(rig.is_some());
-    let quarters = TrueQuarters::new(truth, grid, rule, rig);
     let wanted: Vec<_> = match target {
         CellTarget::Median => grid.iter().map(|(_, cell)| cell.depth).collect(),
-        CellTarget::Near => quarters.depths().collect(),
+        CellTarget::Near => TrueQuarters::new(truth, grid, rule, rig).depths().collect(),
     };
     let cells = estimate.estimate.grid.iter().zip(wanted);
     let sample = |((_, cell), truth): ((_, &crate::stereo::Cell), Option<CellDepth>)| {

@@ -92,8 +92,8 @@ struct MatchReport<'a> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let table = args.algo.verdict_table()?;
-    if args.cells.is_some() && table.is_none() {
+    let choice = args.algo.safe_choice()?;
+    if args.cells.is_some() && choice.is_none() {
         let label = args.algo.label();
         let words = format!("--cells: {label} does not say what its cells rest on; --algo v5 does");
         return Err(usage::wrong(words));
@@ -149,7 +149,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let settings = GridSettings::default();
     let grid = own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, rig.as_ref()));
-    if let Some((path, table)) = args.cells.as_ref().zip(table) {
+    if let Some((path, choice)) = args.cells.as_ref().zip(choice) {
         let manifest = Manifest::new("match", None, std::slice::from_ref(&args.algo))?;
         let page = EvidencePage {
             title: format!("{}, {}", args.algo.label(), args.left.display()),
@@ -158,10 +158,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             grid: &grid,
             rule: context.cells.for_rig(rig.is_some()),
             rig: rig.as_ref(),
-            table,
-            allowance_px: args.algo.parameters().real("allowance_px"),
-            // v5's, whose half image has half as many disparities.
-            bins: 16 * (args.algo.max_disparity().unwrap_or_default() as usize / 2 + 1),
+            choice,
             identity: manifest.entries(),
         };
         write(path, page.render()?)?;

@@ -1,22 +1,52 @@
 //! The safe choice for any disparity map.
 
 use super::{
-    BINS_PER_PX, CellPixels, Decision, Tolerance, VerdictTable, fill_empty_rows, fill_row,
+    BINS_PER_PX, CellPixels, Decision, SafeChoice, Tolerance, VerdictTable, fill_empty_rows,
+    fill_row,
 };
 use crate::depth::GridSettings;
 use crate::stereo::{Cell, CellRule, DepthGrid, Gray, Plane, Rig};
 
-/// Part of the tolerance that is kept for the matcher, pixels.
-const ALLOWANCE_PX: f64 = 0.25;
-/// Ends of a gap that differ by more are of two surfaces, bins.
-const JUMP: i32 = 16;
-/// Least probability that a cell is right for it to be known.
-const CONFIDENCE: f64 = 0.75;
+/// The disparities of a map in bins, its gaps filled.
+pub struct FilledMap {
+    pub width: usize,
+    /// Of no meaning where no pixel was seen.
+    pub bins: Vec<i16>,
+    /// 1 for pixels that have a disparity of their own, else 0.
+    pub seen: Vec<u8>,
+    /// Whether any pixel was seen.
+    pub sees: bool,
+}
+
+impl FilledMap {
+    /// Fills a map; `jump` as [`super::SafeChoice`] has it. Disparities below 0 become 0.
+    pub fn new(disparity: &Plane<f32>, jump: i32) -> Self {
+        let (width, height) = disparity.size();
+        let bin = |px: f32| match px.is_finite() {
+            true => (px * BINS_PER_PX as f32).round().clamp(0.0, 32_000.0) as i16,
+            false => 0,
+        };
+        let own: Vec<_> = disparity.pixels().map(bin).collect();
+        let is_seen = |d: f32| u8::from(d.is_finite());
+        let seen: Vec<_> = disparity.pixels().map(is_seen).collect();
+        let mut bins = vec![0; own.len()];
+        for y in 0..height {
+            let row = y * width..(y + 1) * width;
+            fill_row(&own[row.clone()], &seen[row.clone()], jump, &mut bins[row]);
+        }
+        let sees = fill_empty_rows(&seen, width, &mut bins);
+        Self {
+            width,
+            bins,
+            seen,
+            sees,
+        }
+    }
+}
 
 /// The grid of a disparity map whose cells are known where they are safe to report: gaps are
 /// filled, and a cell reports the disparity that stays right by `rule` whatever its uncertain
-/// pixels are (specification of v5, sections 3.7 to 3.10, with the settings of v5's defaults and
-/// its table for medians).
+/// pixels are (docs/v5.md, with the settings of `v5:revision=1` and its table for medians).
 ///
 /// As a map has no matching costs, they count as low. Disparities of 0 and below are never
 /// reported. `left` is the left image, of the map's size.
@@ -28,39 +58,28 @@ pub fn safe_grid(
     rig: Option<&Rig>,
 ) -> DepthGrid {
     let (width, height) = disparity.size();
-    let bin = |px: f32| match px.is_finite() {
-        true => (px * BINS_PER_PX as f32).round().clamp(0.0, 32_000.0) as i16,
-        false => 0,
+    let SafeChoice {
+        decision,
+        jump,
+        allowance_px,
+    } = SafeChoice {
+        decision: Decision {
+            rank: 50,
+            slack: 10,
+            least_score: Decision::least_score(0.75),
+            table: VerdictTable::MEDIAN,
+        },
+        jump: 16,
+        allowance_px: 0.25,
     };
-    let bins: Vec<_> = disparity.pixels().map(bin).collect();
-    let seen: Vec<_> = disparity
-        .pixels()
-        .map(|d| u8::from(d.is_finite()))
-        .collect();
-    let mut filled = vec![0; bins.len()];
-    for y in 0..height {
-        let row = y * width..(y + 1) * width;
-        fill_row(
-            &bins[row.clone()],
-            &seen[row.clone()],
-            JUMP,
-            &mut filled[row],
-        );
-    }
-    let sees = fill_empty_rows(&seen, width, &mut filled);
-    let most = bins.iter().copied().max().unwrap_or_default();
+    let map = FilledMap::new(disparity, jump);
+    let most = map.bins.iter().copied().max().unwrap_or_default();
     let count = most as usize + 1;
-    let tolerance = Tolerance::new(rule, rig, ALLOWANCE_PX, count);
-    let decision = Decision {
-        rank: 50,
-        slack: 10,
-        least_score: Decision::least_score(CONFIDENCE),
-        table: VerdictTable::MEDIAN,
-    };
+    let tolerance = Tolerance::new(rule, rig, allowance_px, count);
     let mut pixels = CellPixels::new(count);
     let cell = |place| {
         let (columns, rows) = settings.shape().pixels(place, (width, height));
-        if !sees || columns.is_empty() || rows.is_empty() {
+        if !map.sees || columns.is_empty() || rows.is_empty() {
             return Cell {
                 valid_share: 0.0,
                 depth: None,
@@ -72,7 +91,7 @@ pub fn safe_grid(
         for y in rows {
             let row = y * width + columns.start..y * width + columns.end;
             let texture = texture(left.row(y), &columns);
-            pixels.add(&filled[row.clone()], &seen[row], 0, texture);
+            pixels.add(&map.bins[row.clone()], &map.seen[row], 0, texture);
         }
         let evidence = decision.evidence(&mut pixels, &tolerance);
         decision.cell(&pixels, &evidence, settings.min_valid, rig)

@@ -12,7 +12,7 @@ mod tolerance;
 mod verdict;
 
 pub use fill::{fill_empty_rows, fill_row};
-pub use map::safe_grid;
+pub use map::{FilledMap, safe_grid};
 pub use tolerance::Tolerance;
 pub use verdict::{Feature, VerdictTable};
 
@@ -33,6 +33,16 @@ pub struct Decision {
     /// Least score of a cell that is known, thousandths of the log odds.
     pub least_score: i64,
     pub table: VerdictTable,
+}
+
+/// How cells are made of a disparity map: how its gaps are filled, and the decision.
+#[derive(Clone, Debug)]
+pub struct SafeChoice {
+    pub decision: Decision,
+    /// Ends of a gap whose disparities differ by more are of two surfaces, bins.
+    pub jump: i32,
+    /// Part of the tolerance that is kept for the matcher's own error, pixels.
+    pub allowance_px: f64,
 }
 
 /// The pixels of a cell, gathered.

@@ -54,8 +54,13 @@ impl Tolerance {
     }
 
     /// The first bin for which `bin` is right, and the one behind the last.
-    pub fn within(&self, bin: usize) -> [usize; 2] {
+    pub(super) fn within(&self, bin: usize) -> [usize; 2] {
         self.within[bin].map(|end| end as usize)
+    }
+
+    /// The first and the last bin for which `bin` is right, those beyond the range with them.
+    pub fn ends(&self, bin: usize) -> [i32; 2] {
+        self.ends[bin]
     }
 
     /// For how many bins `bin` is right, those beyond the range with them.

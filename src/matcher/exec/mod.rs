@@ -68,7 +68,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             description: "longest time to an answer; the first includes the program's start",
         },
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, _| Ok(Box::new(Exec::start(parameters)?)),
 };
 

@@ -223,8 +223,8 @@ impl Sweep {
 }
 
 impl SweepBlock {
-    /// The paths, once so many rows have passed. Rows are taken in their order and wait for earlier
-    /// ones only, so some thread can always go on.
+    /// The paths, once that number of rows has passed. Rows are taken in their order and wait for
+    /// earlier ones only, so some thread can always go on.
     fn after(&self, rows: usize) -> MutexGuard<'_, PathBlock> {
         let mut tries = 0;
         while self.rows.load(Ordering::Acquire) < rows {

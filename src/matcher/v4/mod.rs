@@ -43,7 +43,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         SUBPIXEL,
         BACK_CHECK,
     ],
-    answers_cells: false,
+    cells: None,
     build: |parameters, isa| Ok(matcher(V4::new(parameters, isa)?)),
 };
 

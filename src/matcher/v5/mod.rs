@@ -13,7 +13,7 @@ use super::stage::both;
 use super::{
     MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, ParameterFile, Parameters, Range,
 };
-use crate::depth::decision::{CellPixels, Decision, Tolerance, VerdictTable};
+use crate::depth::decision::{CellPixels, Decision, SafeChoice, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, STEPS, WinnerTest};
 use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
@@ -131,7 +131,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
                           from 2 on 0.85",
         },
     ],
-    answers_cells: true,
+    cells: Some(safe_choice),
     build: |parameters, isa| Ok(Box::new(V5::new(parameters, isa)?)),
 };
 
@@ -144,9 +144,7 @@ struct V5 {
     /// What a jump of disparity costs, by the difference of the pixels.
     jumps: [u8; STEPS],
     test: WinnerTest,
-    jump: i32,
-    allowance_px: f64,
-    decision: Decision,
+    choice: SafeChoice,
     /// Whether a cell needs the grid's least share of seen pixels to be known. From revision 2 on
     /// the probability alone decides, which counts that share among its evidence.
     needs_valid: bool,
@@ -174,16 +172,6 @@ impl V5 {
             )));
         }
         let edge = parameters.int("edge");
-        let table = table(parameters)?;
-        let rank = match parameters.int("rank") {
-            0 => table.rank,
-            rank => i64::from(rank),
-        };
-        let confidence = match (parameters.real("confidence"), parameters.int("revision")) {
-            (0.0, 1) => 0.75,
-            (0.0, _) => 0.85,
-            (confidence, _) => confidence,
-        };
         let count = parameters.int("max_disparity") as usize / 2 + 1;
         Ok(Self {
             isa,
@@ -196,14 +184,7 @@ impl V5 {
                 unique: parameters.int("unique") as u32,
                 out,
             },
-            jump: parameters.int("jump"),
-            allowance_px: parameters.real("allowance_px"),
-            decision: Decision {
-                rank,
-                slack: i64::from(parameters.int("slack")),
-                least_score: Decision::least_score(confidence),
-                table,
-            },
+            choice: safe_choice(parameters)?,
             needs_valid: parameters.int("revision") == 1,
             scratch: None,
             tolerance: None,
@@ -223,7 +204,7 @@ impl V5 {
         let known = self.tolerance.take();
         let known = known.filter(|(of, rig, _)| *of == rule && *rig == context.rig);
         let (_, _, tolerance) = self.tolerance.insert(known.unwrap_or_else(|| {
-            let made = Tolerance::new(rule, context.rig.as_ref(), self.allowance_px, bins);
+            let made = Tolerance::new(rule, context.rig.as_ref(), self.choice.allowance_px, bins);
             (rule, context.rig, made)
         }));
         let shape = context.grid.shape();
@@ -258,20 +239,41 @@ impl V5 {
                 let (bins, seen, cost) = map.part(y, &columns);
                 pixels.add(bins, seen, cost, images[0].texture(y, &columns));
             }
-            let evidence = self.decision.evidence(pixels, tolerance);
+            let evidence = self.choice.decision.evidence(pixels, tolerance);
             let rig = context.rig.as_ref();
-            *cell = self.decision.cell(pixels, &evidence, min_valid, rig);
+            *cell = self.choice.decision.cell(pixels, &evidence, min_valid, rig);
         };
         let cells = cells.par_iter_mut().zip(&mut self.cells);
         cells.enumerate().for_each(decide);
     }
 }
 
+/// How the parameters ask to decide on cells.
+fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
+    let table = table(parameters)?;
+    let rank = match parameters.int("rank") {
+        0 => table.rank,
+        rank => i64::from(rank),
+    };
+    let confidence = match (parameters.real("confidence"), parameters.int("revision")) {
+        (0.0, 1) => 0.75,
+        (0.0, _) => 0.85,
+        (confidence, _) => confidence,
+    };
+    Ok(SafeChoice {
+        decision: Decision {
+            rank,
+            slack: i64::from(parameters.int("slack")),
+            least_score: Decision::least_score(confidence),
+            table,
+        },
+        jump: parameters.int("jump"),
+        allowance_px: parameters.real("allowance_px"),
+    })
+}
+
 /// The steps of the probability that the parameters ask for.
-///
-/// # Errors
-/// What is wrong with a table's file.
-pub(super) fn table(parameters: &Parameters) -> Result<VerdictTable> {
+fn table(parameters: &Parameters) -> Result<VerdictTable> {
     let target = parameters.choice("target");
     if let Some(file) = parameters.file("table") {
         if target != "median" {
@@ -349,7 +351,7 @@ impl Matcher for V5 {
             map.choose(isa, sums, images, &self.test);
             output.clock.lap(Stage::Matching);
 
-            map.fill(self.jump);
+            map.fill(self.choice.jump);
             map.write(&mut output.disparity);
         }
         let mut cells = output.take_cells();

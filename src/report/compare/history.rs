@@ -15,7 +15,8 @@ use std::path::PathBuf;
 pub struct History {
     /// By scenario, in the order of their first reports.
     pub scenarios: Vec<ScenarioHistory>,
-    /// What of the named is left out: reports that a later one replaced, and what is none.
+    /// What of the named is left out: reports that a later one replaced, and whatever is not a
+    /// report.
     pub left_out: Vec<LeftOut>,
 }
 

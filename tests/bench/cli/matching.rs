@@ -167,6 +167,9 @@ fn the_page_of_cells_shows_what_each_rests_on() {
             "<svg",
         ],
     );
+    assert!(page.contains("level line (50 %)"));
+    fixture.run("match l.pgm r.pgm --algo v5:target=near -o n.pfm --cells n.html");
+    assert!(fixture.text("n.html").contains("level line (75 %)"));
     fixture.fails("match l.pgm r.pgm --algo v3 -o e.pfm --cells e.html => 2: --cells | v3 | v5");
     assert!(!fixture.path("e.pfm").exists());
 }

@@ -232,6 +232,31 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
 }
 
 #[test]
+fn other_seeds_are_scored_and_said() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.run("score short.toml -q --seeds 7,9..10 --algo v3 --rerun none --out r");
+    let rows = fixture.text("r/rows.csv");
+    let mut rows = csv::Reader::from_reader(rows.as_bytes());
+    let seed = rows
+        .headers()
+        .unwrap()
+        .iter()
+        .position(|head| head == "seed")
+        .unwrap();
+    let seeds: Vec<_> = rows
+        .records()
+        .map(|row| row.unwrap()[seed].to_owned())
+        .collect();
+    assert_eq!(seeds, ["7", "7", "9", "9", "10", "10"]);
+    let page = fixture.text("r/index.html");
+    assert_says(
+        &page,
+        &["Of other seeds than the scenario&#x27;s: 7, 9, 10."],
+    );
+}
+
+#[test]
 fn the_safe_choice_decides_the_cells_of_any_map() {
     let fixture = Fixture::new();
     fixture.write_short_arena("median.toml", 40);

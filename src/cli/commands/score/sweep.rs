@@ -45,9 +45,9 @@ impl FromStr for Algorithms {
                 {
                     (format!("{key}="), range_of(range)?)
                 }
-                // A text, say a command, may hold slashes.
+                // A command or a path may hold slashes.
                 Some((key, list, range))
-                    if list.contains('/') && !matches!(range, Range::Text { .. }) =>
+                    if list.contains('/') && !matches!(range, Range::Text { .. } | Range::File) =>
                 {
                     let values = list.split('/').map(str::to_owned).collect();
                     (format!("{key}="), values)
