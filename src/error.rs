@@ -184,7 +184,6 @@ fn words(cause: &std::io::Error) -> String {
 
 /// A hint to the candidate nearest to an unknown `name`, to follow it in a message; empty without
 /// one.
-#[cfg(feature = "calibrate")]
 pub(crate) fn did_you_mean<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,

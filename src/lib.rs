@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`],
-//! [`depth`], [`rectify`].
+//! [`filter`], [`depth`], [`rectify`].
 //!
 //! ```
 //! use svl::depth::{self, GridSettings};
@@ -34,6 +34,7 @@ mod bounded;
 pub mod calibrate;
 pub mod depth;
 mod error;
+pub mod filter;
 pub mod kernel;
 pub mod matcher;
 pub mod rectify;

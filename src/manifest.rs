@@ -260,7 +260,9 @@ impl RunRecord {
 impl AlgorithmRecord {
     fn new(algorithm: &Algorithm) -> Self {
         // Complete and in the order of the table, so that defaults written out hash alike.
-        let parameters = algorithm.parameters().to_string();
+        let filters = algorithm.filters().iter();
+        let filters = filters.map(|filter| format!("+{}={:032x}", filter.kind, filter.hash()));
+        let parameters = algorithm.parameters().to_string() + &filters.collect::<String>();
         let parameters_hash =
             hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
         let (name, label) = (

@@ -123,8 +123,10 @@ struct RunMatcher {
     /// Maps that the sinks are done with.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
-    /// Where its parameters determine it, and until the user was warned of it.
+    /// Where its parameters determine it.
     max_disparity: Option<i32>,
+    /// Whether the user was warned of it.
+    warned_of_range: bool,
 }
 
 impl Matchers {
@@ -151,6 +153,8 @@ impl Matchers {
                 spent: Vec::new(),
                 memory: None,
                 max_disparity: algorithm.max_disparity(),
+                // What filters say is too close is not missed.
+                warned_of_range: !algorithm.filters().is_empty(),
             })
         };
         algorithms
@@ -476,6 +480,7 @@ fn own_pool() -> rayon::ThreadPool {
 struct Matched {
     algorithm: String,
     output: MatchOutput,
+    range_px: Option<f64>,
     times: StageTimes,
     /// Metrics and hash, where an earlier part of the run has them.
     logged: Option<(MetricValues, u128)>,
@@ -488,6 +493,7 @@ fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
         let Matched {
             algorithm,
             output,
+            range_px,
             times,
             logged: of_log,
         } = matched;
@@ -503,6 +509,8 @@ fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
             disparity,
             grid,
             own_grid,
+            unfiltered: output.unfiltered,
+            range_px,
             times,
         }
     };
@@ -551,14 +559,13 @@ impl RunMatcher {
         let Some(nearest_m) = self.max_disparity.and_then(nearest_m) else {
             return;
         };
-        if nearest_m >= obstacle_m {
+        if nearest_m >= obstacle_m && !std::mem::replace(&mut self.warned_of_range, true) {
             let px = rig.disparity_px(obstacle_m).ceil();
             tracing::warn!(
                 "{}: max_disparity sees nothing nearer than {nearest_m:.2} m, but obstacles are \
                  what is nearer than {obstacle_m} m: it takes more than {px} px",
                 self.label
             );
-            self.max_disparity = None;
         }
     }
 
@@ -597,6 +604,7 @@ impl RunMatcher {
         Ok(Matched {
             algorithm: self.label.clone(),
             output,
+            range_px: None,
             times: result.times(),
             logged: Some((result.row.metrics, result.hash)),
         })
@@ -708,6 +716,7 @@ impl<'a> Matching<'a> {
                     let times = logged[i].map_or_else(|| output.clock.times(), |r| r.times());
                     matched.push(Matched {
                         algorithm: entry.label.clone(),
+                        range_px: entry.max_disparity.map(f64::from),
                         times,
                         output,
                         logged: None,

@@ -10,15 +10,18 @@ pub enum Stage {
     /// Matching cost, aggregation and the search for the winner.
     Matching,
     Checks,
+    /// What filters see in the left image ([`crate::filter`]).
+    Filters,
 }
 
 impl Stage {
     /// All stages, in the order they run.
-    pub const ALL: [Stage; 4] = [
+    pub const ALL: [Stage; 5] = [
         Stage::Smoothing,
         Stage::Texture,
         Stage::Matching,
         Stage::Checks,
+        Stage::Filters,
     ];
 
     pub fn name(self) -> &'static str {
@@ -27,6 +30,7 @@ impl Stage {
             Stage::Texture => "texture",
             Stage::Matching => "matching",
             Stage::Checks => "checks",
+            Stage::Filters => "filters",
         }
     }
 }

@@ -23,7 +23,7 @@ const ORDER: [&[&str]; 10] = [
     ],
     &["stereo"],
     &["kernel"],
-    &["depth", "files"],
+    &["depth", "files", "filter"],
     &[
         "matcher",
         "rectify",

@@ -79,6 +79,12 @@ impl WorldConfig {
         within("world.wall_height_m", self.wall_height_m, 0.001, 10.0)?;
         within("world.room_margin_m", self.room_margin_m, 0.1, 20.0)?;
         within("world.forest_contrast", self.forest_contrast, 0.0, 10.0)?;
+        within(
+            "number of world.floor_patterns",
+            self.floor_patterns.len() as f64,
+            1.0,
+            100.0,
+        )?;
         within("world.floor_contrast", self.floor_contrast, 0.0, 1.0)?;
         within(
             "number of world.blocks and world.balls",

@@ -101,10 +101,28 @@ pub struct WorldConfig {
     pub room_margin_m: f64,
     /// Contrast of the forest pictures, 1 as printed.
     pub forest_contrast: f64,
-    /// Standard deviation of the albedo of the floor's speckles.
+    /// Patterns of the floor; the seed chooses one of them and all its measures.
+    pub floor_patterns: Vec<FloorPattern>,
+    /// Standard deviation of the albedo of linoleum's speckles; other patterns have their own.
     pub floor_contrast: f64,
     pub blocks: Vec<Block>,
     pub balls: Vec<Ball>,
+}
+
+/// What a floor is covered with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FloorPattern {
+    /// Grey, speckled, with scuffs: the thesis's, nearly without texture.
+    Linoleum,
+    /// Grains of several sizes, as of concrete or asphalt.
+    Noise,
+    /// Square tiles with joints.
+    Tiles,
+    /// A weave of loops.
+    Carpet,
+    /// Boards of wood with grain and joints.
+    Planks,
 }
 
 /// A box with vertical sides.

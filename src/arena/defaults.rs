@@ -6,7 +6,7 @@
 //! to 0.9 m away.
 
 use super::config::{
-    ArenaConfig, Ball, Block, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
+    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
 };
 
 impl Default for ArenaConfig {
@@ -76,6 +76,7 @@ impl Default for WorldConfig {
             wall_height_m: 0.2,
             room_margin_m: 2.5,
             forest_contrast: 1.0,
+            floor_patterns: vec![FloorPattern::Linoleum],
             floor_contrast: 0.02,
             blocks: blocks(),
             balls: balls(),

@@ -28,7 +28,7 @@ mod view;
 mod wireframe;
 
 pub use config::{
-    ArenaConfig, Ball, Block, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
+    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
 };
 pub use wireframe::WireObject;
 
@@ -42,9 +42,9 @@ use render::{Lens, SharpImage};
 use scene::ArenaScene;
 use view::{ImageSkew, PinholeView};
 
-/// Raised when the same configuration and seed come to give other pixels, so that cached recordings
-/// are made anew.
-pub const REVISION: u32 = 1;
+/// Raised when the same configuration and seed come to give other pixels or another truth, so that
+/// cached recordings are made anew.
+pub const REVISION: u32 = 2;
 
 /// One run of the robot through the arena.
 pub struct Arena {

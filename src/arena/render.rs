@@ -155,8 +155,12 @@ pub(super) fn truth(
                 };
             }
         });
-    Ok(Truth::exact(
-        Plane::from_vec(size.0, size.1, disparity)?,
-        Some(Plane::from_vec(size.0, size.1, visibility)?),
-    ))
+    let surface = left.hits.iter().map(|hit| hit.shows()).collect();
+    Ok(Truth {
+        surface: Some(Plane::from_vec(size.0, size.1, surface)?),
+        ..Truth::exact(
+            Plane::from_vec(size.0, size.1, disparity)?,
+            Some(Plane::from_vec(size.0, size.1, visibility)?),
+        )
+    })
 }

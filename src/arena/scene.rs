@@ -4,6 +4,7 @@ use super::config::WorldConfig;
 use super::objects::{Objects, WALLS};
 use super::solid::{Solid, Vec3, nonzero};
 use super::texture::{self, Footprint, Texture};
+use crate::stereo::Surface;
 
 /// Geometry and pictures of one run.
 pub(super) struct ArenaScene {
@@ -30,6 +31,18 @@ const FLOOR: u16 = u16::MAX;
 /// Less the axis and side of the room's wall.
 const LAB: u16 = u16::MAX - 1;
 
+impl Hit {
+    /// What a pixel with this hit shows.
+    pub(super) fn shows(&self) -> Surface {
+        match self.surface {
+            FLOOR => Surface::Floor,
+            lab if lab >= LAB - 3 => Surface::Room,
+            solid if usize::from(solid >> 3) < WALLS => Surface::Wall,
+            _ => Surface::Object,
+        }
+    }
+}
+
 impl ArenaScene {
     /// Paints the pictures of `world`, whose objects are given.
     pub(super) fn new(world: &WorldConfig, objects: Objects, seed: u64) -> Self {
@@ -54,7 +67,7 @@ impl ArenaScene {
                 light * (1.0 - 0.45 * near(solid) * near(solid))
             })
         };
-        let floor = texture::floor(seed, world.floor_contrast as f32, light);
+        let floor = texture::floor(seed, world, light);
         Self {
             pieces_m,
             room: [

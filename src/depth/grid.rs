@@ -120,6 +120,7 @@ fn cell(
         depth,
         probability: None,
         evidence: None,
+        too_close: false,
     }
 }
 

@@ -9,6 +9,7 @@
 mod capped_ssd;
 mod census;
 mod choose;
+mod dense;
 mod filter;
 mod halve;
 mod isa;
@@ -31,6 +32,7 @@ mod write;
 pub use capped_ssd::CAP;
 pub use census::{CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH};
 pub use choose::{ChosenRow, Totals};
+pub use dense::{AdamStep, LANES};
 pub use filter::PREFILTER_CAP;
 pub use isa::{Isa, isa};
 pub use lanes::Lanes;
@@ -92,6 +94,30 @@ kernels! {
     /// `weights[k]` belongs to the rows `y - k` and `y + k`; with both sides counted they sum to
     /// 65536.
     pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) = filter::smooth;
+
+    /// For each row of `inputs` and each row of `weights`, both `stride` long, the bias plus the sum
+    /// of their products: one row of `out` per row of `inputs`. `stride` is a multiple of
+    /// [`LANES`].
+    pub fn weighted_sums(
+        inputs: &[f32],
+        weights: &[f32],
+        bias: &[f32],
+        stride: usize,
+        out: &mut [f32],
+    ) = dense::sums;
+
+    /// Adds the `rows`, each as long as `out` and times its factor, to `out`.
+    pub fn add_scaled(rows: &[f32], factors: &[f32], out: &mut [f32]) = dense::add;
+
+    /// A step of Adam by a gradient: changes the running means of gradient and square, and the
+    /// weights.
+    pub fn adam(
+        step: AdamStep,
+        gradient: &[f32],
+        mean: &mut [f32],
+        square: &mut [f32],
+        weights: &mut [f32],
+    ) = dense::adam;
 
     /// Marks the pixels of `row` where the fine difference of Gaussians answers at least as
     /// strongly as the coarse one.

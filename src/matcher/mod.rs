@@ -5,6 +5,7 @@ mod bm;
 mod dp;
 #[cfg(feature = "exec")]
 mod exec;
+mod filtered;
 mod method;
 mod mirrored;
 mod parameter;
@@ -24,9 +25,12 @@ pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 use crate::depth::GridSettings;
 use crate::depth::decision::SafeChoice;
 use crate::error::{Error, Result, nearest};
+use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{Cell, CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig, Truth};
 use crate::timing::Clock;
+use filtered::FilteredMatcher;
+use std::sync::Arc;
 
 /// A stereo correspondence algorithm, with its scratch memory.
 pub trait Matcher: Send {
@@ -82,6 +86,8 @@ pub struct MatchOutput {
     pub disparity: DisparityMap,
     /// The depth grid, from an algorithm that answers cells itself.
     pub grid: Option<DepthGrid>,
+    /// The grid before filters, from an algorithm behind some.
+    pub unfiltered: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
     /// Memory for the cells of a grid.
@@ -102,6 +108,7 @@ impl MatchOutput {
         Self {
             disparity,
             grid: None,
+            unfiltered: None,
             clock: Clock::start(),
             cells: Vec::new(),
         }
@@ -110,6 +117,7 @@ impl MatchOutput {
     /// Starts the clock for the next pair and forgets the last grid.
     pub fn begin(&mut self) {
         self.take_back_cells();
+        self.unfiltered = None;
         self.clock = Clock::start();
     }
 
@@ -191,12 +199,14 @@ impl MatcherSpec {
 pub struct Algorithm {
     spec: &'static MatcherSpec,
     parameters: Parameters,
+    filters: Vec<Arc<FilterModel>>,
     label: String,
 }
 
 impl std::fmt::Debug for Algorithm {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}:{}", self.spec.name, self.parameters)
+        write!(f, "{}:{}", self.spec.name, self.parameters)?;
+        self.filters.iter().try_for_each(|filter| write!(f, "+{}", filter.kind))
     }
 }
 
@@ -212,6 +222,7 @@ impl std::str::FromStr for Algorithm {
         Ok(Self {
             spec,
             parameters,
+            filters: Vec::new(),
             label: label.unwrap_or(written).to_owned(),
         })
     }
@@ -250,6 +261,23 @@ impl Algorithm {
     #[must_use]
     pub fn called(self, label: String) -> Self {
         Self { label, ..self }
+    }
+
+    /// The same algorithm behind filters, at most one of a kind, which are added to its label:
+    /// `v3+floor`.
+    #[must_use]
+    pub fn filtered(self, filters: &[Arc<FilterModel>]) -> Self {
+        let names = filters.iter().map(|filter| format!("+{}", filter.kind));
+        Self {
+            label: self.label + &names.collect::<String>(),
+            filters: filters.to_vec(),
+            ..self
+        }
+    }
+
+    /// The filters behind it.
+    pub fn filters(&self) -> &[Arc<FilterModel>] {
+        &self.filters
     }
 
     /// Its label, or the text that the user wrote.
@@ -325,6 +353,13 @@ impl Algorithm {
     /// # Errors
     /// What the algorithm's constructor says.
     pub fn build_on(&self, isa: Isa) -> Result<Box<dyn Matcher>> {
-        (self.spec.build)(&self.parameters, isa)
+        let matcher = (self.spec.build)(&self.parameters, isa)?;
+        Ok(match &self.filters[..] {
+            [] => matcher,
+            filters => Box::new(FilteredMatcher {
+                filters: Filters::new(filters, isa)?,
+                matcher,
+            }),
+        })
     }
 }

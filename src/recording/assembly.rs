@@ -7,7 +7,7 @@ use super::sync::{PairGeometry, StereoSync};
 use super::{PairSource, TopicKind, images, truth};
 use crate::counted;
 use crate::stereo::{
-    Frame, Geometry, Gray, Plane, Pose, Rgb, Rig, Side, StereoPair, Truth, Visibility,
+    Frame, Geometry, Gray, Plane, Pose, Rgb, Rig, Side, StereoPair, Surface, Truth, Visibility,
 };
 use nalgebra::Matrix3x4;
 use std::collections::BTreeMap;
@@ -36,6 +36,7 @@ struct PairMessages {
     depth: Option<Plane<f32>>,
     disparity: Option<Plane<f32>>,
     visibility: Option<Gray>,
+    surface: Option<Gray>,
     sync: Option<StereoSync>,
 }
 
@@ -90,6 +91,10 @@ impl PairAssembler {
             TopicKind::Visibility => {
                 let visibility = images::decode_gray(schema, data)?;
                 self.at(Side::Left, stamp).visibility = Some(visibility);
+            }
+            TopicKind::Surface => {
+                let surface = images::decode_gray(schema, data)?;
+                self.at(Side::Left, stamp).surface = Some(surface);
             }
             TopicKind::Sync => {
                 let sync = StereoSync::decode(schema, data)?;
@@ -212,18 +217,22 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
     let truth = disparity.map(|disparity| Truth {
         disparity,
         visibility: left.visibility.map(|v| v.map(Visibility::from_code)),
+        surface: left.surface.map(|s| s.map(Surface::from_code)),
         kind: sync.truth.clone(),
     });
     if let Some(Truth {
         disparity,
         visibility,
-        ..
+        surface,
+        kind: _,
     }) = &truth
     {
-        for size in [Some(disparity.size()), visibility.as_ref().map(Plane::size)]
-            .into_iter()
-            .flatten()
-        {
+        let sizes = [
+            Some(disparity.size()),
+            visibility.as_ref().map(Plane::size),
+            surface.as_ref().map(Plane::size),
+        ];
+        for size in sizes.into_iter().flatten() {
             // The hash of a pair does not cover its truth, so a wrong size would be found only by a
             // score.
             if size != pair.size() {

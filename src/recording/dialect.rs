@@ -22,7 +22,7 @@ pub enum Dialect {
     /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
     /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
     /// | `/truth/{depth,disparity}`, `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1 |
-    /// | `/truth/visibility` | sensor_msgs/msg/Image mono8 |
+    /// | `/truth/{visibility,surface}` | sensor_msgs/msg/Image mono8 |
     /// | `/stereo/sync`, `/algo/<name>/{cells,result}` | std_msgs/msg/String: their JSON |
     ///
     /// svl reads it as any other bag: its images and calibrations, paired by their stamps.
@@ -176,13 +176,19 @@ impl Dialect {
         })
     }
 
-    pub(super) fn visibility(self, codes: &Gray, stamp: RosStamp) -> Result<TopicMessage> {
+    /// Codes of the left image's pixels, on the topic of their kind.
+    pub(super) fn codes(
+        self,
+        kind: TopicKind,
+        codes: &Gray,
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
         let frame_id = frame_id(Side::Left);
         let message = match self {
             Self::Svl => images::encode_image(codes, ImageFormat::Raw, stamp, frame_id)?,
             Self::Ros2 => ros::encode_8bit(codes, stamp, frame_id),
         };
-        Ok((TopicKind::Visibility.topic().into(), message))
+        Ok((kind.topic().into(), message))
     }
 
     /// A message of JSON.

@@ -11,6 +11,7 @@
 //! | `/truth/depth` | sensor_msgs/msg/Image 32FC1, metres | truth and rig known |
 //! | `/truth/disparity` | sensor_msgs/msg/Image 32FC1, pixels | truth beyond infinity, or no rig |
 //! | `/truth/visibility` | foxglove.RawImage mono8: [`crate::stereo::Visibility`] | truth known |
+//! | `/truth/surface` | foxglove.RawImage mono8: [`crate::stereo::Surface`] | truth of the arena |
 //! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
 //! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
 //! | `/algo/<name>/cells` | JSON with schema (cells.schema.json) | a result of a replay |
@@ -121,11 +122,12 @@ enum TopicKind {
     Depth,
     Disparity,
     Visibility,
+    Surface,
     Sync,
 }
 
 impl TopicKind {
-    const ALL: [TopicKind; 12] = [
+    const ALL: [TopicKind; 13] = [
         TopicKind::Image(Side::Left),
         TopicKind::Image(Side::Right),
         TopicKind::Color(Side::Left),
@@ -137,6 +139,7 @@ impl TopicKind {
         TopicKind::Depth,
         TopicKind::Disparity,
         TopicKind::Visibility,
+        TopicKind::Surface,
         TopicKind::Sync,
     ];
 
@@ -153,6 +156,7 @@ impl TopicKind {
             TopicKind::Depth => "/truth/depth",
             TopicKind::Disparity => "/truth/disparity",
             TopicKind::Visibility => "/truth/visibility",
+            TopicKind::Surface => "/truth/surface",
             TopicKind::Sync => "/stereo/sync",
         }
     }

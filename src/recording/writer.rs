@@ -9,7 +9,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
-use crate::stereo::{Estimate, Frame, Geometry, Gray, Side, Truth};
+use crate::stereo::{Estimate, Frame, Geometry, Side, Truth};
 use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
 use std::borrow::Cow;
@@ -170,13 +170,16 @@ impl Writer {
             ),
         };
         self.put(said, stamp, sequence)?;
-        if let Some(visibility) = &truth.visibility {
-            let codes: Gray = visibility.map(|v| v as u8);
-            self.put(
-                self.format.dialect.visibility(&codes, stamp)?,
-                stamp,
-                sequence,
-            )?;
+        let visibility = truth.visibility.as_ref().map(|plane| plane.map(|v| v as u8));
+        let surface = truth.surface.as_ref().map(|plane| plane.map(|s| s as u8));
+        for (kind, codes) in [
+            (TopicKind::Visibility, visibility),
+            (TopicKind::Surface, surface),
+        ] {
+            if let Some(codes) = codes {
+                let message = self.format.dialect.codes(kind, &codes, stamp)?;
+                self.put(message, stamp, sequence)?;
+            }
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use super::rows::{CellRow, CsvCells, Record, Row, hash_words};
 use crate::depth::GridSettings;
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
-use crate::stereo::{Cell, CellDepth, DepthGrid, Frame};
+use crate::stereo::{Cell, CellDepth, CellState, DepthGrid, Frame};
 use crate::timing::{Stage, StageTimes};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -189,6 +189,7 @@ fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
             depth,
             probability: row.probability,
             evidence: None,
+            too_close: row.state == Some(CellState::TooClose),
         });
     }
     let cells = cells.into_iter().collect::<Option<Vec<_>>>()?;

@@ -1,21 +1,25 @@
 //! Scenarios: a TOML file with the source, the algorithms, the cell rule, checkpoints and gate.
 
+mod filter;
 mod pairs;
 mod recordings;
+mod seeds;
 
+pub use filter::ScenarioFilter;
 pub use pairs::{CropScale, PairRange};
 pub use recordings::{RecordingRun, RecordingRuns};
+pub use seeds::SeedList;
 
 use crate::arena::{Arena, ArenaConfig, WireObject};
 use crate::depth::GridSettings;
 use crate::error::{Error, Result};
 use crate::files::read_text;
+use crate::filter::without_filters;
 use crate::matcher::Algorithm;
 use crate::report::Limit;
 use crate::score::{Checkpoint, CheckpointPlace, Judge};
 use crate::stereo::CellRule;
 use serde::Deserialize;
-use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Largest scenario file that is read, bytes.
@@ -34,6 +38,8 @@ pub struct Scenario {
     pub cells: CellRule,
     pub source: ScenarioSource,
     pub checkpoints: Vec<Checkpoint>,
+    /// What the algorithms are run behind, too; at most one of a kind.
+    pub filters: Vec<ScenarioFilter>,
     /// Limits of the gate.
     pub gate: Vec<Limit>,
     /// The text of the file.
@@ -74,6 +80,8 @@ struct File {
     #[serde(default)]
     checkpoint: Vec<Checkpoint>,
     #[serde(default)]
+    filter: Vec<ScenarioFilter>,
+    #[serde(default)]
     gate: Vec<toml::Spanned<Limit>>,
 }
 
@@ -85,7 +93,7 @@ fn v5() -> Vec<String> {
 #[serde(deny_unknown_fields)]
 struct SourceTable {
     kind: ScenarioKind,
-    seeds: Option<Vec<u64>>,
+    seeds: Option<SeedList>,
     scenes: Option<Vec<String>>,
     files: Option<Vec<String>>,
     left: Option<String>,
@@ -167,6 +175,7 @@ impl Scenario {
             cells: CellRule::default(),
             source: ScenarioSource::Recording(Box::new(runs)),
             checkpoints: Vec::new(),
+            filters: Vec::new(),
             gate: Vec::new(),
             text,
         })
@@ -309,6 +318,13 @@ impl File {
             .into_iter()
             .map(|limit| check_limit(limit, text, &self.checkpoint));
         let gate = gate.collect::<Result<_>>()?;
+        for (i, filter) in self.filter.iter().enumerate() {
+            if self.filter[..i].iter().any(|f| f.detects == filter.detects) {
+                return invalid(format!("filter {} occurs twice", filter.detects));
+            }
+        }
+        let filters = self.filter.into_iter().map(|filter| filter.check(folder));
+        let filters = filters.collect::<Result<_>>()?;
         let source = self.source.check(self.arena, folder)?;
         for checkpoint in &self.checkpoint {
             check_place(checkpoint, &source)?;
@@ -321,6 +337,7 @@ impl File {
             cells: self.cells,
             source,
             checkpoints: self.checkpoint,
+            filters,
             gate,
             text: text.to_owned(),
         })
@@ -342,7 +359,8 @@ fn check_limit(
         .into_iter()
         .flatten()
     {
-        name.parse::<Algorithm>()
+        without_filters(name)
+            .parse::<Algorithm>()
             .map_err(|e| Error::Invalid(format!("gate in line {line}: {e}")))?;
     }
     match limit.checkpoint {
@@ -411,14 +429,10 @@ impl SourceTable {
         )?;
         match self.kind {
             Arena => {
-                let seeds = self.seeds.unwrap_or_else(|| vec![1]);
-                let distinct = seeds.iter().collect::<BTreeSet<_>>().len() == seeds.len();
-                if seeds.is_empty() || !distinct {
-                    return invalid("source.seeds: at least one, each once".into());
-                }
+                let seeds = self.seeds.as_ref().map_or(&[1][..], SeedList::seeds);
                 Ok(ScenarioSource::Arena {
                     config: Box::new(arena.unwrap_or_default()),
-                    seeds,
+                    seeds: seeds.to_vec(),
                 })
             }
             Dataset => match self.scenes {
@@ -475,10 +489,11 @@ fn line(text: &str, at: usize) -> usize {
 
 /// The parser's message, which has several lines, in one, with line and column.
 /// The keys without a default: of the file, of its tables, and of each in its lists of tables.
-const REQUIRED: [(&str, &[&str]); 4] = [
+const REQUIRED: [(&str, &[&str]); 5] = [
     ("", &["name", "source"]),
     ("source", &["kind"]),
     ("checkpoint", &["number", "name"]),
+    ("filter", &["detects"]),
     ("gate", &["algorithm", "metric"]),
 ];
 

@@ -131,9 +131,18 @@ pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> V
     let pairs = truth.iter().zip(reported.iter());
     pairs
         .map(|((_, truth), (_, reported))| {
-            judge_cell(truth.depth.as_ref(), reported.depth.as_ref(), rule)
+            let truth = truth.depth.as_ref();
+            judge_cell(truth, claimed(reported, truth), rule)
         })
         .collect()
+}
+
+/// The report of a cell. One that is too close claims no more than to be nearer than the range of
+/// disparities: where the truth is, the report is the truth.
+fn claimed<'a>(reported: &'a Cell, truth: Option<&'a CellDepth>) -> Option<&'a CellDepth> {
+    let report = reported.depth.as_ref()?;
+    let nearer = truth.filter(|truth| reported.too_close && truth.median_px > report.median_px);
+    Some(nearer.unwrap_or(report))
 }
 
 /// Whether a report is right by the rule; an unknown cell is not. Nothing where the rule finds no

@@ -2,7 +2,7 @@
 
 use super::{
     CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, Correlations,
-    DisparityScore, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueQuarters, agreed_cells,
+    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueQuarters, agreed_cells,
     judge_cells, true_grid, unrivalled_cells,
 };
 use crate::depth::GridSettings;
@@ -120,6 +120,9 @@ impl Judge {
         let surfaces = true_cells.map(|(truth, quarters)| {
             SurfaceTally::new(frame, truth, quarters, &estimate.grid, rule)
         });
+        let filtered = true_cells.zip(cells.as_deref()).map(|((truth, _), cells)| {
+            FilterTally::new(frame, truth, &estimate, cells, rule)
+        });
         let truth = frame.truth.as_ref();
         // Collected once: every metric reads the same scores.
         let facts = FrameFacts {
@@ -129,6 +132,7 @@ impl Judge {
             pixels: truth.map(|truth| DisparityScore::new(map, truth)),
             cells: cells.as_deref().map(CellTally::from_judgements),
             surfaces,
+            filtered: filtered.unwrap_or_default(),
             support,
         };
         JudgedEstimate {
@@ -209,6 +213,8 @@ mod tests {
             grid: depth::grid(disparity.disparity(), GridSettings::default(), None),
             disparity,
             own_grid: false,
+            unfiltered: None,
+            range_px: None,
             times: StageTimes::default(),
         }
     }

@@ -4,7 +4,7 @@
 //! take their columns, headings and words from [`METRICS`]. A new metric is computed where it
 //! belongs (pixels: `disparity.rs`, cells: `cells.rs`) and gets an entry here.
 
-use super::{CellTally, DisparityScore, SurfaceTally};
+use super::{CellTally, DisparityScore, FilterTally, SurfaceTally};
 use crate::stereo::{CellRule, Estimate, Frame};
 use serde::{Serialize, Serializer};
 
@@ -20,6 +20,8 @@ pub struct FrameFacts<'a> {
     pub cells: Option<CellTally>,
     /// The cells against the nearest quarters of the truth; absent without truth.
     pub surfaces: Option<SurfaceTally>,
+    /// What filters are for.
+    pub filtered: FilterTally,
     /// What needs no truth, of frames that have none.
     pub support: CellSupport,
 }
@@ -51,6 +53,10 @@ impl FrameFacts<'_> {
     /// As `surfaces`, where distances are known.
     fn near_obstacles(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
         self.surfaces(count).filter(|_| self.has_distances())
+    }
+
+    fn filtered(&self, count: fn(&FilterTally) -> Option<usize>) -> Option<f64> {
+        count(&self.filtered).map(|count| count as f64)
     }
 
     fn has_distances(&self) -> bool {
@@ -351,6 +357,126 @@ pub const METRICS: &[Metric] = &[
         },
         plot: None,
         note: None,
+    },
+    Metric {
+        name: "floor",
+        words: "floor obstacles",
+        group: "filters",
+        head: "floor",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "floor_obstacles",
+            of: |facts| facts.filtered(|cells| cells.floor),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells reported nearer than {obstacle_m} m in which nothing but floor is nearer \
+                 than {clear_m} m"
+            );
+            ("floor", words)
+        }),
+    },
+    Metric {
+        name: "kept",
+        words: "obstacles kept behind filters",
+        group: "filters",
+        head: "kept",
+        unit: MetricUnit::Count,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "kept_obstacles",
+            of: |facts| facts.filtered(|cells| cells.kept),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "lost",
+        words: "obstacles lost to filters",
+        group: "filters",
+        head: "lost, %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "lost_obstacles",
+            of: |facts| facts.filtered(|cells| cells.lost),
+            total: MetricTotal::ShareOf(&["kept", "lost"]),
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
+                 right behind them too (kept), or not (lost)"
+            );
+            ("kept, lost", words)
+        }),
+    },
+    Metric {
+        name: "close",
+        words: "cells known to be nearer than the range",
+        group: "filters",
+        head: "close, %",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "close_cells",
+            of: |facts| facts.filtered(|cells| cells.close),
+            total: MetricTotal::ShareOf(&["close", "blind"]),
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "cells truly nearer than the range of disparities: reported as too close, \
+                         or right (close), or not (blind)";
+            ("close, blind", words.into())
+        }),
+    },
+    Metric {
+        name: "blind",
+        words: "cells nearer than the range that are not known to be",
+        group: "filters",
+        head: "blind",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "blind_cells",
+            of: |facts| facts.filtered(|cells| cells.blind),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "alarms",
+        words: "frames with a false alarm of too close",
+        group: "filters",
+        head: "alarms, %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "false_alarms",
+            of: |facts| facts.filtered.alarm.map(|is| f64::from(u8::from(is))),
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "pairs with a cell that is too close in which nothing is nearer than {obstacle_m} m"
+            );
+            ("alarms", words)
+        }),
     },
     Metric {
         name: "coverage",

@@ -4,6 +4,7 @@
 mod cells;
 mod checkpoint;
 mod disparity;
+mod filtered;
 mod judge;
 mod metrics;
 mod photometric;
@@ -17,6 +18,7 @@ pub use checkpoint::{
     ExpectedCell, RunPart,
 };
 pub use disparity::DisparityScore;
+pub use filtered::FilterTally;
 pub use judge::{Judge, Judged, JudgedEstimate};
 pub use metrics::{
     Better, CellSupport, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit,

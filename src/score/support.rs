@@ -55,6 +55,7 @@ pub fn agreed_cells(own: &DepthGrid, others: &[&DepthGrid], rule: CellRule) -> u
         Cell {
             probability: None,
             evidence: None,
+            too_close: false,
             valid_share: 1.0,
             // The smaller disparity, hence the farther, of two in the middle.
             depth: (depths.len() >= 2).then(|| depths[(depths.len() - 1) / 2]),
@@ -93,6 +94,8 @@ mod tests {
             grid: depth::grid(disparity.disparity(), SHAPE.into(), None),
             disparity,
             own_grid: false,
+            unfiltered: None,
+            range_px: None,
             times: StageTimes::default(),
         }
     }

@@ -106,8 +106,11 @@ impl SurfaceTally {
                 continue;
             }
             let median_px = f64::from(median.median_px);
-            let agrees =
-                |true_px: f64, surface| agrees(report, true_px, rule, frame.rig(), surface);
+            let agrees = |true_px: f64, surface| {
+                // What is too close is anywhere nearer than its report.
+                cell.too_close && true_px >= f64::from(report.median_px)
+                    || agrees(report, true_px, rule, frame.rig(), surface)
+            };
             let named = || {
                 let (columns, rows) = shape.pixels(place, truth.disparity.size());
                 let pixels = || finite(&truth.disparity, &columns, rows.clone());

@@ -85,6 +85,7 @@ impl ReferenceSource {
         frame.truth = agreed.map(|disparity| Truth {
             disparity: textured(frame.pair.left(), disparity),
             visibility: None,
+            surface: None,
             kind: TruthKind {
                 density: TruthDensity::Dense,
                 origin: TruthOrigin::Reference(self.label.clone()),

@@ -98,9 +98,12 @@ impl Resized {
                 }
             }
         }
+        let surface = truth.surface.as_ref();
+        let surface = surface.map(|shown| cropped(shown, window)).transpose()?;
         Ok(Truth {
             disparity,
             visibility,
+            surface: surface.map(|shown| places.map(|(x, y)| shown.get(x, y))),
             kind: truth.kind.clone(),
         })
     }

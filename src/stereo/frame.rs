@@ -92,6 +92,8 @@ pub struct Truth {
     pub disparity: Plane<f32>,
     /// Whether the right camera sees the pixel's point; absent where unknown.
     pub visibility: Option<Plane<Visibility>>,
+    /// What the pixel shows; only simulations know it.
+    pub surface: Option<Plane<Surface>>,
     pub kind: TruthKind,
 }
 
@@ -114,6 +116,7 @@ impl Truth {
         Self {
             disparity,
             visibility,
+            surface: None,
             kind: TruthKind::default(),
         }
     }
@@ -208,6 +211,30 @@ impl Visibility {
     }
 }
 
+/// What a left pixel shows, with its grey values in `/truth/surface`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Surface {
+    Unknown = 0,
+    /// What the robot crawls on.
+    Floor = 64,
+    /// What stands behind the arena's walls.
+    Room = 128,
+    /// The arena's walls.
+    Wall = 192,
+    /// Blocks and balls.
+    Object = 255,
+}
+
+impl Surface {
+    /// From a grey value; one that is none of theirs is unknown.
+    pub fn from_code(code: u8) -> Self {
+        let all = [Self::Floor, Self::Room, Self::Wall, Self::Object];
+        let of_code = all.into_iter().find(|surface| *surface as u8 == code);
+        of_code.unwrap_or(Self::Unknown)
+    }
+}
+
 /// One algorithm's answer to one frame.
 #[derive(Clone, Debug)]
 pub struct Estimate {
@@ -217,6 +244,10 @@ pub struct Estimate {
     pub grid: DepthGrid,
     /// Whether the algorithm made the grid, not [`crate::depth::grid`].
     pub own_grid: bool,
+    /// The grid before filters, where the algorithm is behind some.
+    pub unfiltered: Option<DepthGrid>,
+    /// The greatest disparity that was tried, where that is known, pixels.
+    pub range_px: Option<f64>,
     pub times: StageTimes,
 }
 

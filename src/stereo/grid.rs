@@ -52,6 +52,9 @@ pub struct Cell {
     pub valid_share: f64,
     /// Nothing where `valid_share` was too small.
     pub depth: Option<CellDepth>,
+    /// Whether a filter says that it shows something nearer than the range of disparities; its
+    /// depth is then where the range ends.
+    pub too_close: bool,
     /// How probably it is right, 0..=1, where the algorithm says so.
     pub probability: Option<f64>,
     /// What the probability rests on, where svl's own decision made it.
@@ -77,6 +80,7 @@ impl CellEvidence {
 impl Cell {
     pub fn state(&self) -> CellState {
         match self.depth {
+            Some(_) if self.too_close => CellState::TooClose,
             Some(_) => CellState::Known,
             None => CellState::Unknown,
         }
@@ -89,18 +93,23 @@ impl Cell {
 pub enum CellState {
     Known,
     Unknown,
+    /// Something is nearer than the range of disparities.
+    TooClose,
 }
 
 impl CellState {
+    const ALL: [Self; 3] = [Self::Known, Self::Unknown, Self::TooClose];
+
     pub fn name(self) -> &'static str {
         match self {
             Self::Known => "known",
             Self::Unknown => "unknown",
+            Self::TooClose => "too_close",
         }
     }
 
     pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Known, Self::Unknown]
+        Self::ALL
             .into_iter()
             .find(|state| state.name() == name)
     }
@@ -158,6 +167,11 @@ impl DepthGrid {
             px.iter().for_each(|px| hasher.update(&px.to_le_bytes()));
         }
         hasher.digest128()
+    }
+
+    /// The cells in raster order, to be changed.
+    pub fn cells_mut(&mut self) -> impl Iterator<Item = &mut Cell> {
+        self.cells.iter_mut()
     }
 
     /// The cells in raster order.

@@ -19,11 +19,13 @@ pub enum Reason {
     SelfCheck = 5,
     /// No window of the right image has it as its best match.
     Unmatched = 6,
+    /// A filter says that the cell shows the floor ([`crate::filter`]).
+    Floor = 7,
 }
 
 impl Reason {
     /// All reasons, in order of their codes.
-    pub const ALL: [Reason; 7] = [
+    pub const ALL: [Reason; 8] = [
         Reason::Valid,
         Reason::Border,
         Reason::Untextured,
@@ -31,6 +33,7 @@ impl Reason {
         Reason::Inconsistent,
         Reason::SelfCheck,
         Reason::Unmatched,
+        Reason::Floor,
     ];
 
     /// The word for it in tables and legends.
@@ -43,6 +46,7 @@ impl Reason {
             Reason::Inconsistent => "inconsistent",
             Reason::SelfCheck => "self-check",
             Reason::Unmatched => "unmatched",
+            Reason::Floor => "floor",
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Training: the table by which the cells of v5, and of any algorithm whose cells are decided as
-//! v5's are, become known ([`crate::depth::decision`]).
+//! v5's are, become known ([`crate::depth::decision`]); the networks of the filters
+//! ([`crate::filter`]).
 
+pub mod filter;
 mod fit;
 mod report;
 mod samples;

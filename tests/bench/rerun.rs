@@ -96,6 +96,8 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
         disparity,
         grid,
         own_grid: false,
+            unfiltered: None,
+            range_px: None,
         times,
     }
 }

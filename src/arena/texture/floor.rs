@@ -1,18 +1,52 @@
-//! The arena's floor: grey linoleum, speckled, with scuffs; much weaker than the walls.
+//! The arena's floor: what it is covered with, and the light that reaches it.
 
+use super::pattern::Pattern;
 use super::{Texture, fabric};
+use crate::arena::config::{FloorPattern, WorldConfig};
 use crate::arena::noise::{Dice, NoiseStream};
+use rayon::prelude::*;
 
-/// 2 m x 4 m with [`TEXEL_M`]; a larger arena's floor repeats.
+/// Linoleum: 2 m x 4 m with [`TEXEL_M`]; a larger arena's floor repeats.
 const WIDTH: usize = 1024;
 const HEIGHT: usize = 2048;
 const TEXEL_M: f32 = 0.002;
 
-/// `contrast` is the standard deviation of the speckles' albedo; `light` the share of light that
-/// reaches a point.
-pub(crate) fn floor(seed: u64, contrast: f32, light: impl Fn(f32, f32) -> f32) -> Texture {
+/// The patterned floors have twice as many texels: what they show is finer.
+const FINER: usize = 2;
+
+/// The floor of the run with that seed; `light` is the share of light that reaches a point.
+pub(crate) fn floor(
+    seed: u64,
+    world: &WorldConfig,
+    light: impl Fn(f32, f32) -> f32 + Sync,
+) -> Texture {
     let mut dice = Dice::new(seed, NoiseStream::Floor);
-    let stains = fabric::clouds(WIDTH, HEIGHT, 8, &mut dice);
+    let patterns = &world.floor_patterns;
+    match patterns[(seed % patterns.len() as u64) as usize] {
+        FloorPattern::Linoleum => linoleum(world.floor_contrast as f32, light, &mut dice),
+        kind => patterned(&Pattern::new(kind, &mut dice), light),
+    }
+}
+
+fn patterned(pattern: &Pattern, light: impl Fn(f32, f32) -> f32) -> Texture {
+    let (width, height) = (FINER * WIDTH, FINER * HEIGHT);
+    let texel_m = TEXEL_M / FINER as f32;
+    let shade = Shade::new((width, height), texel_m, light);
+    let albedo: Vec<f32> = (0..width * height)
+        .into_par_iter()
+        .map(|i| {
+            let (x, y) = (i % width, i / width);
+            let tone = pattern.albedo(x as f32 * texel_m, y as f32 * texel_m);
+            (tone * shade.at(x, y)).clamp(0.02, 0.95)
+        })
+        .collect();
+    Texture::new(width, &albedo, texel_m)
+}
+
+/// The thesis's: grey, speckled, with scuffs, much weaker than the walls. `contrast` is the standard
+/// deviation of the speckles' albedo.
+fn linoleum(contrast: f32, light: impl Fn(f32, f32) -> f32, dice: &mut Dice) -> Texture {
+    let stains = fabric::clouds(WIDTH, HEIGHT, 8, dice);
     let mut speckles: Vec<f32> = (0..WIDTH * HEIGHT)
         .map(|_| dice.between(-1.7, 1.7))
         .collect();
@@ -31,7 +65,7 @@ pub(crate) fn floor(seed: u64, contrast: f32, light: impl Fn(f32, f32) -> f32) -
             }
         }
     }
-    let shade = Shade::new(light);
+    let shade = Shade::new((WIDTH, HEIGHT), TEXEL_M, light);
     let albedo: Vec<f32> = (stains.iter().zip(&speckles).enumerate())
         .map(|(i, (stain, speckle))| {
             let tone = 0.42 + contrast * (0.7 * stain + speckle);
@@ -50,10 +84,14 @@ struct Shade {
 impl Shade {
     const STEP: usize = 8;
 
-    fn new(light: impl Fn(f32, f32) -> f32) -> Self {
-        let columns = WIDTH / Self::STEP + 2;
-        let rows = HEIGHT / Self::STEP + 2;
-        let step_m = Self::STEP as f32 * TEXEL_M;
+    fn new(
+        (width, height): (usize, usize),
+        texel_m: f32,
+        light: impl Fn(f32, f32) -> f32,
+    ) -> Self {
+        let columns = width / Self::STEP + 2;
+        let rows = height / Self::STEP + 2;
+        let step_m = Self::STEP as f32 * texel_m;
         let at = |i: usize| light((i % columns) as f32 * step_m, (i / columns) as f32 * step_m);
         Self {
             columns,

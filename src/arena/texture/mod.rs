@@ -3,6 +3,7 @@
 mod fabric;
 mod floor;
 mod forest;
+mod pattern;
 mod room;
 
 pub(super) use floor::floor;

@@ -1,5 +1,6 @@
 //! `svl bench`: how fast the algorithms are, side by side.
 
+use crate::cli::shared::filters::{FilterArgs, with_filters};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::{progress, usage};
 use anyhow::{Context, bail};
@@ -28,6 +29,8 @@ pub(crate) struct Args {
     /// own]
     #[arg(long, value_name = "NAME[:key=value,…]")]
     algo: Vec<Algorithm>,
+    #[command(flatten)]
+    filters: FilterArgs,
     /// Size of the images
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
     size: (usize, usize),
@@ -91,6 +94,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .iter()
         .map(|a| with_range(a, args.max_disparity))
         .collect::<svl::Result<Vec<_>>>()?;
+    let algorithms = with_filters(algorithms, &args.filters.models()?);
     let pair = pair(args.size)?;
     let figures = measure(&algorithms, &pair)?;
     if args.json {

@@ -1,6 +1,7 @@
 //! What subcommands share: sources, outputs, Rerun, progress, live tables, memory, frame stepping,
 //! wrong usage.
 
+pub(crate) mod filters;
 pub(crate) mod live;
 pub(crate) mod memory;
 pub(crate) mod outputs;
@@ -13,3 +14,4 @@ pub(crate) mod source;
 pub(crate) mod stepper;
 pub(crate) mod terminal;
 pub(crate) mod usage;
+pub(crate) mod windows;

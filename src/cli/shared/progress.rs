@@ -111,6 +111,37 @@ impl Monitor for Progress {
     }
 }
 
+/// A bar that counts the epochs of networks, with their errors.
+pub(crate) struct EpochBar(ProgressBar);
+
+impl EpochBar {
+    /// `networks` of at most so many `epochs`.
+    pub(crate) fn new(what: &str, networks: usize, epochs: usize, quiet: bool) -> Self {
+        listen_for_interrupt();
+        let bar = match quiet {
+            true => ProgressBar::hidden(),
+            false => ProgressBar::new((networks * epochs) as u64),
+        };
+        let form = "{prefix:<16!} {bar:12} {pos:>4}/{len} epochs {eta:>3} left  {msg}";
+        // The template above is a constant; the tests run it.
+        bar.set_style(ProgressStyle::with_template(form).expect("a valid template"));
+        bar.set_prefix(what.to_owned());
+        Self(bar)
+    }
+
+    /// An epoch more of a network is done, with that validation error; whether to go on.
+    pub(crate) fn step(&self, done: usize, hidden: usize, error: f64) -> bool {
+        self.0.set_position(done as u64);
+        self.0.set_message(format!("{hidden} neurons: {error:.4}"));
+        !interrupted()
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn clear(self) {
+        self.0.finish_and_clear();
+    }
+}
+
 /// A bar that counts bytes, with their rate.
 pub(crate) struct Bytes(ProgressBar);
 

@@ -7,13 +7,13 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::PathBuf;
 use svl::manifest::RunRecord;
-use svl::scenario::{PairRange, Scenario, ScenarioSource};
+use svl::scenario::{PairRange, Scenario, ScenarioSource, SeedList};
 use svl::score::Judge;
 use svl::source::dataset::{Scene, SceneSource};
 use svl::source::{Limited, RecordingSource, RunSource, run_request};
 
 /// What of a scenario's source the command line changes.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(crate) struct ScenarioSourceArgs {
     /// Folder of the data sets, for scenarios that read scenes [default: what SVL_DATASETS names]
     #[arg(long, value_name = "DIR")]
@@ -26,8 +26,8 @@ pub(crate) struct ScenarioSourceArgs {
     )]
     scenes: Vec<String>,
     /// These seeds in place of the arena's, as 4..10 or 4,7,9
-    #[arg(long, value_name = "SEEDS", value_parser = seeds)]
-    seeds: Option<Seeds>,
+    #[arg(long, value_name = "SEEDS", value_parser = clap::value_parser!(SeedList))]
+    seeds: Option<SeedList>,
     #[command(flatten)]
     topics: TopicArgs,
     #[command(flatten)]
@@ -58,14 +58,13 @@ impl ScenarioSourceArgs {
                 bail!("{named}: does not read scenes; --scenes is for scenarios that do");
             }
         }
-        if let Some(Seeds(numbers)) = &self.seeds {
-            let names: Vec<_> = numbers.iter().map(u64::to_string).collect();
+        if let Some(list) = &self.seeds {
             let changed = scenarios.iter_mut().filter_map(|scenario| {
                 let ScenarioSource::Arena { seeds, .. } = &mut scenario.source else {
                     return None;
                 };
-                seeds.clone_from(numbers);
-                note(scenario, "seeds", &names.join(", "));
+                *seeds = list.seeds().to_vec();
+                note(scenario, "seeds", &list.to_string());
                 Some(())
             });
             if changed.count() == 0 {
@@ -88,36 +87,6 @@ fn note(scenario: &mut Scenario, what: &str, names: &str) {
     let words = format!("\n\nOf other {what} than the scenario's: {names}.");
     scenario.description.push_str(&words);
     scenario.text.push_str(&format!("\n# --{what} {names}\n"));
-}
-
-/// Seeds of the arena.
-#[derive(Clone, Debug, PartialEq)]
-struct Seeds(Vec<u64>);
-
-/// Most seeds of one command.
-const MAX_SEEDS: usize = 1000;
-
-fn seeds(text: &str) -> Result<Seeds, String> {
-    let expected = || format!("expected numbers as 4..10 or 4,7,9, at most {MAX_SEEDS}");
-    let number = |text: &str| text.trim().parse::<u64>().map_err(|_| expected());
-    let mut seeds = Vec::new();
-    for part in text.split(',') {
-        let (first, last) = match part.split_once("..") {
-            Some((first, last)) => (number(first)?, number(last)?),
-            None => (number(part)?, number(part)?),
-        };
-        if first > last || last - first >= MAX_SEEDS as u64 {
-            return Err(expected());
-        }
-        seeds.extend(first..=last);
-    }
-    let mut sorted = seeds.clone();
-    sorted.sort_unstable();
-    sorted.dedup();
-    match sorted.len() == seeds.len() && seeds.len() <= MAX_SEEDS {
-        true => Ok(Seeds(seeds)),
-        false => Err(expected() + ", each once"),
-    }
 }
 
 /// A run with its judge.

@@ -95,7 +95,7 @@ impl TopicArgs {
 }
 
 /// Which pairs of a source are taken.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(crate) struct RangeArgs {
     /// Take every n-th pair, the first among them
     #[arg(
@@ -129,7 +129,7 @@ impl RangeArgs {
 }
 
 /// Whether and how pairs are rectified.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(crate) struct RectifyArgs {
     /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
     /// or a recording that keeps it; or by an estimate from the images alone, which gives no
@@ -169,7 +169,7 @@ impl RectifyArgs {
 }
 
 /// What pairs are judged against in place of a truth.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(crate) struct ReferenceArgs {
     /// Judge against this algorithm where it is sure (textured, left and right consistent), not
     /// against a truth; given twice, where both agree

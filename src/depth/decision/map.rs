@@ -85,6 +85,7 @@ pub fn safe_grid(
                 depth: None,
                 probability: None,
                 evidence: None,
+                too_close: false,
             };
         }
         pixels.clear();

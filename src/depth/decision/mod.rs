@@ -180,6 +180,7 @@ impl Decision {
             }),
             probability: Some(1.0 / (1.0 + (-score as f64 / 1000.0).exp())),
             evidence: Some(*evidence),
+            too_close: false,
         }
     }
 

@@ -211,6 +211,7 @@ fn own_grid(
         }),
         probability: own.and_then(|own| own.probability),
         evidence: None,
+        too_close: false,
     };
     let cells = cells.iter().zip(seen.iter()).map(cell).collect();
     DepthGrid::new(context.grid.shape(), cells)

@@ -213,6 +213,7 @@ impl V5 {
             depth: None,
             probability: None,
             evidence: None,
+            too_close: false,
         };
         cells.clear();
         cells.resize(shape.cells(), unknown);

@@ -82,6 +82,8 @@ mod tests {
             grid: depth::grid(disparity.disparity(), SHAPE.into(), None),
             disparity,
             own_grid: false,
+            unfiltered: None,
+            range_px: None,
             times: StageTimes::default(),
         }
     }

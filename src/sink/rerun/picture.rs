@@ -45,6 +45,7 @@ fn color(reason: Reason) -> Rgba32 {
         Reason::Inconsistent => Rgba32::from_rgb(208, 62, 140),
         Reason::SelfCheck => Rgba32::from_rgb(44, 160, 110),
         Reason::Unmatched => Rgba32::from_rgb(150, 100, 60),
+        Reason::Floor => Rgba32::from_rgb(120, 160, 60),
     }
 }
 

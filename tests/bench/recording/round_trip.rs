@@ -241,6 +241,8 @@ fn results_stand_beside_the_pairs() {
         disparity: disparity.clone(),
         grid: grid.clone(),
         own_grid: false,
+            unfiltered: None,
+            range_px: None,
         times: Default::default(),
     };
     let estimates = [estimate("v3"), estimate("exec:command=/bin/elas")];

@@ -2,6 +2,7 @@
 
 mod verify;
 
+use crate::cli::shared::filters::{FilterArgs, with_filters};
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::progress::Progress;
 use crate::cli::shared::recordings::{self, RECORDINGS};
@@ -50,6 +51,8 @@ pub(crate) struct Args {
     /// --verify those of the earlier run]
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
+    #[command(flatten)]
+    filters: FilterArgs,
     #[command(flatten)]
     topics: TopicArgs,
     #[command(flatten)]
@@ -148,11 +151,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             Earlier::read(path, &name, opened.recording.as_ref(), seed)
         })
         .transpose()?;
+    let filters = args.filters.models()?;
     let algorithms = match (&args.algo[..], &before) {
         ([], Some(before)) => before.algorithms()?,
         ([], None) => vec!["v5".parse()?],
         (named, _) => named.to_vec(),
     };
+    let algorithms = with_filters(algorithms, &filters);
     let mut matchers = Matchers::new(&algorithms)?;
     args.reference.check(&algorithms);
     opened.source = args.reference.wrap(opened.source)?;

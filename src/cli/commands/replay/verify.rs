@@ -4,6 +4,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use svl::filter::without_filters;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{AlgorithmCells, MANIFEST, Recording};
@@ -147,7 +148,10 @@ impl Earlier {
             }
             Ok(algorithm)
         };
-        self.labels.iter().map(parse).collect()
+        // Those behind filters come again with --filter.
+        let mut labels: Vec<_> = self.labels.iter().map(|l| without_filters(l).to_owned()).collect();
+        labels.dedup();
+        labels.iter().map(parse).collect()
     }
 
     /// Compares rows and cells of a replay of `algorithms`.

@@ -4,6 +4,7 @@ mod report;
 mod scenario;
 mod sweep;
 
+use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::rerun::RerunChoice;
@@ -72,6 +73,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    filters: FilterArgs,
+    #[command(flatten)]
     source: ScenarioSourceArgs,
     /// Match each pair N times, in turns; its time is the median, and all results must be equal
     #[arg(
@@ -110,7 +113,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let scenario = scenario::scenario(args)?;
+    let scenario = scenario::scenario(args, quiet)?;
     let named = &args.what[0];
     if scenario.algorithms.len() > MAX_ALGORITHMS {
         let many = scenario.algorithms.len();

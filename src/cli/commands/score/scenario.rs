@@ -1,13 +1,13 @@
 //! The scenario that `svl score` scores.
 
 use super::Args;
-use crate::cli::shared::usage;
+use crate::cli::shared::{filters, usage};
 use std::path::Path;
 use svl::matcher::Algorithm;
 use svl::scenario::Scenario;
 
 /// The scenario that is named, or that of the recordings that are.
-pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
+pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
     let is_scenario = |what: &str| Path::new(what).extension().is_some_and(|e| e == "toml");
     let mut scenario = match &args.what[..] {
         [name] if name == "arena" => Scenario::arena()?,
@@ -36,5 +36,12 @@ pub(super) fn scenario(args: &Args) -> anyhow::Result<Scenario> {
     let named = &args.what[0];
     args.source
         .change(std::slice::from_mut(&mut scenario), named)?;
+    if !args.check {
+        let mut filters = args.filters.models()?;
+        if filters.is_empty() {
+            filters = filters::of_scenario(&scenario, quiet)?;
+        }
+        scenario.algorithms = filters::with_filters(scenario.algorithms, &filters);
+    }
     Ok(scenario)
 }

@@ -1,13 +1,14 @@
 //! `svl train`: makes the tables and models that algorithms decide by.
 
 mod cells;
+mod filter;
 
 use clap::Subcommand;
 
 /// Train what algorithms decide by, from runs with a truth
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml"
+    after_help = "Examples:\n  svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml\n  svl train filter scenarios/floor.toml --seeds 101..120 --filter floor \\\n    -o floor.safetensors"
 )]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -17,10 +18,12 @@ pub(crate) struct Args {
 #[derive(Subcommand)]
 enum Train {
     Cells(cells::Args),
+    Filter(filter::Args),
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.what {
         Train::Cells(args) => cells::run(args, quiet),
+        Train::Filter(args) => filter::run(args, quiet),
     }
 }

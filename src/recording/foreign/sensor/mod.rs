@@ -127,6 +127,7 @@ impl TruthTopic {
         frame.truth = Some(Truth {
             disparity: disparity.map_err(|reason| self.wrong(&reason))?,
             visibility: None,
+            surface: None,
             kind: TruthKind {
                 density,
                 origin: TruthOrigin::Sensor(self.selection.topic.clone()),

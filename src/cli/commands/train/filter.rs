@@ -1,0 +1,186 @@
+//! `svl train filter`: the networks of the filters (thesis, chapter 8).
+
+use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::scenario_runs::ScenarioSourceArgs;
+use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::usage;
+use crate::cli::shared::windows::{LabelledRuns, train, windows};
+use anyhow::bail;
+use std::path::{Path, PathBuf};
+use svl::filter::{Features, FilterKind, Scaling};
+use svl::manifest::Manifest;
+use svl::scenario::Scenario;
+use svl::train::filter::{FrameLabels, TrainSettings};
+
+/// Train a filter: floor, or too close to be matched
+///
+/// Makes the amplitude spectra of labelled windows and trains a network with one hidden layer on
+/// them, by back-propagation. Recordings are split, never frames: each fifth for the test, each
+/// fifth to decide when to stop. Equal data give equal files.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl train filter scenarios/floor.toml --seeds 101..120 --filter floor \\
+    -o floor.safetensors
+  svl label windows run1.mcap --filter floor
+  svl train filter run1.mcap run2.mcap run3.mcap --filter floor \\
+    --hidden 25,50,100..1000/100 -o own-floor.safetensors
+  svl replay run4.mcap --algo v3 --filter own-floor.safetensors
+
+A recording is labelled by the table beside it, which `svl label` writes; the
+runs of a scenario of the arena by their truth.")]
+pub(crate) struct Args {
+    /// Recordings with labels beside them, or scenarios of the arena
+    #[arg(value_name = "LABELLED", required = true)]
+    labelled: Vec<PathBuf>,
+    /// What it is to detect: floor or too-close
+    #[arg(long, value_name = "NAME")]
+    filter: FilterKind,
+    /// Filter to write; a page of the same name, .html, is written beside it
+    #[arg(
+        short, long, value_name = "FILE.safetensors",
+        value_parser = usage::ending(&["safetensors"])
+    )]
+    out: PathBuf,
+    /// Replace the files
+    #[arg(long)]
+    force: bool,
+    /// Hidden neurons, as 55 or 25,50,100..1000/100: of several sizes, each with three seeds, the
+    /// one with the least validation error is kept [default: floor 55, too-close 100]
+    #[arg(long, value_name = "LIST", value_parser = sizes)]
+    hidden: Option<Sizes>,
+    /// Scaling of amplitudes [default: floor amplitude, too-close log]
+    #[arg(long, value_name = "amplitude|log", value_parser = scaling)]
+    scaling: Option<Scaling>,
+    /// Leave the mean grey value out
+    #[arg(long)]
+    no_mean: bool,
+    /// Seed of the initial weights and of the order of the windows
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Largest number of passes over the training set
+    #[arg(
+        long, value_name = "N", default_value_t = TrainSettings::EPOCHS,
+        value_parser = usage::within(1..=10_000_usize)
+    )]
+    epochs: usize,
+    /// Of too-close: the range of disparities, pixels
+    #[arg(
+        long, value_name = "PX", default_value_t = 80.0,
+        value_parser = usage::within(1.0..=10_000.0)
+    )]
+    max_disparity: f64,
+    #[command(flatten)]
+    source: ScenarioSourceArgs,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Seeds of each size, where several are tried.
+const SEEDS: u64 = 3;
+
+/// Most sizes of a sweep, and most neurons.
+const MAX_SIZES: usize = 100;
+const MAX_NEURONS: usize = 5000;
+
+#[derive(Clone, Debug, PartialEq)]
+struct Sizes(Vec<usize>);
+
+fn sizes(text: &str) -> Result<Sizes, String> {
+    let wrong = || {
+        format!(
+            "expected numbers of neurons up to {MAX_NEURONS}, as 55 or 25,50,100..1000/100, at \
+             most {MAX_SIZES}"
+        )
+    };
+    let number = |text: &str| {
+        let number = text.trim().parse().ok();
+        let number = number.filter(|n| (1..=MAX_NEURONS).contains(n));
+        number.ok_or_else(wrong)
+    };
+    let mut sizes = Vec::new();
+    for part in text.split(',') {
+        let Some((first, rest)) = part.split_once("..") else {
+            sizes.push(number(part)?);
+            continue;
+        };
+        let (last, step) = rest.split_once('/').unwrap_or((rest, "1"));
+        sizes.extend((number(first)?..=number(last)?).step_by(number(step)?));
+    }
+    sizes.sort_unstable();
+    sizes.dedup();
+    match (1..=MAX_SIZES).contains(&sizes.len()) {
+        true => Ok(Sizes(sizes)),
+        false => Err(wrong()),
+    }
+}
+
+fn scaling(text: &str) -> Result<Scaling, String> {
+    Scaling::from_name(text).ok_or_else(|| "expected amplitude or log".to_owned())
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let page = args.out.with_extension("html");
+    let mut outputs = Outputs::claim(args.force, [], [args.out.as_path(), &page])?;
+    let spec = args.filter.spec();
+    let features = Features {
+        scaling: args.scaling.unwrap_or(spec.features.scaling),
+        mean: spec.features.mean && !args.no_mean,
+        ..spec.features
+    };
+    let labelled = labelled(args, quiet)?;
+    let (mut samples, names) =
+        windows(args.filter, features, args.max_disparity, labelled, &args.source, quiet)?;
+    let (hidden, seeds) = match &args.hidden {
+        None => (vec![spec.hidden], vec![args.seed]),
+        Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.seed]),
+        Some(Sizes(sizes)) => (sizes.clone(), (args.seed..args.seed + SEEDS).collect()),
+    };
+    let settings = TrainSettings {
+        hidden,
+        seeds,
+        most_epochs: args.epochs,
+        range_px: args.max_disparity,
+    };
+    let (model, training) = train(&mut samples, &settings, quiet)?;
+    let manifest = Manifest::new("train filter", None, &[])?;
+    outputs.set_aside()?;
+    write(&args.out, model.to_bytes())?;
+    let mut identity = manifest.entries();
+    identity.push(("recordings".to_owned(), names.join(", ")));
+    write(&page, training.page(identity)?)?;
+    outputs.commit();
+    if args.json {
+        return print_json(&training);
+    }
+    let (file, page) = (args.out.display(), page.display());
+    print(&format!("{training}\n\n{file}\n{page}"))
+}
+
+/// Recordings with the tables beside them, and scenarios.
+fn labelled(args: &Args, quiet: bool) -> anyhow::Result<Vec<LabelledRuns>> {
+    let is_scenario = |path: &Path| path.extension().is_some_and(|ending| ending == "toml");
+    let (mut scenarios, mut labels) = (Vec::new(), Vec::new());
+    for path in &args.labelled {
+        if is_scenario(path) {
+            scenarios.push(Scenario::read(path)?);
+            labels.push(None);
+            continue;
+        }
+        let table = FrameLabels::path(path, args.filter);
+        if path.exists() && !table.exists() {
+            let (path, filter) = (path.display(), args.filter);
+            bail!("{path}: has no labels; `svl label windows {path} --filter {filter}` makes them");
+        }
+        let files = [path.display().to_string()];
+        scenarios.push(Scenario::of_recordings(&files, Vec::new())?);
+        labels.push(Some((path.clone(), FrameLabels::read(&table, args.filter)?)));
+    }
+    let named = args.labelled[0].display().to_string();
+    args.source.change(&mut scenarios, &named)?;
+    let opened = scenarios.into_iter().zip(labels);
+    opened
+        .map(|(scenario, labels)| LabelledRuns::open(scenario, labels, &args.source, quiet))
+        .collect()
+}

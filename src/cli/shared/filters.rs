@@ -1,0 +1,110 @@
+//! Filters behind the algorithms of a run.
+
+use super::recordings::RECORDINGS;
+use super::scenario_runs::ScenarioSourceArgs;
+use super::usage;
+use super::windows::{LabelledRuns, train, windows};
+use super::outputs::write;
+use anyhow::{Context, bail};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use svl::filter::FilterModel;
+use svl::matcher::Algorithm;
+use svl::scenario::{Scenario, ScenarioFilter, ScenarioSource};
+use svl::source::ArenaSource;
+use svl::train::filter::TrainSettings;
+
+/// The filters that the user names.
+#[derive(clap::Args)]
+pub(crate) struct FilterArgs {
+    /// Run the algorithms behind a filter, too, which `svl train filter` wrote; may be given once
+    /// for floor and once for too-close
+    #[arg(
+        long, value_name = "FILE.safetensors", value_parser = usage::ending(&["safetensors"])
+    )]
+    filter: Vec<PathBuf>,
+}
+
+impl FilterArgs {
+    /// Reads them.
+    pub(crate) fn models(&self) -> anyhow::Result<Vec<Arc<FilterModel>>> {
+        let mut models: Vec<Arc<FilterModel>> = Vec::new();
+        for path in &self.filter {
+            let model = FilterModel::read(path)?;
+            if let Some(other) = models.iter().position(|other| other.kind == model.kind) {
+                let (one, two) = (self.filter[other].display(), path.display());
+                let words = format!("{one} and {two}: both are of {}; name one", model.kind);
+                return Err(usage::wrong(words));
+            }
+            models.push(Arc::new(model));
+        }
+        Ok(models)
+    }
+}
+
+/// The algorithms, each without filters and, where there are some, behind all of them. The truth
+/// has nothing to filter.
+pub(crate) fn with_filters(
+    algorithms: Vec<Algorithm>,
+    filters: &[Arc<FilterModel>],
+) -> Vec<Algorithm> {
+    if filters.is_empty() {
+        return algorithms;
+    }
+    let both = |algorithm: Algorithm| {
+        let is_truth = algorithm.spec().name == "truth";
+        let filtered = (!is_truth).then(|| algorithm.clone().filtered(filters));
+        std::iter::once(algorithm).chain(filtered)
+    };
+    algorithms.into_iter().flat_map(both).collect()
+}
+
+/// The filters of a scenario: read, or trained first where the cache does not hold them.
+pub(crate) fn of_scenario(
+    scenario: &Scenario,
+    quiet: bool,
+) -> anyhow::Result<Vec<Arc<FilterModel>>> {
+    let of = scenario.filters.iter();
+    of.map(|filter| model(filter, scenario, quiet).map(Arc::new)).collect()
+}
+
+fn model(
+    filter: &ScenarioFilter,
+    scenario: &Scenario,
+    quiet: bool,
+) -> anyhow::Result<FilterModel> {
+    let kind = filter.detects;
+    let Some(training) = filter.training(scenario)? else {
+        let path = filter.file.as_deref().unwrap_or(Path::new(""));
+        let model = FilterModel::read(path)?;
+        if model.kind != kind {
+            bail!("{}: detects {}, not {kind}", path.display(), model.kind);
+        }
+        return Ok(model);
+    };
+    let spec = kind.spec();
+    let settings = TrainSettings::default_of(kind);
+    // Of all that the weights depend on.
+    let mut key = format!("{settings:?} {:?}", spec.features);
+    if let ScenarioSource::Arena { config, seeds } = &training.source {
+        key.extend(seeds.iter().map(|seed| ArenaSource::hash(config, *seed)));
+    }
+    let name = format!("{}-{kind}-{:.12}.safetensors", training.name, svl::manifest::hash(&key));
+    let path = Path::new(RECORDINGS).join(name);
+    if path.exists() {
+        return Ok(FilterModel::read(&path)?);
+    }
+    let source = ScenarioSourceArgs::default();
+    let runs = LabelledRuns::open(training, None, &source, quiet)?;
+    let (mut samples, _) =
+        windows(kind, spec.features, settings.range_px, vec![runs], &source, quiet)?;
+    let (model, training) = train(&mut samples, &settings, quiet)?;
+    if training.interrupted {
+        bail!("interrupted while the filter {kind} was trained");
+    }
+    // Under another name until it is whole.
+    let part = path.with_extension("part");
+    write(&part, model.to_bytes())?;
+    std::fs::rename(&part, &path).with_context(|| path.display().to_string())?;
+    Ok(model)
+}

@@ -1,0 +1,127 @@
+//! Filters of the depth grid (thesis, chapter 8): small neural networks that look at the amplitude
+//! spectrum of windows of the left image. [`FILTERS`] is their table.
+//!
+//! *Floor* (section 8.2): the ground is no obstacle. Disparities in cells that show it are dropped
+//! with [`crate::stereo::Reason::Floor`]. *Too close* (section 8.1): what is nearer than the range
+//! of disparities cannot be matched. Cells that show it are
+//! [`crate::stereo::CellState::TooClose`].
+//!
+//! Departures from the thesis: windows lie where the cells are; the outputs are probabilities; the
+//! networks are trained on standardized features, which is part of their weights.
+
+mod math;
+mod model;
+mod network;
+mod set;
+mod spectrum;
+mod window;
+
+pub use math::{logistic, tanh};
+pub use model::{FilterModel, ModelFacts};
+pub use network::Network;
+pub use set::{CellFilter, Filters};
+pub use spectrum::{Features, Scaling, Spectrum};
+pub use window::Windows;
+
+use crate::error::{Error, Result, did_you_mean};
+
+/// What a filter detects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum FilterKind {
+    /// A cell that shows the floor.
+    Floor,
+    /// A cell that shows something nearer than the range of disparities.
+    TooClose,
+}
+
+/// An entry of [`FILTERS`].
+#[derive(Debug)]
+pub struct FilterSpec {
+    pub kind: FilterKind,
+    /// In files, labels and on the command line.
+    pub name: &'static str,
+    pub summary: &'static str,
+    /// What windows are labelled as: what it detects, and all else.
+    pub categories: [&'static str; 2],
+    /// What a network is trained on where the user does not say.
+    pub features: Features,
+    /// How many false rejections a false acceptance is worth, where its threshold is chosen: an
+    /// obstacle that is taken for floor is worse than floor that is taken for an obstacle.
+    pub acceptance_cost: f64,
+    /// Hidden neurons where the user does not say: the thesis's.
+    pub hidden: usize,
+}
+
+/// All filters.
+pub const FILTERS: &[FilterSpec] = &[
+    FilterSpec {
+        kind: FilterKind::Floor,
+        name: "floor",
+        summary: "drops what is seen of the floor, which is no obstacle",
+        categories: ["floor", "other"],
+        features: Features {
+            window: 64,
+            scaling: Scaling::Amplitude,
+            mean: true,
+        },
+        acceptance_cost: 2.0,
+        hidden: 55,
+    },
+    FilterSpec {
+        kind: FilterKind::TooClose,
+        name: "too-close",
+        summary: "marks what is nearer than the range of disparities",
+        categories: ["too-close", "clear"],
+        features: Features {
+            window: 128,
+            scaling: Scaling::Log,
+            mean: true,
+        },
+        acceptance_cost: 1.0,
+        hidden: 100,
+    },
+];
+
+impl FilterKind {
+    /// Its entry in the table.
+    pub fn spec(self) -> &'static FilterSpec {
+        let spec = FILTERS.iter().find(|spec| spec.kind == self);
+        spec.expect("every kind is in the table")
+    }
+
+    pub fn name(self) -> &'static str {
+        self.spec().name
+    }
+}
+
+/// An algorithm's label without the filters behind it: `v3` of `v3+floor`.
+pub fn without_filters(label: &str) -> &str {
+    let is_filter = |name| FILTERS.iter().any(|spec| spec.name == name);
+    match label.rsplit_once('+') {
+        Some((rest, name)) if is_filter(name) => without_filters(rest),
+        _ => label,
+    }
+}
+
+impl std::fmt::Display for FilterKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for FilterKind {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let names = FILTERS.iter().map(|spec| spec.name);
+        let spec = FILTERS.iter().find(|spec| spec.name == text);
+        spec.map(|spec| spec.kind).ok_or_else(|| {
+            let all: Vec<_> = names.clone().collect();
+            Error::Usage(format!(
+                "there is no filter '{text}'{}; filters: {}",
+                did_you_mean(text, names),
+                all.join(", ")
+            ))
+        })
+    }
+}

@@ -1,0 +1,151 @@
+//! The filters of a run: what they see in a left image, and what becomes of disparities and cells.
+
+use super::{FilterKind, FilterModel, Spectrum, Windows};
+use crate::error::{Error, Result};
+use crate::kernel::Isa;
+use crate::stereo::{CellDepth, DepthGrid, DisparityMap, Gray, GridShape, Reason, Rig};
+use std::sync::Arc;
+
+/// A filter with its scratch memory.
+pub struct CellFilter {
+    model: Arc<FilterModel>,
+    isa: Isa,
+    spectrum: Spectrum,
+    /// The windows of images of the last size and grid.
+    windows: Option<((usize, usize), GridShape, Windows)>,
+    inputs: Vec<f32>,
+    hidden: Vec<f32>,
+    scores: Vec<f32>,
+    /// Per cell in raster order.
+    seen: Vec<bool>,
+}
+
+impl CellFilter {
+    pub fn new(model: Arc<FilterModel>, isa: Isa) -> Self {
+        Self {
+            spectrum: Spectrum::new(model.features.window),
+            isa,
+            windows: None,
+            inputs: Vec::new(),
+            hidden: Vec::new(),
+            scores: Vec::new(),
+            seen: Vec::new(),
+            model,
+        }
+    }
+
+    /// In which cells of the left image it sees what it detects, in raster order. Allocates nothing
+    /// after the first image of a size.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for images that are smaller than its window.
+    pub fn look(&mut self, left: &Gray, shape: GridShape) -> Result<&[bool]> {
+        let features = self.model.features;
+        let size = left.size();
+        let windows = match &mut self.windows {
+            Some((of, grid, windows)) if (*of, *grid) == (size, shape) => windows,
+            windows => {
+                let new = Windows::new(self.model.kind, features.window, size, shape)?;
+                &mut windows.insert((size, shape, new)).2
+            }
+        };
+        let (corners, stride) = (windows.corners(), features.stride());
+        self.inputs.resize(corners.len() * stride, 0.0);
+        self.scores.resize(corners.len(), 0.0);
+        for (&at, inputs) in corners.iter().zip(self.inputs.chunks_exact_mut(stride)) {
+            self.spectrum.features(features, left, at, inputs);
+        }
+        let network = &self.model.network;
+        network.scores(self.isa, &self.inputs, &mut self.hidden, &mut self.scores);
+        let scores = &self.scores;
+        let is_seen = |of: &Vec<usize>| of.iter().any(|&window| scores[window] > 0.0);
+        self.seen.clear();
+        self.seen.extend(windows.of_cells().iter().map(is_seen));
+        Ok(&self.seen)
+    }
+
+    /// The log odds of its windows in the last image.
+    pub fn scores(&self) -> &[f32] {
+        &self.scores
+    }
+}
+
+/// The filters of a run, at most one of a kind.
+pub struct Filters {
+    floor: Option<CellFilter>,
+    too_close: Option<CellFilter>,
+}
+
+impl Filters {
+    /// # Errors
+    /// [`Error::Usage`] for two of a kind.
+    pub fn new(models: &[Arc<FilterModel>], isa: Isa) -> Result<Self> {
+        let only = |kind: FilterKind| {
+            let mut of_kind = models.iter().filter(|model| model.kind == kind);
+            let first = of_kind.next();
+            match of_kind.next() {
+                Some(_) => Err(Error::Usage(format!("filter {kind}: named twice"))),
+                None => Ok(first.map(|model| CellFilter::new(Arc::clone(model), isa))),
+            }
+        };
+        Ok(Self {
+            floor: only(FilterKind::Floor)?,
+            too_close: only(FilterKind::TooClose)?,
+        })
+    }
+
+    /// Looks at a left image; what it sees is applied to the estimates of that image.
+    ///
+    /// # Errors
+    /// As [`CellFilter::look`].
+    pub fn look(&mut self, left: &Gray, shape: GridShape) -> Result<()> {
+        let filters = [&mut self.floor, &mut self.too_close];
+        let mut filters = filters.into_iter().flatten();
+        filters.try_for_each(|filter| filter.look(left, shape).map(drop))
+    }
+
+    /// Drops the disparities of the floor.
+    pub fn drop_floor(&self, map: &mut DisparityMap, shape: GridShape) {
+        let Some(floor) = &self.floor else {
+            return;
+        };
+        let size = map.size();
+        for (place, _) in shape.iter().zip(&floor.seen).filter(|(_, seen)| **seen) {
+            let (columns, rows) = shape.pixels(place, size);
+            for mut row in map.rows_mut().skip(rows.start).take(rows.len()) {
+                for x in columns.clone() {
+                    if row.at(x).is_ok() {
+                        row.reject(x, Reason::Floor);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Makes cells of the floor unknown, which an algorithm answered itself, and marks what is too
+    /// close: such a cell has the disparity where the range ends, or what it knew to be nearer.
+    pub fn mark_cells(&self, grid: &mut DepthGrid, rig: Option<&Rig>) {
+        let floor = self.floor.as_ref().map(|floor| &floor.seen);
+        for (cell, _) in grid.cells_mut().zip(floor.into_iter().flatten()).filter(|(_, seen)| **seen) {
+            cell.depth = None;
+        }
+        let Some(too_close) = &self.too_close else {
+            return;
+        };
+        let range_px = too_close.model.range_px.unwrap_or_default() as f32;
+        let depth = CellDepth {
+            median_px: range_px,
+            p20_px: range_px,
+            p80_px: range_px,
+            distance_m: rig.and_then(|rig| rig.depth_m(f64::from(range_px))),
+        };
+        for (cell, _) in grid.cells_mut().zip(&too_close.seen).filter(|(_, seen)| **seen) {
+            if cell.depth.is_none_or(|known| known.median_px < range_px) {
+                cell.depth = Some(depth);
+                cell.too_close = true;
+                // It was of the report that this replaces.
+                cell.probability = None;
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! What filters are for: obstacles that are floor, obstacles that a filter takes away, and what is
+//! nearer than the range of disparities.
+
+use super::{CellJudgement, Verdict, judge_cells};
+use crate::stereo::{CellRule, DepthGrid, Estimate, Frame, Surface};
+
+/// Counts over the cells of a frame with exact truth and a rig.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FilterTally {
+    /// Cells known as an obstacle in which nothing but floor is nearer than what is clear; absent
+    /// where the truth does not know surfaces.
+    pub floor: Option<usize>,
+    /// Cells with an obstacle that are right with and without filters; absent without filters, and
+    /// as `floor`.
+    pub kept: Option<usize>,
+    /// Those that are right without filters alone.
+    pub lost: Option<usize>,
+    /// Cells nearer than the range of disparities that are reported as such, or right; absent where
+    /// the range is not known.
+    pub close: Option<usize>,
+    /// Those that are not.
+    pub blind: Option<usize>,
+    /// Whether a cell is too close in which nothing is an obstacle; absent without filters.
+    pub alarm: Option<bool>,
+}
+
+/// Least share of a cell's pixels that makes something an obstacle in it: as for missed near
+/// obstacles, a quarter.
+const LEAST: f64 = 0.25;
+
+impl FilterTally {
+    /// `cells` are the judgements of the estimate's grid.
+    pub fn new(
+        frame: &Frame,
+        true_grid: &DepthGrid,
+        estimate: &Estimate,
+        cells: &[CellJudgement],
+        rule: CellRule,
+    ) -> Self {
+        let (Some(truth), Some(rig), CellRule::Distance { .. }) =
+            (&frame.truth, frame.rig(), rule)
+        else {
+            return Self::default();
+        };
+        let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+        let px = |distance_m| rig.disparity_px(distance_m) as f32;
+        let (obstacle_px, clear_px) = (px(obstacle_m), px(clear_m));
+        let (shape, size) = (true_grid.shape(), truth.disparity.size());
+        // Share of a cell's pixels that a function of disparity and surface is true for.
+        let share = |place, is: &dyn Fn(f32, Surface) -> bool| {
+            let (columns, rows) = shape.pixels(place, size);
+            let pixels = columns.len() * rows.len();
+            let surfaces = truth.surface.as_ref();
+            let of_row = |y: usize| {
+                let columns = columns.clone();
+                let is = |x: &usize| {
+                    let surface = surfaces.map_or(Surface::Unknown, |s| s.get(*x, y));
+                    is(truth.disparity.get(*x, y), surface)
+                };
+                columns.filter(is).count()
+            };
+            rows.map(of_row).sum::<usize>() as f64 / pixels as f64
+        };
+        let stands = |surface| surface != Surface::Floor;
+        let knows_surfaces = truth.surface.is_some();
+        let count = |is: &dyn Fn(usize, (usize, usize)) -> bool| {
+            shape.iter().enumerate().filter(|(i, place)| is(*i, *place)).count()
+        };
+        let reported: Vec<_> = estimate.grid.iter().map(|(_, cell)| *cell).collect();
+        let is_near = |i: usize| {
+            let depth = reported[i].depth;
+            depth.and_then(|depth| depth.distance_m).is_some_and(|z| z < obstacle_m)
+        };
+        let floor = knows_surfaces.then(|| {
+            count(&|i, place| {
+                is_near(i) && share(place, &|d, of| stands(of) && d > clear_px) == 0.0
+            })
+        });
+        let before = estimate.unfiltered.as_ref();
+        let before = before.map(|grid| judge_cells(true_grid, grid, rule));
+        let right_before = |with_filter: bool| {
+            let before = before.as_ref().filter(|_| knows_surfaces)?;
+            Some(count(&|i, place| {
+                before[i].verdict == Verdict::Right
+                    && (cells[i].verdict == Verdict::Right) == with_filter
+                    && share(place, &|d, of| stands(of) && d > obstacle_px) >= LEAST
+            }))
+        };
+        let true_px = |i: usize| cells[i].true_px.unwrap_or_default();
+        let out_of_range = |said: bool| {
+            let range_px = estimate.range_px?;
+            Some(count(&|i, _| {
+                let is_said = reported[i].too_close || cells[i].verdict == Verdict::Right;
+                true_px(i) > range_px && is_said == said
+            }))
+        };
+        let alarm = before.as_ref().map(|_| {
+            let is_false = |i: usize, place| {
+                reported[i].too_close && share(place, &|d, _| d > obstacle_px) < LEAST
+            };
+            count(&is_false) > 0
+        });
+        Self {
+            floor,
+            kept: right_before(true),
+            lost: right_before(false),
+            close: out_of_range(true),
+            blind: out_of_range(false),
+            alarm,
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Training of the filters (thesis, sections 8.1.1 and 8.2.1): labelled windows, back-propagation,
+//! false acceptance and rejection.
+
+mod errors;
+mod fit;
+mod labels;
+mod report;
+mod samples;
+mod train;
+
+pub use errors::{ErrorRate, RocCurve, WindowErrors};
+pub use fit::{EpochError, FitSettings, FittedNetwork, Standard, fit_network};
+pub use labels::FrameLabels;
+pub use report::{FilterTraining, HiddenTrial};
+pub use samples::{Labels, WindowSample, WindowSamples, true_label};
+pub use train::{EpochProgress, TrainSettings, train_filter};
+
+/// What the samples of a recording are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    Training,
+    /// Decides when to stop, and the threshold.
+    Validation,
+    /// Gives the figures.
+    Test,
+}
+
+impl Part {
+    /// Parts of so many recordings, at least three: each fifth is for the test, each fifth for the
+    /// validation.
+    pub fn deal(recordings: usize) -> Vec<Self> {
+        let part = |i: usize| match i % 5 {
+            0 => Self::Test,
+            1 => Self::Validation,
+            _ => Self::Training,
+        };
+        (0..recordings).map(part).collect()
+    }
+}

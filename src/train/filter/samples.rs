@@ -1,0 +1,165 @@
+//! Labelled windows with their features.
+
+use super::{FrameLabels, Part};
+use crate::error::Result;
+use crate::filter::{Features, FilterKind, Spectrum, Windows};
+use crate::stereo::{Frame, GridShape, Surface, Truth, Visibility};
+
+/// A labelled window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WindowSample {
+    /// The recording or run that it is of: samples of one are never parted.
+    pub group: usize,
+    /// The frame's sequence number.
+    pub sequence: u64,
+    /// Number of the window in its frame.
+    pub window: usize,
+    /// Whether it shows what the filter detects.
+    pub is: bool,
+    /// Its grey values, of samples of the test set.
+    pub pixels: Vec<u8>,
+}
+
+/// Labelled windows with their features, a row each.
+#[derive(Clone, Debug)]
+pub struct WindowSamples {
+    pub kind: FilterKind,
+    pub features: Features,
+    /// Rows of [`Features::stride`] values.
+    pub inputs: Vec<f32>,
+    pub samples: Vec<WindowSample>,
+    /// The part of each group.
+    pub parts: Vec<Part>,
+}
+
+/// Where the labels of windows come from.
+#[derive(Clone, Debug)]
+pub enum Labels<'a> {
+    /// A person's.
+    Given(&'a FrameLabels),
+    /// The frame's truth; of *too close* with the range of disparities, pixels.
+    Truth { range_px: f64 },
+}
+
+/// A window is floor when more than this share of its pixels is, and not when less than the rest.
+const MOST: f64 = 0.9;
+
+impl WindowSamples {
+    pub fn new(kind: FilterKind, features: Features, parts: Vec<Part>) -> Self {
+        Self {
+            kind,
+            features,
+            inputs: Vec::new(),
+            samples: Vec::new(),
+            parts,
+        }
+    }
+
+    /// Of the same filter and parts, without samples.
+    #[must_use]
+    pub fn empty(&self) -> Self {
+        Self::new(self.kind, self.features, self.parts.clone())
+    }
+
+    /// Adds the samples of others of the same filter and parts.
+    pub fn append(&mut self, mut others: Self) {
+        self.inputs.append(&mut others.inputs);
+        self.samples.append(&mut others.samples);
+    }
+
+    /// Adds the windows of a frame of a group that have a label.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for images that are smaller than a window.
+    pub fn add(
+        &mut self,
+        spectrum: &mut Spectrum,
+        frame: &Frame,
+        group: usize,
+        labels: &Labels<'_>,
+    ) -> Result<()> {
+        let (features, left) = (self.features, frame.pair.left());
+        let side = features.window;
+        let windows = Windows::new(self.kind, side, left.size(), GridShape::default())?;
+        for (window, &at) in windows.corners().iter().enumerate() {
+            let is = match labels {
+                Labels::Given(labels) => labels.of(frame.sequence, window),
+                Labels::Truth { range_px } => frame
+                    .truth
+                    .as_ref()
+                    .and_then(|truth| true_label(self.kind, truth, at, side, *range_px)),
+            };
+            let Some(is) = is else {
+                continue;
+            };
+            let first = self.inputs.len();
+            self.inputs.resize(first + features.stride(), 0.0);
+            spectrum.features(features, left, at, &mut self.inputs[first..]);
+            let row = |y: usize| left.row(at[1] + y)[at[0]..at[0] + side].iter().copied();
+            let is_shown = self.parts[group] == Part::Test;
+            self.samples.push(WindowSample {
+                group,
+                sequence: frame.sequence,
+                window,
+                is,
+                pixels: match is_shown {
+                    true => (0..side).flat_map(row).collect(),
+                    false => Vec::new(),
+                },
+            });
+        }
+        Ok(())
+    }
+
+    /// The samples of a part.
+    pub fn of(&self, part: Part) -> impl Iterator<Item = usize> + '_ {
+        let is_of = move |i: &usize| self.parts[self.samples[*i].group] == part;
+        (0..self.samples.len()).filter(is_of)
+    }
+
+    /// Copies the rows of samples into `batch`; the part of it that they fill.
+    pub(super) fn gather<'a>(&self, of: &[usize], batch: &'a mut [f32]) -> &'a [f32] {
+        let stride = self.features.stride();
+        for (to, &i) in batch.chunks_exact_mut(stride).zip(of) {
+            to.copy_from_slice(&self.inputs[i * stride..][..stride]);
+        }
+        &batch[..of.len() * stride]
+    }
+}
+
+/// What a window shows, by the truth; nothing where that does not tell, or it shows both.
+pub fn true_label(
+    kind: FilterKind,
+    truth: &Truth,
+    [x, y]: [usize; 2],
+    side: usize,
+    range_px: f64,
+) -> Option<bool> {
+    let places = (y..y + side).flat_map(|y| (x..x + side).map(move |x| (x, y)));
+    let share = |is: &dyn Fn(usize, usize) -> bool| {
+        let count = places.clone().filter(|&(x, y)| is(x, y)).count();
+        count as f64 / (side * side) as f64
+    };
+    match kind {
+        FilterKind::Floor => {
+            let surface = truth.surface.as_ref()?;
+            let floor = share(&|x, y| surface.get(x, y) == Surface::Floor);
+            match floor {
+                floor if floor > MOST => Some(true),
+                floor if floor < 1.0 - MOST => Some(false),
+                _ => None,
+            }
+        }
+        FilterKind::TooClose => {
+            let one_camera = |x, y| {
+                let seen = truth.visibility.as_ref().map(|seen| seen.get(x, y));
+                seen == Some(Visibility::Occluded)
+            };
+            let too_near = |x, y| {
+                let disparity = truth.disparity.get(x, y);
+                disparity.is_finite() && f64::from(disparity) > range_px
+            };
+            Some(share(&|x, y| too_near(x, y) || one_camera(x, y)) > 0.5)
+        }
+    }
+}
