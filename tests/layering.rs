@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// The rooms in layers: a room uses those of the layers above its own.
-const ORDER: [&[&str]; 10] = [
+const ORDER: [&[&str]; 11] = [
     &[
         "error",
         "timing",
@@ -35,7 +35,8 @@ const ORDER: [&[&str]; 10] = [
     &["grab", "recording", "score", "manifest"],
     &["source", "sink", "report", "scenario"],
     &["run"],
-    &["record", "reproduce", "train"],
+    &["record", "train"],
+    &["reproduce"],
     &["cli"],
 ];
 

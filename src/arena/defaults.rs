@@ -6,7 +6,8 @@
 //! to 0.9 m away.
 
 use super::config::{
-    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
+    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint,
+    WorldConfig,
 };
 
 impl Default for ArenaConfig {

@@ -28,7 +28,8 @@ mod view;
 mod wireframe;
 
 pub use config::{
-    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
+    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint,
+    WorldConfig,
 };
 pub use wireframe::WireObject;
 

@@ -20,7 +20,7 @@ pub(super) struct Slab {
 }
 
 /// A point of a solid's surface, in metres.
-pub(super) struct Surface {
+pub(super) struct SurfacePoint {
     pub(super) normal: Vec3,
     /// Coordinates on the unrolled surface, and their directions in the world.
     pub(super) u_m: f32,
@@ -81,7 +81,7 @@ impl Solid {
     }
 
     /// The surface at `point`, which a ray met at `face`.
-    pub(super) fn surface(&self, point: &Vec3, face: u8) -> Surface {
+    pub(super) fn surface(&self, point: &Vec3, face: u8) -> SurfacePoint {
         match self {
             Self::Block(slab) => slab.surface(point, face),
             Self::Ball { center, radius } => {
@@ -97,7 +97,7 @@ impl Solid {
                     u_axis.dot(&normal) * spread,
                     radius + v_axis.dot(&normal) * spread,
                 );
-                Surface {
+                SurfacePoint {
                     normal,
                     u_m,
                     v_m,
@@ -182,7 +182,7 @@ impl Slab {
         (enter < leave && face != u8::MAX).then_some((enter, face))
     }
 
-    fn surface(&self, point: &Vec3, face: u8) -> Surface {
+    fn surface(&self, point: &Vec3, face: u8) -> SurfacePoint {
         let local = self.to_local(&(point - self.center));
         let sign = if face & 1 == 1 { 1.0 } else { -1.0 };
         let up = local.z + self.half.z;
@@ -213,7 +213,7 @@ impl Slab {
             ),
         };
         let world = |v: Vec3| self.to_world(&v);
-        Surface {
+        SurfacePoint {
             normal: world(normal),
             u_m,
             v_m,

@@ -146,6 +146,7 @@ mod tests {
             valid_share: 0.5,
             probability: None,
             evidence: None,
+            too_close: false,
             depth: (px > 0.0).then_some(CellDepth {
                 median_px: px,
                 p20_px: px,

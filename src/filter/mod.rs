@@ -21,7 +21,7 @@ pub use model::{FilterModel, ModelFacts};
 pub use network::Network;
 pub use set::{CellFilter, Filters};
 pub use spectrum::{Features, Scaling, Spectrum};
-pub use window::Windows;
+pub use window::FilterWindows;
 
 use crate::error::{Error, Result, did_you_mean};
 

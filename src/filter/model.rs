@@ -62,11 +62,15 @@ impl FilterModel {
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
         let said = header.metadata().iter().flatten();
-        let mut facts: ModelFacts = said.map(|(key, text)| (key.clone(), text.clone())).collect();
+        let mut facts: ModelFacts = said
+            .map(|(key, text)| (key.clone(), text.clone()))
+            .collect();
         let mut take = |key: &str| {
             let text = facts.remove(key);
             text.ok_or_else(|| {
-                format!("is no filter of svl: its metadata has no '{key}'; `svl train filter` makes one")
+                format!(
+                    "is no filter of svl: its metadata has no '{key}'; `svl train filter` makes one"
+                )
             })
         };
         let kind = take("filter")?;
@@ -149,7 +153,11 @@ impl FilterModel {
         let (out_weights, out_bias) = network.output();
         let (inputs, hidden) = (network.inputs(), network.hidden());
         let tensors: [(&str, Vec<usize>, Vec<f32>); 4] = [
-            (HIDDEN_WEIGHT, vec![hidden, inputs], network.rows().flatten().copied().collect()),
+            (
+                HIDDEN_WEIGHT,
+                vec![hidden, inputs],
+                network.rows().flatten().copied().collect(),
+            ),
             (HIDDEN_BIAS, vec![hidden], network.bias().to_vec()),
             (OUTPUT_WEIGHT, vec![1, hidden], out_weights.to_vec()),
             (OUTPUT_BIAS, vec![1], vec![out_bias]),
@@ -160,7 +168,8 @@ impl FilterModel {
         for (name, shape, values) in tensors {
             let begin = data.len();
             data.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-            let place = json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, data.len()] });
+            let place =
+                json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, data.len()] });
             header.insert(name.to_owned(), place);
         }
         let mut header = Value::Object(header).to_string().into_bytes();
@@ -178,7 +187,11 @@ impl FilterModel {
             mean,
         } = self.features;
         let range_px = self.range_px.unwrap_or_default();
-        let text = format!("{} {window} {} {mean} {range_px}", self.kind, scaling.name());
+        let text = format!(
+            "{} {window} {} {mean} {range_px}",
+            self.kind,
+            scaling.name()
+        );
         hasher.update(text.as_bytes());
         let (out_weights, out_bias) = self.network.output();
         let rows = self.network.rows().flatten();
@@ -243,7 +256,10 @@ mod tests {
     fn every_truncation_and_foreign_files_are_refused() {
         let bytes = model().to_bytes();
         for length in 0..bytes.len() {
-            assert!(FilterModel::from_bytes(&bytes[..length]).is_err(), "{length}");
+            assert!(
+                FilterModel::from_bytes(&bytes[..length]).is_err(),
+                "{length}"
+            );
         }
         let text = String::from_utf8_lossy(&bytes).into_owned();
         let changed = |from: &str, to: &str| {
@@ -254,9 +270,17 @@ mod tests {
             FilterModel::from_bytes(&bytes).unwrap_err()
         };
         for (from, to, reason) in [
-            ("\"filter\"", "\"folter\"", "no filter of svl: its metadata has no 'filter'"),
+            (
+                "\"filter\"",
+                "\"folter\"",
+                "no filter of svl: its metadata has no 'filter'",
+            ),
             ("too-close", "tooclosed", "there is no filter 'tooclosed'"),
-            ("\"window\":\"8\"", "\"window\":\"6\"", "windows of 6 have 19 features"),
+            (
+                "\"window\":\"8\"",
+                "\"window\":\"6\"",
+                "windows of 6 have 19 features",
+            ),
             ("\"window\":\"8\"", "\"window\":\"7\"", "no even number"),
             ("\"80\"", "\"-1\"", "range_px"),
             ("output.bias", "output.byas", "no tensor 'output.bias'"),

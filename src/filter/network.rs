@@ -34,7 +34,9 @@ impl Network {
         let hidden = bias.len();
         let wrong = |what: &str| Err(Error::Invalid(format!("network: {what}")));
         if inputs == 0 || !(1..=MAX_HIDDEN).contains(&hidden) {
-            return wrong(&format!("{hidden} hidden neurons; 1 to {MAX_HIDDEN} can be"));
+            return wrong(&format!(
+                "{hidden} hidden neurons; 1 to {MAX_HIDDEN} can be"
+            ));
         }
         if weights.len() != inputs * hidden || out_weights.len() != hidden {
             return wrong("its weights are not as many as its inputs and neurons take");

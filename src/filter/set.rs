@@ -1,6 +1,6 @@
 //! The filters of a run: what they see in a left image, and what becomes of disparities and cells.
 
-use super::{FilterKind, FilterModel, Spectrum, Windows};
+use super::{FilterKind, FilterModel, FilterWindows, Spectrum};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
 use crate::stereo::{CellDepth, DepthGrid, DisparityMap, Gray, GridShape, Reason, Rig};
@@ -12,7 +12,7 @@ pub struct CellFilter {
     isa: Isa,
     spectrum: Spectrum,
     /// The windows of images of the last size and grid.
-    windows: Option<((usize, usize), GridShape, Windows)>,
+    windows: Option<((usize, usize), GridShape, FilterWindows)>,
     inputs: Vec<f32>,
     hidden: Vec<f32>,
     scores: Vec<f32>,
@@ -45,7 +45,7 @@ impl CellFilter {
         let windows = match &mut self.windows {
             Some((of, grid, windows)) if (*of, *grid) == (size, shape) => windows,
             windows => {
-                let new = Windows::new(self.model.kind, features.window, size, shape)?;
+                let new = FilterWindows::new(self.model.kind, features.window, size, shape)?;
                 &mut windows.insert((size, shape, new)).2
             }
         };
@@ -126,7 +126,11 @@ impl Filters {
     /// close: such a cell has the disparity where the range ends, or what it knew to be nearer.
     pub fn mark_cells(&self, grid: &mut DepthGrid, rig: Option<&Rig>) {
         let floor = self.floor.as_ref().map(|floor| &floor.seen);
-        for (cell, _) in grid.cells_mut().zip(floor.into_iter().flatten()).filter(|(_, seen)| **seen) {
+        for (cell, _) in grid
+            .cells_mut()
+            .zip(floor.into_iter().flatten())
+            .filter(|(_, seen)| **seen)
+        {
             cell.depth = None;
         }
         let Some(too_close) = &self.too_close else {
@@ -139,7 +143,11 @@ impl Filters {
             p80_px: range_px,
             distance_m: rig.and_then(|rig| rig.depth_m(f64::from(range_px))),
         };
-        for (cell, _) in grid.cells_mut().zip(&too_close.seen).filter(|(_, seen)| **seen) {
+        for (cell, _) in grid
+            .cells_mut()
+            .zip(&too_close.seen)
+            .filter(|(_, seen)| **seen)
+        {
             if cell.depth.is_none_or(|known| known.median_px < range_px) {
                 cell.depth = Some(depth);
                 cell.too_close = true;
@@ -147,5 +155,91 @@ impl Filters {
                 cell.probability = None;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Features, Network, Scaling};
+    use super::*;
+    use crate::depth::{self, GridSettings};
+    use std::collections::BTreeMap;
+
+    /// A filter that sees what it detects in windows whose mean grey value exceeds 100.
+    fn bright(kind: FilterKind, window: usize) -> Arc<FilterModel> {
+        let features = Features {
+            window,
+            scaling: Scaling::Amplitude,
+            mean: true,
+        };
+        let mut weights = vec![0.0; features.count()];
+        weights[0] = 0.01;
+        let network = Network::new(features.count(), &weights, vec![-1.0], vec![1.0], 0.0);
+        Arc::new(FilterModel {
+            kind,
+            features,
+            network: network.unwrap(),
+            range_px: (kind == FilterKind::TooClose).then_some(30.0),
+            facts: BTreeMap::new(),
+        })
+    }
+
+    /// Disparities of 10 px, and an image that is bright in the right half.
+    fn scene() -> (Gray, DisparityMap) {
+        let left = Gray::from_fn(100, 60, |x, _| if x < 50 { 50 } else { 150 }).unwrap();
+        let mut map = DisparityMap::new(100, 60).unwrap();
+        for mut row in map.rows_mut() {
+            (0..100).for_each(|x| row.accept(x, 10.0));
+        }
+        (left, map)
+    }
+
+    #[test]
+    fn the_floor_is_dropped_and_what_is_too_close_marked() {
+        let (left, mut map) = scene();
+        let settings = GridSettings::default();
+        let shape = settings.shape();
+        let models = [
+            bright(FilterKind::Floor, 8),
+            bright(FilterKind::TooClose, 16),
+        ];
+        let mut filters = Filters::new(&models[..1], Isa::PORTABLE).unwrap();
+        filters.look(&left, shape).unwrap();
+        filters.drop_floor(&mut map, shape);
+        assert_eq!(
+            (map.at(59, 3), map.at(60, 3)),
+            (Ok(10.0), Err(Reason::Floor))
+        );
+        let known = |grid: &DepthGrid| {
+            grid.iter()
+                .map(|(_, c)| c.depth.is_some())
+                .collect::<Vec<_>>()
+        };
+        let mut grid = depth::grid(map.disparity(), settings, None);
+        let row = [true, true, true, false, false];
+        assert_eq!(known(&grid), [row, row, row].concat());
+        // So is what an algorithm answered itself.
+        let (left, map) = scene();
+        grid = depth::grid(map.disparity(), settings, None);
+        filters.mark_cells(&mut grid, None);
+        assert_eq!(known(&grid), [row, row, row].concat());
+
+        let mut filters = Filters::new(&models, Isa::PORTABLE).unwrap();
+        filters.look(&left, shape).unwrap();
+        let rig = Rig::new(300.0, (50.0, 30.0), 0.1, 0.0).unwrap();
+        let mut grid = depth::grid(map.disparity(), settings, Some(&rig));
+        filters.mark_cells(&mut grid, Some(&rig));
+        // The right window stands for the columns 50 to 90.
+        let close: Vec<_> = grid
+            .iter()
+            .take(5)
+            .map(|(_, cell)| cell.too_close)
+            .collect();
+        assert_eq!(close, [false, false, true, true, true]);
+        let depth = grid.cell(4, 1).depth.unwrap();
+        assert_eq!((depth.median_px, depth.distance_m), (30.0, Some(1.0)));
+        assert!(Filters::new(&[models[0].clone(), models[0].clone()], Isa::PORTABLE).is_err());
+        let small = Gray::filled(12, 12, 0).unwrap();
+        assert!(filters.look(&small, shape).is_err());
     }
 }

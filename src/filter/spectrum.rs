@@ -125,7 +125,9 @@ impl Spectrum {
                 let scale = 1.0 / (features.window * features.window) as f32;
                 values.iter_mut().for_each(|value| *value *= scale);
             }
-            Scaling::Log => values.iter_mut().for_each(|value| *value = math::ln_1p(*value)),
+            Scaling::Log => values
+                .iter_mut()
+                .for_each(|value| *value = math::ln_1p(*value)),
         }
         if !features.mean {
             values[0] = 0.0;
@@ -140,7 +142,8 @@ mod tests {
 
     fn noise(width: usize, height: usize) -> Gray {
         let mut random = fastrand::Rng::with_seed(3);
-        Gray::from_fn(width, height, |_, _| random.u8(..)).unwrap()
+        let noise = (0..width * height).map(|_| random.u8(..)).collect();
+        Gray::from_vec(width, height, noise).unwrap()
     }
 
     /// The definition, term by term.
@@ -185,11 +188,14 @@ mod tests {
             };
             let mut out = vec![9.0; features.stride()];
             Spectrum::new(16).features(features, &image, [0, 0], &mut out);
-            assert_eq!((out.len(), out[features.count()..].iter().sum()), (144, 0.0));
+            assert_eq!(
+                (out.len(), out[features.count()..].iter().sum()),
+                (144, 0.0)
+            );
             out
         };
         let (plain, log) = (of(Scaling::Amplitude, true), of(Scaling::Log, true));
-        let mean = image.pixels().map(|&grey| f32::from(grey)).sum::<f32>() / 256.0;
+        let mean = image.pixels().map(f32::from).sum::<f32>() / 256.0;
         assert!((plain[0] - mean).abs() < 1e-3);
         assert!((log[5] - (256.0 * plain[5]).ln_1p()).abs() < 1e-4);
         assert_eq!(of(Scaling::Log, false)[0], 0.0);

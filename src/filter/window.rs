@@ -8,7 +8,7 @@ use crate::stereo::GridShape;
 
 /// The windows of a filter in images of a size, and the cells they stand for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Windows {
+pub struct FilterWindows {
     /// Left upper corners.
     corners: Vec<[usize; 2]>,
     /// Per cell of the grid, in raster order, the windows of which one suffices.
@@ -18,7 +18,7 @@ pub struct Windows {
 /// The strips of the image's width, in tenths, that the two windows of *too close* stand for.
 const STRIPS: [[usize; 2]; 2] = [[1, 5], [5, 9]];
 
-impl Windows {
+impl FilterWindows {
     /// *Floor*: one window centred in each cell, moved into the image, that stands for its cell.
     ///
     /// *Too close*: two windows at half height, left and right of the middle (at 320 x 240 from the
@@ -42,9 +42,8 @@ impl Windows {
         }
         // Twice the middles, which need not be whole.
         let corner = |middle: [usize; 2]| {
-            let corner = |middle: usize, length: usize| {
-                (middle.saturating_sub(side) / 2).min(length - side)
-            };
+            let corner =
+                |middle: usize, length: usize| (middle.saturating_sub(side) / 2).min(length - side);
             [corner(middle[0], width), corner(middle[1], height)]
         };
         let (corners, of_cells) = match kind {
@@ -91,12 +90,12 @@ mod tests {
     #[test]
     fn windows_of_the_floor_are_centred_in_cells() {
         let shape = GridShape::default();
-        let windows = Windows::new(FilterKind::Floor, 64, (320, 240), shape).unwrap();
+        let windows = FilterWindows::new(FilterKind::Floor, 64, (320, 240), shape).unwrap();
         let corners: Vec<_> = windows.corners().iter().step_by(6).collect();
         assert_eq!(corners, [&[0, 8], &[64, 88], &[128, 168]]);
         assert_eq!(windows.of_cells()[7], [7]);
         // Clamped where a cell is narrower than a window.
-        let narrow = Windows::new(FilterKind::Floor, 64, (100, 70), shape).unwrap();
+        let narrow = FilterWindows::new(FilterKind::Floor, 64, (100, 70), shape).unwrap();
         assert_eq!(narrow.corners()[0], [0, 0]);
         assert_eq!(narrow.corners()[14], [36, 6]);
     }
@@ -104,19 +103,22 @@ mod tests {
     #[test]
     fn windows_of_too_close_are_left_and_right_of_the_middle() {
         let shape = GridShape::default();
-        let windows = Windows::new(FilterKind::TooClose, 128, (320, 240), shape).unwrap();
+        let windows = FilterWindows::new(FilterKind::TooClose, 128, (320, 240), shape).unwrap();
         assert_eq!(windows.corners(), [[32, 56], [160, 56]]);
         let row = [vec![0], vec![0], vec![0, 1], vec![1], vec![1]];
         assert_eq!(windows.of_cells(), [row.clone(), row.clone(), row].concat());
-        let double = Windows::new(FilterKind::TooClose, 128, (640, 480), shape).unwrap();
+        let double = FilterWindows::new(FilterKind::TooClose, 128, (640, 480), shape).unwrap();
         assert_eq!(double.corners(), [[128, 176], [384, 176]]);
         assert_eq!(double.of_cells(), windows.of_cells());
     }
 
     #[test]
     fn images_smaller_than_a_window_are_refused() {
-        let error = Windows::new(FilterKind::Floor, 64, (320, 60), GridShape::default());
+        let error = FilterWindows::new(FilterKind::Floor, 64, (320, 60), GridShape::default());
         let error = error.unwrap_err().to_string();
-        assert!(error.contains("320x60") && error.contains("64x64"), "{error}");
+        assert!(
+            error.contains("320x60") && error.contains("64x64"),
+            "{error}"
+        );
     }
 }

@@ -138,3 +138,75 @@ pub(super) fn adam(
         *weight -= step.rate * *mean / (square.sqrt() + 1e-8);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Isa, adam as adam_on, add_scaled, weighted_sums};
+    use super::*;
+
+    fn some(n: usize, seed: u64) -> Vec<f32> {
+        let mut random = fastrand::Rng::with_seed(seed);
+        (0..n).map(|_| random.f32() - 0.5).collect()
+    }
+
+    /// In double precision, one product after the other.
+    fn dot(a: &[f32], b: &[f32]) -> f64 {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| f64::from(*a) * f64::from(*b))
+            .sum()
+    }
+
+    #[test]
+    fn sums_are_those_of_the_definition_on_every_instruction_set() {
+        let (stride, neurons) = (5 * LANES, 3);
+        // Blocks of all sizes.
+        for samples in 1..=12 {
+            let (inputs, weights) = (some(samples * stride, 1), some(neurons * stride, 2));
+            let bias = some(neurons, 3);
+            let of = |isa| {
+                let mut out = vec![0.0; samples * neurons];
+                weighted_sums(isa, &inputs, &weights, &bias, stride, &mut out);
+                out
+            };
+            let expected = of(Isa::PORTABLE);
+            for (i, sum) in expected.iter().enumerate() {
+                let (sample, neuron) = (i / neurons, i % neurons);
+                let row = |rows: &[f32], i: usize| rows[i * stride..][..stride].to_vec();
+                let definition =
+                    f64::from(bias[neuron]) + dot(&row(&inputs, sample), &row(&weights, neuron));
+                assert!((f64::from(*sum) - definition).abs() < 1e-5);
+            }
+            assert!(Isa::available().all(|isa| of(isa) == expected));
+        }
+    }
+
+    #[test]
+    fn steps_of_training_are_the_same_on_every_instruction_set() {
+        let (length, rows) = (37, 7);
+        let (values, factors) = (some(rows * length, 4), some(rows, 5));
+        let step = AdamStep {
+            rate: 0.01,
+            decay: 0.1,
+        };
+        let of = |isa| {
+            let mut gradient = some(length, 6);
+            add_scaled(isa, &values, &factors, &mut gradient);
+            let [mut mean, mut square, mut weights] = [7, 8, 9].map(|seed| some(length, seed));
+            square.iter_mut().for_each(|value| *value = value.abs());
+            adam_on(isa, step, &gradient, &mut mean, &mut square, &mut weights);
+            (gradient, weights)
+        };
+        let (gradient, weights) = of(Isa::PORTABLE);
+        for (i, value) in gradient.iter().enumerate() {
+            let column: Vec<_> = (0..rows).map(|row| values[row * length + i]).collect();
+            let definition = f64::from(some(length, 6)[i]) + dot(&column, &factors);
+            assert!((f64::from(*value) - definition).abs() < 1e-5);
+        }
+        let (mean, square) = (some(length, 7)[0], some(length, 8)[0].abs());
+        let slope = gradient[0] + step.decay * some(length, 9)[0];
+        let change = (0.9 * mean + 0.1 * slope) / (0.999 * square + 0.001 * slope * slope).sqrt();
+        assert!((weights[0] - (some(length, 9)[0] - step.rate * change)).abs() < 1e-5);
+        assert!(Isa::available().all(|isa| of(isa) == (gradient.clone(), weights.clone())));
+    }
+}

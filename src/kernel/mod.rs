@@ -95,8 +95,8 @@ kernels! {
     /// 65536.
     pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) = filter::smooth;
 
-    /// For each row of `inputs` and each row of `weights`, both `stride` long, the bias plus the sum
-    /// of their products: one row of `out` per row of `inputs`. `stride` is a multiple of
+    /// For each row of `inputs` and each row of `weights`, both `stride` long, the bias plus the
+    /// sum of their products: one row of `out` per row of `inputs`. `stride` is a multiple of
     /// [`LANES`].
     pub fn weighted_sums(
         inputs: &[f32],

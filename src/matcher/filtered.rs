@@ -32,7 +32,9 @@ impl Matcher for FilteredMatcher {
             Some(own) => own.clone(),
             None => grid(output),
         };
-        output.clock.lap_of(Stage::Checks, std::time::Duration::ZERO);
+        output
+            .clock
+            .lap_of(Stage::Checks, std::time::Duration::ZERO);
         self.filters.look(left, shape)?;
         self.filters.drop_floor(&mut output.disparity, shape);
         output.clock.lap(Stage::Filters);

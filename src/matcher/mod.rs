@@ -206,7 +206,9 @@ pub struct Algorithm {
 impl std::fmt::Debug for Algorithm {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}:{}", self.spec.name, self.parameters)?;
-        self.filters.iter().try_for_each(|filter| write!(f, "+{}", filter.kind))
+        self.filters
+            .iter()
+            .try_for_each(|filter| write!(f, "+{}", filter.kind))
     }
 }
 

@@ -233,6 +233,7 @@ mod tests {
             valid_share: 0.5,
             probability: None,
             evidence: None,
+            too_close: false,
             depth: known.then_some(CellDepth {
                 median_px: 8.0,
                 p20_px: 8.0,

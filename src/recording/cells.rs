@@ -103,6 +103,7 @@ mod tests {
             depth,
             probability,
             evidence: None,
+            too_close: false,
         };
         let shape = GridShape {
             columns: 2,

@@ -170,7 +170,10 @@ impl Writer {
             ),
         };
         self.put(said, stamp, sequence)?;
-        let visibility = truth.visibility.as_ref().map(|plane| plane.map(|v| v as u8));
+        let visibility = truth
+            .visibility
+            .as_ref()
+            .map(|plane| plane.map(|v| v as u8));
         let surface = truth.surface.as_ref().map(|plane| plane.map(|s| s as u8));
         for (kind, codes) in [
             (TopicKind::Visibility, visibility),

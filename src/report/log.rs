@@ -151,6 +151,7 @@ impl LoggedResult {
             (Stage::Texture, row.texture_us),
             (Stage::Matching, row.matching_us),
             (Stage::Checks, row.checks_us),
+            (Stage::Filters, row.filters_us.unwrap_or_default()),
         ];
         let whole: u64 = stages.iter().map(|(_, us)| us).sum();
         // What was cut off each stage, at most 1 us, is in their sum.

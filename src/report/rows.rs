@@ -150,6 +150,8 @@ record! {
         truth: Option<String>,
         /// The recording, where the scenario has some.
         run: Option<String>,
+        /// Of algorithms behind filters.
+        filters_us: Option<u64>,
     }
 }
 
@@ -225,9 +227,10 @@ pub(super) trait RowField: Sized {
     fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
 }
 
-/// Types that are one column: how it is written, read, and kept by polars.
+/// Types that are one column: how it is written, read, kept by polars, and what stands for it where
+/// a file of before does not have it.
 macro_rules! columns {
-    ($($kind:ty: |$field:ident| $value:expr, $read:expr, $stored:expr;)*) => {$(
+    ($($kind:ty: |$field:ident| $value:expr, $read:expr, $stored:expr, $absent:expr;)*) => {$(
         impl RowField for $kind {
             fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
                 let $field = self;
@@ -235,8 +238,12 @@ macro_rules! columns {
             }
 
             fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
-                let text = cells.get(name).ok_or_else(|| format!("has no column '{name}'"))?;
                 let read: fn(&str) -> Option<Self> = $read;
+                let text = match (cells.get(name), $absent) {
+                    (Some(text), _) => text,
+                    (None, Some(absent)) => return Ok(absent),
+                    (None, None) => return Err(format!("has no column '{name}'")),
+                };
                 read(text).ok_or_else(|| format!("'{text}' in column '{name}' cannot be read"))
             }
 
@@ -249,16 +256,16 @@ macro_rules! columns {
 }
 
 columns! {
-    String: |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone;
-    Verdict: |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name();
-    u32: |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
-    u64: |n| ColumnValue::Whole(Some(*n)), read, u64::clone;
-    f64: |v| ColumnValue::Real(Some(*v)), read, f64::clone;
-    bool: |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone;
-    Option<u32>: |n| ColumnValue::Whole(n.map(Into::into)), optional, Option::clone;
-    Option<u64>: |n| ColumnValue::Whole(*n), optional, Option::clone;
-    Option<f64>: |v| ColumnValue::Real(*v), optional, Option::clone;
-    Option<bool>: |flag| ColumnValue::Flag(*flag), optional, Option::clone;
+    String: |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone, None;
+    Verdict: |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name(), None;
+    u32: |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone, None;
+    u64: |n| ColumnValue::Whole(Some(*n)), read, u64::clone, None;
+    f64: |v| ColumnValue::Real(Some(*v)), read, f64::clone, None;
+    bool: |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone, None;
+    Option<u32>: |n| ColumnValue::Whole(n.map(Into::into)), optional, Option::clone, None;
+    Option<u64>: |n| ColumnValue::Whole(*n), optional, Option::clone, Some(None);
+    Option<f64>: |v| ColumnValue::Real(*v), optional, Option::clone, None;
+    Option<bool>: |flag| ColumnValue::Flag(*flag), optional, Option::clone, None;
 }
 
 fn read<T: FromStr>(text: &str) -> Option<T> {

@@ -21,7 +21,7 @@ pub(super) struct Speed {
     per_disparity: Vec<f64>,
     /// Mean smoothing, texture, matching, checks and what belongs to no stage, of the middle half
     /// of the pairs by time.
-    pub(super) stages_ms: [f64; 5],
+    pub(super) stages_ms: [f64; 6],
 }
 
 impl Speed {
@@ -56,16 +56,19 @@ impl Speed {
         let mean_ms = |us: &[u64]| {
             middle.iter().map(|&i| us[i] as f64).sum::<f64>() / (1e3 * middle.len().max(1) as f64)
         };
-        let mut stages_ms = [0.0; 5];
-        for (of, column) in
-            stages_ms
-                .iter_mut()
-                .zip(["smoothing_us", "texture_us", "matching_us", "checks_us"])
-        {
+        let mut stages_ms = [0.0; 6];
+        let columns = [
+            "smoothing_us",
+            "texture_us",
+            "matching_us",
+            "checks_us",
+            "filters_us",
+        ];
+        for (of, column) in stages_ms.iter_mut().zip(columns) {
             *of = mean_ms(&us(column)?);
         }
         // Stages are rounded to whole microseconds each, so their sum may exceed the total.
-        stages_ms[4] = (mean_ms(&total) - stages_ms[..4].iter().sum::<f64>()).max(0.0);
+        stages_ms[5] = (mean_ms(&total) - stages_ms[..5].iter().sum::<f64>()).max(0.0);
         Ok(Self {
             per_pixel: ascending(&per_pixel),
             per_disparity: ascending(&per_disparity),
@@ -142,6 +145,7 @@ pub(super) mod tests {
             total_us,
             metrics: Default::default(),
             run: None,
+            filters_us: None,
             result_hash: String::new(),
             truth: None,
         }

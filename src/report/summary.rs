@@ -64,11 +64,12 @@ record! {
         /// Million pixels times disparities a second, of the median pair.
         mde_per_s: Option<f64>,
         /// Mean over the half of the pairs whose total is nearest to the median, so that the stages
-        /// add up and an outlier does not count; as are the next four.
+        /// add up and an outlier does not count; as are the next five.
         smoothing_ms: f64,
         texture_ms: f64,
         matching_ms: f64,
         checks_ms: f64,
+        filters_ms: f64,
         /// What belongs to no stage.
         other_ms: f64,
         /// Digest of the hashes of its results in their order.
@@ -222,7 +223,14 @@ fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
 
 fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     let speed = Speed::from_rows(rows)?;
-    let [smoothing_ms, texture_ms, matching_ms, checks_ms, other_ms] = speed.stages_ms;
+    let [
+        smoothing_ms,
+        texture_ms,
+        matching_ms,
+        checks_ms,
+        filters_ms,
+        other_ms,
+    ] = speed.stages_ms;
     let time_per_gd_s = speed.time_per_gd_s();
     Ok(AlgorithmSummary {
         algorithm: first(rows, "algorithm")?,
@@ -239,6 +247,7 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         texture_ms,
         matching_ms,
         checks_ms,
+        filters_ms,
         other_ms,
         results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
         outliers: speed.outliers(),

@@ -86,6 +86,10 @@ pub(super) fn speed_columns() -> Vec<Column> {
         column("stages, ms", "texture", 7, |a| ms(a.texture_ms)),
         column("stages, ms", "matching", 8, |a| ms(a.matching_ms)),
         column("stages, ms", "checks", 6, |a| ms(a.checks_ms)),
+        column("stages, ms", "filters", 7, |a| match a.filters_ms > 0.0 {
+            true => ms(a.filters_ms),
+            false => NONE.to_owned(),
+        }),
         column("stages, ms", "other", 6, |a| ms(a.other_ms)),
     ]
 }

@@ -12,6 +12,7 @@
 mod checks;
 mod closeness;
 mod distance;
+mod filters;
 mod finding;
 mod hashing;
 mod measure;
@@ -68,6 +69,10 @@ pub const EXPERIMENTS: &[Experiment] = &[
     hashing::EXPERIMENT,
     points::EXPERIMENT,
     speed::EXPERIMENT,
+    filters::spectrum::EXPERIMENT,
+    filters::training::EXPERIMENT,
+    filters::hidden::EXPERIMENT,
+    filters::motion::EXPERIMENT,
     without_truth::EXPERIMENT,
 ];
 

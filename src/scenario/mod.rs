@@ -644,6 +644,7 @@ mod tests {
             format!("{checkpoint}zz = 1\n"),
             expected_cell,
             "[[gate]]\nzz = 1\n".to_owned(),
+            "[[filter]]\nzz = 1\n".to_owned(),
             "[arena]\nzz = 1\n".to_owned(),
             "[arena.rig]\nzz = 1\n".to_owned(),
             "[arena.sensor]\nzz = 1\n".to_owned(),

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 /// Different seeds, at least one: `4..10`, `4,7,9`, in a scenario also `[4, 7, 9]`.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize)]
-#[serde(try_from = "Written")]
+#[serde(try_from = "WrittenSeeds")]
 pub struct SeedList(Vec<u64>);
 
 /// Most seeds of one list.
@@ -13,7 +13,7 @@ const MAX_SEEDS: usize = 1000;
 /// As a scenario has them.
 #[derive(serde::Deserialize)]
 #[serde(untagged, expecting = "expected seeds as [4, 7, 9] or \"4..10\"")]
-enum Written {
+enum WrittenSeeds {
     List(Vec<u64>),
     Text(String),
 }
@@ -25,7 +25,9 @@ impl SeedList {
         let distinct = seeds.iter().collect::<BTreeSet<_>>().len() == seeds.len();
         match distinct && (1..=MAX_SEEDS).contains(&seeds.len()) {
             true => Ok(Self(seeds)),
-            false => Err(format!("seeds: at least one, at most {MAX_SEEDS}, each once")),
+            false => Err(format!(
+                "seeds: at least one, at most {MAX_SEEDS}, each once"
+            )),
         }
     }
 
@@ -55,13 +57,13 @@ impl std::str::FromStr for SeedList {
     }
 }
 
-impl TryFrom<Written> for SeedList {
+impl TryFrom<WrittenSeeds> for SeedList {
     type Error = String;
 
-    fn try_from(written: Written) -> Result<Self, String> {
+    fn try_from(written: WrittenSeeds) -> Result<Self, String> {
         match written {
-            Written::List(seeds) => Self::new(seeds),
-            Written::Text(text) => text.parse().map_err(|why| format!("seeds: {why}")),
+            WrittenSeeds::List(seeds) => Self::new(seeds),
+            WrittenSeeds::Text(text) => text.parse().map_err(|why| format!("seeds: {why}")),
         }
     }
 }

@@ -37,8 +37,7 @@ impl FilterTally {
         cells: &[CellJudgement],
         rule: CellRule,
     ) -> Self {
-        let (Some(truth), Some(rig), CellRule::Distance { .. }) =
-            (&frame.truth, frame.rig(), rule)
+        let (Some(truth), Some(rig), CellRule::Distance { .. }) = (&frame.truth, frame.rig(), rule)
         else {
             return Self::default();
         };
@@ -64,12 +63,18 @@ impl FilterTally {
         let stands = |surface| surface != Surface::Floor;
         let knows_surfaces = truth.surface.is_some();
         let count = |is: &dyn Fn(usize, (usize, usize)) -> bool| {
-            shape.iter().enumerate().filter(|(i, place)| is(*i, *place)).count()
+            shape
+                .iter()
+                .enumerate()
+                .filter(|(i, place)| is(*i, *place))
+                .count()
         };
         let reported: Vec<_> = estimate.grid.iter().map(|(_, cell)| *cell).collect();
         let is_near = |i: usize| {
             let depth = reported[i].depth;
-            depth.and_then(|depth| depth.distance_m).is_some_and(|z| z < obstacle_m)
+            depth
+                .and_then(|depth| depth.distance_m)
+                .is_some_and(|z| z < obstacle_m)
         };
         let floor = knows_surfaces.then(|| {
             count(&|i, place| {
@@ -108,5 +113,104 @@ impl FilterTally {
             blind: out_of_range(false),
             alarm,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::depth::{GridSettings, grid};
+    use crate::score::true_grid;
+    use crate::stereo::{
+        DisparityMap, Exposure, Geometry, Gray, GridShape, Plane, Rig, StereoPair, Truth,
+    };
+
+    /// Four cells of ten pixels, at 25 px per 0.4 m: floor; floor with 3 pixels of a wall; a wall;
+    /// a wall nearer than the range of 40 px.
+    fn frame() -> Frame {
+        let disparity = |x: usize| match x {
+            0..30 => 25.0,
+            _ => 50.0,
+        };
+        let surface = |x: usize| match x {
+            0..17 => Surface::Floor,
+            _ => Surface::Wall,
+        };
+        let image = Gray::filled(40, 1, 0).unwrap();
+        Frame {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair: StereoPair::new(image.clone(), image).unwrap(),
+            color: None,
+            geometry: Geometry::Rectified(Some(Rig::new(100.0, (5.0, 0.5), 0.1, 0.0).unwrap())),
+            pose: None,
+            truth: Some(Truth {
+                surface: Some(Plane::from_fn(40, 1, |x, _| surface(x)).unwrap()),
+                ..Truth::exact(Plane::from_fn(40, 1, |x, _| disparity(x)).unwrap(), None)
+            }),
+            exposure: Exposure::default(),
+        }
+    }
+
+    /// Cells reported with these disparities, without filters and with them.
+    fn tally(before: [f32; 4], after: [f32; 4], too_close: [bool; 4]) -> FilterTally {
+        let frame = frame();
+        let settings = GridSettings::from(GridShape {
+            columns: 4,
+            rows: 1,
+        });
+        let report = |cells: [f32; 4]| {
+            let map = Plane::from_fn(40, 1, |x, _| cells[x / 10]).unwrap();
+            grid(&map, settings, frame.rig())
+        };
+        let mut filtered = report(after);
+        for (cell, is) in filtered.cells_mut().zip(too_close) {
+            cell.too_close = is;
+        }
+        let estimate = Estimate {
+            algorithm: String::new(),
+            disparity: DisparityMap::new(40, 1).unwrap(),
+            grid: filtered,
+            own_grid: true,
+            unfiltered: Some(report(before)),
+            range_px: Some(40.0),
+            times: Default::default(),
+        };
+        let true_grid = true_grid(&frame, settings.shape()).unwrap();
+        let rule = CellRule::default();
+        let cells = judge_cells(&true_grid, &estimate.grid, rule);
+        FilterTally::new(&frame, &true_grid, &estimate, &cells, rule)
+    }
+
+    const NONE: f32 = f32::INFINITY;
+
+    #[test]
+    fn floor_obstacles_and_what_a_filter_takes_away() {
+        let seen = [25.0, 25.0, 25.0, NONE];
+        let plain = tally(seen, seen, [false; 4]);
+        // The second cell has an obstacle.
+        assert_eq!(
+            (plain.floor, plain.kept, plain.lost),
+            (Some(1), Some(2), Some(0))
+        );
+        let filtered = tally(seen, [NONE, NONE, 25.0, NONE], [false; 4]);
+        let counts = (filtered.floor, filtered.kept, filtered.lost);
+        assert_eq!(counts, (Some(0), Some(1), Some(1)));
+    }
+
+    #[test]
+    fn what_is_nearer_than_the_range() {
+        let seen = [25.0, 25.0, 25.0, NONE];
+        let plain = tally(seen, seen, [false; 4]);
+        assert_eq!(
+            (plain.close, plain.blind, plain.alarm),
+            (Some(0), Some(1), Some(false))
+        );
+        // At the end of the range: right as what it claims is to be nearer.
+        let close = [25.0, 25.0, 25.0, 40.0];
+        let filtered = tally(seen, close, [false, false, false, true]);
+        assert_eq!((filtered.close, filtered.blind), (Some(1), Some(0)));
+        assert_eq!(filtered.alarm, Some(false));
     }
 }

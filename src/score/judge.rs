@@ -2,8 +2,8 @@
 
 use super::{
     CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, Correlations,
-    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueQuarters, agreed_cells,
-    judge_cells, true_grid, unrivalled_cells,
+    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueQuarters,
+    agreed_cells, judge_cells, true_grid, unrivalled_cells,
 };
 use crate::depth::GridSettings;
 use crate::stereo::{CellRule, DepthGrid, Estimate, Frame};
@@ -120,9 +120,9 @@ impl Judge {
         let surfaces = true_cells.map(|(truth, quarters)| {
             SurfaceTally::new(frame, truth, quarters, &estimate.grid, rule)
         });
-        let filtered = true_cells.zip(cells.as_deref()).map(|((truth, _), cells)| {
-            FilterTally::new(frame, truth, &estimate, cells, rule)
-        });
+        let filtered = true_cells
+            .zip(cells.as_deref())
+            .map(|((truth, _), cells)| FilterTally::new(frame, truth, &estimate, cells, rule));
         let truth = frame.truth.as_ref();
         // Collected once: every metric reads the same scores.
         let facts = FrameFacts {

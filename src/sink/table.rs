@@ -146,6 +146,7 @@ impl Identity {
                 .as_ref()
                 .map(|truth| truth.kind.origin.to_string()),
             run: self.run.clone(),
+            filters_us: estimate.unfiltered.as_ref().map(|_| stage(Stage::Filters)),
         }
     }
 

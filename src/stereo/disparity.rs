@@ -203,8 +203,8 @@ impl DisparityMap {
     }
 
     /// Pixels per reason, indexed by its code.
-    pub fn tally(&self) -> [usize; 7] {
-        let mut tally = [0; 7];
+    pub fn tally(&self) -> [usize; Reason::ALL.len()] {
+        let mut tally = [0; Reason::ALL.len()];
         self.why.pixels().for_each(|w| tally[w as usize] += 1);
         tally
     }

@@ -25,8 +25,8 @@ mod row;
 pub use calibration::{LengthUnit, Rectification, StereoCalibration, motion, rotation};
 pub use disparity::{DisparityMap, ExtraPlanes};
 pub use frame::{
-    Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, Pose, Surface, Truth,
-    TruthDensity, TruthKind, TruthOrigin, Visibility,
+    Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, Pose, Surface, Truth, TruthDensity,
+    TruthKind, TruthOrigin, Visibility,
 };
 pub use grid::{Cell, CellDepth, CellEvidence, CellRule, CellState, DepthGrid, GridShape};
 pub use image::{Gray, MAX_SIDE, Plane, Rgb};

@@ -72,12 +72,14 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
             valid_share: 0.0,
             probability: None,
             evidence: None,
+            too_close: false,
             depth: None,
         },
         Cell {
             valid_share: 1.0,
             probability: None,
             evidence: None,
+            too_close: false,
             depth: Some(known),
         },
     ];
@@ -96,8 +98,8 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
         disparity,
         grid,
         own_grid: false,
-            unfiltered: None,
-            range_px: None,
+        unfiltered: None,
+        range_px: None,
         times,
     }
 }

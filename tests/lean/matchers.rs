@@ -4,12 +4,14 @@ use crate::common;
 use crate::oracle::scenes::pool;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::Arc;
+use svl::filter::{CellFilter, Features, FilterKind, FilterModel, ModelFacts, Network, Scaling};
 use svl::kernel::Isa;
 use svl::matcher::{
     Algorithm, MATCHERS, MatchOutput, Matcher, MatcherSpec, Parameters, Range, find,
 };
 use svl::rectify::Rectifier;
-use svl::stereo::{Gray, Intrinsics, LengthUnit, Reason, StereoCalibration, StereoPair};
+use svl::stereo::{Gray, GridShape, Intrinsics, LengthUnit, Reason, StereoCalibration, StereoPair};
 
 /// Counts the allocations of each thread.
 struct Counting;
@@ -140,6 +142,32 @@ fn nothing_is_allocated_after_the_first_pair() {
         });
         assert_eq!(allocations, 0, "{}", spec.name);
     }
+}
+
+/// Nor is anything by the filters, whose models the robot reads once.
+#[test]
+fn nothing_is_allocated_to_look_at_a_second_image() {
+    let features = Features {
+        window: 64,
+        scaling: Scaling::Log,
+        mean: true,
+    };
+    let weights = vec![0.0; 7 * features.count()];
+    let network = Network::new(features.count(), &weights, vec![0.0; 7], vec![0.0; 7], 1.0);
+    let model = FilterModel {
+        kind: FilterKind::Floor,
+        features,
+        network: network.unwrap(),
+        range_px: None,
+        facts: ModelFacts::new(),
+    };
+    let pair = pair(160, 96);
+    let mut filter = CellFilter::new(Arc::new(model), Isa::PORTABLE);
+    let shape = GridShape::default();
+    assert_eq!(filter.look(pair.left(), shape).unwrap(), [true; 15]);
+    let before = ALLOCATIONS.get();
+    filter.look(pair.right(), shape).unwrap();
+    assert_eq!(ALLOCATIONS.get() - before, 0);
 }
 
 /// Nor is anything by what comes before a matcher.

@@ -43,8 +43,8 @@ fn patterned(pattern: &Pattern, light: impl Fn(f32, f32) -> f32) -> Texture {
     Texture::new(width, &albedo, texel_m)
 }
 
-/// The thesis's: grey, speckled, with scuffs, much weaker than the walls. `contrast` is the standard
-/// deviation of the speckles' albedo.
+/// The thesis's: grey, speckled, with scuffs, much weaker than the walls. `contrast` is the
+/// standard deviation of the speckles' albedo.
 fn linoleum(contrast: f32, light: impl Fn(f32, f32) -> f32, dice: &mut Dice) -> Texture {
     let stains = fabric::clouds(WIDTH, HEIGHT, 8, dice);
     let mut speckles: Vec<f32> = (0..WIDTH * HEIGHT)
@@ -84,11 +84,7 @@ struct Shade {
 impl Shade {
     const STEP: usize = 8;
 
-    fn new(
-        (width, height): (usize, usize),
-        texel_m: f32,
-        light: impl Fn(f32, f32) -> f32,
-    ) -> Self {
+    fn new((width, height): (usize, usize), texel_m: f32, light: impl Fn(f32, f32) -> f32) -> Self {
         let columns = width / Self::STEP + 2;
         let rows = height / Self::STEP + 2;
         let step_m = Self::STEP as f32 * texel_m;

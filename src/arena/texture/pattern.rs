@@ -91,7 +91,8 @@ impl Pattern {
             FloorPattern::Carpet => {
                 let (row, along) = part(v, self.period_m);
                 // Every other row is half a loop further.
-                let (loop_, across) = part(u + 0.5 * (row % 2) as f32 * self.period_m, self.period_m);
+                let (loop_, across) =
+                    part(u + 0.5 * (row % 2) as f32 * self.period_m, self.period_m);
                 let swell = |t: f32| 4.0 * t / self.period_m * (1.0 - t / self.period_m);
                 let own = self.spread * self.random(loop_, row, 0);
                 let lit = 0.55 + 0.45 * (swell(across) * swell(along)).sqrt();

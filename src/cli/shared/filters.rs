@@ -1,10 +1,10 @@
 //! Filters behind the algorithms of a run.
 
+use super::outputs::write;
 use super::recordings::RECORDINGS;
 use super::scenario_runs::ScenarioSourceArgs;
 use super::usage;
 use super::windows::{LabelledRuns, train, windows};
-use super::outputs::write;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -65,14 +65,11 @@ pub(crate) fn of_scenario(
     quiet: bool,
 ) -> anyhow::Result<Vec<Arc<FilterModel>>> {
     let of = scenario.filters.iter();
-    of.map(|filter| model(filter, scenario, quiet).map(Arc::new)).collect()
+    of.map(|filter| model(filter, scenario, quiet).map(Arc::new))
+        .collect()
 }
 
-fn model(
-    filter: &ScenarioFilter,
-    scenario: &Scenario,
-    quiet: bool,
-) -> anyhow::Result<FilterModel> {
+fn model(filter: &ScenarioFilter, scenario: &Scenario, quiet: bool) -> anyhow::Result<FilterModel> {
     let kind = filter.detects;
     let Some(training) = filter.training(scenario)? else {
         let path = filter.file.as_deref().unwrap_or(Path::new(""));
@@ -89,15 +86,25 @@ fn model(
     if let ScenarioSource::Arena { config, seeds } = &training.source {
         key.extend(seeds.iter().map(|seed| ArenaSource::hash(config, *seed)));
     }
-    let name = format!("{}-{kind}-{:.12}.safetensors", training.name, svl::manifest::hash(&key));
+    let name = format!(
+        "{}-{kind}-{:.12}.safetensors",
+        training.name,
+        svl::manifest::hash(&key)
+    );
     let path = Path::new(RECORDINGS).join(name);
     if path.exists() {
         return Ok(FilterModel::read(&path)?);
     }
     let source = ScenarioSourceArgs::default();
     let runs = LabelledRuns::open(training, None, &source, quiet)?;
-    let (mut samples, _) =
-        windows(kind, spec.features, settings.range_px, vec![runs], &source, quiet)?;
+    let (mut samples, _) = windows(
+        kind,
+        spec.features,
+        settings.range_px,
+        vec![runs],
+        &source,
+        quiet,
+    )?;
     let (model, training) = train(&mut samples, &settings, quiet)?;
     if training.interrupted {
         bail!("interrupted while the filter {kind} was trained");

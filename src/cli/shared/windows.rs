@@ -13,7 +13,7 @@ use svl::scenario::Scenario;
 use svl::sink::{CollectSink, RunStart, Sink};
 use svl::source::Source;
 use svl::train::filter::{
-    EpochError, FilterTraining, FitSettings, FrameLabels, Labels, Part, TrainSettings,
+    EpochError, FilterTraining, FitSettings, FrameLabels, SamplePart, TrainSettings, WindowLabels,
     WindowSamples, train_filter,
 };
 
@@ -51,7 +51,7 @@ pub(crate) fn windows(
     quiet: bool,
 ) -> anyhow::Result<(WindowSamples, Vec<String>)> {
     let recordings = labelled.iter().map(|of| of.runs.len()).sum();
-    let mut samples = WindowSamples::new(kind, features, Part::deal(recordings));
+    let mut samples = WindowSamples::new(kind, features, SamplePart::deal(recordings));
     let mut names = Vec::new();
     for of in labelled {
         let LabelledRuns {
@@ -73,8 +73,8 @@ pub(crate) fn windows(
                 let labels = labels.as_ref().map(|(_, labels)| labels.clone());
                 CollectSink::new(move |judged| {
                     let labels = match &labels {
-                        Some(labels) => Labels::Given(labels),
-                        None => Labels::Truth { range_px },
+                        Some(labels) => WindowLabels::Given(labels),
+                        None => WindowLabels::Truth { range_px },
                     };
                     let (mut samples, frame) = (empty.clone(), &judged.frame);
                     let added = samples.add(&mut spectrum, frame, group, &labels);

@@ -6,6 +6,7 @@ use super::{CheckpointFigure, FrameShot, Rank};
 use crate::overlay::Mark;
 use crate::report::page::{MarkView, PageImages, PictureView};
 use crate::score::{CellFinding, METRICS, Metric, MetricTotal, Verdict};
+use crate::stereo::CellState;
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -108,9 +109,16 @@ fn origin(row: &Row) -> String {
     format!("{run}frame {}", row.sequence)
 }
 
+/// What says nothing of a single frame.
+fn of_filters(metric: &Metric) -> bool {
+    metric.group == "filters"
+}
+
 /// How many cells of each kind.
 pub(super) fn cells(row: &Row) -> String {
-    let is_share = |metric: &&Metric| matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))));
+    let is_share = |metric: &&Metric| {
+        !of_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))))
+    };
     let count =
         |metric: &Metric| Some(format!("{} {}", row.metrics.get(metric.name)?, metric.head));
     let counts: Vec<_> = METRICS.iter().filter(is_share).filter_map(count).collect();
@@ -151,7 +159,10 @@ fn wrong(cell: &CellRow) -> String {
 /// What is reported of a cell, and how probably it is right, where the algorithm says so.
 fn estimated(cell: &CellRow) -> String {
     let depth = depth(cell.distance_m, cell.median_px);
-    format!("{depth}{}", probability(cell))
+    match cell.state {
+        Some(CellState::TooClose) => format!("too close, nearer than {depth}"),
+        _ => format!("{depth}{}", probability(cell)),
+    }
 }
 
 fn probability(cell: &CellRow) -> String {
@@ -161,7 +172,9 @@ fn probability(cell: &CellRow) -> String {
 
 /// What is measured of the frame's pixels, and the time.
 pub(super) fn numbers(row: &Row) -> String {
-    let is_mean = |metric: &&Metric| matches!(metric.column(), Some((_, MetricTotal::Mean)));
+    let is_mean = |metric: &&Metric| {
+        !of_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::Mean)))
+    };
     let words = |metric: &Metric| {
         let value = metric.show(row.metrics.get(metric.name)?);
         Some(format!("{value} {}", metric.head))

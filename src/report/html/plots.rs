@@ -219,11 +219,12 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         label: "ms per pair".into(),
         strips: page.times_ms.clone(),
     };
-    let stages: [(&str, PlotNumber); 5] = [
+    let stages: [(&str, PlotNumber); 6] = [
         ("smoothing", |a| a.smoothing_ms),
         ("texture", |a| a.texture_ms),
         ("matching", |a| a.matching_ms),
         ("checks", |a| a.checks_ms),
+        ("filters", |a| a.filters_ms),
         ("other", |a| a.other_ms),
     ];
     // Rows hold whole microseconds, so a stage below 1 % may be rounding alone.

@@ -347,6 +347,7 @@ mod tests {
             valid_share: 0.5,
             probability: None,
             evidence: None,
+            too_close: false,
             depth: distance_m.map(|z| CellDepth {
                 median_px: 1.0,
                 p20_px: 1.0,
@@ -392,6 +393,7 @@ mod tests {
                 valid_share: 1.0,
                 probability: None,
                 evidence: None,
+                too_close: false,
                 depth: distance_m.map(|z| CellDepth {
                     median_px: 1.0,
                     p20_px: 1.0,

@@ -51,9 +51,12 @@ impl Overlay {
         let mut distances = Vec::new();
         for (place, cell) in grid.iter() {
             let Some(depth) = cell.depth else { continue };
-            let mut label = match depth.distance_m {
-                Some(distance_m) => format!("{distance_m:.2} m"),
-                None => format!("{:.1} px", depth.median_px),
+            // What is too close is nearer than its depth.
+            let mut label = match (depth.distance_m, cell.too_close) {
+                (Some(distance_m), false) => format!("{distance_m:.2} m"),
+                (Some(distance_m), true) => format!("< {distance_m:.2} m"),
+                (None, false) => format!("{:.1} px", depth.median_px),
+                (None, true) => format!("> {:.1} px", depth.median_px),
             };
             if let Some(probability) = cell.probability {
                 label.push_str(&format!("\n{:.0} %", 100.0 * probability));

@@ -35,16 +35,19 @@ impl std::fmt::Display for ErrorRate {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [rate, low, high] = [self.rate, self.low, self.high].map(|share| 100.0 * share);
         let (errors, samples) = (self.errors, self.samples);
-        write!(f, "{rate:.2} % ({low:.2} to {high:.2}; {errors} of {samples})")
+        write!(
+            f,
+            "{rate:.2} % ({low:.2} to {high:.2}; {errors} of {samples})"
+        )
     }
 }
 
 /// Errors at a threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WindowErrors {
-    /// Windows that do not show it and are taken for it.
+    /// FilterWindows that do not show it and are taken for it.
     pub false_acceptance: ErrorRate,
-    /// Windows that show it and are not taken for it.
+    /// FilterWindows that show it and are not taken for it.
     pub false_rejection: ErrorRate,
 }
 
@@ -116,21 +119,36 @@ mod tests {
     fn wilsons_interval() {
         // Brown, Cai and DasGupta, Statistical Science 2001: 0 of 20 and 10 of 20.
         let none = ErrorRate::new(0, 20);
-        assert!(none.low == 0.0 && (none.high - 0.1611).abs() < 1e-3, "{none}");
+        assert!(
+            none.low == 0.0 && (none.high - 0.1611).abs() < 1e-3,
+            "{none}"
+        );
         let half = ErrorRate::new(10, 20);
         assert!((half.low - 0.2993).abs() < 1e-3 && (half.high - 0.7007).abs() < 1e-3);
     }
 
     #[test]
     fn the_curve_of_a_few_scores() {
-        let scores = [(3.0, true), (2.0, true), (1.0, false), (0.5, true), (-1.0, false)];
+        let scores = [
+            (3.0, true),
+            (2.0, true),
+            (1.0, false),
+            (0.5, true),
+            (-1.0, false),
+        ];
         let curve = RocCurve::new(&scores, 1.0);
         // Five of the six pairs are in order.
         assert!((curve.area - 5.0 / 6.0).abs() < 1e-9);
         assert_eq!(curve.threshold, 1.5);
         let errors = WindowErrors::new(&scores, curve.threshold);
         assert_eq!(errors.false_acceptance.errors, 0);
-        assert_eq!((errors.false_rejection.errors, errors.false_rejection.samples), (1, 3));
+        assert_eq!(
+            (
+                errors.false_rejection.errors,
+                errors.false_rejection.samples
+            ),
+            (1, 3)
+        );
         assert_eq!(RocCurve::new(&[(1.0, true), (1.0, false)], 1.0).area, 0.5);
     }
 }

@@ -5,7 +5,7 @@
 //! (Kingma and Ba, ICLR 2015). Each hidden neuron is trained by one thread, and batches are in
 //! turn, so that the result is the same on any number of threads.
 
-use super::{Part, WindowSamples};
+use super::{SamplePart, WindowSamples};
 use crate::error::Result;
 use crate::filter::{Network, logistic, tanh};
 use crate::kernel::{self, AdamStep, Isa};
@@ -59,7 +59,7 @@ impl Standard {
     /// Standardizes the features of all samples in place by those of the training set.
     pub fn apply(samples: &mut WindowSamples) -> Self {
         let (count, stride) = (samples.features.count(), samples.features.stride());
-        let training: Vec<_> = samples.of(Part::Training).collect();
+        let training: Vec<_> = samples.of(SamplePart::Training).collect();
         let mut mean = vec![0.0f64; count];
         let mut square = vec![0.0f64; count];
         for &i in &training {
@@ -74,7 +74,11 @@ impl Standard {
             let variance = square / n - (mean / n) * (mean / n);
             // A feature that is the same everywhere says nothing.
             let least = 1e-12 * (1.0 + (mean / n) * (mean / n));
-            if variance > least { (1.0 / variance.sqrt()) as f32 } else { 0.0 }
+            if variance > least {
+                (1.0 / variance.sqrt()) as f32
+            } else {
+                0.0
+            }
         };
         let scale: Vec<_> = mean.iter().zip(&square).map(deviation).collect();
         let mean: Vec<_> = mean.iter().map(|sum| (sum / n) as f32).collect();
@@ -125,8 +129,8 @@ pub fn fit_network(
     let (count, stride) = (samples.features.count(), samples.features.stride());
     let mut random = fastrand::Rng::with_seed(settings.seed);
     let mut trained = Trained::new(settings.hidden, count, stride, &mut random);
-    let mut order: Vec<_> = samples.of(Part::Training).collect();
-    let validation: Vec<_> = samples.of(Part::Validation).collect();
+    let mut order: Vec<_> = samples.of(SamplePart::Training).collect();
+    let validation: Vec<_> = samples.of(SamplePart::Validation).collect();
     let mut batch = vec![0.0; BATCH * stride];
     let mut best = (f64::INFINITY, 0, trained.network(count)?);
     let mut epochs = Vec::new();
@@ -223,7 +227,10 @@ impl Trained {
         for of in &self.neurons {
             let rows = of.activations.chunks_exact(of.out.len());
             for (score, row) in scores.iter_mut().zip(rows) {
-                *score = row.iter().zip(&of.out).fold(*score, |sum, (a, w)| sum + a * w);
+                *score = row
+                    .iter()
+                    .zip(&of.out)
+                    .fold(*score, |sum, (a, w)| sum + a * w);
             }
         }
         scores
@@ -260,10 +267,24 @@ impl Trained {
                 kernel::add_scaled(isa, rows, &slopes, &mut of.gradient);
                 let row = neuron * stride..(neuron + 1) * stride;
                 let (means, squares) = (&mut of.means[row.clone()], &mut of.squares[row.clone()]);
-                kernel::adam(isa, decaying, &of.gradient, means, squares, &mut of.weights[row]);
+                kernel::adam(
+                    isa,
+                    decaying,
+                    &of.gradient,
+                    means,
+                    squares,
+                    &mut of.weights[row],
+                );
                 let one = neuron..neuron + 1;
                 let (mean, square) = (&mut bias_mean[one.clone()], &mut bias_square[one.clone()]);
-                kernel::adam(isa, plain, &[of_bias], mean, square, &mut of.bias[one.clone()]);
+                kernel::adam(
+                    isa,
+                    plain,
+                    &[of_bias],
+                    mean,
+                    square,
+                    &mut of.bias[one.clone()],
+                );
                 let (mean, square) = (&mut out_mean[one.clone()], &mut out_square[one.clone()]);
                 kernel::adam(isa, plain, &[of_out], mean, square, &mut of.out[one]);
             }
@@ -289,7 +310,7 @@ impl Trained {
 
 impl FittedNetwork {
     /// The log odds of a part's samples, which are standardized.
-    pub(super) fn scores(&self, samples: &WindowSamples, part: Part, isa: Isa) -> Vec<f32> {
+    pub(super) fn scores(&self, samples: &WindowSamples, part: SamplePart, isa: Isa) -> Vec<f32> {
         let of: Vec<_> = samples.of(part).collect();
         let mut batch = vec![0.0; BATCH * samples.features.stride()];
         let (mut hidden, mut scores) = (Vec::new(), vec![0.0; of.len()]);
@@ -323,5 +344,91 @@ impl FittedNetwork {
         }
         let (out, out_bias) = network.output();
         Network::new(network.inputs(), &weights, biases, out.to_vec(), out_bias)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::{Features, FilterKind, Scaling};
+    use crate::train::filter::WindowSample;
+
+    /// Samples of which the sum of two features decides, of the training and the validation set.
+    fn samples(count: usize) -> WindowSamples {
+        let features = Features {
+            window: 4,
+            scaling: Scaling::Amplitude,
+            mean: true,
+        };
+        let parts = vec![SamplePart::Training, SamplePart::Validation];
+        let mut samples = WindowSamples::new(FilterKind::Floor, features, parts);
+        let mut random = fastrand::Rng::with_seed(7);
+        for i in 0..count {
+            let mut row: Vec<_> = (0..9).map(|_| 100.0 + 10.0 * random.f32()).collect();
+            // One that says nothing.
+            row[4] = 5.0;
+            let is = row[2] + row[6] > 210.0;
+            row.resize(features.stride(), 0.0);
+            samples.inputs.extend(row);
+            samples.samples.push(WindowSample {
+                group: i % 2,
+                sequence: 0,
+                window: 0,
+                is,
+                pixels: Vec::new(),
+            });
+        }
+        samples
+    }
+
+    fn settings() -> FitSettings {
+        FitSettings {
+            hidden: 6,
+            seed: 3,
+            most_epochs: 500,
+        }
+    }
+
+    #[test]
+    fn it_learns_the_same_on_any_number_of_threads() {
+        let plain = samples(1200);
+        let mut standardized = plain.clone();
+        let standard = Standard::apply(&mut standardized);
+        let fit = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let fit =
+                || fit_network(&standardized, settings(), Isa::PORTABLE, &mut |_, _| true).unwrap();
+            pool.build().unwrap().install(fit)
+        };
+        let fitted = fit(1);
+        assert!(
+            fitted.epochs[fitted.best_epoch - 1].validation < 0.05,
+            "{:?}",
+            fitted.epochs
+        );
+        let network = fitted.network(&standard).unwrap();
+        assert_eq!(fit(3).network(&standard).unwrap(), network);
+        // For features as they are it gives the same scores.
+        let stride = plain.features.stride();
+        let mut scores = vec![0.0; 1200];
+        network.scores(Isa::PORTABLE, &plain.inputs, &mut Vec::new(), &mut scores);
+        let own = fitted.scores(&standardized, SamplePart::Training, Isa::PORTABLE);
+        for (a, b) in scores.iter().step_by(2).zip(own) {
+            assert!((a - b).abs() < 2e-2, "{a} {b}");
+        }
+        assert_eq!(plain.inputs.len(), 1200 * stride);
+    }
+
+    #[test]
+    fn an_interrupted_training_keeps_the_best_network() {
+        let mut data = samples(400);
+        Standard::apply(&mut data);
+        let fit = |most: usize| {
+            let mut until = |epoch: usize, _: EpochError| epoch < most;
+            fit_network(&data, settings(), Isa::PORTABLE, &mut until).unwrap()
+        };
+        let (two, three) = (fit(2), fit(3));
+        assert_eq!((two.epochs.len(), two.interrupted), (2, true));
+        assert_eq!(two.epochs[..], three.epochs[..2]);
     }
 }

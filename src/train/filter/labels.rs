@@ -1,4 +1,4 @@
-//! Labels of frames and windows: a small table beside the recording that a person can read.
+//! WindowLabels of frames and windows: a small table beside the recording that a person can read.
 //!
 //! ```text
 //! sequence,window,label
@@ -48,6 +48,11 @@ impl FrameLabels {
         shape(kind).cells()
     }
 
+    /// How many of them stand side by side.
+    pub fn columns(kind: FilterKind) -> usize {
+        shape(kind).columns
+    }
+
     /// The window's name in the table.
     pub fn window_name(kind: FilterKind, window: usize) -> String {
         let columns = shape(kind).columns;
@@ -62,12 +67,17 @@ impl FrameLabels {
         let text = crate::files::read_text(path, MAX_BYTES)?;
         let mut labels = Self::new(kind);
         let mut rows = csv::ReaderBuilder::new();
-        let mut rows = rows.comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
+        let mut rows = rows.trim(csv::Trim::All).from_reader(text.as_bytes());
         let wrong = |line: u64, what: String| Error::format(path, format!("line {line}: {what}"));
-        let head = rows.headers().map_err(|e| Error::format(path, e.to_string()))?;
+        let head = rows
+            .headers()
+            .map_err(|e| Error::format(path, e.to_string()))?;
         if head.iter().ne(HEAD) {
             let expected = HEAD.join(",");
-            return Err(Error::format(path, format!("its first line is not '{expected}'")));
+            return Err(Error::format(
+                path,
+                format!("its first line is not '{expected}'"),
+            ));
         }
         for row in rows.records() {
             let row = row.map_err(|e| Error::format(path, e.to_string()))?;
@@ -82,7 +92,12 @@ impl FrameLabels {
                     let mut all = 0..Self::windows(kind);
                     let found = all.find(|&w| Self::window_name(kind, w) == name);
                     let last = Self::window_name(kind, Self::windows(kind) - 1);
-                    let unknown = || wrong(line, format!("there is no window '{name}', the last is {last}"));
+                    let unknown = || {
+                        wrong(
+                            line,
+                            format!("there is no window '{name}', the last is {last}"),
+                        )
+                    };
                     Some(found.ok_or_else(unknown)?)
                 }
             };
@@ -90,7 +105,12 @@ impl FrameLabels {
             let is = match label {
                 label if label == is => true,
                 label if label == is_not => false,
-                _ => return Err(wrong(line, format!("'{label}' is neither '{is}' nor '{is_not}'"))),
+                _ => {
+                    return Err(wrong(
+                        line,
+                        format!("'{label}' is neither '{is}' nor '{is_not}'"),
+                    ));
+                }
             };
             labels.set(sequence, window, Some(is));
         }
@@ -128,7 +148,8 @@ impl FrameLabels {
 
     /// What a window is: its own label, else its frame's.
     pub fn of(&self, sequence: u64, window: usize) -> Option<bool> {
-        self.get(sequence, Some(window)).or_else(|| self.get(sequence, None))
+        self.get(sequence, Some(window))
+            .or_else(|| self.get(sequence, None))
     }
 
     /// The frames that have labels.
@@ -173,13 +194,15 @@ mod tests {
         labels.set(3, Some(1), Some(true));
         labels.set(3, Some(1), None);
         let text = labels.to_text();
-        assert_eq!(text, "sequence,window,label\n3,0x0,floor\n7,,floor\n7,3x2,other\n");
+        assert_eq!(
+            text,
+            "sequence,window,label\n3,0x0,floor\n7,,floor\n7,3x2,other\n"
+        );
         assert_eq!(read(&text).unwrap(), labels);
-        assert_eq!([labels.of(7, 13), labels.of(7, 2), labels.of(3, 1)], [
-            Some(false),
-            Some(true),
-            None
-        ]);
+        assert_eq!(
+            [labels.of(7, 13), labels.of(7, 2), labels.of(3, 1)],
+            [Some(false), Some(true), None]
+        );
         assert_eq!(labels.counts(), [2, 1]);
         let place = FrameLabels::path(Path::new("a/run.mcap"), FilterKind::TooClose);
         assert_eq!(place, Path::new("a/run.too-close.csv"));
@@ -189,9 +212,18 @@ mod tests {
     fn wrong_lines_are_named() {
         for (text, reason) in [
             ("sequence,label\n", "first line"),
-            ("sequence,window,label\n1,,floor\nx,,floor\n", "line 3: its sequence"),
-            ("sequence,window,label\n1,5x0,floor\n", "line 2: there is no window '5x0', the last is 4x2"),
-            ("sequence,window,label\n# no\n1,,wall\n", "line 3: 'wall' is neither 'floor' nor 'other'"),
+            (
+                "sequence,window,label\n1,,floor\nx,,floor\n",
+                "line 3: its sequence",
+            ),
+            (
+                "sequence,window,label\n1,5x0,floor\n",
+                "line 2: there is no window '5x0', the last is 4x2",
+            ),
+            (
+                "sequence,window,label\n0,,floor\n1,,wall\n",
+                "line 3: 'wall' is neither 'floor' nor 'other'",
+            ),
             ("sequence,window,label\n1,floor\n", "2 fields"),
         ] {
             let error = read(text).unwrap_err();

@@ -12,12 +12,12 @@ pub use errors::{ErrorRate, RocCurve, WindowErrors};
 pub use fit::{EpochError, FitSettings, FittedNetwork, Standard, fit_network};
 pub use labels::FrameLabels;
 pub use report::{FilterTraining, HiddenTrial};
-pub use samples::{Labels, WindowSample, WindowSamples, true_label};
+pub use samples::{WindowLabels, WindowSample, WindowSamples, true_label};
 pub use train::{EpochProgress, TrainSettings, train_filter};
 
 /// What the samples of a recording are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum SamplePart {
     Training,
     /// Decides when to stop, and the threshold.
     Validation,
@@ -25,7 +25,9 @@ pub enum Part {
     Test,
 }
 
-impl Part {
+impl SamplePart {
+    pub const ALL: [Self; 3] = [Self::Training, Self::Validation, Self::Test];
+
     /// Parts of so many recordings, at least three: each fifth is for the test, each fifth for the
     /// validation.
     pub fn deal(recordings: usize) -> Vec<Self> {

@@ -1,7 +1,7 @@
 //! What the training of a filter found, for people.
 
 use super::{
-    EpochError, FitSettings, FittedNetwork, Part, RocCurve, WindowErrors, WindowSample,
+    EpochError, FitSettings, FittedNetwork, RocCurve, SamplePart, WindowErrors, WindowSample,
     WindowSamples,
 };
 use crate::error::Result;
@@ -25,7 +25,7 @@ pub struct FilterTraining {
     pub hidden: usize,
     pub seed: u64,
     pub recordings: usize,
-    /// Windows that show it and that do not, by part.
+    /// FilterWindows that show it and that do not, by part.
     pub samples: BTreeMap<&'static str, [usize; 2]>,
     /// On the test set.
     pub errors: WindowErrors,
@@ -108,8 +108,8 @@ impl FilterTraining {
     }
 
     /// How many recordings are in a part.
-    pub fn recordings_of(&self, part: Part) -> usize {
-        let parts = Part::deal(self.recordings);
+    pub fn recordings_of(&self, part: SamplePart) -> usize {
+        let parts = SamplePart::deal(self.recordings);
         parts.iter().filter(|of| **of == part).count()
     }
 
@@ -134,14 +134,20 @@ impl FilterTraining {
     pub fn by_hidden(&self) -> BTreeMap<usize, [f64; 2]> {
         let mut by_hidden = BTreeMap::<usize, Vec<WindowErrors>>::new();
         for trial in &self.trials {
-            by_hidden.entry(trial.hidden).or_default().push(trial.errors);
+            by_hidden
+                .entry(trial.hidden)
+                .or_default()
+                .push(trial.errors);
         }
         let mean = |errors: &[WindowErrors], of: fn(&WindowErrors) -> f64| {
             100.0 * errors.iter().map(of).sum::<f64>() / errors.len() as f64
         };
         let means = |(hidden, errors): (usize, Vec<WindowErrors>)| {
             let accepted = mean(&errors, |e| e.false_acceptance.rate);
-            (hidden, [accepted, mean(&errors, |e| e.false_rejection.rate)])
+            (
+                hidden,
+                [accepted, mean(&errors, |e| e.false_rejection.rate)],
+            )
         };
         by_hidden.into_iter().map(means).collect()
     }
@@ -187,7 +193,11 @@ impl FilterTraining {
                     vec![line(
                         "test",
                         SeriesStyle::Line,
-                        self.roc.points.iter().map(|(x, y)| (100.0 * x, 100.0 * y)).collect(),
+                        self.roc
+                            .points
+                            .iter()
+                            .map(|(x, y)| (100.0 * x, 100.0 * y))
+                            .collect(),
                     )],
                 ),
             ),
@@ -250,15 +260,19 @@ impl Display for FilterTraining {
             self.filter, self.hidden, self.window, self.scaling
         )?;
         for (name, part) in [
-            ("training", Part::Training),
-            ("validation", Part::Validation),
-            ("test", Part::Test),
+            ("training", SamplePart::Training),
+            ("validation", SamplePart::Validation),
+            ("test", SamplePart::Test),
         ] {
             let [yes, no] = self.samples[name];
             let recordings = crate::counted(self.recordings_of(part) as u64, "recording");
             writeln!(f, "{name:<18}{recordings}: {yes} {is}, {no} {is_not}")?;
         }
-        let ended = if self.interrupted { ", interrupted" } else { "" };
+        let ended = if self.interrupted {
+            ", interrupted"
+        } else {
+            ""
+        };
         writeln!(
             f,
             "{:<18}{} of {}{ended}",
@@ -266,12 +280,24 @@ impl Display for FilterTraining {
             self.best_epoch,
             self.epochs.len()
         )?;
-        writeln!(f, "{:<18}{}", "false acceptance", self.errors.false_acceptance)?;
-        writeln!(f, "{:<18}{}", "false rejection", self.errors.false_rejection)?;
+        writeln!(
+            f,
+            "{:<18}{}",
+            "false acceptance", self.errors.false_acceptance
+        )?;
+        writeln!(
+            f,
+            "{:<18}{}",
+            "false rejection", self.errors.false_rejection
+        )?;
         write!(f, "{:<18}{:.4}", "area of the ROC", self.roc.area)?;
         let by_hidden = self.by_hidden();
         if by_hidden.len() > 1 {
-            write!(f, "\n\n{:>14}{:>20}{:>20}", "hidden neurons", "false accepted, %", "false rejected, %")?;
+            write!(
+                f,
+                "\n\n{:>14}{:>20}{:>20}",
+                "hidden neurons", "false accepted, %", "false rejected, %"
+            )?;
             for (hidden, [accepted, rejected]) in by_hidden {
                 write!(f, "\n{hidden:>14}{accepted:>20.2}{rejected:>20.2}")?;
             }

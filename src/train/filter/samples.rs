@@ -1,8 +1,8 @@
 //! Labelled windows with their features.
 
-use super::{FrameLabels, Part};
+use super::{FrameLabels, SamplePart};
 use crate::error::Result;
-use crate::filter::{Features, FilterKind, Spectrum, Windows};
+use crate::filter::{Features, FilterKind, FilterWindows, Spectrum};
 use crate::stereo::{Frame, GridShape, Surface, Truth, Visibility};
 
 /// A labelled window.
@@ -29,12 +29,12 @@ pub struct WindowSamples {
     pub inputs: Vec<f32>,
     pub samples: Vec<WindowSample>,
     /// The part of each group.
-    pub parts: Vec<Part>,
+    pub parts: Vec<SamplePart>,
 }
 
 /// Where the labels of windows come from.
 #[derive(Clone, Debug)]
-pub enum Labels<'a> {
+pub enum WindowLabels<'a> {
     /// A person's.
     Given(&'a FrameLabels),
     /// The frame's truth; of *too close* with the range of disparities, pixels.
@@ -45,7 +45,7 @@ pub enum Labels<'a> {
 const MOST: f64 = 0.9;
 
 impl WindowSamples {
-    pub fn new(kind: FilterKind, features: Features, parts: Vec<Part>) -> Self {
+    pub fn new(kind: FilterKind, features: Features, parts: Vec<SamplePart>) -> Self {
         Self {
             kind,
             features,
@@ -67,6 +67,36 @@ impl WindowSamples {
         self.samples.append(&mut others.samples);
     }
 
+    /// The samples with these numbers.
+    #[must_use]
+    pub fn select(&self, numbers: impl IntoIterator<Item = usize>) -> Self {
+        let (mut fewer, stride) = (self.empty(), self.features.stride());
+        for i in numbers {
+            fewer.samples.push(self.samples[i].clone());
+            fewer
+                .inputs
+                .extend_from_slice(&self.inputs[i * stride..][..stride]);
+        }
+        fewer
+    }
+
+    /// All samples, but of each category of the parts that are named at most so many, spread
+    /// evenly.
+    #[must_use]
+    pub fn limited(&self, limits: &[(SamplePart, usize)]) -> Self {
+        let mut numbers = Vec::new();
+        for part in SamplePart::ALL {
+            let limit = limits.iter().find(|(of, _)| *of == part);
+            for is in [true, false] {
+                let of = self.of(part).filter(|&i| self.samples[i].is == is);
+                let of: Vec<_> = of.collect();
+                let most = limit.map_or(of.len(), |(_, most)| of.len().min(*most));
+                numbers.extend((0..most).map(|i| of[i * of.len() / most]));
+            }
+        }
+        self.select(numbers)
+    }
+
     /// Adds the windows of a frame of a group that have a label.
     ///
     /// # Errors
@@ -76,15 +106,15 @@ impl WindowSamples {
         spectrum: &mut Spectrum,
         frame: &Frame,
         group: usize,
-        labels: &Labels<'_>,
+        labels: &WindowLabels<'_>,
     ) -> Result<()> {
         let (features, left) = (self.features, frame.pair.left());
         let side = features.window;
-        let windows = Windows::new(self.kind, side, left.size(), GridShape::default())?;
+        let windows = FilterWindows::new(self.kind, side, left.size(), GridShape::default())?;
         for (window, &at) in windows.corners().iter().enumerate() {
             let is = match labels {
-                Labels::Given(labels) => labels.of(frame.sequence, window),
-                Labels::Truth { range_px } => frame
+                WindowLabels::Given(labels) => labels.of(frame.sequence, window),
+                WindowLabels::Truth { range_px } => frame
                     .truth
                     .as_ref()
                     .and_then(|truth| true_label(self.kind, truth, at, side, *range_px)),
@@ -96,7 +126,7 @@ impl WindowSamples {
             self.inputs.resize(first + features.stride(), 0.0);
             spectrum.features(features, left, at, &mut self.inputs[first..]);
             let row = |y: usize| left.row(at[1] + y)[at[0]..at[0] + side].iter().copied();
-            let is_shown = self.parts[group] == Part::Test;
+            let is_shown = self.parts[group] == SamplePart::Test;
             self.samples.push(WindowSample {
                 group,
                 sequence: frame.sequence,
@@ -112,7 +142,7 @@ impl WindowSamples {
     }
 
     /// The samples of a part.
-    pub fn of(&self, part: Part) -> impl Iterator<Item = usize> + '_ {
+    pub fn of(&self, part: SamplePart) -> impl Iterator<Item = usize> + '_ {
         let is_of = move |i: &usize| self.parts[self.samples[*i].group] == part;
         (0..self.samples.len()).filter(is_of)
     }
@@ -161,5 +191,59 @@ pub fn true_label(
             };
             Some(share(&|x, y| too_near(x, y) || one_camera(x, y)) > 0.5)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::Plane;
+
+    /// A truth of 100x10 whose first columns are floor, too near, or seen by the left camera alone.
+    fn truth(floor: usize, near: usize, hidden: usize) -> Truth {
+        let plane = |first: f32, columns: usize, rest: f32| {
+            Plane::from_fn(100, 10, |x, _| if x < columns { first } else { rest }).unwrap()
+        };
+        let surface = plane(0.0, floor, 1.0).map(|v| match v {
+            0.0 => Surface::Floor,
+            _ => Surface::Wall,
+        });
+        let visibility = plane(0.0, near + hidden, 1.0).map(|v| match v {
+            0.0 => Visibility::Occluded,
+            _ => Visibility::Visible,
+        });
+        let disparity = plane(90.0, near, 20.0);
+        Truth {
+            surface: Some(surface),
+            ..Truth::exact(disparity, (hidden > 0).then_some(visibility))
+        }
+    }
+
+    #[test]
+    fn truth_labels_windows_that_show_one_thing() {
+        let floor = |columns| {
+            let truth = truth(columns, 0, 0);
+            true_label(FilterKind::Floor, &truth, [0, 0], 10, 80.0)
+        };
+        // Of ten columns.
+        assert_eq!(
+            [0, 1, 5, 9, 10].map(floor),
+            [Some(false), None, None, None, Some(true)]
+        );
+        let close = |near, hidden| {
+            let truth = truth(0, near, hidden);
+            true_label(FilterKind::TooClose, &truth, [0, 0], 10, 80.0)
+        };
+        assert_eq!(
+            [close(5, 0), close(6, 0), close(3, 3)],
+            [Some(false), Some(true), Some(true)]
+        );
+        let unknown = Truth::exact(Plane::filled(100, 10, 5.0).unwrap(), None);
+        assert_eq!(
+            true_label(FilterKind::Floor, &unknown, [0, 0], 10, 80.0),
+            None
+        );
+        let label = true_label(FilterKind::TooClose, &unknown, [0, 0], 10, 80.0);
+        assert_eq!(label, Some(false));
     }
 }

@@ -1,8 +1,8 @@
 //! From labelled windows to a filter and its figures.
 
 use super::{
-    EpochError, FilterTraining, FitSettings, FittedNetwork, HiddenTrial, Part, RocCurve, Standard,
-    WindowErrors, WindowSample, WindowSamples, fit_network,
+    EpochError, FilterTraining, FitSettings, FittedNetwork, HiddenTrial, RocCurve, SamplePart,
+    Standard, WindowErrors, WindowSample, WindowSamples, fit_network,
 };
 use crate::error::{Error, Result};
 use crate::filter::{FilterKind, FilterModel, Network};
@@ -58,7 +58,7 @@ pub fn train_filter(
     check(samples)?;
     let data = samples.hash();
     let standard = Standard::apply(samples);
-    let validation = samples.labels(Part::Validation);
+    let validation = samples.labels(SamplePart::Validation);
     let mut trials = Vec::new();
     let mut best: Option<(f64, FitSettings, FittedNetwork, Network)> = None;
     'trials: for &hidden in &settings.hidden {
@@ -71,16 +71,16 @@ pub fn train_filter(
             let mut after = |epoch, errors| progress(fit, epoch, errors);
             let mut fitted = fit_network(samples, fit, isa, &mut after)?;
             let error = fitted.epochs[fitted.best_epoch.max(1) - 1].validation;
-            let scores = fitted.scores(samples, Part::Validation, isa);
+            let scores = fitted.scores(samples, SamplePart::Validation, isa);
             let cost = samples.kind.spec().acceptance_cost;
             let roc = RocCurve::new(&zip(&scores, &validation), cost);
             fitted.shift(-roc.threshold)?;
-            let test = fitted.scores(samples, Part::Test, isa);
+            let test = fitted.scores(samples, SamplePart::Test, isa);
             trials.push(HiddenTrial {
                 hidden,
                 seed,
                 validation_error: error,
-                errors: WindowErrors::new(&zip(&test, &samples.labels(Part::Test)), 0.0),
+                errors: WindowErrors::new(&zip(&test, &samples.labels(SamplePart::Test)), 0.0),
             });
             let interrupted = fitted.interrupted;
             if best.as_ref().is_none_or(|(least, ..)| error < *least) {
@@ -93,11 +93,13 @@ pub fn train_filter(
         }
     }
     let Some((_, fit, fitted, network)) = best else {
-        return Err(Error::Invalid("no number of hidden neurons to train".into()));
+        return Err(Error::Invalid(
+            "no number of hidden neurons to train".into(),
+        ));
     };
     let test = zip(
-        &fitted.scores(samples, Part::Test, isa),
-        &samples.labels(Part::Test),
+        &fitted.scores(samples, SamplePart::Test, isa),
+        &samples.labels(SamplePart::Test),
     );
     let training = FilterTraining::new(samples, fit, &fitted, trials, &test, data);
     let range_px = (samples.kind == FilterKind::TooClose).then_some(settings.range_px);
@@ -125,11 +127,14 @@ fn check(samples: &WindowSamples) -> Result<()> {
         ));
     }
     for (part, name) in [
-        (Part::Training, "training"),
-        (Part::Validation, "validation"),
-        (Part::Test, "test"),
+        (SamplePart::Training, "training"),
+        (SamplePart::Validation, "validation"),
+        (SamplePart::Test, "test"),
     ] {
-        for (is, category) in [true, false].into_iter().zip(samples.kind.spec().categories) {
+        for (is, category) in [true, false]
+            .into_iter()
+            .zip(samples.kind.spec().categories)
+        {
             let labels = samples.labels(part);
             let count = labels.iter().filter(|&&label| label == is).count();
             if count < FEWEST {
@@ -146,7 +151,7 @@ fn check(samples: &WindowSamples) -> Result<()> {
 
 impl WindowSamples {
     /// The labels of a part's samples.
-    fn labels(&self, part: Part) -> Vec<bool> {
+    fn labels(&self, part: SamplePart) -> Vec<bool> {
         self.of(part).map(|i| self.samples[i].is).collect()
     }
 
@@ -165,9 +170,9 @@ impl WindowSamples {
     /// How many windows of a part show what the filter detects, and how many do not.
     pub fn counts(&self) -> BTreeMap<&'static str, [usize; 2]> {
         let parts = [
-            ("training", Part::Training),
-            ("validation", Part::Validation),
-            ("test", Part::Test),
+            ("training", SamplePart::Training),
+            ("validation", SamplePart::Validation),
+            ("test", SamplePart::Test),
         ];
         let count = |part| {
             let labels = self.labels(part);
@@ -178,8 +183,16 @@ impl WindowSamples {
     }
 
     /// The test samples with the worst scores of a category, worst first.
-    pub(super) fn worst(&self, scores: &[(f32, bool)], is: bool, most: usize) -> Vec<(&WindowSample, f32)> {
-        let samples = self.of(Part::Test).map(|i| &self.samples[i]).zip(scores);
+    pub(super) fn worst(
+        &self,
+        scores: &[(f32, bool)],
+        is: bool,
+        most: usize,
+    ) -> Vec<(&WindowSample, f32)> {
+        let samples = self
+            .of(SamplePart::Test)
+            .map(|i| &self.samples[i])
+            .zip(scores);
         let wrong = samples.filter(|(_, (score, label))| *label == is && (*score > 0.0) != is);
         let mut wrong: Vec<_> = wrong.map(|(sample, (score, _))| (sample, *score)).collect();
         wrong.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));

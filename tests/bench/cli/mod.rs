@@ -12,6 +12,7 @@ mod compare;
 mod datasets;
 mod eval;
 mod exec;
+mod filter;
 mod firmware;
 mod help;
 mod info;

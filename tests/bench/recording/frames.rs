@@ -5,7 +5,7 @@ use svl::recording::{
     Header, Reader, Recording, RecordingFormat, RecordingSummary, Recovery, Writer,
 };
 use svl::stereo::{
-    Exposure, Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth, Visibility,
+    Exposure, Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Surface, Truth, Visibility,
 };
 use svl::{Error, Result};
 
@@ -52,6 +52,14 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
         (..5, _) => Visibility::Occluded,
         _ => Visibility::Visible,
     };
+    let all = [
+        Surface::Unknown,
+        Surface::Floor,
+        Surface::Room,
+        Surface::Wall,
+        Surface::Object,
+    ];
+    let surface = |x: usize, y: usize| all[(x + y) % all.len()];
     Frame {
         name: Some(format!("szene-{i} \"ä\"")),
         geometry: Geometry::Rectified(Some(Rig::new(328.0, (159.5, 119.5), 0.044, 1.25).unwrap())),
@@ -59,10 +67,13 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
             nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3),
             turn,
         )),
-        truth: Some(Truth::exact(
-            Plane::from_fn(size.0, size.1, disparity).unwrap(),
-            Some(Plane::from_fn(size.0, size.1, visibility).unwrap()),
-        )),
+        truth: Some(Truth {
+            surface: Some(Plane::from_fn(size.0, size.1, surface).unwrap()),
+            ..Truth::exact(
+                Plane::from_fn(size.0, size.1, disparity).unwrap(),
+                Some(Plane::from_fn(size.0, size.1, visibility).unwrap()),
+            )
+        }),
         color: None,
         exposure: Exposure {
             trigger_id: 1000 + i,

@@ -22,6 +22,7 @@ fn assert_same(read: &Frame, written: &Frame, tolerance_px: f32) {
             );
         }
         assert_eq!(read.visibility, written.visibility);
+        assert_eq!(read.surface, written.surface);
     }
     assert_eq!(read.truth.is_some(), written.truth.is_some());
     let bare = |frame: &Frame| Frame {
@@ -232,6 +233,7 @@ fn results_stand_beside_the_pairs() {
             valid_share: 0.0,
             probability: None,
             evidence: None,
+            too_close: false,
             depth: None,
         }],
     )
@@ -241,8 +243,8 @@ fn results_stand_beside_the_pairs() {
         disparity: disparity.clone(),
         grid: grid.clone(),
         own_grid: false,
-            unfiltered: None,
-            range_px: None,
+        unfiltered: None,
+        range_px: None,
         times: Default::default(),
     };
     let estimates = [estimate("v3"), estimate("exec:command=/bin/elas")];

@@ -41,12 +41,14 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
         valid_share: 1.0,
         probability: None,
         evidence: None,
+        too_close: false,
         depth: Some(depth),
     };
     let unknown = Cell {
         valid_share: 0.0,
         probability: None,
         evidence: None,
+        too_close: false,
         depth: None,
     };
     let drawn = |cells: [Cell; 3]| {

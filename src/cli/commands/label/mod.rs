@@ -1,12 +1,16 @@
 //! `svl label`: what a person measures or judges in the frames of a source.
 
 mod checkpoints;
+mod windows;
 
 use clap::Subcommand;
 
 /// Label frames: what a person measured or sees in them
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  svl label checkpoints run.mcap -o own.toml")]
+#[command(after_help = "\
+Examples:
+  svl label checkpoints run.mcap -o own.toml
+  svl label windows run.mcap --filter floor")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Label,
@@ -15,10 +19,31 @@ pub(crate) struct Args {
 #[derive(Subcommand)]
 enum Label {
     Checkpoints(checkpoints::Args),
+    /// Say of whole frames whether they show what a filter detects
+    ///
+    /// The label is of all windows of the frame that the filter looks at.
+    #[command(after_help = EXAMPLES)]
+    Frames(windows::Args),
+    /// Say of the windows of frames whether they show what a filter detects
+    #[command(after_help = EXAMPLES)]
+    Windows(windows::Args),
 }
+
+const EXAMPLES: &str = "\
+Examples:
+  svl label windows run.mcap --filter floor          writes run.floor.csv
+  svl label frames run.mcap --filter too-close
+  svl label windows arena-1.mcap --filter floor --from-truth
+  svl train filter run*.mcap --filter floor -o floor.safetensors
+
+Keys: a it shows it, b it does not, s skip, Backspace one back, u undo, q quit;
+? shows all. The table beside the recording is written at every key: the same
+command goes on where it ended. It can be edited by hand.";
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.what {
         Label::Checkpoints(args) => checkpoints::run(args, quiet),
+        Label::Frames(args) => windows::run(args, false, quiet),
+        Label::Windows(args) => windows::run(args, true, quiet),
     }
 }

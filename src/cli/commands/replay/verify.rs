@@ -149,7 +149,11 @@ impl Earlier {
             Ok(algorithm)
         };
         // Those behind filters come again with --filter.
-        let mut labels: Vec<_> = self.labels.iter().map(|l| without_filters(l).to_owned()).collect();
+        let mut labels: Vec<_> = self
+            .labels
+            .iter()
+            .map(|l| without_filters(l).to_owned())
+            .collect();
         labels.dedup();
         labels.iter().map(parse).collect()
     }

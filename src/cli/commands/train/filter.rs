@@ -20,7 +20,7 @@ use svl::train::filter::{FrameLabels, TrainSettings};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl train filter scenarios/floor.toml --seeds 101..120 --filter floor \\
+  svl train filter scenarios/floor-training.toml --filter floor \\
     -o floor.safetensors
   svl label windows run1.mcap --filter floor
   svl train filter run1.mcap run2.mcap run3.mcap --filter floor \\
@@ -130,8 +130,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ..spec.features
     };
     let labelled = labelled(args, quiet)?;
-    let (mut samples, names) =
-        windows(args.filter, features, args.max_disparity, labelled, &args.source, quiet)?;
+    let (mut samples, names) = windows(
+        args.filter,
+        features,
+        args.max_disparity,
+        labelled,
+        &args.source,
+        quiet,
+    )?;
     let (hidden, seeds) = match &args.hidden {
         None => (vec![spec.hidden], vec![args.seed]),
         Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.seed]),
@@ -169,13 +175,20 @@ fn labelled(args: &Args, quiet: bool) -> anyhow::Result<Vec<LabelledRuns>> {
             continue;
         }
         let table = FrameLabels::path(path, args.filter);
-        if path.exists() && !table.exists() {
+        if !path.exists() {
+            let path = path.display();
+            bail!("{path}: no such file or folder; check the name");
+        }
+        if !table.exists() {
             let (path, filter) = (path.display(), args.filter);
             bail!("{path}: has no labels; `svl label windows {path} --filter {filter}` makes them");
         }
         let files = [path.display().to_string()];
         scenarios.push(Scenario::of_recordings(&files, Vec::new())?);
-        labels.push(Some((path.clone(), FrameLabels::read(&table, args.filter)?)));
+        labels.push(Some((
+            path.clone(),
+            FrameLabels::read(&table, args.filter)?,
+        )));
     }
     let named = args.labelled[0].display().to_string();
     args.source.change(&mut scenarios, &named)?;

@@ -7,9 +7,10 @@ use clap::Subcommand;
 
 /// Train what algorithms decide by, from runs with a truth
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml\n  svl train filter scenarios/floor.toml --seeds 101..120 --filter floor \\\n    -o floor.safetensors"
-)]
+#[command(after_help = "\
+Examples:
+  svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml
+  svl train filter scenarios/floor-training.toml --filter floor -o f.safetensors")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Train,

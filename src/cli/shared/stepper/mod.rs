@@ -142,7 +142,8 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    fn step(&mut self, by: i64) {
+    /// Goes so many frames on, or back.
+    pub(crate) fn step(&mut self, by: i64) {
         let to = self.index.saturating_add_signed(by);
         let found = self.store.at_most(to);
         let before = (self.index, self.frame.stamp_ns);

@@ -1,0 +1,211 @@
+//! `svl label frames` and `svl label windows`: the categorizer of the thesis (section 8.1.1).
+
+mod tool;
+
+use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::progress::Progress;
+use crate::cli::shared::runner;
+use crate::cli::shared::source::{self, SourceParser};
+use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
+use crate::cli::shared::terminal::print;
+use crate::cli::shared::usage;
+use anyhow::bail;
+use clap::builder::NonEmptyStringValueParser;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use svl::filter::{FilterKind, FilterWindows};
+use svl::grab;
+use svl::manifest::Manifest;
+use svl::run::{Matchers, Pace};
+use svl::score::Judge;
+use svl::sink::{CollectSink, RunStart, Sink};
+use svl::source::Request;
+use svl::stereo::GridShape;
+use svl::train::filter::{FrameLabels, TrainSettings, true_label};
+use tool::Categorizer;
+
+/// What frames and windows have in common.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A recording, a bag, a folder of pairs, a data-set scene, or the arena
+    #[arg(value_parser = SourceParser)]
+    source: String,
+    /// The filter that it is for: floor or too-close
+    #[arg(long, value_name = "NAME")]
+    filter: FilterKind,
+    /// Label by the truth of a simulated source; those of both kinds are skipped
+    #[arg(long)]
+    from_truth: bool,
+    /// Replace the table, with --from-truth
+    #[arg(long, requires = "from_truth")]
+    force: bool,
+    /// Of too-close by truth: the range of disparities, pixels
+    #[arg(
+        long, value_name = "PX", default_value_t = TrainSettings::RANGE_PX,
+        value_parser = usage::within(1.0..=10_000.0)
+    )]
+    max_disparity: f64,
+    /// Seed of a simulated source [default: 1]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Topic of the left images, in another program's recording [default: found by type and name]
+    #[arg(
+        long, value_name = "TOPIC", requires = "right",
+        value_parser = NonEmptyStringValueParser::new()
+    )]
+    left: Option<String>,
+    /// Topic of the right images
+    #[arg(
+        long, value_name = "TOPIC", requires = "left",
+        value_parser = NonEmptyStringValueParser::new()
+    )]
+    right: Option<String>,
+    /// Rectify the pairs by a calibration, as `svl replay` does
+    #[arg(long, value_name = "FILE|none", value_parser = NonEmptyStringValueParser::new())]
+    calib: Option<String>,
+    /// Take the keys from a file instead of a terminal, as `svl label checkpoints` does
+    #[arg(long, value_name = "FILE", conflicts_with = "from_truth")]
+    script: Option<PathBuf>,
+}
+
+/// Labels whole frames, or their windows.
+pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<()> {
+    let name = args.source.as_str();
+    if grab::driver(name).is_some() {
+        bail!("{name}: cameras cannot be stepped through; record them first: svl record {name}");
+    }
+    let path = FrameLabels::path(Path::new(name), args.filter);
+    let Ok(calib) = args.calib.as_deref().unwrap_or("own").parse();
+    let request = Request {
+        seed: args.seed,
+        topics: [args.left.clone(), args.right.clone()],
+        calib,
+        ..Request::new(name)
+    };
+    if args.from_truth {
+        return from_truth(args, of_windows, &request, &path, quiet);
+    }
+    // Before anything takes time.
+    let mut keys = match &args.script {
+        Some(script) => Keys::script(script)?,
+        None => {
+            Screen::check_terminal()?;
+            Keys::Terminal
+        }
+    };
+    let labels = match path.exists() {
+        true => FrameLabels::read(&path, args.filter)?,
+        false => FrameLabels::new(args.filter),
+    };
+    let first = RefCell::new(Some(source::open(request.clone(), quiet)?.source));
+    let open: Open<'_> = Box::new(|| match first.take() {
+        Some(first) => Ok(first),
+        // Its notes were printed when it was opened first.
+        None => Ok(source::open(request.clone(), true)?.source),
+    });
+    let mut stepper = Stepper::new(name, FrameStore::new(open)?)?;
+    if let Some((last, words)) = tool::resumed(&labels) {
+        stepper.go_to(last);
+        stepper.say(words);
+    }
+    let mut tool = Categorizer {
+        labels,
+        path,
+        of_windows,
+        window: 0,
+        done: Vec::new(),
+    };
+    let mut screen = match args.script {
+        Some(_) => Screen::in_memory()?,
+        None => Screen::of_terminal()?,
+    };
+    let ended = stepper::run(&mut stepper, &mut tool, &mut keys, &mut screen);
+    drop(screen);
+    let ended = ended?;
+    print(&tool.said())?;
+    match ended {
+        Ended::Quit => Ok(()),
+        Ended::Interrupted => bail!("stopped; what was labelled is kept: the same command goes on"),
+    }
+}
+
+/// Labels every frame of a source by its truth.
+fn from_truth(
+    args: &Args,
+    of_windows: bool,
+    request: &Request<'_>,
+    path: &Path,
+    quiet: bool,
+) -> anyhow::Result<()> {
+    let mut outputs = Outputs::claim(args.force, [], [path])?;
+    let mut opened = source::open(request.clone(), quiet)?;
+    let (kind, range_px) = (args.filter, args.max_disparity);
+    let of_frame = CollectSink::new(move |judged| {
+        let frame = &judged.frame;
+        let side = kind.spec().features.window;
+        let windows = FilterWindows::new(kind, side, frame.pair.size(), GridShape::default());
+        let labels = windows.map(|windows| {
+            let of = |&at: &[usize; 2]| {
+                let truth = frame.truth.as_ref()?;
+                true_label(kind, truth, at, side, range_px)
+            };
+            windows.corners().iter().map(of).collect::<Vec<_>>()
+        });
+        labels.map(|labels| (frame.sequence, labels))
+    });
+    let collected = of_frame.outbox();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
+    let (manifest, judge) = (Manifest::new("label", None, &[])?, Judge::default());
+    let start = RunStart {
+        manifest: &manifest,
+        log: None,
+        seed: None,
+        judge: &judge,
+    };
+    let title = opened.source.name();
+    let progress = Progress::new(&title, opened.source.pairs(), quiet);
+    let source = &mut *opened.source;
+    let (outcome, ran) = runner::run_through(
+        source,
+        &mut Matchers::none(),
+        &start,
+        Pace::Asap,
+        &mut sinks,
+        progress,
+    );
+    ran?;
+    if outcome.interrupted {
+        bail!("interrupted; nothing is written");
+    }
+    sinks.drain(..).try_for_each(Sink::finish)?;
+    let mut labels = FrameLabels::new(kind);
+    for of_frame in collected.take() {
+        let (sequence, windows) = of_frame?;
+        if of_windows {
+            for (window, is) in windows
+                .into_iter()
+                .enumerate()
+                .filter(|(_, is)| is.is_some())
+            {
+                labels.set(sequence, Some(window), is);
+            }
+        } else if let Some(first) = windows.first()
+            && windows.iter().all(|is| is == first)
+        {
+            // A frame is what all its windows are.
+            labels.set(sequence, None, *first);
+        }
+    }
+    let [yes, no] = labels.counts();
+    let [is, is_not] = kind.spec().categories;
+    if yes + no == 0 {
+        bail!(
+            "{}: its truth labels nothing: only recordings of the arena know what is {is}",
+            args.source
+        );
+    }
+    outputs.set_aside()?;
+    write(path, labels.to_text())?;
+    outputs.commit();
+    print(&format!("{}: {yes} {is}, {no} {is_not}\n", path.display()))
+}

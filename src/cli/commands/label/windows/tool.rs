@@ -1,0 +1,281 @@
+//! The categorizer: a key per category for each window or frame.
+
+use crate::cli::shared::outputs::write;
+use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, picture};
+use anyhow::Context;
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Rect, Size};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::widgets::{Paragraph, Wrap};
+use std::path::PathBuf;
+use svl::counted;
+use svl::filter::FilterWindows;
+use svl::stereo::{Frame, GridShape};
+use svl::train::filter::FrameLabels;
+
+/// Its keys beside those of the stepper.
+const KEYS: &[(&str, &str)] = &[
+    ("a", "it shows what the filter detects"),
+    ("b", "it does not"),
+    ("s", "skip: neither"),
+    ("arrows", "pick a window"),
+    ("Backspace", "back to the one before"),
+    ("u", "undo the last label"),
+];
+
+/// Width of what stands beside the image, characters.
+const PANEL: u16 = 28;
+
+/// A person at work.
+pub(super) struct Categorizer {
+    pub(super) labels: FrameLabels,
+    pub(super) path: PathBuf,
+    /// Whether windows are labelled, not whole frames.
+    pub(super) of_windows: bool,
+    pub(super) window: usize,
+    /// What was labelled, with the labels before.
+    pub(super) done: Vec<Labelled>,
+}
+
+/// A label that was given.
+pub(super) struct Labelled {
+    sequence: u64,
+    window: Option<usize>,
+    before: Option<bool>,
+}
+
+impl Categorizer {
+    fn place(&self) -> Option<usize> {
+        self.of_windows.then_some(self.window)
+    }
+
+    fn windows(&self) -> usize {
+        FrameLabels::windows(self.labels.kind)
+    }
+
+    fn label(&mut self, is: Option<bool>, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        let (sequence, window) = (stepper.frame().sequence, self.place());
+        let before = self.labels.get(sequence, window);
+        self.done.push(Labelled {
+            sequence,
+            window,
+            before,
+        });
+        self.labels.set(sequence, window, is);
+        self.save()?;
+        self.next(stepper);
+        Ok(())
+    }
+
+    /// The table is whole at any moment.
+    fn save(&self) -> anyhow::Result<()> {
+        let part = self.path.with_extension("csv.part");
+        write(&part, self.labels.to_text())?;
+        std::fs::rename(&part, &self.path).with_context(|| self.path.display().to_string())
+    }
+
+    fn next(&mut self, stepper: &mut Stepper<'_>) {
+        if self.of_windows && self.window + 1 < self.windows() {
+            self.window += 1;
+        } else {
+            self.window = 0;
+            stepper.step(1);
+        }
+    }
+
+    fn back(&mut self, stepper: &mut Stepper<'_>) {
+        if self.of_windows && self.window > 0 {
+            self.window -= 1;
+        } else {
+            let at = stepper.frame().sequence;
+            stepper.step(-1);
+            if stepper.frame().sequence != at {
+                self.window = if self.of_windows {
+                    self.windows() - 1
+                } else {
+                    0
+                };
+            }
+        }
+    }
+
+    fn undo(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        let Some(Labelled {
+            sequence,
+            window,
+            before,
+        }) = self.done.pop()
+        else {
+            stepper.say("there is nothing to undo");
+            return Ok(());
+        };
+        self.labels.set(sequence, window, before);
+        stepper.go_to(sequence);
+        self.window = window.unwrap_or_default();
+        self.save()
+    }
+
+    fn pick(&mut self, key: Key) {
+        let columns = FrameLabels::columns(self.labels.kind);
+        let (column, last) = (self.window % columns, self.windows() - 1);
+        self.window = match key {
+            Key::Left if column > 0 => self.window - 1,
+            Key::Right if column + 1 < columns => self.window + 1,
+            Key::Up if self.window >= columns => self.window - columns,
+            Key::Down if self.window + columns <= last => self.window + columns,
+            _ => self.window,
+        };
+    }
+
+    /// What stands beside the image.
+    fn lines(&self, frame: &Frame) -> Vec<String> {
+        let kind = self.labels.kind;
+        let [is, is_not] = kind.spec().categories;
+        let [yes, no] = self.labels.counts();
+        let here = match self.place() {
+            Some(window) => format!("window {}", FrameLabels::window_name(kind, window)),
+            None => "the frame".to_owned(),
+        };
+        let label = self.labels.get(frame.sequence, self.place());
+        let label = label.map_or("no label", |is| self.labels.category(is));
+        vec![
+            format!("filter {kind}"),
+            format!("{yes} {is}, {no} {is_not}"),
+            String::new(),
+            format!("{here}: {label}"),
+            String::new(),
+            format!("a {is}, b {is_not}"),
+            "s skip, u undo".to_owned(),
+            "Backspace one back".to_owned(),
+        ]
+    }
+
+    /// Says where the table is.
+    pub(super) fn said(&self) -> String {
+        let [yes, no] = self.labels.counts();
+        let [is, is_not] = self.labels.kind.spec().categories;
+        format!("{}: {yes} {is}, {no} {is_not}\n", self.path.display())
+    }
+}
+
+impl StepTool for Categorizer {
+    fn keys(&self) -> &'static [(&'static str, &'static str)] {
+        KEYS
+    }
+
+    fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        windows(self, stepper.frame())?;
+        Ok(())
+    }
+
+    fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+        match key {
+            Key::Char('a') => self.label(Some(true), stepper)?,
+            Key::Char('b') => self.label(Some(false), stepper)?,
+            Key::Char('s') => self.next(stepper),
+            Key::Char('u') => self.undo(stepper)?,
+            Key::Backspace => self.back(stepper),
+            Key::Left | Key::Right | Key::Up | Key::Down if self.of_windows => self.pick(key),
+            Key::Char('q') => return Ok(Reaction::Quit),
+            _ => return Ok(Reaction::Ignored),
+        }
+        Ok(Reaction::Taken)
+    }
+
+    fn question(&self) -> Option<String> {
+        None
+    }
+
+    fn draw(
+        &mut self,
+        stepper: &Stepper<'_>,
+        shades: bool,
+        area: Rect,
+        canvas: &mut ratatui::Frame<'_>,
+    ) {
+        let frame = stepper.frame();
+        let room = Size::new(area.width.saturating_sub(PANEL), area.height);
+        let size = picture::fitting(frame.pair.size(), room);
+        let image = Rect::from((area.as_position(), size));
+        let buffer = canvas.buffer_mut();
+        picture::draw(frame.pair.left(), image, shades, buffer);
+        if let Ok(windows) = windows(self, frame) {
+            for (window, &corner) in windows.corners().iter().enumerate() {
+                let side = self.labels.kind.spec().features.window;
+                let place = on_screen(corner, side, frame.pair.size(), image);
+                let is_picked = self.of_windows && window == self.window;
+                let label = self.labels.of(frame.sequence, window);
+                let label = label.map(|is| self.labels.category(is));
+                outline(place, is_picked, label.unwrap_or_default(), buffer);
+            }
+        }
+        let left = image.right() + 1;
+        let panel = Rect::new(left, area.y, area.right().saturating_sub(left), area.height);
+        let words = Paragraph::new(self.lines(frame).join("\n")).wrap(Wrap { trim: false });
+        canvas.render_widget(words, panel);
+    }
+}
+
+/// The windows of the filter in a frame.
+fn windows(tool: &Categorizer, frame: &Frame) -> svl::Result<FilterWindows> {
+    let kind = tool.labels.kind;
+    let side = kind.spec().features.window;
+    FilterWindows::new(kind, side, frame.pair.size(), GridShape::default())
+}
+
+/// A square of the image, in characters.
+fn on_screen(
+    [x, y]: [usize; 2],
+    side: usize,
+    (width, height): (usize, usize),
+    image: Rect,
+) -> Rect {
+    let across = |px: usize| image.x + (px * usize::from(image.width) / width) as u16;
+    let down = |px: usize| image.y + (px * usize::from(image.height) / height) as u16;
+    let (left, top) = (across(x), down(y));
+    Rect::new(left, top, across(x + side) - left, down(y + side) - top)
+}
+
+/// The corners of a window with its label; the picked one all around.
+fn outline(place: Rect, is_picked: bool, label: &str, buffer: &mut Buffer) {
+    let color = if is_picked {
+        Color::Yellow
+    } else {
+        Color::Gray
+    };
+    let style = Style::reset().fg(color).add_modifier(Modifier::BOLD);
+    if place.width < 2 || place.height < 2 {
+        return;
+    }
+    let (right, bottom) = (place.right() - 1, place.bottom() - 1);
+    let mut set = |x, y, line: &str| {
+        if let Some(cell) = buffer.cell_mut((x, y)) {
+            cell.set_symbol(line).set_style(style);
+        }
+    };
+    if is_picked {
+        (place.x..=right).for_each(|x| {
+            set(x, place.y, "━");
+            set(x, bottom, "━");
+        });
+        (place.y..=bottom).for_each(|y| {
+            set(place.x, y, "┃");
+            set(right, y, "┃");
+        });
+    }
+    set(place.x, place.y, "┏");
+    set(right, place.y, "┓");
+    set(place.x, bottom, "┗");
+    set(right, bottom, "┛");
+    let bold = Style::reset().add_modifier(Modifier::BOLD).fg(Color::Green);
+    let room = usize::from(place.width.saturating_sub(2));
+    buffer.set_stringn(place.x + 1, place.y + place.height / 2, label, room, bold);
+}
+
+/// Says where a session goes on.
+pub(super) fn resumed(labels: &FrameLabels) -> Option<(u64, String)> {
+    let last = labels.sequences().last()?;
+    let [yes, no] = labels.counts();
+    let found = counted((yes + no) as u64, "label");
+    Some((last, format!("going on at frame {last} with {found}")))
+}

@@ -1,0 +1,305 @@
+//! `svl train filter`, `svl label frames|windows`, and filters in a run.
+
+use super::fixture::{Fixture, assert_says};
+use crate::common::python;
+use std::sync::LazyLock;
+use svl::filter::{FilterKind, FilterModel, Spectrum};
+use svl::stereo::Gray;
+use svl::train::filter::FrameLabels;
+
+/// Floors with texture, of few frames.
+fn write_floors(fixture: &Fixture, name: &str, frames: u64) {
+    let text = format!(
+        "name = \"{}\"\n[source]\nkind = \"arena\"\nseeds = \"11..15\"\n[arena]\nframes = \
+         {frames}\n[arena.world]\nfloor_patterns = [\"noise\", \"tiles\"]\n",
+        name.trim_end_matches(".toml")
+    );
+    fixture.write(name, text);
+}
+
+/// A filter that was trained once for all tests, and its page.
+static FLOOR: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
+    let fixture = Fixture::new();
+    write_floors(&fixture, "floors.toml", 12);
+    let train = "-q train filter floors.toml --filter floor --hidden 8";
+    let said = fixture.run(&format!("{train} -o floor.safetensors"));
+    assert_says(
+        &said,
+        &[
+            "filter floor: 8 hidden neurons, windows of 64, amplitude with the mean",
+            "training          3 recordings: ",
+            "validation        1 recording: ",
+            "false acceptance",
+            "area of the ROC   0.9",
+            "floor.safetensors\nfloor.html",
+        ],
+    );
+    assert!(
+        said.lines().all(|line| line.chars().count() <= 80),
+        "{said}"
+    );
+    let bytes = std::fs::read(fixture.path("floor.safetensors")).unwrap();
+    // Equal data, equal bytes, on any number of threads.
+    fixture.run(&format!("{train} -o again.safetensors --threads 1"));
+    assert!(bytes == std::fs::read(fixture.path("again.safetensors")).unwrap());
+    (bytes, fixture.text("floor.html"))
+});
+
+fn write_filter(fixture: &Fixture) {
+    std::fs::write(fixture.path("floor.safetensors"), &FLOOR.0).unwrap();
+}
+
+#[test]
+fn the_page_of_a_training_shows_errors_and_curves() {
+    assert_says(
+        &FLOOR.1,
+        &[
+            "Filter floor",
+            "false rejection",
+            "Training and validation",
+            "Falsely accepted",
+            "floors seed 11",
+        ],
+    );
+}
+
+#[test]
+fn python_computes_the_same_spectrum_and_network() {
+    let fixture = Fixture::new();
+    write_filter(&fixture);
+    fixture.write_pair("left.pgm", "right.pgm", (100, 90), 5);
+    let model = fixture.path("floor.safetensors");
+    let paths = [fixture.path("left.pgm"), model.clone()];
+    let [image, file] = paths.each_ref().map(|path| path.to_str().unwrap());
+    let Some(answer) = python("filter.py", "numpy", [image, "7", "11", file]) else {
+        return;
+    };
+    let answer: serde_json::Value = serde_json::from_slice(&answer).unwrap();
+    let pgm = std::fs::read(image).unwrap();
+    let left = Gray::from_vec(100, 90, pgm[pgm.len() - 9000..].to_vec()).unwrap();
+    let model = FilterModel::read(&model).unwrap();
+    let features = model.features;
+    let mut spectrum = Spectrum::new(features.window);
+    let mut row = vec![0.0; features.stride()];
+    spectrum.amplitudes(&left, [7, 11], &mut row);
+    let theirs = answer["amplitudes"].as_array().unwrap();
+    assert_eq!(theirs.len(), 2049);
+    let theirs: Vec<_> = theirs.iter().map(|a| a.as_f64().unwrap()).collect();
+    let largest = theirs.iter().copied().fold(0.0, f64::max);
+    for (ours, theirs) in row.iter().zip(&theirs) {
+        assert!((f64::from(*ours) - theirs).abs() < 1e-4 * largest);
+    }
+    spectrum.features(features, &left, [7, 11], &mut row);
+    let mut score = [0.0];
+    let isa = svl::kernel::isa().unwrap();
+    model.network.scores(isa, &row, &mut Vec::new(), &mut score);
+    let theirs = answer["score"].as_f64().unwrap();
+    assert!(
+        (f64::from(score[0]) - theirs).abs() < 1e-3,
+        "{} {answer}",
+        score[0]
+    );
+}
+
+#[test]
+fn algorithms_run_with_and_without_filters() {
+    let fixture = Fixture::new();
+    write_filter(&fixture);
+    write_floors(&fixture, "floors.toml", 10);
+    let json = fixture.json(
+        "-q score floors.toml --seeds 3 --algo v3 --algo v5 --filter floor.safetensors --json \
+         --out report",
+    );
+    let algorithms = json["algorithms"].as_array().unwrap();
+    let labels: Vec<_> = algorithms
+        .iter()
+        .map(|a| a["algorithm"].as_str().unwrap())
+        .collect();
+    assert_eq!(labels, ["v3", "v3+floor", "v5", "v5+floor"]);
+    let [v3, filtered, v5, filtered_v5] = &algorithms[..] else {
+        panic!("{json}")
+    };
+    let count = |of: &serde_json::Value, key: &str| of[key].as_u64();
+    // v3 sees the tiles before the robot, and no longer.
+    let floor = |of| count(of, "floor_obstacles").unwrap();
+    assert!(
+        floor(v5) > 20 && 3 * floor(filtered_v5) < 2 * floor(v5),
+        "{json}"
+    );
+    assert!(floor(filtered) <= floor(v3));
+    assert_eq!(count(v3, "kept_obstacles"), None);
+    assert!(count(filtered, "kept_obstacles").unwrap() > 0, "{json}");
+    // The filter is part of the parameters, and its time of the algorithm's.
+    let manifest = fixture.text("report/manifest.json");
+    assert_says(&manifest, &["+floor="]);
+    assert_says(
+        &fixture.text("report/rows.csv"),
+        &["filters_us", "v3+floor"],
+    );
+
+    // A recording of results says so, too, and is verified with the same filter.
+    fixture.run("record floors.toml --seed 3 --frames 2 -o run.mcap");
+    let replay = "-q replay run.mcap --filter floor.safetensors";
+    fixture.run(&format!("{replay} --algo v3 -o result.mcap"));
+    let verified = fixture.run("-q replay result.mcap --verify --filter floor.safetensors");
+    assert_says(&verified, &["v3+floor"]);
+    let bench = fixture.json("bench --algo v3 --filter floor.safetensors --json");
+    assert_eq!(bench[1]["algo"], "v3:max_disparity=80+floor");
+}
+
+#[test]
+fn a_scenario_trains_its_filter_first_and_keeps_it() {
+    let fixture = Fixture::new();
+    write_floors(&fixture, "floors.toml", 8);
+    let filter = "[[filter]]\ndetects = \"floor\"\nscenario = \"floors.toml\"\n";
+    let scored = |more: &str| {
+        let text = fixture.text("floors.toml");
+        let text = text
+            .replace("\"11..15\"", "[3]")
+            .replace("name = \"floors\"", "name = \"own\"");
+        fixture.write("own.toml", text + more);
+        fixture.svl("-q score own.toml --algo v3 --rerun none --out report")
+    };
+    let said = scored(filter).done();
+    assert_says(&said, &["v3+floor"]);
+    let kept = || {
+        let files = std::fs::read_dir(fixture.path("recordings"))
+            .unwrap()
+            .flatten();
+        let names = files.map(|file| file.file_name().into_string().unwrap());
+        names
+            .filter(|name| name.ends_with(".safetensors"))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(kept().len(), 1);
+    assert!(kept()[0].starts_with("floors-floor-"), "{:?}", kept());
+    scored(filter).done();
+    assert_eq!(kept().len(), 1);
+
+    for (more, code, words) in [
+        ("seeds = [3, 4]", 1, "seed 3 would be trained on and scored"),
+        (
+            "file = \"a.safetensors\"",
+            1,
+            "takes either file or scenario",
+        ),
+        (filter, 1, "filter floor occurs twice"),
+    ] {
+        scored(&format!("{filter}{more}\n")).failed(code, &[words]);
+    }
+    scored("[[filter]]\ndetects = \"flor\"\nfile = \"x\"").failed(1, &["did you mean 'floor'"]);
+    scored("[[filter]]\ndetects = \"floor\"\nfile = \"x.safetensors\"")
+        .failed(1, &["x.safetensors"]);
+}
+
+#[test]
+fn a_person_labels_windows_and_frames() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 6 -o run.mcap");
+    let label = |what: &str, keys: &str| {
+        fixture.write("keys", keys);
+        fixture.svl(&format!("label {what} run.mcap --script keys"))
+    };
+    let said = label("windows --filter floor", "b b s a u a down a . screen q").done();
+    assert_says(
+        &said,
+        &[
+            "run.floor.csv: 2 floor, 2 other",
+            "filter floor",
+            "? all keys",
+        ],
+    );
+    let table = "sequence,window,label\n0,0x0,other\n0,1x0,other\n0,3x0,floor\n0,4x1,floor\n";
+    assert_eq!(fixture.text("run.floor.csv"), table);
+    // It goes on where it ended; Ctrl-C keeps what is there.
+    let stopped = label("windows --filter floor", "screen a backspace u b ctrl-c");
+    assert_says(&stopped.stdout, &["going on at frame 0 with 4 labels"]);
+    stopped.failed(1, &["what was labelled is kept"]);
+    assert_eq!(fixture.text("run.floor.csv"), table);
+
+    label("frames --filter too-close", "b b a s a u q").done();
+    let table = "sequence,window,label\n0,,clear\n1,,clear\n2,,too-close\n";
+    assert_eq!(fixture.text("run.too-close.csv"), table);
+    fixture.write("run.too-close.csv", table.to_owned() + "9,,clear\n");
+    fixture.fails(
+        "-q train filter run.mcap --filter too-close -o t.safetensors => 1: run.too-close.csv | \
+         frame 9",
+    );
+}
+
+#[test]
+fn the_truth_labels_recordings_of_the_arena() {
+    let fixture = Fixture::new();
+    write_floors(&fixture, "floors.toml", 12);
+    for run in 1..=3 {
+        fixture.run(&format!("record floors.toml --seed {run} -o run{run}.mcap"));
+        let said = fixture.run(&format!(
+            "-q label windows run{run}.mcap --filter floor --from-truth"
+        ));
+        assert_says(&said, &[&format!("run{run}.floor.csv: ")]);
+    }
+    let labels = FrameLabels::read(&fixture.path("run1.floor.csv"), FilterKind::Floor).unwrap();
+    let [floor, other] = labels.counts();
+    // A window that shows both is skipped.
+    assert!(
+        floor >= 24 && other >= 80 && floor + other < 12 * 15,
+        "{floor} {other}"
+    );
+    let json = fixture.json(
+        "-q train filter run1.mcap run2.mcap run3.mcap --filter floor --hidden 2,4 -o \
+         f.safetensors --json",
+    );
+    assert_eq!(json["trials"].as_array().unwrap().len(), 6);
+    assert_eq!(json["samples"]["test"][0].as_u64().unwrap(), floor as u64);
+    let model = FilterModel::read(&fixture.path("f.safetensors")).unwrap();
+    assert_eq!(model.facts["recordings"], "3");
+    assert!([2, 4].contains(&model.network.hidden()));
+}
+
+#[test]
+fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
+    let fixture = Fixture::new();
+    write_filter(&fixture);
+    fixture.write_short_arena("short.toml", 3);
+    fixture.run("record --frames 3 -o run.mcap");
+    for run in ["a", "b", "c"] {
+        std::fs::copy(
+            fixture.path("run.mcap"),
+            fixture.path(&format!("{run}.mcap")),
+        )
+        .unwrap();
+        fixture.write(
+            &format!("{run}.floor.csv"),
+            "sequence,window,label\n0,,floor\n",
+        );
+    }
+    fixture.write("mine.safetensors", "mine");
+    let cut = &FLOOR.0[..FLOOR.0.len() - 100];
+    std::fs::write(fixture.path("cut.safetensors"), cut).unwrap();
+    fixture.fails(
+        "train filter run.mcap --filter floor -o t.safetensors => 1: run.mcap: has no labels | svl \
+         label windows
+        train filter none.mcap --filter floor -o t.safetensors => 1: none.mcap
+        train filter short.toml --filter flor -o t.safetensors => 2: did you mean 'floor'
+        train filter short.toml --filter floor -o t.bin => 2: t.bin | .safetensors
+        train filter short.toml --filter floor -o mine.safetensors => 1: mine.safetensors
+        train filter short.toml --filter floor --hidden 0 -o t.safetensors => 2: --hidden | 55
+        -q train filter short.toml --filter floor -o t.safetensors => 1: 2 recordings | three
+        -q train filter a.mcap b.mcap c.mcap --filter floor -o t.safetensors => 1: 15 windows | \
+         'floor' | at least 20
+        -q train filter short.toml --seeds 1..3 --filter too-close -o t.safetensors => 1: windows \
+         labelled 'too-close' | at least 20
+        label windows run.mcap => 2: --filter
+        label windows run.mcap --filter floor --script none => 1: none
+        label frames v4l2:/dev/video0,/dev/video2 --filter floor => 1: record them first
+        label windows a.mcap --filter floor --from-truth => 1: a.floor.csv
+        replay run.mcap --filter none.safetensors => 1: none.safetensors
+        replay run.mcap --filter mine.safetensors => 1: mine.safetensors | no safetensors file
+        replay run.mcap --filter cut.safetensors => 1: cut.safetensors | damaged
+        replay run.mcap --filter run.mcap => 2: run.mcap | .safetensors
+        replay run.mcap --filter floor.safetensors --filter floor.safetensors => 2: both are of \
+         floor",
+    );
+    assert!(!fixture.path("t.safetensors").exists());
+    assert_eq!(fixture.text("mine.safetensors"), "mine");
+}
