@@ -164,7 +164,7 @@ pub(super) mod tests {
         assert!((speed.time_per_mp_s() - 0.02).abs() < 1e-12);
         assert!((speed.time_per_gd_s().unwrap() - 1.0).abs() < 1e-12);
         // The middle three: neither the slowest nor the fastest.
-        assert_eq!(speed.stages_ms, [0.1, 0.0, 5.0, 0.0, 4.9]);
+        assert_eq!(speed.stages_ms, [0.1, 0.0, 5.0, 0.0, 0.0, 4.9]);
     }
 
     #[test]
@@ -188,7 +188,7 @@ pub(super) mod tests {
         assert_eq!((speed.time_per_gd_s(), speed.time_per_mp_s()), (None, 5.0));
         assert_eq!(
             speed.stages_ms.map(|ms| (1e3 * ms).round()),
-            [100.0, 0.0, 250.0, 0.0, 150.0]
+            [100.0, 0.0, 250.0, 0.0, 0.0, 150.0]
         );
     }
 }

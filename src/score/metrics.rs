@@ -359,126 +359,6 @@ pub const METRICS: &[Metric] = &[
         note: None,
     },
     Metric {
-        name: "floor",
-        words: "floor obstacles",
-        group: "filters",
-        head: "floor",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        against_truth: true,
-        origin: MetricOrigin::Frame {
-            column: "floor_obstacles",
-            of: |facts| facts.filtered(|cells| cells.floor),
-            total: MetricTotal::Sum,
-        },
-        plot: None,
-        note: Some(|rule| {
-            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-            let words = format!(
-                "cells reported nearer than {obstacle_m} m in which nothing but floor is nearer \
-                 than {clear_m} m"
-            );
-            ("floor", words)
-        }),
-    },
-    Metric {
-        name: "kept",
-        words: "obstacles kept behind filters",
-        group: "filters",
-        head: "kept",
-        unit: MetricUnit::Count,
-        better: Better::More,
-        against_truth: true,
-        origin: MetricOrigin::Frame {
-            column: "kept_obstacles",
-            of: |facts| facts.filtered(|cells| cells.kept),
-            total: MetricTotal::Sum,
-        },
-        plot: None,
-        note: None,
-    },
-    Metric {
-        name: "lost",
-        words: "obstacles lost to filters",
-        group: "filters",
-        head: "lost, %",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        against_truth: true,
-        origin: MetricOrigin::Frame {
-            column: "lost_obstacles",
-            of: |facts| facts.filtered(|cells| cells.lost),
-            total: MetricTotal::ShareOf(&["kept", "lost"]),
-        },
-        plot: None,
-        note: Some(|rule| {
-            let (obstacle_m, _) = rule.obstacle_and_clear_m();
-            let words = format!(
-                "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
-                 right behind them too (kept), or not (lost)"
-            );
-            ("kept, lost", words)
-        }),
-    },
-    Metric {
-        name: "close",
-        words: "cells known to be nearer than the range",
-        group: "filters",
-        head: "close, %",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        against_truth: true,
-        origin: MetricOrigin::Frame {
-            column: "close_cells",
-            of: |facts| facts.filtered(|cells| cells.close),
-            total: MetricTotal::ShareOf(&["close", "blind"]),
-        },
-        plot: None,
-        note: Some(|_| {
-            let words = "cells truly nearer than the range of disparities: reported as too close, \
-                         or right (close), or not (blind)";
-            ("close, blind", words.into())
-        }),
-    },
-    Metric {
-        name: "blind",
-        words: "cells nearer than the range that are not known to be",
-        group: "filters",
-        head: "blind",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        against_truth: true,
-        origin: MetricOrigin::Frame {
-            column: "blind_cells",
-            of: |facts| facts.filtered(|cells| cells.blind),
-            total: MetricTotal::Sum,
-        },
-        plot: None,
-        note: None,
-    },
-    Metric {
-        name: "alarms",
-        words: "frames with a false alarm of too close",
-        group: "filters",
-        head: "alarms, %",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        against_truth: true,
-        origin: MetricOrigin::Frame {
-            column: "false_alarms",
-            of: |facts| facts.filtered.alarm.map(|is| f64::from(u8::from(is))),
-            total: MetricTotal::Mean,
-        },
-        plot: None,
-        note: Some(|rule| {
-            let (obstacle_m, _) = rule.obstacle_and_clear_m();
-            let words = format!(
-                "pairs with a cell that is too close in which nothing is nearer than {obstacle_m} m"
-            );
-            ("alarms", words)
-        }),
-    },
-    Metric {
         name: "coverage",
         words: "coverage",
         group: "pixels, %",
@@ -611,6 +491,126 @@ pub const METRICS: &[Metric] = &[
             let words = "of all cells, known ones that the median of the run's other algorithms \
                          confirms; needs no truth, but the same others to compare with";
             ("agreed", words.into())
+        }),
+    },
+    Metric {
+        name: "floor",
+        words: "floor obstacles",
+        group: "filters",
+        head: "floor",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "floor_obstacles",
+            of: |facts| facts.filtered(|cells| cells.floor),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells reported nearer than {obstacle_m} m in which nothing but floor is nearer \
+                 than {clear_m} m"
+            );
+            ("floor", words)
+        }),
+    },
+    Metric {
+        name: "kept",
+        words: "obstacles kept behind filters",
+        group: "filters",
+        head: "kept",
+        unit: MetricUnit::Count,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "kept_obstacles",
+            of: |facts| facts.filtered(|cells| cells.kept),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "lost",
+        words: "obstacles lost to filters",
+        group: "filters",
+        head: "lost, %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "lost_obstacles",
+            of: |facts| facts.filtered(|cells| cells.lost),
+            total: MetricTotal::ShareOf(&["kept", "lost"]),
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
+                 right behind them too (kept), or not (lost)"
+            );
+            ("kept, lost", words)
+        }),
+    },
+    Metric {
+        name: "close",
+        words: "cells known to be nearer than the range",
+        group: "filters",
+        head: "close, %",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "close_cells",
+            of: |facts| facts.filtered(|cells| cells.close),
+            total: MetricTotal::ShareOf(&["close", "blind"]),
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "cells truly nearer than the range of disparities: reported as too close, \
+                         or right (close), or not (blind)";
+            ("close, blind", words.into())
+        }),
+    },
+    Metric {
+        name: "blind",
+        words: "cells nearer than the range that are not known to be",
+        group: "filters",
+        head: "blind",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "blind_cells",
+            of: |facts| facts.filtered(|cells| cells.blind),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "alarms",
+        words: "frames with a false alarm of too close",
+        group: "filters",
+        head: "alarms, %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "false_alarms",
+            of: |facts| facts.filtered.alarm.map(|is| f64::from(u8::from(is))),
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "pairs with a cell that is too close in which nothing is nearer than {obstacle_m} m"
+            );
+            ("alarms", words)
         }),
     },
     Metric {

@@ -38,6 +38,26 @@ const PARSED: &[(&str, &str)] = &[
         "needs a terminal; cli::label drives it",
     ),
     (
+        "svl label windows",
+        "needs a terminal; cli::filter drives it",
+    ),
+    (
+        "svl train filter",
+        "takes minutes; cli::filter has short ones",
+    ),
+    (
+        "svl score scenarios/floor.toml",
+        "trains first; cli::filter has a short one",
+    ),
+    (
+        "svl score scenarios/close.toml",
+        "trains first; cli::filter has a short one",
+    ),
+    (
+        "svl replay run.mcap --algo v3 --filter",
+        "needs a filter; cli::filter trains one",
+    ),
+    (
         "svl replay run.mcap --algo v3 --rerun spawn",
         "opens a window",
     ),

@@ -15,7 +15,8 @@ pub(in crate::reproduce) const EXPERIMENT: Experiment = Experiment {
             at high frequencies than that of a normal view (section 8.1).",
     method: "A robot that creeps up to walls until 4 cm, every fifth frame of a run. Of each \
              window of 128 pixels the share of the amplitude, without the mean, that lies at \
-             frequencies above a quarter of the sampling rate. FilterWindows are too close by the truth.",
+             frequencies above a quarter of the sampling rate. Windows are too close by the \
+             truth.",
     records: false,
     by_default: true,
     run,

@@ -33,7 +33,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     ];
     let mut all = samples(context, kind, &super::arena(kind)?, &runs)?;
     let mut few = all.limited(&[(SamplePart::Training, 50), (SamplePart::Validation, 25)]);
-    let (_, small) = train(context, &mut few, &[25, 100, 400, 1600], &[1, 2, 3])?;
+    let (_, small) = train(context, &mut few, &[25, 100, 400], &[1, 2, 3])?;
     let (_, large) = train(context, &mut all, &[100], &[1])?;
     let mut finding = Finding::default();
     let ends = |of: fn(&crate::train::filter::EpochError) -> f64| {

@@ -45,9 +45,9 @@ impl std::fmt::Display for ErrorRate {
 /// Errors at a threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WindowErrors {
-    /// FilterWindows that do not show it and are taken for it.
+    /// Windows that do not show it and are taken for it.
     pub false_acceptance: ErrorRate,
-    /// FilterWindows that show it and are not taken for it.
+    /// Windows that show it and are not taken for it.
     pub false_rejection: ErrorRate,
 }
 

@@ -1,4 +1,4 @@
-//! WindowLabels of frames and windows: a small table beside the recording that a person can read.
+//! Labels of frames and windows: a small table beside the recording that a person can read.
 //!
 //! ```text
 //! sequence,window,label

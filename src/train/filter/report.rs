@@ -25,7 +25,7 @@ pub struct FilterTraining {
     pub hidden: usize,
     pub seed: u64,
     pub recordings: usize,
-    /// FilterWindows that show it and that do not, by part.
+    /// Windows that show it and that do not, by part.
     pub samples: BTreeMap<&'static str, [usize; 2]>,
     /// On the test set.
     pub errors: WindowErrors,

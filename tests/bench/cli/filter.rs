@@ -228,6 +228,29 @@ fn a_person_labels_windows_and_frames() {
 }
 
 #[test]
+fn labels_are_given_in_a_terminal() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 3 -o run.mcap");
+    let run = fixture.path("run.mcap");
+    let program = assert_cmd::cargo::cargo_bin!("svl").to_str().unwrap();
+    let run = run.to_str().unwrap();
+    let line = [
+        "ab.bq", program, "label", "windows", run, "--filter", "floor",
+    ];
+    // Of Unix, as terminals are.
+    let Some(screen) = python("terminal.py", "pty", line) else {
+        return;
+    };
+    let screen = String::from_utf8_lossy(&screen);
+    assert_says(
+        &screen,
+        &["filter floor", "run.floor.csv: 1 floor, 2 other"],
+    );
+    let table = "sequence,window,label\n0,0x0,floor\n0,1x0,other\n1,2x0,other\n";
+    assert_eq!(fixture.text("run.floor.csv"), table);
+}
+
+#[test]
 fn the_truth_labels_recordings_of_the_arena() {
     let fixture = Fixture::new();
     write_floors(&fixture, "floors.toml", 12);

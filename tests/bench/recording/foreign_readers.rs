@@ -41,6 +41,10 @@ fn expected(topic: &str, frame: &Frame) -> f64 {
                 .unwrap()
                 .map(|v: Visibility| v as u8),
         ),
+        "/truth/surface" => {
+            let surface = truth.surface.as_ref().unwrap();
+            pixel_sum(&surface.map(|s: Surface| s as u8))
+        }
         "/stereo/sync" => frame.sequence as f64,
         other => panic!("unexpected topic {other}"),
     }

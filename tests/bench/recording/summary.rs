@@ -61,6 +61,7 @@ fn a_summary_knows_counts_gaps_and_skew() {
             ("/stereo/right/image", "foxglove.RawImage", 7),
             ("/stereo/sync", "svl.StereoSync", 7),
             ("/truth/depth", "sensor_msgs/msg/Image", 7),
+            ("/truth/surface", "foxglove.RawImage", 7),
             ("/truth/visibility", "foxglove.RawImage", 7),
         ]
     );

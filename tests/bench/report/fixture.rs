@@ -41,6 +41,7 @@ pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
         result_hash: "00ff".into(),
         truth: Some("exact".into()),
         run: None,
+        filters_us: None,
     }
 }
 

@@ -1,6 +1,7 @@
 //! `svl label`: what a person measures or judges in the frames of a source.
 
 mod checkpoints;
+mod input;
 mod windows;
 
 use clap::Subcommand;

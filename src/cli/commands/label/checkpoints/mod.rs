@@ -7,15 +7,15 @@ mod scenario_file;
 mod tool;
 mod view;
 
+use super::input::LabelInput;
 use crate::cli::shared::rerun::RerunChoice;
-use crate::cli::shared::source::{self, SourceParser};
+use crate::cli::shared::source;
 use crate::cli::shared::stepper::{
     self, Ended, FrameStore, Key, Keys, Open, Reaction, Screen, StepTool, Stepper,
 };
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use anyhow::bail;
-use clap::builder::NonEmptyStringValueParser;
 use draft::DraftFile;
 use ratatui::layout::Rect;
 use reported::Reported;
@@ -23,7 +23,6 @@ use scenario_file::{NewScenario, ScenarioFile};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use svl::counted;
-use svl::grab;
 use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
 use svl::sink::StepView;
@@ -49,9 +48,8 @@ What is not yet written is kept in SCENARIO.toml.draft: after Ctrl-C or a
 crash the same command goes on there. A scenario that exists is extended at
 its end; what stands in it stays as it is.")]
 pub(crate) struct Args {
-    /// A recording, a bag, a folder of pairs, a data-set scene, or the arena
-    #[arg(value_parser = SourceParser)]
-    source: String,
+    #[command(flatten)]
+    input: LabelInput,
     /// The scenario to write or to extend [default: the source's name with .toml]
     #[arg(short, long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"]))]
     output: Option<PathBuf>,
@@ -64,24 +62,6 @@ pub(crate) struct Args {
     /// Show the frames in Rerun too: a new viewer, a running one, a file, or none
     #[arg(long, value_name = "spawn|URL|FILE.rrd|none", default_value = "none")]
     rerun: RerunChoice,
-    /// Seed of a simulated source [default: 1]
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
-    /// Topic of the left images, in another program's recording [default: found by type and name]
-    #[arg(
-        long, value_name = "TOPIC", requires = "right",
-        value_parser = NonEmptyStringValueParser::new()
-    )]
-    left: Option<String>,
-    /// Topic of the right images
-    #[arg(
-        long, value_name = "TOPIC", requires = "left",
-        value_parser = NonEmptyStringValueParser::new()
-    )]
-    right: Option<String>,
-    /// Rectify the pairs by a calibration, as `svl replay` does
-    #[arg(long, value_name = "FILE|none", value_parser = NonEmptyStringValueParser::new())]
-    calib: Option<String>,
     /// Take the keys from a file instead of a terminal, one token per key: characters, \"text\",
     /// enter, esc, left, space, click:COLUMN,ROW, screen (prints it), ...
     #[arg(long, value_name = "FILE")]
@@ -104,10 +84,8 @@ fn grid(text: &str) -> Result<GridShape, String> {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let name = args.source.as_str();
-    if grab::driver(name).is_some() {
-        bail!("{name}: cameras cannot be stepped through; record them first: svl record {name}");
-    }
+    let name = args.input.source.as_str();
+    args.input.check()?;
     // Before anything takes time.
     let mut keys = match &args.script {
         Some(script) => Keys::script(script)?,
@@ -184,8 +162,8 @@ fn default_output(source: &str) -> PathBuf {
 fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<()> {
     let given = [
         ("--grid", args.grid.is_some()),
-        ("--left and --right", args.left.is_some()),
-        ("--calib", args.calib.is_some()),
+        ("--left and --right", args.input.left.is_some()),
+        ("--calib", args.input.calib.is_some()),
     ];
     match given.iter().find(|(_, given)| *given) {
         None => Ok(()),
@@ -198,7 +176,7 @@ fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<(
 
 /// How the source is opened: as the scenario reads it, where there is one.
 fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> anyhow::Result<Request<'a>> {
-    let name = args.source.as_str();
+    let name = args.input.source.as_str();
     if let Some(file) = existing
         && let ScenarioSource::Recording(runs) = &file.scenario().source
     {
@@ -215,24 +193,18 @@ fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> anyhow::Resul
             ..Request::new(name)
         });
     }
-    let Ok(calib) = args.calib.as_deref().unwrap_or("own").parse();
-    Ok(Request {
-        seed: args.seed,
-        topics: [args.left.clone(), args.right.clone()],
-        calib,
-        ..Request::new(name)
-    })
+    Ok(args.input.request())
 }
 
 impl Args {
     fn new_scenario<'a>(&'a self, opened: &'a svl::source::Opened) -> NewScenario<'a> {
         NewScenario {
-            source: &self.source,
+            source: &self.input.source,
             opened,
             grid: self.grid.unwrap_or_default(),
             algorithm: self.algo.as_ref().map_or("v3", Algorithm::label),
-            topics: [self.left.as_deref(), self.right.as_deref()],
-            calib: self.calib.as_deref(),
+            topics: [self.input.left.as_deref(), self.input.right.as_deref()],
+            calib: self.input.calib.as_deref(),
         }
     }
 }

@@ -2,19 +2,18 @@
 
 mod tool;
 
+use super::input::LabelInput;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::progress::Progress;
 use crate::cli::shared::runner;
-use crate::cli::shared::source::{self, SourceParser};
+use crate::cli::shared::source;
 use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use anyhow::bail;
-use clap::builder::NonEmptyStringValueParser;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use svl::filter::{FilterKind, FilterWindows};
-use svl::grab;
 use svl::manifest::Manifest;
 use svl::run::{Matchers, Pace};
 use svl::score::Judge;
@@ -27,9 +26,8 @@ use tool::Categorizer;
 /// What frames and windows have in common.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A recording, a bag, a folder of pairs, a data-set scene, or the arena
-    #[arg(value_parser = SourceParser)]
-    source: String,
+    #[command(flatten)]
+    input: LabelInput,
     /// The filter that it is for: floor or too-close
     #[arg(long, value_name = "NAME")]
     filter: FilterKind,
@@ -45,24 +43,6 @@ pub(crate) struct Args {
         value_parser = usage::within(1.0..=10_000.0)
     )]
     max_disparity: f64,
-    /// Seed of a simulated source [default: 1]
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
-    /// Topic of the left images, in another program's recording [default: found by type and name]
-    #[arg(
-        long, value_name = "TOPIC", requires = "right",
-        value_parser = NonEmptyStringValueParser::new()
-    )]
-    left: Option<String>,
-    /// Topic of the right images
-    #[arg(
-        long, value_name = "TOPIC", requires = "left",
-        value_parser = NonEmptyStringValueParser::new()
-    )]
-    right: Option<String>,
-    /// Rectify the pairs by a calibration, as `svl replay` does
-    #[arg(long, value_name = "FILE|none", value_parser = NonEmptyStringValueParser::new())]
-    calib: Option<String>,
     /// Take the keys from a file instead of a terminal, as `svl label checkpoints` does
     #[arg(long, value_name = "FILE", conflicts_with = "from_truth")]
     script: Option<PathBuf>,
@@ -70,18 +50,10 @@ pub(crate) struct Args {
 
 /// Labels whole frames, or their windows.
 pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<()> {
-    let name = args.source.as_str();
-    if grab::driver(name).is_some() {
-        bail!("{name}: cameras cannot be stepped through; record them first: svl record {name}");
-    }
+    let name = args.input.source.as_str();
+    args.input.check()?;
     let path = FrameLabels::path(Path::new(name), args.filter);
-    let Ok(calib) = args.calib.as_deref().unwrap_or("own").parse();
-    let request = Request {
-        seed: args.seed,
-        topics: [args.left.clone(), args.right.clone()],
-        calib,
-        ..Request::new(name)
-    };
+    let request = args.input.request();
     if args.from_truth {
         return from_truth(args, of_windows, &request, &path, quiet);
     }
@@ -201,7 +173,7 @@ fn from_truth(
     if yes + no == 0 {
         bail!(
             "{}: its truth labels nothing: only recordings of the arena know what is {is}",
-            args.source
+            args.input.source
         );
     }
     outputs.set_aside()?;
