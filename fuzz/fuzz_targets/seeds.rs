@@ -6,6 +6,7 @@ use image::{DynamicImage, ImageFormat};
 use std::io::Cursor;
 use std::path::PathBuf;
 use svl::calibrate::files::{self, FORMATS, Hints};
+use svl::filter::{Features, FilterKind, FilterModel, ModelFacts, Network, Scaling};
 use svl::{recording, stereo};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
@@ -44,10 +45,27 @@ const SCENARIOS: [&str; 3] = [
 
 libfuzzer_sys::fuzz_target!(init: write().expect("a folder to write to"), |_bytes: &[u8]| {});
 
+/// A filter with windows of two pixels.
+fn model() -> Result<FilterModel, Box<dyn std::error::Error>> {
+    Ok(FilterModel {
+        kind: FilterKind::TooClose,
+        features: Features {
+            window: 2,
+            scaling: Scaling::Log,
+            mean: true,
+        },
+        network: Network::new(3, &[0.5; 6], vec![1.0; 2], vec![2.0; 2], -1.0)?,
+        range_px: Some(80.0),
+        facts: ModelFacts::new(),
+    })
+}
+
 fn write() -> Result<(), Box<dyn std::error::Error>> {
     for (i, text) in SCENARIOS.iter().enumerate() {
         seed("scenario", &format!("{i}"), text.as_bytes())?;
     }
+    seed("filter", "model", &model()?.to_bytes())?;
+    seed("filter", "labels", b"sequence,window,label\n0,,floor\n1,3x2,other\n")?;
     seed("calibration", "middlebury", CALIB.as_bytes())?;
     seed("calibration", "kitti", KITTI.as_bytes())?;
     calibrations()?;

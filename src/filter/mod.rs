@@ -48,6 +48,8 @@ pub struct FilterSpec {
     /// How many false rejections a false acceptance is worth, where its threshold is chosen: an
     /// obstacle that is taken for floor is worse than floor that is taken for an obstacle.
     pub acceptance_cost: f64,
+    /// Weight of the L2 penalty of its training.
+    pub decay: f32,
     /// Hidden neurons where the user does not say: the thesis's.
     pub hidden: usize,
 }
@@ -65,6 +67,7 @@ pub const FILTERS: &[FilterSpec] = &[
             mean: true,
         },
         acceptance_cost: 2.0,
+        decay: 0.01,
         hidden: 55,
     },
     FilterSpec {
@@ -78,6 +81,7 @@ pub const FILTERS: &[FilterSpec] = &[
             mean: true,
         },
         acceptance_cost: 1.0,
+        decay: 0.1,
         hidden: 100,
     },
 ];

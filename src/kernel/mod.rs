@@ -2,9 +2,9 @@
 //!
 //! Every function here takes the [`Isa`] it runs on. Its body is plain Rust over fixed-size lanes,
 //! marked `#[inline(always)]` and inlined into one function per instruction set, where the compiler
-//! makes vectors of the lanes. Arithmetic is on integers. Where it is not (the spread of v2), each
-//! lane's operations are single and in order, so every variant gives the same bytes; the tests
-//! compare all variants with a slow oracle.
+//! makes vectors of the lanes. Arithmetic is on integers. Where it is not (the spread of v2, the
+//! networks of filters), each lane's operations are single and in order, so every variant gives the
+//! same bytes; the tests compare all variants with a slow oracle.
 
 mod capped_ssd;
 mod census;

@@ -64,12 +64,11 @@ record! {
         /// Million pixels times disparities a second, of the median pair.
         mde_per_s: Option<f64>,
         /// Mean over the half of the pairs whose total is nearest to the median, so that the stages
-        /// add up and an outlier does not count; as are the next five.
+        /// add up and an outlier does not count; as are the next four.
         smoothing_ms: f64,
         texture_ms: f64,
         matching_ms: f64,
         checks_ms: f64,
-        filters_ms: f64,
         /// What belongs to no stage.
         other_ms: f64,
         /// Digest of the hashes of its results in their order.
@@ -78,6 +77,8 @@ record! {
         outliers: u64,
         /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
         memory_mb: Option<f64>,
+        /// What filters take, as the stages.
+        filters_ms: f64,
     }
 }
 

@@ -14,9 +14,10 @@ pub struct ScenarioFilter {
     pub detects: FilterKind,
     /// A trained filter, relative to the scenario's folder.
     pub file: Option<PathBuf>,
-    /// A scenario of the arena to train it on first, likewise.
-    pub scenario: Option<PathBuf>,
-    /// Seeds in place of that scenario's.
+    /// Scenarios of the arena to train it on first, likewise.
+    #[serde(default, deserialize_with = "one_or_more")]
+    pub scenario: Vec<PathBuf>,
+    /// Seeds in place of those scenarios'.
     pub seeds: Option<SeedList>,
 }
 
@@ -25,48 +26,64 @@ fn kind<'de, D: serde::Deserializer<'de>>(text: D) -> std::result::Result<Filter
     name.parse().map_err(serde::de::Error::custom)
 }
 
+/// A path, or a list of some.
+fn one_or_more<'de, D: serde::Deserializer<'de>>(
+    value: D,
+) -> std::result::Result<Vec<PathBuf>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected a scenario, or a list of some")]
+    enum Paths {
+        One(PathBuf),
+        More(Vec<PathBuf>),
+    }
+    Ok(match Paths::deserialize(value)? {
+        Paths::One(path) => vec![path],
+        Paths::More(paths) => paths,
+    })
+}
+
 impl ScenarioFilter {
     /// Checks it on its own, and takes its paths from the scenario's folder.
     pub(super) fn check(mut self, folder: &Path) -> Result<Self> {
         let wrong = |what: &str| Err(Error::Invalid(format!("filter {}: {what}", self.detects)));
-        match (&self.file, &self.scenario, &self.seeds) {
-            (Some(_), Some(_), _) | (None, None, _) => {
+        match (&self.file, &self.scenario[..], &self.seeds) {
+            (Some(_), [_, ..], _) | (None, [], _) => {
                 return wrong("takes either file or scenario");
             }
-            (Some(_), None, Some(_)) => return wrong("seeds belong to a training scenario"),
+            (Some(_), [], Some(_)) => return wrong("seeds belong to a training scenario"),
             _ => {}
         }
-        for path in [&mut self.file, &mut self.scenario].into_iter().flatten() {
+        for path in self.file.iter_mut().chain(&mut self.scenario) {
             *path = folder.join(&*path);
         }
         Ok(self)
     }
 
-    /// The training scenario, with the seeds to train on.
+    /// The training scenarios, with the seeds to train on.
     ///
     /// # Errors
     /// Those of [`Scenario::read`]; [`Error::Format`] for one that is not of the arena, or has a
     /// seed that `scored` is scored on.
-    pub fn training(&self, scored: &Scenario) -> Result<Option<Scenario>> {
-        let Some(path) = &self.scenario else {
-            return Ok(None);
-        };
-        let mut training = Scenario::read(path)?;
-        let wrong = |what: String| Err(Error::format(path, what));
-        let ScenarioSource::Arena { seeds, .. } = &mut training.source else {
-            return wrong("is not of the arena, which alone labels windows by truth".into());
-        };
-        if let Some(given) = &self.seeds {
-            *seeds = given.seeds().to_vec();
-        }
-        if let ScenarioSource::Arena { seeds: scored, .. } = &scored.source
-            && let Some(seed) = seeds.iter().find(|seed| scored.contains(seed))
-        {
-            return wrong(format!(
-                "filter {}: seed {seed} would be trained on and scored; take others",
-                self.detects
-            ));
-        }
-        Ok(Some(training))
+    pub fn training(&self, scored: &Scenario) -> Result<Vec<Scenario>> {
+        let training = self.scenario.iter().map(|path| {
+            let mut training = Scenario::read(path)?;
+            let wrong = |what: String| Err(Error::format(path, what));
+            let ScenarioSource::Arena { seeds, .. } = &mut training.source else {
+                return wrong("is not of the arena, which alone labels windows by truth".into());
+            };
+            if let Some(given) = &self.seeds {
+                *seeds = given.seeds().to_vec();
+            }
+            if let ScenarioSource::Arena { seeds: scored, .. } = &scored.source
+                && let Some(seed) = seeds.iter().find(|seed| scored.contains(seed))
+            {
+                return wrong(format!(
+                    "filter {}: seed {seed} would be trained on and scored; take others",
+                    self.detects
+                ));
+            }
+            Ok(training)
+        });
+        training.collect()
     }
 }

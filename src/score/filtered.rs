@@ -20,7 +20,7 @@ pub struct FilterTally {
     pub close: Option<usize>,
     /// Those that are not.
     pub blind: Option<usize>,
-    /// Whether a cell is too close in which nothing is an obstacle; absent without filters.
+    /// Whether cells are too close and none of them has an obstacle; absent without filters.
     pub alarm: Option<bool>,
 }
 
@@ -100,10 +100,12 @@ impl FilterTally {
             }))
         };
         let alarm = before.as_ref().map(|_| {
-            let is_false = |i: usize, place| {
-                reported[i].too_close && share(place, &|d, _| d > obstacle_px) < LEAST
+            let is_close = |i: usize, _| reported[i].too_close;
+            let is_rightly = |i: usize, place| {
+                reported[i].too_close
+                    && share(place, &|d, of| stands(of) && d > obstacle_px) >= LEAST
             };
-            count(&is_false) > 0
+            count(&is_close) > 0 && count(&is_rightly) == 0
         });
         Self {
             floor,
@@ -212,5 +214,9 @@ mod tests {
         let filtered = tally(seen, close, [false, false, false, true]);
         assert_eq!((filtered.close, filtered.blind), (Some(1), Some(0)));
         assert_eq!(filtered.alarm, Some(false));
+        // Near floor is no reason; beside what is one it is no alarm.
+        let alarm = |too_close| tally(seen, [40.0; 4], too_close).alarm;
+        assert_eq!(alarm([true, false, false, false]), Some(true));
+        assert_eq!(alarm([true, true, false, false]), Some(false));
     }
 }

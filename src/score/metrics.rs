@@ -608,7 +608,8 @@ pub const METRICS: &[Metric] = &[
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
-                "pairs with a cell that is too close in which nothing is nearer than {obstacle_m} m"
+                "pairs with cells that are too close, none of which has an obstacle nearer than \
+                 {obstacle_m} m"
             );
             ("alarms", words)
         }),

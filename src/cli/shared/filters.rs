@@ -12,7 +12,7 @@ use svl::filter::FilterModel;
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioFilter, ScenarioSource};
 use svl::source::ArenaSource;
-use svl::train::filter::TrainSettings;
+use svl::train::filter::{REVISION, TrainSettings};
 
 /// The filters that the user names.
 #[derive(clap::Args)]
@@ -71,40 +71,35 @@ pub(crate) fn of_scenario(
 
 fn model(filter: &ScenarioFilter, scenario: &Scenario, quiet: bool) -> anyhow::Result<FilterModel> {
     let kind = filter.detects;
-    let Some(training) = filter.training(scenario)? else {
-        let path = filter.file.as_deref().unwrap_or(Path::new(""));
+    if let Some(path) = &filter.file {
         let model = FilterModel::read(path)?;
         if model.kind != kind {
             bail!("{}: detects {}, not {kind}", path.display(), model.kind);
         }
         return Ok(model);
-    };
+    }
+    let training = filter.training(scenario)?;
     let spec = kind.spec();
     let settings = TrainSettings::default_of(kind);
     // Of all that the weights depend on.
-    let mut key = format!("{settings:?} {:?}", spec.features);
-    if let ScenarioSource::Arena { config, seeds } = &training.source {
-        key.extend(seeds.iter().map(|seed| ArenaSource::hash(config, *seed)));
+    let mut key = format!("{REVISION} {settings:?} {:?}", spec.features);
+    for of in &training {
+        if let ScenarioSource::Arena { config, seeds } = &of.source {
+            key.extend(seeds.iter().map(|seed| ArenaSource::hash(config, *seed)));
+        }
     }
-    let name = format!(
-        "{}-{kind}-{:.12}.safetensors",
-        training.name,
-        svl::manifest::hash(&key)
-    );
-    let path = Path::new(RECORDINGS).join(name);
+    let name = training.first().map_or("filter", |first| &first.name);
+    let hash = svl::manifest::hash(&key);
+    let path = Path::new(RECORDINGS).join(format!("{name}-{kind}-{hash:.12}.safetensors"));
     if path.exists() {
         return Ok(FilterModel::read(&path)?);
     }
     let source = ScenarioSourceArgs::default();
-    let runs = LabelledRuns::open(training, None, &source, quiet)?;
-    let (mut samples, _) = windows(
-        kind,
-        spec.features,
-        settings.range_px,
-        vec![runs],
-        &source,
-        quiet,
-    )?;
+    let runs = training
+        .into_iter()
+        .map(|training| LabelledRuns::open(training, None, &source, quiet));
+    let runs = runs.collect::<anyhow::Result<_>>()?;
+    let (mut samples, _) = windows(kind, spec.features, settings.range_px, runs, &source, quiet)?;
     let (model, training) = train(&mut samples, &settings, quiet)?;
     if training.interrupted {
         bail!("interrupted while the filter {kind} was trained");

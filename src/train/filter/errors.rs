@@ -88,7 +88,7 @@ impl RocCurve {
             area: 0.0,
             threshold: f32::INFINITY,
         };
-        let (mut counts, mut best) = ([0.0, 0.0], 0.0);
+        let (mut counts, mut best) = ([0.0, 0.0], f64::NEG_INFINITY);
         for (i, (score, is)) in sorted.iter().enumerate() {
             counts[usize::from(*is)] += 1.0;
             // Equal scores are one step.

@@ -23,8 +23,6 @@ pub struct FitSettings {
 /// Samples whose gradients are added before a step.
 const BATCH: usize = 64;
 const RATE: f32 = 5e-4;
-/// Weight of the L2 penalty on the weights of the inputs.
-const DECAY: f32 = 0.01;
 /// Epochs without a better validation loss after which the training ends.
 const PATIENCE: usize = 6;
 /// Neurons that a thread trains at a time.
@@ -145,7 +143,7 @@ pub fn fit_network(
                 .map(|(&i, &score)| logistic(score) - f32::from(u8::from(samples.samples[i].is)))
                 .collect();
             squares += errors.iter().map(|e| f64::from(e * e)).sum::<f64>();
-            trained.step(rows, &errors, isa);
+            trained.step(rows, &errors, samples.kind.spec().decay, isa);
         }
         let (mut loss, mut wrong) = (0.0, 0.0);
         for of in validation.chunks(BATCH) {
@@ -237,7 +235,7 @@ impl Trained {
     }
 
     /// One step by the errors of the samples of the last [`Trained::forward`].
-    fn step(&mut self, rows: &[f32], errors: &[f32], isa: Isa) {
+    fn step(&mut self, rows: &[f32], errors: &[f32], decay: f32, isa: Isa) {
         self.steps += 1;
         let corrected = |beta: f64| 1.0 - beta.powi(self.steps);
         let rate = f64::from(RATE) * corrected(0.999).sqrt() / corrected(0.9);
@@ -245,10 +243,7 @@ impl Trained {
             rate: rate as f32,
             decay: 0.0,
         };
-        let decaying = AdamStep {
-            decay: DECAY,
-            ..plain
-        };
+        let decaying = AdamStep { decay, ..plain };
         let share = 1.0 / errors.len() as f32;
         self.neurons.par_iter_mut().for_each(|of| {
             let n = of.bias.len();

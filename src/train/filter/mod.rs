@@ -13,7 +13,7 @@ pub use fit::{EpochError, FitSettings, FittedNetwork, Standard, fit_network};
 pub use labels::FrameLabels;
 pub use report::{FilterTraining, HiddenTrial};
 pub use samples::{WindowLabels, WindowSample, WindowSamples, true_label};
-pub use train::{EpochProgress, TrainSettings, train_filter};
+pub use train::{EpochProgress, REVISION, TrainSettings, train_filter};
 
 /// What the samples of a recording are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -170,6 +170,11 @@ impl FilterTraining {
             y,
             series,
         };
+        // Of a good curve the corner that matters.
+        let corner = |axis: Axis, range| Axis {
+            range: (self.roc.area > 0.98).then_some(range),
+            ..axis
+        };
         let mut charts = vec![
             (
                 "Training and validation",
@@ -188,8 +193,8 @@ impl FilterTraining {
                 "Acceptance",
                 "Over all thresholds, on the test set: what is accepted rightly and falsely.",
                 chart(
-                    Axis::share("false acceptance, %"),
-                    Axis::share("true acceptance, %"),
+                    corner(Axis::share("false acceptance, %"), (0.0, 20.0)),
+                    corner(Axis::share("true acceptance, %"), (80.0, 100.0)),
                     vec![line(
                         "test",
                         SeriesStyle::Line,

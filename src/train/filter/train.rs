@@ -9,6 +9,10 @@ use crate::filter::{FilterKind, FilterModel, Network};
 use crate::kernel::Isa;
 use std::collections::BTreeMap;
 
+/// Raised when equal samples and settings come to give other weights, so that filters in the cache
+/// are trained anew.
+pub const REVISION: u32 = 1;
+
 /// What is trained.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainSettings {

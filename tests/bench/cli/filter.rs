@@ -242,10 +242,7 @@ fn labels_are_given_in_a_terminal() {
         return;
     };
     let screen = String::from_utf8_lossy(&screen);
-    assert_says(
-        &screen,
-        &["filter floor", "run.floor.csv: 1 floor, 2 other"],
-    );
+    assert_says(&screen, &["Backspace", "run.floor.csv: 1 floor, 2 other"]);
     let table = "sequence,window,label\n0,0x0,floor\n0,1x0,other\n1,2x0,other\n";
     assert_eq!(fixture.text("run.floor.csv"), table);
 }

@@ -3,7 +3,7 @@
 use super::frames::full;
 use crate::common::python;
 use svl::recording::{Dialect, Header, ImageFormat, RecordingFormat, Writer};
-use svl::stereo::{Frame, Gray, Side, Visibility};
+use svl::stereo::{Frame, Gray, Side, Surface, Visibility};
 
 const SIZE: (usize, usize) = (61, 47);
 const FRAMES: u64 = 5;
@@ -96,7 +96,7 @@ fn check(images: ImageFormat) {
     };
     assert_eq!(found["metadata"]["svl"]["seed"], "7");
     assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
-    compare(&found, &frames, 9);
+    compare(&found, &frames, 10);
 }
 
 #[test]
@@ -125,6 +125,6 @@ fn rosbags_reads_a_ros_2_bag() {
         ) else {
             return;
         };
-        compare(&found, &frames, 8);
+        compare(&found, &frames, 9);
     }
 }

@@ -157,11 +157,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     identity.push(("recordings".to_owned(), names.join(", ")));
     write(&page, training.page(identity)?)?;
     outputs.commit();
-    if args.json {
-        return print_json(&training);
-    }
     let (file, page) = (args.out.display(), page.display());
-    print(&format!("{training}\n\n{file}\n{page}"))
+    match args.json {
+        true => print_json(&training)?,
+        false => print(&format!("{training}\n\n{file}\n{page}"))?,
+    }
+    match training.interrupted {
+        true => bail!("interrupted; {file} is the best network until then"),
+        false => Ok(()),
+    }
 }
 
 /// Recordings with the tables beside them, and scenarios.
