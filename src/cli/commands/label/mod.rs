@@ -37,7 +37,7 @@ Examples:
   svl label windows arena-1.mcap --filter floor --from-truth
   svl train filter run*.mcap --filter floor -o floor.safetensors
 
-Keys: a it shows it, b it does not, s skip, Backspace one back, u undo, q quit;
+Keys: a it shows it, b it does not, s skip, Backspace back, u undo, q quit;
 ? shows all. The table beside the recording is written at every key: the same
 command goes on where it ended. It can be edited by hand.";
 
