@@ -78,7 +78,7 @@ impl FilterModel {
         let window = take("window")?;
         let window = window.parse().ok().filter(|side| {
             let side: &usize = side;
-            (2..=MAX_WINDOW).contains(side) && side % 2 == 0
+            (2..=MAX_WINDOW).contains(side) && side.is_multiple_of(2)
         });
         let window = window.ok_or(format!("its window is no even number up to {MAX_WINDOW}"))?;
         let scaling = take("scaling")?;
