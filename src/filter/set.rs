@@ -132,6 +132,8 @@ impl Filters {
             .filter(|(_, seen)| **seen)
         {
             cell.depth = None;
+            // It was of the report that is dropped.
+            cell.probability = None;
         }
         let Some(too_close) = &self.too_close else {
             return;
@@ -221,7 +223,11 @@ mod tests {
         // So is what an algorithm answered itself.
         let (left, map) = scene();
         grid = depth::grid(map.disparity(), settings, None);
+        grid.cells_mut()
+            .for_each(|cell| cell.probability = Some(0.9));
         filters.mark_cells(&mut grid, None);
+        let certain = |column| grid.cell(column, 0).probability;
+        assert_eq!((certain(2), certain(3)), (Some(0.9), None));
         assert_eq!(known(&grid), [row, row, row].concat());
 
         let mut filters = Filters::new(&models, Isa::PORTABLE).unwrap();

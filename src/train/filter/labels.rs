@@ -39,7 +39,12 @@ impl FrameLabels {
 
     /// The table's place: beside the recording or the folder, named after it and the filter.
     pub fn path(source: &Path, kind: FilterKind) -> PathBuf {
-        let name = source.file_stem().unwrap_or_default().to_string_lossy();
+        // A dot in a folder's name begins no ending.
+        let name = match source.is_dir() {
+            true => source.file_name(),
+            false => source.file_stem(),
+        };
+        let name = name.unwrap_or_default().to_string_lossy();
         source.with_file_name(format!("{name}.{kind}.csv"))
     }
 
@@ -206,6 +211,12 @@ mod tests {
         assert_eq!(labels.counts(), [2, 1]);
         let place = FrameLabels::path(Path::new("a/run.mcap"), FilterKind::TooClose);
         assert_eq!(place, Path::new("a/run.too-close.csv"));
+        let folder = tempfile::tempdir().unwrap();
+        let days = ["2026.11.20", "2026.11.21"].map(|day| folder.path().join(day));
+        days.iter()
+            .for_each(|day| std::fs::create_dir(day).unwrap());
+        let [one, two] = days.map(|day| FrameLabels::path(&day, FilterKind::Floor));
+        assert_ne!(one, two);
     }
 
     #[test]

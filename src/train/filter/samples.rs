@@ -157,7 +157,8 @@ impl WindowSamples {
     }
 }
 
-/// What a window shows, by the truth; nothing where that does not tell, or it shows both.
+/// What a window shows, by the truth of a simulation, which alone knows every pixel; nothing for
+/// another truth, or where the window shows both.
 pub fn true_label(
     kind: FilterKind,
     truth: &Truth,
@@ -170,9 +171,9 @@ pub fn true_label(
         let count = places.clone().filter(|&(x, y)| is(x, y)).count();
         count as f64 / (side * side) as f64
     };
+    let surface = truth.surface.as_ref()?;
     match kind {
         FilterKind::Floor => {
-            let surface = truth.surface.as_ref()?;
             let floor = share(&|x, y| surface.get(x, y) == Surface::Floor);
             match floor {
                 floor if floor > MOST => Some(true),
@@ -243,7 +244,8 @@ mod tests {
             true_label(FilterKind::Floor, &unknown, [0, 0], 10, 80.0),
             None
         );
+        // Pixels without a truth are not far.
         let label = true_label(FilterKind::TooClose, &unknown, [0, 0], 10, 80.0);
-        assert_eq!(label, Some(false));
+        assert_eq!(label, None);
     }
 }

@@ -26,10 +26,10 @@ pub struct TrainSettings {
 }
 
 impl TrainSettings {
-    /// Epochs at most where nobody says otherwise.
+    /// Epochs at most, by default.
     pub const EPOCHS: usize = 60;
 
-    /// What a filter is trained with where nobody says otherwise.
+    /// The defaults of a filter.
     pub fn default_of(kind: FilterKind) -> Self {
         Self {
             hidden: vec![kind.spec().hidden],
@@ -39,7 +39,7 @@ impl TrainSettings {
         }
     }
 
-    /// Disparities that are tried where nobody says otherwise.
+    /// The range of disparities by default, pixels.
     pub const RANGE_PX: f64 = 80.0;
 }
 

@@ -161,8 +161,8 @@ impl<'a> FrameStore<'a> {
 /// About how much memory a frame takes.
 fn bytes(frame: &Frame) -> usize {
     let (width, height) = frame.pair.size();
-    // Two images, disparities in four bytes and visibility in one.
-    let per_pixel = 2 + frame.truth.as_ref().map_or(0, |_| 5);
+    // Two images, disparities in four bytes, visibility and surface in one each.
+    let per_pixel = 2 + frame.truth.as_ref().map_or(0, |_| 6);
     width * height * per_pixel
 }
 
