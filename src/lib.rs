@@ -74,6 +74,8 @@ pub mod sink;
 pub mod source;
 #[cfg(feature = "bench")]
 pub mod train;
+#[cfg(feature = "bench")]
+pub mod tune;
 #[cfg(feature = "calibrate")]
 mod words;
 #[cfg(feature = "calibrate")]

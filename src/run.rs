@@ -165,6 +165,16 @@ impl Matchers {
             .map(Self)
     }
 
+    /// The same without the warning of ranges that end before obstacles do: where algorithms change
+    /// all the time, it would come all the time.
+    #[must_use]
+    pub fn without_warnings(mut self) -> Self {
+        self.0
+            .iter_mut()
+            .for_each(|entry| entry.warned_of_range = true);
+        self
+    }
+
     /// No algorithms: the frames go to the sinks as they are.
     pub fn none() -> Self {
         Self(Vec::new())

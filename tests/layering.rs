@@ -35,7 +35,7 @@ const ORDER: [&[&str]; 11] = [
     &["grab", "recording", "score", "manifest"],
     &["source", "sink", "report", "scenario"],
     &["run"],
-    &["record", "train"],
+    &["record", "train", "tune"],
     &["reproduce"],
     &["cli"],
 ];

@@ -277,6 +277,32 @@ impl Algorithm {
         }
     }
 
+    /// The same algorithm with another value of a parameter, called as it is written.
+    ///
+    /// # Errors
+    /// [`Error::UnknownParameter`] and [`Error::ParameterValue`], as for a text.
+    pub fn with(&self, name: &str, value: &Value) -> Result<Self> {
+        let parameters = self.parameters.with(self.spec, name, value)?;
+        let changed = Self {
+            spec: self.spec,
+            parameters,
+            filters: Vec::new(),
+            label: String::new(),
+        };
+        let label = changed.written();
+        Ok(changed.called(label).filtered(&self.filters))
+    }
+
+    /// As every command takes it, without its filters: the name, and what differs from the
+    /// defaults.
+    pub fn written(&self) -> String {
+        let name = self.spec.name;
+        match self.parameters.changes(self.spec) {
+            changes if changes.is_empty() => name.to_owned(),
+            changes => format!("{name}:{changes}"),
+        }
+    }
+
     /// The filters behind it.
     pub fn filters(&self) -> &[Arc<FilterModel>] {
         &self.filters

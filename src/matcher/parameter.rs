@@ -133,6 +133,25 @@ impl std::fmt::Display for Range {
     }
 }
 
+impl Value {
+    /// As [`Range::parse`] reads it.
+    pub fn written(&self) -> String {
+        match self {
+            Value::File(Some(file)) => Value::Text(file.path.clone()).to_string(),
+            other => other.to_string(),
+        }
+    }
+
+    /// A number, where it is one.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Value::Int(v) => Some(f64::from(*v)),
+            Value::Real(v) => Some(*v),
+            _ => None,
+        }
+    }
+}
+
 impl std::fmt::Display for Value {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -223,6 +242,30 @@ impl Parameters {
             })?;
         }
         Ok(parameters)
+    }
+
+    /// The same with another value of a parameter.
+    ///
+    /// # Errors
+    /// As [`Parameters::parse`].
+    pub fn with(&self, spec: &MatcherSpec, name: &str, value: &Value) -> Result<Self> {
+        let setting = format!("{name}={}", value.written());
+        let others = self.settings(spec, |other| other != name);
+        Self::parse(spec, &format!("{others},{setting}"))
+    }
+
+    /// What differs from the defaults, as [`Parameters::parse`] takes it.
+    pub fn changes(&self, spec: &MatcherSpec) -> String {
+        self.settings(spec, |_| true)
+    }
+
+    fn settings(&self, spec: &MatcherSpec, is_meant: impl Fn(&str) -> bool) -> String {
+        let values = self.iter().zip(spec.parameters);
+        let changed = values.filter(|((name, value), parameter)| {
+            is_meant(name) && **value != parameter.range.default()
+        });
+        let settings = changed.map(|((name, value), _)| format!("{name}={}", value.written()));
+        settings.collect::<Vec<_>>().join(",")
     }
 
     /// Names and values in the order of the algorithm's table.

@@ -12,7 +12,7 @@ impl Summary {
     /// that has no better direction the largest is first.
     pub fn sort_by(&mut self, metric: &Metric) {
         self.algorithms
-            .sort_by(|a, b| compare(metric, a.value(metric), b.value(metric)));
+            .sort_by(|a, b| better_first(metric, a.value(metric), b.value(metric)));
     }
 
     /// The metrics that the run measures, each with the best algorithms by it.
@@ -21,7 +21,7 @@ impl Summary {
         let best = directed.filter_map(|metric| {
             let algorithms = || self.algorithms.iter();
             let values = algorithms().map(|a| a.value(metric));
-            let best = values.min_by(|a, b| compare(metric, *a, *b))??;
+            let best = values.min_by(|a, b| better_first(metric, *a, *b))??;
             let names = algorithms().filter(|a| a.value(metric) == Some(best));
             Some((metric, names.map(|a| a.algorithm.as_str()).collect()))
         });
@@ -31,27 +31,11 @@ impl Summary {
     /// The objectives of a robot that the run measures, and the algorithms that no other one
     /// dominates: at least as good by all of them, and better by one.
     pub fn front(&self) -> (Vec<&'static Metric>, Vec<&str>) {
-        let objectives = ["right", "wrong", "unrivalled", "time"].map(Metric::find);
-        let is_measured = |metric: &&Metric| {
-            let mut algorithms = self.algorithms.iter();
-            algorithms.any(|a| a.value(metric).is_some())
-        };
-        let objectives: Vec<_> = objectives
-            .into_iter()
-            .flatten()
-            .filter(is_measured)
-            .collect();
-        let dominates = |a: &AlgorithmSummary, b: &AlgorithmSummary| {
-            let orders = || {
-                let values = objectives.iter().map(|m| (m, a.value(m), b.value(m)));
-                values.map(|(m, a, b)| compare(m, a, b))
-            };
-            orders().all(Ordering::is_le) && orders().any(Ordering::is_lt)
-        };
-        let algorithms = self.algorithms.iter();
-        let front = algorithms.filter(|b| !self.algorithms.iter().any(|a| dominates(a, b)));
-        let names = front.map(|a| a.algorithm.as_str()).collect();
-        (objectives, names)
+        let (objectives, front) = pareto_front(&self.algorithms, AlgorithmSummary::value);
+        (
+            objectives,
+            front.iter().map(|a| a.algorithm.as_str()).collect(),
+        )
     }
 
     /// The best and the front in words, where there are many algorithms: term and text.
@@ -80,8 +64,33 @@ impl Summary {
     }
 }
 
+/// The objectives of a robot that any of the items has a value for, and the items that no other one
+/// dominates: at least as good by all of them, and better by one.
+pub fn pareto_front<T>(
+    items: &[T],
+    value: impl Fn(&T, &Metric) -> Option<f64>,
+) -> (Vec<&'static Metric>, Vec<&T>) {
+    let objectives = ["right", "wrong", "unrivalled", "time"].map(Metric::find);
+    let is_measured = |metric: &&Metric| items.iter().any(|item| value(item, metric).is_some());
+    let objectives: Vec<_> = objectives
+        .into_iter()
+        .flatten()
+        .filter(is_measured)
+        .collect();
+    let dominates = |a: &T, b: &T| {
+        let orders = || {
+            let values = objectives.iter().map(|m| (m, value(a, m), value(b, m)));
+            values.map(|(m, a, b)| better_first(m, a, b))
+        };
+        orders().all(Ordering::is_le) && orders().any(Ordering::is_lt)
+    };
+    let is_free = |b: &&T| !items.iter().any(|a| dominates(a, b));
+    let front = items.iter().filter(is_free).collect();
+    (objectives, front)
+}
+
 /// The better value first, none last.
-fn compare(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
+pub fn better_first(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
     match (a, b) {
         (Some(a), Some(b)) if metric.better == Better::Less => a.total_cmp(&b),
         (Some(a), Some(b)) => b.total_cmp(&a),

@@ -25,6 +25,7 @@ mod tables;
 mod text;
 mod words;
 
+pub use choice::{better_first, pareto_front};
 pub use gate::{GateResult, Limit};
 pub use junit::{TestCase, TestResult, junit};
 pub use log::{LoggedPair, LoggedResult, ResultLog};

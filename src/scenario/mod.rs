@@ -26,7 +26,7 @@ use std::path::Path;
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Largest number of columns and of rows of a grid.
-const MAX_GRID: usize = 64;
+pub(crate) const MAX_GRID: usize = 64;
 
 /// A validated scenario.
 #[derive(Clone, Debug)]

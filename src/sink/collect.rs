@@ -1,4 +1,4 @@
-//! Keeps a value of every frame, for what is computed of all of them at the end.
+//! Hands frames to a function: at once, or what it makes of all of them at the end.
 
 use super::{Outbox, Sink};
 use crate::error::Result;
@@ -42,6 +42,20 @@ impl<T: Send, F: FnMut(&Judged) -> T + Send> Sink for CollectSink<T, F> {
 
     fn finish(self: Box<Self>) -> Result<()> {
         self.outbox.put(self.values);
+        Ok(())
+    }
+}
+
+/// A sink that shows each frame to a function, and keeps nothing.
+pub struct WatchSink<F>(pub F);
+
+impl<F: FnMut(&Judged) + Send> Sink for WatchSink<F> {
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        (self.0)(judged);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
         Ok(())
     }
 }

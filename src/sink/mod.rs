@@ -8,7 +8,7 @@ mod rerun;
 mod table;
 
 pub use checkpoints::CheckpointSink;
-pub use collect::CollectSink;
+pub use collect::{CollectSink, WatchSink};
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
 pub use rerun::{

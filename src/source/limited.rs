@@ -97,6 +97,20 @@ impl Source for Limited {
         }
     }
 
+    /// Where no range of time is asked for, which only reading on finds.
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        if self.from_ns > 0 || self.to_ns.is_some() || self.frames.is_some() {
+            return Ok(false);
+        }
+        let of_source = index * self.every;
+        let sought = self.source.seek(of_source)?;
+        if sought {
+            self.ahead = None;
+            self.in_range = of_source;
+        }
+        Ok(sought)
+    }
+
     fn pairs(&self) -> Option<u64> {
         // How many pairs a range of time holds is known only at its end.
         let timed = self.from_ns > 0 || self.to_ns.is_some();

@@ -207,6 +207,10 @@ impl Source for ReferenceSource {
         self.source.pairs()
     }
 
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.source.seek(index)
+    }
+
     fn finish(&mut self, taken: u64) -> Losses {
         let losses = self.source.finish(taken);
         Losses {

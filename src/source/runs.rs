@@ -135,6 +135,10 @@ impl Source for RunSource {
         self.source.pairs()
     }
 
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.source.seek(index)
+    }
+
     fn finish(&mut self, taken: u64) -> Losses {
         self.source.finish(taken)
     }

@@ -29,6 +29,15 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// About how much memory it takes: two images, in colour too where it has them, disparities in
+    /// four bytes, visibility and surface in one each.
+    pub fn memory_bytes(&self) -> usize {
+        let (width, height) = self.pair.size();
+        let color = self.color.as_ref().map_or(0, |_| 6);
+        let per_pixel = 2 + color + self.truth.as_ref().map_or(0, |_| 6);
+        width * height * per_pixel
+    }
+
     /// The rig of a rectified pair, where it is calibrated.
     pub fn rig(&self) -> Option<&Rig> {
         self.geometry.rig()

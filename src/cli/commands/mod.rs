@@ -16,6 +16,7 @@ mod replay;
 mod reproduce;
 mod score;
 mod train;
+mod tune;
 mod view;
 
 use clap::Subcommand;
@@ -30,6 +31,7 @@ pub(super) enum Command {
     Match(matching::Args),
     Eval(eval::Args),
     Bench(bench::Args),
+    Tune(Box<tune::Args>),
     Calibrate(calibrate::Args),
     View(view::Args),
     Label(label::Args),
@@ -60,6 +62,7 @@ impl Command {
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
             Self::Bench(args) => bench::run(&args),
+            Self::Tune(args) => tune::run(&args, quiet),
             Self::Calibrate(args) => calibrate::run(&args, quiet),
             Self::View(args) => view::run(&args),
             Self::Label(args) => label::run(&args, quiet),

@@ -5,12 +5,12 @@ use super::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs, data
 use super::{recordings, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl::manifest::RunRecord;
 use svl::scenario::{PairRange, Scenario, ScenarioSource, SeedList};
 use svl::score::Judge;
 use svl::source::dataset::{Scene, SceneSource};
-use svl::source::{Limited, RecordingSource, RunSource, run_request};
+use svl::source::{Limited, RecordingSource, Request, RunSource, run_request};
 
 /// What of a scenario's source the command line changes.
 #[derive(clap::Args, Default)]
@@ -39,6 +39,15 @@ pub(crate) struct ScenarioSourceArgs {
 }
 
 impl ScenarioSourceArgs {
+    /// Fills the request of a source that is no scenario's.
+    pub(crate) fn fill(&self, request: &mut Request<'_>) {
+        self.topics.fill(request);
+        self.rectify.fill(request);
+        self.range.fill(&mut request.range);
+        let first = self.seeds.as_ref().and_then(|list| list.seeds().first());
+        request.seed = first.copied().or(request.seed);
+    }
+
     /// Changes the scenarios that the options are for; the user called the first one `named`.
     ///
     /// # Errors
@@ -79,6 +88,22 @@ impl ScenarioSourceArgs {
             return Err(usage::wrong(format!("{named}: {words}")));
         }
         Ok(())
+    }
+}
+
+/// The scenario that is named, or that of the recordings that are.
+pub(crate) fn named(what: &[String]) -> anyhow::Result<Scenario> {
+    let is_scenario = |what: &str| Path::new(what).extension().is_some_and(|e| e == "toml");
+    match what {
+        [name] if name == "arena" => Ok(Scenario::arena()?),
+        [path] if is_scenario(path) => Ok(Scenario::read(Path::new(path))?),
+        recordings => {
+            if let Some(name) = recordings.iter().find(|name| is_scenario(name)) {
+                let cure = "name one scenario, or recordings";
+                return Err(usage::wrong(format!("{name}: is a scenario; {cure}")));
+            }
+            Ok(Scenario::of_recordings(recordings, vec!["v5".parse()?])?)
+        }
     }
 }
 

@@ -350,6 +350,33 @@ fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str
     })
 }
 
+/// A metric over all rows of an algorithm: a share or a mean, a sum, or of the times the median.
+pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
+    let all: Vec<_> = (0..rows.len()).collect();
+    Sample::from_rows(metric, rows)?.value(&all)
+}
+
+/// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
+/// beside each other.
+pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
+    let stretches: Vec<_> = base
+        .chunk_by(|a, b| run_key(a) == run_key(b))
+        .map(<[_]>::len)
+        .collect();
+    // Scenes have names and are independent of each other; frames of a run are not.
+    let independent = base.iter().all(|row| !row.name.is_empty());
+    let resamples = Resamples::draw(&stretches, independent);
+    // Metrics that no pair has, and checkpoints, have no sample.
+    let change = |metric: &'static Metric| {
+        let samples = [base, other].map(|rows| Sample::from_rows(metric, rows));
+        let [Some(a), Some(b)] = samples else {
+            return None;
+        };
+        Change::from_samples(metric, &a, &b, &resamples)
+    };
+    METRICS.iter().filter_map(change).collect()
+}
+
 impl AlgorithmChange {
     /// What is compared: one algorithm, or two.
     pub fn title(&self) -> String {
@@ -383,23 +410,7 @@ impl AlgorithmChange {
             // pixels.
             .filter(|(a, b)| a.pair_hash == b.pair_hash)
             .collect();
-        let stretches: Vec<_> = pairs
-            .chunk_by(|a, b| run_key(a.0) == run_key(b.0))
-            .map(<[_]>::len)
-            .collect();
-        // Scenes have names and are independent of each other; frames of a run are not.
-        let independent = pairs.iter().all(|(row, _)| !row.name.is_empty());
-        let resamples = Resamples::draw(&stretches, independent);
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-        // Metrics that no pair has, and checkpoints, have no sample.
-        let change = |metric: &'static Metric| {
-            Change::from_samples(
-                metric,
-                &Sample::from_rows(metric, &a)?,
-                &Sample::from_rows(metric, &b)?,
-                &resamples,
-            )
-        };
         // Checkpoint tables hold sums only, so runs count whose pairs both reports have completely.
         let count = |rows: &[&Row], run| rows.iter().filter(|row| run_key(row) == run).count();
         let (all_ours, all_theirs): (Vec<_>, Vec<_>) = (
@@ -432,7 +443,7 @@ impl AlgorithmChange {
                 .iter()
                 .filter(|(a, b)| a.result_hash == b.result_hash)
                 .count(),
-            metrics: METRICS.iter().filter_map(change).collect(),
+            metrics: changes(&a, &b),
             checkpoints: base
                 .checkpoints(label, &runs)
                 .into_iter()

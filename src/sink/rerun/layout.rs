@@ -103,6 +103,34 @@ fn maps(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     }
 }
 
+/// The layout while a person tunes: a column per algorithm, and one for the truth or the images;
+/// overlays above, disparities below them, and why others have none at the bottom.
+pub(super) fn tuning(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
+    let each = |view: &dyn Fn(&AlgorithmPath) -> LayoutNode| -> Vec<LayoutNode> {
+        algorithms.iter().map(view).collect()
+    };
+    let mut overlays = each(&|a| picture(&a.label, &a.path("overlay")));
+    let mut disparities = each(&|a| map(&format!("disparity, {}", a.label), &a.path("disparity")));
+    let mut whys = each(&|a| reasons(&format!("why, {}", a.label), &a.path("why"), facts));
+    match &facts.truth {
+        Some(name) => {
+            overlays.push(picture(name, "truth/overlay"));
+            let depth = facts.rig.then(|| map("true depth", "truth/depth"));
+            disparities.extend(depth);
+        }
+        None => overlays.push(map("left", IMAGE)),
+    }
+    let settings = LayoutView::new("TextDocument", "settings", "run/parameters", ["$origin"]);
+    whys.push(settings.into());
+    let rows = [
+        ("overlays", overlays),
+        ("disparities", disparities),
+        ("why", whys),
+    ];
+    let rows = rows.map(|(name, views)| LayoutNode::row(name, views, &[]));
+    LayoutNode::column("tuning", rows.into(), &[])
+}
+
 fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     let stages = |a: &AlgorithmPath| [format!("{}/**", a.path("latency"))];
     let latency = match algorithms {

@@ -19,7 +19,8 @@
 //! run/parameters  run/verdicts  run/frames
 //! legend/why
 //! ```
-//! Timelines: `pair`, the frame's number, and `time`, its stamp. Maps are those of all frames, or
+//! Timelines: `pair`, the frame's number, and `time`, its stamp; while a person tunes an algorithm
+//! also `change`, which counts what was shown. Maps are those of all frames, or
 //! of some ([`RerunDetail`]); between them they are cleared. `run/frames` lists those frames.
 
 mod blueprint;
@@ -62,6 +63,10 @@ use std::time::Duration;
 const APPLICATION: &str = "svl";
 /// The timelines, the one the viewer opens with first.
 const TIMELINES: [&str; 2] = ["pair", "time"];
+/// The timeline of what a person turned, which is in front while tuning.
+const CHANGES: &str = "change";
+/// How long a viewer may take to receive a frame while a person waits for it.
+const SENT: Duration = Duration::from_secs(3);
 const CAMERA: &str = "world/rig/left";
 const IMAGE: &str = "world/rig/left/image";
 const LEGEND: &str = "legend/why";
@@ -116,6 +121,8 @@ pub struct RerunSink {
     /// Number and name of the run's checkpoints.
     checkpoints: Vec<String>,
     verdicts: Option<Box<dyn FnOnce() -> Option<String> + Send>>,
+    /// While a person tunes: how often something was shown.
+    changes: Option<i64>,
 }
 
 /// A place on the timelines.
@@ -158,6 +165,7 @@ impl RerunSink {
             has_maps: false,
             checkpoints: Vec::new(),
             verdicts: None,
+            changes: None,
         };
         sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
         if !run.wireframe.is_empty() {
@@ -193,6 +201,16 @@ impl RerunSink {
     pub fn with_verdicts(self, markdown: impl FnOnce() -> Option<String> + Send + 'static) -> Self {
         Self {
             verdicts: Some(Box::new(markdown)),
+            ..self
+        }
+    }
+
+    /// Shows frames while a person changes the algorithms: their maps beside each other, in the
+    /// order in which they come, whatever their numbers, and each at once.
+    #[must_use]
+    pub fn for_tuning(self) -> Self {
+        Self {
+            changes: Some(0),
             ..self
         }
     }
@@ -251,9 +269,12 @@ impl RerunSink {
                 .filter(has)
                 .collect(),
         };
-        let root = layout::run(&self.algorithms, &facts);
+        let (root, timeline) = match self.changes {
+            None => (layout::run(&self.algorithms, &facts), TIMELINES[0]),
+            Some(_) => (layout::tuning(&self.algorithms, &facts), CHANGES),
+        };
         let (app, cursor) = (APPLICATION.into(), self.target.cursor());
-        blueprint::send(&root, app, TIMELINES[0], cursor, &self.stream)
+        blueprint::send(&root, app, timeline, cursor, &self.stream)
             .map_err(|error| self.target.failed(error))
     }
 
@@ -298,7 +319,11 @@ impl Sink for RerunSink {
         self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
         self.frames.begin_run();
         self.upcoming.begin_run();
-        if let Some(last) = self.last {
+        if self.changes.is_some() {
+            let info = RunInfo::new(start.manifest, Vec::new());
+            let parameters = TextDocument::from_markdown(info::parameters(&info));
+            self.log_static("run/parameters", &parameters)?;
+        } else if let Some(last) = self.last {
             self.start = Moment {
                 pair: last.pair + 1,
                 time_ns: last.time_ns + 1_000_000_000,
@@ -341,6 +366,10 @@ impl Sink for RerunSink {
                 TimeCell::from_timestamp_nanos_since_epoch(nanos)
             },
         );
+        if let Some(changes) = &mut self.changes {
+            *changes += 1;
+            self.stream.set_time_sequence(CHANGES, *changes);
+        }
         self.is_listed = self.frames.next(judged);
         if self.is_listed {
             self.push_name(judged)?;
@@ -357,6 +386,10 @@ impl Sink for RerunSink {
                 Some(scored) => self.push_estimate(algorithm, scored, frame, &scale)?,
                 None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
             }
+        }
+        if self.changes.is_some() && self.target.file().is_none() {
+            let sent = self.stream.flush_with_timeout(SENT);
+            return sent.map_err(|error| self.target.broken(&error.to_string()));
         }
         match is_first {
             // The viewer's time cursor stands where the first piece of a file begins.

@@ -121,8 +121,10 @@ impl RerunSink {
             None => {}
         }
         self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
+        // While tuning no view shows them.
         let points = frame
             .rig()
+            .filter(|_| self.changes.is_none())
             .map(|rig| picture::points(map.disparity(), rig, scale));
         self.log_or_clear(&algorithm.path("points"), points.transpose()?)
     }

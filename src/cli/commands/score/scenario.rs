@@ -1,25 +1,13 @@
 //! The scenario that `svl score` scores.
 
 use super::Args;
-use crate::cli::shared::{filters, usage};
-use std::path::Path;
+use crate::cli::shared::{filters, scenario_runs};
 use svl::matcher::Algorithm;
 use svl::scenario::Scenario;
 
 /// The scenario that is named, or that of the recordings that are.
 pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
-    let is_scenario = |what: &str| Path::new(what).extension().is_some_and(|e| e == "toml");
-    let mut scenario = match &args.what[..] {
-        [name] if name == "arena" => Scenario::arena()?,
-        [path] if is_scenario(path) => Scenario::read(Path::new(path))?,
-        recordings => {
-            if let Some(name) = recordings.iter().find(|name| is_scenario(name)) {
-                let cure = "name one scenario, or recordings";
-                return Err(usage::wrong(format!("{name}: is a scenario; {cure}")));
-            }
-            Scenario::of_recordings(recordings, vec!["v5".parse()?])?
-        }
-    };
+    let mut scenario = scenario_runs::named(&args.what)?;
     if args.check {
         let ranges = scenario
             .algorithms

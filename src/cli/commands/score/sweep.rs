@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::str::FromStr;
-use svl::matcher::{self, Algorithm, Range, Value, labelled};
+use svl::matcher::{self, Algorithm, Range, labelled};
 use svl::report::html::ParameterSweep;
+use svl::tune::quasi_random;
 
 /// Most algorithms of one run.
 pub(super) const MAX_ALGORITHMS: usize = 1000;
@@ -137,17 +138,13 @@ impl Algorithms {
 /// The first `count` places that the sequence visits in a grid of more places, each once.
 fn spread(lengths: &[usize], count: usize) -> Vec<Vec<usize>> {
     let swept: Vec<_> = (0..lengths.len()).filter(|&i| lengths[i] > 1).collect();
-    // The root of x^(d+1) = x + 1, by iteration.
-    let power = 1.0 / (swept.len() as f64 + 1.0);
-    let root = (0..64).fold(2.0_f64, |x, _| (1.0 + x).powf(power));
     let mut seen = BTreeSet::new();
     let mut places = Vec::new();
     // The sequence fills the unit cube evenly, so that it comes by all places; the bound is for
     // what rounding could keep from it.
     for i in 1..=10_000 * count {
         let mut place = vec![0; lengths.len()];
-        for (k, &axis) in swept.iter().enumerate() {
-            let at = (0.5 + i as f64 * root.powi(-(k as i32 + 1))).fract();
+        for (at, &axis) in quasi_random(i, swept.len()).zip(&swept) {
             place[axis] = (at * lengths[axis] as f64) as usize;
         }
         if seen.insert(place.clone()) {
@@ -247,16 +244,8 @@ fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
 }
 
 fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
-    match algorithm
-        .parameters()
-        .iter()
-        .find(|(name, _)| *name == key)?
-        .1
-    {
-        Value::Int(v) => Some(f64::from(*v)),
-        Value::Real(v) => Some(*v),
-        _ => None,
-    }
+    let mut parameters = algorithm.parameters().iter();
+    parameters.find(|(name, _)| *name == key)?.1.number()
 }
 
 #[cfg(test)]

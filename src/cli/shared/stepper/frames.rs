@@ -1,7 +1,9 @@
-//! Frames of a source by their index, whatever the source: some are kept, others read again.
+//! Frames of a source by their index, whatever the source: some are kept, others read again, those
+//! of cameras taken as they come.
 
 use std::collections::VecDeque;
-use std::rc::Rc;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
 use svl::Error;
 use svl::source::Source;
 use svl::stereo::Frame;
@@ -12,20 +14,96 @@ const KEPT_BYTES: usize = 256 << 20;
 /// Opens a source from its beginning.
 pub(crate) type Open<'a> = Box<dyn Fn() -> anyhow::Result<Box<dyn Source>> + 'a>;
 
-/// The frames of a recorded source, by their index from 0.
+/// The frames of a source, by their index from 0. Of cameras the newest is taken, and those before
+/// it are there as long as they are kept.
 pub(crate) struct FrameStore<'a> {
-    open: Open<'a>,
-    source: Box<dyn Source>,
+    reads: Reads<'a>,
     /// Index of the frame that the source gives next; unknown after an error.
     next: Option<u64>,
     /// How many frames there are, where that is known.
     count: Option<u64>,
     /// The frames read last, the newest behind.
-    kept: VecDeque<(u64, Rc<Frame>)>,
+    kept: VecDeque<(u64, Arc<Frame>)>,
     kept_bytes: usize,
     limit_bytes: usize,
     /// Why the source ends before its end.
     damage: Option<String>,
+}
+
+/// Where frames come from.
+enum Reads<'a> {
+    Recorded {
+        open: Open<'a>,
+        source: Box<dyn Source>,
+    },
+    Live(LiveFrames),
+}
+
+/// Cameras, read by a thread of its own so that they are never waited for.
+struct LiveFrames {
+    shared: Arc<(Mutex<Newest>, Condvar)>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What came last.
+#[derive(Default)]
+struct Newest {
+    frame: Option<Frame>,
+    /// Why no more frames come.
+    ended: Option<String>,
+    /// Whether nobody wants more.
+    stopped: bool,
+}
+
+fn locked(newest: &Mutex<Newest>) -> MutexGuard<'_, Newest> {
+    newest.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl LiveFrames {
+    fn begin(mut source: Box<dyn Source>) -> Self {
+        let shared = Arc::new((Mutex::new(Newest::default()), Condvar::new()));
+        let of_thread = Arc::clone(&shared);
+        let thread = std::thread::spawn(move || {
+            let (newest, came) = &*of_thread;
+            loop {
+                let next = source.next();
+                let mut newest = locked(newest);
+                match next {
+                    Ok(Some(frame)) => newest.frame = Some(frame),
+                    Ok(None) => newest.ended = Some("the cameras have stopped".to_owned()),
+                    Err(error) => newest.ended = Some(error.to_string()),
+                }
+                came.notify_all();
+                if newest.stopped || newest.ended.is_some() {
+                    break;
+                }
+            }
+        });
+        Self {
+            shared,
+            thread: Some(thread),
+        }
+    }
+
+    /// The newest frame, if there is one since the last; `wait`: until there is one, or an end.
+    fn take(&self, wait: bool) -> (Option<Frame>, Option<String>) {
+        let (newest, came) = &*self.shared;
+        let mut newest = locked(newest);
+        while wait && newest.frame.is_none() && newest.ended.is_none() {
+            newest = came.wait(newest).unwrap_or_else(PoisonError::into_inner);
+        }
+        (newest.frame.take(), newest.ended.take())
+    }
+}
+
+impl Drop for LiveFrames {
+    fn drop(&mut self) {
+        locked(&self.shared.0).stopped = true;
+        if let Some(thread) = self.thread.take() {
+            // It ends with the next frame, or when the cameras are silent.
+            let _ = thread.join();
+        }
+    }
 }
 
 impl<'a> FrameStore<'a> {
@@ -37,14 +115,31 @@ impl<'a> FrameStore<'a> {
         let source = open()?;
         Ok(Self {
             count: source.pairs(),
-            open,
-            source,
+            reads: Reads::Recorded { open, source },
             next: Some(0),
             kept: VecDeque::new(),
             kept_bytes: 0,
             limit_bytes,
             damage: None,
         })
+    }
+
+    /// Cameras.
+    pub(crate) fn live(source: Box<dyn Source>) -> Self {
+        Self {
+            count: None,
+            reads: Reads::Live(LiveFrames::begin(source)),
+            next: Some(0),
+            kept: VecDeque::new(),
+            kept_bytes: 0,
+            limit_bytes: KEPT_BYTES,
+            damage: None,
+        }
+    }
+
+    /// Whether frames come as time goes on.
+    pub(crate) fn is_live(&self) -> bool {
+        matches!(self.reads, Reads::Live(_))
     }
 
     /// How many frames there are, where that is known.
@@ -61,7 +156,22 @@ impl<'a> FrameStore<'a> {
     ///
     /// # Errors
     /// Those of the source, for a frame that cannot be read. Others still can.
-    pub(crate) fn at_most(&mut self, index: u64) -> anyhow::Result<Option<(u64, Rc<Frame>)>> {
+    pub(crate) fn at_most(&mut self, index: u64) -> anyhow::Result<Option<(u64, Arc<Frame>)>> {
+        if let Reads::Live(live) = &self.reads {
+            let newest = self.kept.back().map(|(newest, _)| *newest);
+            // Going back needs nothing new.
+            if newest.is_none_or(|newest| index > newest) {
+                let (frame, ended) = live.take(newest.is_none());
+                self.damage = ended.or(self.damage.take());
+                if let (Some(frame), Some(next)) = (frame, self.next) {
+                    self.keep(next, frame);
+                    self.next = Some(next + 1);
+                }
+            }
+            let mut kept = self.kept.iter().rev();
+            let found = kept.find(|(kept, _)| *kept <= index).or(self.kept.front());
+            return Ok(found.map(|(index, frame)| (*index, Arc::clone(frame))));
+        }
         if let Some(frame) = self.at(index)? {
             return Ok(Some((index, frame)));
         }
@@ -78,7 +188,7 @@ impl<'a> FrameStore<'a> {
     ///
     /// # Errors
     /// As [`FrameStore::at_most`].
-    pub(crate) fn numbered(&mut self, sequence: u64) -> anyhow::Result<Option<(u64, Rc<Frame>)>> {
+    pub(crate) fn numbered(&mut self, sequence: u64) -> anyhow::Result<Option<(u64, Arc<Frame>)>> {
         // Numbers grow at least as fast as indices do.
         let mut found = self.at_most(sequence)?;
         while let Some((index, frame)) = &found
@@ -93,9 +203,9 @@ impl<'a> FrameStore<'a> {
         Ok(found)
     }
 
-    fn at(&mut self, index: u64) -> anyhow::Result<Option<Rc<Frame>>> {
+    fn at(&mut self, index: u64) -> anyhow::Result<Option<Arc<Frame>>> {
         if let Some((_, frame)) = self.kept.iter().find(|(kept, _)| *kept == index) {
-            return Ok(Some(Rc::clone(frame)));
+            return Ok(Some(Arc::clone(frame)));
         }
         if self.count.is_some_and(|count| index >= count) {
             return Ok(None);
@@ -104,7 +214,10 @@ impl<'a> FrameStore<'a> {
         while let Some(next) = self.next.filter(|next| *next <= index) {
             // Unknown until it is read.
             self.next = None;
-            match self.source.next() {
+            let Reads::Recorded { source, .. } = &mut self.reads else {
+                return Ok(None);
+            };
+            match source.next() {
                 Ok(Some(frame)) => self.keep(next, frame),
                 Ok(None) => {
                     self.count = Some(next);
@@ -120,7 +233,7 @@ impl<'a> FrameStore<'a> {
             }
             self.next = Some(next + 1);
         }
-        Ok(self.kept.back().map(|(_, frame)| Rc::clone(frame)))
+        Ok(self.kept.back().map(|(_, frame)| Arc::clone(frame)))
     }
 
     /// Makes the source give the frame at `index`, or one before it, next.
@@ -128,9 +241,12 @@ impl<'a> FrameStore<'a> {
         if self.next == Some(index) {
             return Ok(());
         }
+        let Reads::Recorded { open, source } = &mut self.reads else {
+            return Ok(());
+        };
         // Behind the end a source has no frame, and would not say where the end is.
         let sought = match self.count {
-            Some(_) => self.source.seek(index),
+            Some(_) => source.seek(index),
             None => Ok(false),
         };
         match sought {
@@ -139,7 +255,7 @@ impl<'a> FrameStore<'a> {
             // Also where seeking failed: reading on from the beginning finds it, or says why not.
             Ok(false) | Err(_) => {
                 self.next = None;
-                self.source = (self.open)()?;
+                *source = open()?;
                 self.next = Some(0);
             }
         }
@@ -147,23 +263,15 @@ impl<'a> FrameStore<'a> {
     }
 
     fn keep(&mut self, index: u64, frame: Frame) {
-        self.kept_bytes += bytes(&frame);
-        self.kept.push_back((index, Rc::new(frame)));
+        self.kept_bytes += frame.memory_bytes();
+        self.kept.push_back((index, Arc::new(frame)));
         while self.kept_bytes > self.limit_bytes
             && self.kept.len() > 1
             && let Some((_, oldest)) = self.kept.pop_front()
         {
-            self.kept_bytes -= bytes(&oldest);
+            self.kept_bytes -= oldest.memory_bytes();
         }
     }
-}
-
-/// About how much memory a frame takes.
-fn bytes(frame: &Frame) -> usize {
-    let (width, height) = frame.pair.size();
-    // Two images, disparities in four bytes, visibility and surface in one each.
-    let per_pixel = 2 + frame.truth.as_ref().map_or(0, |_| 6);
-    width * height * per_pixel
 }
 
 #[cfg(test)]
@@ -252,6 +360,32 @@ mod tests {
                 "a source that seeks is opened once"
             );
         }
+    }
+
+    #[test]
+    fn of_cameras_the_newest_comes_and_the_kept_ones_stay() {
+        let source = Even {
+            next: 4,
+            of: 7,
+            seeks: false,
+        };
+        let mut store = FrameStore::live(Box::new(source));
+        let mut sequence = |index| {
+            let (index, frame) = store.at_most(index).unwrap().unwrap();
+            (index, frame.sequence, store.take_damage())
+        };
+        let (first, earliest, _) = sequence(0);
+        assert_eq!(first, 0);
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        // Frames in between were not taken.
+        let (second, newest, ended) = sequence(1);
+        assert_eq!(sequence(0).1, earliest);
+        if earliest == 12 {
+            assert_eq!((second, newest), (0, 12));
+        } else {
+            assert_eq!((second, newest), (1, 12));
+        }
+        assert_eq!(ended.unwrap(), "the cameras have stopped");
     }
 
     #[test]

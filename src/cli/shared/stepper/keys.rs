@@ -19,16 +19,27 @@ pub(crate) enum Key {
     Right,
     Up,
     Down,
+    /// Left and right with Shift.
+    FarLeft,
+    FarRight,
+    Tab,
+    /// Ctrl-R.
+    Redo,
     /// Ctrl-C.
     Interrupt,
     /// The left mouse button, on that column and row of the screen.
     Click(u16, u16),
+    /// The wheel of the mouse.
+    ScrollUp,
+    ScrollDown,
     /// The terminal has that many columns and rows now, or has to be drawn anew.
     Resize(u16, u16),
     /// Nothing: time goes on.
     Tick,
     /// A script asks for the screen as it is.
     Screen,
+    /// A script waits until nothing is under way.
+    Wait,
     /// There is no more input.
     Closed,
 }
@@ -44,8 +55,15 @@ const NAMES: &[(&str, Key)] = &[
     ("right", Key::Right),
     ("up", Key::Up),
     ("down", Key::Down),
+    ("shift-left", Key::FarLeft),
+    ("shift-right", Key::FarRight),
+    ("tab", Key::Tab),
+    ("ctrl-r", Key::Redo),
     ("ctrl-c", Key::Interrupt),
     ("tick", Key::Tick),
+    ("scroll-up", Key::ScrollUp),
+    ("scroll-down", Key::ScrollDown),
+    ("wait", Key::Wait),
     ("screen", Key::Screen),
 ];
 
@@ -106,9 +124,13 @@ fn key(event: Event) -> Option<Key> {
             KeyCode::Char('c' | 'C') => Some(Key::Interrupt),
             // The size is asked for where it is used.
             KeyCode::Char('l' | 'L') => Some(Key::Resize(0, 0)),
+            KeyCode::Char('r' | 'R') => Some(Key::Redo),
             _ => None,
         },
         Event::Key(event) => match event.code {
+            KeyCode::Left if event.modifiers.contains(KeyModifiers::SHIFT) => Some(Key::FarLeft),
+            KeyCode::Right if event.modifiers.contains(KeyModifiers::SHIFT) => Some(Key::FarRight),
+            KeyCode::Tab => Some(Key::Tab),
             KeyCode::Char(c) => Some(Key::Char(c)),
             KeyCode::Enter => Some(Key::Enter),
             KeyCode::Esc => Some(Key::Escape),
@@ -123,6 +145,11 @@ fn key(event: Event) -> Option<Key> {
         Event::Mouse(event) if event.kind == MouseEventKind::Down(MouseButton::Left) => {
             Some(Key::Click(event.column, event.row))
         }
+        Event::Mouse(event) => match event.kind {
+            MouseEventKind::ScrollUp => Some(Key::ScrollUp),
+            MouseEventKind::ScrollDown => Some(Key::ScrollDown),
+            _ => None,
+        },
         Event::Resize(columns, rows) => Some(Key::Resize(columns, rows)),
         _ => None,
     }

@@ -18,7 +18,7 @@ use anyhow::Context;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
 use ratatui::widgets::{Block, Clear, Paragraph};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use svl::stereo::Frame;
 
@@ -35,6 +35,19 @@ pub(crate) trait StepTool {
 
     /// What it asks at the moment, in place of the message.
     fn question(&self) -> Option<String>;
+
+    /// Looks whether what it does in the background came to something that is to be drawn.
+    fn poll(&mut self, _stepper: &mut Stepper<'_>) -> bool {
+        false
+    }
+
+    /// Waits until all that it does in the background is done, for a script.
+    fn settle(&mut self) {}
+
+    /// The keys that stand in the last line.
+    fn hint(&self) -> &'static str {
+        ", . step  < > ten  space play  g go to  ? all keys  q quit"
+    }
 
     /// Draws what lies between the lines of the stepper; `shades` as [`Screen::has_shades`].
     fn draw(
@@ -75,14 +88,14 @@ const KEYS: &[(&str, &str)] = &[
 ];
 
 /// How often signals are looked for.
-const GLANCE: Duration = Duration::from_millis(100);
+const GLANCE: Duration = Duration::from_millis(50);
 
 /// The place in a source.
 pub(crate) struct Stepper<'a> {
     name: String,
     store: FrameStore<'a>,
     index: u64,
-    frame: Rc<Frame>,
+    frame: Arc<Frame>,
     /// How long a frame is shown when they are played.
     period: Duration,
     /// When the next frame is due; nothing while not playing.
@@ -108,13 +121,15 @@ impl<'a> Stepper<'a> {
             first => first?,
         };
         let (index, frame) = first.context("no frame")?;
+        let is_live = store.is_live();
         Ok(Self {
             name: name.to_owned(),
             store,
             index,
             frame,
             period: GLANCE,
-            due: None,
+            // Cameras go on by themselves.
+            due: is_live.then(Instant::now),
             jump: None,
             help: false,
             message: String::new(),
@@ -125,6 +140,21 @@ impl<'a> Stepper<'a> {
     /// The frame that is shown.
     pub(crate) fn frame(&self) -> &Frame {
         &self.frame
+    }
+
+    /// The same, to be kept.
+    pub(crate) fn held_frame(&self) -> &Arc<Frame> {
+        &self.frame
+    }
+
+    /// What the source is called.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether the source is cameras.
+    pub(crate) fn is_live(&self) -> bool {
+        self.store.is_live()
     }
 
     /// Shows a message until the next key.
@@ -148,7 +178,10 @@ impl<'a> Stepper<'a> {
         let found = self.store.at_most(to);
         let before = (self.index, self.frame.stamp_ns);
         self.moved(found);
-        if self.index == before.0 {
+        if self.index == before.0 && by > 0 && self.is_live() && self.message.is_empty() {
+            // The next one has not come yet.
+            self.period = Duration::from_millis(10);
+        } else if self.index == before.0 {
             self.due = None;
             if self.message.is_empty() {
                 self.say(if by < 0 {
@@ -165,7 +198,7 @@ impl<'a> Stepper<'a> {
     }
 
     /// Takes another frame, or says why there is none: the place stays.
-    fn moved(&mut self, found: anyhow::Result<Option<(u64, Rc<Frame>)>>) {
+    fn moved(&mut self, found: anyhow::Result<Option<(u64, Arc<Frame>)>>) {
         match found {
             Ok(Some((index, frame))) => {
                 self.is_new |= index != self.index;
@@ -278,8 +311,7 @@ impl<'a> Stepper<'a> {
             .or(self.jump.as_ref().map(LineEdit::to_string));
         let words = question.unwrap_or_else(|| self.message.clone());
         canvas.render_widget(Paragraph::new(words), message);
-        let hint = ", . step  < > ten  space play  g go to  ? all keys  q quit";
-        canvas.render_widget(Paragraph::new(hint).style(bar), keys);
+        canvas.render_widget(Paragraph::new(tool.hint()).style(bar), keys);
         if self.help {
             help(tool, area, canvas);
         }
@@ -333,7 +365,14 @@ pub(crate) fn run(
             return Ok(Ended::Interrupted);
         }
         match keys.next(stepper.wait())? {
-            Key::Tick => stepper.tick(is_script),
+            Key::Tick => {
+                stepper.tick(is_script);
+                changed |= tool.poll(stepper);
+            }
+            Key::Wait => {
+                tool.settle();
+                changed |= tool.poll(stepper);
+            }
             Key::Screen => screen.print()?,
             Key::Resize(columns, rows) => {
                 screen.resize(columns, rows)?;

@@ -1,0 +1,357 @@
+//! `svl tune`: turn the parameters of algorithms by hand, or let them be searched.
+
+mod auto;
+mod tool;
+mod view;
+mod worker;
+
+use crate::cli::shared::filters::FilterArgs;
+use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::rerun::RerunChoice;
+use crate::cli::shared::scenario_runs::{self, ScenarioSourceArgs, runs};
+use crate::cli::shared::source::{self, CameraArgs, SourceParser};
+use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
+use crate::cli::shared::terminal::print;
+use crate::cli::shared::usage;
+use anyhow::{Context, bail};
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use svl::grab;
+use svl::matcher::Algorithm;
+use svl::scenario::Scenario;
+use svl::score::Judge;
+use svl::sink::RerunTarget;
+use svl::source::{Request, Source};
+use svl::tune::{Constraint, Sampler, Setting};
+use tool::Tuner;
+use worker::Worker;
+
+/// Tune algorithms on a source: by hand, or by a search
+///
+/// By hand: the parameters on the terminal, what they do to the frame in Rerun, and what they are
+/// worth over a sample of the source, against the setting that it began with. With --auto a search
+/// over many settings takes the place of the person.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl tune run.mcap --algo v3 --algo bm      Tab changes the algorithm
+  svl tune arena --algo bm --rerun none
+  svl tune v4l2:/dev/video0,/dev/video2
+  svl tune run.mcap --scenario own.toml      its cells, rule and checkpoints
+  svl tune arena --auto --algo bm --seeds 4..10 --test-seeds 41..43 -o best.toml
+  svl tune mon.mcap tue.mcap --test wed.mcap --auto --algo v3 \\
+    --vary texture_delta=2..6 --maximize right --subject-to 'wrong<=3%' \\
+    --subject-to 'time<=1.2x' -o best.toml
+
+Keys: up and down choose, left and right turn (with Shift ten times as far),
+digits type a value, r resets, Tab changes the algorithm, space plays, comma
+and full stop step, [ and ] lead to the worst frames, a shows the setting
+compared with, c compares with this one from now on, u and Ctrl-R undo and
+redo, w writes, ? shows all.
+
+A search that is interrupted writes the best so far; the same command with
+--resume goes on from its log, the .csv beside the output.")]
+pub(crate) struct Args {
+    /// A recording, a bag, a folder, a scene, the arena, a scenario, or cameras; with --auto also
+    /// several recordings
+    #[arg(required = true, value_name = "SOURCE", value_parser = SourceParser)]
+    what: Vec<String>,
+    /// Algorithm to tune, with the setting that it begins with; may be given more than once
+    /// [default: v5]
+    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
+    algo: Vec<Algorithm>,
+    /// Take grid, cell rule and checkpoints from this scenario
+    #[arg(long, value_name = "S.toml")]
+    scenario: Option<PathBuf>,
+    #[command(flatten)]
+    filters: FilterArgs,
+    /// Show the frame in Rerun: a new viewer, a running one, a file, or not [default: spawn; none
+    /// with --script]
+    #[arg(long, value_name = "spawn|URL|FILE.rrd|none", conflicts_with = "auto")]
+    rerun: Option<RerunChoice>,
+    /// Take the keys from a file instead of a terminal, one token per key: characters, \"text\",
+    /// enter, up, shift-left, tab, ctrl-r, wait (until all is done), screen (prints it), ...
+    #[arg(long, value_name = "FILE", conflicts_with = "auto")]
+    script: Option<PathBuf>,
+    /// Scenario to write: by hand proposed for w, with --auto where the best is written. Beside it
+    /// a .md says what was tried
+    #[arg(short, long, value_name = "FILE.toml", value_parser = usage::ending(&["toml"]))]
+    out: Option<PathBuf>,
+    /// Replace the files of --out
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    source: ScenarioSourceArgs,
+    #[command(flatten)]
+    search: SearchArgs,
+    #[command(flatten)]
+    cameras: CameraArgs,
+}
+
+/// Options of the search.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Search")]
+struct SearchArgs {
+    /// Search instead of a person
+    #[arg(long, requires = "out")]
+    auto: bool,
+    /// Parameter to vary; may be given more than once [default: all that change the result, around
+    /// their values]
+    #[arg(long, value_name = "NAME[=FROM..TO|=A/B]", requires = "auto")]
+    vary: Vec<String>,
+    /// Metric to be as large as possible [default: right, or unrivalled without truth]
+    #[arg(
+        long,
+        value_name = "METRIC",
+        requires = "auto",
+        conflicts_with = "minimize"
+    )]
+    maximize: Option<String>,
+    /// Metric to be as small as possible
+    #[arg(long, value_name = "METRIC", requires = "auto")]
+    minimize: Option<String>,
+    /// Bound that the best has to keep, as 'wrong<=3%', or as a multiple of what --algo has:
+    /// 'time<=1.2x' [default: wrong, missed and blind <=1x,
+    /// time<=1.5x]
+    #[arg(long, value_name = "METRIC<=X[%|x]", requires = "auto")]
+    subject_to: Vec<Constraint>,
+    /// Recordings or a scenario that judge what was found [default: a part of the runs that is held
+    /// out]
+    #[arg(long, value_name = "SOURCE", num_args = 1.., requires = "auto")]
+    test: Vec<String>,
+    /// Seeds of the arena that judge what was found
+    #[arg(
+        long, value_name = "SEEDS", requires = "auto", conflicts_with = "test",
+        value_parser = clap::value_parser!(svl::scenario::SeedList)
+    )]
+    test_seeds: Option<svl::scenario::SeedList>,
+    /// Settings to try of each algorithm
+    #[arg(
+        long, value_name = "N", default_value_t = 120, allow_negative_numbers = true,
+        value_parser = usage::within(4..=100_000usize)
+    )]
+    trials: usize,
+    /// Pairs to search on, spread over all runs; few settings are run on all of them
+    #[arg(
+        long, value_name = "N", default_value_t = 252, allow_negative_numbers = true,
+        value_parser = usage::within(8..=1_000_000usize)
+    )]
+    pairs: usize,
+    /// Seed of the search: equal seeds try equal settings, as far as times allow
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "auto")]
+    search_seed: u64,
+    /// Go on from the log of an earlier search
+    #[arg(long, requires = "auto", conflicts_with = "force")]
+    resume: bool,
+    /// Print JSON
+    #[arg(long, requires = "auto")]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    match args.search.auto {
+        true => auto::run(args, quiet),
+        false => by_hand(args, quiet),
+    }
+}
+
+/// Pairs of the sample by hand.
+const SAMPLE: usize = 64;
+
+/// Most memory of the sample, bytes.
+const SAMPLE_BYTES: usize = 256 << 20;
+
+/// What is tuned on, by hand.
+struct Tuned<'a> {
+    name: String,
+    /// None for cameras, which no scenario can read.
+    scenario: Option<Scenario>,
+    judge: Judge,
+    open: Open<'a>,
+    is_live: bool,
+}
+
+impl Args {
+    fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
+        Ok(match &self.algo[..] {
+            [] => vec!["v5".parse()?],
+            algorithms => algorithms.to_vec(),
+        })
+    }
+
+    /// The scenario of sources, judged as `--scenario` says.
+    fn scenario_of(&self, what: &[String]) -> anyhow::Result<Scenario> {
+        let scenario = scenario_runs::named(what)?;
+        Ok(match &self.scenario {
+            None => scenario,
+            Some(path) => judged_by(scenario, Scenario::read(path)?),
+        })
+    }
+}
+
+/// The scenario with grid, cells and checkpoints of another.
+fn judged_by(scenario: Scenario, other: Scenario) -> Scenario {
+    Scenario {
+        grid: other.grid,
+        cells: other.cells,
+        checkpoints: other.checkpoints,
+        ..scenario
+    }
+}
+
+fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let [name] = &args.what[..] else {
+        return Err(usage::wrong(
+            "several sources are searched with --auto; by hand name one",
+        ));
+    };
+    // Before anything takes time.
+    let mut keys = match &args.script {
+        Some(script) => Keys::script(script)?,
+        None => {
+            Screen::check_terminal()?;
+            Keys::Terminal
+        }
+    };
+    let filters = args.filters.models()?;
+    let algorithms = args.algorithms()?;
+    let tuned = open(args, name, quiet)?;
+    let (viewer, without) = viewer(args)?;
+    let settings = algorithms.into_iter().map(|algorithm| Setting {
+        algorithm: algorithm.filtered(&filters),
+        grid: tuned.judge.grid,
+        cells: tuned.judge.cells,
+        filters: filters.clone(),
+    });
+    let settings: Vec<_> = settings.collect();
+    let Tuned {
+        name,
+        scenario,
+        judge,
+        open,
+        is_live,
+    } = tuned;
+    let sampler = match is_live {
+        true => None,
+        false => Some(Sampler::new(open()?, SAMPLE, SAMPLE_BYTES)),
+    };
+    let store = match is_live {
+        true => FrameStore::live(open()?),
+        false => FrameStore::new(open)?,
+    };
+    let mut stepper = Stepper::new(&name, store)?;
+    let mut settings = settings;
+    for setting in &mut settings {
+        // Without a rig disparities are judged, and their rule is what can be turned.
+        setting.cells = setting.cells.for_rig(stepper.frame().rig().is_some());
+    }
+    let has_truth = stepper.frame().truth.is_some();
+    let judge = Judge {
+        photometric: !has_truth,
+        ..judge
+    };
+    let target = viewer.map(|target| (target, name.clone()));
+    let worker = Worker::begin(sampler, judge, target)?;
+    if let Some(without) = without {
+        stepper.say(without);
+    }
+    let folder = Path::new(&args.what[0]).parent().unwrap_or(Path::new(""));
+    let scenario = scenario.map(|scenario| (scenario, folder.to_owned()));
+    let mut tuner = Tuner::new(settings, worker, args.out.clone(), scenario);
+    let mut screen = match args.script {
+        Some(_) => Screen::in_memory()?,
+        None => Screen::of_terminal()?,
+    };
+    let ended = stepper::run(&mut stepper, &mut tuner, &mut keys, &mut screen);
+    drop(screen);
+    let ended = ended?;
+    print(&tuner.farewell())?;
+    match ended {
+        Ended::Quit => Ok(()),
+        Ended::Interrupted if args.script.is_some() => Ok(()),
+        Ended::Interrupted => bail!("stopped"),
+    }
+}
+
+/// Opens what is tuned on; of a scenario of several runs the first.
+fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<'a>> {
+    let is_live = grab::driver(name).is_some();
+    if is_live || name == "board" {
+        let mut request = Request::new(name);
+        args.source.fill(&mut request);
+        args.cameras.fill(&mut request);
+        let judge = match &args.scenario {
+            Some(path) => Scenario::read(path)?.judge(),
+            None => Judge::default(),
+        };
+        let first = RefCell::new(Some(source::open(request.clone(), quiet)?.source));
+        let open: Open<'a> = Box::new(move || match first.take() {
+            Some(first) => Ok(first),
+            None => Ok(source::open(request.clone(), true)?.source),
+        });
+        return Ok(Tuned {
+            name: name.to_owned(),
+            scenario: None,
+            judge,
+            open,
+            is_live,
+        });
+    }
+    let mut scenario = args.scenario_of(&args.what)?;
+    args.source
+        .change(std::slice::from_mut(&mut scenario), name)?;
+    let open_first = {
+        let scenario = scenario.clone();
+        move |quiet: bool| {
+            let mut runs = runs(&scenario, &args.source, quiet)?.into_iter();
+            let run = runs.next().context("no run")?;
+            run.open(&scenario, &args.source, quiet, None)
+        }
+    };
+    let (run, judge) = open_first(quiet)?;
+    let title = run.name();
+    let first = RefCell::new(Some(run));
+    let open: Open<'a> = Box::new(move || match first.take() {
+        Some(first) => Ok(Box::new(first) as Box<dyn Source>),
+        None => Ok(Box::new(open_first(true)?.0)),
+    });
+    Ok(Tuned {
+        name: title,
+        scenario: Some(scenario),
+        judge,
+        open,
+        is_live,
+    })
+}
+
+/// Where pictures go, and why nowhere.
+fn viewer(args: &Args) -> anyhow::Result<(Option<RerunTarget>, Option<String>)> {
+    match &args.rerun {
+        Some(choice) => Ok((choice.target().cloned(), None)),
+        None if args.script.is_some() => Ok((None, None)),
+        None => {
+            let found = std::env::var_os("PATH").is_some_and(|path| {
+                std::env::split_paths(&path).any(|folder| folder.join("rerun").is_file())
+            });
+            Ok(match found {
+                true => (Some(RerunTarget::Spawn), None),
+                false => {
+                    let hint = svl::sink::VIEWER_HINT;
+                    (None, Some(format!("without pictures: {hint}")))
+                }
+            })
+        }
+    }
+}
+
+/// Writes a scenario and, beside it, what was tried; says where they are.
+fn write_both(path: &Path, toml: &str, markdown: &str, force: bool) -> anyhow::Result<String> {
+    usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
+    let page = path.with_extension("md");
+    let mut outputs = Outputs::claim(force, [], [path, &page])?;
+    outputs.set_aside()?;
+    write(path, toml)?;
+    write(&page, markdown)?;
+    outputs.commit();
+    Ok(format!("{} and {}", path.display(), page.display()))
+}

@@ -1,0 +1,467 @@
+//! Turning knobs: the keys, what they change, and what is written.
+
+use super::view;
+use super::worker::{Job, Shown, Worker, delay_ms, title};
+use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
+use ratatui::layout::{Position, Rect};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use svl::scenario::Scenario;
+use svl::score::Metric;
+use svl::tune::{Knob, KnobPart, Setting, scenario_toml};
+
+/// Its keys beside those of the stepper.
+const KEYS: &[(&str, &str)] = &[
+    ("up, down", "choose a parameter"),
+    ("left, right", "turn it; with Shift ten times as far"),
+    ("0.5 Enter", "type a value; Enter alone edits it"),
+    ("r, R", "reset it, or all"),
+    ("Tab", "the next algorithm"),
+    ("[ ]", "to a worse frame, a better one"),
+    ("a", "show the setting compared with, and back"),
+    ("c", "compare with this setting from now on"),
+    ("u, Ctrl-R", "undo, redo"),
+    ("w", "write scenario and notes"),
+];
+
+/// Changes that can be undone.
+const MOST_UNDONE: usize = 1000;
+
+/// All that keys change.
+#[derive(Clone)]
+struct Knobs {
+    /// Per algorithm.
+    settings: Vec<Setting>,
+    /// What they are compared with.
+    compared: Vec<Setting>,
+    current: usize,
+}
+
+/// What a line is typed for.
+enum Asks {
+    Value(LineEdit),
+    File(LineEdit),
+}
+
+/// A person at work.
+pub(super) struct Tuner {
+    worker: Worker,
+    knobs: Knobs,
+    /// The settings that it began with.
+    begun: Vec<Setting>,
+    undo: Vec<Knobs>,
+    redo: Vec<Knobs>,
+    /// Place in the list of knobs.
+    chosen: usize,
+    shows_compared: bool,
+    asks: Option<Asks>,
+    /// Place among the frames, the worst first.
+    worst: Option<usize>,
+    shown: Shown,
+    out: Option<PathBuf>,
+    /// With the folder of its file.
+    scenario: Option<(Scenario, PathBuf)>,
+    /// Where the knobs are on the screen.
+    rows: Vec<(Rect, usize)>,
+    written: Vec<String>,
+}
+
+impl Tuner {
+    pub(super) fn new(
+        settings: Vec<Setting>,
+        worker: Worker,
+        out: Option<PathBuf>,
+        scenario: Option<(Scenario, PathBuf)>,
+    ) -> Self {
+        Self {
+            shown: worker.shown(),
+            worker,
+            begun: settings.clone(),
+            knobs: Knobs {
+                compared: settings.clone(),
+                settings,
+                current: 0,
+            },
+            undo: Vec::new(),
+            redo: Vec::new(),
+            chosen: 0,
+            shows_compared: false,
+            asks: None,
+            worst: None,
+            out,
+            scenario,
+            rows: Vec::new(),
+            written: Vec::new(),
+        }
+    }
+
+    pub(super) fn shown(&self) -> &Shown {
+        &self.shown
+    }
+
+    /// The setting that is turned, and the one that it is compared with.
+    pub(super) fn pair(&self) -> [&Setting; 2] {
+        let Knobs {
+            settings,
+            compared,
+            current,
+        } = &self.knobs;
+        [&settings[*current], &compared[*current]]
+    }
+
+    /// Which of the two is on the screen.
+    pub(super) fn side(&self) -> usize {
+        usize::from(self.shows_compared)
+    }
+
+    /// Number of the algorithm, from 1, and of how many.
+    pub(super) fn place(&self) -> (usize, usize) {
+        (self.knobs.current + 1, self.knobs.settings.len())
+    }
+
+    pub(super) fn chosen(&self) -> usize {
+        self.chosen
+    }
+
+    fn knob(&self) -> Knob {
+        let knobs = self.pair()[0].knobs();
+        knobs[self.chosen.min(knobs.len() - 1)]
+    }
+
+    fn ask(&self, stepper: &Stepper<'_>, since: Option<Instant>) {
+        self.worker.ask(Job {
+            frame: std::sync::Arc::clone(stepper.held_frame()),
+            settings: self.pair().map(Setting::clone),
+            since,
+        });
+    }
+
+    /// Takes another state of the knobs, which can be undone.
+    fn change(&mut self, to: Knobs, stepper: &Stepper<'_>, since: Instant) {
+        let before = std::mem::replace(&mut self.knobs, to);
+        self.undo.push(before);
+        if self.undo.len() > MOST_UNDONE {
+            self.undo.remove(0);
+        }
+        self.redo.clear();
+        self.changed(stepper, since);
+    }
+
+    fn changed(&mut self, stepper: &Stepper<'_>, since: Instant) {
+        self.shows_compared = false;
+        self.worst = None;
+        self.chosen = self.chosen.min(self.pair()[0].knobs().len() - 1);
+        self.ask(stepper, Some(since));
+    }
+
+    /// Takes a new setting of the current algorithm; grid and cells hold for all.
+    fn set(&mut self, setting: svl::Result<Setting>, stepper: &mut Stepper<'_>, since: Instant) {
+        let setting = match setting {
+            Ok(setting) => setting,
+            Err(error) => return stepper.say(error.to_string()),
+        };
+        let mut to = self.knobs.clone();
+        for other in to.settings.iter_mut().chain(&mut to.compared) {
+            (other.grid, other.cells) = (setting.grid, setting.cells);
+        }
+        to.settings[to.current] = setting;
+        self.change(to, stepper, since);
+    }
+
+    fn turn(&mut self, up: bool, coarse: bool, stepper: &mut Stepper<'_>, since: Instant) {
+        let turned = self.pair()[0].stepped(&self.knob(), up, coarse);
+        self.set(turned, stepper, since);
+    }
+
+    fn undone(&mut self, is_redo: bool, stepper: &mut Stepper<'_>, since: Instant) {
+        let (from, to) = match is_redo {
+            false => (&mut self.undo, &mut self.redo),
+            true => (&mut self.redo, &mut self.undo),
+        };
+        let Some(other) = from.pop() else {
+            let what = if is_redo { "redo" } else { "undo" };
+            return stepper.say(format!("there is nothing to {what}"));
+        };
+        to.push(std::mem::replace(&mut self.knobs, other));
+        self.changed(stepper, since);
+    }
+
+    /// Goes to the next worse frame, or to the next better one.
+    fn go_to_worst(&mut self, worse: bool, stepper: &mut Stepper<'_>) {
+        let ranked = self.shown.sample.worst();
+        let Some(metric) = self.shown.sample.ranked_by.map(|(metric, _)| metric) else {
+            return stepper.say("the sample is not run yet: its frames have no rank");
+        };
+        let last = ranked.len().saturating_sub(1);
+        let place = match (self.worst, worse) {
+            (None, _) => 0,
+            (Some(place), true) => place.saturating_sub(1),
+            (Some(place), false) => (place + 1).min(last),
+        };
+        if let Some((sequence, value)) = ranked.get(place) {
+            self.worst = Some(place);
+            stepper.go_to(*sequence);
+            let value = match metric.counts() {
+                true => format!("{value:.0}"),
+                false => metric.show(*value),
+            };
+            let of = ranked.len();
+            stepper.say(format!(
+                "{} {value}: worst {} of {of}",
+                metric.words,
+                place + 1
+            ));
+        }
+    }
+
+    fn answered(&mut self, key: Key, stepper: &mut Stepper<'_>, since: Instant) {
+        let edit = match &mut self.asks {
+            Some(Asks::Value(edit) | Asks::File(edit)) => edit,
+            None => return,
+        };
+        let text = match edit.key(key) {
+            Edited::Going => return,
+            Edited::Cancelled => {
+                self.asks = None;
+                return;
+            }
+            Edited::Done(text) => text,
+        };
+        match self.asks.take() {
+            Some(Asks::File(_)) => {
+                let words = match self.write(Path::new(&text), stepper) {
+                    Ok(words) => words,
+                    Err(error) => format!("{error:#}"),
+                };
+                stepper.say(words);
+            }
+            _ => {
+                let typed = self.pair()[0].typed(&self.knob(), &text);
+                self.set(typed, stepper, since);
+            }
+        }
+    }
+
+    /// Begins to ask for a value, with that text.
+    fn ask_value(&mut self, text: String) {
+        let knob = self.knob();
+        let question = format!("{} ({})", knob.name, knob.range);
+        self.asks = Some(Asks::Value(LineEdit::with(question, text)));
+    }
+
+    fn ask_file(&mut self) {
+        let proposed = self.out.clone().unwrap_or_else(|| {
+            let names = std::iter::once("tuned.toml".to_owned())
+                .chain((2..1000).map(|n| format!("tuned-{n}.toml")));
+            let mut free = names.filter(|name| !Path::new(name).exists());
+            free.next().unwrap_or_default().into()
+        });
+        let text = proposed.display().to_string();
+        self.asks = Some(Asks::File(LineEdit::with("write to", text)));
+    }
+
+    fn write(&mut self, path: &Path, stepper: &Stepper<'_>) -> anyhow::Result<String> {
+        let [now, compared] = self.pair();
+        let mut algorithms = vec![now.algorithm.written()];
+        let other = compared.algorithm.written();
+        if !algorithms.contains(&other) {
+            algorithms.push(other);
+        }
+        let toml = match &self.scenario {
+            Some((scenario, folder)) => {
+                let scenario = Scenario {
+                    grid: now.grid,
+                    cells: now.cells,
+                    ..scenario.clone()
+                };
+                scenario_toml(&scenario, &algorithms, folder)?
+            }
+            None => {
+                let list: Vec<_> = algorithms.iter().map(|of| format!("{of:?}")).collect();
+                format!("# For a scenario.\nalgorithms = [{}]\n", list.join(", "))
+            }
+        };
+        let head = format!(
+            "# Written by `svl tune`, svl {}.\n",
+            env!("CARGO_PKG_VERSION")
+        );
+        let markdown = self.markdown(stepper.name());
+        let words = super::write_both(path, &(head + &toml), &markdown, false)?;
+        self.written.push(words.clone());
+        Ok(format!("{words} written"))
+    }
+
+    /// What was tried, over the sample.
+    fn markdown(&self, source: &str) -> String {
+        let [now, compared] = self.pair().map(|setting| title(&setting.algorithm));
+        let mut text = format!(
+            "# Tuned by hand on {source}\n\n`{now}`, compared with `{compared}`.\n\nOver a sample \
+             of {} of the source, with the change from the setting compared with then and its 95 % \
+             interval:\n",
+            svl::counted(self.shown.sample.of as u64, "pair")
+        );
+        let shown = ["right", "wrong", "unrivalled", "coverage", "time"].map(Metric::find);
+        for (written, changes) in &self.shown.tried {
+            let _ = write!(text, "\n- `{written}`:");
+            for metric in shown.iter().flatten() {
+                let Some(change) = changes.iter().find(|of| of.metric == *metric) else {
+                    continue;
+                };
+                let [_, other, difference, interval] = view::change_cells(change);
+                let _ = write!(
+                    text,
+                    " {} {other} ({difference}, {interval});",
+                    metric.words
+                );
+            }
+        }
+        text + "\n"
+    }
+
+    /// What is printed at the end.
+    pub(super) fn farewell(&self) -> String {
+        let mut text = String::new();
+        for (setting, begun) in self.knobs.settings.iter().zip(&self.begun) {
+            let [now, before] = [setting, begun].map(|of| title(&of.algorithm));
+            match now == before {
+                true => drop(writeln!(text, "{now}")),
+                false => drop(writeln!(text, "{now}  (began as {before})")),
+            }
+        }
+        for words in &self.written {
+            let _ = writeln!(text, "{words}");
+        }
+        let delays = &self.shown.delays;
+        if let (Some(p50), Some(p95)) = (delay_ms(delays, 0.5), delay_ms(delays, 0.95)) {
+            let to = match self.shown.has_viewer {
+                true => "Rerun",
+                false => "the result",
+            };
+            let keys = svl::counted(delays.len() as u64, "key");
+            let _ = writeln!(
+                text,
+                "from a key to {to}: p50 {p50:.1} ms, p95 {p95:.1} ms, of {keys}"
+            );
+        }
+        text
+    }
+}
+
+impl StepTool for Tuner {
+    fn keys(&self) -> &'static [(&'static str, &'static str)] {
+        KEYS
+    }
+
+    fn hint(&self) -> &'static str {
+        "arrows turn  , . step  [ ] worst  a c compare  u undo  w write  ? keys  q quit"
+    }
+
+    fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        self.ask(stepper, None);
+        Ok(())
+    }
+
+    fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+        let since = Instant::now();
+        if self.asks.is_some() {
+            self.answered(key, stepper, since);
+            return Ok(Reaction::Taken);
+        }
+        let knobs = self.pair()[0].knobs().len();
+        match key {
+            Key::Up => self.chosen = self.chosen.checked_sub(1).unwrap_or(knobs - 1),
+            Key::Down => self.chosen = (self.chosen + 1) % knobs,
+            Key::Left | Key::ScrollDown => self.turn(false, false, stepper, since),
+            Key::Right | Key::ScrollUp => self.turn(true, false, stepper, since),
+            Key::FarLeft => self.turn(false, true, stepper, since),
+            Key::FarRight => self.turn(true, true, stepper, since),
+            Key::Char(c) if c.is_ascii_digit() || c == '-' => self.ask_value(c.to_string()),
+            Key::Enter => {
+                let value = self.pair()[0].value(&self.knob()).written();
+                self.ask_value(value);
+            }
+            Key::Char('r') => {
+                let (knob, begun) = (self.knob(), &self.begun[self.knobs.current]);
+                let reset = self.pair()[0].with(&knob, &begun.value(&knob));
+                self.set(reset, stepper, since);
+            }
+            Key::Char('R') => {
+                let begun = self.begun[self.knobs.current].clone();
+                self.set(Ok(begun), stepper, since);
+            }
+            Key::Tab => {
+                let mut to = self.knobs.clone();
+                to.current = (to.current + 1) % to.settings.len();
+                match to.settings.len() {
+                    1 => stepper.say("there is one algorithm; name more with --algo"),
+                    _ => {
+                        self.chosen = 0;
+                        self.change(to, stepper, since);
+                    }
+                }
+            }
+            Key::Char('[') => self.go_to_worst(true, stepper),
+            Key::Char(']') => self.go_to_worst(false, stepper),
+            Key::Char('a') => self.shows_compared = !self.shows_compared,
+            Key::Char('c') => {
+                let mut to = self.knobs.clone();
+                to.compared[to.current] = to.settings[to.current].clone();
+                self.change(to, stepper, since);
+                stepper.say("compared with this setting from now on");
+            }
+            Key::Char('u') => self.undone(false, stepper, since),
+            Key::Redo => self.undone(true, stepper, since),
+            Key::Char('w') => self.ask_file(),
+            Key::Click(column, row) => {
+                let at = Position::new(column, row);
+                let hit = self.rows.iter().find(|(place, _)| place.contains(at));
+                self.chosen = hit.map_or(self.chosen, |(_, knob)| *knob);
+            }
+            Key::Char('q') => return Ok(Reaction::Quit),
+            _ => return Ok(Reaction::Ignored),
+        }
+        Ok(Reaction::Taken)
+    }
+
+    fn question(&self) -> Option<String> {
+        match self.asks.as_ref()? {
+            Asks::Value(edit) | Asks::File(edit) => Some(edit.to_string()),
+        }
+    }
+
+    fn poll(&mut self, stepper: &mut Stepper<'_>) -> bool {
+        let before = (
+            self.shown.done,
+            self.shown.sample.done,
+            self.shown.sample.of,
+            self.shown.failure.is_some(),
+        );
+        self.shown = self.worker.shown();
+        if let Some(words) = self.shown.says.take() {
+            stepper.say(words);
+        }
+        let sample = &self.shown.sample;
+        let is_failed = self.shown.failure.is_some();
+        before != (self.shown.done, sample.done, sample.of, is_failed)
+    }
+
+    fn settle(&mut self) {
+        self.worker.settle();
+    }
+
+    fn draw(
+        &mut self,
+        stepper: &Stepper<'_>,
+        shades: bool,
+        area: Rect,
+        canvas: &mut ratatui::Frame<'_>,
+    ) {
+        self.rows = view::draw(self, stepper, shades, area, canvas);
+    }
+}
+
+/// What stands beside a knob: what it belongs to, where that is not the algorithm.
+pub(super) fn group(knob: &Knob) -> Option<&'static str> {
+    (knob.part != KnobPart::Algorithm).then(|| knob.part.words())
+}

@@ -1,0 +1,385 @@
+//! The screen: knobs on the left, what they are worth on the right, and below, where there is
+//! room, the disparities.
+
+use super::tool::{Tuner, group};
+use super::worker::{FrameView, SampleView, Shown, title};
+use crate::cli::shared::stepper::{Stepper, picture};
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Paragraph, Wrap};
+use svl::report::compare::{Change, Judgement};
+use svl::score::{METRICS, Metric, MetricOrigin, MetricUnit};
+use svl::stereo::Reason;
+
+/// Width of the knobs, characters.
+const KNOBS: u16 = 31;
+
+/// Rows and columns from which on pictures are drawn.
+const ROOMY: (u16, u16) = (100, 32);
+
+/// Rows of the pictures.
+const PICTURE: u16 = 14;
+
+/// Metrics that are shown where there is no room for all.
+const FIRST: [&str; 10] = [
+    "right",
+    "wrong",
+    "known",
+    "missed",
+    "false",
+    "coverage",
+    "bad2",
+    "unrivalled",
+    "close",
+    "time",
+];
+
+/// Heights of a bar.
+const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+
+/// Draws it all; returns where the knobs are.
+pub(super) fn draw(
+    tuner: &Tuner,
+    stepper: &Stepper<'_>,
+    shades: bool,
+    area: Rect,
+    canvas: &mut ratatui::Frame<'_>,
+) -> Vec<(Rect, usize)> {
+    let is_roomy = area.width >= ROOMY.0 && area.height >= ROOMY.1;
+    let pictures = if is_roomy { PICTURE } else { 0 };
+    let rows = [
+        Constraint::Length(1),
+        Constraint::Fill(1),
+        Constraint::Length(pictures),
+        Constraint::Length(2),
+    ];
+    let [head, body, below, words] = Layout::vertical(rows).areas(area);
+    let columns = [Constraint::Length(KNOBS), Constraint::Fill(1)];
+    let [left, right] = Layout::horizontal(columns).areas(body);
+    canvas.render_widget(Paragraph::new(heading(tuner)), head);
+    let places = knobs(tuner, left, canvas);
+    numbers(tuner, stepper, right, canvas);
+    if is_roomy {
+        draw_pictures(tuner, shades, below, canvas);
+    }
+    canvas.render_widget(
+        Paragraph::new(description(tuner)).wrap(Wrap { trim: true }),
+        words,
+    );
+    places
+}
+
+/// The settings, and which of how many algorithms it is.
+fn heading(tuner: &Tuner) -> Line<'static> {
+    let [now, compared] = tuner.pair().map(|setting| title(&setting.algorithm));
+    let bold = Style::new().add_modifier(Modifier::BOLD);
+    let mut spans = match tuner.side() {
+        0 => vec![
+            Span::styled(format!(" {now}"), bold),
+            Span::raw(match now == compared {
+                true => String::new(),
+                false => format!("  compared with {compared}"),
+            }),
+        ],
+        _ => vec![
+            Span::styled(format!(" {compared}"), bold),
+            Span::raw("  as compared with; a: back"),
+        ],
+    };
+    if let (place, of @ 2..) = tuner.place() {
+        spans.push(Span::raw(format!("  ({place} of {of}, Tab)")));
+    }
+    Line::from(spans)
+}
+
+/// The list of knobs around the chosen one; returns where each is.
+fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rect, usize)> {
+    let [now, compared] = tuner.pair();
+    let shown = tuner.pair()[tuner.side()];
+    let knobs = now.knobs();
+    // Headings take a row, too.
+    let mut rows: Vec<(Option<usize>, String)> = Vec::new();
+    let mut heading = None;
+    for (i, knob) in knobs.iter().enumerate() {
+        let of = group(knob);
+        if of != heading {
+            rows.push((None, of.unwrap_or_default().to_owned()));
+            heading = of;
+        }
+        let (value, other) = (
+            shown.value(knob).to_string(),
+            compared.value(knob).to_string(),
+        );
+        let value = match value == other {
+            true => value,
+            false => format!("{value} ({other})"),
+        };
+        let mark = if i == tuner.chosen() { '>' } else { ' ' };
+        rows.push((Some(i), format!("{mark}{:<18} {value}", knob.name)));
+    }
+    let chosen = rows
+        .iter()
+        .position(|(knob, _)| *knob == Some(tuner.chosen()));
+    let height = usize::from(area.height);
+    let first = (chosen.unwrap_or(0) + 2)
+        .saturating_sub(height)
+        .min(rows.len().saturating_sub(height));
+    let mut places = Vec::new();
+    for (y, (knob, text)) in rows.iter().skip(first).take(height).enumerate() {
+        let place = Rect::new(area.x, area.y + y as u16, area.width, 1);
+        let style = match knob {
+            None => Style::new().add_modifier(Modifier::UNDERLINED),
+            Some(i) if *i == tuner.chosen() => Style::new().add_modifier(Modifier::REVERSED),
+            Some(_) => Style::new(),
+        };
+        let text: String = text
+            .chars()
+            .take(usize::from(area.width).saturating_sub(1))
+            .collect();
+        canvas.render_widget(Paragraph::new(text).style(style), place);
+        places.extend(knob.map(|knob| (place, knob)));
+    }
+    places
+}
+
+/// A metric of the frame and of the sample: value, value, change and interval.
+struct NumberLine {
+    name: &'static str,
+    frame: String,
+    sample: String,
+    change: String,
+    interval: String,
+    judgement: Judgement,
+}
+
+fn numbers(tuner: &Tuner, stepper: &Stepper<'_>, area: Rect, canvas: &mut ratatui::Frame<'_>) {
+    let shown = tuner.shown();
+    let side = tuner.side();
+    let mut lines = vec![sample_head(shown)];
+    let of_metrics = number_lines(shown, side);
+    let (why, bars) = (why_lines(shown, side, area.width), 2);
+    let room = usize::from(area.height).saturating_sub(1 + bars + why.len());
+    let mut left = room.min(of_metrics.len());
+    let mut is_shown = vec![false; of_metrics.len()];
+    for is_first in [true, false] {
+        for (is_shown, line) in is_shown.iter_mut().zip(&of_metrics) {
+            if left > 0 && FIRST.contains(&line.name) == is_first {
+                *is_shown = true;
+                left -= 1;
+            }
+        }
+    }
+    let fitting = of_metrics
+        .iter()
+        .zip(is_shown)
+        .filter(|(_, is_shown)| *is_shown);
+    lines.extend(fitting.map(|(line, _)| number_line(line)));
+    lines.push(Line::default());
+    lines.push(bar_line(&shown.sample, stepper, area.width));
+    lines.extend(why);
+    if let Some(failure) = &shown.failure {
+        lines = vec![
+            Line::styled("failed", Style::new().add_modifier(Modifier::BOLD)),
+            Line::raw(failure.clone()),
+        ];
+    }
+    canvas.render_widget(Paragraph::new(lines), area);
+}
+
+fn sample_head(shown: &Shown) -> Line<'static> {
+    let SampleView { done, of, .. } = shown.sample;
+    let sample = match (done, of) {
+        (_, 0) => "reading".to_owned(),
+        (done, of) if done == of => format!("{of} pairs"),
+        (done, of) => format!("{done}/{of}"),
+    };
+    Line::styled(
+        format!("{:<14}{:>7}{sample:>9}{:>6}   95 %", "", "frame", "change"),
+        Style::new().add_modifier(Modifier::UNDERLINED),
+    )
+}
+
+/// A change as cells of a table: before, after, the difference, its interval.
+pub(super) fn change_cells(change: &Change) -> [String; 4] {
+    let metric = change.metric;
+    let signed = |value: f64| match metric.unit {
+        MetricUnit::Share => format!("{:+.1}", 100.0 * value),
+        MetricUnit::Count => format!("{value:+.0}"),
+        MetricUnit::Px => format!("{value:+.2}"),
+        MetricUnit::Ms => format!("{value:.2}x"),
+    };
+    let interval = change.interval.map_or(String::new(), |(low, high)| {
+        format!("{}..{}", signed(low), signed(high))
+    });
+    let [base, other] = [change.base, change.other].map(|value| compact(metric, value));
+    match change.judgement {
+        Judgement::Equal => [base, other, "=".to_owned(), String::new()],
+        _ => [base, other, signed(change.difference), interval],
+    }
+}
+
+/// A value in few characters.
+fn compact(metric: &Metric, value: f64) -> String {
+    metric.show(value).replace(' ', "")
+}
+
+/// Lines of the metrics that the frame or the sample has.
+fn number_lines(shown: &Shown, side: usize) -> Vec<NumberLine> {
+    let line = |metric: &'static Metric| {
+        let frame = shown
+            .frame
+            .as_ref()
+            .and_then(|frame| frame_value(frame, metric, side));
+        let change = shown
+            .sample
+            .changes
+            .iter()
+            .find(|change| change.metric == metric);
+        if frame.is_none() && change.is_none() {
+            return None;
+        }
+        let [base, other, difference, interval] =
+            change.map_or_else(<[String; 4]>::default, change_cells);
+        Some(NumberLine {
+            name: metric.name,
+            frame: frame.unwrap_or_default(),
+            sample: if side == 0 { other } else { base },
+            change: difference,
+            interval,
+            judgement: change.map_or(Judgement::Equal, |change| change.judgement),
+        })
+    };
+    METRICS.iter().filter_map(line).collect()
+}
+
+fn frame_value(frame: &FrameView, metric: &Metric, side: usize) -> Option<String> {
+    match metric.origin {
+        MetricOrigin::Time => frame.ms[side].map(|ms| compact(metric, ms)),
+        _ => {
+            let value = frame.metrics[side]?.value(metric);
+            value.map(|value| compact(metric, value))
+        }
+    }
+}
+
+fn number_line(line: &NumberLine) -> Line<'static> {
+    // A mark, for eyes and terminals without colours.
+    let (mark, color) = match line.judgement {
+        Judgement::Better => ('+', Some(Color::Green)),
+        Judgement::Worse => ('!', Some(Color::Red)),
+        Judgement::Equal | Judgement::Unclear | Judgement::Differs => (' ', None),
+    };
+    let NumberLine {
+        name,
+        frame,
+        sample,
+        change,
+        interval,
+        ..
+    } = line;
+    let style = color.map_or(Style::new(), |color| Style::new().fg(color));
+    Line::from(vec![
+        Span::raw(format!("{name:<14}{frame:>7}{sample:>8}")),
+        Span::styled(format!("{change:>7} {mark} {interval}"), style),
+    ])
+}
+
+/// The metric that frames are ranked by, over time; the frame that is shown is marked.
+fn bar_line(sample: &SampleView, stepper: &Stepper<'_>, width: u16) -> Line<'static> {
+    let Some((metric, _)) = sample.ranked_by else {
+        return Line::default();
+    };
+    let head = format!("{:<14}", metric.name);
+    let values: Vec<_> = sample
+        .values
+        .iter()
+        .map(|(_, value)| value.unwrap_or(0.0))
+        .collect();
+    let most = values.iter().fold(0.0_f64, |a, v| a.max(*v));
+    let columns = usize::from(width)
+        .saturating_sub(head.len() + 1)
+        .min(values.len());
+    let mut spans = vec![Span::raw(head)];
+    for column in 0..columns {
+        let part = column * values.len() / columns..(column + 1) * values.len() / columns;
+        let value = values[part.clone()].iter().fold(0.0_f64, |a, v| a.max(*v));
+        let height = if most > 0.0 { value / most } else { 0.0 };
+        let bar = BARS[((height * 7.0).round() as usize).min(7)];
+        let is_here = sample.values[part]
+            .iter()
+            .any(|(at, _)| *at == stepper.frame().sequence);
+        let style = match is_here {
+            true => Style::new().add_modifier(Modifier::REVERSED),
+            false => Style::new(),
+        };
+        spans.push(Span::styled(bar.to_string(), style));
+    }
+    Line::from(spans)
+}
+
+/// Which reasons left how many pixels of the frame without a disparity, with the change.
+fn why_lines(shown: &Shown, side: usize, width: u16) -> Vec<Line<'static>> {
+    let Some(frame) = &shown.frame else {
+        return Vec::new();
+    };
+    let share = |side: usize, i: usize| 100.0 * frame.why[side][i] as f64 / frame.pixels as f64;
+    let words = Reason::ALL.iter().enumerate().filter_map(|(i, reason)| {
+        let (now, before) = (share(side, i), share(1, i));
+        let is_shown = *reason != Reason::Valid && (frame.why[0][i] > 0 || frame.why[1][i] > 0);
+        let change = match (now - before).abs() < 0.05 {
+            true => String::new(),
+            false => format!(" ({:+.1})", now - before),
+        };
+        is_shown.then(|| format!("{} {now:.1} %{change}", reason.name()))
+    });
+    let mut lines = vec!["no disparity:".to_owned()];
+    for word in words {
+        let last = lines.last_mut().expect("one to begin with");
+        match last.chars().count() + word.chars().count() + 2 > usize::from(width) {
+            true => lines.push(format!("  {word}")),
+            false => {
+                last.push_str("  ");
+                last.push_str(&word);
+            }
+        }
+    }
+    lines.truncate(4);
+    lines.into_iter().map(Line::raw).collect()
+}
+
+fn draw_pictures(tuner: &Tuner, shades: bool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
+    let Some(frame) = &tuner.shown().frame else {
+        return;
+    };
+    let halves = [Constraint::Fill(1); 2];
+    let sides = Layout::horizontal(halves).areas::<2>(area);
+    let names = ["disparities", "disparities of the setting compared with"];
+    for ((side, picture), name) in sides.into_iter().zip(&frame.pictures).zip(names) {
+        let [head, room] =
+            Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]).areas(side);
+        canvas.render_widget(Paragraph::new(name), head);
+        if let Some(gray) = picture {
+            let size = picture::fitting((gray.width(), gray.height()), room.as_size());
+            let place = Rect::from((room.as_position(), size));
+            picture::draw(gray, place, shades, canvas.buffer_mut());
+        }
+    }
+}
+
+/// The chosen knob in words.
+fn description(tuner: &Tuner) -> String {
+    let knobs = tuner.pair()[0].knobs();
+    let Some(knob) = knobs.get(tuner.chosen()) else {
+        return String::new();
+    };
+    let unit = match knob.unit {
+        "" => String::new(),
+        unit => format!(" {unit}"),
+    };
+    let default = knob.range.default();
+    format!(
+        "{}:{} {}; default {default}{unit}. {}",
+        knob.name, "", knob.range, knob.description
+    )
+}

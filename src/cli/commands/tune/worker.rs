@@ -1,0 +1,542 @@
+//! What runs while a person turns knobs: the frame that is shown first, for the screen and for
+//! Rerun, then a sample of the source, until something else is wanted.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use svl::manifest::Manifest;
+use svl::matcher::Algorithm;
+use svl::report::Row;
+use svl::report::compare::{Change, changes};
+use svl::run::{Matchers, Monitor};
+use svl::score::{Judge, Judged, Metric, MetricValues};
+use svl::sink::{Outbox, RerunDetail, RerunSink, RerunTarget, RunInfo, RunStart, Sink, TableSink};
+use svl::sink::{WatchSink, finish};
+use svl::stereo::{Frame, Gray, Reason};
+use svl::tune::{Sampler, Setting, evaluate, spread_order};
+
+/// Labels of the setting that is turned and of the one that it is compared with.
+pub(super) const LABELS: [&str; 2] = ["now", "compared"];
+
+/// Frames of the sample that are matched at once.
+const CHUNK: usize = 8;
+
+/// Frames of cameras that make the sample.
+const SEEN: usize = 64;
+
+/// Delays and settings that are remembered: as many as a person makes in a day.
+const REMEMBERED: usize = 10_000;
+
+/// What is to be shown.
+#[derive(Clone)]
+pub(super) struct Job {
+    pub(super) frame: Arc<Frame>,
+    /// The one that is turned, the one that it is compared with. The grid and the cells of the
+    /// first hold for both.
+    pub(super) settings: [Setting; 2],
+    /// When the key was pressed that asked for it, if one was.
+    pub(super) since: Option<Instant>,
+}
+
+/// What there is to show.
+#[derive(Clone, Default)]
+pub(super) struct Shown {
+    /// Counts the jobs that were asked for, and the last of them whose frame is done.
+    pub(super) wanted: u64,
+    pub(super) done: u64,
+    pub(super) frame: Option<FrameView>,
+    pub(super) sample: SampleView,
+    /// What went wrong, to be said once.
+    pub(super) says: Option<String>,
+    /// Why a setting gave nothing.
+    pub(super) failure: Option<String>,
+    /// From keys to Rerun, microseconds; to the screen where there is no Rerun.
+    pub(super) delays: VecDeque<u64>,
+    pub(super) has_viewer: bool,
+    /// Settings that were run over the whole sample, by what they are written as, in that order.
+    pub(super) tried: Vec<(String, Vec<Change>)>,
+}
+
+/// The frame, through the setting and the one compared with.
+#[derive(Clone)]
+pub(super) struct FrameView {
+    pub(super) metrics: [Option<MetricValues>; 2],
+    pub(super) ms: [Option<f64>; 2],
+    /// Pixels per reason.
+    pub(super) why: [[usize; Reason::ALL.len()]; 2],
+    pub(super) pixels: usize,
+    /// Disparities, from far and dark to near and light.
+    pub(super) pictures: [Option<Arc<Gray>>; 2],
+}
+
+/// The sample, as far as it is done.
+#[derive(Clone, Default)]
+pub(super) struct SampleView {
+    pub(super) done: usize,
+    pub(super) of: usize,
+    pub(super) changes: Vec<Change>,
+    /// By which frames are ranked, and whether a larger value is worse.
+    pub(super) ranked_by: Option<(&'static Metric, bool)>,
+    /// Frames in their order with their values by it.
+    pub(super) values: Vec<(u64, Option<f64>)>,
+}
+
+impl SampleView {
+    /// Frames by that metric, the worst first.
+    pub(super) fn worst(&self) -> Vec<(u64, f64)> {
+        let Some((_, larger_is_worse)) = self.ranked_by else {
+            return Vec::new();
+        };
+        let mut ranked: Vec<_> = self
+            .values
+            .iter()
+            .filter_map(|(sequence, value)| Some((*sequence, (*value)?)))
+            .collect();
+        ranked.sort_by(|(_, a), (_, b)| match larger_is_worse {
+            true => b.total_cmp(a),
+            false => a.total_cmp(b),
+        });
+        ranked
+    }
+}
+
+struct State {
+    job: Option<Job>,
+    shown: Shown,
+    is_idle: bool,
+    stops: bool,
+}
+
+type Shared = Arc<(Mutex<State>, Condvar)>;
+
+fn locked(shared: &Shared) -> MutexGuard<'_, State> {
+    shared.0.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The thread that runs algorithms.
+pub(super) struct Worker {
+    shared: Shared,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Worker {
+    /// `sampler`: reads the sample; without it the sample is of the frames that were shown.
+    pub(super) fn begin(
+        sampler: Option<Sampler>,
+        judge: Judge,
+        viewer: Option<(RerunTarget, String)>,
+    ) -> svl::Result<Self> {
+        let manifest = Manifest::new("tune", None, &[])?;
+        let rerun = viewer.map(|(target, name)| {
+            let info = RunInfo {
+                scenario: name,
+                algorithms: LABELS
+                    .map(|label| (label.to_owned(), String::new()))
+                    .to_vec(),
+                ..RunInfo::new(&manifest, Vec::new())
+            };
+            RerunSink::new(target, RerunDetail::Full, &info)
+                .map(|sink| Box::new(sink.for_tuning()) as Box<dyn Sink>)
+        });
+        let rerun = rerun.transpose()?;
+        let shown = Shown {
+            has_viewer: rerun.is_some(),
+            ..Shown::default()
+        };
+        let shared: Shared = Arc::new((
+            Mutex::new(State {
+                job: None,
+                shown,
+                is_idle: true,
+                stops: false,
+            }),
+            Condvar::new(),
+        ));
+        let mut bench = Bench {
+            shared: Arc::clone(&shared),
+            manifest,
+            judge,
+            sampler,
+            seen: VecDeque::new(),
+            rerun,
+            matchers: None,
+            key: String::new(),
+            rows: BTreeMap::new(),
+        };
+        let thread = std::thread::spawn(move || bench.run());
+        Ok(Self {
+            shared,
+            thread: Some(thread),
+        })
+    }
+
+    /// Asks for something else: what is under way gives way to it.
+    pub(super) fn ask(&self, job: Job) {
+        let mut state = locked(&self.shared);
+        state.shown.wanted += 1;
+        state.job = Some(job);
+        state.is_idle = false;
+        self.shared.1.notify_all();
+    }
+
+    /// What there is to show now; what is said, is said once.
+    pub(super) fn shown(&self) -> Shown {
+        let mut state = locked(&self.shared);
+        let shown = state.shown.clone();
+        state.shown.says = None;
+        shown
+    }
+
+    /// Waits until nothing is under way.
+    pub(super) fn settle(&self) {
+        let mut state = locked(&self.shared);
+        while !state.is_idle {
+            let waited = self.shared.1.wait(state);
+            state = waited.unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        let mut state = locked(&self.shared);
+        state.stops = true;
+        drop(state);
+        self.shared.1.notify_all();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Ends a run as soon as something else is wanted.
+struct Watch<'a> {
+    shared: &'a Shared,
+    failure: Option<String>,
+    /// A frame that a person waits for is run to its end.
+    ends: bool,
+}
+
+impl Monitor for Watch<'_> {
+    fn go_on(&mut self, _: u64) -> bool {
+        let state = locked(self.shared);
+        !(self.ends && (state.job.is_some() || state.stops))
+    }
+
+    fn failed(&mut self, failure: &str) {
+        self.failure = Some(failure.to_owned());
+    }
+}
+
+/// What the thread has.
+struct Bench {
+    shared: Shared,
+    manifest: Manifest,
+    judge: Judge,
+    sampler: Option<Sampler>,
+    seen: VecDeque<Arc<Frame>>,
+    rerun: Option<Box<dyn Sink>>,
+    matchers: Option<Matchers>,
+    /// The settings that matchers and rows are of.
+    key: String,
+    /// By the number of the frame.
+    rows: BTreeMap<u64, [Row; 2]>,
+}
+
+impl Bench {
+    fn run(&mut self) {
+        loop {
+            let mut state = locked(&self.shared);
+            while state.job.is_none() && !state.stops {
+                state.is_idle = true;
+                self.shared.1.notify_all();
+                let waited = self.shared.1.wait(state);
+                state = waited.unwrap_or_else(PoisonError::into_inner);
+            }
+            let Some(job) = state.job.take().filter(|_| !state.stops) else {
+                return;
+            };
+            let number = state.shown.wanted;
+            drop(state);
+            if let Err(error) = self.do_job(&job, number) {
+                let mut state = locked(&self.shared);
+                state.shown.failure = Some(error.to_string());
+                state.shown.done = number;
+            }
+        }
+    }
+
+    fn do_job(&mut self, job: &Job, number: u64) -> svl::Result<()> {
+        self.prepare(&job.settings)?;
+        self.show_frame(job, number)?;
+        if self.sampler.is_none()
+            && self
+                .seen
+                .back()
+                .is_none_or(|f| f.sequence != job.frame.sequence)
+        {
+            self.seen.push_back(Arc::clone(&job.frame));
+            if self.seen.len() > SEEN
+                && let Some(oldest) = self.seen.pop_front()
+            {
+                self.rows.remove(&oldest.sequence);
+            }
+        }
+        self.do_sample(job)
+    }
+
+    /// Builds the matchers, where the settings are others.
+    fn prepare(&mut self, settings: &[Setting; 2]) -> svl::Result<()> {
+        let [now, compared] = settings;
+        let written = |of: &Setting| format!("{:?}", of.algorithm);
+        let key = format!(
+            "{} {} {:?} {:?}",
+            written(now),
+            written(compared),
+            now.grid,
+            now.cells
+        );
+        if key == self.key && self.matchers.is_some() {
+            return Ok(());
+        }
+        self.matchers = None;
+        self.rows.clear();
+        self.key = key;
+        {
+            let mut state = locked(&self.shared);
+            state.shown.failure = None;
+            state.shown.sample = SampleView {
+                of: state.shown.sample.of,
+                ..SampleView::default()
+            };
+        }
+        let algorithms = [now, compared].map(|of| of.algorithm.clone());
+        let labelled: Vec<_> = algorithms
+            .into_iter()
+            .zip(LABELS)
+            .map(|(algorithm, label)| algorithm.called(label.to_owned()))
+            .collect();
+        self.judge.grid = now.grid;
+        self.judge.cells = now.cells;
+        self.manifest.algorithms = Manifest::new("tune", None, &labelled)?.algorithms;
+        self.matchers = Some(Matchers::new(&labelled)?.without_warnings());
+        Ok(())
+    }
+
+    fn show_frame(&mut self, job: &Job, number: u64) -> svl::Result<()> {
+        let watched: Outbox<Vec<Watched>> = Outbox::default();
+        let outbox = watched.clone();
+        let of_frame = WatchSink(move |judged: &Judged| outbox.put(watch(judged)));
+        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
+        sinks.extend(self.rerun.take());
+        let frames = [Arc::clone(&job.frame)];
+        let ran = self.evaluate(&frames, &mut sinks, false);
+        // A viewer that was closed is no reason to end.
+        let viewer = sinks.pop().filter(|_| !sinks.is_empty());
+        let rows = match ran {
+            Ok(rows) => {
+                self.rerun = viewer;
+                rows
+            }
+            Err(error) if viewer.is_some() => {
+                let mut state = locked(&self.shared);
+                state.shown.has_viewer = false;
+                state.shown.says = Some(format!("{error}; going on without pictures"));
+                drop(state);
+                self.evaluate(&frames, &mut sinks, false)?
+            }
+            Err(error) => return Err(error),
+        };
+        let delay = job.since.map(|since| since.elapsed());
+        let view = FrameView::new(&job.frame, &rows, &watched.take());
+        let mut state = locked(&self.shared);
+        state.shown.frame = Some(view);
+        state.shown.done = number;
+        if let Some(delay) = delay {
+            let delays = &mut state.shown.delays;
+            delays.push_back(delay.as_micros() as u64);
+            if delays.len() > REMEMBERED {
+                delays.pop_front();
+            }
+        }
+        drop(state);
+        if self.sampler.is_none() {
+            self.keep(rows);
+        }
+        Ok(())
+    }
+
+    /// Runs frames; the sinks are left to the caller.
+    fn evaluate(
+        &mut self,
+        frames: &[Arc<Frame>],
+        sinks: &mut Vec<Box<dyn Sink>>,
+        ends: bool,
+    ) -> svl::Result<Vec<Row>> {
+        let rows = Outbox::default();
+        sinks.insert(0, Box::new(TableSink::new(None, None, &rows)?));
+        let start = RunStart {
+            manifest: &self.manifest,
+            log: None,
+            seed: None,
+            judge: &self.judge,
+        };
+        let mut watch = Watch {
+            shared: &self.shared,
+            failure: None,
+            ends,
+        };
+        let Some(matchers) = &mut self.matchers else {
+            return Ok(Vec::new());
+        };
+        let ran = evaluate(frames, matchers, &start, sinks, &mut watch);
+        let failure = watch.failure;
+        let table = sinks.remove(0);
+        finish(vec![table])?;
+        ran?;
+        if failure.is_some() {
+            locked(&self.shared).shown.failure = failure;
+        }
+        Ok(rows.take())
+    }
+
+    fn keep(&mut self, rows: Vec<Row>) {
+        let mut rows = rows.into_iter().peekable();
+        while let Some(now) = rows.next() {
+            // A frame on which one of them failed is no pair.
+            let is_other = |row: &Row| row.sequence == now.sequence && row.algorithm == LABELS[1];
+            if now.algorithm == LABELS[0]
+                && let Some(compared) = rows.next_if(is_other)
+            {
+                self.rows.insert(now.sequence, [now, compared]);
+            }
+        }
+    }
+
+    /// Reads and runs the sample, as far as nothing else is wanted.
+    fn do_sample(&mut self, job: &Job) -> svl::Result<()> {
+        let is_wanted = |shared: &Shared| {
+            let state = locked(shared);
+            state.job.is_some() || state.stops
+        };
+        if let Some(sampler) = &mut self.sampler {
+            while !is_wanted(&self.shared) && sampler.step()? {}
+        }
+        let frames: Vec<_> = match &self.sampler {
+            Some(sampler) => sampler.frames().to_vec(),
+            None => self.seen.iter().cloned().collect(),
+        };
+        locked(&self.shared).shown.sample.of = frames.len();
+        let spread = spread_order(frames.len()).into_iter().map(|i| &frames[i]);
+        let known = |frame: &&Arc<Frame>| self.rows.contains_key(&frame.sequence);
+        let left: Vec<_> = spread.filter(|frame| !known(frame)).cloned().collect();
+        for (i, chunk) in left.chunks(CHUNK).enumerate() {
+            if is_wanted(&self.shared) {
+                return Ok(());
+            }
+            let rows = self.evaluate(chunk, &mut Vec::new(), true)?;
+            self.keep(rows);
+            // Intervals take a moment: they are shown at first, then ever more seldom.
+            if (i + 1).is_power_of_two() {
+                self.publish();
+            }
+        }
+        self.publish();
+        if !is_wanted(&self.shared) && !self.rows.is_empty() {
+            let mut state = locked(&self.shared);
+            let changes = state.shown.sample.changes.clone();
+            let written = job.settings[0].algorithm.written();
+            let tried = &mut state.shown.tried;
+            tried.retain(|(other, _)| *other != written);
+            if tried.len() < REMEMBERED {
+                tried.push((written, changes));
+            }
+        }
+        Ok(())
+    }
+
+    fn publish(&self) {
+        let (now, compared): (Vec<_>, Vec<_>) = self
+            .rows
+            .values()
+            .map(|[now, compared]| (now, compared))
+            .unzip();
+        let changes = changes(&compared, &now);
+        let ranked_by = [("wrong", true), ("unrivalled", false), ("coverage", false)]
+            .into_iter()
+            .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
+            .find(|(metric, _)| now.iter().any(|row| row.metrics.get(metric.name).is_some()));
+        let value = |row: &&Row| ranked_by.and_then(|(metric, _)| row.metrics.get(metric.name));
+        let values = now.iter().map(|row| (row.sequence, value(row))).collect();
+        let mut state = locked(&self.shared);
+        let sample = &mut state.shown.sample;
+        sample.done = now.len();
+        sample.changes = changes;
+        sample.ranked_by = ranked_by;
+        sample.values = values;
+    }
+}
+
+/// What is kept of an estimate.
+struct Watched {
+    algorithm: String,
+    why: [usize; Reason::ALL.len()],
+    picture: Option<Arc<Gray>>,
+}
+
+fn watch(judged: &Judged) -> Vec<Watched> {
+    let estimates = judged.estimates.iter().map(|scored| &scored.estimate);
+    let watched = estimates.map(|estimate| {
+        let map = estimate.disparity.disparity();
+        let nearest = map
+            .pixels()
+            .filter(|d| d.is_finite())
+            .fold(1.0_f32, f32::max);
+        let range = estimate.range_px.map_or(nearest, |range| range as f32);
+        let picture = Gray::from_fn(map.width(), map.height(), |x, y| {
+            let d = map.get(x, y);
+            if d.is_finite() {
+                (32.0 + 223.0 * (d / range).clamp(0.0, 1.0)) as u8
+            } else {
+                0
+            }
+        });
+        Watched {
+            algorithm: estimate.algorithm.clone(),
+            why: estimate.disparity.tally(),
+            picture: picture.ok().map(Arc::new),
+        }
+    });
+    watched.collect()
+}
+
+impl FrameView {
+    fn new(frame: &Frame, rows: &[Row], watched: &[Watched]) -> Self {
+        let row = |label: &str| rows.iter().find(|row| row.algorithm == label);
+        let of = |label: &str| watched.iter().find(|of| of.algorithm == label);
+        let (width, height) = frame.pair.size();
+        Self {
+            metrics: LABELS.map(|label| row(label).map(|row| row.metrics)),
+            ms: LABELS.map(|label| row(label).map(|row| row.total_us as f64 / 1e3)),
+            why: LABELS.map(|label| of(label).map_or([0; Reason::ALL.len()], |of| of.why)),
+            pixels: width * height,
+            pictures: LABELS.map(|label| of(label).and_then(|of| of.picture.clone())),
+        }
+    }
+}
+
+/// A share of delays in milliseconds, by nearest rank.
+pub(super) fn delay_ms(delays: &VecDeque<u64>, share: f64) -> Option<f64> {
+    let mut sorted: Vec<_> = delays.iter().copied().collect();
+    sorted.sort_unstable();
+    let us = svl::statistics::nearest_rank(&sorted, share)?;
+    Some(Duration::from_micros(us).as_secs_f64() * 1e3)
+}
+
+/// The algorithm as it runs, with its filters.
+pub(super) fn title(algorithm: &Algorithm) -> String {
+    let filters = algorithm.filters().iter();
+    let filters = filters.map(|filter| format!("+{}", filter.kind));
+    algorithm.written() + &filters.collect::<String>()
+}

@@ -1,0 +1,16 @@
+//! Tuning: what of an algorithm can be turned, frames that stay in memory, and a search for better
+//! settings.
+
+mod goal;
+mod knob;
+mod outcome;
+mod sample;
+mod search;
+mod space;
+
+pub use goal::{Bound, Constraint, Goal};
+pub use knob::{Knob, KnobPart, Setting};
+pub use outcome::{FrontEntry, TuneFacts, TuneOutcome, TunedAlgorithm, scenario_toml};
+pub use sample::{Sampler, evaluate, spread_order};
+pub use search::{Evaluated, Evaluator, Known, Search, SearchPlan, TrialValues};
+pub use space::{Axis, Space, quasi_random};
