@@ -141,18 +141,23 @@ impl Knob {
         }
     }
 
-    /// A sensible step from `value`: a fiftieth of it, or of the default, rounded down to 1, 2 or 5
-    /// times a power of ten; a coarse one is ten times that. Nothing for what has no order.
+    /// A sensible step from `value`: a twentieth of it, or of the default, of whole numbers a
+    /// fiftieth, rounded down to 1, 2 or 5 times a power of ten; a coarse one is ten times that.
+    /// Nothing for what has no order.
     fn step(&self, value: f64, coarse: bool) -> Option<f64> {
-        let (default, low, high, least) = match self.range {
-            Range::Int { default, min, max } => {
-                (f64::from(default), f64::from(min), f64::from(max), 1.0)
-            }
-            Range::Real { default, min, max } => (default, min, max, 0.0),
+        let (default, low, high, least, part) = match self.range {
+            Range::Int { default, min, max } => (
+                f64::from(default),
+                f64::from(min),
+                f64::from(max),
+                1.0,
+                50.0,
+            ),
+            Range::Real { default, min, max } => (default, min, max, 0.0, 20.0),
             _ => return None,
         };
         let size = value.abs().max(default.abs()).max((high - low) / 1000.0);
-        let fine = rounded_down(size / 50.0).max(least);
+        let fine = rounded_down(size / part).max(least);
         Some(if coarse { 10.0 * fine } else { fine })
     }
 
@@ -174,7 +179,11 @@ impl Knob {
                 let step = self.step(*v, coarse)?;
                 // On the grid of the steps, with as many decimals as they have.
                 let decimals = (-step.log10().floor()).max(0.0) as usize;
-                let to = ((v / step).round() + f64::from(steps)) * step;
+                let on_grid = match steps > 0 {
+                    true => (v / step + 1e-6).floor(),
+                    false => (v / step - 1e-6).ceil(),
+                };
+                let to = (on_grid + f64::from(steps)) * step;
                 let to: f64 = format!("{to:.decimals$}").parse().ok()?;
                 Some(Value::Real(to.clamp(*min, *max)))
             }
@@ -384,11 +393,11 @@ mod tests {
     fn a_step_is_sensible() {
         assert_eq!(
             walk("v3", "texture_delta", true, false, 3),
-            ["3.4", "3.45", "3.5"]
+            ["3.4", "3.5", "3.6"]
         );
         assert_eq!(
             walk("v3", "texture_delta", false, true, 9),
-            ["3", "2.5", "2", "1.5", "1", "0.5", "0.1"]
+            ["3", "2", "1", "0.1"]
         );
         assert_eq!(walk("v3", "max_disparity", true, true, 2), ["90", "100"]);
         assert_eq!(

@@ -34,6 +34,8 @@ pub struct TunedAlgorithm {
     /// The reference and the best, as `--algo` takes them.
     pub reference: String,
     pub best: String,
+    /// Name of the metric that was sought.
+    pub objective: &'static str,
     /// What varied.
     pub axes: Vec<String>,
     /// Settings that were tried, and those that were looked at on all training pairs.
@@ -88,6 +90,20 @@ impl TunedAlgorithm {
     /// Whether the reference is the best that was found.
     pub fn is_unchanged(&self) -> bool {
         self.best == self.reference
+    }
+
+    /// What the test says of the best, where it was tested: better in what was sought or not.
+    pub fn verdict(&self) -> Option<String> {
+        let sought = Metric::find(self.objective)?;
+        let change = self.test.iter().find(|change| change.metric == sought)?;
+        let words = sought.words;
+        Some(match change.judgement {
+            Judgement::Better => {
+                format!("the test confirms it: {words} {}", change_words(change)[2])
+            }
+            Judgement::Worse => format!("the test refutes it: fewer {words}; keep the reference"),
+            _ => format!("the test does not confirm it: {words} are as before; keep the reference"),
+        })
     }
 
     /// The metrics of the front that were measured.
@@ -167,6 +183,9 @@ impl TuneOutcome {
         for of in &self.algorithms {
             let _ = write!(text, "\n## {}\n\n", of.reference);
             let _ = writeln!(text, "Best: `{}`\n", of.best);
+            if let Some(verdict) = of.verdict() {
+                let _ = writeln!(text, "**{verdict}**\n");
+            }
             let _ = writeln!(
                 text,
                 "{} tried, {} of them on all training pairs. Varied: `{}`.",
@@ -249,6 +268,9 @@ impl std::fmt::Display for TuneOutcome {
             match of.is_unchanged() {
                 true => writeln!(f, "  best is the reference itself, of {} tried", of.tried)?,
                 false => writeln!(f, "  best of {} tried: {}", of.tried, of.best)?,
+            }
+            if let Some(verdict) = of.verdict() {
+                writeln!(f, "  {verdict}")?;
             }
             // Of the training pairs only where nothing judged: the file beside the output has both.
             let parts = self.parts(of).into_iter();

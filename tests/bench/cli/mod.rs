@@ -31,4 +31,5 @@ mod score;
 mod score_recordings;
 mod survive;
 mod train;
+mod tune;
 mod usage;

@@ -22,8 +22,8 @@ use svl::sink::{Outbox, RunStart, Sink, TableSink, finish};
 use svl::source::Source;
 use svl::stereo::Frame;
 use svl::tune::{
-    Evaluator, FrontEntry, Goal, Known, Sampler, Search, SearchPlan, Space, TrialValues, TuneFacts,
-    TuneOutcome, TunedAlgorithm, evaluate, scenario_toml, spread_order,
+    Evaluated, Evaluator, FrontEntry, Goal, Known, Sampler, Search, SearchPlan, Space, TrialValues,
+    TuneFacts, TuneOutcome, TunedAlgorithm, evaluate, scenario_toml, spread_order,
 };
 
 /// Most memory of the frames that are searched on, and of those that judge, bytes.
@@ -480,13 +480,10 @@ fn found(
         .map(|of| of.values.clone())
         .unwrap_or_default();
     let (_, front) = pareto_front(&ranked, |of, metric| of.values.get(metric));
-    let is_best = |of: &&&svl::tune::Evaluated| of.algorithm.written() == best.written();
-    let others = front.iter().filter(|of| !is_best(of));
-    let front = front
-        .iter()
-        .filter(|of| is_best(of))
-        .chain(others)
-        .take(FRONT);
+    // The best first, which a setting that breaks a bound may dominate.
+    let is_other = |of: &&&Evaluated| of.algorithm.written() != best.written();
+    let first = ranked.first().into_iter();
+    let front = first.chain(front.into_iter().filter(is_other)).take(FRONT);
     let front = front
         .map(|of| FrontEntry::new(of, goal, &reference))
         .collect();
@@ -521,6 +518,7 @@ fn found(
     Ok(TunedAlgorithm {
         reference: space.base.written(),
         best: best.written(),
+        objective: goal.objective.name,
         axes: space.axes.iter().map(ToString::to_string).collect(),
         tried,
         finalists: ranked.len(),

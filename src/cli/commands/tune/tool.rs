@@ -110,6 +110,11 @@ impl Tuner {
         [&settings[*current], &compared[*current]]
     }
 
+    /// The setting that the current algorithm began with.
+    pub(super) fn begun(&self) -> &Setting {
+        &self.begun[self.knobs.current]
+    }
+
     /// Which of the two is on the screen.
     pub(super) fn side(&self) -> usize {
         usize::from(self.shows_compared)

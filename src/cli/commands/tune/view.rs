@@ -11,6 +11,7 @@ use ratatui::widgets::{Paragraph, Wrap};
 use svl::report::compare::{Change, Judgement};
 use svl::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use svl::stereo::Reason;
+use svl::tune::KnobPart;
 
 /// Width of the knobs, characters.
 const KNOBS: u16 = 31;
@@ -97,6 +98,7 @@ fn heading(tuner: &Tuner) -> Line<'static> {
 fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rect, usize)> {
     let [now, compared] = tuner.pair();
     let shown = tuner.pair()[tuner.side()];
+    let begun = tuner.begun();
     let knobs = now.knobs();
     // Headings take a row, too.
     let mut rows: Vec<(Option<usize>, String)> = Vec::new();
@@ -107,10 +109,12 @@ fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rec
             rows.push((None, of.unwrap_or_default().to_owned()));
             heading = of;
         }
-        let (value, other) = (
-            shown.value(knob).to_string(),
-            compared.value(knob).to_string(),
-        );
+        // Grid and cells hold for both settings.
+        let other = match knob.part {
+            KnobPart::Algorithm | KnobPart::Filter => compared,
+            KnobPart::Grid | KnobPart::Cells => begun,
+        };
+        let (value, other) = (shown.value(knob).to_string(), other.value(knob).to_string());
         let value = match value == other {
             true => value,
             false => format!("{value} ({other})"),
@@ -195,7 +199,7 @@ fn sample_head(shown: &Shown) -> Line<'static> {
         (done, of) => format!("{done}/{of}"),
     };
     Line::styled(
-        format!("{:<14}{:>7}{sample:>9}{:>6}   95 %", "", "frame", "change"),
+        format!("{:<14}{:>7}{sample:>9}{:>7}   95 %", "", "frame", "change"),
         Style::new().add_modifier(Modifier::UNDERLINED),
     )
 }
@@ -280,8 +284,8 @@ fn number_line(line: &NumberLine) -> Line<'static> {
     } = line;
     let style = color.map_or(Style::new(), |color| Style::new().fg(color));
     Line::from(vec![
-        Span::raw(format!("{name:<14}{frame:>7}{sample:>8}")),
-        Span::styled(format!("{change:>7} {mark} {interval}"), style),
+        Span::raw(format!("{name:<14}{frame:>7}{sample:>9}")),
+        Span::styled(format!("{change:>7} {mark}{interval}"), style),
     ])
 }
 

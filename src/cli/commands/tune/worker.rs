@@ -320,6 +320,10 @@ impl Bench {
         self.judge.grid = now.grid;
         self.judge.cells = now.cells;
         self.manifest.algorithms = Manifest::new("tune", None, &labelled)?.algorithms;
+        // What Rerun shows of them: as they are written, not all that stays as it was.
+        for (record, setting) in self.manifest.algorithms.iter_mut().zip(settings) {
+            record.parameters = title(&setting.algorithm);
+        }
         self.matchers = Some(Matchers::new(&labelled)?.without_warnings());
         Ok(())
     }

@@ -1,0 +1,354 @@
+//! `svl tune`, driven by scripts of keys, in a terminal, and by itself.
+
+use super::fixture::{Fixture, Ran, assert_says};
+use crate::common::python;
+use std::path::Path;
+use svl::scenario::Scenario;
+
+/// A folder with a recording of twelve frames.
+fn recorded() -> Fixture {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 12 -o run.mcap");
+    fixture
+}
+
+/// Tunes with these keys.
+fn tune(fixture: &Fixture, args: &str, keys: &str) -> Ran {
+    fixture.write("keys", keys);
+    fixture.svl(&format!("tune {args} --script keys"))
+}
+
+/// Without what differs from run to run: times, and their changes.
+fn timeless(screen: &str) -> String {
+    let line = |line: &str| {
+        let timed = [" time  ", "from a key to"];
+        match timed.iter().find_map(|words| line.find(words)) {
+            Some(at) => line[..at].to_owned() + " (time)",
+            None => line.to_owned(),
+        }
+    };
+    screen.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn the_screen_shows_knobs_and_what_they_are_worth() {
+    let fixture = recorded();
+    let keys = "wait screen down down down down shift-right wait resize:120x40 screen q";
+    let screens = tune(&fixture, "run.mcap --algo v3 --algo bm", keys).done();
+    insta::assert_snapshot!(timeless(&screens));
+}
+
+#[test]
+fn keys_turn_type_undo_and_compare() {
+    let fixture = recorded();
+    let args = "run.mcap --algo v3 --algo bm:block_size=11";
+    for (keys, words) in [
+        ("down right screen q", "max_disparity      81 (80)"),
+        ("down shift-right screen q", "max_disparity      90 (80)"),
+        ("down scroll-down screen q", "max_disparity      79 (80)"),
+        (
+            "down \"64\" enter screen q",
+            "v3:max_disparity=64  compared with v3",
+        ),
+        (
+            "down \"64\" screen esc screen q",
+            "max_disparity (a whole number in -1024..=1024): 64_",
+        ),
+        (
+            "down \"6400\" enter screen q",
+            "max_disparity=6400: expected a whole number",
+        ),
+        ("down \"-1\" enter screen q", "max_disparity"),
+        (
+            "down enter backspace \"4\" enter screen q",
+            "max_disparity      84 (80)",
+        ),
+        ("down right r screen q", " v3  (1 of 2, Tab)"),
+        (
+            "down right right u screen q",
+            "v3:max_disparity=81  compared",
+        ),
+        (
+            "down right u ctrl-r screen q",
+            "v3:max_disparity=81  compared",
+        ),
+        ("u screen q", "there is nothing to undo"),
+        ("ctrl-r screen q", "there is nothing to redo"),
+        (
+            "tab down down down right screen q",
+            "bm:block_size=13  compared with bm:block_size=11",
+        ),
+        ("tab tab right screen q", "v3:min_disparity=1  compared"),
+        ("right a screen q", "v3  as compared with; a: back"),
+        ("right c screen q", "compared with this setting from now on"),
+        ("down right down right R screen q", " v3  (1 of 2, Tab)"),
+        ("up screen q", "clear_m: a number in 0.01..=100"),
+        (
+            "up up up up up up right wait screen q",
+            "min_valid          0.21 (0.2)",
+        ),
+        ("click:3,5 screen q", ">texture_sigma"),
+        ("[ screen q", "the sample is not run yet"),
+        ("wait ] ] [ screen q", "wrong cells"),
+        (". wait screen q", "frame 1 of 12"),
+        ("g \"7\" enter screen q", "frame 7 of 12"),
+        ("? screen esc q", "to a worse frame, a better one"),
+        (
+            "resize:200x60 wait screen q",
+            "disparities of the setting compared with",
+        ),
+    ] {
+        let text = tune(&fixture, args, keys).done();
+        assert!(text.contains(words), "{keys}:\n{text}");
+    }
+    // Grid and cells hold for all algorithms, and the number of right cells depends on them.
+    let keys = "up up up up up up up up left tab wait screen q";
+    let text = tune(&fixture, args, keys).done();
+    assert_says(&text, &["bm:block_size=11", " columns            4 (5)"]);
+    let end = tune(&fixture, args, "down right wait q").done();
+    assert_says(
+        &end,
+        &[
+            "v3:max_disparity=81  (began as v3)\nbm:block_size=11\n",
+            "from a key to the result: p50",
+            "of 1 key\n",
+        ],
+    );
+}
+
+#[test]
+fn what_is_found_is_written_and_scored() {
+    let fixture = recorded();
+    let keys = "down \"70\" enter wait w enter w screen esc q";
+    let text = tune(&fixture, "run.mcap --algo v3", keys).done();
+    assert_says(
+        &text,
+        &["write to: tuned-2.toml", "tuned.toml and tuned.md\n"],
+    );
+    let scenario = Scenario::read(&fixture.path("tuned.toml")).unwrap();
+    assert_eq!(scenario.labels(), ["v3:max_disparity=70", "v3"]);
+    let page = fixture.text("tuned.md");
+    assert_says(
+        &page,
+        &["`v3:max_disparity=70`, compared with `v3`", "right cells"],
+    );
+    fixture.run("-q score tuned.toml --out report");
+    assert!(fixture.path("report/index.html").exists());
+    // Nothing is overwritten, and a name that is none is refused.
+    let keys = "w backspace enter screen q";
+    let text = tune(&fixture, "run.mcap --algo v3 --out tuned.toml", keys).done();
+    assert_says(&text, &["tuned.tom: must end in .toml"]);
+    let text = tune(
+        &fixture,
+        "run.mcap --algo v3 --out tuned.toml",
+        "w enter screen q",
+    )
+    .done();
+    assert_says(&text, &["tuned.toml: exists"]);
+    // A scenario of the user's judges, and its setting goes into the one that is written.
+    let own = fixture
+        .text("tuned.toml")
+        .replace("columns = 5", "columns = 4");
+    fixture.write("own.toml", own);
+    let args = "run.mcap --algo v3 --scenario own.toml";
+    let text = tune(&fixture, args, "up up up up up up up up screen w enter q").done();
+    assert_says(&text, &[">columns            4"]);
+    let written = Scenario::read(&fixture.path("tuned-2.toml")).unwrap();
+    assert_eq!((written.grid.columns, written.labels()), (4, vec!["v3"]));
+}
+
+#[test]
+fn other_sources_can_be_tuned_on() {
+    let fixture = Fixture::new();
+    let text = tune(&fixture, "arena --algo v3 --seeds 3", "wait screen q").done();
+    assert_says(&text, &["of 280", "64 pairs"]);
+    // Cameras: what is seen is the sample.
+    let cameras = "sim:pictures=4,size=160x120 --algo v3:max_disparity=16";
+    let text = tune(&fixture, cameras, "wait right wait w enter screen q").done();
+    assert_says(
+        &text,
+        &["min_disparity      1 (0)", "1 pairs", "tuned.toml and"],
+    );
+    assert_says(
+        &fixture.text("tuned.toml"),
+        &["algorithms = [\"v3:min_disparity=1,max_disparity=16\", \"v3:max_disparity=16\"]"],
+    );
+    // Without a truth what needs none is shown.
+    let rows: Vec<u8> = (0..160 * 120).map(|i| (i * 7919 % 251) as u8).collect();
+    for side in ["left", "right"] {
+        for i in 0..3 {
+            std::fs::create_dir_all(fixture.path(&format!("pictures/{side}"))).unwrap();
+            let name = format!("pictures/{side}/{i}.pgm");
+            fixture.write(&name, super::fixture::pgm(160, 120, &rows));
+        }
+    }
+    let text = tune(
+        &fixture,
+        "pictures --algo v3:max_disparity=16",
+        "wait screen q",
+    )
+    .done();
+    assert_says(&text, &["unrivalled", "coverage", "tolerance_px"]);
+    assert!(!text.contains("right  "), "{text}");
+}
+
+#[test]
+fn pictures_go_to_rerun_and_a_viewer_that_is_gone_ends_nothing() {
+    let fixture = recorded();
+    let args = "run.mcap --algo v3 --rerun out.rrd";
+    tune(&fixture, args, "wait right wait right wait . wait q").done();
+    assert!(fixture.path("out.rrd").metadata().unwrap().len() > 100_000);
+    let again = tune(&fixture, args, "q");
+    again.failed(1, &["out.rrd: already exists, and is not overwritten"]);
+    let nobody = "run.mcap --rerun rerun+http://127.0.0.1:9/proxy";
+    tune(&fixture, nobody, "q").failed(1, &["no Rerun viewer answers there"]);
+}
+
+#[test]
+fn the_terminal_is_left_as_it_was() {
+    let fixture = recorded();
+    let program = assert_cmd::cargo::cargo_bin!("svl").to_str().unwrap();
+    let run = fixture.path("run.mcap");
+    let run = run.to_str().unwrap();
+    let tune = format!("{program} tune {run} --algo v3 --rerun none");
+    for (keys, words) in [
+        ("\t.5\rq", "v3:min_disparity=5  (began as v3)"),
+        ("\t\u{3}", "stopped"),
+    ] {
+        let line = [keys, "sh", "-c", &format!("{tune}; echo ended")];
+        // Of Unix, as terminals are.
+        let Some(screen) = python("terminal.py", "pty", line) else {
+            return;
+        };
+        let screen = String::from_utf8_lossy(&screen);
+        let (_, after) = screen
+            .rsplit_once("\u{1b}[?1049l")
+            .expect("left the screen");
+        assert!(
+            after.contains("\u{1b}[?25h"),
+            "the cursor is back: {after:?}"
+        );
+        assert_says(after, &[words, "ended"]);
+    }
+}
+
+/// A search of a moment.
+const QUICK: &str = "--auto --trials 12 --pairs 9 -q -o best.toml";
+
+#[test]
+fn a_search_finds_writes_and_goes_on() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 12);
+    let line = format!("tune short.toml --algo bm --seeds 4,5 --test-seeds 6 {QUICK}");
+    let json = fixture.json(&format!("{line} --json"));
+    let found = &json["algorithms"][0];
+    assert_eq!(found["reference"], "bm");
+    assert_eq!(
+        json["training"],
+        serde_json::json!(["arena seed 4", "arena seed 5"])
+    );
+    assert_eq!(json["test"], serde_json::json!(["arena seed 6"]));
+    let best = found["best"].as_str().unwrap();
+    let scenario = Scenario::read(&fixture.path("best.toml")).unwrap();
+    assert_eq!(scenario.labels()[0], best);
+    assert_says(
+        &fixture.text("best.md"),
+        &["Settings that no other is as good as", "## How it was made", "- processor"],
+    );
+    let log = fixture.text("best.csv");
+    assert_says(
+        &log,
+        &["data,algorithm,generation,pairs,setting,right,wrong"],
+    );
+    // Nothing is overwritten; what is known is not run again, and gives the same.
+    let exists = fixture.svl(&line);
+    exists.failed(1, &["best.toml: exists"]);
+    let again = fixture.json(&format!("{line} --resume --json"));
+    assert_eq!(again["algorithms"][0]["best"], *best);
+    assert_eq!(fixture.text("best.csv"), log);
+    // A log that was cut off goes on to the same end.
+    let half: Vec<_> = log.lines().take(8).collect();
+    fixture.write("best.csv", half.join("\n") + "\n");
+    fixture.run(&format!("{line} --resume"));
+    let settings = |log: &str| {
+        let fields = log
+            .lines()
+            .map(|line| line.split(',').take(4).collect::<Vec<_>>().join(","));
+        fields.collect::<Vec<_>>()
+    };
+    let resumed = fixture.text("best.csv");
+    assert_eq!(settings(&resumed)[..8], settings(&log)[..8]);
+    assert!(resumed.lines().count() >= log.lines().count() - 4);
+    let other = line.replace("--seeds 4,5", "--seeds 4,7") + " --resume";
+    fixture
+        .svl(&other)
+        .failed(1, &["best.csv: is the log of a search on other pairs"]);
+    assert!(Path::new(&fixture.path("best.md")).exists());
+}
+
+#[test]
+fn a_search_on_recordings_holds_some_out() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 30 -o a.mcap");
+    let line = format!("tune a.mcap --algo v3 --vary texture_delta=2..6 {QUICK}");
+    let text = fixture.run(&line);
+    assert_says(
+        &text,
+        &[
+            "sought: most right cells with",
+            "The test is the last third of the same recording",
+            "Pareto front",
+            "best.toml and best.md",
+        ],
+    );
+    let log = fixture.text("best.csv");
+    assert!(
+        log.lines()
+            .skip(2)
+            .all(|line| line.contains("texture_delta") || line.contains(",v3,"))
+    );
+    fixture.run("record --frames 30 --seed 2 -o b.mcap");
+    let line = format!(
+        "tune a.mcap --test b.mcap --algo v3 --vary texture_delta=2..6 --minimize wrong \
+         --subject-to right>=1% --subject-to time<=3x {QUICK} --force --json"
+    );
+    let json = fixture.json(&line);
+    assert_eq!(json["goal"], "least wrong cells with right>=1%, time<=3x");
+    assert!(json["caution"].is_null());
+    // The best scenario is of the recording that judged.
+    let scenario = Scenario::read(&fixture.path("best.toml")).unwrap();
+    let runs = scenario.recordings().unwrap();
+    assert!(runs[0].path.ends_with("b.mcap"), "{:?}", runs[0].path);
+}
+
+#[test]
+fn what_cannot_be_tuned_is_refused_in_one_line() {
+    let fixture = recorded();
+    fixture.write_short_arena("short.toml", 3);
+    fixture.write("bad", "wait nonsense");
+    fixture.write("there.toml", "mine");
+    fixture.fails(
+        "tune run.mcap => 1: needs a terminal | --script FILE
+         tune run.mcap other.mcap => 2: several sources are searched with --auto
+         tune nothing.mcap --script bad => 1: bad: line 1: 'nonsense' is no key
+         tune nothing.mcap --auto -o o.toml => 1: nothing.mcap
+         tune run.mcap --auto => 2: --out
+         tune run.mcap --auto -o o.csv => 2: must end in .toml
+         tune run.mcap --auto -o there.toml => 1: there.toml: exists
+         tune sim --auto -o o.toml => 2: sim: are cameras | svl record sim
+         tune run.mcap --auto -o o.toml --maximize rigth => 2: did you mean 'right'
+         tune run.mcap --auto -o o.toml --maximize passed => 2: no metric to search by
+         tune run.mcap --auto -o o.toml --subject-to wrong=3 => 2: neither <= nor >=
+         tune run.mcap --auto -o o.toml --subject-to agreed<=3 => 2: no metric to search by
+         tune run.mcap --auto -o o.toml --algo v3 --vary texture => 2: texture | did you mean
+         tune run.mcap --auto -o o.toml --algo v3 --vary subpixel=maybe => 2: true or false
+         tune run.mcap --auto -o o.toml --algo truth --vary max_disparity=9..5 => 2: FROM..TO
+         tune run.mcap --auto -o o.toml --test run.mcap => 2: a test on pairs that were searched on
+         tune run.mcap --auto -o o.toml --test-seeds 3 => 2: is not of the arena
+         tune run.mcap --auto -o o.toml --maximize unrivalled => 2: take right
+         tune run.mcap --vary p1 => 2: --auto
+         tune run.mcap --script bad --auto -o o.toml => 2: cannot be used with",
+    );
+    assert_eq!(fixture.text("there.toml"), "mine");
+    assert!(!fixture.path("o.toml").exists() && !fixture.path("o.csv").exists());
+}
