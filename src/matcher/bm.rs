@@ -48,7 +48,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         },
         uniqueness(15),
         OnePassCheck::tolerance(-1),
-        Speckles::SIZE,
+        Speckles::size(0),
         Speckles::RANGE,
     ],
     cells: None,

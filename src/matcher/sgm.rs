@@ -60,7 +60,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             range: Range::Flag { default: true },
             description: "take the median of three by three disparities",
         },
-        Speckles::SIZE,
+        // Found by `svl tune --auto`: docs/tuning.md has what it gains.
+        Speckles::size(4),
         Speckles::RANGE,
     ],
     cells: None,

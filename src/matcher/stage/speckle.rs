@@ -15,13 +15,16 @@ pub struct Speckles {
 }
 
 impl Speckles {
-    /// Largest region removed, as the matchers' tables have it; off by default.
-    pub const SIZE: Parameter = Parameter {
-        name: "speckle_size",
-        unit: "pixels",
-        range: Range::int(0, 0..=100_000),
-        description: "largest island of disparity that is removed, 0 = none",
-    };
+    /// Largest region removed, as the matchers' tables have it.
+    pub const fn size(default: i32) -> Parameter {
+        Parameter {
+            name: "speckle_size",
+            unit: "pixels",
+            range: Range::int(default, 0..=100_000),
+            description: "largest island of disparity that is removed, 0 = none",
+        }
+    }
+
     /// Step within a region, as the matchers' tables have it.
     pub const RANGE: Parameter = Parameter {
         name: "speckle_range",
