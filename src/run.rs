@@ -127,6 +127,29 @@ struct RunMatcher {
     max_disparity: Option<i32>,
     /// Whether the user was warned of it.
     warned_of_range: bool,
+    /// The size of images that it has memory for, once it was measured.
+    warm_for: Option<(usize, usize)>,
+}
+
+impl RunMatcher {
+    fn new(algorithm: &Algorithm) -> Result<Self> {
+        let label = algorithm.label().to_owned();
+        let matcher = algorithm.build().map_err(|error| match error {
+            Error::Usage(reason) => Error::Usage(format!("{label}: {reason}")),
+            other => other,
+        })?;
+        Ok(Self {
+            label,
+            matcher,
+            last_failure: String::new(),
+            spent: Vec::new(),
+            memory: None,
+            max_disparity: algorithm.max_disparity(),
+            // What filters say is too close is not missed.
+            warned_of_range: !algorithm.filters().is_empty(),
+            warm_for: None,
+        })
+    }
 }
 
 impl Matchers {
@@ -135,34 +158,42 @@ impl Matchers {
     /// # Errors
     /// [`Error::Usage`] naming the algorithm that occurs twice or cannot be built.
     pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
-        let entry = |(i, algorithm): (usize, &Algorithm)| {
-            let label = algorithm.label().to_owned();
+        for (i, algorithm) in algorithms.iter().enumerate() {
+            let label = algorithm.label();
             if algorithms[..i].iter().any(|other| other.label() == label) {
                 return Err(Error::Usage(format!(
                     "{label}: named twice; name each algorithm once"
                 )));
             }
-            let matcher = algorithm.build().map_err(|error| match error {
-                Error::Usage(reason) => Error::Usage(format!("{label}: {reason}")),
-                other => other,
-            })?;
-            Ok(RunMatcher {
-                label,
-                matcher,
-                last_failure: String::new(),
-                spent: Vec::new(),
-                memory: None,
-                max_disparity: algorithm.max_disparity(),
-                // What filters say is too close is not missed.
-                warned_of_range: !algorithm.filters().is_empty(),
-            })
-        };
-        algorithms
-            .iter()
-            .enumerate()
-            .map(entry)
-            .collect::<Result<_>>()
-            .map(Self)
+        }
+        let entries = algorithms.iter().map(RunMatcher::new);
+        entries.collect::<Result<_>>().map(Self)
+    }
+
+    /// Puts an algorithm in the place of the one with its label; the others keep their memory.
+    ///
+    /// # Errors
+    /// As [`Matchers::new`].
+    pub fn replace(&mut self, algorithm: &Algorithm) -> Result<()> {
+        let label = algorithm.label();
+        if let Some(entry) = self.0.iter_mut().find(|entry| entry.label == label) {
+            *entry = RunMatcher {
+                warned_of_range: entry.warned_of_range,
+                ..RunMatcher::new(algorithm)?
+            };
+        }
+        Ok(())
+    }
+
+    /// Takes those from the `first` on away, into their own: what they have stays with them.
+    #[must_use]
+    pub fn split_off(&mut self, first: usize) -> Self {
+        Self(self.0.split_off(first.min(self.0.len())))
+    }
+
+    /// Puts others behind these.
+    pub fn append(&mut self, mut others: Self) {
+        self.0.append(&mut others.0);
     }
 
     /// The same without the warning of ranges that end before obstacles do: where algorithms change
@@ -242,7 +273,6 @@ pub fn run(
         log: start.log.filter(|log| !log.is_empty()),
         seed: start.seed,
         needed: Vec::new(),
-        warm_for: None,
         monitor,
         frames: 0,
         failures: 0,
@@ -653,8 +683,6 @@ struct Matching<'a> {
     seed: Option<u64>,
     /// unless a sink needs the map of that algorithm.
     needed: Vec<bool>,
-    /// The size of images that the algorithms have memory for, in a measured run.
-    warm_for: Option<(usize, usize)>,
     monitor: &'a mut dyn Monitor,
     frames: u64,
     failures: u64,
@@ -688,9 +716,12 @@ impl<'a> Matching<'a> {
             cells: self.judge.cells,
             ..MatchContext::default()
         };
-        if self.rounds.is_some() && self.warm_for.replace(pair.size()) != Some(pair.size()) {
+        if self.rounds.is_some() {
             let (obstacle_m, _) = self.judge.cells.obstacle_and_clear_m();
             for entry in &mut self.matchers.0 {
+                if entry.warm_for.replace(pair.size()) == Some(pair.size()) {
+                    continue;
+                }
                 entry.warm_up(pair, &context, self.monitor);
                 if let Some(rig) = frame.rig() {
                     entry.warn_of_range(rig, obstacle_m);

@@ -151,7 +151,7 @@ impl Source for HeldFrames<'_> {
     }
 }
 
-/// Runs frames through the algorithms into the sinks, each matched alone, as `svl score` does.
+/// Runs frames through the algorithms into the sinks.
 ///
 /// # Errors
 /// As [`run`].
@@ -159,12 +159,12 @@ pub fn evaluate(
     frames: &[Arc<Frame>],
     matchers: &mut Matchers,
     start: &RunStart<'_>,
+    pace: Pace,
     sinks: &mut [Box<dyn Sink>],
     monitor: &mut dyn Monitor,
 ) -> Result<Outcome> {
     let mut held = HeldFrames(frames.iter());
     let mut source = AssumeRectified::new(&mut held);
-    let pace = Pace::Measured { rounds: 1 };
     let (outcome, ran) = run(&mut source, matchers, start, pace, sinks, monitor);
     ran.map(|()| outcome)
 }

@@ -20,7 +20,8 @@ impl Sgm {
         } = self;
         format!(
             "sgm:min_disparity={min},max_disparity={max},p1={p1},p2={p2},edge={edge},\
-             uniqueness={uniqueness},symmetry_tolerance={symmetry_tolerance},median={median}"
+             uniqueness={uniqueness},symmetry_tolerance={symmetry_tolerance},median={median},\
+             speckle_size=0"
         )
     }
 }

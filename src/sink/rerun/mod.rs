@@ -205,8 +205,9 @@ impl RerunSink {
         }
     }
 
-    /// Shows frames while a person changes the algorithms: their maps beside each other, in the
-    /// order in which they come, whatever their numbers, and each at once.
+    /// Shows frames while a person changes the first algorithm: the maps of all beside each other, in
+    /// the order in which they come, whatever their numbers, and each at once. When a frame comes
+    /// again, algorithms behind the first that have no estimate keep the one they had.
     #[must_use]
     pub fn for_tuning(self) -> Self {
         Self {
@@ -354,7 +355,10 @@ impl Sink for RerunSink {
             pair: self.start.pair.saturating_add(frame.sequence),
             time_ns: self.start.time_ns.saturating_add(frame.stamp_ns),
         };
-        let is_first = self.last.replace(now).is_none();
+        let before = self.last.replace(now);
+        let is_first = before.is_none();
+        // What is there already stays, while only an algorithm changes.
+        let is_again = self.changes.is_some() && before.is_some_and(|last| last.pair == now.pair);
         let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
         self.stream
             .set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
@@ -378,12 +382,15 @@ impl Sink for RerunSink {
         if std::mem::replace(&mut self.has_maps, has_maps) && !has_maps {
             self.clear_maps()?;
         }
-        self.push_scene(frame, &scale)?;
-        self.push_truth(judged, &scale)?;
-        for algorithm in &self.algorithms {
+        if !is_again {
+            self.push_scene(frame, &scale)?;
+            self.push_truth(judged, &scale)?;
+        }
+        for (i, algorithm) in self.algorithms.iter().enumerate() {
             let mut estimates = judged.estimates.iter();
             match estimates.find(|scored| scored.estimate.algorithm == algorithm.label) {
                 Some(scored) => self.push_estimate(algorithm, scored, frame, &scale)?,
+                None if is_again && i > 0 => {}
                 None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
             }
         }

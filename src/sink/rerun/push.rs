@@ -120,11 +120,13 @@ impl RerunSink {
             Some(_) => self.log(&algorithm.path("ssdpi"), &Clear::flat())?,
             None => {}
         }
+        // While tuning no view shows depths and clouds.
+        if self.changes.is_some() {
+            return Ok(());
+        }
         self.log_depth(&algorithm.path("depth"), map.disparity(), frame, scale)?;
-        // While tuning no view shows them.
         let points = frame
             .rig()
-            .filter(|_| self.changes.is_none())
             .map(|rig| picture::points(map.disparity(), rig, scale));
         self.log_or_clear(&algorithm.path("points"), points.transpose()?)
     }

@@ -253,7 +253,11 @@ fn a_search_finds_writes_and_goes_on() {
     assert_eq!(scenario.labels()[0], best);
     assert_says(
         &fixture.text("best.md"),
-        &["Settings that no other is as good as", "## How it was made", "- processor"],
+        &[
+            "Settings that no other is as good as",
+            "## How it was made",
+            "- processor",
+        ],
     );
     let log = fixture.text("best.csv");
     assert_says(

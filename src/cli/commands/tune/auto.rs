@@ -15,7 +15,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::report::compare::{changes, total};
 use svl::report::{Row, pareto_front};
-use svl::run::{Matchers, Monitor};
+use svl::run::{Matchers, Monitor, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::{Judge, METRICS, Metric};
 use svl::sink::{Outbox, RunStart, Sink, TableSink, finish};
@@ -427,7 +427,15 @@ impl Runs<'_> {
                 progress: self.progress.as_ref(),
                 algorithms: labels.len(),
             };
-            let outcome = evaluate(&frames, &mut matchers, &start, &mut sinks, &mut counting)?;
+            let pace = Pace::Measured { rounds: 1 };
+            let outcome = evaluate(
+                &frames,
+                &mut matchers,
+                &start,
+                pace,
+                &mut sinks,
+                &mut counting,
+            )?;
             finish(sinks)?;
             if outcome.interrupted {
                 return Ok(None);

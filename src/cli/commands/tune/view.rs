@@ -60,7 +60,7 @@ pub(super) fn draw(
     let [left, right] = Layout::horizontal(columns).areas(body);
     canvas.render_widget(Paragraph::new(heading(tuner)), head);
     let places = knobs(tuner, left, canvas);
-    numbers(tuner, stepper, right, canvas);
+    numbers(tuner, stepper, shades, right, canvas);
     if is_roomy {
         draw_pictures(tuner, shades, below, canvas);
     }
@@ -157,7 +157,13 @@ struct NumberLine {
     judgement: Judgement,
 }
 
-fn numbers(tuner: &Tuner, stepper: &Stepper<'_>, area: Rect, canvas: &mut ratatui::Frame<'_>) {
+fn numbers(
+    tuner: &Tuner,
+    stepper: &Stepper<'_>,
+    colors: bool,
+    area: Rect,
+    canvas: &mut ratatui::Frame<'_>,
+) {
     let shown = tuner.shown();
     let side = tuner.side();
     let mut lines = vec![sample_head(shown)];
@@ -178,7 +184,7 @@ fn numbers(tuner: &Tuner, stepper: &Stepper<'_>, area: Rect, canvas: &mut ratatu
         .iter()
         .zip(is_shown)
         .filter(|(_, is_shown)| *is_shown);
-    lines.extend(fitting.map(|(line, _)| number_line(line)));
+    lines.extend(fitting.map(|(line, _)| number_line(line, colors)));
     lines.push(Line::default());
     lines.push(bar_line(&shown.sample, stepper, area.width));
     lines.extend(why);
@@ -267,7 +273,7 @@ fn frame_value(frame: &FrameView, metric: &Metric, side: usize) -> Option<String
     }
 }
 
-fn number_line(line: &NumberLine) -> Line<'static> {
+fn number_line(line: &NumberLine, colors: bool) -> Line<'static> {
     // A mark, for eyes and terminals without colours.
     let (mark, color) = match line.judgement {
         Judgement::Better => ('+', Some(Color::Green)),
@@ -282,7 +288,9 @@ fn number_line(line: &NumberLine) -> Line<'static> {
         interval,
         ..
     } = line;
-    let style = color.map_or(Style::new(), |color| Style::new().fg(color));
+    let style = color
+        .filter(|_| colors)
+        .map_or(Style::new(), |color| Style::new().fg(color));
     Line::from(vec![
         Span::raw(format!("{name:<14}{frame:>7}{sample:>9}")),
         Span::styled(format!("{change:>7} {mark}{interval}"), style),

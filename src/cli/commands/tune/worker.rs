@@ -9,7 +9,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::report::Row;
 use svl::report::compare::{Change, changes};
-use svl::run::{Matchers, Monitor};
+use svl::run::{Matchers, Monitor, Pace};
 use svl::score::{Judge, Judged, Metric, MetricValues};
 use svl::sink::{Outbox, RerunDetail, RerunSink, RerunTarget, RunInfo, RunStart, Sink, TableSink};
 use svl::sink::{WatchSink, finish};
@@ -19,8 +19,11 @@ use svl::tune::{Sampler, Setting, evaluate, spread_order};
 /// Labels of the setting that is turned and of the one that it is compared with.
 pub(super) const LABELS: [&str; 2] = ["now", "compared"];
 
-/// Frames of the sample that are matched at once.
-const CHUNK: usize = 8;
+/// For how long frames of the sample are matched before something else is looked for.
+const CHUNK: Duration = Duration::from_millis(20);
+
+/// How times are taken.
+const MEASURED: Pace = Pace::Measured { rounds: 1 };
 
 /// Frames of cameras that make the sample.
 const SEEN: usize = 64;
@@ -161,8 +164,10 @@ impl Worker {
             seen: VecDeque::new(),
             rerun,
             matchers: None,
-            key: String::new(),
+            keys: Default::default(),
+            rules: String::new(),
             rows: BTreeMap::new(),
+            compared: None,
         };
         let thread = std::thread::spawn(move || bench.run());
         Ok(Self {
@@ -238,10 +243,13 @@ struct Bench {
     seen: VecDeque<Arc<Frame>>,
     rerun: Option<Box<dyn Sink>>,
     matchers: Option<Matchers>,
-    /// The settings that matchers and rows are of.
-    key: String,
+    /// The settings that the matchers are of, and the grid and cells of the rows.
+    keys: [String; 2],
+    rules: String,
     /// By the number of the frame.
     rows: BTreeMap<u64, [Row; 2]>,
+    /// What the setting compared with made of the frame that is shown.
+    compared: Option<(Arc<Frame>, Row, Watched)>,
 }
 
 impl Bench {
@@ -289,20 +297,13 @@ impl Bench {
     /// Builds the matchers, where the settings are others.
     fn prepare(&mut self, settings: &[Setting; 2]) -> svl::Result<()> {
         let [now, compared] = settings;
-        let written = |of: &Setting| format!("{:?}", of.algorithm);
-        let key = format!(
-            "{} {} {:?} {:?}",
-            written(now),
-            written(compared),
-            now.grid,
-            now.cells
-        );
-        if key == self.key && self.matchers.is_some() {
+        let keys = [now, compared].map(|of| format!("{:?}", of.algorithm));
+        let rules = format!("{:?} {:?}", now.grid, now.cells);
+        let (is_old, is_ruled) = ([0, 1].map(|i| self.keys[i] == keys[i]), self.rules == rules);
+        if is_old == [true; 2] && is_ruled {
             return Ok(());
         }
-        self.matchers = None;
         self.rows.clear();
-        self.key = key;
         {
             let mut state = locked(&self.shared);
             state.shown.failure = None;
@@ -324,7 +325,19 @@ impl Bench {
         for (record, setting) in self.manifest.algorithms.iter_mut().zip(settings) {
             record.parameters = title(&setting.algorithm);
         }
-        self.matchers = Some(Matchers::new(&labelled)?.without_warnings());
+        match &mut self.matchers {
+            None => self.matchers = Some(Matchers::new(&labelled)?.without_warnings()),
+            Some(matchers) => {
+                let others = labelled.iter().zip(is_old).filter(|(_, is_old)| !is_old);
+                others
+                    .map(|(algorithm, _)| algorithm)
+                    .try_for_each(|algorithm| matchers.replace(algorithm))?;
+            }
+        }
+        if !(is_old[1] && is_ruled) {
+            self.compared = None;
+        }
+        (self.keys, self.rules) = (keys, rules);
         Ok(())
     }
 
@@ -335,25 +348,43 @@ impl Bench {
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
         sinks.extend(self.rerun.take());
         let frames = [Arc::clone(&job.frame)];
-        let ran = self.evaluate(&frames, &mut sinks, false);
+        // What is known of this frame is not run again.
+        let known = self.compared.take();
+        let known = known.filter(|(frame, _, _)| Arc::ptr_eq(frame, &job.frame));
+        let idle = match (&known, &mut self.matchers) {
+            (Some(_), Some(matchers)) => Some(matchers.split_off(1)),
+            _ => None,
+        };
+        // Quickly: the memory of new matchers is in its times, which are measured afterwards.
+        let mut ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
         // A viewer that was closed is no reason to end.
         let viewer = sinks.pop().filter(|_| !sinks.is_empty());
-        let rows = match ran {
-            Ok(rows) => {
-                self.rerun = viewer;
-                rows
-            }
+        match &ran {
             Err(error) if viewer.is_some() => {
                 let mut state = locked(&self.shared);
                 state.shown.has_viewer = false;
                 state.shown.says = Some(format!("{error}; going on without pictures"));
                 drop(state);
-                self.evaluate(&frames, &mut sinks, false)?
+                ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
             }
-            Err(error) => return Err(error),
-        };
+            _ => self.rerun = viewer,
+        }
+        if let (Some(idle), Some(matchers)) = (idle, &mut self.matchers) {
+            matchers.append(idle);
+        }
+        let (mut rows, mut watched) = (ran?, watched.take());
+        if let Some((_, row, of)) = known {
+            rows.push(row);
+            watched.push(of);
+        }
+        let is_compared = |label: &str| label == LABELS[1];
+        let row = rows.iter().find(|row| is_compared(&row.algorithm));
+        let of = watched.iter().find(|of| is_compared(&of.algorithm));
+        self.compared = row
+            .zip(of)
+            .map(|(row, of)| (Arc::clone(&job.frame), row.clone(), of.clone()));
         let delay = job.since.map(|since| since.elapsed());
-        let view = FrameView::new(&job.frame, &rows, &watched.take());
+        let view = FrameView::new(&job.frame, &rows, &watched);
         let mut state = locked(&self.shared);
         state.shown.frame = Some(view);
         state.shown.done = number;
@@ -365,6 +396,14 @@ impl Bench {
             }
         }
         drop(state);
+        let rows = self.evaluate(&frames, &mut Vec::new(), MEASURED)?;
+        let ms = LABELS.map(|label| {
+            let row = rows.iter().find(|row| row.algorithm == label);
+            row.map(|row| row.total_us as f64 / 1e3)
+        });
+        if let Some(frame) = &mut locked(&self.shared).shown.frame {
+            frame.ms = ms;
+        }
         if self.sampler.is_none() {
             self.keep(rows);
         }
@@ -376,7 +415,7 @@ impl Bench {
         &mut self,
         frames: &[Arc<Frame>],
         sinks: &mut Vec<Box<dyn Sink>>,
-        ends: bool,
+        pace: Pace,
     ) -> svl::Result<Vec<Row>> {
         let rows = Outbox::default();
         sinks.insert(0, Box::new(TableSink::new(None, None, &rows)?));
@@ -389,12 +428,13 @@ impl Bench {
         let mut watch = Watch {
             shared: &self.shared,
             failure: None,
-            ends,
+            // A person waits for what is done as soon as possible.
+            ends: pace != Pace::Asap,
         };
         let Some(matchers) = &mut self.matchers else {
             return Ok(Vec::new());
         };
-        let ran = evaluate(frames, matchers, &start, sinks, &mut watch);
+        let ran = evaluate(frames, matchers, &start, pace, sinks, &mut watch);
         let failure = watch.failure;
         let table = sinks.remove(0);
         finish(vec![table])?;
@@ -435,15 +475,23 @@ impl Bench {
         let spread = spread_order(frames.len()).into_iter().map(|i| &frames[i]);
         let known = |frame: &&Arc<Frame>| self.rows.contains_key(&frame.sequence);
         let left: Vec<_> = spread.filter(|frame| !known(frame)).cloned().collect();
-        for (i, chunk) in left.chunks(CHUNK).enumerate() {
+        let (mut left, mut chunk, mut shown) = (&left[..], 1, 1);
+        while !left.is_empty() {
             if is_wanted(&self.shared) {
                 return Ok(());
             }
-            let rows = self.evaluate(chunk, &mut Vec::new(), true)?;
+            let (now, later) = left.split_at(chunk.min(left.len()));
+            let began = Instant::now();
+            let rows = self.evaluate(now, &mut Vec::new(), MEASURED)?;
             self.keep(rows);
+            left = later;
+            if began.elapsed() < CHUNK / 2 {
+                chunk *= 2;
+            }
             // Intervals take a moment: they are shown at first, then ever more seldom.
-            if (i + 1).is_power_of_two() {
+            if self.rows.len() >= shown {
                 self.publish();
+                shown = 2 * self.rows.len();
             }
         }
         self.publish();
@@ -483,6 +531,7 @@ impl Bench {
 }
 
 /// What is kept of an estimate.
+#[derive(Clone)]
 struct Watched {
     algorithm: String,
     why: [usize; Reason::ALL.len()],
@@ -522,7 +571,7 @@ impl FrameView {
         let (width, height) = frame.pair.size();
         Self {
             metrics: LABELS.map(|label| row(label).map(|row| row.metrics)),
-            ms: LABELS.map(|label| row(label).map(|row| row.total_us as f64 / 1e3)),
+            ms: [None; 2],
             why: LABELS.map(|label| of(label).map_or([0; Reason::ALL.len()], |of| of.why)),
             pixels: width * height,
             pictures: LABELS.map(|label| of(label).and_then(|of| of.picture.clone())),
