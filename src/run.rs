@@ -16,6 +16,7 @@ use crate::stereo::{DisparityMap, Estimate, Frame, Losses, RectifiedPair, Rig};
 use crate::timing::StageTimes;
 use std::collections::VecDeque;
 use std::sync::mpsc::{channel, sync_channel};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Watches a run and may end it.
@@ -345,8 +346,7 @@ fn side_by_side(
 ) -> Result<()> {
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
-        scope.spawn(move || {
-            let _pool = own_pool();
+        let reading = move || {
             // Ends with the source, its first error, or when the receiver is gone.
             while let Some(next) = source.next().transpose() {
                 let failed = next.is_err();
@@ -354,12 +354,12 @@ fn side_by_side(
                     break;
                 }
             }
-        });
+        };
+        scope.spawn(|| in_own_pool(reading));
         let judge = matching.judge;
         let (send, received) = sync_channel::<(Frame, Vec<Matched>)>(BETWEEN);
         let (give_back, given_back) = channel();
-        let pushing = scope.spawn(move || {
-            let _pool = own_pool();
+        let push_all = move || {
             for (frame, matched) in received {
                 let judged = judged(judge, frame, matched);
                 push(sinks, &judged)?;
@@ -368,7 +368,8 @@ fn side_by_side(
                 let _ = give_back.send(spent(judged));
             }
             Ok(())
-        });
+        };
+        let pushing = scope.spawn(|| in_own_pool(push_all));
         let mut ran = Ok(());
         for next in frames {
             let matched =
@@ -411,8 +412,7 @@ fn in_batches(
 ) -> Result<()> {
     let judge = matching.judge;
     let mut waiting = Waiting::new(matching.matchers.0.len());
-    std::thread::scope(|scope| scope.spawn(|| waiting.fill(source)).join())
-        .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    in_own_pool(|| waiting.fill(source));
     loop {
         let (mut matched, mut ran) = (Vec::new(), Ok(true));
         let began = Instant::now();
@@ -429,17 +429,16 @@ fn in_batches(
         let goes_on = matches!(ran, Ok(true));
         let pushed = std::thread::scope(|scope| {
             if goes_on {
-                scope.spawn(|| waiting.fill(source));
+                scope.spawn(|| in_own_pool(|| waiting.fill(source)));
             }
             let (send, received) = sync_channel(BETWEEN);
-            scope.spawn(move || {
-                let _pool = own_pool();
+            let judging = move || {
                 let mut judging = matched.into_iter();
                 // Ends early when a sink failed.
-                judging.all(|(frame, matched)| send.send(judged(judge, frame, matched)).is_ok());
-            });
-            let pushing = scope.spawn(|| -> Result<Vec<Spent>> {
-                let _pool = own_pool();
+                judging.all(|(frame, matched)| send.send(judged(judge, frame, matched)).is_ok())
+            };
+            scope.spawn(|| in_own_pool(judging));
+            let push_all = || -> Result<Vec<Spent>> {
                 let mut back = Vec::new();
                 for judged in received {
                     push(sinks, &judged)?;
@@ -448,7 +447,8 @@ fn in_batches(
                 }
                 sinks.iter_mut().try_for_each(|sink| sink.settle())?;
                 Ok(back)
-            });
+            };
+            let pushing = scope.spawn(|| in_own_pool(push_all));
             pushing
                 .join()
                 .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -484,9 +484,8 @@ impl Waiting {
         }
     }
 
-    /// Reads a batch, in a thread without a pool.
+    /// Reads a batch.
     fn fill(&mut self, source: &mut dyn Source) {
-        let _pool = own_pool();
         // Both images, colour and truth; a map per algorithm.
         let bytes = |frame: &Frame| {
             let (width, height) = frame.pair.size();
@@ -506,14 +505,19 @@ impl Waiting {
     }
 }
 
-/// A rayon pool that is the calling thread alone: what it hands to rayon happens in place.
-fn own_pool() -> rayon::ThreadPool {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .use_current_thread();
-    // It starts no thread, and fails only in a thread that is in a pool already, which a new one is
-    // not.
-    pool.build().expect("a new thread is in no pool")
+/// Does `work` in a rayon pool of one thread, where what it hands to rayon happens, too. Pools are
+/// kept for later work: rayon never frees one that is the thread that made it.
+fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    static IDLE: Mutex<Vec<rayon::ThreadPool>> = Mutex::new(Vec::new());
+    let idle = || IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    let kept = idle().pop();
+    let pool = kept.unwrap_or_else(|| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        pool.expect("a thread can be started")
+    });
+    let done = pool.install(work);
+    idle().push(pool);
+    done
 }
 
 /// What an algorithm made of a frame.
@@ -819,7 +823,7 @@ mod tests {
     use crate::manifest::Manifest;
     use crate::source::{AlignmentMonitor, AssumeRectified};
     use crate::stereo::{Geometry, Gray, StereoPair};
-    use std::sync::{Arc, Mutex};
+    use std::sync::Arc;
 
     /// That many frames, then an error.
     struct Failing {

@@ -42,6 +42,10 @@ const PARSED: &[(&str, &str)] = &[
         "needs a terminal; cli::filter drives it",
     ),
     (
+        "svl tune",
+        "needs a terminal, or minutes; cli::tune drives it",
+    ),
+    (
         "svl train filter",
         "takes minutes; cli::filter has short ones",
     ),

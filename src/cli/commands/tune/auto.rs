@@ -550,7 +550,8 @@ const HEAD: [&str; 5] = ["data", "algorithm", "generation", "pairs", "setting"];
 
 impl TrialLog {
     fn open(path: &Path, training: &[Part], resume: bool, logs: Outputs) -> anyhow::Result<Self> {
-        let mut words = env!("CARGO_PKG_VERSION").to_owned();
+        let made = Manifest::new("tune", None, &[])?;
+        let mut words = format!("{} {:?}", made.svl, made.git_revision);
         for part in training {
             words += &format!("{:?} {:?}", part.judge.grid, part.judge.cells);
             let hashes = part.frames.iter().map(|frame| frame.pair.hash());

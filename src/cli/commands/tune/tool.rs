@@ -307,7 +307,7 @@ impl Tuner {
             svl::counted(self.shown.sample.of as u64, "pair")
         );
         let shown = ["right", "wrong", "unrivalled", "coverage", "time"].map(Metric::find);
-        for (written, changes) in &self.shown.tried {
+        for (written, changes) in self.shown.tried.iter() {
             let _ = write!(text, "\n- `{written}`:");
             for metric in shown.iter().flatten() {
                 let Some(change) = changes.iter().find(|of| of.metric == *metric) else {

@@ -55,10 +55,10 @@ pub(super) struct Shown {
     /// Why a setting gave nothing.
     pub(super) failure: Option<String>,
     /// From keys to Rerun, microseconds; to the screen where there is no Rerun.
-    pub(super) delays: VecDeque<u64>,
+    pub(super) delays: Arc<VecDeque<u64>>,
     pub(super) has_viewer: bool,
     /// Settings that were run over the whole sample, by what they are written as, in that order.
-    pub(super) tried: Vec<(String, Vec<Change>)>,
+    pub(super) tried: Arc<Vec<(String, Vec<Change>)>>,
 }
 
 /// The frame, through the setting and the one compared with.
@@ -389,7 +389,7 @@ impl Bench {
         state.shown.frame = Some(view);
         state.shown.done = number;
         if let Some(delay) = delay {
-            let delays = &mut state.shown.delays;
+            let delays = Arc::make_mut(&mut state.shown.delays);
             delays.push_back(delay.as_micros() as u64);
             if delays.len() > REMEMBERED {
                 delays.pop_front();
@@ -499,7 +499,7 @@ impl Bench {
             let mut state = locked(&self.shared);
             let changes = state.shown.sample.changes.clone();
             let written = job.settings[0].algorithm.written();
-            let tried = &mut state.shown.tried;
+            let tried = Arc::make_mut(&mut state.shown.tried);
             tried.retain(|(other, _)| *other != written);
             if tried.len() < REMEMBERED {
                 tried.push((written, changes));
