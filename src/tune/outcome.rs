@@ -286,6 +286,9 @@ impl std::fmt::Display for TuneOutcome {
                     )?;
                 }
             }
+            if of.front.is_empty() {
+                continue;
+            }
             let objectives = of.objectives();
             let heads = objectives
                 .iter()

@@ -167,7 +167,7 @@ fn other_sources_can_be_tuned_on() {
     let text = tune(&fixture, cameras, "wait right wait w enter screen q").done();
     assert_says(
         &text,
-        &["min_disparity      1 (0)", "1 pairs", "tuned.toml and"],
+        &["min_disparity      1 (0)", "1 pair ", "tuned.toml and"],
     );
     assert_says(
         &fixture.text("tuned.toml"),

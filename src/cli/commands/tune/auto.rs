@@ -350,11 +350,17 @@ fn parts(
         if interrupted() {
             bail!("interrupted; nothing is written");
         }
+        let frames = frames?;
+        if frames.iter().any(|frame| frame.rectified().is_err()) {
+            tracing::warn!(
+                "{name}: its pairs are raw, and taken as rectified; --calib names a calibration"
+            );
+        }
         parts.push(Part {
             name,
             seed,
             judge,
-            frames: frames?,
+            frames,
         });
     }
     Ok(parts)

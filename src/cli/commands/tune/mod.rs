@@ -252,8 +252,11 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let target = viewer.map(|target| (target, name.clone()));
     let worker = Worker::begin(sampler, judge, target)?;
-    if let Some(without) = without {
-        stepper.say(without);
+    let raw = stepper.frame().rectified().is_err().then(|| {
+        "its pairs are raw, and taken as rectified: --calib names a calibration".to_owned()
+    });
+    if let Some(words) = raw.or(without) {
+        stepper.say(words);
     }
     let folder = Path::new(&args.what[0]).parent().unwrap_or(Path::new(""));
     let scenario = scenario.map(|scenario| (scenario, folder.to_owned()));

@@ -194,14 +194,15 @@ fn numbers(
             Line::raw(failure.clone()),
         ];
     }
-    canvas.render_widget(Paragraph::new(lines), area);
+    let wrap = Wrap { trim: false };
+    canvas.render_widget(Paragraph::new(lines).wrap(wrap), area);
 }
 
 fn sample_head(shown: &Shown) -> Line<'static> {
     let SampleView { done, of, .. } = shown.sample;
     let sample = match (done, of) {
         (_, 0) => "reading".to_owned(),
-        (done, of) if done == of => format!("{of} pairs"),
+        (done, of) if done == of => svl::counted(of as u64, "pair"),
         (done, of) => format!("{done}/{of}"),
     };
     Line::styled(
@@ -231,7 +232,10 @@ pub(super) fn change_cells(change: &Change) -> [String; 4] {
 
 /// A value in few characters.
 fn compact(metric: &Metric, value: f64) -> String {
-    metric.show(value).replace(' ', "")
+    match metric.unit {
+        MetricUnit::Ms if value >= 10.0 => format!("{value:.0}ms"),
+        _ => metric.show(value).replace(' ', ""),
+    }
 }
 
 /// Lines of the metrics that the frame or the sample has.
