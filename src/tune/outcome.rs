@@ -4,12 +4,13 @@ use super::goal::Goal;
 use super::search::{Evaluated, TrialValues};
 use crate::counted;
 use crate::error::{Error, Result};
+use crate::filter::FilterKind;
 use crate::report::compare::{Change, Judgement};
 use crate::scenario::{Scenario, ScenarioSource};
 use crate::score::{METRICS, Metric};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Where a search looked, and how.
 #[derive(Clone, Debug, Serialize)]
@@ -101,7 +102,10 @@ impl TunedAlgorithm {
             Judgement::Better => {
                 format!("the test confirms it: {words} {}", change_words(change)[2])
             }
-            Judgement::Worse => format!("the test refutes it: fewer {words}; keep the reference"),
+            Judgement::Worse => {
+                let change = &change_words(change)[2];
+                format!("the test refutes it: {words} {change}; keep the reference")
+            }
             _ => format!("the test does not confirm it: {words} are as before; keep the reference"),
         })
     }
@@ -309,12 +313,18 @@ impl std::fmt::Display for TuneOutcome {
     }
 }
 
-/// The scenario with these algorithms and settings in place of its own, as TOML that can lie in any
-/// folder: paths in it become absolute. `folder` is that of the scenario's file.
+/// The scenario with these algorithms, and filters, if any, with their files, in place of its own,
+/// as TOML that can lie in any folder: paths in it become absolute. `folder` is that of the
+/// scenario's file.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a scenario that cannot be read again, which is a slip of svl's own.
-pub fn scenario_toml(scenario: &Scenario, algorithms: &[String], folder: &Path) -> Result<String> {
+pub fn scenario_toml(
+    scenario: &Scenario,
+    algorithms: &[String],
+    filters: &[(FilterKind, PathBuf)],
+    folder: &Path,
+) -> Result<String> {
     let slip = |why: String| Error::Invalid(format!("{}: {why}", scenario.name));
     let mut table: toml::Table = scenario.text.parse().map_err(|e| slip(format!("{e}")))?;
     let list = |values: &[String]| values.iter().cloned().map(toml::Value::from).collect();
@@ -344,13 +354,13 @@ pub fn scenario_toml(scenario: &Scenario, algorithms: &[String], folder: &Path) 
         let seeds = seeds.iter().map(|seed| toml::Value::from(*seed as i64));
         source.insert("seeds".into(), toml::Value::Array(seeds.collect()));
     }
-    let filters = table.get_mut("filter").and_then(toml::Value::as_array_mut);
-    for filter in filters
+    let of_scenario = table.get_mut("filter").and_then(toml::Value::as_array_mut);
+    for filter in of_scenario
         .into_iter()
         .flatten()
         .filter_map(toml::Value::as_table_mut)
     {
-        for key in ["file", "training"] {
+        for key in ["file", "scenario"] {
             let path = |path: &toml::Value| Some(absolute(&folder.join(path.as_str()?)));
             let replaced = filter.get(key).and_then(path);
             let many = filter
@@ -364,6 +374,16 @@ pub fn scenario_toml(scenario: &Scenario, algorithms: &[String], folder: &Path) 
                 filter.insert(key.into(), value);
             }
         }
+    }
+    if !filters.is_empty() {
+        let entry = |(kind, file): &(FilterKind, PathBuf)| {
+            let mut entry = toml::Table::new();
+            entry.insert("detects".into(), kind.to_string().into());
+            entry.insert("file".into(), absolute(file).into());
+            toml::Value::from(entry)
+        };
+        let entries = filters.iter().map(entry).collect();
+        table.insert("filter".into(), toml::Value::Array(entries));
     }
     let grid = scenario.grid;
     let cells = toml::Value::try_from(scenario.cells).map_err(|e| slip(e.to_string()))?;
@@ -379,4 +399,65 @@ pub fn scenario_toml(scenario: &Scenario, algorithms: &[String], folder: &Path) 
     of_grid.insert("decision".into(), decision.into());
     table.insert("grid".into(), of_grid.into());
     toml::to_string(&table).map_err(|e| slip(e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scenario_can_lie_elsewhere_with_its_filters() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+        let scenario = Scenario::read(&folder.join("floor.toml")).unwrap();
+        let algorithms = ["v3:max_disparity=64", "v3"].map(str::to_owned);
+        let written = |filters: &[(FilterKind, PathBuf)]| {
+            let toml = scenario_toml(&scenario, &algorithms, filters, &folder).unwrap();
+            Scenario::parse(&toml, Path::new("/elsewhere/best.toml")).unwrap()
+        };
+        let moved = written(&[]);
+        assert_eq!(moved.labels(), ["v3:max_disparity=64", "v3"]);
+        assert_eq!(
+            (moved.grid, moved.cells, &moved.source),
+            (scenario.grid, scenario.cells, &scenario.source)
+        );
+        assert_eq!(moved.filters, scenario.filters);
+        assert!(moved.gate.is_empty());
+        let kind = scenario.filters[0].detects;
+        let other = written(&[(kind, "/filters/own.safetensors".into())]);
+        let file = other.filters[0].file.as_deref();
+        assert_eq!(file, Some(Path::new("/filters/own.safetensors")));
+    }
+
+    #[test]
+    fn the_test_has_the_last_word() {
+        let mut of = TunedAlgorithm {
+            reference: "v3".into(),
+            best: "v3:max_disparity=64".into(),
+            objective: "right",
+            axes: Vec::new(),
+            tried: 9,
+            finalists: 3,
+            front: Vec::new(),
+            training: Vec::new(),
+            test: Vec::new(),
+            test_pairs: 9,
+        };
+        assert_eq!(of.verdict(), None);
+        for (judgement, words) in [
+            (Judgement::Better, "confirms it: right cells +10.0 %"),
+            (Judgement::Unclear, "does not confirm it"),
+            (Judgement::Worse, "refutes it"),
+        ] {
+            of.test = vec![Change {
+                metric: Metric::find("right").unwrap(),
+                base: 0.5,
+                other: 0.6,
+                difference: 0.1,
+                interval: None,
+                judgement,
+            }];
+            let verdict = of.verdict().unwrap();
+            assert!(verdict.contains(words), "{verdict}");
+        }
+    }
 }

@@ -8,7 +8,7 @@ use super::windows::{LabelledRuns, train, windows};
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use svl::filter::FilterModel;
+use svl::filter::{FilterKind, FilterModel};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioFilter, ScenarioSource};
 use svl::source::ArenaSource;
@@ -26,6 +26,12 @@ pub(crate) struct FilterArgs {
 }
 
 impl FilterArgs {
+    /// What they detect, with their files.
+    pub(crate) fn files(&self, models: &[Arc<FilterModel>]) -> Vec<(FilterKind, PathBuf)> {
+        let kinds = models.iter().map(|model| model.kind);
+        kinds.zip(self.filter.iter().cloned()).collect()
+    }
+
     /// Reads them.
     pub(crate) fn models(&self) -> anyhow::Result<Vec<Arc<FilterModel>>> {
         let mut models: Vec<Arc<FilterModel>> = Vec::new();

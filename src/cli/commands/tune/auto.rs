@@ -58,6 +58,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let claimed = Outputs::claim(may_replace, [], [out, &page])?;
     let logs = Outputs::claim(may_replace, [], [log.as_path()])?;
     let filters = args.filters.models()?;
+    let files = args.filters.files(&filters);
     let algorithms = args.algorithms()?;
     let spaces = algorithms.iter().map(|algorithm| {
         let base: Algorithm = algorithm.written().parse()?;
@@ -167,7 +168,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         manifest.began,
         goal.words()
     );
-    let toml = head + &scenario_toml(&tested.unwrap_or(scenario), &best, folder)?;
+    let toml = head + &scenario_toml(&tested.unwrap_or(scenario), &best, &files, folder)?;
     let markdown = outcome.markdown(&format!("Tuned on {}", args.what.join(", ")));
     drop(claimed);
     let written = write_both(out, &toml, &markdown, may_replace)?;

@@ -260,7 +260,8 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let folder = Path::new(&args.what[0]).parent().unwrap_or(Path::new(""));
     let scenario = scenario.map(|scenario| (scenario, folder.to_owned()));
-    let mut tuner = Tuner::new(settings, worker, args.out.clone(), scenario);
+    let files = args.filters.files(&filters);
+    let mut tuner = Tuner::new(settings, worker, args.out.clone(), scenario, files);
     let mut screen = match args.script {
         Some(_) => Screen::in_memory()?,
         None => Screen::of_terminal()?,

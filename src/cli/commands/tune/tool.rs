@@ -7,6 +7,7 @@ use ratatui::layout::{Position, Rect};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use svl::filter::FilterKind;
 use svl::scenario::Scenario;
 use svl::score::Metric;
 use svl::tune::{Knob, KnobPart, Setting, scenario_toml};
@@ -62,6 +63,8 @@ pub(super) struct Tuner {
     out: Option<PathBuf>,
     /// With the folder of its file.
     scenario: Option<(Scenario, PathBuf)>,
+    /// What the filters detect, with their files.
+    filters: Vec<(FilterKind, PathBuf)>,
     /// Where the knobs are on the screen.
     rows: Vec<(Rect, usize)>,
     written: Vec<String>,
@@ -73,6 +76,7 @@ impl Tuner {
         worker: Worker,
         out: Option<PathBuf>,
         scenario: Option<(Scenario, PathBuf)>,
+        filters: Vec<(FilterKind, PathBuf)>,
     ) -> Self {
         Self {
             shown: worker.shown(),
@@ -91,6 +95,7 @@ impl Tuner {
             worst: None,
             out,
             scenario,
+            filters,
             rows: Vec::new(),
             written: Vec::new(),
         }
@@ -280,7 +285,10 @@ impl Tuner {
                     cells: now.cells,
                     ..scenario.clone()
                 };
-                scenario_toml(&scenario, &algorithms, folder)?
+                let on = now.algorithm.filters();
+                let is_on = |(kind, _): &&(FilterKind, _)| on.iter().any(|of| of.kind == *kind);
+                let filters: Vec<_> = self.filters.iter().filter(is_on).cloned().collect();
+                scenario_toml(&scenario, &algorithms, &filters, folder)?
             }
             None => {
                 let list: Vec<_> = algorithms.iter().map(|of| format!("{of:?}")).collect();

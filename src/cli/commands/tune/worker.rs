@@ -363,7 +363,8 @@ impl Bench {
             Err(error) if viewer.is_some() => {
                 let mut state = locked(&self.shared);
                 state.shown.has_viewer = false;
-                state.shown.says = Some(format!("Rerun is gone, going on without pictures: {error}"));
+                state.shown.says =
+                    Some(format!("Rerun is gone, going on without pictures: {error}"));
                 drop(state);
                 ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
             }
