@@ -1,6 +1,6 @@
 //! What is sought: a metric as large or as small as possible, while others stay within bounds.
 
-use super::search::TrialValues;
+use super::values::TrialValues;
 use crate::error::{Error, Result, did_you_mean};
 use crate::score::{Better, METRICS, Metric, MetricOrigin, MetricUnit};
 use std::cmp::Ordering;
@@ -141,8 +141,8 @@ impl Goal {
 
     /// Right cells, where there is a truth, otherwise cells that the images support: as many as
     /// possible in at most one and a half times the time of the reference. With a truth, no more
-    /// wrong cells, missed obstacles and cells nearer than the range of disparities: a smaller range
-    /// is no better.
+    /// wrong cells, missed obstacles and cells nearer than the range of disparities: a smaller
+    /// range is no better.
     ///
     /// # Errors
     /// None.

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// An algorithm with all its parameters, and how its cells are made and judged.
 #[derive(Clone, Debug)]
-pub struct Setting {
+pub struct TunedSetting {
     pub algorithm: Algorithm,
     pub grid: GridSettings,
     pub cells: CellRule,
@@ -19,7 +19,7 @@ pub struct Setting {
     pub filters: Vec<Arc<FilterModel>>,
 }
 
-/// Something of a [`Setting`] that has a value.
+/// Something of a [`TunedSetting`] that has a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Knob {
     pub part: KnobPart,
@@ -199,7 +199,7 @@ fn rounded_down(value: f64) -> f64 {
     digit.unwrap_or(1.0) * power
 }
 
-impl Setting {
+impl TunedSetting {
     /// All that can be turned: the algorithm's parameters in the order of its table, then filters,
     /// grid and cells.
     pub fn knobs(&self) -> Vec<Knob> {
@@ -327,7 +327,7 @@ impl Setting {
     /// The same with the value that a person typed.
     ///
     /// # Errors
-    /// As [`Setting::with`]; what the range expects.
+    /// As [`TunedSetting::with`]; what the range expects.
     pub fn typed(&self, knob: &Knob, text: &str) -> Result<Self> {
         let value = knob.range.parse(text).ok_or_else(|| {
             let (name, range) = (knob.name, knob.range);
@@ -364,8 +364,8 @@ mod tests {
     use super::*;
     use crate::matcher::MATCHERS;
 
-    fn setting(algorithm: &str) -> Setting {
-        Setting {
+    fn setting(algorithm: &str) -> TunedSetting {
+        TunedSetting {
             algorithm: algorithm.parse().unwrap(),
             grid: GridSettings::default(),
             cells: CellRule::default(),
@@ -373,7 +373,7 @@ mod tests {
         }
     }
 
-    fn knob(setting: &Setting, name: &str) -> Knob {
+    fn knob(setting: &TunedSetting, name: &str) -> Knob {
         let knobs = setting.knobs();
         *knobs.iter().find(|knob| knob.name == name).unwrap()
     }

@@ -1,7 +1,8 @@
 //! What a search found: for the terminal, as Markdown and as the TOML of a scenario.
 
 use super::goal::Goal;
-use super::search::{Evaluated, TrialValues};
+use super::search::Evaluated;
+use super::values::TrialValues;
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::filter::FilterKind;
@@ -203,7 +204,8 @@ impl TuneOutcome {
                 }
                 let _ = write!(
                     text,
-                    "\nOn the {words}:\n\n| metric | {} | best | change | 95 % |\n|---|--:|--:|--:|---|\n",
+                    "\nOn the {words}:\n\n| metric | {} | best | change | 95 % |\n\
+                     |---|--:|--:|--:|---|\n",
                     of.reference
                 );
                 for change in &changes {

@@ -4,43 +4,11 @@
 
 use super::goal::Goal;
 use super::space::{Space, quasi_random};
+use super::values::TrialValues;
 use crate::error::Result;
 use crate::matcher::Algorithm;
-use crate::score::{METRICS, Metric};
+use crate::score::Metric;
 use std::collections::{BTreeMap, BTreeSet};
-
-/// The metrics of a setting over some pairs, by their places in [`METRICS`]. Times are in
-/// milliseconds, scaled by what the reference took in the same run to what it took in its first
-/// one: runs at other moments compare.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrialValues([Option<f64>; METRICS.len()]);
-
-impl Default for TrialValues {
-    fn default() -> Self {
-        Self([None; METRICS.len()])
-    }
-}
-
-impl TrialValues {
-    pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
-        Self(std::array::from_fn(|i| value(&METRICS[i])))
-    }
-
-    pub fn get(&self, metric: &Metric) -> Option<f64> {
-        self.0[place(metric.name)]
-    }
-
-    /// # Panics
-    /// When no metric of [`METRICS`] has that name.
-    pub fn set(&mut self, name: &str, value: Option<f64>) {
-        self.0[place(name)] = value;
-    }
-}
-
-fn place(name: &str) -> usize {
-    let place = METRICS.iter().position(|metric| metric.name == name);
-    place.expect("a metric of METRICS")
-}
 
 /// Runs settings over pairs.
 pub trait Evaluator {
@@ -94,6 +62,16 @@ pub struct Evaluated {
     pub generation: usize,
     pub pairs: usize,
     pub values: TrialValues,
+}
+
+/// A result, for a log.
+pub struct LoggedTrial<'a> {
+    /// As `--algo` takes it.
+    pub setting: &'a str,
+    pub generation: usize,
+    pub pairs: usize,
+    /// Nothing of a setting that failed.
+    pub values: Option<&'a TrialValues>,
 }
 
 /// What is known of settings as they are written, over so many pairs; nothing of one that fails.
@@ -151,7 +129,7 @@ impl<'a> Search<'a> {
     pub fn run(
         &mut self,
         evaluator: &mut dyn Evaluator,
-        log: &mut dyn FnMut(&str, usize, usize, Option<&TrialValues>) -> Result<()>,
+        log: &mut dyn FnMut(&LoggedTrial<'_>) -> Result<()>,
     ) -> Result<()> {
         let mut random = fastrand::Rng::with_seed(self.plan.seed);
         let mut seen = BTreeSet::from([self.space.base.written()]);
@@ -236,7 +214,7 @@ impl<'a> Search<'a> {
         algorithms: &[Algorithm],
         pairs: usize,
         evaluator: &mut dyn Evaluator,
-        log: &mut dyn FnMut(&str, usize, usize, Option<&TrialValues>) -> Result<()>,
+        log: &mut dyn FnMut(&LoggedTrial<'_>) -> Result<()>,
     ) -> Result<bool> {
         let base = self.space.base.clone();
         let is_unknown = |a: &&Algorithm| !self.known.contains_key(&(a.written(), pairs));
@@ -271,7 +249,12 @@ impl<'a> Search<'a> {
             let is_new = !self.known.contains_key(&(base.written(), pairs));
             let reference = is_new.then(|| (base.written(), Some(reference)));
             for (written, values) in reference.into_iter().chain(found) {
-                log(&written, self.generation, pairs, values.as_ref())?;
+                log(&LoggedTrial {
+                    setting: &written,
+                    generation: self.generation,
+                    pairs,
+                    values: values.as_ref(),
+                })?;
                 self.known.insert((written, pairs), values);
             }
         }
@@ -452,8 +435,14 @@ mod tests {
         let mut search = Search::new(&space, &goal, plan, BTreeMap::new());
         let mut log = Vec::new();
         search
-            .run(&mut evaluator, &mut |written, _, pairs, values| {
-                log.push(format!("{written} {pairs} {}", values.is_some()));
+            .run(&mut evaluator, &mut |trial| {
+                let LoggedTrial {
+                    setting,
+                    pairs,
+                    values,
+                    ..
+                } = trial;
+                log.push(format!("{setting} {pairs} {}", values.is_some()));
                 Ok(())
             })
             .unwrap();

@@ -7,12 +7,12 @@ use crate::matcher::{Algorithm, Parameter, Range, Value};
 #[derive(Clone, Debug)]
 pub struct Space {
     pub base: Algorithm,
-    pub axes: Vec<Axis>,
+    pub axes: Vec<SearchAxis>,
 }
 
 /// A parameter and the values that are tried.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
+pub struct SearchAxis {
     pub name: &'static str,
     values: AxisValues,
 }
@@ -43,7 +43,7 @@ const REACH: f64 = 4.0;
 /// A range of so few whole numbers is searched as it is.
 const FEW: i32 = 64;
 
-impl Axis {
+impl SearchAxis {
     /// `NAME`, `NAME=FROM..TO` or `NAME=A/B/C`; a name alone is sought around its value in `base`,
     /// or in all of a small range.
     ///
@@ -196,7 +196,7 @@ impl AxisValues {
     }
 }
 
-impl std::fmt::Display for Axis {
+impl std::fmt::Display for SearchAxis {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let name = self.name;
         match &self.values {
@@ -215,17 +215,19 @@ impl Space {
     /// is another one.
     ///
     /// # Errors
-    /// As [`Axis::parse`]; that there is nothing to search.
+    /// As [`SearchAxis::parse`]; that there is nothing to search.
     pub fn new(base: Algorithm, named: &[String]) -> Result<Self> {
         let axes: Vec<_> = match named {
             [] => {
                 let fixed = ["revision", "timeout_s"];
                 let parameters = base.spec().parameters.iter();
                 let parameters = parameters.filter(|p| !fixed.contains(&p.name));
-                parameters.filter_map(|p| Axis::around(&base, p)).collect()
+                parameters
+                    .filter_map(|p| SearchAxis::around(&base, p))
+                    .collect()
             }
             named => {
-                let axes = named.iter().map(|text| Axis::parse(&base, text));
+                let axes = named.iter().map(|text| SearchAxis::parse(&base, text));
                 axes.collect::<Result<_>>()?
             }
         };
@@ -248,7 +250,7 @@ impl Space {
 
     /// Where a setting lies.
     pub fn place(&self, algorithm: &Algorithm) -> Vec<f64> {
-        let place = |axis: &Axis| {
+        let place = |axis: &SearchAxis| {
             let mut values = algorithm.parameters().iter();
             let found = values.find(|(name, _)| *name == axis.name);
             found.map_or(0.5, |(_, value)| axis.place(value))
@@ -278,8 +280,8 @@ impl Space {
     }
 }
 
-/// Point `i` of a quasi-random sequence that fills the unit cube of so many dimensions evenly: R2 of
-/// Roberts 2018, generalized.
+/// Point `i` of a quasi-random sequence that fills the unit cube of so many dimensions evenly: R2
+/// of Roberts 2018, generalized.
 pub fn quasi_random(i: usize, dimensions: usize) -> impl Iterator<Item = f64> {
     // The root of x^(d+1) = x + 1, by iteration.
     let power = 1.0 / (dimensions as f64 + 1.0);
@@ -319,7 +321,7 @@ mod tests {
     fn places_cover_what_is_named() {
         let bm: Algorithm = "bm".parse().unwrap();
         let values = |text: &str| {
-            let axis = Axis::parse(&bm, text).unwrap();
+            let axis = SearchAxis::parse(&bm, text).unwrap();
             let mut values: Vec<_> = (0..=100)
                 .map(|i| axis.value(f64::from(i) / 100.0).to_string())
                 .collect();
@@ -334,7 +336,7 @@ mod tests {
         let size = |at: f64| space.at(&bm, &[at], &[0]).map(|a| a.written());
         assert_eq!(size(0.1).unwrap(), "bm:block_size=7");
         assert_eq!(size(0.9).unwrap(), "bm");
-        let wrong = |text: &str| Axis::parse(&bm, text).unwrap_err().to_string();
+        let wrong = |text: &str| SearchAxis::parse(&bm, text).unwrap_err().to_string();
         assert!(
             wrong("block=3").contains("block_size"),
             "{}",

@@ -205,9 +205,9 @@ impl RerunSink {
         }
     }
 
-    /// Shows frames while a person changes the first algorithm: the maps of all beside each other, in
-    /// the order in which they come, whatever their numbers, and each at once. When a frame comes
-    /// again, algorithms behind the first that have no estimate keep the one they had.
+    /// Shows frames while a person changes the first algorithm: the maps of all beside each other,
+    /// in the order in which they come, whatever their numbers, and each at once. When a frame
+    /// comes again, algorithms behind the first that have no estimate keep the one they had.
     #[must_use]
     pub fn for_tuning(self) -> Self {
         Self {

@@ -11,7 +11,7 @@ fn help_tells_what_svl_is_for() {
 #[test]
 fn no_terminal_breaks_the_text_below_the_options() {
     let fixture = Fixture::new();
-    for command in ["record", "replay", "score", "match", "eval"] {
+    for command in ["record", "replay", "score", "match", "eval", "tune"] {
         let below = |columns: &str| {
             let text = fixture
                 .svl_with(&[command, "--help"], &[("COLUMNS", columns)])

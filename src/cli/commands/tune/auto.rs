@@ -22,8 +22,8 @@ use svl::sink::{Outbox, RunStart, Sink, TableSink, finish};
 use svl::source::Source;
 use svl::stereo::Frame;
 use svl::tune::{
-    Evaluated, Evaluator, FrontEntry, Goal, Known, Sampler, Search, SearchPlan, Space, TrialValues,
-    TuneFacts, TuneOutcome, TunedAlgorithm, evaluate, scenario_toml, spread_order,
+    Evaluated, Evaluator, FrontEntry, Goal, Known, LoggedTrial, Sampler, Search, SearchPlan, Space,
+    TrialValues, TuneFacts, TuneOutcome, TunedAlgorithm, evaluate, scenario_toml, spread_order,
 };
 
 /// Most memory of the frames that are searched on, and of those that judge, bytes.
@@ -39,7 +39,7 @@ const FIRST_PAIRS: usize = 8;
 const FRONT: usize = 16;
 
 /// Frames of a run, in memory.
-struct Part {
+struct HeldRun {
     name: String,
     seed: Option<u64>,
     judge: Judge,
@@ -74,12 +74,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut scenario = args.scenario_of(&args.what)?;
     args.source
         .change(std::slice::from_mut(&mut scenario), &args.what[0])?;
-    let Data {
+    let SearchData {
         training,
         test,
         caution,
         tested,
-    } = Data::read(args, &scenario, quiet)?;
+    } = SearchData::read(args, &scenario, quiet)?;
     let frames = || training.iter().chain(&test).flat_map(|part| &part.frames);
     let pairs: usize = training.iter().map(|part| part.frames.len()).sum();
     if pairs == 0 {
@@ -92,7 +92,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ..plan
     };
     let mut log = TrialLog::open(&log, &training, args.search.resume, logs)?;
-    let mut evaluator = Runs {
+    let mut evaluator = HeldRuns {
         parts: &training,
         has_truth,
         progress: None,
@@ -124,9 +124,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let title = format!("search {}", space.base.label());
         evaluator.progress = Some(Progress::new(&title, Some(Search::matchings(plan)), quiet));
         let mut search = Search::new(space, &goal, plan, known);
-        let ran = search.run(&mut evaluator, &mut |setting, generation, pairs, values| {
-            log.write(&space.base, setting, generation, pairs, values)
-        });
+        let ran = search.run(&mut evaluator, &mut |trial| log.write(&space.base, trial));
         if let Some(progress) = evaluator.progress.take() {
             progress.clear();
         }
@@ -140,7 +138,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     }
     let manifest = Manifest::new("tune", None, &algorithms)?;
-    let names = |parts: &[Part]| parts.iter().map(|part| part.name.clone()).collect();
+    let names = |parts: &[HeldRun]| parts.iter().map(|part| part.name.clone()).collect();
     let outcome = TuneOutcome {
         facts: TuneFacts {
             goal: goal.words(),
@@ -222,16 +220,16 @@ fn goal(args: &Args, has_truth: bool) -> anyhow::Result<Goal> {
 }
 
 /// What is searched on, and what judges.
-struct Data {
-    training: Vec<Part>,
-    test: Vec<Part>,
+struct SearchData {
+    training: Vec<HeldRun>,
+    test: Vec<HeldRun>,
     /// Why the test says less than it could.
     caution: Option<String>,
     /// The scenario that judges, where it is another.
     tested: Option<Scenario>,
 }
 
-impl Data {
+impl SearchData {
     fn read(args: &Args, scenario: &Scenario, quiet: bool) -> anyhow::Result<Self> {
         let search = &args.search;
         let tested = match (&search.test[..], &search.test_seeds) {
@@ -284,7 +282,7 @@ impl Data {
                      name some with --test."
                         .to_owned()
                 });
-                let test = Part {
+                let test = HeldRun {
                     name: format!("{}, held out", only.name),
                     seed: only.seed,
                     judge: only.judge.clone(),
@@ -309,7 +307,7 @@ impl Data {
 }
 
 /// Refuses a test on what was searched on.
-fn refuse_same(training: &[Part], test: &[Part]) -> anyhow::Result<()> {
+fn refuse_same(training: &[HeldRun], test: &[HeldRun]) -> anyhow::Result<()> {
     let hashes: std::collections::BTreeSet<_> = training
         .iter()
         .flat_map(|part| part.frames.iter().map(|frame| frame.pair.hash()))
@@ -333,7 +331,7 @@ fn parts(
     scenario: &Scenario,
     wanted: usize,
     quiet: bool,
-) -> anyhow::Result<Vec<Part>> {
+) -> anyhow::Result<Vec<HeldRun>> {
     let runs = runs(scenario, &args.source, quiet)?;
     let count = runs.len().max(1);
     let mut parts = Vec::new();
@@ -357,7 +355,7 @@ fn parts(
                 "{name}: its pairs are raw, and taken as rectified; --calib names a calibration"
             );
         }
-        parts.push(Part {
+        parts.push(HeldRun {
             name,
             seed,
             judge,
@@ -367,20 +365,20 @@ fn parts(
     Ok(parts)
 }
 
-/// Runs algorithms over the frames in memory.
-struct Runs<'a> {
-    parts: &'a [Part],
+/// HeldRuns algorithms over the frames in memory.
+struct HeldRuns<'a> {
+    parts: &'a [HeldRun],
     has_truth: bool,
     progress: Option<Progress>,
 }
 
 /// Counts matchings.
-struct Counting<'a> {
+struct MatchingCount<'a> {
     progress: Option<&'a Progress>,
     algorithms: usize,
 }
 
-impl Monitor for Counting<'_> {
+impl Monitor for MatchingCount<'_> {
     fn go_on(&mut self, _: u64) -> bool {
         for progress in self.progress.iter().cycle().take(self.algorithms) {
             progress.step();
@@ -392,7 +390,7 @@ impl Monitor for Counting<'_> {
     fn failed(&mut self, _: &str) {}
 }
 
-impl Runs<'_> {
+impl HeldRuns<'_> {
     /// The rows per algorithm, over so many pairs spread over all; nothing when interrupted.
     fn rows(&self, algorithms: &[Algorithm], pairs: usize) -> svl::Result<Option<Vec<Vec<Row>>>> {
         let labels: Vec<_> = (0..algorithms.len())
@@ -430,7 +428,7 @@ impl Runs<'_> {
             };
             let rows = Outbox::default();
             let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(TableSink::new(None, None, &rows)?)];
-            let mut counting = Counting {
+            let mut counting = MatchingCount {
                 progress: self.progress.as_ref(),
                 algorithms: labels.len(),
             };
@@ -457,7 +455,7 @@ impl Runs<'_> {
     }
 }
 
-impl Evaluator for Runs<'_> {
+impl Evaluator for HeldRuns<'_> {
     fn evaluate(
         &mut self,
         algorithms: &[Algorithm],
@@ -482,8 +480,8 @@ fn found(
     space: &Space,
     search: &Search<'_>,
     goal: &Goal,
-    training: &[Part],
-    test: &[Part],
+    training: &[HeldRun],
+    test: &[HeldRun],
     has_truth: bool,
     quiet: bool,
 ) -> anyhow::Result<TunedAlgorithm> {
@@ -503,13 +501,13 @@ fn found(
         .map(|of| FrontEntry::new(of, goal, &reference))
         .collect();
     let both = [space.base.clone(), best.clone()];
-    let compared = |what: &str, parts: &[Part]| -> anyhow::Result<_> {
+    let compared = |what: &str, parts: &[HeldRun]| -> anyhow::Result<_> {
         let pairs: usize = parts.iter().map(|part| part.frames.len()).sum();
         if interrupted() || best.written() == space.base.written() || pairs == 0 {
             return Ok((Vec::new(), pairs));
         }
         let title = format!("{what} {}", space.base.label());
-        let mut runs = Runs {
+        let mut runs = HeldRuns {
             parts,
             has_truth,
             progress: Some(Progress::new(&title, Some(2 * pairs as u64), quiet)),
@@ -556,7 +554,12 @@ struct TrialLog {
 const HEAD: [&str; 5] = ["data", "algorithm", "generation", "pairs", "setting"];
 
 impl TrialLog {
-    fn open(path: &Path, training: &[Part], resume: bool, logs: Outputs) -> anyhow::Result<Self> {
+    fn open(
+        path: &Path,
+        training: &[HeldRun],
+        resume: bool,
+        logs: Outputs,
+    ) -> anyhow::Result<Self> {
         let made = Manifest::new("tune", None, &[])?;
         let mut words = format!("{} {:?}", made.svl, made.git_revision);
         for part in training {
@@ -615,22 +618,15 @@ impl TrialLog {
             .collect()
     }
 
-    fn write(
-        &mut self,
-        base: &Algorithm,
-        setting: &str,
-        generation: usize,
-        pairs: usize,
-        values: Option<&TrialValues>,
-    ) -> svl::Result<()> {
+    fn write(&mut self, base: &Algorithm, trial: &LoggedTrial<'_>) -> svl::Result<()> {
         let head = [
             self.key.clone(),
             base.written(),
-            generation.to_string(),
-            pairs.to_string(),
-            setting.to_owned(),
+            trial.generation.to_string(),
+            trial.pairs.to_string(),
+            trial.setting.to_owned(),
         ];
-        let value = |metric| values.and_then(|values| values.get(metric));
+        let value = |metric| trial.values.and_then(|values| values.get(metric));
         let metrics = METRICS
             .iter()
             .map(|metric| value(metric).map_or(String::new(), |v| v.to_string()));
@@ -643,7 +639,6 @@ impl TrialLog {
 }
 
 /// A row of a log with that key.
-#[expect(clippy::type_complexity, reason = "a key and a value")]
 fn entry(
     record: &BTreeMap<String, String>,
     key: &str,

@@ -22,9 +22,9 @@ use svl::scenario::Scenario;
 use svl::score::Judge;
 use svl::sink::RerunTarget;
 use svl::source::{Request, Source};
-use svl::tune::{Constraint, Sampler, Setting};
+use svl::tune::{Constraint, Sampler, TunedSetting};
 use tool::Tuner;
-use worker::Worker;
+use worker::TuneWorker;
 
 /// Tune algorithms on a source: by hand, or by a search
 ///
@@ -38,7 +38,7 @@ Examples:
   svl tune arena --algo bm --rerun none
   svl tune v4l2:/dev/video0,/dev/video2
   svl tune run.mcap --scenario own.toml      its cells, rule and checkpoints
-  svl tune arena --auto --algo bm --seeds 4..10 --test-seeds 41..43 -o best.toml
+  svl tune arena --auto --algo bm --seeds 4..9 --test-seeds 41..43 -o b.toml
   svl tune mon.mcap tue.mcap --test wed.mcap --auto --algo v3 \\
     --vary texture_delta=2..6 --maximize right --subject-to 'wrong<=3%' \\
     --subject-to 'time<=1.2x' -o best.toml
@@ -217,7 +217,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let algorithms = args.algorithms()?;
     let tuned = open(args, name, quiet)?;
     let (viewer, without) = viewer(args)?;
-    let settings = algorithms.into_iter().map(|algorithm| Setting {
+    let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
         algorithm: algorithm.filtered(&filters),
         grid: tuned.judge.grid,
         cells: tuned.judge.cells,
@@ -251,7 +251,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ..judge
     };
     let target = viewer.map(|target| (target, name.clone()));
-    let worker = Worker::begin(sampler, judge, target)?;
+    let worker = TuneWorker::begin(sampler, judge, target)?;
     let raw = stepper.frame().rectified().is_err().then(|| {
         "its pairs are raw, and taken as rectified: --calib names a calibration".to_owned()
     });

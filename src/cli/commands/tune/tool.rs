@@ -1,7 +1,7 @@
 //! Turning knobs: the keys, what they change, and what is written.
 
 use super::view;
-use super::worker::{Job, Shown, Worker, delay_ms, title};
+use super::worker::{Job, Shown, TuneWorker, delay_ms, title};
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
 use ratatui::layout::{Position, Rect};
 use std::fmt::Write;
@@ -10,7 +10,7 @@ use std::time::Instant;
 use svl::filter::FilterKind;
 use svl::scenario::Scenario;
 use svl::score::Metric;
-use svl::tune::{Knob, KnobPart, Setting, scenario_toml};
+use svl::tune::{Knob, KnobPart, TunedSetting, scenario_toml};
 
 /// Its keys beside those of the stepper.
 const KEYS: &[(&str, &str)] = &[
@@ -33,9 +33,9 @@ const MOST_UNDONE: usize = 1000;
 #[derive(Clone)]
 struct Knobs {
     /// Per algorithm.
-    settings: Vec<Setting>,
+    settings: Vec<TunedSetting>,
     /// What they are compared with.
-    compared: Vec<Setting>,
+    compared: Vec<TunedSetting>,
     current: usize,
 }
 
@@ -47,10 +47,10 @@ enum Asks {
 
 /// A person at work.
 pub(super) struct Tuner {
-    worker: Worker,
+    worker: TuneWorker,
     knobs: Knobs,
     /// The settings that it began with.
-    begun: Vec<Setting>,
+    begun: Vec<TunedSetting>,
     undo: Vec<Knobs>,
     redo: Vec<Knobs>,
     /// Place in the list of knobs.
@@ -72,8 +72,8 @@ pub(super) struct Tuner {
 
 impl Tuner {
     pub(super) fn new(
-        settings: Vec<Setting>,
-        worker: Worker,
+        settings: Vec<TunedSetting>,
+        worker: TuneWorker,
         out: Option<PathBuf>,
         scenario: Option<(Scenario, PathBuf)>,
         filters: Vec<(FilterKind, PathBuf)>,
@@ -106,7 +106,7 @@ impl Tuner {
     }
 
     /// The setting that is turned, and the one that it is compared with.
-    pub(super) fn pair(&self) -> [&Setting; 2] {
+    pub(super) fn pair(&self) -> [&TunedSetting; 2] {
         let Knobs {
             settings,
             compared,
@@ -116,7 +116,7 @@ impl Tuner {
     }
 
     /// The setting that the current algorithm began with.
-    pub(super) fn begun(&self) -> &Setting {
+    pub(super) fn begun(&self) -> &TunedSetting {
         &self.begun[self.knobs.current]
     }
 
@@ -142,7 +142,7 @@ impl Tuner {
     fn ask(&self, stepper: &Stepper<'_>, since: Option<Instant>) {
         self.worker.ask(Job {
             frame: std::sync::Arc::clone(stepper.held_frame()),
-            settings: self.pair().map(Setting::clone),
+            settings: self.pair().map(TunedSetting::clone),
             since,
         });
     }
@@ -166,7 +166,12 @@ impl Tuner {
     }
 
     /// Takes a new setting of the current algorithm; grid and cells hold for all.
-    fn set(&mut self, setting: svl::Result<Setting>, stepper: &mut Stepper<'_>, since: Instant) {
+    fn set(
+        &mut self,
+        setting: svl::Result<TunedSetting>,
+        stepper: &mut Stepper<'_>,
+        since: Instant,
+    ) {
         let setting = match setting {
             Ok(setting) => setting,
             Err(error) => return stepper.say(error.to_string()),

@@ -14,7 +14,7 @@ use svl::score::{Judge, Judged, Metric, MetricValues};
 use svl::sink::{Outbox, RerunDetail, RerunSink, RerunTarget, RunInfo, RunStart, Sink, TableSink};
 use svl::sink::{WatchSink, finish};
 use svl::stereo::{Frame, Gray, Reason};
-use svl::tune::{Sampler, Setting, evaluate, spread_order};
+use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
 
 /// Labels of the setting that is turned and of the one that it is compared with.
 pub(super) const LABELS: [&str; 2] = ["now", "compared"];
@@ -37,7 +37,7 @@ pub(super) struct Job {
     pub(super) frame: Arc<Frame>,
     /// The one that is turned, the one that it is compared with. The grid and the cells of the
     /// first hold for both.
-    pub(super) settings: [Setting; 2],
+    pub(super) settings: [TunedSetting; 2],
     /// When the key was pressed that asked for it, if one was.
     pub(super) since: Option<Instant>,
 }
@@ -111,19 +111,19 @@ struct State {
     stops: bool,
 }
 
-type Shared = Arc<(Mutex<State>, Condvar)>;
+type SharedState = Arc<(Mutex<State>, Condvar)>;
 
-fn locked(shared: &Shared) -> MutexGuard<'_, State> {
+fn locked(shared: &SharedState) -> MutexGuard<'_, State> {
     shared.0.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The thread that runs algorithms.
-pub(super) struct Worker {
-    shared: Shared,
+pub(super) struct TuneWorker {
+    shared: SharedState,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Worker {
+impl TuneWorker {
     /// `sampler`: reads the sample; without it the sample is of the frames that were shown.
     pub(super) fn begin(
         sampler: Option<Sampler>,
@@ -147,7 +147,7 @@ impl Worker {
             has_viewer: rerun.is_some(),
             ..Shown::default()
         };
-        let shared: Shared = Arc::new((
+        let shared: SharedState = Arc::new((
             Mutex::new(State {
                 job: None,
                 shown,
@@ -203,7 +203,7 @@ impl Worker {
     }
 }
 
-impl Drop for Worker {
+impl Drop for TuneWorker {
     fn drop(&mut self) {
         let mut state = locked(&self.shared);
         state.stops = true;
@@ -216,14 +216,14 @@ impl Drop for Worker {
 }
 
 /// Ends a run as soon as something else is wanted.
-struct Watch<'a> {
-    shared: &'a Shared,
+struct KeyWatch<'a> {
+    shared: &'a SharedState,
     failure: Option<String>,
     /// A frame that a person waits for is run to its end.
     ends: bool,
 }
 
-impl Monitor for Watch<'_> {
+impl Monitor for KeyWatch<'_> {
     fn go_on(&mut self, _: u64) -> bool {
         let state = locked(self.shared);
         !(self.ends && (state.job.is_some() || state.stops))
@@ -236,7 +236,7 @@ impl Monitor for Watch<'_> {
 
 /// What the thread has.
 struct Bench {
-    shared: Shared,
+    shared: SharedState,
     manifest: Manifest,
     judge: Judge,
     sampler: Option<Sampler>,
@@ -295,7 +295,7 @@ impl Bench {
     }
 
     /// Builds the matchers, where the settings are others.
-    fn prepare(&mut self, settings: &[Setting; 2]) -> svl::Result<()> {
+    fn prepare(&mut self, settings: &[TunedSetting; 2]) -> svl::Result<()> {
         let [now, compared] = settings;
         let keys = [now, compared].map(|of| format!("{:?}", of.algorithm));
         let rules = format!("{:?} {:?}", now.grid, now.cells);
@@ -426,7 +426,7 @@ impl Bench {
             seed: None,
             judge: &self.judge,
         };
-        let mut watch = Watch {
+        let mut watch = KeyWatch {
             shared: &self.shared,
             failure: None,
             // A person waits for what is done as soon as possible.
@@ -461,7 +461,7 @@ impl Bench {
 
     /// Reads and runs the sample, as far as nothing else is wanted.
     fn do_sample(&mut self, job: &Job) -> svl::Result<()> {
-        let is_wanted = |shared: &Shared| {
+        let is_wanted = |shared: &SharedState| {
             let state = locked(shared);
             state.job.is_some() || state.stops
         };
