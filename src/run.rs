@@ -994,6 +994,47 @@ mod tests {
     }
 
     #[test]
+    fn memory_is_set_up_once_for_a_size_in_all_runs() {
+        struct Warmed(usize);
+        impl Monitor for Warmed {
+            fn go_on(&mut self, done: u64) -> bool {
+                done < 2
+            }
+
+            fn memory_of(&mut self, work: &mut dyn FnMut()) -> Option<MemoryUse> {
+                self.0 += 1;
+                work();
+                None
+            }
+        }
+        let algorithms = ["v3:max_disparity=8", "v1:max_disparity=8"].map(|a| a.parse().unwrap());
+        let manifest = Manifest::new("test", None, &algorithms).unwrap();
+        let judge = Judge::default();
+        let start = RunStart {
+            manifest: &manifest,
+            log: None,
+            seed: None,
+            judge: &judge,
+        };
+        let mut matchers = Matchers::new(&algorithms).unwrap();
+        let warmed = |matchers: &mut Matchers| {
+            let (mut monitor, pace) = (Warmed(0), Pace::Measured { rounds: 1 });
+            let mut source = Failing::new(9);
+            run(&mut source, matchers, &start, pace, &mut [], &mut monitor)
+                .1
+                .unwrap();
+            monitor.0
+        };
+        assert_eq!((warmed(&mut matchers), warmed(&mut matchers)), (2, 0));
+        // What takes another's place has to be set up; so does nothing that was away meanwhile.
+        matchers.replace(&algorithms[0]).unwrap();
+        let away = matchers.split_off(1);
+        assert_eq!(warmed(&mut matchers), 1);
+        matchers.append(away);
+        assert_eq!(warmed(&mut matchers), 0);
+    }
+
+    #[test]
     fn raw_pairs_are_not_matched() {
         let mut source = Failing {
             geometry: Geometry::Raw,

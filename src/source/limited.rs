@@ -171,6 +171,11 @@ mod tests {
             Some(20)
         }
 
+        fn seek(&mut self, index: u64) -> Result<bool> {
+            self.0 = index;
+            Ok(true)
+        }
+
         fn finish(&mut self, taken: u64) -> Losses {
             Losses {
                 unreadable: taken,
@@ -216,6 +221,25 @@ mod tests {
             12,
             "ten were skipped on purpose"
         );
+    }
+
+    #[test]
+    fn every_third_is_sought_by_its_own_index() {
+        let of = |every, to_s| {
+            let range = PairRange {
+                every,
+                to_s,
+                ..PairRange::default()
+            };
+            let mut source = Limited::new(Box::new(Steady(0)), range, None);
+            source.first();
+            let sought = source.seek(2).unwrap();
+            let rest = std::iter::from_fn(|| source.next().unwrap());
+            (sought, rest.map(|frame| frame.sequence).collect::<Vec<_>>())
+        };
+        assert_eq!(of(Some(3), None), (true, vec![9, 12, 15, 18, 21]));
+        // Where a range ends is known by reading.
+        assert_eq!(of(None, Some(0.2)), (false, vec![3, 4]));
     }
 
     #[test]

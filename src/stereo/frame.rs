@@ -120,6 +120,16 @@ impl TruthKind {
 }
 
 impl Truth {
+    /// Hash of its disparities, the same on every machine.
+    pub fn hash(&self) -> u128 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        for row in self.disparity.rows() {
+            let bytes: Vec<_> = row.iter().flat_map(|d| d.to_le_bytes()).collect();
+            hasher.update(&bytes);
+        }
+        hasher.digest128()
+    }
+
     /// A dense truth of a simulation or a data set.
     pub fn exact(disparity: Plane<f32>, visibility: Option<Plane<Visibility>>) -> Self {
         Self {

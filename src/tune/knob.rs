@@ -54,12 +54,11 @@ impl KnobPart {
     }
 }
 
-const GRID_SIDE: Range = Range::int(5, 1..=MAX_GRID as i32);
 const GRID: [Parameter; 4] = [
     Parameter {
         name: "columns",
         unit: "",
-        range: GRID_SIDE,
+        range: Range::int(5, 1..=MAX_GRID as i32),
         description: "cells of the depth grid in a row",
     },
     Parameter {
@@ -161,7 +160,7 @@ impl Knob {
         Some(if coarse { 10.0 * fine } else { fine })
     }
 
-    /// The value so many steps on, within the range; the next option of a choice.
+    /// The value `steps` on, within the range; the next option of a choice.
     fn stepped(&self, value: &Value, steps: i32, coarse: bool) -> Option<Value> {
         match (&self.range, value) {
             (Range::Flag { .. }, Value::Flag(is)) => Some(Value::Flag(is ^ (steps % 2 != 0))),
@@ -197,6 +196,24 @@ fn rounded_down(value: f64) -> f64 {
     let power = 10_f64.powf(value.log10().floor());
     let digit = [5.0, 2.0, 1.0].into_iter().find(|d| value >= d * power);
     digit.unwrap_or(1.0) * power
+}
+
+/// The number of a rule that a knob is called after.
+fn field<'a>(cells: &'a mut CellRule, name: &str) -> &'a mut f64 {
+    match cells {
+        CellRule::Disparity { tolerance_px } => tolerance_px,
+        CellRule::Distance {
+            tolerance_m,
+            tolerance_percent,
+            obstacle_m,
+            clear_m,
+        } => match name {
+            "tolerance_m" => tolerance_m,
+            "tolerance_percent" => tolerance_percent,
+            "obstacle_m" => obstacle_m,
+            _ => clear_m,
+        },
+    }
 }
 
 impl TunedSetting {
@@ -245,20 +262,7 @@ impl TunedSetting {
                     CellDecision::Safe => "safe",
                 }),
             },
-            KnobPart::Cells => Value::Real(match self.cells {
-                CellRule::Disparity { tolerance_px } => tolerance_px,
-                CellRule::Distance {
-                    tolerance_m,
-                    tolerance_percent,
-                    obstacle_m,
-                    clear_m,
-                } => match knob.name {
-                    "tolerance_m" => tolerance_m,
-                    "tolerance_percent" => tolerance_percent,
-                    "obstacle_m" => obstacle_m,
-                    _ => clear_m,
-                },
-            }),
+            KnobPart::Cells => Value::Real(*field(&mut { self.cells }, knob.name)),
         }
     }
 
@@ -300,20 +304,7 @@ impl TunedSetting {
                 }
             }
             (KnobPart::Cells, Value::Real(value)) => {
-                match &mut changed.cells {
-                    CellRule::Disparity { tolerance_px } => *tolerance_px = *value,
-                    CellRule::Distance {
-                        tolerance_m,
-                        tolerance_percent,
-                        obstacle_m,
-                        clear_m,
-                    } => match knob.name {
-                        "tolerance_m" => *tolerance_m = *value,
-                        "tolerance_percent" => *tolerance_percent = *value,
-                        "obstacle_m" => *obstacle_m = *value,
-                        _ => *clear_m = *value,
-                    },
-                }
+                *field(&mut changed.cells, knob.name) = *value;
                 changed.cells.validate()?;
             }
             (KnobPart::Filter | KnobPart::Cells, other) => {
@@ -378,7 +369,7 @@ mod tests {
         *knobs.iter().find(|knob| knob.name == name).unwrap()
     }
 
-    /// The values that so many steps lead through.
+    /// The values that the steps lead through.
     fn walk(algorithm: &str, name: &str, up: bool, coarse: bool, steps: usize) -> Vec<String> {
         let mut now = setting(algorithm);
         let knob = knob(&now, name);

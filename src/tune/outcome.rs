@@ -6,7 +6,7 @@ use super::values::TrialValues;
 use crate::counted;
 use crate::error::{Error, Result};
 use crate::filter::FilterKind;
-use crate::report::compare::{Change, Judgement};
+use crate::report::compare::{Change, Judgement, signed, verdict};
 use crate::scenario::{Scenario, ScenarioSource};
 use crate::score::{METRICS, Metric};
 use serde::Serialize;
@@ -126,29 +126,16 @@ impl TunedAlgorithm {
 /// A change with its interval and what it is called.
 fn change_words(change: &Change) -> [String; 4] {
     let metric = change.metric;
-    let times = change.metric.unit == crate::score::MetricUnit::Ms;
-    let signed = |value: f64| match times {
-        true => metric.show_relative(value),
-        false => format!(
-            "{}{}",
-            if value < 0.0 { "" } else { "+" },
-            metric.show(value)
-        ),
-    };
     let interval = change.interval.map_or("-".to_owned(), |(low, high)| {
-        format!("{} to {}", signed(low), signed(high))
+        format!("{} to {}", signed(metric, low), signed(metric, high))
     });
-    let judgement = match change.judgement {
-        Judgement::Equal | Judgement::Unclear => "",
-        Judgement::Better => " better",
-        Judgement::Worse => " worse",
-        Judgement::Differs => " differs",
-    };
     [
         metric.show(change.base),
         metric.show(change.other),
-        signed(change.difference),
-        interval + judgement,
+        signed(metric, change.difference),
+        format!("{interval} {}", verdict(change.judgement))
+            .trim()
+            .to_owned(),
     ]
 }
 
@@ -204,17 +191,12 @@ impl TuneOutcome {
                 }
                 let _ = write!(
                     text,
-                    "\nOn the {words}:\n\n| metric | {} | best | change | 95 % |\n\
-                     |---|--:|--:|--:|---|\n",
+                    "\nOn the {words}:\n\n| | {} | best | change | 95 % | |\n\
+                     |---|---:|---:|---:|---|---|\n",
                     of.reference
                 );
                 for change in &changes {
-                    let [base, other, difference, interval] = change_words(change);
-                    let words = change.metric.words;
-                    let _ = writeln!(
-                        text,
-                        "| {words} | {base} | {other} | {difference} | {interval} |"
-                    );
+                    text += &change.markdown_row(change.metric.words);
                 }
             }
             let objectives = of.objectives();

@@ -7,6 +7,9 @@ use crate::source::{AssumeRectified, Source};
 use crate::stereo::Frame;
 use std::sync::Arc;
 
+/// Frames that cannot be read, one after the other, after which a source is given up.
+const UNREADABLE: u64 = 16;
+
 /// Reads frames that are spread evenly over a source, a step at a time.
 pub struct Sampler {
     source: Box<dyn Source>,
@@ -17,7 +20,7 @@ pub struct Sampler {
     count: Option<u64>,
     /// Index of the frame that the source gives next.
     next: u64,
-    /// Where the count is not known: one of so many is kept.
+    /// Where the count is not known: one of this number is kept.
     stride: u64,
     frames: Vec<Arc<Frame>>,
     done: bool,
@@ -63,7 +66,7 @@ impl Sampler {
                 self.done = true;
                 return Err(error);
             }
-            Err(error) if self.frames.is_empty() && self.next > 16 => {
+            Err(error) if self.frames.is_empty() && self.next > UNREADABLE => {
                 self.done = true;
                 return Err(error);
             }

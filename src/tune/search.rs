@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Runs settings over pairs.
 pub trait Evaluator {
-    /// The values of each algorithm over so many pairs, spread over all; nothing for one that
+    /// The values of each algorithm over `pairs`, spread over all; nothing for one that
     /// failed on a pair. Nothing at all when the user ended it. The first algorithm is the
     /// reference.
     ///
@@ -39,7 +39,7 @@ pub struct SearchPlan {
 /// deviations along an axis.
 const SPREADS: [Option<f64>; 4] = [None, Some(0.25), Some(0.12), Some(0.06)];
 
-/// One of so many goes on to the next number of pairs, which is as many times greater.
+/// One of this number goes on to the next number of pairs, which is as many times greater.
 const HALVING: usize = 3;
 
 /// Numbers of pairs that a setting is looked at on, before all.
@@ -74,7 +74,7 @@ pub struct LoggedTrial<'a> {
     pub values: Option<&'a TrialValues>,
 }
 
-/// What is known of settings as they are written, over so many pairs; nothing of one that fails.
+/// What is known of settings as they are written, by pairs; nothing of one that fails.
 pub type Known = BTreeMap<(String, usize), Option<TrialValues>>;
 
 /// A search under way.
@@ -208,7 +208,7 @@ impl<'a> Search<'a> {
         });
     }
 
-    /// Finds the values of algorithms and of the reference over so many pairs; whether to go on.
+    /// Finds the values of algorithms and of the reference over `pairs`; whether to go on.
     fn look_at(
         &mut self,
         algorithms: &[Algorithm],

@@ -280,7 +280,7 @@ impl Space {
     }
 }
 
-/// Point `i` of a quasi-random sequence that fills the unit cube of so many dimensions evenly: R2
+/// Point `i` of a quasi-random sequence that fills the unit cube of these dimensions evenly: R2
 /// of Roberts 2018, generalized.
 pub fn quasi_random(i: usize, dimensions: usize) -> impl Iterator<Item = f64> {
     // The root of x^(d+1) = x + 1, by iteration.

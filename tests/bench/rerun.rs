@@ -398,3 +398,47 @@ fn the_viewer_verifies_the_file() {
         Err(error) => println!("skipped: {program}: {error}"),
     }
 }
+
+#[test]
+fn what_is_tuned_comes_again_and_the_rest_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tuned.rrd");
+    let labels = ["now", "compared"];
+    let info = RunInfo {
+        recording_id: "tuned".into(),
+        scenario: "test".into(),
+        algorithms: labels.map(|label| (label.to_owned(), String::new())).into(),
+        wireframe: Vec::new(),
+    };
+    let target = RerunTarget::File(path.clone());
+    let sink = RerunSink::new(target, RerunDetail::Full, &info).unwrap();
+    let mut sink = Box::new(sink.for_tuning());
+    let judge = Judge::default();
+    // Frame 7 with both, again with the first alone, then frame 3, on which the second failed.
+    for (sequence, shown) in [(7, &labels[..]), (7, &labels[..1]), (3, &labels[..1])] {
+        let frame = frame(sequence, true);
+        let estimates = shown.iter().map(|label| estimate(label, frame.rig()));
+        sink.take(&judge.judge(frame.clone(), estimates.collect()))
+            .unwrap();
+    }
+    sink.finish().unwrap();
+    let content = Content::read(&path);
+    let frames = |entity: &str, component: &str| {
+        let key = (entity.to_owned(), component.to_owned());
+        content
+            .frames
+            .get(&key)
+            .map(|frames| frames.iter().copied().collect::<Vec<_>>())
+    };
+    let map = "EncodedDepthImage:blob";
+    assert_eq!(frames("/algo/now/disparity", map), Some(vec![3, 7]));
+    assert_eq!(frames("/algo/compared/disparity", map), Some(vec![7]));
+    // It is cleared where it has nothing to show, and only there.
+    assert_eq!(
+        frames("/algo/compared", "Clear:is_recursive"),
+        Some(vec![3])
+    );
+    assert_eq!(frames("/algo/now", "Clear:is_recursive"), None);
+    assert!(!content.has("/algo/now/depth", map) && !content.has("/algo/now/points", map));
+    assert!(content.timelines["/algo/now/disparity"].contains("change"));
+}

@@ -25,30 +25,31 @@ impl Comparison {
                 algorithm.equal_results
             ));
             for (name, change) in algorithm.changes() {
-                page.push_str(&row(&name, change));
+                page.push_str(&change.markdown_row(&name));
             }
         }
         page
     }
 }
 
-fn row(name: &str, change: &Change) -> String {
-    let interval = change
-        .interval
-        .filter(|_| change.judgement != Judgement::Equal);
-    let interval = interval.map(|(low, high)| {
+impl Change {
+    /// A row of a table: name, before, after, change, interval and what it is called.
+    pub fn markdown_row(&self, name: &str) -> String {
+        let interval = self.interval.filter(|_| self.judgement != Judgement::Equal);
+        let interval = interval.map(|(low, high)| {
+            format!(
+                "{} .. {}",
+                signed(self.metric, low),
+                signed(self.metric, high)
+            )
+        });
         format!(
-            "{} .. {}",
-            signed(change.metric, low),
-            signed(change.metric, high)
+            "| {name} | {} | {} | {} | {} | {} |\n",
+            self.metric.show(self.base),
+            self.metric.show(self.other),
+            signed(self.metric, self.difference),
+            interval.unwrap_or_default(),
+            verdict(self.judgement)
         )
-    });
-    format!(
-        "| {name} | {} | {} | {} | {} | {} |\n",
-        change.metric.show(change.base),
-        change.metric.show(change.other),
-        signed(change.metric, change.difference),
-        interval.unwrap_or_default(),
-        verdict(change.judgement)
-    )
+    }
 }

@@ -18,6 +18,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+pub use text::{signed, verdict};
 
 /// A report of `svl score` as its folder holds it.
 pub struct ScoredRun {

@@ -141,7 +141,7 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
 }
 
 /// A difference with its sign; of times a ratio.
-pub(super) fn signed(metric: &Metric, v: f64) -> String {
+pub fn signed(metric: &Metric, v: f64) -> String {
     // Rounded first, as a small negative value would be shown as -0.0.
     let is_negative = v < 0.0 && !metric.show(-v).starts_with("0.0 ");
     match metric.unit {
@@ -152,7 +152,7 @@ pub(super) fn signed(metric: &Metric, v: f64) -> String {
 }
 
 /// A word for what was found; none where that is nothing.
-pub(super) fn verdict(judgement: Judgement) -> &'static str {
+pub fn verdict(judgement: Judgement) -> &'static str {
     match judgement {
         Judgement::Equal | Judgement::Unclear => "",
         Judgement::Better => "better",

@@ -200,8 +200,8 @@ fn pictures_go_to_rerun_and_a_viewer_that_is_gone_ends_nothing() {
     assert!(fixture.path("out.rrd").metadata().unwrap().len() > 100_000);
     let again = tune(&fixture, args, "q");
     again.failed(1, &["out.rrd: already exists, and is not overwritten"]);
-    let nobody = "run.mcap --rerun rerun+http://127.0.0.1:9/proxy";
-    tune(&fixture, nobody, "q").failed(1, &["no Rerun viewer answers there"]);
+    let absent = "run.mcap --rerun rerun+http://127.0.0.1:9/proxy";
+    tune(&fixture, absent, "q").failed(1, &["no Rerun viewer answers there"]);
 }
 
 #[test]
@@ -272,7 +272,7 @@ fn a_search_finds_writes_and_goes_on() {
     assert_eq!(fixture.text("best.csv"), log);
     // A log that was cut off goes on to the same end.
     let half: Vec<_> = log.lines().take(8).collect();
-    fixture.write("best.csv", half.join("\n") + "\n");
+    fixture.write("best.csv", half.join("\n") + "\n0123,bm,1,3,\"bm:uniq");
     fixture.run(&format!("{line} --resume"));
     let settings = |log: &str| {
         let fields = log
@@ -319,6 +319,11 @@ fn a_search_on_recordings_holds_some_out() {
     let json = fixture.json(&line);
     assert_eq!(json["goal"], "least wrong cells with right>=1%, time<=3x");
     assert!(json["caution"].is_null());
+    // Values against another truth are not taken for these.
+    let other = line.replace(" --force --json", " --resume --reference sgm");
+    fixture
+        .svl(&other)
+        .failed(1, &["best.csv: is the log of a search on other pairs"]);
     // The best scenario is of the recording that judged.
     let scenario = Scenario::read(&fixture.path("best.toml")).unwrap();
     let runs = scenario.recordings().unwrap();

@@ -10,6 +10,7 @@ use anyhow::{Context, bail};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use svl::filter::FilterModel;
 use svl::grab;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
@@ -20,7 +21,7 @@ use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::{Judge, METRICS, Metric};
 use svl::sink::{Outbox, RunStart, Sink, TableSink, finish};
 use svl::source::Source;
-use svl::stereo::Frame;
+use svl::stereo::{Frame, Truth};
 use svl::tune::{
     Evaluated, Evaluator, FrontEntry, Goal, Known, LoggedTrial, Sampler, Search, SearchPlan, Space,
     TrialValues, TuneFacts, TuneOutcome, TunedAlgorithm, evaluate, scenario_toml, spread_order,
@@ -29,7 +30,7 @@ use svl::tune::{
 /// Most memory of the frames that are searched on, and of those that judge, bytes.
 const FRAME_BYTES: usize = 1 << 30;
 
-/// So many times as many pairs judge what was found, where there are as many.
+/// Times as many pairs judge what was found, where there are as many.
 const TEST_PAIRS: usize = 4;
 
 /// Pairs that show which metrics there are.
@@ -91,7 +92,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         pairs: plan.pairs.min(pairs),
         ..plan
     };
-    let mut log = TrialLog::open(&log, &training, args.search.resume, logs)?;
+    let mut log = TrialLog::open(&log, &training, &filters, args.search.resume, logs)?;
     let mut evaluator = HeldRuns {
         parts: &training,
         has_truth,
@@ -325,7 +326,7 @@ fn refuse_same(training: &[HeldRun], test: &[HeldRun]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// About so many pairs of the runs of a scenario, equally many of each.
+/// About `wanted` pairs of the runs of a scenario, equally many of each.
 fn parts(
     args: &Args,
     scenario: &Scenario,
@@ -365,7 +366,7 @@ fn parts(
     Ok(parts)
 }
 
-/// HeldRuns algorithms over the frames in memory.
+/// Runs algorithms over the frames in memory.
 struct HeldRuns<'a> {
     parts: &'a [HeldRun],
     has_truth: bool,
@@ -391,7 +392,7 @@ impl Monitor for MatchingCount<'_> {
 }
 
 impl HeldRuns<'_> {
-    /// The rows per algorithm, over so many pairs spread over all; nothing when interrupted.
+    /// The rows per algorithm, of `pairs` spread over all; nothing when interrupted.
     fn rows(&self, algorithms: &[Algorithm], pairs: usize) -> svl::Result<Option<Vec<Vec<Row>>>> {
         let labels: Vec<_> = (0..algorithms.len())
             .map(|i| format!("setting-{i}"))
@@ -542,7 +543,7 @@ fn found(
     })
 }
 
-/// The log of the trials: a row for each setting on so many pairs, written as it is known.
+/// The log of the trials: a row for each setting and number of pairs, written as it is known.
 struct TrialLog {
     writer: csv::Writer<std::fs::File>,
     /// What the values depend on: the pairs, and how they are judged.
@@ -557,21 +558,33 @@ impl TrialLog {
     fn open(
         path: &Path,
         training: &[HeldRun],
+        filters: &[Arc<FilterModel>],
         resume: bool,
         logs: Outputs,
     ) -> anyhow::Result<Self> {
         let made = Manifest::new("tune", None, &[])?;
         let mut words = format!("{} {:?}", made.svl, made.git_revision);
+        let filters = filters.iter().map(|filter| filter.hash());
+        filters.for_each(|hash| words += &format!(" {hash:x}"));
         for part in training {
             words += &format!("{:?} {:?}", part.judge.grid, part.judge.cells);
-            let hashes = part.frames.iter().map(|frame| frame.pair.hash());
-            hashes.for_each(|hash| words += &format!("{hash:x}"));
+            for frame in &part.frames {
+                // The same pairs are judged otherwise by another sensor or reference.
+                let truth = frame.truth.as_ref().map(Truth::hash);
+                words += &format!(" {:x} {truth:x?}", frame.pair.hash());
+            }
         }
         let key = svl::manifest::hash(&words)[..12].to_owned();
         let is_there = path.metadata().is_ok_and(|of| of.len() > 0);
         let mut known = BTreeMap::new();
         if resume && is_there {
-            let mut reader = csv::Reader::from_path(path)?;
+            let text = std::fs::read(path).with_context(|| path.display().to_string())?;
+            // What was being written when the search was killed is no row.
+            let whole = text
+                .iter()
+                .rposition(|byte| *byte == b'\n')
+                .map_or(0, |end| end + 1);
+            let mut reader = csv::Reader::from_reader(&text[..whole]);
             for record in reader.deserialize() {
                 let record: BTreeMap<String, String> =
                     record.with_context(|| format!("{}: is no log", path.display()))?;
@@ -585,6 +598,11 @@ impl TrialLog {
                 known.insert(place, values);
             }
             // It goes on.
+            std::fs::OpenOptions::new()
+                .write(true)
+                .open(path)
+                .and_then(|file| file.set_len(whole as u64))
+                .with_context(|| path.display().to_string())?;
             logs.keep_both();
         } else {
             if resume {

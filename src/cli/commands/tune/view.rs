@@ -8,7 +8,7 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Wrap};
-use svl::report::compare::{Change, Judgement};
+use svl::report::compare::{Change, Judgement, signed};
 use svl::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use svl::stereo::Reason;
 use svl::tune::KnobPart;
@@ -214,11 +214,10 @@ fn sample_head(shown: &Shown) -> Line<'static> {
 /// A change as cells of a table: before, after, the difference, its interval.
 pub(super) fn change_cells(change: &Change) -> [String; 4] {
     let metric = change.metric;
-    let signed = |value: f64| match metric.unit {
-        MetricUnit::Share => format!("{:+.1}", 100.0 * value),
-        MetricUnit::Count => format!("{value:+.0}"),
-        MetricUnit::Px => format!("{value:+.2}"),
-        MetricUnit::Ms => format!("{value:.2}x"),
+    // Its unit is that of the values.
+    let signed = |value| {
+        let text = signed(metric, value);
+        text.split(' ').next().unwrap_or_default().to_owned()
     };
     let interval = change.interval.map_or(String::new(), |(low, high)| {
         format!("{}..{}", signed(low), signed(high))

@@ -325,6 +325,8 @@ impl Bench {
         for (record, setting) in self.manifest.algorithms.iter_mut().zip(settings) {
             record.parameters = title(&setting.algorithm);
         }
+        // Where one of them cannot be built, both are the next time.
+        self.keys = Default::default();
         match &mut self.matchers {
             None => self.matchers = Some(Matchers::new(&labelled)?.without_warnings()),
             Some(matchers) => {

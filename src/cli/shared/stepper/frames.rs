@@ -51,7 +51,7 @@ struct Newest {
     frame: Option<Frame>,
     /// Why no more frames come.
     ended: Option<String>,
-    /// Whether nobody wants more.
+    /// Whether no more are wanted.
     stopped: bool,
 }
 
