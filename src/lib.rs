@@ -43,6 +43,8 @@ pub mod stereo;
 pub mod timing;
 
 #[cfg(feature = "bench")]
+pub mod drive;
+#[cfg(feature = "bench")]
 pub mod fetch;
 #[cfg(feature = "bench")]
 pub mod files;
@@ -72,6 +74,8 @@ pub mod score;
 pub mod sink;
 #[cfg(feature = "bench")]
 pub mod source;
+#[cfg(feature = "bench")]
+pub mod stress;
 #[cfg(feature = "bench")]
 pub mod train;
 #[cfg(feature = "bench")]

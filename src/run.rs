@@ -787,8 +787,7 @@ impl<'a> Matching<'a> {
         let Some(log) = self.log else {
             return vec![None; self.matchers.0.len()];
         };
-        let run = Some(self.judge.run.name.as_str()).filter(|name| !name.is_empty());
-        let pair = log.pair(run, self.seed, frame);
+        let pair = log.pair(&self.judge.run, self.seed, frame);
         let entries = self.matchers.0.iter();
         entries.map(|entry| pair.get(&entry.label)).collect()
     }

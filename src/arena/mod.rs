@@ -31,14 +31,15 @@ pub use config::{
     ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint,
     WorldConfig,
 };
+pub use path::{Gait, Twist};
 pub use wireframe::WireObject;
 
 use crate::error::{Error, Result};
-use crate::stereo::{Exposure, Frame, Geometry, Pose, Rig, StereoPair};
+use crate::stereo::{Exposure, Frame, Geometry, Plane, Pose, Rig, StereoPair};
 use nalgebra::{Translation3, Vector3};
 use noise::{Dice, NoiseStream, mix};
 use objects::Objects;
-use path::{Twist, Walk};
+use path::Walk;
 use render::{Lens, SharpImage};
 use scene::ArenaScene;
 use view::{ImageSkew, PinholeView};
@@ -49,10 +50,15 @@ pub const REVISION: u32 = 2;
 
 /// One run of the robot through the arena.
 pub struct Arena {
+    world: ArenaWorld,
+    walk: Walk,
+}
+
+/// The world of a run and the cameras in it, wherever they are.
+pub struct ArenaWorld {
     config: ArenaConfig,
     rig: Rig,
     scene: ArenaScene,
-    walk: Walk,
     /// Key of the sensor noise of this run.
     noise: u64,
 }
@@ -67,6 +73,60 @@ impl Arena {
     /// robot would touch something.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         config.check()?;
+        let walk = Walk::new(config, seed)?;
+        check_clearance(config, &walk, &Objects::new(&config.world))?;
+        let world = ArenaWorld::new(config, seed)?;
+        Ok(Self { world, walk })
+    }
+
+    pub fn config(&self) -> &ArenaConfig {
+        &self.world.config
+    }
+
+    /// The rectified stereo head, as the truth sees it.
+    pub fn rig(&self) -> Rig {
+        self.world.rig
+    }
+
+    /// Number of frames in the run.
+    pub fn frames(&self) -> u64 {
+        self.world.config.frames
+    }
+
+    /// Pose of the left camera in the middle of the exposure of frame `index`.
+    pub fn pose(&self, index: u64) -> Pose {
+        self.walk.pose(self.world.time_s(index))
+    }
+
+    /// Renders frame `index`: pair, rig, pose, truth.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] at or beyond [`Arena::frames`].
+    pub fn frame(&self, index: u64) -> Result<Frame> {
+        if index >= self.frames() {
+            return Err(Error::Invalid(format!(
+                "arena: frame {index} of a run of {}",
+                self.frames()
+            )));
+        }
+        let twist = self.walk.twist(self.world.time_s(index));
+        self.world.frame(index, self.pose(index), &twist)
+    }
+
+    /// The true geometry and the middle of the robot's way, as line strips for a 3D viewer.
+    pub fn wireframe(&self) -> Vec<WireObject> {
+        let world = &self.world.config.world;
+        wireframe::wires(&self.world.scene.objects, &self.walk, world)
+    }
+}
+
+impl ArenaWorld {
+    /// Builds the world and paints its pictures, as [`Arena::new`]. The path is not looked at.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the key of a number out of its range.
+    pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        config.check()?;
         let (width, height) = (config.rig.width_px as f64, config.rig.height_px as f64);
         let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
         let rig = Rig::new(
@@ -75,15 +135,10 @@ impl Arena {
             config.rig.baseline_m,
             0.0,
         )?;
-        let walk = Walk::new(config, seed)?;
-        let objects = Objects::new(&config.world);
-        check_clearance(config, &walk, &objects)?;
-        let scene = ArenaScene::new(&config.world, objects, seed);
         Ok(Self {
             config: config.clone(),
             rig,
-            scene,
-            walk,
+            scene: ArenaScene::new(&config.world, Objects::new(&config.world), seed),
             noise: Dice::new(seed, NoiseStream::Sensor).bits(),
         })
     }
@@ -97,27 +152,27 @@ impl Arena {
         self.rig
     }
 
-    /// Number of frames in the run.
-    pub fn frames(&self) -> u64 {
-        self.config.frames
+    /// The middle of the exposure of frame `index`, seconds after the start.
+    pub fn time_s(&self, index: u64) -> f64 {
+        index as f64 / self.config.rate_hz
     }
 
-    /// Pose of the left camera in the middle of the exposure of frame `index`.
-    pub fn pose(&self, index: u64) -> Pose {
-        self.walk.pose(self.time_s(index))
-    }
-
-    /// Renders frame `index`: pair, rig, pose, truth.
+    /// The true disparities of a left camera at `pose`; nothing of the images is rendered.
     ///
     /// # Errors
-    /// [`Error::Invalid`] at or beyond [`Arena::frames`].
-    pub fn frame(&self, index: u64) -> Result<Frame> {
-        if index >= self.config.frames {
-            return Err(Error::Invalid(format!(
-                "arena: frame {index} of a run of {}",
-                self.config.frames
-            )));
-        }
+    /// None: the plane has the size of the images.
+    pub fn disparity(&self, pose: &Pose) -> Result<Plane<f32>> {
+        let size = (self.config.rig.width_px, self.config.rig.height_px);
+        let view = PinholeView::new(pose, &self.rig, ImageSkew::NONE);
+        render::disparity(&self.scene, &view, &self.rig, size)
+    }
+
+    /// Renders frame `index` of a left camera at `pose` that moves by `twist`: pair, rig, pose,
+    /// truth.
+    ///
+    /// # Errors
+    /// None: the images have the same size.
+    pub fn frame(&self, index: u64, pose: Pose, twist: &Twist) -> Result<Frame> {
         let ArenaConfig { rig, sensor, .. } = &self.config;
         let size = (rig.width_px, rig.height_px);
         let lens = Lens {
@@ -125,8 +180,6 @@ impl Arena {
             aperture_m: (sensor.aperture_mm * 1.0e-3) as f32,
             focus_m: sensor.focus_m as f32,
         };
-        let pose = self.pose(index);
-        let twist = self.walk.twist(self.time_s(index));
         let beside = Vector3::x() * rig.baseline_m;
         let right_pose = pose * Translation3::from(beside);
         // The right camera moves as a point of the same rigid body.
@@ -149,7 +202,7 @@ impl Arena {
         // One image per thread; each renders its rows in parallel too.
         let (left, right) = rayon::join(
             || {
-                let (shot, image) = expose(&left_view, &twist, sensor.gain_db, 0)?;
+                let (shot, image) = expose(&left_view, twist, sensor.gain_db, 0)?;
                 // The truth is of the rectified rig, without the skew of the right image.
                 let exact_right = PinholeView::new(&right_pose, &self.rig, ImageSkew::NONE);
                 let truth =
@@ -186,13 +239,23 @@ impl Arena {
         })
     }
 
-    /// The true geometry and the middle of the robot's way, as line strips for a 3D viewer.
-    pub fn wireframe(&self) -> Vec<WireObject> {
-        wireframe::wires(&self.scene.objects, &self.walk, &self.config.world)
+    /// The room of a body of that height that stands on the floor at `at_m`: the distance of its
+    /// axis from the nearest thing, and what that is. Negative inside of a wall.
+    pub fn clearance(&self, at_m: [f64; 2], height_m: f64) -> (f64, &str) {
+        let objects = self.scene.objects.named();
+        let distances = objects.map(|(name, solid)| (solid.distance_below(at_m, height_m), name));
+        let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0));
+        // The walls are always there.
+        nearest.unwrap_or((f64::INFINITY, ""))
     }
 
-    fn time_s(&self, index: u64) -> f64 {
-        index as f64 / self.config.rate_hz
+    /// Outlines in the plane of what stands lower than `height_m`, walls included: closed strips of
+    /// points, metres.
+    pub fn plan(&self, height_m: f64) -> Vec<Vec<[f64; 2]>> {
+        let solids = self.scene.objects.solids().iter();
+        solids
+            .filter_map(|solid| solid.outline_below(height_m))
+            .collect()
     }
 }
 

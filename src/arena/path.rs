@@ -13,24 +13,87 @@ type Vec2 = Vector2<f64>;
 /// One run along the path.
 pub(super) struct Walk {
     spline: Spline,
+    gait: Gait,
+    deviation_m: f64,
+    speed_m_per_s: f64,
+    /// Phases of two waves of deviation, radians.
+    phases: [f64; 2],
+}
+
+/// How the stereo head sways about the place and heading of the robot.
+#[derive(Clone)]
+pub struct Gait {
     robot: RobotConfig,
     above_floor_m: f64,
     baseline_m: f64,
-    speed_m_per_s: f64,
-    /// Phases of the gait's yaw, roll and pitch and of two waves of deviation, radians.
-    phases: [f64; 5],
+    /// Phases of yaw, roll and pitch, radians.
+    phases: [f64; 3],
 }
 
 /// Velocity of the head in camera axes.
-pub(super) struct Twist {
-    pub(super) linear_m_per_s: Vector3<f64>,
-    pub(super) angular_rad_per_s: Vector3<f64>,
+#[derive(Clone, Copy, Debug)]
+pub struct Twist {
+    pub linear_m_per_s: Vector3<f64>,
+    pub angular_rad_per_s: Vector3<f64>,
 }
 
 /// Wavelengths of the deviation.
 const DEVIATION_M: [f64; 2] = [1.6, 2.5];
 /// Half the time over which velocities are measured.
 const INSTANT_S: f64 = 1.0e-3;
+
+impl Gait {
+    /// The gait of the run with that seed.
+    pub fn new(config: &ArenaConfig, seed: u64) -> Self {
+        Self::drawn(config, &mut Dice::new(seed, NoiseStream::Gait))
+    }
+
+    fn drawn(config: &ArenaConfig, dice: &mut Dice) -> Self {
+        Self {
+            robot: config.robot.clone(),
+            above_floor_m: config.rig.above_floor_m,
+            baseline_m: config.rig.baseline_m,
+            phases: phases(dice),
+        }
+    }
+
+    /// Pose of the left camera, `time_s` after the start, where the middle of the head is at
+    /// `middle`, metres, and the robot's heading is `atan2(y, x)`, radians.
+    pub fn pose(&self, middle: Vec2, heading: f64, time_s: f64) -> Pose {
+        let swing = |degrees: f64, times: f64, phase: f64| {
+            degrees.to_radians() * (TAU * self.robot.sway_hz * times * time_s + phase).sin()
+        };
+        let yaw = swing(self.robot.yaw_sway_deg, 1.0, self.phases[0]);
+        let roll = swing(self.robot.roll_sway_deg, 1.0, self.phases[1]);
+        let pitch = swing(self.robot.pitch_sway_deg, 2.0, self.phases[2]);
+        let (sin, cos) = (heading + yaw).sin_cos();
+        // Columns: the camera's right, down and forward in the world, with the horizon level.
+        let level = nalgebra::Matrix3::new(sin, 0.0, cos, -cos, 0.0, sin, 0.0, -1.0, 0.0);
+        let gait = Rotation3::from_axis_angle(&Vector3::x_axis(), pitch)
+            * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
+        let rotation = Rotation3::from_matrix_unchecked(level) * gait;
+        let head = Vector3::new(middle.x, middle.y, self.above_floor_m);
+        // The path is that of the head's middle, a pose that of the left camera.
+        let left = head - rotation * Vector3::x() * (0.5 * self.baseline_m);
+        Pose::from_parts(
+            Translation3::from(left),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        )
+    }
+}
+
+impl Twist {
+    /// The velocity at `time_s` of what has the pose `pose(t)` at the time `t`.
+    pub fn of(pose: impl Fn(f64) -> Pose, time_s: f64) -> Self {
+        let (before, after) = (pose(time_s - INSTANT_S), pose(time_s + INSTANT_S));
+        let motion = before.inv_mul(&after);
+        let per_second = 0.5 / INSTANT_S;
+        Self {
+            linear_m_per_s: motion.translation.vector * per_second,
+            angular_rad_per_s: motion.rotation.scaled_axis() * per_second,
+        }
+    }
+}
 
 impl Walk {
     pub(super) fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
@@ -40,10 +103,9 @@ impl Walk {
         Ok(Self {
             speed_m_per_s: spline.length_m() / duration_s,
             spline,
-            robot: config.robot.clone(),
-            above_floor_m: config.rig.above_floor_m,
-            baseline_m: config.rig.baseline_m,
-            phases: std::array::from_fn(|_| f64::from(dice.between(0.0, 1.0)) * TAU),
+            gait: Gait::drawn(config, &mut dice),
+            deviation_m: config.robot.deviation_m,
+            phases: phases(&mut dice),
         })
     }
 
@@ -54,8 +116,8 @@ impl Walk {
     /// The middle of the head on the floor, `along_m` metres after the start.
     pub(super) fn middle(&self, along_m: f64) -> Vec2 {
         let (point, direction) = self.spline.at(along_m);
-        let wave = |i: usize| (TAU * along_m / DEVIATION_M[i] + self.phases[3 + i]).sin();
-        point + left_of(direction) * (0.5 * self.robot.deviation_m * (wave(0) + wave(1)))
+        let wave = |i: usize| (TAU * along_m / DEVIATION_M[i] + self.phases[i]).sin();
+        point + left_of(direction) * (0.5 * self.deviation_m * (wave(0) + wave(1)))
     }
 
     /// Pose of the left camera, `time_s` after the start.
@@ -64,39 +126,18 @@ impl Walk {
         let near = 0.005;
         // The direction of the path with its deviation, by a difference over a centimetre.
         let travel = self.middle(along_m + near) - self.middle(along_m - near);
-        let swing = |degrees: f64, times: f64, phase: f64| {
-            degrees.to_radians() * (TAU * self.robot.sway_hz * times * time_s + phase).sin()
-        };
-        let yaw = swing(self.robot.yaw_sway_deg, 1.0, self.phases[0]);
-        let roll = swing(self.robot.roll_sway_deg, 1.0, self.phases[1]);
-        let pitch = swing(self.robot.pitch_sway_deg, 2.0, self.phases[2]);
-        let heading = travel.y.atan2(travel.x) + yaw;
-        let (sin, cos) = heading.sin_cos();
-        // Columns: the camera's right, down and forward in the world, with the horizon level.
-        let level = nalgebra::Matrix3::new(sin, 0.0, cos, -cos, 0.0, sin, 0.0, -1.0, 0.0);
-        let gait = Rotation3::from_axis_angle(&Vector3::x_axis(), pitch)
-            * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
-        let rotation = Rotation3::from_matrix_unchecked(level) * gait;
-        let middle = self.middle(along_m);
-        let head = Vector3::new(middle.x, middle.y, self.above_floor_m);
-        // The path is that of the head's middle, a pose that of the left camera.
-        let left = head - rotation * Vector3::x() * (0.5 * self.baseline_m);
-        Pose::from_parts(
-            Translation3::from(left),
-            UnitQuaternion::from_rotation_matrix(&rotation),
-        )
+        let heading = travel.y.atan2(travel.x);
+        self.gait.pose(self.middle(along_m), heading, time_s)
     }
 
     /// Velocity of the left camera at `time_s`.
     pub(super) fn twist(&self, time_s: f64) -> Twist {
-        let (before, after) = (self.pose(time_s - INSTANT_S), self.pose(time_s + INSTANT_S));
-        let motion = before.inv_mul(&after);
-        let per_second = 0.5 / INSTANT_S;
-        Twist {
-            linear_m_per_s: motion.translation.vector * per_second,
-            angular_rad_per_s: motion.rotation.scaled_axis() * per_second,
-        }
+        Twist::of(|time_s| self.pose(time_s), time_s)
     }
+}
+
+fn phases<const N: usize>(dice: &mut Dice) -> [f64; N] {
+    std::array::from_fn(|_| f64::from(dice.between(0.0, 1.0)) * TAU)
 }
 
 fn left_of(direction: Vec2) -> Vec2 {

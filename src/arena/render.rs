@@ -110,6 +110,26 @@ impl SharpImage {
     }
 }
 
+/// True disparities of a camera with that rig.
+pub(super) fn disparity(
+    scene: &ArenaScene,
+    view: &PinholeView,
+    rig: &Rig,
+    (width, height): (usize, usize),
+) -> crate::Result<Plane<f32>> {
+    let candidates = Candidates::new(view, scene.objects.solids(), (width, height));
+    let focal_baseline = (rig.focal_px() * rig.baseline_m()) as f32;
+    let mut disparity = vec![0.0; width * height];
+    let rows = disparity.par_chunks_exact_mut(width).enumerate();
+    rows.for_each(|(y, row)| {
+        for (x, value) in row.iter_mut().enumerate() {
+            let ray = view.ray(view.slope(x as f32, y as f32));
+            *value = focal_baseline / scene.cast(&view.origin, &ray, candidates.at(x, y)).t;
+        }
+    });
+    Plane::from_vec(width, height, disparity)
+}
+
 /// True disparity and visibility of the left image: `left` its shot, `views` the two cameras as if
 /// rectified exactly.
 ///

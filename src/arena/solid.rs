@@ -126,6 +126,66 @@ impl Solid {
         })
     }
 
+    /// Distance in the plane of the point `at_m` from the part of the solid that is lower than
+    /// `height_m`, negative inside; infinite where no part is.
+    pub(super) fn distance_below(&self, [x, y]: [f64; 2], height_m: f64) -> f64 {
+        match self {
+            Self::Block(slab) if f64::from(slab.center.z - slab.half.z) >= height_m => {
+                f64::INFINITY
+            }
+            Self::Block(slab) => {
+                let [x, y] = [x - f64::from(slab.center.x), y - f64::from(slab.center.y)];
+                let (c, s) = (f64::from(slab.along.0), f64::from(slab.along.1));
+                let beyond = [
+                    (c * x + s * y).abs() - f64::from(slab.half.x),
+                    (c * y - s * x).abs() - f64::from(slab.half.y),
+                ];
+                let outside = beyond[0].max(0.0).hypot(beyond[1].max(0.0));
+                outside + beyond[0].max(beyond[1]).min(0.0)
+            }
+            Self::Ball { center, .. } => {
+                let Some(radius) = self.radius_below(height_m) else {
+                    return f64::INFINITY;
+                };
+                (x - f64::from(center.x)).hypot(y - f64::from(center.y)) - radius
+            }
+        }
+    }
+
+    /// Largest radius of a ball's part that is lower than `height_m`.
+    fn radius_below(&self, height_m: f64) -> Option<f64> {
+        let Self::Ball { center, radius } = self else {
+            return None;
+        };
+        let (above, radius) = (f64::from(center.z) - height_m, f64::from(*radius));
+        match above {
+            above if above <= 0.0 => Some(radius),
+            above if above < radius => Some((radius * radius - above * above).sqrt()),
+            _ => None,
+        }
+    }
+
+    /// Outline in the plane of the part that is lower than `height_m`, closed.
+    pub(super) fn outline_below(&self, height_m: f64) -> Option<Vec<[f64; 2]>> {
+        match self {
+            Self::Block(slab) if f64::from(slab.center.z - slab.half.z) >= height_m => None,
+            Self::Block(_) => {
+                let corners = self.corners();
+                let corner = |i: usize| [f64::from(corners[i].x), f64::from(corners[i].y)];
+                Some([0, 1, 3, 2, 0].map(corner).to_vec())
+            }
+            Self::Ball { center, .. } => {
+                let radius = self.radius_below(height_m)?;
+                let point = |i: i32| {
+                    let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
+                    let center = [f64::from(center.x), f64::from(center.y)];
+                    [center[0] + radius * cos, center[1] + radius * sin]
+                };
+                Some((0..=24).map(point).collect())
+            }
+        }
+    }
+
     /// Distance of a point from its surface, 0 inside.
     pub(super) fn distance(&self, point: &Vec3) -> f32 {
         match self {

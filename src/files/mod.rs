@@ -21,7 +21,9 @@ pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, wr
 pub(crate) use jpeg::brightness;
 pub use npz::read_npz;
 pub use pfm::{read_pfm, write_pfm};
-pub use picture::{encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png};
+pub use picture::{
+    encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png, through_jpeg,
+};
 pub use rvl::{InverseDepth, encode_rvl};
 
 use crate::stereo::Plane;

@@ -101,7 +101,18 @@ pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u
 /// # Errors
 /// [`Error::Invalid`] with what the encoder says.
 pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
-    jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), width)
+    jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), width, QUALITY)
+}
+
+/// The image compressed as JPEG of that quality, 1..=100, and back.
+///
+/// # Errors
+/// [`Error::Invalid`] with what the encoder or the decoder says.
+pub fn through_jpeg(image: &Gray, quality: u8) -> Result<Gray> {
+    let file = jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), 0, quality)?;
+    let decoded = super::jpeg::decode(&file).map_err(Error::Invalid)?;
+    let (width, height) = image.size();
+    Gray::from_vec(width, height, decoded.into_luma8().into_raw())
 }
 
 /// As [`encode_jpeg`], in colour.
@@ -109,10 +120,15 @@ pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`encode_jpeg`].
 pub fn encode_color_jpeg(image: &Rgb, width: usize) -> Result<Vec<u8>> {
-    jpeg::<image::Rgb<u8>>(image.size(), image.pixels().flatten().collect(), width)
+    jpeg::<image::Rgb<u8>>(
+        image.size(),
+        image.pixels().flatten().collect(),
+        width,
+        QUALITY,
+    )
 }
 
-fn jpeg<P>((w, h): (usize, usize), pixels: Vec<u8>, width: usize) -> Result<Vec<u8>>
+fn jpeg<P>((w, h): (usize, usize), pixels: Vec<u8>, width: usize, quality: u8) -> Result<Vec<u8>>
 where
     P: PixelWithColorType + Pixel<Subpixel = u8> + 'static,
 {
@@ -128,7 +144,7 @@ where
         );
     }
     let mut file = Vec::new();
-    let encoded = JpegEncoder::new_with_quality(&mut file, QUALITY).encode_image(&image);
+    let encoded = JpegEncoder::new_with_quality(&mut file, quality).encode_image(&image);
     encoded.map_err(|e| Error::Invalid(format!("JPEG encoder: {e}")))?;
     Ok(file)
 }

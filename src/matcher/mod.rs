@@ -1,5 +1,6 @@
 //! Matchers: rectified pair to disparity map. [`MATCHERS`] is the table of algorithms.
 
+mod blind;
 mod block_matching;
 mod bm;
 mod dp;
@@ -164,6 +165,7 @@ pub const MATCHERS: &[MatcherSpec] = &[
     bm::SPEC,
     sgm::SPEC,
     truth::SPEC,
+    blind::SPEC,
     #[cfg(feature = "exec")]
     exec::SPEC,
 ];
@@ -183,9 +185,9 @@ pub fn find(name: &str) -> Result<&'static MatcherSpec> {
 }
 
 impl MatcherSpec {
-    /// Whether it matches images in this process: not a program, nor the truth.
+    /// Whether it matches images in this process: not a program, nor the truth, nor nothing.
     pub fn matches_images(&self) -> bool {
-        !["exec", "truth"].contains(&self.name)
+        !["exec", "truth", "blind"].contains(&self.name)
     }
 
     /// Its name, then its aliases.

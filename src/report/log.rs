@@ -4,6 +4,7 @@ use super::rows::{CellRow, CsvCells, Record, Row, hash_words};
 use crate::depth::GridSettings;
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
+use crate::score::RunPart;
 use crate::stereo::{Cell, CellDepth, CellState, DepthGrid, Frame};
 use crate::timing::{Stage, StageTimes};
 use std::collections::HashMap;
@@ -20,8 +21,8 @@ pub struct ResultLog {
     others: Vec<PathBuf>,
 }
 
-/// A pair: name of its recording, seed of its arena, its number.
-type PairKey = (Option<String>, Option<u64>, u64);
+/// A pair: name of its recording, seed of its arena, its number, what made it worse.
+type PairKey = (Option<String>, Option<u64>, u64, Option<String>);
 
 /// What the algorithms made of a pair.
 pub struct LoggedPair<'a> {
@@ -83,14 +84,14 @@ impl ResultLog {
     fn take(&mut self, folder: &Path, grid: GridSettings) -> Result<()> {
         let mut cells: HashMap<(PairKey, String), Vec<CellRow>> = HashMap::new();
         for cell in whole_rows::<CellRow>(&folder.join("cells.csv"))? {
-            let pair = (cell.run.clone(), cell.seed, cell.sequence);
+            let pair = pair_key(&cell.run, cell.seed, cell.sequence, &cell.stress);
             cells
                 .entry((pair, cell.algorithm.clone()))
                 .or_default()
                 .push(cell);
         }
         for row in whole_rows::<Row>(&folder.join("rows.csv"))? {
-            let pair = (row.run.clone(), row.seed, row.sequence);
+            let pair = pair_key(&row.run, row.seed, row.sequence, &row.stress);
             let algorithm = row.algorithm.clone();
             let own = cells.remove(&(pair.clone(), algorithm.clone()));
             let grid = own.and_then(|own| depth_grid(&own, grid));
@@ -104,8 +105,9 @@ impl ResultLog {
     }
 
     /// What is known of a frame of that run and seed.
-    pub fn pair(&self, run: Option<&str>, seed: Option<u64>, frame: &Frame) -> LoggedPair<'_> {
-        let key = (run.map(str::to_owned), seed, frame.sequence);
+    pub fn pair(&self, run: &RunPart, seed: Option<u64>, frame: &Frame) -> LoggedPair<'_> {
+        let name = Some(run.name.clone()).filter(|name| !name.is_empty());
+        let key = pair_key(&name, seed, frame.sequence, &run.stress);
         let results = self.results.get(&key);
         LoggedPair {
             results,
@@ -167,6 +169,15 @@ impl LoggedResult {
     }
 }
 
+fn pair_key(
+    run: &Option<String>,
+    seed: Option<u64>,
+    sequence: u64,
+    stress: &Option<String>,
+) -> PairKey {
+    (run.clone(), seed, sequence, stress.clone())
+}
+
 /// The grid that these rows are of; nothing unless all its cells are there.
 fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
     let shape = settings.shape();
@@ -197,8 +208,11 @@ fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
     DepthGrid::new(shape, cells).ok()
 }
 
-/// The rows of a CSV file up to the first that is not whole.
-fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
+/// The rows of a CSV file up to the first that is not whole; none where there is no file.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     let bytes = match std::fs::read(path) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),

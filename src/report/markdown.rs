@@ -22,6 +22,9 @@ impl Summary {
             page.push_str(&format!("\n## Checkpoints\n{caution}"));
             checkpoints_markdown(&mut page, &checkpoints);
         }
+        for table in self.side_tables() {
+            table.markdown(&mut page);
+        }
         page.push_str("\n## Speed\n");
         self.algorithms_markdown(&mut page, speed_columns());
         page
@@ -80,14 +83,18 @@ fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
 }
 
 /// Appends a table whose first column is text and whose others are numbers.
-fn table(page: &mut String, heads: Vec<String>, lines: impl Iterator<Item = Vec<String>>) {
+pub(super) fn table(
+    page: &mut String,
+    heads: Vec<String>,
+    lines: impl Iterator<Item = Vec<String>>,
+) {
     let rule = format!("|---|{}\n", "---:|".repeat(heads.len() - 1));
     page.push_str(&format!("\n| {} |\n{rule}", heads.join(" | ")));
     lines.for_each(|line| page.push_str(&format!("| {} |\n", line.join(" | "))));
 }
 
 /// Keeps text from being read as Markdown or HTML.
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -10,6 +10,7 @@
 pub mod calibration;
 mod choice;
 pub mod compare;
+mod drives;
 pub mod evidence;
 mod gate;
 pub mod html;
@@ -19,18 +20,22 @@ mod markdown;
 pub(crate) mod page;
 pub mod plot;
 mod rows;
+mod side_table;
 mod speed;
+mod stress;
 mod summary;
 mod tables;
 mod text;
 mod words;
 
 pub use choice::{better_first, pareto_front};
+pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, Limit};
 pub use junit::{TestCase, TestResult, junit};
-pub use log::{LoggedPair, LoggedResult, ResultLog};
+pub use log::{LoggedPair, LoggedResult, ResultLog, whole_rows};
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row, hash_words,
 };
+pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
 pub use tables::{Table, read_rows};

@@ -152,6 +152,8 @@ record! {
         run: Option<String>,
         /// Of algorithms behind filters.
         filters_us: Option<u64>,
+        /// What made the pair worse, as `row_offset=0.5`; absent for the pair as it is.
+        stress: Option<String>,
     }
 }
 
@@ -186,6 +188,8 @@ record! {
         state: Option<CellState>,
         /// How probably it is right, where the algorithm says so.
         probability: Option<f64>,
+        /// What made the pair worse, if anything did.
+        stress: Option<String>,
     }
 }
 
@@ -211,6 +215,8 @@ record! {
         worst_passed: Option<bool>,
         /// The recording, where the scenario has some.
         run: Option<String>,
+        /// What made the pairs worse, if anything did.
+        stress: Option<String>,
     }
 }
 

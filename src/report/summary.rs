@@ -1,7 +1,10 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
+use super::drives::{self, DriveRow, DriveSummary};
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
+use super::side_table::SideTable;
 use super::speed::Speed;
+use super::stress::{self, StressSummary};
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
 use crate::score::{METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
@@ -24,6 +27,12 @@ pub struct Summary {
     pub checkpoints: Vec<CheckpointSummary>,
     /// Algorithms that failed on every pair.
     pub failed: Vec<FailedAlgorithm>,
+    /// Where the algorithms steered a robot, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveSummary>,
+    /// Per perturbation, level and algorithm, where pairs were made worse.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stress: Vec<StressSummary>,
     /// How cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
@@ -118,11 +127,28 @@ impl CheckpointSummary {
 }
 
 impl Summary {
-    /// Sums up the rows of a run.
+    /// Sums up the rows of a run; those of perturbed pairs in [`Summary::stress`].
     ///
     /// # Errors
     /// [`Error::Invalid`] with what polars says.
     pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
+        if rows.iter().all(|row| row.stress.is_none()) {
+            return Self::from_frames_of(rows, checkpoints);
+        }
+        let plain = rows.iter().filter(|row| row.stress.is_none()).cloned();
+        let of_checkpoints = checkpoints.iter().filter(|row| row.stress.is_none());
+        let summary = Self::from_frames_of(
+            &plain.collect::<Vec<_>>(),
+            &of_checkpoints.cloned().collect::<Vec<_>>(),
+        )?;
+        Ok(Self {
+            stress: stress::summarize(rows, checkpoints)?,
+            ..summary
+        })
+    }
+
+    /// As [`Summary::from_rows`], whatever made the pairs worse.
+    pub(super) fn from_frames_of(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         let summary = Row::frame(rows).and_then(|rows| {
             let checkpoints = CheckpointRow::frame(checkpoints)?;
             Self::from_frames(&rows, &checkpoints)
@@ -156,6 +182,17 @@ impl Summary {
         }
     }
 
+    /// Adds what became of drives.
+    pub fn add_drives(&mut self, rows: &[DriveRow]) {
+        self.drives = drives::summarize(rows);
+    }
+
+    /// The tables beside that of the metrics.
+    pub(super) fn side_tables(&self) -> Vec<SideTable> {
+        let drives = drives::table(&self.drives).into_iter();
+        drives.chain(stress::tables(&self.stress)).collect()
+    }
+
     /// What must be said above every table that needs a truth; nothing where that is exact.
     pub fn caution(&self) -> Option<String> {
         caution(&self.truth)
@@ -181,6 +218,8 @@ impl Summary {
             algorithms,
             checkpoints,
             failed: Vec::new(),
+            drives: Vec::new(),
+            stress: Vec::new(),
             rule: CellRule::default(),
             times: None,
             measured: false,

@@ -6,7 +6,7 @@ use super::words::{Checkpoints, Column, VERDICTS, columns, failed, lines, notes,
 use std::fmt::{Display, Formatter, Result};
 
 /// Width where none is given, as in a pipe.
-const WIDTH: usize = 100;
+pub(super) const WIDTH: usize = 100;
 
 /// Longest name that stands beside its checkpoints.
 const NAME: usize = 24;
@@ -45,13 +45,16 @@ impl Display for Summary {
         notes(&columns, self)
             .iter()
             .try_for_each(|(term, meaning)| wrapped(f, &format!("{term}: {meaning}"), total))?;
-        Checkpoints::from_summary(self).map_or(Ok(()), |table| {
+        if let Some(table) = Checkpoints::from_summary(self) {
             if let Some(caution) = &caution {
                 writeln!(f)?;
                 wrapped(f, caution, total)?;
             }
-            checkpoints(&table, f, total)
-        })
+            checkpoints(&table, f, total)?;
+        }
+        let tables = self.side_tables();
+        let mut tables = tables.iter();
+        tables.try_for_each(|table| write!(f, "\n{}\n{table:total$}", table.title))
     }
 }
 
@@ -107,7 +110,7 @@ fn blocks(columns: &[Column], total: usize) -> Vec<&[Column]> {
 }
 
 /// Writes a text in lines that fit, all but the first indented.
-fn wrapped(f: &mut Formatter<'_>, text: &str, total: usize) -> Result {
+pub(super) fn wrapped(f: &mut Formatter<'_>, text: &str, total: usize) -> Result {
     let mut line = String::new();
     for word in text.split(' ') {
         if line.chars().count() + 1 + word.chars().count() > total {
@@ -132,7 +135,7 @@ fn name_width<'a>(names: impl Iterator<Item = &'a str>, room: usize) -> usize {
 }
 
 /// A name too long for its column gets a line of its own: shortened it could be ambiguous.
-fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
+pub(super) fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
     if name.chars().count() > width {
         write!(f, "{name}\n{:width$}", "")
     } else {

@@ -1,14 +1,18 @@
 //! Scenarios: a TOML file with the source, the algorithms, the cell rule, checkpoints and gate.
 
+mod drive;
 mod filter;
 mod pairs;
 mod recordings;
 mod seeds;
+mod stress;
 
+pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
 pub use pairs::{CropScale, PairRange};
 pub use recordings::{RecordingRun, RecordingRuns};
 pub use seeds::SeedList;
+pub use stress::{StressLevels, distinct_kinds};
 
 use crate::arena::{Arena, ArenaConfig, WireObject};
 use crate::depth::GridSettings;
@@ -18,9 +22,10 @@ use crate::filter::without_filters;
 use crate::matcher::Algorithm;
 use crate::report::Limit;
 use crate::score::{Checkpoint, CheckpointPlace, Judge};
-use crate::stereo::CellRule;
+use crate::stereo::{CellRule, GridShape};
 use serde::Deserialize;
 use std::path::Path;
+use stress::StressTable;
 
 /// Largest scenario file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -40,6 +45,8 @@ pub struct Scenario {
     pub checkpoints: Vec<Checkpoint>,
     /// What the algorithms are run behind, too; at most one of a kind.
     pub filters: Vec<ScenarioFilter>,
+    /// How the pairs are made worse, besides being scored as they are; each kind once.
+    pub stress: Vec<StressLevels>,
     /// Limits of the gate.
     pub gate: Vec<Limit>,
     /// The text of the file.
@@ -52,6 +59,12 @@ pub enum ScenarioSource {
     /// The simulated arena, one run per seed.
     Arena {
         config: Box<ArenaConfig>,
+        seeds: Vec<u64>,
+    },
+    /// Courses of the arena's kind that the algorithms drive through, one per seed.
+    Drive {
+        config: Box<ArenaConfig>,
+        drive: Box<DriveConfig>,
         seeds: Vec<u64>,
     },
     /// Scenes below the folder of data sets, as [`crate::source::dataset::Scene::find_all`] takes
@@ -77,10 +90,13 @@ struct File {
     cells: CellRule,
     source: SourceTable,
     arena: Option<ArenaConfig>,
+    drive: Option<DriveConfig>,
     #[serde(default)]
     checkpoint: Vec<Checkpoint>,
     #[serde(default)]
     filter: Vec<ScenarioFilter>,
+    #[serde(default)]
+    stress: Vec<StressTable>,
     #[serde(default)]
     gate: Vec<toml::Spanned<Limit>>,
 }
@@ -116,6 +132,7 @@ struct SourceTable {
 #[serde(rename_all = "lowercase")]
 enum ScenarioKind {
     Arena,
+    Drive,
     Dataset,
     Recording,
 }
@@ -176,6 +193,7 @@ impl Scenario {
             source: ScenarioSource::Recording(Box::new(runs)),
             checkpoints: Vec::new(),
             filters: Vec::new(),
+            stress: Vec::new(),
             gate: Vec::new(),
             text,
         })
@@ -246,7 +264,9 @@ impl Scenario {
             ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))
                 .map(|arena| arena.wireframe())
                 .unwrap_or_default(),
-            ScenarioSource::Dataset { .. } | ScenarioSource::Recording(_) => Vec::new(),
+            ScenarioSource::Drive { .. }
+            | ScenarioSource::Dataset { .. }
+            | ScenarioSource::Recording(_) => Vec::new(),
         }
     }
 
@@ -325,7 +345,18 @@ impl File {
         }
         let filters = self.filter.into_iter().map(|filter| filter.check(folder));
         let filters = filters.collect::<Result<_>>()?;
-        let source = self.source.check(self.arena, folder)?;
+        let stress = self.stress.into_iter().map(StressTable::check);
+        let stress = stress.collect::<Result<Vec<_>>>()?;
+        distinct_kinds(&stress)?;
+        let source = (self.source).check(self.arena, self.drive, self.grid.shape(), folder)?;
+        if matches!(source, ScenarioSource::Drive { .. }) {
+            let belongs = "is for pairs that do not depend on the algorithm, not for drives";
+            match (stress.first(), self.checkpoint.first()) {
+                (Some(_), _) => return invalid(format!("[[stress]] {belongs}")),
+                (_, Some(_)) => return invalid(format!("[[checkpoint]] {belongs}")),
+                _ => {}
+            }
+        }
         for checkpoint in &self.checkpoint {
             check_place(checkpoint, &source)?;
         }
@@ -338,6 +369,7 @@ impl File {
             source,
             checkpoints: self.checkpoint,
             filters,
+            stress,
             gate,
             text: text.to_owned(),
         })
@@ -391,21 +423,30 @@ fn check_place(checkpoint: &Checkpoint, source: &ScenarioSource) -> Result<()> {
 }
 
 impl SourceTable {
-    fn check(self, arena: Option<ArenaConfig>, folder: &Path) -> Result<ScenarioSource> {
-        use ScenarioKind::{Arena, Dataset, Recording};
+    fn check(
+        self,
+        arena: Option<ArenaConfig>,
+        drive: Option<DriveConfig>,
+        grid: GridShape,
+        folder: &Path,
+    ) -> Result<ScenarioSource> {
+        use ScenarioKind::{Arena, Dataset, Drive, Recording};
         let belong = |of: ScenarioKind, keys: &[(&str, bool)]| match keys.iter().find(|k| k.1) {
             Some((key, _)) if of != self.kind => {
                 invalid(format!("{key} belongs to kind = \"{}\"", of.name()))
             }
             _ => Ok(()),
         };
-        belong(
-            Arena,
-            &[
-                ("source.seeds", self.seeds.is_some()),
-                ("[arena]", arena.is_some()),
-            ],
-        )?;
+        if self.kind != Drive {
+            belong(
+                Arena,
+                &[
+                    ("source.seeds", self.seeds.is_some()),
+                    ("[arena]", arena.is_some()),
+                ],
+            )?;
+        }
+        belong(Drive, &[("[drive]", drive.is_some())])?;
         belong(Dataset, &[("source.scenes", self.scenes.is_some())])?;
         belong(
             Recording,
@@ -427,11 +468,18 @@ impl SourceTable {
                 ("source.to_s", self.to_s.is_some()),
             ],
         )?;
+        let seeds = self.seeds.as_ref().map_or(&[1][..], SeedList::seeds);
         match self.kind {
-            Arena => {
-                let seeds = self.seeds.as_ref().map_or(&[1][..], SeedList::seeds);
-                Ok(ScenarioSource::Arena {
-                    config: Box::new(arena.unwrap_or_default()),
+            Arena => Ok(ScenarioSource::Arena {
+                config: Box::new(arena.unwrap_or_default()),
+                seeds: seeds.to_vec(),
+            }),
+            Drive => {
+                let (config, drive) = (arena.unwrap_or_default(), drive.unwrap_or_default());
+                drive.validate(grid, config.frames)?;
+                Ok(ScenarioSource::Drive {
+                    config: Box::new(config),
+                    drive: Box::new(drive),
                     seeds: seeds.to_vec(),
                 })
             }
@@ -472,6 +520,7 @@ impl ScenarioKind {
     fn name(self) -> &'static str {
         match self {
             Self::Arena => "arena",
+            Self::Drive => "drive",
             Self::Dataset => "dataset",
             Self::Recording => "recording",
         }
@@ -489,11 +538,12 @@ fn line(text: &str, at: usize) -> usize {
 
 /// The parser's message, which has several lines, in one, with line and column.
 /// The keys without a default: of the file, of its tables, and of each in its lists of tables.
-const REQUIRED: [(&str, &[&str]); 5] = [
+const REQUIRED: [(&str, &[&str]); 6] = [
     ("", &["name", "source"]),
     ("source", &["kind"]),
     ("checkpoint", &["number", "name"]),
     ("filter", &["detects"]),
+    ("stress", &["kind"]),
     ("gate", &["algorithm", "metric"]),
 ];
 
@@ -645,6 +695,9 @@ mod tests {
             expected_cell,
             "[[gate]]\nzz = 1\n".to_owned(),
             "[[filter]]\nzz = 1\n".to_owned(),
+            "[[stress]]\nzz = 1\n".to_owned(),
+            "[drive]\nzz = 1\n".to_owned(),
+            "[drive.steering]\nzz = 1\n".to_owned(),
             "[arena]\nzz = 1\n".to_owned(),
             "[arena.rig]\nzz = 1\n".to_owned(),
             "[arena.sensor]\nzz = 1\n".to_owned(),

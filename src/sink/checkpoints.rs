@@ -1,6 +1,6 @@
 //! Rows of the checkpoints: in how many frames each passes, per run and algorithm.
 
-use super::table::Identity;
+use super::table::RunIdentity;
 use super::{Outbox, RunEnd, RunStart, Sink};
 use crate::error::Result;
 use crate::report::{CheckpointRow, Table};
@@ -10,7 +10,7 @@ use std::path::Path;
 /// Writes one row per run, checkpoint and algorithm.
 pub struct CheckpointSink {
     table: Table<CheckpointRow>,
-    identity: Identity,
+    identity: RunIdentity,
     algorithms: Vec<String>,
     checkpoints: Vec<Checkpoint>,
     /// Of the run under way, by checkpoint and algorithm, with the sequences of the leading frames.
@@ -28,7 +28,7 @@ impl CheckpointSink {
     pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<CheckpointRow>>) -> Result<Self> {
         Ok(Self {
             table: Table::create_both(folder, "checkpoints")?,
-            identity: Identity::default(),
+            identity: RunIdentity::default(),
             algorithms: Vec::new(),
             checkpoints: Vec::new(),
             tallies: Vec::new(),
@@ -40,7 +40,7 @@ impl CheckpointSink {
 
 impl Sink for CheckpointSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.identity = Identity::new(start);
+        self.identity = RunIdentity::new(start);
         self.algorithms = start.manifest.labels().map(str::to_owned).collect();
         self.checkpoints.clone_from(&start.judge.checkpoints);
         let tallies = vec![CheckpointTally::default(); self.algorithms.len()];
@@ -83,6 +83,7 @@ impl Sink for CheckpointSink {
                     worst_sequence: tally.worst.as_ref().map(|(sequence, _)| *sequence),
                     worst_passed: tally.worst.as_ref().map(|(_, frame)| frame.passed),
                     run: self.identity.run.clone(),
+                    stress: self.identity.stress.clone(),
                 };
                 self.table.push([row.clone()])?;
                 self.kept.push(row);

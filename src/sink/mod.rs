@@ -9,12 +9,14 @@ mod table;
 
 pub use checkpoints::CheckpointSink;
 pub use collect::{CollectSink, WatchSink};
+pub(crate) use pictures::frame_shot;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
 pub use rerun::{
     BoardView, CellNote, RerunDetail, RerunSink, RerunTarget, RunInfo, StepView, VIEWER_HINT,
     save_recording_layout,
 };
+pub(crate) use table::RunIdentity;
 pub use table::TableSink;
 
 use crate::error::{Error, Result};
@@ -110,6 +112,8 @@ pub struct SinkRequest<'a> {
 /// The sinks of one or several runs.
 pub struct Sinks {
     sinks: Vec<Box<dyn Sink>>,
+    /// How many of them write tables; they come first.
+    tables: usize,
     rows: Outbox<Vec<Row>>,
     checkpoints: Outbox<Vec<CheckpointRow>>,
     pictures: Outbox<ReportPictures>,
@@ -146,6 +150,10 @@ impl Sinks {
                 sinks.push(Box::new(PictureSink::new(&pictures)));
             }
         }
+        let tables = match request.report {
+            None => 1,
+            Some(_) => 2,
+        };
         if let Some((target, detail, info)) = request.rerun {
             let sink = RerunSink::new(target, detail, &info)?;
             // It is finished after the tables, which then have the verdicts.
@@ -167,6 +175,7 @@ impl Sinks {
         }
         Ok(Self {
             sinks,
+            tables,
             rows,
             checkpoints,
             pictures,
@@ -181,6 +190,16 @@ impl Sinks {
     /// For [`crate::run::run`].
     pub fn as_mut_slice(&mut self) -> &mut [Box<dyn Sink>] {
         &mut self.sinks
+    }
+
+    /// Those that write tables: what is perturbed is shown in no picture.
+    pub fn tables_mut(&mut self) -> &mut [Box<dyn Sink>] {
+        &mut self.sinks[..self.tables]
+    }
+
+    /// The sinks alone: nothing of what they collect is of interest.
+    pub fn into_boxed(self) -> Vec<Box<dyn Sink>> {
+        self.sinks
     }
 
     /// Finishes all sinks in their order, also after one that fails. The results hold also then.

@@ -1,6 +1,6 @@
 //! Pictures for the report page: the best and the worst frame of each checkpoint, or the scenes.
 
-use super::table::Identity;
+use super::table::RunIdentity;
 use super::{Outbox, RunStart, Sink};
 use crate::error::Result;
 use crate::files;
@@ -35,7 +35,7 @@ pub struct ReportPictures {
 /// Collects the pictures over all runs.
 #[derive(Default)]
 pub struct PictureSink {
-    identity: Identity,
+    identity: RunIdentity,
     algorithms: Vec<String>,
     checkpoints: Vec<Checkpoint>,
     cells: CellRule,
@@ -69,7 +69,7 @@ impl PictureSink {
 
 impl Sink for PictureSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.identity = Identity::new(start);
+        self.identity = RunIdentity::new(start);
         self.start_ns = start.judge.run.start_ns;
         self.cells = start.judge.cells;
         // All runs of a report have the same algorithms and checkpoints.
@@ -110,7 +110,7 @@ impl Sink for PictureSink {
                         Some(FrameShot {
                             passed: Some(verdict.passed),
                             findings: self.checkpoints[c].findings(grid, self.cells),
-                            ..shot(&self.identity, judged, scored)?
+                            ..frame_shot(&self.identity, judged, scored)?
                         })
                     }
                     false => None,
@@ -171,7 +171,8 @@ impl PictureSink {
         let run = self.identity.run.as_deref().unwrap_or_default();
         let shown = judged.estimates.iter();
         let shown = shown.filter(|scored| self.is_pictured(&scored.estimate.algorithm));
-        let shots = shown.map(|scored| Ok((Rank::Sample, shot(&self.identity, judged, scored)?)));
+        let shots =
+            shown.map(|scored| Ok((Rank::Sample, frame_shot(&self.identity, judged, scored)?)));
         self.samples.push(CheckpointFigure {
             title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
             about: String::new(),
@@ -231,7 +232,15 @@ fn leading_shots(tally: CheckpointTally<FrameShot>) -> impl Iterator<Item = (Ran
         .filter_map(|(rank, lead)| Some((rank, lead?.0)))
 }
 
-fn shot(identity: &Identity, judged: &Judged, scored: &JudgedEstimate) -> Result<FrameShot> {
+/// A frame through one algorithm, for a page.
+///
+/// # Errors
+/// What keeps its pictures from being encoded.
+pub(crate) fn frame_shot(
+    identity: &RunIdentity,
+    judged: &Judged,
+    scored: &JudgedEstimate,
+) -> Result<FrameShot> {
     let (frame, estimate) = (&judged.frame, &scored.estimate);
     let size = frame.pair.size();
     let nearness = Nearness::of_frame(frame);

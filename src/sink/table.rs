@@ -13,7 +13,7 @@ use std::time::Duration;
 pub struct TableSink {
     rows: Table<Row>,
     cells: Option<Table<CellRow>>,
-    identity: Identity,
+    identity: RunIdentity,
     kept: Vec<Row>,
     outbox: Outbox<Vec<Row>>,
 }
@@ -53,7 +53,7 @@ impl TableSink {
         Self {
             rows,
             cells,
-            identity: Identity::default(),
+            identity: RunIdentity::default(),
             kept: Vec::new(),
             outbox: outbox.clone(),
         }
@@ -62,7 +62,7 @@ impl TableSink {
 
 impl Sink for TableSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.identity = Identity::new(start);
+        self.identity = RunIdentity::new(start);
         Ok(())
     }
 
@@ -89,17 +89,19 @@ impl Sink for TableSink {
 
 /// What all rows of a run share.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Identity {
+pub(crate) struct RunIdentity {
     pub run_id: String,
     pub scenario: String,
     pub seed: Option<u64>,
     /// The recording, where the scenario has some.
     pub run: Option<String>,
+    /// What made the pairs worse.
+    pub stress: Option<String>,
     algorithms: Vec<AlgorithmRecord>,
 }
 
-impl Identity {
-    pub(super) fn new(start: &RunStart<'_>) -> Self {
+impl RunIdentity {
+    pub(crate) fn new(start: &RunStart<'_>) -> Self {
         Self {
             run_id: start.manifest.run_id.clone(),
             scenario: start.manifest.scenario.clone(),
@@ -107,12 +109,13 @@ impl Identity {
             run: Some(&start.judge.run.name)
                 .filter(|name| !name.is_empty())
                 .cloned(),
+            stress: start.judge.run.stress.clone(),
             algorithms: start.manifest.algorithms.clone(),
         }
     }
 
     /// An estimate as a row.
-    pub(super) fn row(&self, judged: &Judged, scored: &JudgedEstimate) -> Row {
+    pub(crate) fn row(&self, judged: &Judged, scored: &JudgedEstimate) -> Row {
         let (frame, estimate) = (&judged.frame, &scored.estimate);
         let algorithm = self
             .algorithms
@@ -147,11 +150,12 @@ impl Identity {
                 .map(|truth| truth.kind.origin.to_string()),
             run: self.run.clone(),
             filters_us: estimate.unfiltered.as_ref().map(|_| stage(Stage::Filters)),
+            stress: self.stress.clone(),
         }
     }
 
     /// The cells of an estimate as rows, in raster order.
-    pub(super) fn cells(&self, judged: &Judged, scored: &JudgedEstimate) -> Vec<CellRow> {
+    pub(crate) fn cells(&self, judged: &Judged, scored: &JudgedEstimate) -> Vec<CellRow> {
         let estimate = &scored.estimate;
         let judgement = |i: usize| {
             let cells = scored.cells.as_ref();
@@ -180,6 +184,7 @@ impl Identity {
                 run: self.run.clone(),
                 state: Some(cell.state()),
                 probability: cell.probability,
+                stress: self.stress.clone(),
             }
         };
         estimate.grid.iter().enumerate().map(row).collect()

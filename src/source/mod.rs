@@ -15,6 +15,7 @@ mod rectified;
 mod reference;
 mod resized;
 mod runs;
+mod stressed;
 mod video;
 
 pub use alignment_monitor::AlignmentMonitor;
@@ -34,6 +35,7 @@ pub use rectified::{AssumeRectified, RectifiedSource};
 pub use reference::ReferenceSource;
 pub use resized::Resized;
 pub use runs::{RunSource, run_request};
+pub use stressed::StressedSource;
 pub use video::VideoSource;
 
 use crate::error::Result;

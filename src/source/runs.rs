@@ -1,13 +1,14 @@
 //! The runs of a scenario: sources with what identifies them.
 
 use super::open::{Opened, Request};
-use super::{Calib, Limited, Source};
+use super::{Calib, Limited, Source, StressedSource};
 use crate::error::{Error, Result};
 use crate::manifest::RunRecord;
 use crate::recording::TruthSelection;
 use crate::scenario::{PairRange, RecordingRun, RecordingRuns};
 use crate::score::{Judge, RunPart};
 use crate::stereo::{Frame, Losses};
+use crate::stress::Stress;
 use std::io::ErrorKind;
 
 /// What a scenario of recordings asks for of one of its files.
@@ -65,6 +66,7 @@ pub struct RunSource {
     /// The recording that it reads, where it is one.
     pub record: Option<RunRecord>,
     start_ns: u64,
+    stress: Option<Stress>,
 }
 
 impl RunSource {
@@ -93,6 +95,22 @@ impl RunSource {
             seed,
             record,
             start_ns: start_ns.unwrap_or(first_ns),
+            stress: None,
+        }
+    }
+
+    /// The run with pairs that are made worse.
+    #[must_use]
+    pub fn stressed(self, stress: Stress) -> Self {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        let name = self.record.as_ref().map_or("", |record| &record.name);
+        hasher.update(name.as_bytes());
+        let seed = self.seed.unwrap_or(hasher.digest());
+        let source = StressedSource::new(Box::new(self.source), stress, seed);
+        let start_ns = Some(self.start_ns);
+        Self {
+            stress: Some(stress),
+            ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
         }
     }
 
@@ -106,6 +124,7 @@ impl RunSource {
         let run = RunPart {
             name: name.unwrap_or_default(),
             start_ns: self.start_ns,
+            stress: self.stress.map(|stress| stress.to_string()),
         };
         match self.source.first() {
             Some(frame) => {

@@ -6,7 +6,8 @@ use crate::arena::config::{FloorPattern, WorldConfig};
 use crate::arena::noise::{Dice, NoiseStream};
 use rayon::prelude::*;
 
-/// Linoleum: 2 m x 4 m with [`TEXEL_M`]; a larger arena's floor repeats.
+/// Linoleum: 2 m x 4 m with [`TEXEL_M`], of a longer arena 2 m x 8 m; a still larger arena's floor
+/// repeats.
 const WIDTH: usize = 1024;
 const HEIGHT: usize = 2048;
 const TEXEL_M: f32 = 0.002;
@@ -21,15 +22,17 @@ pub(crate) fn floor(
     light: impl Fn(f32, f32) -> f32 + Sync,
 ) -> Texture {
     let mut dice = Dice::new(seed, NoiseStream::Floor);
+    let is_long = world.length_m as f32 > HEIGHT as f32 * TEXEL_M;
+    let height = if is_long { 2 * HEIGHT } else { HEIGHT };
     let patterns = &world.floor_patterns;
     match patterns[(seed % patterns.len() as u64) as usize] {
-        FloorPattern::Linoleum => linoleum(world.floor_contrast as f32, light, &mut dice),
-        kind => patterned(&Pattern::new(kind, &mut dice), light),
+        FloorPattern::Linoleum => linoleum(height, world.floor_contrast as f32, light, &mut dice),
+        kind => patterned(height, &Pattern::new(kind, &mut dice), light),
     }
 }
 
-fn patterned(pattern: &Pattern, light: impl Fn(f32, f32) -> f32) -> Texture {
-    let (width, height) = (FINER * WIDTH, FINER * HEIGHT);
+fn patterned(height: usize, pattern: &Pattern, light: impl Fn(f32, f32) -> f32) -> Texture {
+    let (width, height) = (FINER * WIDTH, FINER * height);
     let texel_m = TEXEL_M / FINER as f32;
     let shade = Shade::new((width, height), texel_m, light);
     let albedo: Vec<f32> = (0..width * height)
@@ -45,27 +48,32 @@ fn patterned(pattern: &Pattern, light: impl Fn(f32, f32) -> f32) -> Texture {
 
 /// The thesis's: grey, speckled, with scuffs, much weaker than the walls. `contrast` is the
 /// standard deviation of the speckles' albedo.
-fn linoleum(contrast: f32, light: impl Fn(f32, f32) -> f32, dice: &mut Dice) -> Texture {
-    let stains = fabric::clouds(WIDTH, HEIGHT, 8, dice);
-    let mut speckles: Vec<f32> = (0..WIDTH * HEIGHT)
+fn linoleum(
+    height: usize,
+    contrast: f32,
+    light: impl Fn(f32, f32) -> f32,
+    dice: &mut Dice,
+) -> Texture {
+    let stains = fabric::clouds(WIDTH, height, 8, dice);
+    let mut speckles: Vec<f32> = (0..WIDTH * height)
         .map(|_| dice.between(-1.7, 1.7))
         .collect();
     for _ in 0..260 {
         let (mut x, mut y) = (
             dice.between(0.0, WIDTH as f32),
-            dice.between(0.0, HEIGHT as f32),
+            dice.between(0.0, height as f32),
         );
         let (along, tone) = (dice.direction(), dice.between(-3.5, 2.5));
         for _ in 0..dice.between(10.0, 90.0) as usize {
             (x, y) = (x + along.0, y + along.1);
             let (column, row) = (x.max(0.0) as usize, y.max(0.0) as usize);
             // A scuff that leaves the picture is not continued on the other side.
-            if column < WIDTH && row < HEIGHT {
+            if column < WIDTH && row < height {
                 speckles[row * WIDTH + column] += tone;
             }
         }
     }
-    let shade = Shade::new((WIDTH, HEIGHT), TEXEL_M, light);
+    let shade = Shade::new((WIDTH, height), TEXEL_M, light);
     let albedo: Vec<f32> = (stains.iter().zip(&speckles).enumerate())
         .map(|(i, (stain, speckle))| {
             let tone = 0.42 + contrast * (0.7 * stain + speckle);

@@ -124,6 +124,19 @@ impl Outputs {
         self.0.iter_mut().try_for_each(Output::set_aside)
     }
 
+    /// Moves a file of that name back that was set aside with a folder: it is a part of the new
+    /// output.
+    pub(crate) fn bring_back(&self, name: &str) -> svl::Result<()> {
+        for Output { path, aside, .. } in &self.0 {
+            let aside = aside.as_ref().map(|aside| aside.join(name));
+            if let Some(aside) = aside.filter(|aside| aside.exists()) {
+                let moved = std::fs::rename(&aside, path.join(name));
+                moved.map_err(|e| svl::Error::io(&aside, e))?;
+            }
+        }
+        Ok(())
+    }
+
     /// The new files are complete: the earlier ones are removed.
     pub(crate) fn commit(mut self) {
         for Output { folder, aside, .. } in self.0.drain(..) {

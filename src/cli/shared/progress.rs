@@ -4,7 +4,7 @@ use super::live::LiveTable;
 use super::memory;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use svl::run::{MemoryUse, Monitor};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -108,6 +108,42 @@ impl Monitor for Progress {
             self.show_table();
         }
         !interrupted()
+    }
+}
+
+/// A bar that counts drives and their frames, for several threads.
+pub(crate) struct DriveProgress(ProgressBar, AtomicU64);
+
+impl DriveProgress {
+    pub(crate) fn new(scenario: &str, drives: usize, quiet: bool) -> Self {
+        listen_for_interrupt();
+        let bar = match quiet {
+            true => ProgressBar::hidden(),
+            false => ProgressBar::new(drives as u64),
+        };
+        let form = "{prefix:<24!} {bar:16} {pos:>6}/{len} drives {eta:>4} left, {msg} pairs";
+        // The template is a constant; the tests run it.
+        let style = ProgressStyle::with_template(form).expect("a valid template");
+        bar.set_style(style);
+        bar.set_prefix(format!("score {scenario}"));
+        Self(bar, AtomicU64::new(0))
+    }
+
+    /// One pair more.
+    pub(crate) fn frame(&self) {
+        let frames = self.1.fetch_add(1, Ordering::Relaxed) + 1;
+        if frames.is_multiple_of(16) {
+            self.0.set_message(frames.to_string());
+        }
+    }
+
+    /// One drive more.
+    pub(crate) fn done(&self) {
+        self.0.inc(1);
+    }
+
+    pub(crate) fn clear(&self) {
+        self.0.finish_and_clear();
     }
 }
 

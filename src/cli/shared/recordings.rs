@@ -57,7 +57,7 @@ pub(crate) fn cached_run(
     create()?;
     let pairs = match &scenario.source {
         ScenarioSource::Arena { config, .. } => Some(config.frames),
-        ScenarioSource::Dataset { .. } | ScenarioSource::Recording(_) => None,
+        _ => None,
     };
     let name = format!("arena, seed {seed}");
     let mut progress = Progress::with_table(&name, pairs, quiet, table);

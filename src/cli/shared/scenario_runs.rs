@@ -39,6 +39,11 @@ pub(crate) struct ScenarioSourceArgs {
 }
 
 impl ScenarioSourceArgs {
+    /// Whether other pairs are asked for than the source has, or another truth.
+    pub(crate) fn changes_pairs(&self) -> bool {
+        self.range.is_given() || self.reference.is_given()
+    }
+
     /// Fills the request of a source that is no scenario's.
     pub(crate) fn fill(&self, request: &mut Request<'_>) {
         self.topics.fill(request);
@@ -69,7 +74,9 @@ impl ScenarioSourceArgs {
         }
         if let Some(list) = &self.seeds {
             let changed = scenarios.iter_mut().filter_map(|scenario| {
-                let ScenarioSource::Arena { seeds, .. } = &mut scenario.source else {
+                let (ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. }) =
+                    &mut scenario.source
+                else {
                     return None;
                 };
                 *seeds = list.seeds().to_vec();
@@ -108,7 +115,7 @@ pub(crate) fn named(what: &[String]) -> anyhow::Result<Scenario> {
 }
 
 /// Says in the scenario what was changed: its page and its hash identify it.
-fn note(scenario: &mut Scenario, what: &str, names: &str) {
+pub(crate) fn note(scenario: &mut Scenario, what: &str, names: &str) {
     let words = format!("\n\nOf other {what} than the scenario's: {names}.");
     scenario.description.push_str(&words);
     scenario.text.push_str(&format!("\n# --{what} {names}\n"));
@@ -166,11 +173,35 @@ pub(crate) fn runs(
     args: &ScenarioSourceArgs,
     quiet: bool,
 ) -> anyhow::Result<Vec<ScoredSource>> {
+    (0..count(scenario)?)
+        .map(|place| run_at(scenario, args, place, quiet))
+        .collect()
+}
+
+/// The number of the scenario's runs.
+pub(crate) fn count(scenario: &Scenario) -> anyhow::Result<usize> {
+    Ok(match &scenario.source {
+        ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => seeds.len(),
+        ScenarioSource::Dataset { .. } => 1,
+        ScenarioSource::Recording(_) => scenario.recordings()?.len(),
+    })
+}
+
+/// The run at that place.
+pub(crate) fn run_at(
+    scenario: &Scenario,
+    args: &ScenarioSourceArgs,
+    place: usize,
+    quiet: bool,
+) -> anyhow::Result<ScoredSource> {
     let range = range(args)?;
-    let mut runs = Vec::new();
-    match &scenario.source {
-        ScenarioSource::Arena { seeds, .. } => {
-            return Ok(seeds.iter().copied().map(ScoredSource::Arena).collect());
+    let mut run = match &scenario.source {
+        ScenarioSource::Arena { seeds, .. } => return Ok(ScoredSource::Arena(seeds[place])),
+        ScenarioSource::Drive { .. } => {
+            return Err(usage::wrong(format!(
+                "scenario '{}' is driven: `svl score` runs it",
+                scenario.name
+            )));
         }
         ScenarioSource::Dataset { scenes } => {
             let Some(data) = data_folder(args.data.as_deref()) else {
@@ -183,24 +214,19 @@ pub(crate) fn runs(
             let scenes = Scene::find_all(&data, scenes)?;
             let source = Limited::new(Box::new(SceneSource::new(scenes)), range, None);
             let source = args.reference.wrap(Box::new(source))?;
-            runs.push(RunSource::new(source, None));
+            RunSource::new(source, None)
         }
         ScenarioSource::Recording(recorded) => {
-            for run in scenario.recordings()? {
-                let mut request = run_request(recorded, &run)?;
-                args.topics.fill(&mut request);
-                args.rectify.fill(&mut request);
-                args.range.fill(&mut request.range);
-                let mut opened = source::open(request, quiet)?;
-                opened.source = args.reference.wrap(opened.source)?;
-                runs.push(RunSource::of_recording(&run, opened));
-            }
+            let run = &scenario.recordings()?[place];
+            let mut request = run_request(recorded, run)?;
+            args.topics.fill(&mut request);
+            args.rectify.fill(&mut request);
+            args.range.fill(&mut request.range);
+            let mut opened = source::open(request, quiet)?;
+            opened.source = args.reference.wrap(opened.source)?;
+            RunSource::of_recording(run, opened)
         }
-    }
-    let judge = scenario.judge();
-    let judged = runs.into_iter().map(|mut run| {
-        let judge = run.judge(&judge)?;
-        Ok(ScoredSource::Opened(Box::new((run, judge))))
-    });
-    judged.collect()
+    };
+    let judge = run.judge(&scenario.judge())?;
+    Ok(ScoredSource::Opened(Box::new((run, judge))))
 }

@@ -118,6 +118,10 @@ pub(crate) struct RangeArgs {
 }
 
 impl RangeArgs {
+    pub(crate) fn is_given(&self) -> bool {
+        self.every.is_some() || self.from.is_some() || self.to.is_some()
+    }
+
     /// What is given replaces what the range has.
     pub(crate) fn fill(&self, range: &mut PairRange) {
         *range = PairRange {
@@ -178,6 +182,10 @@ pub(crate) struct ReferenceArgs {
 }
 
 impl ReferenceArgs {
+    pub(crate) fn is_given(&self) -> bool {
+        !self.reference.is_empty()
+    }
+
     /// Warns of algorithms that are judged against themselves.
     pub(crate) fn check(&self, algorithms: &[Algorithm]) {
         let is_reference = |algorithm: &&Algorithm| {

@@ -1,6 +1,6 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
-mod bootstrap;
+pub(super) mod bootstrap;
 mod history;
 mod markdown;
 mod sample;

@@ -8,6 +8,7 @@ mod tables;
 mod view;
 
 use super::page::fill;
+use super::plot::CourseMap;
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
 use crate::error::{Error, Result};
@@ -32,6 +33,8 @@ pub struct ReportPage {
     pub figures: Vec<CheckpointFigure>,
     /// Where the frames are scenes of a data set.
     pub scenes: Vec<SceneFigure>,
+    /// Courses that algorithms drove through.
+    pub maps: Vec<CourseMap>,
 }
 
 /// Algorithms that differ in one parameter alone.

@@ -1,9 +1,11 @@
 //! The plots of the page.
 
 use super::super::plot::{Axis, Bars, Chart, Series, SeriesStyle, Strips};
+use super::super::stress::{NUMBERS, kinds};
 use super::super::summary::AlgorithmSummary;
 use super::{ParameterSweep, ReportPage};
 use crate::error::Result;
+use crate::stress::StressKind;
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -66,6 +68,61 @@ pub(super) fn accuracy(page: &ReportPage) -> Result<Vec<PlotView>> {
         .into_iter()
         .flatten()
         .collect())
+}
+
+/// What is left of each number at the levels of a perturbation: a plot per number.
+pub(super) fn stress(page: &ReportPage) -> Result<Vec<StressView>> {
+    let all = &page.summary.stress;
+    let view = |kind: &'static StressKind| {
+        let own: Vec<_> = all.iter().filter(|s| s.kind == kind.name).collect();
+        let mut algorithms: Vec<&str> = own.iter().map(|s| s.algorithm.as_str()).collect();
+        algorithms.sort_by_key(|name| own.iter().position(|s| s.algorithm == *name));
+        algorithms.dedup();
+        let plots = NUMBERS.iter().filter_map(|(title, axis, number)| {
+            let series: Vec<_> = algorithms
+                .iter()
+                .map(|algorithm| {
+                    let points = own.iter().filter(|s| s.algorithm == *algorithm);
+                    let mut points: Vec<_> =
+                        points.filter_map(|s| Some((s.level, number(s)?))).collect();
+                    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+                    Series {
+                        name: (*algorithm).to_owned(),
+                        form: SeriesStyle::Both,
+                        points,
+                    }
+                })
+                .filter(|series| !series.points.is_empty())
+                .collect();
+            let chart = Chart {
+                title: (*title).to_owned(),
+                x: Axis::new(format!("{}, {}", kind.name, kind.unit)),
+                y: Axis::new(*axis),
+                series,
+            };
+            (!chart.series.is_empty()).then(|| {
+                Ok(PlotView {
+                    title,
+                    about: "",
+                    svg: chart.svg()?,
+                })
+            })
+        });
+        Ok(StressView {
+            name: kind.name,
+            about: kind.summary,
+            plots: plots.collect::<Result<_>>()?,
+        })
+    };
+    kinds(all).into_iter().map(view).collect()
+}
+
+/// A perturbation on the page.
+#[derive(Serialize)]
+pub(super) struct StressView {
+    name: &'static str,
+    about: &'static str,
+    plots: Vec<PlotView>,
 }
 
 /// Coverage against error: cells, and pixels.

@@ -1,9 +1,11 @@
 //! The values of the page's template, numbers as text.
 
+use super::super::plot::CourseMap;
+use super::super::side_table::SideTable;
 use super::super::words::{VERDICTS, columns, speed_columns};
 use super::ReportPage;
 use super::frames::FigureView;
-use super::plots::{PlotView, accuracy, coverage, speed};
+use super::plots::{PlotView, StressView, accuracy, coverage, speed, stress};
 use super::scenes::{ErrorKey, SceneView};
 use super::tables::AlgorithmTableView;
 use crate::error::Result;
@@ -28,6 +30,9 @@ pub(super) struct ReportPageView<'a> {
     speed_plots: Vec<PlotView>,
     figures: Vec<FigureView<'a>>,
     scenes: Vec<SceneView<'a>>,
+    tables: Vec<SideTable>,
+    maps: Vec<String>,
+    stress: Vec<StressView>,
     /// Which algorithms have no pictures, if any.
     left_out: Option<String>,
     errors: ErrorKey,
@@ -74,6 +79,13 @@ impl<'a> ReportPageView<'a> {
             speed_plots: speed(page)?,
             figures,
             scenes: page.scenes.iter().map(SceneView::new).collect(),
+            tables: summary.side_tables(),
+            maps: page
+                .maps
+                .iter()
+                .map(CourseMap::svg)
+                .collect::<Result<_>>()?,
+            stress: stress(page)?,
             left_out: left_out(page),
             errors: ErrorKey::new(),
             ramp: stops.collect::<Vec<_>>().join(", "),

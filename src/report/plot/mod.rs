@@ -7,11 +7,13 @@ mod bars;
 mod chart;
 mod distance;
 mod labels;
+mod map;
 mod strips;
 
 pub use bars::Bars;
 pub use chart::{Axis, Chart};
 pub use distance::distance_chart;
+pub use map::{CourseMap, MapWay};
 pub use strips::Strips;
 
 use crate::error::{Error, Result};

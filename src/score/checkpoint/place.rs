@@ -29,6 +29,8 @@ pub struct RunPart {
     pub name: String,
     /// Stamp of the first pair of its source.
     pub start_ns: u64,
+    /// What made its pairs worse, if anything did, as [`crate::stress::Stress`] writes it.
+    pub stress: Option<String>,
 }
 
 impl RunPart {
@@ -208,6 +210,7 @@ mod tests {
         let run = RunPart {
             name: "own.mcap".into(),
             start_ns: 7_000_000_000,
+            stress: None,
         };
         let frames = CheckpointPlace::Frames([3, 5]);
         let shows = [2, 3, 5, 6].map(|sequence| frames.covers(&frame(sequence, 0), &run));
@@ -223,6 +226,7 @@ mod tests {
         let run = |name: &str| RunPart {
             name: name.into(),
             start_ns: 0,
+            stress: None,
         };
         assert!(run("own.mcap").is_in(None) && run("").is_in(None));
         assert!(run("own.mcap").is_in(Some("day/own.mcap")));

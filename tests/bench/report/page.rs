@@ -26,6 +26,7 @@ fn page(summary: Summary) -> ReportPage {
         sweeps: Vec::new(),
         figures: Vec::new(),
         scenes: Vec::new(),
+        maps: Vec::new(),
     }
 }
 
@@ -156,6 +157,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
 fn the_page_shows_scenes_with_truth_and_errors() {
     let html = ReportPage {
         scenes: vec![scene()],
+        maps: Vec::new(),
         ..page(example())
     }
     .render()
@@ -190,6 +192,7 @@ fn the_page_shows_scenes_with_truth_and_errors() {
     };
     let html = ReportPage {
         scenes: vec![one],
+        maps: Vec::new(),
         ..page(example())
     }
     .render()
@@ -213,6 +216,7 @@ fn the_tables_read_on_narrow_screens_too() {
     assert!(
         ReportPage {
             scenes: vec![],
+            maps: Vec::new(),
             ..page(Summary::default())
         }
         .render()
@@ -261,6 +265,7 @@ fn the_page_escapes_and_fetches_nothing() {
     let html = ReportPage {
         figures: vec![figure],
         scenes: vec![scene()],
+        maps: Vec::new(),
         ..page(example())
     }
     .render()

@@ -1,5 +1,6 @@
 //! `svl score`: scores algorithms on a scenario or on recordings, and writes a report.
 
+mod drive;
 mod report;
 mod scenario;
 mod sweep;
@@ -8,15 +9,19 @@ use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::rerun::RerunChoice;
-use crate::cli::shared::scenario_runs::{ScenarioSourceArgs, ScoredSource, runs as open_runs};
+use crate::cli::shared::scenario_runs::{
+    self, ScenarioSourceArgs, ScoredSource, runs as open_runs,
+};
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
-use report::{REPORT, ScoreReport};
+use drive::KeptDrives;
+use report::{REPORT, ScoreReport, Scored, report_manifest};
 use std::path::{Path, PathBuf};
 use svl::report::{GateResult, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
+use svl::scenario::{Scenario, ScenarioSource, StressLevels};
 use svl::score::{METRICS, Metric, MetricOrigin};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
 use sweep::{Algorithms, MAX_ALGORITHMS};
@@ -74,6 +79,10 @@ pub(crate) struct Args {
     out: Option<PathBuf>,
     #[command(flatten)]
     filters: FilterArgs,
+    /// Score the pairs made worse, too, as row_offset, at levels of your own as row_offset=0.5/1;
+    /// may be given more than once [default: the scenario's]
+    #[arg(long, value_name = "KIND[=LEVEL/…]")]
+    stress: Vec<StressLevels>,
     #[command(flatten)]
     source: ScenarioSourceArgs,
     /// Match each pair N times, in turns; its time is the median, and all results must be equal
@@ -101,6 +110,14 @@ pub(crate) struct Args {
     /// matched again
     #[arg(long)]
     resume: bool,
+    /// Which drives of kind = "drive" are kept as recordings in the report; each takes about 80 MB
+    #[arg(
+        long,
+        value_name = "all|none",
+        default_value = "all",
+        hide_possible_values = true
+    )]
+    drives: KeptDrives,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -130,72 +147,39 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let kind = if args.check { "-check" } else { "" };
         Path::new("reports").join(format!("{}{kind}", scenario.name))
     });
-    let mut matchers =
-        Matchers::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
-            // The file is wrong, not the command line.
-            true => svl::Error::format(named, error.to_string()),
-            false => error,
-        })?;
-    let rerun = match &args.rerun {
-        None => Some(RerunTarget::File(folder.join(REPORT_RUN))),
-        Some(choice) => choice.target().cloned(),
-    };
     let mut outputs = Outputs::claim_folder(&folder, &REPORT)?;
-    if let (Some(_), Some(file)) = (&args.rerun, rerun.as_ref().and_then(RerunTarget::file)) {
+    let rerun = args.rerun.as_ref().and_then(RerunChoice::target);
+    if let Some(file) = rerun.and_then(RerunTarget::file) {
         outputs = outputs.and(Outputs::claim(false, [], [file])?);
     }
     // The file of the CI's run before is of no more use than its report.
     let junit_path = args.junit.iter().map(PathBuf::as_path);
     let mut junit_file = Outputs::claim(true, [], junit_path)?;
-    let runs = open_runs(&scenario, &args.source, quiet)?;
-    args.source.reference.check(&scenario.algorithms);
-    let pace = Pace::Measured {
-        rounds: args.repeat,
+    if !args.resume {
+        warn_of_unfinished(&folder);
+    }
+    let scored = match &scenario.source {
+        ScenarioSource::Drive { .. } => drive::score(
+            args,
+            &scenario,
+            &folder,
+            (&mut outputs, &mut junit_file),
+            quiet,
+        ),
+        _ => score_runs(
+            args,
+            &scenario,
+            &folder,
+            (&mut outputs, &mut junit_file),
+            quiet,
+        ),
     };
-    let mut manifest = report::manifest(&scenario, &runs, pace)?;
-    let live = LiveTable::default();
-    let mut runs = runs.into_iter();
-    let open = |run: ScoredSource| run.open(&scenario, &args.source, quiet, Some(&live));
-    // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
-    let first = runs.next().map(open).transpose()?;
-    let log = match args.resume {
-        true => ResultLog::read(&folder, &manifest, scenario.grid)?,
-        false => {
-            warn_of_unfinished(&folder);
-            ResultLog::default()
-        }
-    };
-    log.continue_in(&mut manifest);
-    let others = log.others().to_vec();
-    outputs.set_aside()?;
-    junit_file.set_aside()?;
-    let mut report = {
-        let rerun = rerun.map(|target| (target, args.rerun_detail));
-        ScoreReport::begin(&scenario, &folder, rerun, (manifest, log), &live, pace)?
-    };
-    let mut total = Outcome::default();
-    let opened = first.into_iter().map(Ok).chain(runs.map(open));
-    let ran = opened.into_iter().try_for_each(|run| {
-        let mut run = run?;
-        let (outcome, ran) = report.take(&mut run, &mut matchers, quiet);
-        total.frames += outcome.frames;
-        total.failures += outcome.failures;
-        total.losses.add(outcome.losses);
-        ran?;
-        if outcome.interrupted {
-            bail!(
-                "{INTERRUPTED}; the report holds what was scored before, and --resume goes on with \
-                 it"
-            );
-        }
-        Ok(())
-    });
-    // What came before an error or Ctrl-C is reported all the same.
-    let incomplete = match &ran {
-        Err(error) => Some(usage::one_line(error)),
-        Ok(()) => total.missing(),
-    };
-    let finished = report.finish(&scenario, &matchers, args.sort, args.gate, incomplete);
+    let Scored {
+        ran,
+        finished,
+        total,
+        others,
+    } = scored?;
     // Decided before anything is printed: a full standard output costs no report, and a full disk
     // no row that was written.
     match (&ran, &finished) {
@@ -240,6 +224,89 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (_, true) => pass_check(&summary),
         _ => Ok(()),
     }
+}
+
+/// Scores the runs of a scenario, one after the other.
+fn score_runs(
+    args: &Args,
+    scenario: &Scenario,
+    folder: &Path,
+    (outputs, junit_file): (&mut Outputs, &mut Outputs),
+    quiet: bool,
+) -> anyhow::Result<Scored> {
+    let mut matchers =
+        Matchers::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
+            // The file is wrong, not the command line.
+            true => svl::Error::format(&args.what[0], error.to_string()),
+            false => error,
+        })?;
+    let rerun = match &args.rerun {
+        None => Some(RerunTarget::File(folder.join(REPORT_RUN))),
+        Some(choice) => choice.target().cloned(),
+    };
+    let runs = open_runs(scenario, &args.source, quiet)?;
+    args.source.reference.check(&scenario.algorithms);
+    let pace = Pace::Measured {
+        rounds: args.repeat,
+    };
+    let records = runs.iter().filter_map(ScoredSource::record);
+    let mut manifest = report_manifest(scenario, records.collect(), pace)?;
+    let live = LiveTable::default();
+    let mut runs = runs.into_iter();
+    let open = |run: ScoredSource| run.open(scenario, &args.source, quiet, Some(&live));
+    // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
+    let first = runs.next().map(open).transpose()?;
+    let log = match args.resume {
+        true => ResultLog::read(folder, &manifest, scenario.grid)?,
+        false => ResultLog::default(),
+    };
+    log.continue_in(&mut manifest);
+    let others = log.others().to_vec();
+    outputs.set_aside()?;
+    junit_file.set_aside()?;
+    let mut report = {
+        let rerun = rerun.map(|target| (target, args.rerun_detail));
+        ScoreReport::begin(scenario, folder, rerun, (manifest, log), &live, pace)?
+    };
+    let mut total = Outcome::default();
+    let opened = first.into_iter().map(Ok).chain(runs.map(open));
+    let stresses = scenario.stress.iter().flat_map(StressLevels::stresses);
+    let places = 0..scenario_runs::count(scenario)?;
+    let stressed = stresses.flat_map(|stress| places.clone().map(move |place| (*stress, place)));
+    let stressed = stressed.map(|(stress, place)| {
+        let run = scenario_runs::run_at(scenario, &args.source, place, quiet)?;
+        let (run, _) = run.open(scenario, &args.source, quiet, Some(&live))?;
+        let mut run = run.stressed(stress);
+        let judge = run.judge(&scenario.judge())?;
+        Ok((run, judge))
+    });
+    let ran = opened.into_iter().chain(stressed).try_for_each(|run| {
+        let mut run = run?;
+        let (outcome, ran) = report.take(&mut run, &mut matchers, quiet);
+        total.frames += outcome.frames;
+        total.failures += outcome.failures;
+        total.losses.add(outcome.losses);
+        ran?;
+        if outcome.interrupted {
+            bail!(
+                "{INTERRUPTED}; the report holds what was scored before, and --resume goes on with \
+                 it"
+            );
+        }
+        Ok(())
+    });
+    // What came before an error or Ctrl-C is reported all the same.
+    let incomplete = match &ran {
+        Err(error) => Some(usage::one_line(error)),
+        Ok(()) => total.missing(),
+    };
+    let finished = report.finish(scenario, &matchers, args.sort, args.gate, incomplete);
+    Ok(Scored {
+        ran,
+        finished,
+        total,
+        others,
+    })
 }
 
 /// How a report says that Ctrl-C ended its run.

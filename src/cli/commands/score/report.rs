@@ -1,16 +1,17 @@
 //! The report of `svl score` under way: manifest, sinks, and what is written at the end.
 
+use super::drive;
 use super::sweep::sweeps;
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{FolderRule, write, write_json};
 use crate::cli::shared::progress::Progress;
 use crate::cli::shared::runner;
-use crate::cli::shared::scenario_runs::ScoredSource;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl::manifest::{Manifest, hash};
+use svl::manifest::{Manifest, RunRecord, hash};
 use svl::report::html::ReportPage;
-use svl::report::{GateResult, ResultLog, Row, Summary};
+use svl::report::plot::CourseMap;
+use svl::report::{CheckpointRow, DriveRow, GateResult, ResultLog, Row, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Metric};
@@ -33,16 +34,15 @@ pub(super) struct ScoreReport {
 }
 
 /// What identifies a report, and where it goes on from.
-pub(super) fn manifest(
+pub(super) fn report_manifest(
     scenario: &Scenario,
-    runs: &[ScoredSource],
+    runs: Vec<RunRecord>,
     pace: Pace,
 ) -> anyhow::Result<Manifest> {
     let mut manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
     manifest.set_rule(scenario.cells);
     manifest.times = Some(pace.times());
-    let records = runs.iter().filter_map(ScoredSource::record);
-    manifest.runs = records.collect();
+    manifest.runs = runs;
     Ok(manifest)
 }
 
@@ -93,8 +93,15 @@ impl ScoreReport {
             Some(seed) => format!("score {}, seed {seed}", self.manifest.scenario),
             None => format!("score {}", run.name()),
         };
+        let title = match &judge.run.stress {
+            Some(stress) => format!("{title}, {stress}"),
+            None => title,
+        };
         let progress = Progress::with_table(&title, run.pairs(), quiet, Some(&self.live));
-        let sinks = self.sinks.as_mut_slice();
+        let sinks = match &judge.run.stress {
+            None => self.sinks.as_mut_slice(),
+            Some(_) => self.sinks.tables_mut(),
+        };
         runner::run_through(run, matchers, &start, self.pace, sinks, progress)
     }
 
@@ -113,20 +120,70 @@ impl ScoreReport {
         } = self;
         let (results, finished) = self.sinks.finish();
         finished?;
-        let mut summary = Summary::from_rows(&results.rows, &results.checkpoints)?;
-        let ReportPictures { figures, scenes } = results.pictures;
+        matchers.complete(&mut manifest);
+        let collected = Collected {
+            rows: results.rows,
+            checkpoints: results.checkpoints,
+            pictures: results.pictures,
+            ..Collected::default()
+        };
+        let measured = true;
+        collected.write(
+            &folder,
+            scenario,
+            manifest,
+            (sort, gate),
+            (measured, incomplete),
+        )
+    }
+}
+
+/// A run of `svl score` that is over, and what it wrote.
+pub(super) struct Scored {
+    /// Why it ended early, if it did.
+    pub(super) ran: anyhow::Result<()>,
+    /// What came before is reported all the same.
+    pub(super) finished: anyhow::Result<(Summary, Vec<GateResult>)>,
+    pub(super) total: Outcome,
+    /// Folders of interrupted parts, which the report holds now.
+    pub(super) others: Vec<PathBuf>,
+}
+
+/// What a report is written of.
+#[derive(Default)]
+pub(super) struct Collected {
+    pub(super) rows: Vec<Row>,
+    pub(super) checkpoints: Vec<CheckpointRow>,
+    pub(super) pictures: ReportPictures,
+    pub(super) drives: Vec<DriveRow>,
+    pub(super) maps: Vec<CourseMap>,
+}
+
+impl Collected {
+    /// Writes all of a report but the tables that grow with the run. `measured`: whether times are
+    /// of matching alone; `incomplete`: why the run is.
+    pub(super) fn write(
+        self,
+        folder: &Path,
+        scenario: &Scenario,
+        mut manifest: Manifest,
+        (sort, gate): (Option<&Metric>, bool),
+        (measured, incomplete): (bool, Option<String>),
+    ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
+        let mut summary = Summary::from_rows(&self.rows, &self.checkpoints)?;
+        summary.add_drives(&self.drives);
+        let ReportPictures { figures, scenes } = self.pictures;
         summary.incomplete = incomplete;
         summary.rule = scenario.cells;
-        summary.measured = true;
-        matchers.complete(&mut manifest);
+        summary.measured = measured;
         summary.complete(&mut manifest);
         if let Some(metric) = sort {
             summary.sort_by(metric);
         }
         for run in &mut manifest.runs {
-            run.pairs_hash = pairs_hash(&results.rows, &run.name);
+            run.pairs_hash = pairs_hash(&self.rows, &run.name);
         }
-        summary.write_tables(&folder)?;
+        summary.write_tables(folder)?;
         write(&folder.join("summary.md"), summary.markdown(&scenario.name))?;
         write_json(&folder.join("summary.json"), &summary)?;
         write_json(&folder.join(MANIFEST), &manifest)?;
@@ -143,11 +200,12 @@ impl ScoreReport {
             title: scenario.name.clone(),
             description: scenario.description.clone(),
             identity: manifest.entries(),
-            times_ms: times_ms(&results.rows),
+            times_ms: times_ms(&self.rows),
             summary: summary.clone(),
             sweeps: sweeps(&scenario.algorithms),
             figures,
             scenes,
+            maps: self.maps,
         };
         page.write(&folder.join("index.html"))?;
         Ok((summary, gate))
@@ -156,7 +214,9 @@ impl ScoreReport {
 
 /// Digest of the pairs of a recording, each once, in their order.
 fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
-    let own = rows.iter().filter(|row| row.run.as_deref() == Some(run));
+    let own = rows
+        .iter()
+        .filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
     let pairs: BTreeMap<_, _> = own
         .map(|row| (row.sequence, row.pair_hash.as_str()))
         .collect();
@@ -167,7 +227,7 @@ fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
 /// Per algorithm the time of each pair, ms.
 fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
     let mut times: Vec<(String, Vec<f64>)> = Vec::new();
-    for row in rows {
+    for row in rows.iter().filter(|row| row.stress.is_none()) {
         let ms = row.total_us as f64 / 1e3;
         match times
             .iter_mut()
@@ -181,12 +241,12 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 }
 
 /// What identifies the run of a report.
-const MANIFEST: &str = "manifest.json";
+pub(super) const MANIFEST: &str = "manifest.json";
 
 /// The folder of a report, which a later report replaces.
 pub(super) const REPORT: FolderRule = FolderRule {
     kind: "a report",
-    owns: |name| REPORT_FILES.contains(&name),
+    owns: |name| REPORT_FILES.contains(&name) || drive::is_recording(name),
     mark: MANIFEST,
     cure: "name another folder with --out",
 };
@@ -203,6 +263,11 @@ const REPORT_FILES: &[&str] = &[
     "summary.parquet",
     "verdicts.csv",
     "verdicts.parquet",
+    "drives.csv",
+    "drives.parquet",
+    "tracks.csv",
+    "tracks.parquet",
+    drive::COURSES,
     "summary.md",
     "summary.json",
     "index.html",

@@ -3,7 +3,7 @@
 use super::Args;
 use crate::cli::shared::{filters, scenario_runs};
 use svl::matcher::Algorithm;
-use svl::scenario::Scenario;
+use svl::scenario::{Scenario, StressLevels, distinct_kinds};
 
 /// The scenario that is named, or that of the recordings that are.
 pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
@@ -20,6 +20,14 @@ pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
     if !args.algo.is_empty() {
         let swept = args.algo.iter().map(|sweep| sweep.expand(args.sample));
         scenario.algorithms = swept.collect::<svl::Result<Vec<_>>>()?.concat();
+    }
+    if !args.stress.is_empty() {
+        distinct_kinds(&args.stress)?;
+        scenario.stress.clone_from(&args.stress);
+        let texts = args.stress.iter().flat_map(StressLevels::stresses);
+        let texts: Vec<_> = texts.map(ToString::to_string).collect();
+        // The scenario's hash says so, and its page.
+        scenario_runs::note(&mut scenario, "stress", &texts.join(", "));
     }
     let named = &args.what[0];
     args.source

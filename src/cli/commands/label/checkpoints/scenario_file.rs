@@ -3,6 +3,7 @@
 
 use super::draft::{Draft, replace};
 use super::label::CellLabel;
+use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -65,6 +66,13 @@ impl ScenarioFile {
             }
             // Which arena it is shows when the source is open.
             ScenarioSource::Arena { .. } => {}
+            ScenarioSource::Drive { .. } => {
+                return Err(usage::wrong(format!(
+                    "{}: its frames depend on the algorithm; label checkpoints of the arena or of \
+                     recordings",
+                    path.display()
+                )));
+            }
             ScenarioSource::Dataset { .. } => {
                 bail!("{shown}: is of scenes of data sets; name another scenario with -o")
             }
@@ -121,6 +129,7 @@ impl ScenarioFile {
         RunPart {
             name: self.file.clone().or_else(only).unwrap_or_default(),
             start_ns,
+            stress: None,
         }
     }
 

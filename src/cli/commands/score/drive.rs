@@ -1,0 +1,508 @@
+//! The drives of a scenario: each course with each algorithm at the wheel, several at once.
+
+use super::Args;
+use super::INTERRUPTED;
+use super::report::{Collected, Scored, report_manifest};
+use crate::cli::shared::outputs::{Outputs, write_json};
+use crate::cli::shared::progress::{DriveProgress, interrupted};
+use crate::cli::shared::usage;
+use anyhow::bail;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use svl::drive::{Course, DrivePlan, DriveResult};
+use svl::manifest::Manifest;
+use svl::report::html::CheckpointFigure;
+use svl::report::plot::{CourseMap, MapWay};
+use svl::report::{
+    CellRow, CoursePlan, DriveRow, GateResult, Row, Summary, Table, TrackRow, whole_rows,
+};
+use svl::run::{Monitor, Outcome, Pace};
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::sink::ReportPictures;
+
+/// Outlines and routes of the courses.
+pub(super) const COURSES: &str = "courses.json";
+
+/// Limit of the courses with a map in the page: those with the most collisions.
+const MAPS: usize = 12;
+
+/// Which drives are kept as recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum KeptDrives {
+    All,
+    None,
+}
+
+/// A drive of the scenario, by the places of course and algorithm in it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct DriveUnit {
+    course: usize,
+    algorithm: usize,
+}
+
+/// Whether a file of that name is the recording of a drive.
+pub(super) fn is_recording(name: &str) -> bool {
+    name.starts_with("course-") && name.ends_with(".mcap")
+}
+
+/// The name of a drive's recording in its report.
+fn recording_name(scenario: &Scenario, seed: u64, algorithm: usize) -> String {
+    let label = scenario.algorithms[algorithm].label();
+    let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.+".contains(c);
+    match label.chars().all(is_safe) {
+        true => format!("course-{seed}-{label}.mcap"),
+        // Two labels may differ in what no file name has.
+        false => {
+            let safe = |c: char| if is_safe(c) { c } else { '-' };
+            let label: String = label.chars().take(40).map(safe).collect();
+            format!("course-{seed}-{}-{label}.mcap", algorithm + 1)
+        }
+    }
+}
+
+/// Runs all drives and writes their report.
+pub(super) fn score(
+    args: &Args,
+    scenario: &Scenario,
+    folder: &Path,
+    (outputs, junit_file): (&mut Outputs, &mut Outputs),
+    quiet: bool,
+) -> anyhow::Result<Scored> {
+    refuse(args)?;
+    let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
+        bail!("scenario '{}' has no drives", scenario.name);
+    };
+    let mut manifest = report_manifest(scenario, Vec::new(), Pace::Asap)?;
+    manifest.times = Some("matching while other drives run".to_owned());
+    let earlier = match args.resume {
+        true => Earlier::read(folder, &mut manifest)?,
+        false => Earlier::default(),
+    };
+    outputs.set_aside()?;
+    junit_file.set_aside()?;
+    for name in earlier
+        .drives
+        .iter()
+        .filter_map(|row| row.recording.as_ref())
+    {
+        outputs.bring_back(name)?;
+    }
+    let mut report = DriveReport::begin(folder, manifest, scenario)?;
+    let ran = report.drive_all(scenario, seeds, earlier, args.drives, quiet);
+    let incomplete = ran.as_ref().err().map(usage::one_line);
+    let total = Outcome {
+        frames: report.collected.rows.len() as u64,
+        failures: report.collected.drives.iter().map(|row| row.failures).sum(),
+        ..Outcome::default()
+    };
+    let incomplete = incomplete.or_else(|| total.missing());
+    let finished = report.finish(scenario, args, incomplete);
+    Ok(Scored {
+        ran,
+        finished,
+        total,
+        others: Vec::new(),
+    })
+}
+
+/// Refuses options that have no meaning for drives.
+fn refuse(args: &Args) -> anyhow::Result<()> {
+    let given = [
+        (
+            args.repeat > 1,
+            "--repeat",
+            "the times of drives are not measured alone",
+        ),
+        (
+            args.rerun.is_some(),
+            "--rerun",
+            "each drive is a recording in the report's folder, which `svl view` shows",
+        ),
+        (
+            !args.stress.is_empty(),
+            "--stress",
+            "record a drive and score it, svl score course-1-v3.mcap --stress …",
+        ),
+        (
+            args.check,
+            "--check",
+            "the algorithm truth is the check of a drive",
+        ),
+        (
+            args.source.changes_pairs(),
+            "--every, --from, --to and --reference",
+            "a drive has all of its pairs, and their truth is exact",
+        ),
+    ];
+    match given.into_iter().find(|(is_given, ..)| *is_given) {
+        Some((_, option, why)) => Err(usage::wrong(format!("{option} is not for drives: {why}"))),
+        None => Ok(()),
+    }
+}
+
+/// What an interrupted run left of whole drives.
+#[derive(Default)]
+struct Earlier {
+    drives: Vec<DriveRow>,
+    track: Vec<TrackRow>,
+    rows: Vec<Row>,
+    cells: Vec<CellRow>,
+    plans: Vec<CoursePlan>,
+}
+
+impl Earlier {
+    /// Reads a folder's, and says in `manifest` that the run goes on.
+    fn read(folder: &Path, manifest: &mut Manifest) -> anyhow::Result<Self> {
+        let earlier = Manifest::read(folder)?;
+        if let Some(why) = earlier.difference(manifest) {
+            bail!("{}: cannot go on with it: {why}", folder.display());
+        }
+        let resumed = std::mem::replace(&mut manifest.began, earlier.began);
+        manifest.run_id = earlier.run_id;
+        manifest.resumed = earlier.resumed;
+        manifest.resumed.push(resumed);
+        Ok(Self {
+            drives: whole_rows(&folder.join("drives.csv"))?,
+            track: whole_rows(&folder.join("tracks.csv"))?,
+            rows: whole_rows(&folder.join("rows.csv"))?,
+            cells: whole_rows(&folder.join("cells.csv"))?,
+            // A killed run has none: its maps are those of the courses that are driven now.
+            plans: std::fs::read_to_string(folder.join(COURSES))
+                .ok()
+                .and_then(|text| serde_json::from_str(&text).ok())
+                .unwrap_or_default(),
+        })
+    }
+
+    /// Takes a drive out, where it is whole: its row is written last.
+    fn take(&mut self, seed: u64, label: &str) -> Option<DriveResult> {
+        let is_of = |row: &DriveRow| row.seed == seed && row.algorithm == label;
+        let place = self.drives.iter().position(is_of)?;
+        let is_frame = |of: Option<u64>, algorithm: &str| of == Some(seed) && algorithm == label;
+        let track = (self.track).extract_if(.., |row| is_frame(Some(row.seed), &row.algorithm));
+        let rows = (self.rows).extract_if(.., |row| is_frame(row.seed, &row.algorithm));
+        let cells = (self.cells).extract_if(.., |row| is_frame(row.seed, &row.algorithm));
+        Some(DriveResult {
+            drives: vec![self.drives.swap_remove(place)],
+            track: track.collect(),
+            rows: rows.collect(),
+            cells: cells.collect(),
+            ..DriveResult::default()
+        })
+    }
+}
+
+/// A report of drives under way.
+struct DriveReport {
+    folder: PathBuf,
+    manifest: Manifest,
+    rows: Table<Row>,
+    cells: Table<CellRow>,
+    drives: Table<DriveRow>,
+    tracks: Table<TrackRow>,
+    collected: Collected,
+    track: Vec<TrackRow>,
+    plans: Vec<CoursePlan>,
+    /// Per algorithm its fastest collision.
+    worst: Vec<Option<(f64, CheckpointFigure)>>,
+}
+
+impl DriveReport {
+    fn begin(folder: &Path, manifest: Manifest, scenario: &Scenario) -> anyhow::Result<Self> {
+        write_json(&folder.join(super::report::MANIFEST), &manifest)?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            rows: Table::create_both(folder, "rows")?,
+            cells: Table::create_both(folder, "cells")?,
+            drives: Table::create_both(folder, "drives")?,
+            tracks: Table::create_both(folder, "tracks")?,
+            collected: Collected::default(),
+            track: Vec::new(),
+            plans: Vec::new(),
+            worst: scenario.algorithms.iter().map(|_| None).collect(),
+        })
+    }
+
+    /// All drives, several at once; they are taken in their order.
+    fn drive_all(
+        &mut self,
+        scenario: &Scenario,
+        seeds: &[u64],
+        mut earlier: Earlier,
+        keep: KeptDrives,
+        quiet: bool,
+    ) -> anyhow::Result<()> {
+        let algorithms = 0..scenario.algorithms.len();
+        let courses = 0..seeds.len();
+        let units = courses.flat_map(|course| {
+            algorithms
+                .clone()
+                .map(move |algorithm| DriveUnit { course, algorithm })
+        });
+        let units: Vec<_> = units.collect();
+        let label = |unit: &DriveUnit| scenario.algorithms[unit.algorithm].label();
+        let mut known: Vec<_> = units
+            .iter()
+            .map(|unit| earlier.take(seeds[unit.course], label(unit)))
+            .collect();
+        let todo: Vec<_> = (0..units.len()).filter(|&i| known[i].is_none()).collect();
+        let work = DriveWork {
+            scenario,
+            seeds,
+            courses: Courses::new(scenario, seeds, todo.iter().map(|&i| units[i].course)),
+            manifest: self.manifest.clone(),
+            folder: self.folder.clone(),
+            keep,
+            progress: DriveProgress::new(&scenario.name, todo.len(), quiet),
+            is_over: AtomicBool::new(false),
+        };
+        let next = AtomicUsize::new(0);
+        let ran = std::thread::scope(|scope| {
+            let (send, received) = channel();
+            let cores = std::thread::available_parallelism().map_or(1, usize::from);
+            for _ in 0..cores.min(todo.len()) {
+                let send = send.clone();
+                let (next, todo, units, work) = (&next, &todo, &units, &work);
+                scope.spawn(move || {
+                    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+                    let pool = pool.expect("a thread can be started");
+                    while let Some(&i) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        let driven = pool.install(|| work.drive(units[i]));
+                        // Not received any more once one has failed.
+                        if work.is_over() || send.send((i, driven)).is_err() {
+                            break;
+                        }
+                    }
+                });
+            }
+            drop(send);
+            let ran = units.iter().enumerate().try_for_each(|(i, unit)| {
+                while known[i].is_none() {
+                    // The threads ended early.
+                    let Ok((j, driven)) = received.recv() else {
+                        bail!("{INTERRUPTED}; --resume goes on with the drives that are whole");
+                    };
+                    known[j] = Some(driven?);
+                }
+                let result = known[i].take().unwrap_or_default();
+                self.take(*unit, result)
+            });
+            work.is_over.store(true, Ordering::Relaxed);
+            ran
+        });
+        work.progress.clear();
+        let built = work.courses.into_plans();
+        let is_new = |plan: &CoursePlan| built.iter().all(|built| built.seed != plan.seed);
+        let mut plans: Vec<_> = earlier.plans.into_iter().filter(is_new).collect();
+        plans.extend(built);
+        let place = |plan: &CoursePlan| seeds.iter().position(|seed| *seed == plan.seed);
+        plans.sort_by_key(place);
+        self.plans = plans;
+        ran
+    }
+
+    /// Takes a drive; its own row is written last, so that it says that the others are there.
+    fn take(&mut self, unit: DriveUnit, result: DriveResult) -> anyhow::Result<()> {
+        let DriveResult {
+            drives,
+            track,
+            rows,
+            cells,
+            worst,
+            failure,
+            ..
+        } = result;
+        let fastest = &mut self.worst[unit.algorithm];
+        let speed = |worst: &Option<(f64, CheckpointFigure)>| worst.as_ref().map(|w| w.0);
+        if speed(&worst) > speed(fastest) {
+            *fastest = worst;
+        }
+        if failure.is_some() {
+            self.manifest.algorithms[unit.algorithm].failure = failure;
+        }
+        self.cells.push(cells)?;
+        self.rows.push(rows.iter().cloned())?;
+        self.tracks.push(track.iter().cloned())?;
+        self.drives.push(drives.iter().cloned())?;
+        self.collected.rows.extend(rows);
+        self.collected.drives.extend(drives);
+        self.track.extend(track);
+        Ok(())
+    }
+
+    fn finish(
+        mut self,
+        scenario: &Scenario,
+        args: &Args,
+        incomplete: Option<String>,
+    ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
+        self.cells.finish()?;
+        self.rows.finish()?;
+        self.tracks.finish()?;
+        self.drives.finish()?;
+        write_json(&self.folder.join(COURSES), &self.plans)?;
+        self.collected.maps = maps(&self.plans, &self.collected.drives, &self.track);
+        let worst = self.worst.into_iter().flatten();
+        self.collected.pictures = ReportPictures {
+            figures: worst.map(|(_, figure)| figure).collect(),
+            scenes: Vec::new(),
+        };
+        let chosen = (args.sort, args.gate);
+        let state = (false, incomplete);
+        (self.collected).write(&self.folder, scenario, self.manifest, chosen, state)
+    }
+}
+
+/// What the threads share that drive.
+struct DriveWork<'a> {
+    scenario: &'a Scenario,
+    seeds: &'a [u64],
+    courses: Courses<'a>,
+    manifest: Manifest,
+    folder: PathBuf,
+    keep: KeptDrives,
+    progress: DriveProgress,
+    is_over: AtomicBool,
+}
+
+impl DriveWork<'_> {
+    fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed) || interrupted()
+    }
+
+    fn drive(&self, unit: DriveUnit) -> svl::Result<DriveResult> {
+        let course = self.courses.get(unit.course)?;
+        let seed = self.seeds[unit.course];
+        let name = recording_name(self.scenario, seed, unit.algorithm);
+        let recording = (self.keep == KeptDrives::All).then(|| self.folder.join(name));
+        let plan = DrivePlan {
+            scenario: self.scenario,
+            manifest: &self.manifest,
+            course: &course,
+            algorithm: &self.scenario.algorithms[unit.algorithm],
+            recording: recording.as_deref(),
+        };
+        let driven = plan.drive(&mut DriveMonitor(self));
+        drop(course);
+        self.courses.done(unit.course);
+        self.progress.done();
+        let is_whole = matches!(&driven, Ok(result) if !result.interrupted);
+        if let Some(path) = recording.filter(|_| !is_whole) {
+            // A part of a drive is of no use.
+            let _ = std::fs::remove_file(path);
+        }
+        driven
+    }
+}
+
+/// Watches one of the drives.
+struct DriveMonitor<'a>(&'a DriveWork<'a>);
+
+impl Monitor for DriveMonitor<'_> {
+    fn go_on(&mut self, _: u64) -> bool {
+        self.0.progress.frame();
+        !self.0.is_over()
+    }
+}
+
+/// The courses of the drives at hand: built when the first of their drives begins, and dropped
+/// after the last, as each holds its pictures.
+struct Courses<'a> {
+    scenario: &'a Scenario,
+    seeds: &'a [u64],
+    slots: Vec<Mutex<CourseSlot>>,
+}
+
+#[derive(Default)]
+struct CourseSlot {
+    course: Option<Arc<Course>>,
+    plan: Option<CoursePlan>,
+    drives_left: usize,
+}
+
+impl<'a> Courses<'a> {
+    /// `drives`: the place of the course of each drive.
+    fn new(scenario: &'a Scenario, seeds: &'a [u64], drives: impl Iterator<Item = usize>) -> Self {
+        let mut slots: Vec<_> = seeds.iter().map(|_| CourseSlot::default()).collect();
+        drives.for_each(|course| slots[course].drives_left += 1);
+        Self {
+            scenario,
+            seeds,
+            slots: slots.into_iter().map(Mutex::new).collect(),
+        }
+    }
+
+    fn slot(&self, place: usize) -> MutexGuard<'_, CourseSlot> {
+        self.slots[place]
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn get(&self, place: usize) -> svl::Result<Arc<Course>> {
+        let mut slot = self.slot(place);
+        if let Some(course) = &slot.course {
+            return Ok(Arc::clone(course));
+        }
+        let course = Arc::new(Course::of_scenario(self.scenario, self.seeds[place])?);
+        slot.plan = Some(course.plan());
+        slot.course = Some(Arc::clone(&course));
+        Ok(course)
+    }
+
+    fn done(&self, place: usize) {
+        let mut slot = self.slot(place);
+        slot.drives_left -= 1;
+        if slot.drives_left == 0 {
+            slot.course = None;
+        }
+    }
+
+    fn into_plans(self) -> Vec<CoursePlan> {
+        let slots = self.slots.into_iter();
+        let slots = slots.map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner));
+        slots.filter_map(|slot| slot.plan).collect()
+    }
+}
+
+/// The maps of the courses, where there are too many of those with the most collisions.
+fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Vec<CourseMap> {
+    let hits = |plan: &CoursePlan| -> u64 {
+        let of = drives.iter().filter(|row| row.seed == plan.seed);
+        of.map(|row| row.collisions).sum()
+    };
+    let mut shown: Vec<_> = plans.iter().collect();
+    if shown.len() > MAPS {
+        shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
+        shown.truncate(MAPS);
+    }
+    let way = |row: &DriveRow| {
+        let is_own = |at: &&TrackRow| at.seed == row.seed && at.algorithm == row.algorithm;
+        let own: Vec<_> = track.iter().filter(is_own).collect();
+        let places = |event: &str| {
+            let of = own.iter().filter(|at| at.event.as_deref() == Some(event));
+            of.map(|at| [at.x_m, at.y_m]).collect()
+        };
+        let stretches = own.chunk_by(|_, next| !next.placed);
+        MapWay {
+            name: row.algorithm.clone(),
+            stretches: stretches
+                .map(|stretch| stretch.iter().map(|at| [at.x_m, at.y_m]).collect())
+                .collect(),
+            collisions: places("collision"),
+            stuck: places("stuck"),
+        }
+    };
+    let map = |plan: &CoursePlan| CourseMap {
+        title: format!("course {}", plan.seed),
+        size_m: (plan.width_m, plan.length_m),
+        goal_m: plan.goal_m,
+        outlines: plan.outlines.clone(),
+        ways: (drives.iter().filter(|row| row.seed == plan.seed))
+            .map(way)
+            .collect(),
+    };
+    shown.into_iter().map(map).collect()
+}

@@ -1,0 +1,21 @@
+//! Drives: an algorithm steers a robot through courses, and its collisions are counted.
+//!
+//! ```text
+//! course (seed) ─▶ world, route ─┐
+//!                                ▼
+//!          ┌─▶ DriveSource: robot moves, frame is rendered ─▶ run ─▶ depth grid ─┐
+//!          └──────────────────────── steering rule ◀── hear ◀────────────────────┘
+//! ```
+//!
+//! A command that was decided on a frame holds from the next frame on: one frame of delay.
+
+mod course;
+mod motion;
+mod run;
+mod source;
+mod steering;
+
+pub use course::Course;
+pub use motion::{DriveEvent, DriveLog, TrackPoint};
+pub use run::{DrivePlan, DriveResult};
+pub use source::DriveSource;

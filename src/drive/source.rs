@@ -1,0 +1,217 @@
+//! A drive as a source that listens: every frame depends on what was made of the last one.
+
+use super::course::Course;
+use super::motion::{DriveEvent, DriveLog, RobotState, TrackPoint, advance};
+use super::steering::{Command, Steering};
+use crate::arena::{Gait, Twist};
+use crate::error::Result;
+use crate::score::Judged;
+use crate::source::Source;
+use crate::stereo::{DepthGrid, Frame, Pose};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Renders what the robot sees on its way through a course, steered by the algorithm of the run.
+pub struct DriveSource {
+    course: Arc<Course>,
+    drive: Drive,
+    gait: Gait,
+    log: Arc<Mutex<DriveLog>>,
+}
+
+impl DriveSource {
+    pub fn new(course: &Arc<Course>) -> Self {
+        Self {
+            drive: Drive::new(course),
+            gait: course.gait(),
+            course: Arc::clone(course),
+            log: Arc::default(),
+        }
+    }
+
+    /// What became of the drive, up to the frame given out last.
+    pub fn log(&self) -> Arc<Mutex<DriveLog>> {
+        Arc::clone(&self.log)
+    }
+}
+
+impl Source for DriveSource {
+    fn name(&self) -> String {
+        format!("course {}", self.course.seed())
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let world = self.course.world();
+        if !self.drive.step(&self.course) {
+            return Ok(None);
+        }
+        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        log.rate_hz = self.drive.log.rate_hz;
+        log.arrived = self.drive.log.arrived;
+        log.track.extend(self.drive.log.track.last().cloned());
+        let (pose, twist) = self.drive.view(&self.gait);
+        world.frame(self.drive.sequence - 1, pose, &twist).map(Some)
+    }
+
+    /// Unknown: the drive ends at the goal.
+    fn pairs(&self) -> Option<u64> {
+        None
+    }
+
+    fn listens(&self) -> bool {
+        true
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        // An algorithm that failed on the frame says nothing: the last command holds.
+        if let Some(scored) = judged.estimates.first() {
+            self.drive.decide(&self.course, &scored.estimate.grid);
+        }
+    }
+}
+
+/// The robot under way. It knows neither images nor algorithms.
+pub(super) struct Drive {
+    robot: RobotState,
+    /// The command in force, and the one that follows.
+    commands: [Command; 2],
+    steering: Steering,
+    /// Number of frames so far.
+    sequence: u64,
+    /// A near miss under way: the least clearance, what it is of, and where.
+    near: Option<(f64, DriveEvent)>,
+    /// Where it was when it last came farther.
+    anchor: RobotState,
+    /// A collision or being stuck ends the stretch: it is set back before the next frame.
+    is_to_be_placed: bool,
+    pub(super) log: DriveLog,
+}
+
+/// A robot that stays within this is stuck.
+const STUCK_M: f64 = 0.1;
+/// How far along the route it is set back after a collision.
+const PLACED_M: f64 = 0.3;
+
+impl Drive {
+    pub(super) fn new(course: &Course) -> Self {
+        let robot = course.start();
+        Self {
+            robot,
+            commands: [Command::default(); 2],
+            steering: Steering::new(course.drive()),
+            sequence: 0,
+            near: None,
+            anchor: robot,
+            is_to_be_placed: false,
+            log: DriveLog {
+                rate_hz: course.rate_hz(),
+                ..DriveLog::default()
+            },
+        }
+    }
+
+    /// Moves on to the next frame; false at the end of the drive.
+    pub(super) fn step(&mut self, course: &Course) -> bool {
+        if self.log.arrived || self.sequence >= course.frames() {
+            return false;
+        }
+        let point = match self.sequence {
+            0 => self.point(course.clearance_m(self.robot.at), 0.0, false, Vec::new()),
+            _ if std::mem::take(&mut self.is_to_be_placed) => self.placed(course),
+            _ => self.moved(course),
+        };
+        self.log.track.push(point);
+        self.log.arrived = course.is_goal(self.robot.at);
+        self.sequence += 1;
+        true
+    }
+
+    fn point(
+        &self,
+        clearance_m: f64,
+        speed_m_per_s: f64,
+        is_placed: bool,
+        events: Vec<DriveEvent>,
+    ) -> TrackPoint {
+        TrackPoint {
+            sequence: self.sequence,
+            at_m: self.robot.at.into(),
+            heading: self.robot.heading,
+            speed_m_per_s,
+            clearance_m,
+            is_placed,
+            events,
+        }
+    }
+
+    /// Sets the robot back on the route, beyond what it met.
+    fn placed(&mut self, course: &Course) -> TrackPoint {
+        let time_s = self.robot.time_s + course.frame_s();
+        self.robot = RobotState {
+            time_s,
+            ..course.route_after(self.robot.at, PLACED_M)
+        };
+        self.anchor = self.robot;
+        self.commands = [Command::default(); 2];
+        self.steering = Steering::new(course.drive());
+        self.near = None;
+        self.point(course.clearance_m(self.robot.at), 0.0, true, Vec::new())
+    }
+
+    fn moved(&mut self, course: &Course) -> TrackPoint {
+        let (command, frame_s) = (self.commands[0], course.frame_s());
+        self.commands[0] = self.commands[1];
+        let config = course.drive();
+        let (state, driven_m, (clearance_m, name)) =
+            advance(course.world(), config, self.robot, command, frame_s);
+        self.robot = state;
+        let at_m: [f64; 2] = state.at.into();
+        let mut events = Vec::new();
+        if clearance_m <= 0.0 {
+            let with = name.to_owned();
+            events.push(DriveEvent::Collision { with, at_m });
+            self.near = None;
+            self.is_to_be_placed = true;
+        } else if clearance_m >= config.near_miss_m {
+            // It is over, and nothing was touched.
+            events.extend(self.near.take().map(|(_, event)| event));
+        } else if self
+            .near
+            .as_ref()
+            .is_none_or(|(least_m, _)| clearance_m < *least_m)
+        {
+            let to = name.to_owned();
+            self.near = Some((clearance_m, DriveEvent::NearMiss { to, at_m }));
+        }
+        if (state.at - self.anchor.at).norm() > STUCK_M {
+            self.anchor = state;
+        } else if state.time_s - self.anchor.time_s >= config.stuck_s && !self.is_to_be_placed {
+            events.push(DriveEvent::Stuck { at_m });
+            self.is_to_be_placed = true;
+        }
+        self.point(clearance_m, driven_m / frame_s, false, events)
+    }
+
+    /// Takes the grid of the frame given out last.
+    pub(super) fn decide(&mut self, course: &Course, grid: &DepthGrid) {
+        let then = self.robot.after(self.commands[0], course.frame_s());
+        let world = course.world();
+        let width_px = world.config().rig.width_px;
+        let goal = course.goal_heading();
+        let eye = (&world.rig(), width_px);
+        self.commands[1] = self.steering.decide(grid, eye, [&self.robot, &then], goal);
+    }
+
+    /// Pose and velocity of the left camera.
+    pub(super) fn view(&self, gait: &Gait) -> (Pose, Twist) {
+        let (robot, command) = (self.robot, self.commands[0]);
+        let pose = |time_s: f64| {
+            let state = robot.after(command, time_s - robot.time_s);
+            gait.pose(state.at, state.heading, time_s)
+        };
+        (pose(robot.time_s), Twist::of(pose, robot.time_s))
+    }
+
+    pub(super) fn robot(&self) -> RobotState {
+        self.robot
+    }
+}

@@ -1,0 +1,39 @@
+//! An algorithm that sees nothing: what a run is worth without one.
+//!
+//! It is the other end of the scale from the truth. A robot that it steers drives by what unknown
+//! cells stand for.
+
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec};
+use crate::error::Result;
+use crate::stereo::{ExtraPlanes, Reason, RectifiedPair};
+use crate::timing::Stage;
+
+pub(super) const SPEC: MatcherSpec = MatcherSpec {
+    name: "blind",
+    aliases: &[],
+    summary: "sees nothing: every pixel and every cell is unknown",
+    about: "",
+    paper: "none: it looks at no image",
+    parameters: &[],
+    cells: None,
+    build: |_, _| Ok(Box::new(Blind)),
+};
+
+struct Blind;
+
+impl Matcher for Blind {
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        let (width, height) = pair.size();
+        output.disparity.resize(width, height, ExtraPlanes::NONE)?;
+        for mut row in output.disparity.rows_mut() {
+            (0..width).for_each(|x| row.reject(x, Reason::Unmatched));
+        }
+        output.clock.lap(Stage::Matching);
+        Ok(())
+    }
+}

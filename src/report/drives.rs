@@ -1,0 +1,233 @@
+//! Drives in numbers: a row per course and algorithm, a row per place on the way, and per algorithm
+//! the sums with intervals over the courses.
+
+use super::compare::bootstrap::{Interval, Resamples};
+use super::rows::record;
+use super::side_table::SideTable;
+use super::words::NONE;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+record! {
+    /// One drive: a course with an algorithm at the wheel.
+    DriveRow {
+        run_id: String,
+        scenario: String,
+        /// Seed of the course.
+        seed: u64,
+        algorithm: String,
+        /// Whether the goal was reached without a collision and without help.
+        finished: bool,
+        /// Whether it was reached in time, helped or not.
+        arrived: bool,
+        collisions: u64,
+        near_misses: u64,
+        /// How often the robot came no farther and was set back on the route.
+        stuck: u64,
+        /// What it drove itself.
+        driven_m: f64,
+        /// Distance driven until the first collision, where there was one.
+        first_collision_m: Option<f64>,
+        duration_s: f64,
+        /// Time in which it did not move, as when it turned on the spot.
+        stood_s: f64,
+        frames: u64,
+        /// Frames on which the algorithm failed: the last command held.
+        failures: u64,
+        /// Digest of the track: equal drives have equal ones.
+        track_hash: String,
+        /// Its recording in the report's folder, where it was kept.
+        recording: Option<String>,
+    }
+}
+
+record! {
+    /// The robot at a frame of a drive.
+    TrackRow {
+        run_id: String,
+        scenario: String,
+        seed: u64,
+        algorithm: String,
+        sequence: u64,
+        x_m: f64,
+        y_m: f64,
+        /// Direction of travel, atan2(y, x), radians.
+        heading: f64,
+        /// Over the time since the last frame.
+        speed_m_per_s: f64,
+        /// Least distance of the body from everything since the last frame.
+        clearance_m: f64,
+        /// Whether it was set there by hand.
+        placed: bool,
+        /// `collision`, `near_miss`, `stuck` or nothing.
+        event: Option<String>,
+        /// What it touched or nearly touched.
+        with: Option<String>,
+    }
+}
+
+/// A course as a map shows it. Points are metres, x to the right, y ahead.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CoursePlan {
+    pub seed: u64,
+    pub width_m: f64,
+    pub length_m: f64,
+    /// `y` of the goal line.
+    pub goal_m: f64,
+    /// Closed outlines of what stands in the robot's way.
+    pub outlines: Vec<Vec<[f64; 2]>>,
+    /// The way of the driver with perfect sight.
+    pub route: Vec<[f64; 2]>,
+    /// How many layouts were thrown away before this one.
+    pub rejected: u32,
+}
+
+/// The drives of an algorithm. An interval is the middle 95 % of resamples of the courses; absent
+/// for fewer than eight.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveSummary {
+    pub algorithm: String,
+    pub courses: u64,
+    pub finished: u64,
+    pub finished_interval: Option<Interval>,
+    pub collisions: u64,
+    /// Per 100 m driven.
+    pub collisions_per_100m: f64,
+    pub collisions_interval: Option<Interval>,
+    pub near_misses_per_100m: f64,
+    pub near_misses_interval: Option<Interval>,
+    pub stuck: u64,
+    /// Mean distance driven until the first collision; a drive without one counts with all of its
+    /// distance, so that it is a lower bound.
+    pub first_collision_m: f64,
+    pub first_collision_interval: Option<Interval>,
+    /// Distance over time, standing included.
+    pub speed_m_per_s: f64,
+    /// Share of the time in which it did not move.
+    pub stood_share: f64,
+}
+
+/// Sums over an algorithm's drives; in the order in which the algorithms first appear.
+pub(super) fn summarize(rows: &[DriveRow]) -> Vec<DriveSummary> {
+    let mut of: BTreeMap<usize, Vec<&DriveRow>> = BTreeMap::new();
+    let mut names: Vec<&str> = Vec::new();
+    for row in rows {
+        let place = names.iter().position(|name| *name == row.algorithm);
+        let place = place.unwrap_or_else(|| {
+            names.push(&row.algorithm);
+            names.len() - 1
+        });
+        of.entry(place).or_default().push(row);
+    }
+    of.into_values().map(|rows| summary(&rows)).collect()
+}
+
+fn summary(rows: &[&DriveRow]) -> DriveSummary {
+    let resamples = Resamples::draw(&[rows.len()], true);
+    let all: Vec<_> = (0..rows.len()).collect();
+    let sum = |items: &[usize], of: fn(&DriveRow) -> f64| -> f64 {
+        items.iter().map(|&i| of(rows[i])).sum()
+    };
+    // A robot that never moved has no rate.
+    let ratio = |items: &[usize], of: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64| {
+        let by = sum(items, by);
+        (by > 0.0).then(|| sum(items, of) / by)
+    };
+    let both = |of: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64, scale: f64| {
+        let value = ratio(&all, of, by).unwrap_or_default() * scale;
+        let interval = resamples.interval(|items| Some(ratio(items, of, by)? * scale));
+        (value, interval)
+    };
+    let one = |_: &DriveRow| 1.0;
+    let (_, finished_interval) = both(|row| f64::from(u8::from(row.finished)), one, 1.0);
+    let (collisions_per_100m, collisions_interval) =
+        both(|row| row.collisions as f64, |row| row.driven_m, 100.0);
+    let (near_misses_per_100m, near_misses_interval) =
+        both(|row| row.near_misses as f64, |row| row.driven_m, 100.0);
+    let (first_collision_m, first_collision_interval) = both(
+        |row| row.first_collision_m.unwrap_or(row.driven_m),
+        one,
+        1.0,
+    );
+    DriveSummary {
+        algorithm: rows[0].algorithm.clone(),
+        courses: rows.len() as u64,
+        finished: rows.iter().filter(|row| row.finished).count() as u64,
+        finished_interval,
+        collisions: rows.iter().map(|row| row.collisions).sum(),
+        collisions_per_100m,
+        collisions_interval,
+        near_misses_per_100m,
+        near_misses_interval,
+        stuck: rows.iter().map(|row| row.stuck).sum(),
+        first_collision_m,
+        first_collision_interval,
+        speed_m_per_s: both(|row| row.driven_m, |row| row.duration_s, 1.0).0,
+        stood_share: both(|row| row.stood_s, |row| row.duration_s, 1.0).0,
+    }
+}
+
+/// The table of the drives; nothing where there were none.
+pub(super) fn table(drives: &[DriveSummary]) -> Option<SideTable> {
+    let interval = |interval: Option<Interval>, scale: f64, digits: usize| {
+        interval.map_or_else(String::new, |(low, high)| {
+            format!(" ({:.digits$}–{:.digits$})", scale * low, scale * high)
+        })
+    };
+    let line = |drive: &DriveSummary| {
+        let share = 100.0 * drive.finished as f64 / drive.courses as f64;
+        let rate = |value: f64, of: Option<Interval>| format!("{value:.1}{}", interval(of, 1.0, 1));
+        let cells = vec![
+            drive.courses.to_string(),
+            format!("{share:.0}{}", interval(drive.finished_interval, 100.0, 0)),
+            rate(drive.collisions_per_100m, drive.collisions_interval),
+            rate(drive.near_misses_per_100m, drive.near_misses_interval),
+            match drive.collisions {
+                0 => NONE.to_owned(),
+                _ => rate(drive.first_collision_m, drive.first_collision_interval),
+            },
+            drive.stuck.to_string(),
+            format!("{:.2}", drive.speed_m_per_s),
+            format!("{:.0}", 100.0 * drive.stood_share),
+        ];
+        (drive.algorithm.clone(), cells)
+    };
+    let heads = [
+        "courses",
+        "finished, %",
+        "hits/100 m",
+        "near/100 m",
+        "first hit, m",
+        "stuck",
+        "m/s",
+        "stood, %",
+    ];
+    let notes = [
+        (
+            "finished",
+            "courses whose goal was reached without a collision and without help; in brackets the \
+             interval over the courses, 95 %",
+        ),
+        (
+            "hits, near",
+            "collisions and near misses for 100 m driven; after a collision the robot is set back \
+             on the route of the driver with perfect sight, 0.3 m farther on",
+        ),
+        (
+            "first hit",
+            "mean distance to the first collision; a drive without one counts with all of its \
+             distance",
+        ),
+        (
+            "stuck",
+            "how often the robot came no farther and was set back on the route",
+        ),
+    ];
+    (!drives.is_empty()).then(|| SideTable {
+        title: "Drives".to_owned(),
+        first: "algorithm",
+        heads: heads.map(str::to_owned).to_vec(),
+        lines: drives.iter().map(line).collect(),
+        notes: notes.map(|(term, text)| (term, text.to_owned())).to_vec(),
+    })
+}
