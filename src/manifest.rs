@@ -42,9 +42,26 @@ pub struct Manifest {
     /// What its times are of, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<String>,
+    /// Which share of the run this is, as `3/16`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<String>,
+    /// The parts that a merged report was made of.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartRecord>,
     /// When the run went on after it was killed or interrupted, as `began`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed: Vec<String>,
+}
+
+/// A part of a merged report.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PartRecord {
+    pub shard: String,
+    pub run_id: String,
+    pub began: String,
+    /// Its folder, from that of the merged report.
+    pub folder: String,
+    pub machine: Machine,
 }
 
 /// A recording, bag or folder of a run.
@@ -133,6 +150,8 @@ impl Manifest {
             runs: Vec::new(),
             machine: Machine::this()?,
             times: None,
+            shard: None,
+            parts: Vec::new(),
             resumed: Vec::new(),
         })
     }
@@ -177,6 +196,7 @@ impl Manifest {
             ("its recordings were others", runs(self) == runs(other)),
             ("another machine made it", self.machine == other.machine),
             ("its times are of another kind", self.times == other.times),
+            ("it is another shard", self.shard == other.shard),
         ]
         .into_iter()
         .find_map(|(what, is_equal)| (!is_equal).then_some(what))
@@ -217,6 +237,7 @@ impl Manifest {
             ("threads", Some(threads.to_string())),
             ("governor", governor.clone()),
             ("times", self.times.clone()),
+            ("shard", self.shard.clone()),
             (
                 "resumed",
                 (!self.resumed.is_empty()).then(|| self.resumed.join(", ")),
@@ -225,10 +246,29 @@ impl Manifest {
         let fixed = fixed
             .into_iter()
             .filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        let parts = self.parts.iter().map(PartRecord::entry);
         fixed
+            .chain(parts)
             .chain(self.runs.iter().map(RunRecord::entry))
             .chain(self.algorithms.iter().flat_map(AlgorithmRecord::entries))
             .collect()
+    }
+}
+
+impl PartRecord {
+    fn entry(&self) -> (String, String) {
+        let Machine {
+            processor,
+            isa,
+            threads,
+            ..
+        } = &self.machine;
+        let machine = format!("{processor}, {isa}, {threads} threads");
+        let words = format!(
+            "{}, run {}, {}, {machine}",
+            self.folder, self.run_id, self.began
+        );
+        (format!("part {}", self.shard), words)
     }
 }
 

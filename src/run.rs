@@ -192,6 +192,13 @@ impl Matchers {
         Self(self.0.split_off(first.min(self.0.len())))
     }
 
+    /// Takes those with these labels away, into their own.
+    #[must_use]
+    pub fn take(&mut self, labels: &[&str]) -> Self {
+        let is_named = |entry: &mut RunMatcher| labels.contains(&entry.label.as_str());
+        Self(self.0.extract_if(.., is_named).collect())
+    }
+
     /// Puts others behind these.
     pub fn append(&mut self, mut others: Self) {
         self.0.append(&mut others.0);

@@ -59,6 +59,7 @@ pub struct ArenaWorld {
     config: ArenaConfig,
     rig: Rig,
     scene: ArenaScene,
+    seed: u64,
     /// Key of the sensor noise of this run.
     noise: u64,
 }
@@ -126,6 +127,16 @@ impl ArenaWorld {
     /// # Errors
     /// [`Error::Invalid`] with the key of a number out of its range.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        let mut world = Self::unpainted(config, seed)?;
+        world.paint();
+        Ok(world)
+    }
+
+    /// The geometry alone: before [`ArenaWorld::paint`] it renders no frame.
+    ///
+    /// # Errors
+    /// As [`ArenaWorld::new`].
+    pub fn unpainted(config: &ArenaConfig, seed: u64) -> Result<Self> {
         config.check()?;
         let (width, height) = (config.rig.width_px as f64, config.rig.height_px as f64);
         let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
@@ -138,9 +149,15 @@ impl ArenaWorld {
         Ok(Self {
             config: config.clone(),
             rig,
-            scene: ArenaScene::new(&config.world, Objects::new(&config.world), seed),
+            scene: ArenaScene::new(&config.world, Objects::new(&config.world)),
+            seed,
             noise: Dice::new(seed, NoiseStream::Sensor).bits(),
         })
+    }
+
+    /// Paints the pictures.
+    pub fn paint(&mut self) {
+        self.scene.paint(&self.config.world, self.seed);
     }
 
     pub fn config(&self) -> &ArenaConfig {
@@ -171,8 +188,11 @@ impl ArenaWorld {
     /// truth.
     ///
     /// # Errors
-    /// None: the images have the same size.
+    /// [`Error::Invalid`] before it is painted.
     pub fn frame(&self, index: u64, pose: Pose, twist: &Twist) -> Result<Frame> {
+        if !self.scene.is_painted() {
+            return Err(Error::Invalid("arena: it has no pictures yet".into()));
+        }
         let ArenaConfig { rig, sensor, .. } = &self.config;
         let size = (rig.width_px, rig.height_px);
         let lens = Lens {

@@ -13,6 +13,12 @@ pub(super) struct ArenaScene {
     pieces_m: Vec<f32>,
     /// Lower and upper corner of the laboratory in the plane.
     room: [[f32; 2]; 2],
+    /// Nothing while only the geometry is of interest.
+    pictures: Option<ScenePictures>,
+}
+
+/// What surfaces look like.
+struct ScenePictures {
     forest: Texture,
     floor: Texture,
     lab: Texture,
@@ -44,8 +50,8 @@ impl Hit {
 }
 
 impl ArenaScene {
-    /// Paints the pictures of `world`, whose objects are given.
-    pub(super) fn new(world: &WorldConfig, objects: Objects, seed: u64) -> Self {
+    /// The geometry of `world`, whose objects are given.
+    pub(super) fn new(world: &WorldConfig, objects: Objects) -> Self {
         let solids = objects.solids();
         let mut end_m = 0.0;
         let piece = |(i, solid): (usize, &Solid)| {
@@ -59,15 +65,6 @@ impl ArenaScene {
         };
         let pieces_m = solids.iter().enumerate().map(piece).collect();
         let margin = world.room_margin_m as f32;
-        let light = |x: f32, y: f32| {
-            let near =
-                |solid: &Solid| (1.0 - solid.distance(&Vec3::new(x, y, 0.0)) / 0.09).max(0.0);
-            solids.iter().fold(1.0, |light, solid| {
-                // Ambient occlusion: the floor is darker at the foot of things.
-                light * (1.0 - 0.45 * near(solid) * near(solid))
-            })
-        };
-        let floor = texture::floor(seed, world, light);
         Self {
             pieces_m,
             room: [
@@ -77,11 +74,32 @@ impl ArenaScene {
                     world.length_m as f32 + margin,
                 ],
             ],
-            forest: texture::forest(seed, world.forest_contrast as f32),
-            floor,
-            lab: texture::room(seed),
+            pictures: None,
             objects,
         }
+    }
+
+    /// Paints the pictures of `world`, which it was made of.
+    pub(super) fn paint(&mut self, world: &WorldConfig, seed: u64) {
+        let solids = self.objects.solids();
+        let light = |x: f32, y: f32| {
+            let near =
+                |solid: &Solid| (1.0 - solid.distance(&Vec3::new(x, y, 0.0)) / 0.09).max(0.0);
+            solids.iter().fold(1.0, |light, solid| {
+                // Ambient occlusion: the floor is darker at the foot of things.
+                light * (1.0 - 0.45 * near(solid) * near(solid))
+            })
+        };
+        self.pictures = Some(ScenePictures {
+            forest: texture::forest(seed, world.forest_contrast as f32),
+            floor: texture::floor(seed, world, light),
+            lab: texture::room(seed),
+        });
+    }
+
+    /// Whether it was painted.
+    pub(super) fn is_painted(&self) -> bool {
+        self.pictures.is_some()
     }
 
     /// The first thing on the ray `origin + t * direction`. `candidates`: the solids that it can
@@ -130,6 +148,10 @@ impl ArenaScene {
     /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle that a pixel
     /// sees, radians, with the lens's blur.
     pub(super) fn radiance(&self, origin: &Vec3, direction: &Vec3, hit: Hit, pixel: f32) -> f32 {
+        // Of a scene without pictures nothing is rendered.
+        let Some(pictures) = &self.pictures else {
+            return 0.0;
+        };
         let point = origin + direction * hit.t;
         let minor_m = hit.t * pixel;
         match hit.surface {
@@ -141,7 +163,7 @@ impl ArenaScene {
                     direction,
                     minor_m,
                 );
-                0.9 * self.floor.albedo(&at)
+                0.9 * pictures.floor.albedo(&at)
             }
             lab if lab >= LAB - 3 => {
                 let wall = LAB - lab;
@@ -152,7 +174,7 @@ impl ArenaScene {
                 };
                 // The four walls are unrolled 10 m apart.
                 let u_m = along.dot(&point) + 10.0 * f32::from(wall);
-                0.8 * self.lab.albedo(&footprint(
+                0.8 * pictures.lab.albedo(&footprint(
                     (u_m, point.z),
                     (along, Vec3::z()),
                     &normal,
@@ -172,7 +194,7 @@ impl ArenaScene {
                     direction,
                     minor_m,
                 );
-                self.forest.albedo(&at) * lamps(&surface.normal) * sky(point.z)
+                pictures.forest.albedo(&at) * lamps(&surface.normal) * sky(point.z)
             }
         }
     }

@@ -1,17 +1,13 @@
-//! Courses: random worlds by seed, each proved passable by a driver with perfect sight.
+//! Courses: random worlds by seed, with a route through them.
 //!
 //! A course is a room six metres from the start to the goal line, in which five sections follow
 //! each other: corridors, blocks, balls, slanted walls, bridges and dead ends, in any order. Gaps
-//! are at least as wide as the scenario says. Textures, floor and light vary with the seed. A
-//! layout in which the driver with perfect sight does not finish is thrown away, and the next one
-//! is drawn.
+//! are at least as wide as the scenario says. Textures, floor and light vary with the seed.
 
-use super::motion::{RobotState, Vec2};
-use super::source::Drive;
+use super::motion::{GroundPoint, RobotState};
 use crate::arena::{ArenaConfig, ArenaWorld, Ball, Block, FloorPattern, Gait};
-use crate::depth::{GridSettings, grid};
-use crate::error::{Error, Result};
-use crate::scenario::{DriveConfig, Scenario, ScenarioSource};
+use crate::error::Result;
+use crate::scenario::DriveConfig;
 use std::f64::consts::FRAC_PI_2;
 
 /// A world with start, goal, and a route that leads there.
@@ -27,8 +23,7 @@ pub struct Course {
 
 /// Width of the room.
 const WIDTH_M: f64 = 1.8;
-/// From the start to the goal line.
-const LENGTH_M: f64 = 6.0;
+const LENGTH_M: f64 = DriveConfig::LENGTH_M;
 /// Before the start and behind the goal.
 const MARGIN_M: f64 = 0.4;
 /// Length of a section.
@@ -36,73 +31,33 @@ const SECTION_M: f64 = 1.1;
 /// Where the first section begins.
 const FIRST_M: f64 = 0.95;
 const SECTIONS: u32 = 5;
-/// Layouts that are drawn for a course at most.
-const ATTEMPTS: u32 = 40;
 
 impl Course {
-    /// The course with that seed. `arena` has the cameras, the gait and what the pictures are like.
+    /// A layout by chance, without a route.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where no layout can be passed; those of [`ArenaWorld::new`].
-    pub fn new(
+    /// Those of [`ArenaWorld::unpainted`].
+    pub(super) fn draw(
         arena: &ArenaConfig,
         drive: &DriveConfig,
-        settings: GridSettings,
         seed: u64,
+        attempt: u32,
     ) -> Result<Self> {
-        for attempt in 0..ATTEMPTS {
-            let config = layout(arena, drive, seed, attempt);
-            let mut course = Self {
-                seed,
-                drive: drive.clone(),
-                world: ArenaWorld::new(&config, seed)?,
-                route: Vec::new(),
-                rejected: attempt,
-            };
-            if let Some(route) = course.proof(settings)? {
-                course.route = route;
-                return Ok(course);
-            }
-        }
-        Err(Error::Invalid(format!(
-            "course {seed}: none of {ATTEMPTS} layouts can be passed even with perfect sight; \
-             drive.gap_m = {} may be too narrow for the robot, or drive.steering unfit",
-            drive.gap_m
-        )))
+        let config = layout(arena, drive, seed, attempt);
+        Ok(Self {
+            seed,
+            drive: drive.clone(),
+            world: ArenaWorld::unpainted(&config, seed)?,
+            route: Vec::new(),
+            rejected: attempt,
+        })
     }
 
-    /// A course of a scenario.
-    ///
-    /// # Errors
-    /// As [`Course::new`]; [`Error::Invalid`] for a scenario of another kind.
-    pub fn of_scenario(scenario: &Scenario, seed: u64) -> Result<Self> {
-        match &scenario.source {
-            ScenarioSource::Drive { config, drive, .. } => {
-                Self::new(config, drive, scenario.grid, seed)
-            }
-            _ => Err(Error::Invalid(format!(
-                "scenario '{}' has no courses",
-                scenario.name
-            ))),
-        }
-    }
-
-    /// The way of a driver who sees the exact grid, where it finishes.
-    fn proof(&self, settings: GridSettings) -> Result<Option<Vec<RobotState>>> {
-        let gait = self.gait();
-        let rig = self.world.rig();
-        let mut drive = Drive::new(self);
-        let mut route = Vec::new();
-        while drive.step(self) {
-            if drive.log.events().any(|(_, event)| event.ends_proof()) {
-                return Ok(None);
-            }
-            route.push(drive.robot());
-            let (pose, _) = drive.view(&gait);
-            let disparity = self.world.disparity(&pose)?;
-            drive.decide(self, &grid(&disparity, settings, Some(&rig)));
-        }
-        Ok(drive.log.arrived.then_some(route))
+    /// The course with its route, and painted.
+    #[must_use]
+    pub(super) fn with_route(mut self, route: Vec<RobotState>) -> Self {
+        self.world.paint();
+        Self { route, ..self }
     }
 
     pub fn seed(&self) -> u64 {
@@ -144,7 +99,7 @@ impl Course {
     pub(super) fn start(&self) -> RobotState {
         RobotState {
             time_s: 0.0,
-            at: Vec2::new(0.5 * WIDTH_M, MARGIN_M),
+            at: GroundPoint::new(0.5 * WIDTH_M, MARGIN_M),
             heading: FRAC_PI_2,
         }
     }
@@ -161,11 +116,11 @@ impl Course {
         1.0 / self.rate_hz()
     }
 
-    pub(super) fn clearance_m(&self, at: Vec2) -> f64 {
+    pub(super) fn clearance_m(&self, at: GroundPoint) -> f64 {
         self.world.clearance(at.into(), self.drive.height_m).0 - self.drive.radius_m
     }
 
-    pub(super) fn is_goal(&self, at: Vec2) -> bool {
+    pub(super) fn is_goal(&self, at: GroundPoint) -> bool {
         at.y >= self.goal_m()
     }
 
@@ -175,7 +130,7 @@ impl Course {
     }
 
     /// The place of the route that is nearest to `at`, and `along_m` farther on.
-    pub(super) fn route_after(&self, at: Vec2, along_m: f64) -> RobotState {
+    pub(super) fn route_after(&self, at: GroundPoint, along_m: f64) -> RobotState {
         let distance = |state: &RobotState| (state.at - at).norm();
         let nearest = (0..self.route.len())
             .min_by(|&a, &b| distance(&self.route[a]).total_cmp(&distance(&self.route[b])));
@@ -230,9 +185,9 @@ const PATTERNS: [FloorPattern; 5] = [
 ];
 
 /// What stands in a section that begins at some `y`, metres.
-type Section = fn(&mut Things, f64);
+type CourseSection = fn(&mut Things, f64);
 
-const SECTION_KINDS: [Section; 6] = [corridor, blocks, balls, slanted_wall, bridge, dead_end];
+const SECTION_KINDS: [CourseSection; 6] = [corridor, blocks, balls, slanted_wall, bridge, dead_end];
 
 /// What stands in a course so far.
 struct Things {

@@ -11,6 +11,7 @@
 
 mod course;
 mod motion;
+mod proof;
 mod run;
 mod source;
 mod steering;

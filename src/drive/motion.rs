@@ -1,30 +1,37 @@
 //! The robot's motion, and what happens on the way.
 
-use super::steering::Command;
 use crate::arena::ArenaWorld;
 use crate::scenario::DriveConfig;
 
-pub(super) type Vec2 = nalgebra::Vector2<f64>;
+pub(super) type GroundPoint = nalgebra::Vector2<f64>;
+
+/// What the robot is told to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct DriveCommand {
+    pub(super) speed_m_per_s: f64,
+    /// Counterclockwise, seen from above.
+    pub(super) turn_rad_per_s: f64,
+}
 
 /// Where the robot is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RobotState {
     pub(super) time_s: f64,
     /// Middle of the stereo head, which is that of the body.
-    pub(super) at: Vec2,
+    pub(super) at: GroundPoint,
     /// `atan2(y, x)` of the direction of travel.
     pub(super) heading: f64,
 }
 
 impl RobotState {
     /// A place `ahead` and to the left of the robot, in the world.
-    pub(super) fn to_world(self, ahead_m: f64, left_m: f64) -> Vec2 {
+    pub(super) fn to_world(self, ahead_m: f64, left_m: f64) -> GroundPoint {
         let (sin, cos) = self.heading.sin_cos();
-        self.at + Vec2::new(ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos)
+        self.at + GroundPoint::new(ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos)
     }
 
     /// How far ahead and to the left a place of the world is.
-    pub(super) fn to_robot(self, at: Vec2) -> (f64, f64) {
+    pub(super) fn to_robot(self, at: GroundPoint) -> (f64, f64) {
         let (sin, cos) = self.heading.sin_cos();
         let d = at - self.at;
         (cos * d.x + sin * d.y, cos * d.y - sin * d.x)
@@ -49,14 +56,14 @@ impl RobotState {
         };
         let (sin, cos) = (self.heading + half).sin_cos();
         Self {
-            at: self.at + Vec2::new(cos, sin) * (length_m * shrink),
+            at: self.at + GroundPoint::new(cos, sin) * (length_m * shrink),
             heading: self.heading + turn,
             ..self
         }
     }
 
     /// After some time, negative for before, under a command.
-    pub(super) fn after(self, command: Command, seconds: f64) -> Self {
+    pub(super) fn after(self, command: DriveCommand, seconds: f64) -> Self {
         let moved = self.moved(
             command.speed_m_per_s * seconds,
             command.turn_rad_per_s * seconds,
@@ -179,7 +186,7 @@ pub(super) fn advance<'w>(
     world: &'w ArenaWorld,
     config: &DriveConfig,
     from: RobotState,
-    command: Command,
+    command: DriveCommand,
     seconds: f64,
 ) -> (RobotState, f64, (f64, &'w str)) {
     let length_m = command.speed_m_per_s * seconds;

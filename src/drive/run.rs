@@ -185,11 +185,18 @@ impl Course {
             width_m: world.width_m,
             length_m: world.length_m,
             goal_m: self.goal_m(),
-            outlines: self.outlines(),
-            route: self.route().collect(),
+            outlines: (self.outlines().iter())
+                .map(|outline| outline.iter().map(|at| rounded(*at)).collect())
+                .collect(),
+            route: self.route().map(rounded).collect(),
             rejected: self.rejected(),
         }
     }
+}
+
+/// To a tenth of a millimetre, which a map does not show and a file writes short.
+fn rounded(at: [f64; 2]) -> [f64; 2] {
+    at.map(|v| (1.0e4 * v).round() / 1.0e4)
 }
 
 /// Keeps the rows of a drive, and the frames before its worst collision.

@@ -1,8 +1,8 @@
 //! A drive as a source that listens: every frame depends on what was made of the last one.
 
 use super::course::Course;
-use super::motion::{DriveEvent, DriveLog, RobotState, TrackPoint, advance};
-use super::steering::{Command, Steering};
+use super::motion::{DriveCommand, DriveEvent, DriveLog, RobotState, TrackPoint, advance};
+use super::steering::Steering;
 use crate::arena::{Gait, Twist};
 use crate::error::Result;
 use crate::score::Judged;
@@ -73,7 +73,7 @@ impl Source for DriveSource {
 pub(super) struct Drive {
     robot: RobotState,
     /// The command in force, and the one that follows.
-    commands: [Command; 2],
+    commands: [DriveCommand; 2],
     steering: Steering,
     /// Number of frames so far.
     sequence: u64,
@@ -96,7 +96,7 @@ impl Drive {
         let robot = course.start();
         Self {
             robot,
-            commands: [Command::default(); 2],
+            commands: [DriveCommand::default(); 2],
             steering: Steering::new(course.drive()),
             sequence: 0,
             near: None,
@@ -151,7 +151,7 @@ impl Drive {
             ..course.route_after(self.robot.at, PLACED_M)
         };
         self.anchor = self.robot;
-        self.commands = [Command::default(); 2];
+        self.commands = [DriveCommand::default(); 2];
         self.steering = Steering::new(course.drive());
         self.near = None;
         self.point(course.clearance_m(self.robot.at), 0.0, true, Vec::new())

@@ -6,8 +6,8 @@
 //! goal? Of the world the rule knows what the cells say, now and some seconds ago, and from its
 //! odometry where it was then; the goal is a direction.
 //!
-//! 1. A cell nearer than the lookahead is an obstacle as wide as its column. It is remembered, until
-//!    it is too old, or a cell sees through it.
+//! 1. A cell nearer than the lookahead is an obstacle as wide as its column. It is remembered,
+//!    until it is too old, or a cell sees through it.
 //! 2. The arc with the best sum of free distance and direction is taken, slower where it is free
 //!    for less.
 //! 3. Where no arc is free for `stop_m`, the robot turns on the spot, to the side that is free
@@ -18,17 +18,9 @@
 //!
 //! Departures from the paper: accelerations have no limit, and the arcs are a fixed set.
 
-use super::motion::{RobotState, Vec2};
+use super::motion::{DriveCommand, GroundPoint, RobotState};
 use crate::scenario::{CellPart, CellStandsFor, DriveConfig};
 use crate::stereo::{Cell, DepthGrid, Rig};
-
-/// What the robot is told to do.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Command {
-    pub(super) speed_m_per_s: f64,
-    /// Counterclockwise, seen from above.
-    pub(super) turn_rad_per_s: f64,
-}
 
 /// The rule with what it remembers.
 pub(super) struct Steering {
@@ -37,13 +29,13 @@ pub(super) struct Steering {
     curvature_per_m: f64,
     avoidance: Avoidance,
     /// Where it stopped first, and how often since within a metre.
-    stops: Option<(Vec2, i32)>,
+    stops: Option<(GroundPoint, i32)>,
 }
 
 /// A point of an obstacle in the world.
 #[derive(Clone, Copy)]
 struct Obstacle {
-    at: Vec2,
+    at: GroundPoint,
     time_s: f64,
 }
 
@@ -56,7 +48,7 @@ enum Avoidance {
     /// Keeps the heading that it found, until it has come so far, having turned to that side.
     Detour {
         heading: f64,
-        from: Vec2,
+        from: GroundPoint,
         side: f64,
     },
 }
@@ -96,7 +88,7 @@ impl Steering {
         (rig, width_px): (&Rig, usize),
         [robot, then]: [&RobotState; 2],
         goal: f64,
-    ) -> Command {
+    ) -> DriveCommand {
         let rule = self.config.steering.clone();
         let mut obstacles = Vec::new();
         self.seen
@@ -119,7 +111,7 @@ impl Steering {
         known_m: Option<f64>,
         cell: &Cell,
         robot: &RobotState,
-        obstacles: &mut Vec<Vec2>,
+        obstacles: &mut Vec<GroundPoint>,
     ) {
         let rule = &self.config.steering;
         let points = |distance_m: f64| {
@@ -147,7 +139,7 @@ impl Steering {
         }
     }
 
-    fn steer(&mut self, obstacles: &[Vec2], robot: &RobotState, goal: f64) -> Command {
+    fn steer(&mut self, obstacles: &[GroundPoint], robot: &RobotState, goal: f64) -> DriveCommand {
         let DriveConfig {
             steering: rule,
             max_speed_m_per_s: speed,
@@ -158,7 +150,7 @@ impl Steering {
         let free = |curvature| free_m(&self.config, obstacles, robot, curvature);
         if let Avoidance::Turning(side) = self.avoidance {
             if free(0.0) < rule.resume_m {
-                return Command {
+                return DriveCommand {
                     speed_m_per_s: 0.0,
                     turn_rad_per_s: side * turn,
                 };
@@ -206,7 +198,7 @@ impl Steering {
                 _ => Some((robot.at, 0)),
             };
             self.curvature_per_m = 0.0;
-            return Command {
+            return DriveCommand {
                 speed_m_per_s: 0.0,
                 turn_rad_per_s: side * turn,
             };
@@ -219,7 +211,7 @@ impl Steering {
             true => speed,
             false => speed.min(turn / curvature.abs()),
         };
-        Command {
+        DriveCommand {
             speed_m_per_s: speed,
             turn_rad_per_s: curvature * speed,
         }
@@ -228,7 +220,12 @@ impl Steering {
 
 /// How far an arc can be followed until the body with its margin would touch an obstacle, at
 /// most the lookahead.
-fn free_m(config: &DriveConfig, obstacles: &[Vec2], robot: &RobotState, curvature: f64) -> f64 {
+fn free_m(
+    config: &DriveConfig,
+    obstacles: &[GroundPoint],
+    robot: &RobotState,
+    curvature: f64,
+) -> f64 {
     let rule = &config.steering;
     let keep_m = config.radius_m + rule.margin_m;
     // What is nearer already must not come nearer still.
@@ -252,7 +249,12 @@ fn free_m(config: &DriveConfig, obstacles: &[Vec2], robot: &RobotState, curvatur
 }
 
 /// The side with more room: 1 for the left, -1 for the right.
-fn freer_side(config: &DriveConfig, obstacles: &[Vec2], robot: &RobotState, goal: f64) -> f64 {
+fn freer_side(
+    config: &DriveConfig,
+    obstacles: &[GroundPoint],
+    robot: &RobotState,
+    goal: f64,
+) -> f64 {
     let room = |side: f64| -> f64 {
         let directions = (1..=6).map(|i| side * f64::from(i) * 0.3);
         let free = |by: f64| free_m(config, obstacles, &robot.turned(by), 0.0);

@@ -3,8 +3,6 @@
 
 use super::compare::bootstrap::{Interval, Resamples};
 use super::rows::record;
-use super::side_table::SideTable;
-use super::words::NONE;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -165,69 +163,4 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
         speed_m_per_s: both(|row| row.driven_m, |row| row.duration_s, 1.0).0,
         stood_share: both(|row| row.stood_s, |row| row.duration_s, 1.0).0,
     }
-}
-
-/// The table of the drives; nothing where there were none.
-pub(super) fn table(drives: &[DriveSummary]) -> Option<SideTable> {
-    let interval = |interval: Option<Interval>, scale: f64, digits: usize| {
-        interval.map_or_else(String::new, |(low, high)| {
-            format!(" ({:.digits$}–{:.digits$})", scale * low, scale * high)
-        })
-    };
-    let line = |drive: &DriveSummary| {
-        let share = 100.0 * drive.finished as f64 / drive.courses as f64;
-        let rate = |value: f64, of: Option<Interval>| format!("{value:.1}{}", interval(of, 1.0, 1));
-        let cells = vec![
-            drive.courses.to_string(),
-            format!("{share:.0}{}", interval(drive.finished_interval, 100.0, 0)),
-            rate(drive.collisions_per_100m, drive.collisions_interval),
-            rate(drive.near_misses_per_100m, drive.near_misses_interval),
-            match drive.collisions {
-                0 => NONE.to_owned(),
-                _ => rate(drive.first_collision_m, drive.first_collision_interval),
-            },
-            drive.stuck.to_string(),
-            format!("{:.2}", drive.speed_m_per_s),
-            format!("{:.0}", 100.0 * drive.stood_share),
-        ];
-        (drive.algorithm.clone(), cells)
-    };
-    let heads = [
-        "courses",
-        "finished, %",
-        "hits/100 m",
-        "near/100 m",
-        "first hit, m",
-        "stuck",
-        "m/s",
-        "stood, %",
-    ];
-    let notes = [
-        (
-            "finished",
-            "courses whose goal was reached without a collision and without help; in brackets the \
-             interval over the courses, 95 %",
-        ),
-        (
-            "hits, near",
-            "collisions and near misses for 100 m driven; after a collision the robot is set back \
-             on the route of the driver with perfect sight, 0.3 m farther on",
-        ),
-        (
-            "first hit",
-            "mean distance to the first collision; a drive without one counts with all of its \
-             distance",
-        ),
-        (
-            "stuck",
-            "how often the robot came no farther and was set back on the route",
-        ),
-    ];
-    (!drives.is_empty()).then(|| SideTable {
-        title: "Drives".to_owned(),
-        first: "algorithm",
-        heads: heads.map(str::to_owned).to_vec(),
-        lines: drives.iter().map(line).collect(),
-        notes: notes.map(|(term, text)| (term, text.to_owned())).to_vec(),
-    })
 }

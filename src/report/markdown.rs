@@ -1,5 +1,6 @@
 //! A summary as Markdown.
 
+use super::side_table::SideTable;
 use super::summary::Summary;
 use super::words::{
     CheckpointCell, Checkpoints, Column, VERDICTS, columns, lines, notes, shown, speed_columns,
@@ -63,6 +64,27 @@ impl Summary {
     }
 }
 
+impl SideTable {
+    /// As a section of a Markdown page.
+    pub(super) fn markdown(&self, page: &mut String) {
+        page.push_str(&format!("\n## {}\n", escape(&self.title)));
+        let heads = [self.first.to_owned()].into_iter();
+        let lines = self.lines.iter().map(|(name, cells)| {
+            let cells = cells.iter().map(|cell| escape(cell));
+            std::iter::once(escape(name)).chain(cells).collect()
+        });
+        table(
+            page,
+            heads.chain(self.heads.iter().cloned()).collect(),
+            lines,
+        );
+        page.push('\n');
+        for (term, meaning) in &self.notes {
+            page.push_str(&format!("- {}: {}\n", escape(term), escape(meaning)));
+        }
+    }
+}
+
 fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
     let heads = std::iter::once("algorithm".to_owned())
         .chain(checkpoints.heads.iter().map(|head| escape(head)));
@@ -83,18 +105,14 @@ fn checkpoints_markdown(page: &mut String, checkpoints: &Checkpoints<'_>) {
 }
 
 /// Appends a table whose first column is text and whose others are numbers.
-pub(super) fn table(
-    page: &mut String,
-    heads: Vec<String>,
-    lines: impl Iterator<Item = Vec<String>>,
-) {
+fn table(page: &mut String, heads: Vec<String>, lines: impl Iterator<Item = Vec<String>>) {
     let rule = format!("|---|{}\n", "---:|".repeat(heads.len() - 1));
     page.push_str(&format!("\n| {} |\n{rule}", heads.join(" | ")));
     lines.for_each(|line| page.push_str(&format!("| {} |\n", line.join(" | "))));
 }
 
 /// Keeps text from being read as Markdown or HTML.
-pub(super) fn escape(text: &str) -> String {
+fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -10,6 +10,7 @@
 pub mod calibration;
 mod choice;
 pub mod compare;
+mod csv_rows;
 mod drives;
 pub mod evidence;
 mod gate;
@@ -17,6 +18,7 @@ pub mod html;
 mod junit;
 mod log;
 mod markdown;
+mod merge;
 pub(crate) mod page;
 pub mod plot;
 mod rows;
@@ -26,16 +28,19 @@ mod stress;
 mod summary;
 mod tables;
 mod text;
+mod totals;
 mod words;
 
 pub use choice::{better_first, pareto_front};
+pub use csv_rows::{RowReader, read_rows};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, Limit};
 pub use junit::{TestCase, TestResult, junit};
 pub use log::{LoggedPair, LoggedResult, ResultLog, whole_rows};
+pub use merge::merge_rows;
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row, hash_words,
 };
 pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
-pub use tables::{Table, read_rows};
+pub use tables::Table;

@@ -146,6 +146,7 @@ pub(super) mod tests {
             metrics: Default::default(),
             run: None,
             filters_us: None,
+            stress: None,
             result_hash: String::new(),
             truth: None,
         }

@@ -2,9 +2,8 @@
 
 use super::drives::{self, DriveRow, DriveSummary};
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
-use super::side_table::SideTable;
 use super::speed::Speed;
-use super::stress::{self, StressSummary};
+use super::stress::StressSummary;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
 use crate::score::{METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
@@ -127,27 +126,7 @@ impl CheckpointSummary {
 }
 
 impl Summary {
-    /// Sums up the rows of a run; those of perturbed pairs in [`Summary::stress`].
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] with what polars says.
-    pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
-        if rows.iter().all(|row| row.stress.is_none()) {
-            return Self::from_frames_of(rows, checkpoints);
-        }
-        let plain = rows.iter().filter(|row| row.stress.is_none()).cloned();
-        let of_checkpoints = checkpoints.iter().filter(|row| row.stress.is_none());
-        let summary = Self::from_frames_of(
-            &plain.collect::<Vec<_>>(),
-            &of_checkpoints.cloned().collect::<Vec<_>>(),
-        )?;
-        Ok(Self {
-            stress: stress::summarize(rows, checkpoints)?,
-            ..summary
-        })
-    }
-
-    /// As [`Summary::from_rows`], whatever made the pairs worse.
+    /// Sums up rows, whatever made their pairs worse.
     pub(super) fn from_frames_of(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         let summary = Row::frame(rows).and_then(|rows| {
             let checkpoints = CheckpointRow::frame(checkpoints)?;
@@ -185,12 +164,6 @@ impl Summary {
     /// Adds what became of drives.
     pub fn add_drives(&mut self, rows: &[DriveRow]) {
         self.drives = drives::summarize(rows);
-    }
-
-    /// The tables beside that of the metrics.
-    pub(super) fn side_tables(&self) -> Vec<SideTable> {
-        let drives = drives::table(&self.drives).into_iter();
-        drives.chain(stress::tables(&self.stress)).collect()
     }
 
     /// What must be said above every table that needs a truth; nothing where that is exact.

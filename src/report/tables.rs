@@ -1,12 +1,14 @@
 //! Tables on disk: CSV while the run goes, Parquet when it is over.
 
-use super::rows::{CsvCells, Record};
+use super::csv_rows::csv_error;
+use super::rows::Record;
 use super::summary::Summary;
 use crate::error::{Error, Result};
-use polars::prelude::{ParquetWriter, PolarsError};
+use polars::prelude::{BatchedWriter, ParquetWriter, PolarsError, PolarsResult};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// One table, written as CSV, as Parquet or as both. Files of the same name are replaced.
 pub struct Table<R> {
@@ -19,13 +21,18 @@ struct Csv {
     writer: csv::Writer<File>,
 }
 
-/// The file stays empty and the rows in memory until the table is complete: a Parquet file without
-/// its footer cannot be read. A pair with 15 cells takes 5 kB.
+/// Written in groups of rows, so that memory has a limit; without its footer the file cannot be
+/// read until the table is complete. A pair with 15 cells takes 5 kB in memory.
 struct Parquet<R> {
     path: PathBuf,
-    file: File,
+    writer: BatchedWriter<CheckedFile>,
+    failed: Arc<Mutex<Option<std::io::Error>>>,
+    /// Those of the group that is not written yet.
     rows: Vec<R>,
 }
+
+/// Rows that are written at once: as many as polars takes.
+const ROW_GROUP: usize = 1 << 18;
 
 impl<R: Record> Table<R> {
     /// A table without a file, for rows that are only counted.
@@ -81,7 +88,7 @@ impl<R: Record> Table<R> {
                     .map_err(|e| csv_error(&csv.path, e))?;
             }
             if let Some(parquet) = &mut self.parquet {
-                parquet.rows.push(row);
+                parquet.push(row)?;
             }
         }
         match &mut self.csv {
@@ -121,23 +128,83 @@ impl Csv {
 impl<R: Record> Parquet<R> {
     fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
+        let file = CheckedFile {
+            file,
+            failed: Arc::default(),
+        };
+        let failed = Arc::clone(&file.failed);
+        let schema = R::frame(&[])
+            .map_err(|e| polars_error(path, e))?
+            .schema()
+            .clone();
+        let writer = ParquetWriter::new(file).batched(&schema);
         Ok(Self {
             path: path.to_owned(),
-            file,
+            writer: writer.map_err(|e| polars_error(path, e))?,
+            failed,
             rows: Vec::new(),
         })
     }
 
+    fn push(&mut self, row: R) -> Result<()> {
+        self.rows.push(row);
+        match self.rows.len() {
+            ROW_GROUP => self.write_group(),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_group(&mut self) -> Result<()> {
+        let frame = R::frame(&self.rows);
+        self.rows.clear();
+        let written = frame.and_then(|frame| self.writer.write_batch(&frame));
+        self.checked(written)
+    }
+
     fn finish(mut self) -> Result<()> {
-        let mut frame = R::frame(&self.rows).map_err(|e| polars_error(&self.path, e))?;
-        // Encoded in memory: polars reports a full disk as an error of the format.
-        let mut bytes = Vec::new();
-        ParquetWriter::new(&mut bytes)
-            .finish(&mut frame)
-            .map_err(|e| polars_error(&self.path, e))?;
-        self.file
-            .write_all(&bytes)
-            .map_err(|e| Error::io(&self.path, e))
+        if !self.rows.is_empty() {
+            self.write_group()?;
+        }
+        let finished = self.writer.finish().map(drop);
+        self.checked(finished)
+    }
+
+    /// Polars reports a full disk as an error of the format: the file knows better.
+    fn checked(&self, result: PolarsResult<()>) -> Result<()> {
+        let failed = self
+            .failed
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
+        match (result, failed) {
+            (_, Some(error)) => Err(Error::io(&self.path, error)),
+            (Err(error), None) => Err(polars_error(&self.path, error)),
+            (Ok(()), None) => Ok(()),
+        }
+    }
+}
+
+/// A file that remembers what went wrong first.
+struct CheckedFile {
+    file: File,
+    failed: Arc<Mutex<Option<std::io::Error>>>,
+}
+
+impl Write for CheckedFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let written = self.file.write(bytes);
+        written.inspect_err(|error| {
+            let copy = match error.raw_os_error() {
+                Some(code) => std::io::Error::from_raw_os_error(code),
+                None => error.kind().into(),
+            };
+            let mut failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+            failed.get_or_insert(copy);
+        })
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
     }
 }
 
@@ -154,48 +221,6 @@ impl Summary {
         let mut checkpoints = Table::create_both(folder, "verdicts")?;
         checkpoints.push(self.checkpoints.iter().cloned())?;
         checkpoints.finish()
-    }
-}
-
-/// Largest table that is read, bytes: a hundred times a run of 1000 pairs and seven algorithms with
-/// all cells.
-const MAX_BYTES: u64 = 1 << 31;
-
-/// The rows of a CSV file that [`super::Table`] wrote.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Format`] with the line for a file that is no such table.
-pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
-    // A device or a pipe might never end.
-    if !metadata.is_file() || metadata.len() > MAX_BYTES {
-        return Err(Error::format(
-            path,
-            format!("is not a table: expected a CSV file of at most {MAX_BYTES} bytes"),
-        ));
-    }
-    let mut reader = csv::Reader::from_reader(file);
-    let heads = reader.headers().map_err(|e| csv_error(path, e))?.clone();
-    let row = |line: csv::Result<csv::StringRecord>| {
-        let line = line.map_err(|e| csv_error(path, e))?;
-        let cells = CsvCells {
-            heads: &heads,
-            line: &line,
-        };
-        R::parse(cells).map_err(|why| match line.position() {
-            Some(place) => Error::format(path, format!("line {}: {why}", place.line())),
-            None => Error::format(path, why),
-        })
-    };
-    reader.records().map(row).collect()
-}
-
-fn csv_error(path: &Path, error: csv::Error) -> Error {
-    let reason = error.to_string();
-    match error.into_kind() {
-        csv::ErrorKind::Io(source) => Error::io(path, source),
-        _ => Error::format(path, reason),
     }
 }
 

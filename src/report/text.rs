@@ -1,12 +1,13 @@
 //! A summary on the terminal: plain text, aligned, broken at the width that the caller formats it
 //! with (`{summary:80}`), or at 100 columns.
 
+use super::side_table::SideTable;
 use super::summary::Summary;
 use super::words::{Checkpoints, Column, VERDICTS, columns, failed, lines, notes, shown};
 use std::fmt::{Display, Formatter, Result};
 
 /// Width where none is given, as in a pipe.
-pub(super) const WIDTH: usize = 100;
+const WIDTH: usize = 100;
 
 /// Longest name that stands beside its checkpoints.
 const NAME: usize = 24;
@@ -80,6 +81,46 @@ impl Summary {
     }
 }
 
+impl Display for SideTable {
+    /// As many columns abreast as fit into the width.
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        let total = f.width().unwrap_or(WIDTH);
+        let names = self.lines.iter().map(|(name, _)| name.as_str());
+        let name = names.chain([self.first]).map(|n| n.chars().count()).max();
+        let name = name.unwrap_or_default().min(24);
+        let width = |i: usize| {
+            let cells = self.lines.iter().map(|(_, cells)| cells[i].as_str());
+            let widths = cells.chain([self.heads[i].as_str()]);
+            widths.map(|cell| cell.chars().count()).max().unwrap_or(0)
+        };
+        let widths: Vec<_> = (0..self.heads.len()).map(width).collect();
+        let mut from = 0;
+        while from < widths.len() {
+            let mut end = name;
+            let fits = widths[from..].iter().take_while(|&&width| {
+                end += 2 + width;
+                end <= total
+            });
+            let to = from + fits.count().max(1);
+            let aligned = |cells: &[String]| {
+                let cells = cells[from..to].iter().zip(&widths[from..to]);
+                let cells = cells.map(|(cell, width)| format!("  {cell:>width$}"));
+                cells.collect::<String>()
+            };
+            writeln!(f, "{:name$}{}", self.first, aligned(&self.heads))?;
+            for (title, cells) in &self.lines {
+                label(f, title, name)?;
+                writeln!(f, "{}", aligned(cells))?;
+            }
+            writeln!(f)?;
+            from = to;
+        }
+        let notes = self.notes.iter();
+        let mut notes = notes.map(|(term, meaning)| format!("{term}: {meaning}"));
+        notes.try_for_each(|note| wrapped(f, &note, total))
+    }
+}
+
 /// Blanks before a column: two between groups, one within.
 fn gap(columns: &[Column], i: usize) -> usize {
     let begins_group = i == 0 || columns[i - 1].group != columns[i].group;
@@ -110,7 +151,7 @@ fn blocks(columns: &[Column], total: usize) -> Vec<&[Column]> {
 }
 
 /// Writes a text in lines that fit, all but the first indented.
-pub(super) fn wrapped(f: &mut Formatter<'_>, text: &str, total: usize) -> Result {
+fn wrapped(f: &mut Formatter<'_>, text: &str, total: usize) -> Result {
     let mut line = String::new();
     for word in text.split(' ') {
         if line.chars().count() + 1 + word.chars().count() > total {
@@ -135,7 +176,7 @@ fn name_width<'a>(names: impl Iterator<Item = &'a str>, room: usize) -> usize {
 }
 
 /// A name too long for its column gets a line of its own: shortened it could be ambiguous.
-pub(super) fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
+fn label(f: &mut Formatter<'_>, name: &str, width: usize) -> Result {
     if name.chars().count() > width {
         write!(f, "{name}\n{:width$}", "")
     } else {

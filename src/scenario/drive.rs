@@ -122,11 +122,13 @@ impl SteeringRule {
 impl DriveConfig {
     /// Most pairs of a drive.
     pub const MAX_FRAMES: u64 = 400;
+    /// From the start of a course to its goal line.
+    pub const LENGTH_M: f64 = 6.0;
 
     /// # Errors
     /// [`Error::Invalid`] with the first key whose number is out of its range, or that contradicts
     /// another.
-    pub fn validate(&self, grid: GridShape, frames: u64) -> Result<()> {
+    pub fn validate(&self, grid: GridShape, frames: u64, rate_hz: f64) -> Result<()> {
         let SteeringRule {
             rows,
             assumed_m,
@@ -174,6 +176,15 @@ impl DriveConfig {
                  are {} m: make drive.radius_m or drive.steering.margin_m smaller, or drive.gap_m \
                  larger",
                 self.gap_m
+            )));
+        }
+        let reach_m = self.max_speed_m_per_s * frames as f64 / rate_hz;
+        if reach_m < Self::LENGTH_M {
+            return Err(Error::Invalid(format!(
+                "drive: at drive.max_speed_m_per_s = {} the robot comes {reach_m:.1} m far in \
+                 arena.frames = {frames} at arena.rate_hz = {rate_hz}, and a course has {} m",
+                self.max_speed_m_per_s,
+                Self::LENGTH_M
             )));
         }
         if frames > Self::MAX_FRAMES {

@@ -476,7 +476,7 @@ impl SourceTable {
             }),
             Drive => {
                 let (config, drive) = (arena.unwrap_or_default(), drive.unwrap_or_default());
-                drive.validate(grid, config.frames)?;
+                drive.validate(grid, config.frames, config.rate_hz)?;
                 Ok(ScenarioSource::Drive {
                     config: Box::new(config),
                     drive: Box::new(drive),

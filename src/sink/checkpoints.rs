@@ -15,6 +15,8 @@ pub struct CheckpointSink {
     checkpoints: Vec<Checkpoint>,
     /// Of the run under way, by checkpoint and algorithm, with the sequences of the leading frames.
     tallies: Vec<Vec<CheckpointTally<u64>>>,
+    /// Which algorithms took part in the run under way.
+    took_part: Vec<bool>,
     kept: Vec<CheckpointRow>,
     outbox: Outbox<Vec<CheckpointRow>>,
 }
@@ -32,6 +34,7 @@ impl CheckpointSink {
             algorithms: Vec::new(),
             checkpoints: Vec::new(),
             tallies: Vec::new(),
+            took_part: Vec::new(),
             kept: Vec::new(),
             outbox: outbox.clone(),
         })
@@ -45,6 +48,7 @@ impl Sink for CheckpointSink {
         self.checkpoints.clone_from(&start.judge.checkpoints);
         let tallies = vec![CheckpointTally::default(); self.algorithms.len()];
         self.tallies = vec![tallies; self.checkpoints.len()];
+        self.took_part = vec![false; self.algorithms.len()];
         Ok(())
     }
 
@@ -54,6 +58,7 @@ impl Sink for CheckpointSink {
             let Some(a) = labels.position(|label| *label == scored.estimate.algorithm) else {
                 continue;
             };
+            self.took_part[a] = true;
             for (c, verdict) in &scored.checkpoints {
                 self.tallies[*c][a].add(*verdict, || judged.frame.sequence);
             }
@@ -67,7 +72,8 @@ impl Sink for CheckpointSink {
             .iter()
             .zip(std::mem::take(&mut self.tallies))
         {
-            for (algorithm, tally) in self.algorithms.iter().zip(&tallies) {
+            let algorithms = self.algorithms.iter().zip(&tallies).zip(&self.took_part);
+            for ((algorithm, tally), _) in algorithms.filter(|(_, took_part)| **took_part) {
                 let row = CheckpointRow {
                     run_id: self.identity.run_id.clone(),
                     scenario: self.identity.scenario.clone(),

@@ -502,6 +502,12 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
 /// # Errors
 /// [`Error::Invalid`] for a scenario that reads scenes.
 pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
+    if let ScenarioSource::Drive { .. } = &scenario.source {
+        return Err(Error::Invalid(format!(
+            "scenario '{}' is driven by algorithms: `svl score` drives and records it",
+            scenario.name
+        )));
+    }
     let ScenarioSource::Arena { config, .. } = &scenario.source else {
         return Err(Error::Invalid(format!(
             "scenario '{}' reads files; name one of them to record it",

@@ -1,6 +1,6 @@
 //! A right camera that is not where the calibration says.
 
-use super::{Chance, grey};
+use super::chance::{Chance, grey};
 use crate::stereo::Gray;
 
 pub(super) fn row_offset([_, right]: &mut [Gray; 2], rows: f64, _: &mut Chance) {

@@ -2,7 +2,7 @@
 //!
 //! Electrons are those of the arena's sensor: 9000 make 255, the read noise is 25.
 
-use super::{Chance, grey};
+use super::chance::{Chance, grey};
 use crate::stereo::Gray;
 
 /// Grey levels per electron.

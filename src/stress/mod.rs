@@ -3,12 +3,14 @@
 //! Each perturbation has a formula and a unit, and is a pure function of pair, level and seed. None
 //! moves the left image's geometry, so that a truth of the left image stays exact.
 
+mod chance;
 mod geometry;
 mod light;
 mod optics;
 
 use crate::error::{Error, Result};
 use crate::stereo::{Gray, StereoPair};
+use chance::Chance;
 use std::fmt::{Display, Formatter};
 use std::str::FromStr;
 
@@ -34,12 +36,6 @@ enum StressEffect {
     Pair(fn(&mut [Gray; 2], f64, &mut Chance)),
     /// The right image of a pair some frames earlier.
     EarlierRight,
-}
-
-/// Random numbers of a pair, and of its run, for what does not change in it.
-struct Chance {
-    pair: fastrand::Rng,
-    run: fastrand::Rng,
 }
 
 /// All perturbations. A new one is its function and one entry here.
@@ -267,35 +263,11 @@ impl Stress {
             return Ok(pair);
         };
         let name = xxhash_rust::xxh3::xxh3_64(self.kind.name.as_bytes());
-        let mut chance = Chance {
-            pair: fastrand::Rng::with_seed(name ^ seed.rotate_left(32) ^ sequence),
-            run: fastrand::Rng::with_seed(name ^ seed.rotate_left(32) ^ u64::MAX),
-        };
+        let mut chance = Chance::new(name ^ seed.rotate_left(32), sequence);
         let mut images = pair.into_images();
         perturb(&mut images, self.level, &mut chance);
         let [left, right] = images;
         StereoPair::new(left, right)
-    }
-}
-
-/// A grey value of a real one: rounded, and clipped as a sensor does.
-fn grey(value: f32) -> u8 {
-    // The cast saturates.
-    (value + 0.5) as u8
-}
-
-impl Chance {
-    /// A normal deviate: the sum of four uniform ones (Irwin-Hall), the same on every machine.
-    fn gaussian(&mut self) -> f32 {
-        let bits = self.pair.u64(..);
-        let lane = |shift: u32| ((bits >> shift) & 0xFFFF) as i32;
-        let sum = lane(0) + lane(16) + lane(32) + lane(48);
-        (sum - 131_070) as f32 * (1.732_050_8 / 65_536.0)
-    }
-
-    /// A place of the run in an image, in shares of its width and height, away from the border.
-    fn place(&mut self) -> (f32, f32) {
-        (0.25 + 0.5 * self.run.f32(), 0.25 + 0.5 * self.run.f32())
     }
 }
 

@@ -1,6 +1,6 @@
 //! Optics and transport: focus, motion, dirt and water on a lens, compression.
 
-use super::{Chance, grey};
+use super::chance::{Chance, grey};
 use crate::files;
 use crate::stereo::Gray;
 

@@ -10,6 +10,7 @@ mod eval;
 mod info;
 mod label;
 mod matching;
+mod merge;
 mod record;
 mod recover;
 mod replay;
@@ -26,6 +27,7 @@ pub(super) enum Command {
     Record(record::Args),
     Replay(replay::Args),
     Score(score::Args),
+    Merge(merge::Args),
     Compare(compare::Args),
     Reproduce(reproduce::Args),
     Match(matching::Args),
@@ -57,6 +59,7 @@ impl Command {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
+            Self::Merge(args) => merge::run(&args, quiet),
             Self::Compare(args) => compare::run(&args),
             Self::Reproduce(args) => reproduce::run(&args, quiet),
             Self::Match(args) => matching::run(&args),

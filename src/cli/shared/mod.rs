@@ -7,6 +7,7 @@ pub(crate) mod memory;
 pub(crate) mod outputs;
 pub(crate) mod progress;
 pub(crate) mod recordings;
+pub(crate) mod report_folder;
 pub(crate) mod rerun;
 pub(crate) mod runner;
 pub(crate) mod scenario_runs;

@@ -138,6 +138,14 @@ impl ScoredSource {
         }
     }
 
+    /// Seed of the arena's run.
+    pub(crate) fn seed(&self) -> Option<u64> {
+        match self {
+            Self::Opened(_) => None,
+            Self::Arena(seed) => Some(*seed),
+        }
+    }
+
     /// Opens it, recorded first where the cache does not hold it.
     pub(crate) fn open(
         self,

@@ -14,6 +14,7 @@ use super::summary::Summary;
 use crate::error::{Error, Result};
 use crate::overlay::Mark;
 use crate::score::CellFinding;
+use serde::Serialize;
 use std::path::Path;
 
 /// Everything the page shows.
@@ -35,6 +36,19 @@ pub struct ReportPage {
     pub scenes: Vec<SceneFigure>,
     /// Courses that algorithms drove through.
     pub maps: Vec<CourseMap>,
+    /// The parts that it was merged of.
+    pub parts: Vec<PartLink>,
+}
+
+/// A part of a merged report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PartLink {
+    pub shard: String,
+    pub machine: String,
+    /// Its page, from the merged one.
+    pub page: String,
+    /// Its run for Rerun, where it has one.
+    pub run: Option<String>,
 }
 
 /// Algorithms that differ in one parameter alone.

@@ -3,11 +3,11 @@
 use super::super::plot::CourseMap;
 use super::super::side_table::SideTable;
 use super::super::words::{VERDICTS, columns, speed_columns};
-use super::ReportPage;
 use super::frames::FigureView;
 use super::plots::{PlotView, StressView, accuracy, coverage, speed, stress};
 use super::scenes::{ErrorKey, SceneView};
 use super::tables::AlgorithmTableView;
+use super::{PartLink, ReportPage};
 use crate::error::Result;
 use crate::overlay::viridis;
 use crate::report::page::{ImageView, PageImages};
@@ -33,6 +33,7 @@ pub(super) struct ReportPageView<'a> {
     tables: Vec<SideTable>,
     maps: Vec<String>,
     stress: Vec<StressView>,
+    parts: &'a [PartLink],
     /// Which algorithms have no pictures, if any.
     left_out: Option<String>,
     errors: ErrorKey,
@@ -86,6 +87,7 @@ impl<'a> ReportPageView<'a> {
                 .map(CourseMap::svg)
                 .collect::<Result<_>>()?,
             stress: stress(page)?,
+            parts: &page.parts,
             left_out: left_out(page),
             errors: ErrorKey::new(),
             ramp: stops.collect::<Vec<_>>().join(", "),

@@ -42,6 +42,7 @@ pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
         truth: Some("exact".into()),
         run: None,
         filters_us: None,
+        stress: None,
     }
 }
 
@@ -81,6 +82,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
             _ => CellState::Known,
         }),
         probability: (verdict == Verdict::Right).then_some(0.75),
+        stress: None,
     }
 }
 
@@ -107,6 +109,7 @@ pub fn checkpoint(
         worst_sequence: shown.then_some(4),
         worst_passed: shown.then_some(passed == frames),
         run: None,
+        stress: None,
     }
 }
 

@@ -27,6 +27,7 @@ fn page(summary: Summary) -> ReportPage {
         figures: Vec::new(),
         scenes: Vec::new(),
         maps: Vec::new(),
+        parts: Vec::new(),
     }
 }
 
@@ -158,6 +159,7 @@ fn the_page_shows_scenes_with_truth_and_errors() {
     let html = ReportPage {
         scenes: vec![scene()],
         maps: Vec::new(),
+        parts: Vec::new(),
         ..page(example())
     }
     .render()
@@ -193,6 +195,7 @@ fn the_page_shows_scenes_with_truth_and_errors() {
     let html = ReportPage {
         scenes: vec![one],
         maps: Vec::new(),
+        parts: Vec::new(),
         ..page(example())
     }
     .render()
@@ -217,6 +220,7 @@ fn the_tables_read_on_narrow_screens_too() {
         ReportPage {
             scenes: vec![],
             maps: Vec::new(),
+            parts: Vec::new(),
             ..page(Summary::default())
         }
         .render()
@@ -266,6 +270,7 @@ fn the_page_escapes_and_fetches_nothing() {
         figures: vec![figure],
         scenes: vec![scene()],
         maps: Vec::new(),
+        parts: Vec::new(),
         ..page(example())
     }
     .render()

@@ -2,9 +2,12 @@
 
 use super::Args;
 use super::INTERRUPTED;
-use super::report::{Collected, Scored, report_manifest};
+use super::report::{Scored, report_manifest};
 use crate::cli::shared::outputs::{Outputs, write_json};
 use crate::cli::shared::progress::{DriveProgress, interrupted};
+use crate::cli::shared::report_folder::{
+    COURSES, MANIFEST, PART, ReportContent, ReportPart, ReportRun, Shard, maps,
+};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
@@ -14,19 +17,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl::drive::{Course, DrivePlan, DriveResult};
 use svl::manifest::Manifest;
 use svl::report::html::CheckpointFigure;
-use svl::report::plot::{CourseMap, MapWay};
 use svl::report::{
     CellRow, CoursePlan, DriveRow, GateResult, Row, Summary, Table, TrackRow, whole_rows,
 };
 use svl::run::{Monitor, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::ReportPictures;
-
-/// Outlines and routes of the courses.
-pub(super) const COURSES: &str = "courses.json";
-
-/// Limit of the courses with a map in the page: those with the most collisions.
-const MAPS: usize = 12;
 
 /// Which drives are kept as recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -40,11 +36,6 @@ pub(super) enum KeptDrives {
 struct DriveUnit {
     course: usize,
     algorithm: usize,
-}
-
-/// Whether a file of that name is the recording of a drive.
-pub(super) fn is_recording(name: &str) -> bool {
-    name.starts_with("course-") && name.ends_with(".mcap")
 }
 
 /// The name of a drive's recording in its report.
@@ -74,11 +65,11 @@ pub(super) fn score(
     let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
         bail!("scenario '{}' has no drives", scenario.name);
     };
-    let mut manifest = report_manifest(scenario, Vec::new(), Pace::Asap)?;
+    let mut manifest = report_manifest(scenario, Vec::new(), Pace::Asap, args.shard)?;
     manifest.times = Some("matching while other drives run".to_owned());
     let earlier = match args.resume {
-        true => Earlier::read(folder, &mut manifest)?,
-        false => Earlier::default(),
+        true => EarlierDrives::read(folder, &mut manifest)?,
+        false => EarlierDrives::default(),
     };
     outputs.set_aside()?;
     junit_file.set_aside()?;
@@ -90,7 +81,23 @@ pub(super) fn score(
         outputs.bring_back(name)?;
     }
     let mut report = DriveReport::begin(folder, manifest, scenario)?;
-    let ran = report.drive_all(scenario, seeds, earlier, args.drives, quiet);
+    if let Some(shard) = args.shard {
+        let run = |seed: &u64| ReportRun {
+            run: None,
+            seed: Some(*seed),
+            stress: None,
+        };
+        let part = ReportPart {
+            shard,
+            description: scenario.description.clone(),
+            rule: scenario.cells,
+            measured: false,
+            driven: true,
+            runs: seeds.iter().map(run).collect(),
+        };
+        write_json(&folder.join(PART), &part)?;
+    }
+    let ran = report.drive_all(scenario, seeds, earlier, (args.drives, args.shard), quiet);
     let incomplete = ran.as_ref().err().map(usage::one_line);
     let total = Outcome {
         frames: report.collected.rows.len() as u64,
@@ -144,7 +151,7 @@ fn refuse(args: &Args) -> anyhow::Result<()> {
 
 /// What an interrupted run left of whole drives.
 #[derive(Default)]
-struct Earlier {
+struct EarlierDrives {
     drives: Vec<DriveRow>,
     track: Vec<TrackRow>,
     rows: Vec<Row>,
@@ -152,7 +159,7 @@ struct Earlier {
     plans: Vec<CoursePlan>,
 }
 
-impl Earlier {
+impl EarlierDrives {
     /// Reads a folder's, and says in `manifest` that the run goes on.
     fn read(folder: &Path, manifest: &mut Manifest) -> anyhow::Result<Self> {
         let earlier = Manifest::read(folder)?;
@@ -202,7 +209,7 @@ struct DriveReport {
     cells: Table<CellRow>,
     drives: Table<DriveRow>,
     tracks: Table<TrackRow>,
-    collected: Collected,
+    collected: ReportContent,
     track: Vec<TrackRow>,
     plans: Vec<CoursePlan>,
     /// Per algorithm its fastest collision.
@@ -211,7 +218,7 @@ struct DriveReport {
 
 impl DriveReport {
     fn begin(folder: &Path, manifest: Manifest, scenario: &Scenario) -> anyhow::Result<Self> {
-        write_json(&folder.join(super::report::MANIFEST), &manifest)?;
+        write_json(&folder.join(MANIFEST), &manifest)?;
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
@@ -219,7 +226,7 @@ impl DriveReport {
             cells: Table::create_both(folder, "cells")?,
             drives: Table::create_both(folder, "drives")?,
             tracks: Table::create_both(folder, "tracks")?,
-            collected: Collected::default(),
+            collected: ReportContent::default(),
             track: Vec::new(),
             plans: Vec::new(),
             worst: scenario.algorithms.iter().map(|_| None).collect(),
@@ -231,8 +238,8 @@ impl DriveReport {
         &mut self,
         scenario: &Scenario,
         seeds: &[u64],
-        mut earlier: Earlier,
-        keep: KeptDrives,
+        mut earlier: EarlierDrives,
+        (keep, shard): (KeptDrives, Option<Shard>),
         quiet: bool,
     ) -> anyhow::Result<()> {
         let algorithms = 0..scenario.algorithms.len();
@@ -242,7 +249,9 @@ impl DriveReport {
                 .clone()
                 .map(move |algorithm| DriveUnit { course, algorithm })
         });
-        let units: Vec<_> = units.collect();
+        let units = units.enumerate();
+        let units = units.filter(|(i, _)| shard.is_none_or(|shard| shard.takes(*i)));
+        let units: Vec<_> = units.map(|(_, unit)| unit).collect();
         let label = |unit: &DriveUnit| scenario.algorithms[unit.algorithm].label();
         let mut known: Vec<_> = units
             .iter()
@@ -350,9 +359,8 @@ impl DriveReport {
             figures: worst.map(|(_, figure)| figure).collect(),
             scenes: Vec::new(),
         };
-        let chosen = (args.sort, args.gate);
-        let state = (false, incomplete);
-        (self.collected).write(&self.folder, scenario, self.manifest, chosen, state)
+        let head = super::head(args, scenario, false);
+        (self.collected).write(&self.folder, head, self.manifest, incomplete)
     }
 }
 
@@ -465,44 +473,4 @@ impl<'a> Courses<'a> {
         let slots = slots.map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner));
         slots.filter_map(|slot| slot.plan).collect()
     }
-}
-
-/// The maps of the courses, where there are too many of those with the most collisions.
-fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Vec<CourseMap> {
-    let hits = |plan: &CoursePlan| -> u64 {
-        let of = drives.iter().filter(|row| row.seed == plan.seed);
-        of.map(|row| row.collisions).sum()
-    };
-    let mut shown: Vec<_> = plans.iter().collect();
-    if shown.len() > MAPS {
-        shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
-        shown.truncate(MAPS);
-    }
-    let way = |row: &DriveRow| {
-        let is_own = |at: &&TrackRow| at.seed == row.seed && at.algorithm == row.algorithm;
-        let own: Vec<_> = track.iter().filter(is_own).collect();
-        let places = |event: &str| {
-            let of = own.iter().filter(|at| at.event.as_deref() == Some(event));
-            of.map(|at| [at.x_m, at.y_m]).collect()
-        };
-        let stretches = own.chunk_by(|_, next| !next.placed);
-        MapWay {
-            name: row.algorithm.clone(),
-            stretches: stretches
-                .map(|stretch| stretch.iter().map(|at| [at.x_m, at.y_m]).collect())
-                .collect(),
-            collisions: places("collision"),
-            stuck: places("stuck"),
-        }
-    };
-    let map = |plan: &CoursePlan| CourseMap {
-        title: format!("course {}", plan.seed),
-        size_m: (plan.width_m, plan.length_m),
-        goal_m: plan.goal_m,
-        outlines: plan.outlines.clone(),
-        ways: (drives.iter().filter(|row| row.seed == plan.seed))
-            .map(way)
-            .collect(),
-    };
-    shown.into_iter().map(map).collect()
 }

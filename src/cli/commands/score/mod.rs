@@ -7,7 +7,8 @@ mod sweep;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::live::LiveTable;
-use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::outputs::{Outputs, write, write_json};
+use crate::cli::shared::report_folder::{PART, REPORT, ReportHead, ReportPart, ReportRun, Shard};
 use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::scenario_runs::{
     self, ScenarioSourceArgs, ScoredSource, runs as open_runs,
@@ -17,13 +18,14 @@ use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use drive::KeptDrives;
-use report::{REPORT, ScoreReport, Scored, report_manifest};
+use report::{ScoreReport, Scored, report_manifest};
 use std::path::{Path, PathBuf};
 use svl::report::{GateResult, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource, StressLevels};
 use svl::score::{METRICS, Metric, MetricOrigin};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
+use svl::stress::Stress;
 use sweep::{Algorithms, MAX_ALGORITHMS};
 
 /// Score algorithms on a scenario or on recordings, and write a report
@@ -106,6 +108,9 @@ pub(crate) struct Args {
     /// report's folder is reports/SCENARIO-check
     #[arg(long, conflicts_with_all = ["algo", "gate", "reference"])]
     check: bool,
+    /// Score only the I-th of N shares of the run, for `svl merge`
+    #[arg(long, value_name = "I/N", requires = "out", conflicts_with_all = ["gate", "check"])]
+    shard: Option<Shard>,
     /// Go on with the killed or interrupted run in the report's folder: what its rows hold is not
     /// matched again
     #[arg(long)]
@@ -249,13 +254,32 @@ fn score_runs(
     let pace = Pace::Measured {
         rounds: args.repeat,
     };
+    let key = |(stress, place): (Option<Stress>, usize)| ReportRun {
+        run: runs[place].record().map(|record| record.name),
+        seed: runs[place].seed(),
+        stress: stress.map(|stress| stress.to_string()),
+    };
+    let keys = groups(scenario, runs.len()).map(key).collect();
     let records = runs.iter().filter_map(ScoredSource::record);
-    let mut manifest = report_manifest(scenario, records.collect(), pace)?;
+    let mut manifest = report_manifest(scenario, records.collect(), pace, args.shard)?;
     let live = LiveTable::default();
-    let mut runs = runs.into_iter();
-    let open = |run: ScoredSource| run.open(scenario, &args.source, quiet, Some(&live));
+    let units = RunUnit::all(scenario, &runs, args.shard);
+    let mut runs: Vec<_> = runs.into_iter().map(Some).collect();
+    let mut open = |unit: &RunUnit| {
+        // Those that are perturbed are opened anew.
+        let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
+            Some(run) => run,
+            None => scenario_runs::run_at(scenario, &args.source, unit.place, quiet)?,
+        };
+        let (mut run, mut judge) = run.open(scenario, &args.source, quiet, Some(&live))?;
+        if let Some(stress) = unit.stress {
+            run = run.stressed(stress);
+            judge = run.judge(&scenario.judge())?;
+        }
+        anyhow::Ok((run, judge))
+    };
     // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
-    let first = runs.next().map(open).transpose()?;
+    let mut first = units.first().map(&mut open).transpose()?;
     let log = match args.resume {
         true => ResultLog::read(folder, &manifest, scenario.grid)?,
         false => ResultLog::default(),
@@ -264,25 +288,27 @@ fn score_runs(
     let others = log.others().to_vec();
     outputs.set_aside()?;
     junit_file.set_aside()?;
+    if let Some(shard) = args.shard {
+        let part = ReportPart {
+            shard,
+            description: scenario.description.clone(),
+            rule: scenario.cells,
+            measured: true,
+            driven: false,
+            runs: keys,
+        };
+        write_json(&folder.join(PART), &part)?;
+    }
     let mut report = {
         let rerun = rerun.map(|target| (target, args.rerun_detail));
         ScoreReport::begin(scenario, folder, rerun, (manifest, log), &live, pace)?
     };
     let mut total = Outcome::default();
-    let opened = first.into_iter().map(Ok).chain(runs.map(open));
-    let stresses = scenario.stress.iter().flat_map(StressLevels::stresses);
-    let places = 0..scenario_runs::count(scenario)?;
-    let stressed = stresses.flat_map(|stress| places.clone().map(move |place| (*stress, place)));
-    let stressed = stressed.map(|(stress, place)| {
-        let run = scenario_runs::run_at(scenario, &args.source, place, quiet)?;
-        let (run, _) = run.open(scenario, &args.source, quiet, Some(&live))?;
-        let mut run = run.stressed(stress);
-        let judge = run.judge(&scenario.judge())?;
-        Ok((run, judge))
-    });
-    let ran = opened.into_iter().chain(stressed).try_for_each(|run| {
-        let mut run = run?;
-        let (outcome, ran) = report.take(&mut run, &mut matchers, quiet);
+    let ran = units.iter().try_for_each(|unit| {
+        let mut run = first.take().map_or_else(|| open(unit), Ok)?;
+        let mut own = matchers.take(&unit.labels);
+        let (outcome, ran) = report.take(&mut run, &mut own, quiet);
+        matchers.append(own);
         total.frames += outcome.frames;
         total.failures += outcome.failures;
         total.losses.add(outcome.losses);
@@ -300,13 +326,64 @@ fn score_runs(
         Err(error) => Some(usage::one_line(error)),
         Ok(()) => total.missing(),
     };
-    let finished = report.finish(scenario, &matchers, args.sort, args.gate, incomplete);
+    let finished = report.finish(head(args, scenario, true), &matchers, incomplete);
     Ok(Scored {
         ran,
         finished,
         total,
         others,
     })
+}
+
+/// What the report says besides its numbers.
+fn head<'a>(args: &'a Args, scenario: &'a Scenario, measured: bool) -> ReportHead<'a> {
+    ReportHead {
+        description: &scenario.description,
+        rule: scenario.cells,
+        measured,
+        algorithms: &scenario.algorithms,
+        sort: args.sort,
+        limits: if args.gate { &scenario.gate } else { &[] },
+    }
+}
+
+/// A run through some of the algorithms, as it is or made worse.
+struct RunUnit<'a> {
+    /// Of the run among those of the scenario.
+    place: usize,
+    stress: Option<Stress>,
+    labels: Vec<&'a str>,
+}
+
+impl<'a> RunUnit<'a> {
+    /// Those of a shard, in their order. The algorithms of a run of the arena are shared out; of
+    /// other runs all stay together, as without truth they are compared with each other.
+    fn all(scenario: &'a Scenario, runs: &[ScoredSource], shard: Option<Shard>) -> Vec<Self> {
+        let labels = scenario.labels();
+        let shares_out = matches!(scenario.source, ScenarioSource::Arena { .. });
+        let groups = groups(scenario, runs.len());
+        let unit = |(group, (stress, place)): (usize, (Option<Stress>, usize))| {
+            let takes = |unit: usize| shard.is_none_or(|shard| shard.takes(unit));
+            let labels = labels.iter().enumerate().filter(|(i, _)| match shares_out {
+                true => takes(group * labels.len() + i),
+                false => takes(group),
+            });
+            Self {
+                place,
+                stress,
+                labels: labels.map(|(_, label)| *label).collect(),
+            }
+        };
+        let units = groups.enumerate().map(unit);
+        units.filter(|unit| !unit.labels.is_empty()).collect()
+    }
+}
+
+/// All runs of a scenario, first as they are, then made worse.
+fn groups(scenario: &Scenario, runs: usize) -> impl Iterator<Item = (Option<Stress>, usize)> {
+    let stresses = scenario.stress.iter().flat_map(StressLevels::stresses);
+    let stresses = std::iter::once(None).chain(stresses.copied().map(Some));
+    stresses.flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
 }
 
 /// How a report says that Ctrl-C ended its run.

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 use svl::matcher::{self, Algorithm, Range, labelled};
-use svl::report::html::ParameterSweep;
 use svl::tune::quasi_random;
 
 /// Most algorithms of one run.
@@ -205,52 +204,10 @@ fn trimmed(number: &str) -> String {
     }
 }
 
-/// What is swept among the algorithms of a run, however they were named: those of one kind that
-/// differ in one number.
-pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
-    let mut sweeps: Vec<ParameterSweep> = Vec::new();
-    for first in algorithms {
-        for (key, _) in first.parameters().iter() {
-            let mut points: Vec<_> = algorithms
-                .iter()
-                .filter(|other| differ_in(first, other, key))
-                .filter_map(|other| Some((number(other, key)?, other)))
-                .collect();
-            points.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-            // The same algorithm by two names is no sweep.
-            points.dedup_by(|(a, _), (b, _)| a == b);
-            let points: Vec<_> = points
-                .iter()
-                .map(|(v, a)| (v.to_string(), a.label().to_owned()))
-                .collect();
-            let sweep = ParameterSweep {
-                name: format!("{}: {key}", first.spec().name),
-                points,
-            };
-            // Every one of its algorithms finds the same sweep.
-            if sweep.points.len() > 1 && !sweeps.contains(&sweep) {
-                sweeps.push(sweep);
-            }
-        }
-    }
-    sweeps
-}
-
-/// Whether two algorithms are of one kind and have all parameters but `key` in common.
-fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
-    let mut both = a.parameters().iter().zip(b.parameters().iter());
-    a.spec().name == b.spec().name
-        && both.all(|((name, value), (_, other))| name == key || value == other)
-}
-
-fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
-    let mut parameters = algorithm.parameters().iter();
-    parameters.find(|(name, _)| *name == key)?.1.number()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::shared::report_folder::number;
 
     fn labels(text: &str) -> Result<Vec<String>, String> {
         let algorithms: Algorithms = text.parse().map_err(|e: svl::Error| e.to_string())?;
@@ -341,42 +298,5 @@ mod tests {
                 "{text}: {error}"
             );
         }
-    }
-
-    #[test]
-    fn what_differs_in_one_number_is_a_sweep() {
-        let texts = [
-            "v3",
-            "sgm:p1=20",
-            "v3:texture_sigma=0.8",
-            "bm",
-            "sgm:p1=5",
-            "v3:texture_sigma=0.2",
-            "sgm:p1=5,p2=84",
-        ];
-        let algorithms: Vec<Algorithm> = texts.iter().map(|t| t.parse().unwrap()).collect();
-        let found: Vec<_> = sweeps(&algorithms)
-            .into_iter()
-            .map(|s| {
-                (
-                    s.name,
-                    s.points
-                        .into_iter()
-                        .map(|(value, _)| value)
-                        .collect::<Vec<_>>()
-                        .join(" "),
-                )
-            })
-            .collect();
-        let expected = [
-            ("v3: texture_sigma", "0.2 0.4 0.8"),
-            ("sgm: p1", "5 20"),
-            ("sgm: p2", "80 84"),
-        ];
-        assert_eq!(
-            found,
-            expected.map(|(name, values)| (name.to_owned(), values.to_owned()))
-        );
-        assert!(sweeps(&algorithms[..2]).is_empty());
     }
 }

@@ -1,0 +1,399 @@
+//! `svl merge`: makes one report of the parts that shards of a run left.
+
+use crate::cli::shared::outputs::{Outputs, write_json};
+use crate::cli::shared::progress::Progress;
+use crate::cli::shared::report_folder::{
+    COURSES, MANIFEST, PART, REPORT, ReportContent, ReportHead, ReportPart, ReportRun, maps,
+};
+use crate::cli::shared::terminal::{print, print_json, width};
+use crate::cli::shared::usage;
+use anyhow::{Context, bail};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use svl::manifest::{AlgorithmRecord, Manifest, PartRecord};
+use svl::matcher::Algorithm;
+use svl::report::{
+    CellRow, CheckpointRow, CoursePlan, DriveRow, Row, Summary, Table, TrackRow, merge_rows,
+    read_rows,
+};
+
+/// Make one report of the parts that `svl score --shard` left
+///
+/// The report has the tables and hashes of a run on one machine; times are those of the parts,
+/// whose machines it lists. Their pages and their runs for Rerun stay where they are, and are
+/// linked.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl score scenarios/drive.toml --shard 1/2 --out part1
+  svl score scenarios/drive.toml --shard 2/2 --out part2
+  svl merge part1 part2 --out reports/all
+
+The order of the parts does not matter. All shards of one run are needed, each
+whole, of one svl and one scenario with the same options.")]
+pub(in crate::cli) struct Args {
+    /// Folders that `svl score --shard` wrote
+    #[arg(value_name = "PART", required = true)]
+    parts: Vec<PathBuf>,
+    /// Folder for the report; a report of svl's that is there is replaced
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A part with its folder.
+struct FoundPart {
+    folder: PathBuf,
+    part: ReportPart,
+    manifest: Manifest,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let parts = read_parts(&args.parts)?;
+    let out = args.out.canonicalize();
+    if let Some(found) = parts
+        .iter()
+        .find(|part| part.folder.canonicalize().ok() == out.as_ref().ok().cloned())
+    {
+        let shown = found.folder.display();
+        return Err(usage::wrong(format!(
+            "{shown}: is a part; name another folder with --out"
+        )));
+    }
+    let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
+    outputs.set_aside()?;
+    let summary = merge(&parts, &args.out, quiet)?;
+    outputs.commit();
+    if args.json {
+        return print_json(&summary);
+    }
+    let width = width();
+    print(&format!(
+        "{summary:width$}\n{}\n",
+        args.out.join("index.html").display()
+    ))
+}
+
+/// The parts in the order of their shards, all of one run.
+fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
+    let mut parts: Vec<_> = folders
+        .iter()
+        .map(|folder| read_part(folder))
+        .collect::<Result<_, _>>()?;
+    parts.sort_by_key(|found| found.part.shard.number);
+    let first = &parts[0];
+    for pair in parts.windows(2) {
+        let (before, found) = (&pair[0], &pair[1]);
+        let shown = found.folder.display();
+        let mut alike = found.manifest.clone();
+        // Shards run on machines of their own, and recordings may lie elsewhere there.
+        alike.machine = first.manifest.machine.clone();
+        alike.shard.clone_from(&first.manifest.shard);
+        for (run, other) in alike.runs.iter_mut().zip(&first.manifest.runs) {
+            run.path.clone_from(&other.path);
+        }
+        if found.part.shard.of != first.part.shard.of {
+            bail!(
+                "{shown}: is shard {}, but {} is {}: all must be of one number of shards",
+                found.part.shard,
+                first.folder.display(),
+                first.part.shard
+            );
+        }
+        if let Some(why) = first.manifest.difference(&alike) {
+            let first = first.folder.display();
+            bail!("{shown}: is not of the same run as {first}: {why}");
+        }
+        if found.part.runs != first.part.runs {
+            let first = first.folder.display();
+            bail!("{shown}: is not of the same run as {first}: its runs were others");
+        }
+        if found.part.shard == before.part.shard {
+            let before = before.folder.display();
+            bail!("{shown}: is shard {}, and so is {before}", found.part.shard);
+        }
+    }
+    let has = |number: usize| parts.iter().any(|found| found.part.shard.number == number);
+    let of = first.part.shard.of;
+    let missing: Vec<_> = (1..=of).filter(|&number| !has(number)).collect();
+    if let [first, ..] = missing[..] {
+        let names: Vec<_> = missing.iter().take(5).map(usize::to_string).collect();
+        let more = if missing.len() > 5 { ", …" } else { "" };
+        bail!(
+            "shard {}{more} of {of} missing: run it, svl score … --shard {first}/{of} --out DIR",
+            names.join(", ")
+        );
+    }
+    Ok(parts)
+}
+
+fn read_part(folder: &Path) -> anyhow::Result<FoundPart> {
+    let path = folder.join(PART);
+    let shown = folder.display();
+    if !path.is_file() {
+        bail!("{shown}: is no part of a report; `svl score --shard I/N` writes them");
+    }
+    let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
+    let part = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+    let manifest = Manifest::read(folder)?;
+    let summary = folder.join("summary.json");
+    let incomplete = std::fs::read_to_string(&summary)
+        .ok()
+        .and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok())
+        .map(|summary| summary["incomplete"].as_str().map(str::to_owned));
+    match incomplete {
+        Some(None) => Ok(FoundPart {
+            folder: folder.to_owned(),
+            part,
+            manifest,
+        }),
+        Some(Some(why)) => bail!("{shown}: is incomplete: {why}; run it again, with --resume"),
+        None => bail!("{shown}: is incomplete: it was killed; run it again, with --resume"),
+    }
+}
+
+/// Places of runs and algorithms in the whole.
+struct MergeOrder {
+    runs: HashMap<ReportRun, usize>,
+    algorithms: HashMap<String, usize>,
+    /// Whether an algorithm's rows of a run stay together.
+    driven: bool,
+}
+
+impl MergeOrder {
+    fn new(part: &ReportPart, manifest: &Manifest) -> Self {
+        let runs = part.runs.iter().cloned().zip(0..);
+        let labels = manifest.labels().map(str::to_owned).zip(0..);
+        Self {
+            runs: runs.collect(),
+            algorithms: labels.collect(),
+            driven: part.driven,
+        }
+    }
+
+    /// The place of a row: run, then algorithm or pair, whichever comes first.
+    fn place(
+        &self,
+        (run, seed, stress): (&Option<String>, Option<u64>, &Option<String>),
+        algorithm: &str,
+        sequence: u64,
+    ) -> svl::Result<(usize, u64, u64)> {
+        let key = ReportRun {
+            run: run.clone(),
+            seed,
+            stress: stress.clone(),
+        };
+        let known = self.runs.get(&key).zip(self.algorithms.get(algorithm));
+        let (run, algorithm) = known.ok_or_else(|| {
+            svl::Error::Invalid(format!(
+                "a part has a row of another run: {key:?}, {algorithm}"
+            ))
+        })?;
+        let algorithm = *algorithm as u64;
+        Ok(match self.driven {
+            true => (*run, algorithm, sequence),
+            false => (*run, sequence, algorithm),
+        })
+    }
+}
+
+fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary> {
+    let part = &parts[0].part;
+    let manifest = merged_manifest(parts, out)?;
+    let id = manifest.run_id.clone();
+    write_json(&out.join(MANIFEST), &manifest)?;
+    let order = MergeOrder::new(part, &manifest);
+    let tables = |name: &str| -> Vec<PathBuf> {
+        let paths = parts.iter().map(|found| found.folder.join(name));
+        paths.filter(|path| path.exists()).collect()
+    };
+    let progress = Progress::new("merge", None, quiet);
+    let go_on = |rows: usize| match (0..rows).all(|_| progress.step()) {
+        true => Ok(()),
+        false => Err(svl::Error::Invalid("interrupted".into())),
+    };
+    let mut cells = Table::create_both(out, "cells")?;
+    merge_rows(
+        &tables("cells.csv"),
+        |row: &CellRow| {
+            order.place(
+                (&row.run, row.seed, &row.stress),
+                &row.algorithm,
+                row.sequence,
+            )
+        },
+        |mut rows| {
+            rows.iter_mut().for_each(|row| row.run_id.clone_from(&id));
+            cells.push(rows)
+        },
+    )?;
+    cells.finish()?;
+    let mut collected = ReportContent::default();
+    let mut table = Table::create_both(out, "rows")?;
+    merge_rows(
+        &tables("rows.csv"),
+        |row: &Row| {
+            order.place(
+                (&row.run, row.seed, &row.stress),
+                &row.algorithm,
+                row.sequence,
+            )
+        },
+        |mut rows| {
+            rows.iter_mut().for_each(|row| row.run_id.clone_from(&id));
+            go_on(rows.len())?;
+            collected.rows.extend(rows.iter().cloned());
+            table.push(rows)
+        },
+    )?;
+    table.finish()?;
+    match part.driven {
+        true => merge_drives(parts, out, &order, &id, &mut collected)?,
+        false => {
+            let mut rows: Vec<CheckpointRow> = Vec::new();
+            for path in tables("checkpoints.csv") {
+                rows.extend(read_rows::<CheckpointRow>(&path)?);
+            }
+            let place = |row: &CheckpointRow| {
+                let key = (&row.run, row.seed, &row.stress);
+                order.place(key, &row.algorithm, u64::from(row.checkpoint))
+            };
+            rows.sort_by_cached_key(|row| place(row).unwrap_or_default());
+            rows.iter_mut().for_each(|row| row.run_id.clone_from(&id));
+            let mut table = Table::create_both(out, "checkpoints")?;
+            table.push(rows.iter().cloned())?;
+            table.finish()?;
+            collected.checkpoints = rows;
+        }
+    }
+    progress.clear();
+    let algorithms = manifest
+        .algorithms
+        .iter()
+        .filter_map(algorithm)
+        .collect::<Vec<_>>();
+    let head = ReportHead {
+        description: &part.description,
+        rule: part.rule,
+        measured: part.measured,
+        algorithms: &algorithms,
+        sort: None,
+        limits: &[],
+    };
+    let (summary, _) = collected.write(out, head, manifest, None)?;
+    Ok(summary)
+}
+
+/// An algorithm of a manifest; those behind filters cannot be built of it.
+fn algorithm(record: &AlgorithmRecord) -> Option<Algorithm> {
+    let text = match record.parameters.as_str() {
+        "" => record.name.clone(),
+        parameters => format!("{}:{parameters}", record.name),
+    };
+    let algorithm: Algorithm = text.parse().ok()?;
+    Some(algorithm.called(record.label.clone()))
+}
+
+fn merge_drives(
+    parts: &[FoundPart],
+    out: &Path,
+    order: &MergeOrder,
+    id: &str,
+    collected: &mut ReportContent,
+) -> anyhow::Result<()> {
+    let mut drives: Vec<DriveRow> = Vec::new();
+    let mut track: Vec<TrackRow> = Vec::new();
+    let mut plans: Vec<CoursePlan> = Vec::new();
+    for found in parts {
+        for mut row in read_rows::<DriveRow>(&found.folder.join("drives.csv"))? {
+            let folder = relative(&found.folder, out);
+            row.recording = row.recording.map(|name| format!("{folder}/{name}"));
+            drives.push(row);
+        }
+        track.extend(read_rows::<TrackRow>(&found.folder.join("tracks.csv"))?);
+        let path = found.folder.join(COURSES);
+        let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
+        let own: Vec<CoursePlan> =
+            serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+        for plan in own {
+            if plans.iter().all(|known| known.seed != plan.seed) {
+                plans.push(plan);
+            }
+        }
+    }
+    let none = None;
+    let place = |seed: u64, algorithm: &str, sequence: u64| {
+        order
+            .place((&None, Some(seed), &none), algorithm, sequence)
+            .unwrap_or_default()
+    };
+    drives.sort_by_cached_key(|row| place(row.seed, &row.algorithm, 0));
+    track.sort_by_cached_key(|row| place(row.seed, &row.algorithm, row.sequence));
+    let run = |plan: &CoursePlan| {
+        order.runs.get(&ReportRun {
+            run: None,
+            seed: Some(plan.seed),
+            stress: None,
+        })
+    };
+    plans.sort_by_key(|plan| run(plan).copied());
+    drives.iter_mut().for_each(|row| row.run_id = id.to_owned());
+    track.iter_mut().for_each(|row| row.run_id = id.to_owned());
+    let mut table = Table::create_both(out, "drives")?;
+    table.push(drives.iter().cloned())?;
+    table.finish()?;
+    let mut table = Table::create_both(out, "tracks")?;
+    table.push(track.iter().cloned())?;
+    table.finish()?;
+    write_json(&out.join(COURSES), &plans)?;
+    collected.maps = maps(&plans, &drives, &track);
+    collected.drives = drives;
+    Ok(())
+}
+
+/// The manifest of the whole: that of the first part, with what the others add.
+fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> {
+    let first = &parts[0].manifest;
+    let record = |found: &FoundPart| PartRecord {
+        shard: found.part.shard.to_string(),
+        run_id: found.manifest.run_id.clone(),
+        began: found.manifest.began.clone(),
+        folder: relative(&found.folder, out),
+        machine: found.manifest.machine.clone(),
+    };
+    let own = Manifest::new(&first.scenario, None, &[])?;
+    let mut manifest = Manifest {
+        run_id: own.run_id,
+        began: own.began,
+        shard: None,
+        parts: parts.iter().map(record).collect(),
+        resumed: Vec::new(),
+        ..first.clone()
+    };
+    for (i, record) in manifest.algorithms.iter_mut().enumerate() {
+        let all = parts
+            .iter()
+            .filter_map(|found| found.manifest.algorithms.get(i));
+        record.memory_bytes = all.clone().filter_map(|a| a.memory_bytes).max();
+        record.failure = all.filter_map(|a| a.failure.clone()).next_back();
+    }
+    Ok(manifest)
+}
+
+/// A folder, as one writes it from another; where they have nothing in common as it is.
+fn relative(folder: &Path, from: &Path) -> String {
+    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let (folder, from) = (real(folder), real(from));
+    let common = folder
+        .components()
+        .zip(from.components())
+        .take_while(|(a, b)| a == b)
+        .count();
+    let up = from.components().skip(common).map(|_| "..");
+    let down = folder.components().skip(common);
+    let down = down.map(|part| part.as_os_str().to_string_lossy().into_owned());
+    let path: Vec<_> = up.map(str::to_owned).chain(down).collect();
+    path.join("/")
+}

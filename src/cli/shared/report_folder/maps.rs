@@ -1,0 +1,51 @@
+//! Maps of the courses that algorithms drove through.
+
+use svl::report::plot::{CourseMap, MapWay};
+use svl::report::{CoursePlan, DriveRow, TrackRow};
+
+/// Limit of the courses with a map in the page: those with the most collisions.
+const MAPS: usize = 12;
+
+/// The maps of the courses, where there are too many of those with the most collisions.
+pub(crate) fn maps(
+    plans: &[CoursePlan],
+    drives: &[DriveRow],
+    track: &[TrackRow],
+) -> Vec<CourseMap> {
+    let hits = |plan: &CoursePlan| -> u64 {
+        let of = drives.iter().filter(|row| row.seed == plan.seed);
+        of.map(|row| row.collisions).sum()
+    };
+    let mut shown: Vec<_> = plans.iter().collect();
+    if shown.len() > MAPS {
+        shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
+        shown.truncate(MAPS);
+    }
+    let way = |row: &DriveRow| {
+        let is_own = |at: &&TrackRow| at.seed == row.seed && at.algorithm == row.algorithm;
+        let own: Vec<_> = track.iter().filter(is_own).collect();
+        let places = |event: &str| {
+            let of = own.iter().filter(|at| at.event.as_deref() == Some(event));
+            of.map(|at| [at.x_m, at.y_m]).collect()
+        };
+        let stretches = own.chunk_by(|_, next| !next.placed);
+        MapWay {
+            name: row.algorithm.clone(),
+            stretches: stretches
+                .map(|stretch| stretch.iter().map(|at| [at.x_m, at.y_m]).collect())
+                .collect(),
+            collisions: places("collision"),
+            stuck: places("stuck"),
+        }
+    };
+    let map = |plan: &CoursePlan| CourseMap {
+        title: format!("course {}", plan.seed),
+        size_m: (plan.width_m, plan.length_m),
+        goal_m: plan.goal_m,
+        outlines: plan.outlines.clone(),
+        ways: (drives.iter().filter(|row| row.seed == plan.seed))
+            .map(way)
+            .collect(),
+    };
+    shown.into_iter().map(map).collect()
+}

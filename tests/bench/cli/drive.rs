@@ -1,0 +1,136 @@
+//! `svl score` of drives.
+
+use super::fixture::{Fixture, assert_says};
+
+/// Two courses with small images.
+fn courses(more: &str) -> String {
+    format!(
+        "name = \"small\"\nalgorithms = [\"truth\", \"blind\"]\n{more}\n[source]\nkind = \
+         \"drive\"\nseeds = [1, 7]\n[arena]\nframes = 400\nrate_hz = 6.0\n[arena.rig]\nwidth_px = \
+         120\nheight_px = 90\n"
+    )
+}
+
+#[test]
+fn drives_are_driven_counted_drawn_and_kept() {
+    let fixture = Fixture::new();
+    fixture.write("small.toml", courses(""));
+    let text = fixture.run("score small.toml -q --out r");
+    assert_says(&text, &["Drives", "hits/100 m", "truth", "blind"]);
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let [truth, blind] = [0, 1].map(|i| summary["drives"][i].clone());
+    assert_eq!(
+        (&truth["finished"], &truth["collisions"]),
+        (&2.into(), &0.into())
+    );
+    assert_eq!(blind["finished"], 0);
+    assert!(blind["collisions"].as_u64().unwrap() > 1, "{blind}");
+    assert!(truth["speed_m_per_s"].as_f64().unwrap() > 0.1, "{truth}");
+    let page = fixture.text("r/index.html");
+    assert_says(
+        &page,
+        &[
+            "course 1",
+            "course 7",
+            "blind ×",
+            "two seconds before it hit",
+        ],
+    );
+    // The track tells what the row counts.
+    let tracks = fixture.text("r/tracks.csv");
+    let hits = tracks
+        .lines()
+        .filter(|line| line.contains(",collision,"))
+        .count();
+    assert_eq!(hits as u64, blind["collisions"].as_u64().unwrap());
+
+    // Each drive is a recording: what would another algorithm have seen?
+    fixture.run("replay r/course-1-truth.mcap --algo bm -q --rows rows.csv");
+    let frames = |name: &str| fixture.text(name).lines().count() - 1;
+    let drives = fixture.text("r/drives.csv");
+    let truth = drives
+        .lines()
+        .find(|line| line.contains(",1,truth,"))
+        .unwrap();
+    assert!(
+        truth.contains(&format!(",{},0,", frames("rows.csv"))),
+        "{truth}"
+    );
+
+    // The same again, in another order of threads: the same drives.
+    let kept = |table: &str| {
+        let text = fixture.text(table);
+        text.lines()
+            .map(|line| line[12..].to_owned())
+            .collect::<Vec<_>>()
+    };
+    let before = (kept("r/tracks.csv"), fixture.text("r/courses.json"));
+    fixture.run("score small.toml -q --out r --drives none");
+    assert_eq!(
+        (kept("r/tracks.csv"), fixture.text("r/courses.json")),
+        before
+    );
+    assert!(!fixture.path("r/course-1-truth.mcap").exists());
+}
+
+#[test]
+fn a_resumed_run_drives_only_what_is_missing() {
+    let fixture = Fixture::new();
+    fixture.write("small.toml", courses(""));
+    fixture.run("score small.toml -q --out r");
+    let whole = fixture.text("r/drives.csv");
+    // As a kill within the last drive leaves it.
+    let lines: Vec<_> = whole.lines().collect();
+    fixture.write(
+        "r/drives.csv",
+        lines[..4].join("\n") + "\n" + &lines[4][..30],
+    );
+    std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+    let [first, last] = ["r/course-1-truth.mcap", "r/course-7-blind.mcap"]
+        .map(|name| fixture.path(name).metadata().unwrap().modified().unwrap());
+    fixture.run("score small.toml -q --out r --resume");
+    assert_eq!(fixture.text("r/drives.csv"), whole);
+    let modified = |name: &str| fixture.path(name).metadata().unwrap().modified().unwrap();
+    assert_eq!(modified("r/course-1-truth.mcap"), first);
+    assert!(modified("r/course-7-blind.mcap") > last);
+}
+
+#[test]
+fn what_cannot_be_driven_is_one_line() {
+    let fixture = Fixture::new();
+    fixture.write("small.toml", courses(""));
+    let drive = |name: &str, keys: &str| {
+        fixture.write(name, format!("{}[drive]\n{keys}\n", courses("")));
+    };
+    drive("wide.toml", "radius_m = 0.2");
+    drive("low.toml", "max_speed_m_per_s = 0.02");
+    drive(
+        "near.toml",
+        "steering = { lookahead_m = 0.1, stop_m = 0.1, resume_m = 0.1 }",
+    );
+    drive("rows.toml", "steering = { rows = [3] }");
+    drive("stop.toml", "steering = { stop_m = 0.9 }");
+    fixture.write(
+        "long.toml",
+        courses("").replace("frames = 400", "frames = 401"),
+    );
+    fixture.write("stressed.toml", courses("[[stress]]\nkind = \"noise\""));
+    fixture.fails(
+        "
+        score wide.toml => 1: the robot with its margin is 0.50 m wide | gaps
+        score low.toml => 1: the robot comes 1.3 m far | a course has 6 m
+        score near.toml => 1: course 1: none of 30 layouts can be passed even with perfect sight
+        score rows.toml => 1: drive.steering.rows = [3] | 0 to 2
+        score stop.toml => 1: drive.steering.stop_m = 0.9 is outside
+        score long.toml => 1: arena.frames = 401: a drive has at most 400
+        score stressed.toml => 1: [[stress]] | not for drives
+        score small.toml --stress noise => 2: --stress is not for drives
+        score small.toml --rerun none => 2: --rerun is not for drives
+        score small.toml --every 2 => 2: a drive has all of its pairs
+        score small.toml --repeat 3 => 2: --repeat is not for drives
+        record small.toml -o a.mcap => 1: is driven by algorithms | svl score
+        tune small.toml --algo v3 --auto -o b.toml => 2: is driven
+        ",
+    );
+}

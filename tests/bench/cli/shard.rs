@@ -1,0 +1,129 @@
+//! `svl score --shard` and `svl merge`: parts make the report of one machine.
+
+use super::fixture::{Fixture, assert_says};
+
+/// The lines of a table without times, run and recording, which differ.
+fn lines(fixture: &Fixture, table: &str) -> Vec<Vec<String>> {
+    let text = fixture.text(table);
+    let mut lines = csv::Reader::from_reader(text.as_bytes());
+    let heads = lines.headers().unwrap().clone();
+    let but = [
+        "_us",
+        "_ms",
+        "_s",
+        "outliers",
+        "memory_mb",
+        "run_id",
+        "recording",
+    ];
+    let differs = |head: &str| head != "stood_s" && but.iter().any(|of| head.ends_with(of));
+    let kept = |line: csv::StringRecord| {
+        let cells = line.iter().zip(&heads).filter(|(_, head)| !differs(head));
+        cells.map(|(cell, _)| cell.to_owned()).collect()
+    };
+    lines.records().map(|line| kept(line.unwrap())).collect()
+}
+
+/// Runs all shards and merges them, the last first.
+fn merged(fixture: &Fixture, line: &str, shards: usize) {
+    let part = |i: usize| format!("part-{shards}-{i}");
+    for i in 1..=shards {
+        fixture.run(&format!("{line} --shard {i}/{shards} --out {}", part(i)));
+    }
+    let parts: Vec<_> = (1..=shards).rev().map(part).collect();
+    fixture.run(&format!("merge {} --out all-{shards} -q", parts.join(" ")));
+}
+
+#[test]
+fn parts_make_the_tables_and_hashes_of_one_machine() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 4);
+    let line = "score short.toml --algo v3 --algo bm --algo v1 --stress noise=8 -q --rerun none";
+    fixture.run(&format!("{line} --out whole"));
+    let hashes = |report: &str| {
+        let text = fixture.text(&format!("{report}/manifest.json"));
+        let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let algorithms = manifest["algorithms"].as_array().unwrap();
+        let results: Vec<_> = algorithms
+            .iter()
+            .map(|a| a["results_hash"].clone())
+            .collect();
+        (manifest["pairs_hash"].clone(), results)
+    };
+    // Sixteen shards are more than there are units.
+    for shards in [1, 3, 16] {
+        merged(&fixture, line, shards);
+        let all = format!("all-{shards}");
+        for table in ["rows", "cells", "checkpoints", "summary", "verdicts"] {
+            let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
+            assert_eq!(of(&all), of("whole"), "{table} of {shards}");
+        }
+        assert_eq!(hashes(&all), hashes("whole"));
+    }
+    let page = fixture.text("all-3/index.html");
+    assert_says(
+        &page,
+        &["part-3-2", "Pictures are on the pages of the parts"],
+    );
+}
+
+#[test]
+fn drives_are_shared_out_too() {
+    let fixture = Fixture::new();
+    let text = "name = \"small\"\nalgorithms = [\"truth\", \"blind\"]\n[source]\nkind = \
+                \"drive\"\nseeds = [1, 7]\n[arena]\nframes = 400\nrate_hz = \
+                6.0\n[arena.rig]\nwidth_px = 120\nheight_px = 90\n";
+    fixture.write("small.toml", text);
+    fixture.run("score small.toml -q --drives none --out whole");
+    merged(&fixture, "score small.toml -q --drives none", 3);
+    for table in ["rows", "cells", "drives", "tracks", "summary"] {
+        let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
+        assert_eq!(of("all-3"), of("whole"), "{table}");
+    }
+    assert_eq!(
+        fixture.text("all-3/courses.json"),
+        fixture.text("whole/courses.json")
+    );
+}
+
+#[test]
+fn a_killed_part_is_done_again_and_others_are_refused() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 4);
+    let line = "score short.toml --algo v3 --algo bm -q --rerun none";
+    for i in 1..=2 {
+        fixture.run(&format!("{line} --shard {i}/2 --out p{i}"));
+    }
+    fixture.run(&format!("{line} --shard 1/3 --out third"));
+    fixture.run(&format!("{line} --shard 1/2 --out again"));
+    fixture.run(&format!("{line} --algo v1 --shard 2/2 --out other"));
+    fixture.run(&format!("{line} --seeds 1 --shard 2/2 --out seeds"));
+    fixture.run(&format!("{line} --out whole"));
+    // As a kill leaves it.
+    fixture.run(&format!("{line} --shard 2/2 --out killed"));
+    let rows = fixture.text("killed/rows.csv");
+    fixture.write("killed/rows.csv", &rows[..rows.len() / 2]);
+    std::fs::remove_file(fixture.path("killed/summary.json")).unwrap();
+    fixture.fails(
+        "
+        merge p1 p2 --out p1 => 2: p1: is a part | --out
+        merge p1 --out all => 1: shard 2 of 2 missing | --shard 2/2
+        merge p1 p2 again --out all => 1: is shard 1/2, and so is
+        merge p1 third --out all => 1: all must be of one number of shards
+        merge p1 other --out all => 1: other: is not of the same run as p1 | algorithms
+        merge p1 seeds --out all => 1: seeds: is not of the same run as p1 | scenario
+        merge p1 whole --out all => 1: whole: is no part of a report
+        merge p1 nothing --out all => 1: nothing: is no part of a report
+        merge p1 killed --out all => 1: killed: is incomplete | --resume
+        score short.toml --shard 3/2 --out x => 2: I from 1 to N
+        score short.toml --shard 1/2 => 2: --out
+        score short.toml --algo v3 --algo bm --shard 1/2 --out p2 --resume => 1: it is another shard
+        ",
+    );
+    fixture.run(&format!("{line} --shard 2/2 --out killed --resume"));
+    fixture.run("merge p1 killed --out all -q");
+    for table in ["rows", "cells", "checkpoints", "summary"] {
+        let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
+        assert_eq!(of("all"), of("whole"), "{table}");
+    }
+}

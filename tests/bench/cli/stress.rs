@@ -1,0 +1,83 @@
+//! `svl score --stress`.
+
+use super::fixture::{Fixture, assert_says};
+
+#[test]
+fn levels_are_scored_tabled_and_drawn() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 6);
+    let line = "score short.toml --seeds 1 --algo bm -q --out r --rerun none \
+                --stress row_offset=0.5/8 --stress skew=1";
+    let text = fixture.run(line);
+    assert_says(
+        &text,
+        &[
+            "Stress: row_offset, px",
+            "as it is",
+            "breaks at",
+            "skew, frames",
+        ],
+    );
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    // The main table is of the pairs as they are.
+    assert_eq!(summary["algorithms"][0]["pairs"], 6);
+    let stress = summary["stress"].as_array().unwrap();
+    let of = |kind: &str| {
+        stress
+            .iter()
+            .filter(|s| s["kind"] == kind)
+            .collect::<Vec<_>>()
+    };
+    let right = |i: usize| of("row_offset")[i]["right"].as_f64().unwrap();
+    assert_eq!(of("row_offset").len(), 3);
+    assert!(right(2) < 0.5 * right(0), "{stress:?}");
+    assert!(of("row_offset")[2]["broken"].is_string());
+    // The first pair has none before it.
+    assert_eq!(of("skew")[1]["pairs"], 5);
+    let rows = fixture.text("r/rows.csv");
+    assert_eq!(rows.matches(",row_offset=8\n").count(), 6);
+    assert!(fixture.text("r/index.html").contains("Against stress"));
+
+    // As the scenario has it; and resumed, it is what it was.
+    let mut scenario = fixture.text("short.toml");
+    scenario.push_str("\n[[stress]]\nkind = \"noise\"\nlevels = [20]\n");
+    fixture.write("short.toml", scenario);
+    fixture.run("score short.toml --seeds 1 --algo bm -q --out n --rerun none");
+    let whole = fixture.text("n/rows.csv");
+    let kept: String = whole
+        .lines()
+        .take(9)
+        .map(|line| format!("{line}\n"))
+        .collect();
+    fixture.write("n/rows.csv", kept);
+    std::fs::remove_file(fixture.path("n/summary.json")).unwrap();
+    fixture.run("score short.toml --seeds 1 --algo bm -q --out n --rerun none --resume");
+    let hashes = |text: &str| {
+        let mut lines = csv::Reader::from_reader(text.as_bytes());
+        let heads = lines.headers().unwrap().clone();
+        let column = heads.iter().position(|head| head == "result_hash").unwrap();
+        lines
+            .records()
+            .map(|line| line.unwrap()[column].to_owned())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(hashes(&fixture.text("n/rows.csv")), hashes(&whole));
+}
+
+#[test]
+fn levels_without_meaning_are_one_line() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.fails(
+        "
+        score short.toml --stress fog => 2: no such kind | row_offset
+        score short.toml --stress noise=-1 => 2: within 0 ..= 128
+        score short.toml --stress noise=1/x => 2: expected KIND
+        score short.toml --stress noise=1/1 => 2: named twice
+        score short.toml --stress noise=1 --stress noise=2 => 2: occurs twice
+        score short.toml --stress skew=0.5 => 2: whole frames
+        score short.toml --algo bm -q --rerun none --stress skew=5 => 2: only 2 pairs
+        ",
+    );
+}
