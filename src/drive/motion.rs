@@ -215,3 +215,90 @@ pub(super) fn advance<'w>(
     }
     (state, length_m, least)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arena::{ArenaConfig, Ball, Block};
+
+    fn robot() -> RobotState {
+        RobotState {
+            time_s: 0.0,
+            at: GroundPoint::new(1.0, 1.0),
+            heading: 0.0,
+        }
+    }
+
+    /// A room with a block to the right, a ball ahead and a beam that hangs on the left.
+    fn world() -> ArenaWorld {
+        let mut config = ArenaConfig::default();
+        let block = |name: &str, at_m, above_floor_m| Block {
+            name: name.into(),
+            at_m,
+            size_m: [0.2, 0.2, 0.2],
+            above_floor_m,
+            heading_deg: 0.0,
+        };
+        config.world.blocks = vec![
+            block("block", [1.5, 1.0], 0.0),
+            block("beam", [0.5, 1.0], 0.13),
+        ];
+        config.world.balls = vec![Ball {
+            name: "ball".into(),
+            at_m: [1.0, 2.0],
+            radius_m: 0.1,
+            height_m: 0.1,
+        }];
+        ArenaWorld::unpainted(&config, 1).unwrap()
+    }
+
+    #[test]
+    fn arcs_are_those_of_circles() {
+        // A quarter of a circle of radius 1, to the left.
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let end = robot().moved(quarter, quarter);
+        assert!(
+            (end.at - GroundPoint::new(2.0, 2.0)).norm() < 1.0e-12,
+            "{end:?}"
+        );
+        assert!((end.heading - quarter).abs() < 1.0e-12);
+        let (ahead, left) = end.to_robot(end.to_world(0.3, -0.2));
+        assert!((ahead - 0.3).abs() < 1.0e-12 && (left + 0.2).abs() < 1.0e-12);
+    }
+
+    #[test]
+    fn clearance_is_exact_and_what_hangs_high_is_passed_below() {
+        let world = world();
+        let near = |at, height_m| {
+            let (distance_m, name) = world.clearance(at, height_m);
+            ((1.0e4 * distance_m).round() / 1.0e4, name.to_owned())
+        };
+        assert_eq!(near([1.3, 1.0], 0.12), (0.1, "block".into()));
+        // To a corner.
+        assert_eq!(near([1.37, 1.14], 0.12), (0.05, "block".into()));
+        assert_eq!(near([1.5, 1.04], 0.12), (-0.06, "block".into()));
+        assert_eq!(near([1.0, 1.75], 0.12), (0.15, "ball".into()));
+        // A body as high as the ball's lower quarter meets a smaller circle.
+        let radius_m = (0.1_f64.powi(2) - 0.05_f64.powi(2)).sqrt();
+        let (distance_m, _) = world.clearance([1.0, 1.75], 0.05);
+        assert!((distance_m - (0.25 - radius_m)).abs() < 1.0e-6);
+        assert_eq!(near([0.5, 1.0], 0.12).1, "wall x=0");
+        assert_eq!(near([0.5, 1.05], 0.14), (-0.05, "beam".into()));
+    }
+
+    #[test]
+    fn a_robot_stops_where_it_touches_something() {
+        let (world, config) = (world(), DriveConfig::default());
+        let ahead = DriveCommand {
+            speed_m_per_s: 1.0,
+            turn_rad_per_s: 0.0,
+        };
+        // The block's side is at 1.4, the robot's radius 0.08.
+        let (state, driven_m, (clearance_m, name)) = advance(&world, &config, robot(), ahead, 1.0);
+        assert!((state.at.x - 1.32).abs() < 1.1 * STEP_M, "{state:?}");
+        assert!((driven_m - 0.32).abs() < 1.1 * STEP_M && clearance_m <= 0.0 && name == "block");
+        let (state, driven_m, (clearance_m, _)) = advance(&world, &config, robot(), ahead, 0.2);
+        assert!((driven_m - 0.2).abs() < 1.0e-12 && (clearance_m - 0.12).abs() < 1.0e-6);
+        assert_eq!(state.time_s, 0.2);
+    }
+}

@@ -297,3 +297,126 @@ fn read(cell: &Cell, part: CellPart, rig: &Rig) -> Option<f64> {
     };
     Some(rig.depth_m(f64::from(px)).unwrap_or(f64::INFINITY))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::{CellDepth, GridShape};
+
+    fn rig() -> Rig {
+        Rig::new(328.0, (159.5, 119.5), 0.044, 0.0).unwrap()
+    }
+
+    /// A grid with these distances in its middle row, metres; 0 is unknown.
+    fn grid(distances: [f64; 5]) -> DepthGrid {
+        let cell = |(column, row): (usize, usize)| {
+            let distance_m = distances[column];
+            let px = rig().disparity_px(distance_m) as f32;
+            Cell {
+                valid_share: 1.0,
+                depth: (row == 1 && distance_m > 0.0).then_some(CellDepth {
+                    median_px: px,
+                    p20_px: px,
+                    p80_px: px,
+                    distance_m: Some(distance_m),
+                }),
+                too_close: false,
+                probability: None,
+                evidence: None,
+            }
+        };
+        let shape = GridShape::default();
+        DepthGrid::new(shape, shape.iter().map(cell).collect()).unwrap()
+    }
+
+    fn at(time_s: f64) -> RobotState {
+        RobotState {
+            time_s,
+            at: GroundPoint::new(0.0, 0.0),
+            heading: 0.0,
+        }
+    }
+
+    fn decide(steering: &mut Steering, distances: [f64; 5], time_s: f64) -> DriveCommand {
+        let (rig, robot) = (rig(), at(time_s));
+        steering.decide(&grid(distances), (&rig, 320), [&robot, &robot], 0.0)
+    }
+
+    #[test]
+    fn a_free_way_is_taken_straight_at_full_speed() {
+        let mut steering = Steering::new(&DriveConfig::default());
+        let command = decide(&mut steering, [3.0; 5], 0.0);
+        assert_eq!((command.speed_m_per_s, command.turn_rad_per_s), (0.3, 0.0));
+    }
+
+    #[test]
+    fn it_turns_away_from_an_obstacle_on_one_side() {
+        for (distances, sign) in [
+            ([3.0, 3.0, 0.5, 0.4, 0.4], 1.0),
+            ([0.4, 0.4, 0.5, 3.0, 3.0], -1.0),
+        ] {
+            let mut steering = Steering::new(&DriveConfig::default());
+            let command = decide(&mut steering, distances, 0.0);
+            assert!(sign * command.turn_rad_per_s > 0.1, "{command:?}");
+            assert!(command.speed_m_per_s > 0.0);
+        }
+    }
+
+    #[test]
+    fn before_a_wall_it_turns_on_the_spot_until_the_way_is_free() {
+        let mut steering = Steering::new(&DriveConfig::default());
+        let command = decide(&mut steering, [0.2; 5], 0.0);
+        assert_eq!(command.speed_m_per_s, 0.0);
+        assert!(command.turn_rad_per_s.abs() > 1.0);
+        // Less is free than it takes to go on.
+        let again = decide(&mut steering, [0.4; 5], 0.1);
+        assert_eq!(again, command);
+        let on = decide(&mut steering, [3.0; 5], 0.2);
+        assert!(on.speed_m_per_s > 0.0, "{on:?}");
+    }
+
+    #[test]
+    fn obstacles_are_remembered_until_they_are_old_or_seen_through() {
+        let config = DriveConfig::default();
+        let blocked = |steering: &mut Steering, distances, time_s| {
+            decide(steering, distances, time_s).speed_m_per_s == 0.0
+        };
+        let mut steering = Steering::new(&config);
+        assert!(blocked(&mut steering, [0.2; 5], 0.0));
+        // Unknown cells say nothing.
+        assert!(blocked(&mut steering, [0.0; 5], 1.0));
+        assert!(!blocked(
+            &mut steering,
+            [0.0; 5],
+            1.0 + config.steering.memory_s
+        ));
+        let mut steering = Steering::new(&config);
+        assert!(blocked(&mut steering, [0.2; 5], 0.0));
+        assert!(!blocked(&mut steering, [3.0; 5], 0.1));
+    }
+
+    #[test]
+    fn unknown_and_too_close_cells_are_what_the_scenario_says() {
+        let mut config = DriveConfig::default();
+        assert!(decide(&mut Steering::new(&config), [0.0; 5], 0.0).speed_m_per_s > 0.0);
+        config.steering.unknown = CellStandsFor::Obstacle;
+        assert_eq!(
+            decide(&mut Steering::new(&config), [0.0; 5], 0.0).speed_m_per_s,
+            0.0
+        );
+        let mut close = grid([3.0, 3.0, 0.2, 3.0, 3.0]);
+        close
+            .cells_mut()
+            .for_each(|cell| cell.too_close = cell.depth.is_some());
+        for (stands_for, stops) in [
+            (CellStandsFor::Obstacle, true),
+            (CellStandsFor::Free, false),
+        ] {
+            config.steering.too_close = stands_for;
+            config.steering.unknown = CellStandsFor::Free;
+            let (rig, robot) = (rig(), at(0.0));
+            let command = Steering::new(&config).decide(&close, (&rig, 320), [&robot, &robot], 0.0);
+            assert_eq!(command.speed_m_per_s == 0.0, stops, "{stands_for:?}");
+        }
+    }
+}

@@ -125,7 +125,7 @@ pub const STRESSES: &[StressKind] = &[
         name: "motion_blur",
         summary: "both cameras yaw during the exposure",
         unit: "px",
-        formula: "v'(x, y) = mean of v(x + u, y) over |u| <= L / 2",
+        formula: "v'(x, y) = mean of v(x + u, y), u from -L / 2 to L / 2",
         levels: &[2.0, 4.0, 8.0, 12.0, 16.0],
         range: (0.0, 200.0),
         effect: StressEffect::Pair(optics::motion_blur),
@@ -324,6 +324,22 @@ mod tests {
             if kind.name != "low_light" {
                 assert_eq!(none, pair(), "{}", kind.name);
             }
+        }
+    }
+
+    #[test]
+    fn every_kind_is_documented() {
+        let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/drive.md");
+        // A package of the crate has no docs.
+        let Ok(docs) = std::fs::read_to_string(docs) else {
+            return;
+        };
+        for kind in STRESSES {
+            let line = format!(
+                "| `{}` | {} | {}: `{}` |",
+                kind.name, kind.unit, kind.summary, kind.formula
+            );
+            assert!(docs.contains(&line), "{line}");
         }
     }
 

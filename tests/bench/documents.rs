@@ -54,6 +54,11 @@ const PARSED: &[(&str, &str)] = &[
         "trains first; cli::filter has a short one",
     ),
     (
+        "svl score scenarios/drive.toml",
+        "takes minutes; cli::drive has a short one",
+    ),
+    ("svl merge part1 part2", "cli::shard merges parts"),
+    (
         "svl score scenarios/close.toml",
         "trains first; cli::filter has a short one",
     ),
@@ -112,7 +117,16 @@ const SHORTER: [(&str, &str); 4] = [
 ];
 
 /// Other programs of the examples.
-const OTHERS: [&str; 6] = ["cargo", "apt-get", "sysctl", "make", "bash", "fuzz/run"];
+const OTHERS: [&str; 8] = [
+    "cargo",
+    "apt-get",
+    "sysctl",
+    "make",
+    "bash",
+    "fuzz/run",
+    "pip",
+    "snakemake",
+];
 
 /// Makes what the examples read from `left.png`, `right.png`, `pictures/` and `calib.txt`.
 const INPUTS: &str = "

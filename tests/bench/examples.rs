@@ -1,5 +1,7 @@
 //! The programs of `examples/` run.
 
+#[path = "../../examples/collisions.rs"]
+mod collisions;
 #[path = "../../examples/match_two_images.rs"]
 mod match_two_images;
 #[path = "../../examples/own_matcher.rs"]
@@ -12,6 +14,32 @@ mod read_recording;
 mod simulated_cameras;
 
 use super::cli::fixture::Fixture;
+
+#[test]
+fn collisions_are_compared_with_metrics() {
+    let fixture = Fixture::new();
+    let drives = "\"drives\": [{\"algorithm\": \"a\", \"collisions_per_100m\": 1}, {\"algorithm\": \
+                  \"b:x=1\", \"collisions_per_100m\": 2}, {\"algorithm\": \"c\", \
+                  \"collisions_per_100m\": 4}]";
+    let algorithm = |label: &str, wrong: u32| {
+        format!(
+            "{{\"algorithm\": \"{label}\", \"pairs\": 10, \"cells_right\": 50, \"cells_wrong\": \
+             {wrong}, \"cells_unknown\": 10, \"missed_obstacles\": 1, \"missed25\": 2}}"
+        )
+    };
+    let algorithms = [("a", 3), ("b:x=1", 5), ("c", 9)].map(|(label, n)| algorithm(label, n));
+    let algorithms = algorithms.join(", ");
+    let summary = format!("{{\"algorithms\": [{algorithms}], \"checkpoints\": [], {drives}}}");
+    fixture.write("drive/summary.json", &summary);
+    let folder = fixture.path("drive");
+    let svg = collisions::figure(&folder, &folder).unwrap();
+    // In perfect order by wrong cells.
+    assert!(
+        svg.contains("tau +1.00") && svg.contains("wrong cells, %"),
+        "{svg}"
+    );
+    assert!(collisions::main().is_err());
+}
 
 #[test]
 fn two_images_are_matched() {

@@ -1,10 +1,10 @@
 //! What the scores are worth: rank correlations with the truth, and how often they pick the best,
 //! with bootstrap intervals.
 
-use super::kendall::Concordance;
 use super::observe::Observation;
 use super::{CELLS, PIXELS};
 use crate::report::compare::{Interval, Resamples};
+use crate::statistics::Concordance;
 use std::collections::BTreeMap;
 
 /// All observations of the arena or of the real scenes.

@@ -4,10 +4,9 @@
 //! first score was computed.
 //!
 //! ```text
-//! frames ─▶ Observer: support, score ─▶ Observed: kendall, picks, bootstrap ─▶ Finding
+//! frames ─▶ Observer: support, score ─▶ Observed: rank correlation, picks, bootstrap ─▶ Finding
 //! ```
 
-mod kendall;
 mod measures;
 mod observe;
 mod support;

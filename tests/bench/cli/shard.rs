@@ -68,6 +68,65 @@ fn parts_make_the_tables_and_hashes_of_one_machine() {
 }
 
 #[test]
+fn snakemake_runs_the_shards_and_merges_them() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let python = std::env::var_os("SVL_PYTHON").unwrap_or_else(|| "python3".into());
+    let snakemake = |arguments: &[&str], folder: &std::path::Path| {
+        let mut command = std::process::Command::new(&python);
+        command.args(["-m", "snakemake"]).args(arguments);
+        command.current_dir(folder).output().unwrap()
+    };
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 4);
+    let folder = fixture.path("");
+    if !snakemake(&["--version"], &folder).status.success() {
+        println!("skipped: no snakemake");
+        return;
+    }
+    let args = "--algo v3 --algo bm --rerun none";
+    let svl = format!("svl={}", assert_cmd::cargo::cargo_bin!("svl").display());
+    let run = [
+        "-s",
+        &format!("{root}/workflow/Snakefile"),
+        "--cores",
+        "2",
+        "--config",
+        "scenario=short.toml",
+        "shards=4",
+        "out=shards",
+        &svl,
+        &format!("args={args}"),
+    ];
+    let ran = snakemake(&run, &folder);
+    assert!(
+        ran.status.success(),
+        "{}",
+        String::from_utf8_lossy(&ran.stderr)
+    );
+    fixture.run(&format!("score short.toml {args} -q --out whole"));
+    for table in ["rows", "cells", "checkpoints", "summary"] {
+        let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
+        assert_eq!(of("shards/all"), of("whole"), "{table}");
+    }
+    // One that was killed is done again, and the rest is not.
+    for killed in ["part2", "all"] {
+        std::fs::remove_file(fixture.path(&format!("shards/{killed}/summary.json"))).unwrap();
+    }
+    let began = |part: u8| fixture.text(&format!("shards/part{part}/manifest.json"));
+    let before = [1, 2, 3].map(began);
+    let ran = snakemake(&run, &folder);
+    assert!(
+        ran.status.success(),
+        "{}",
+        String::from_utf8_lossy(&ran.stderr)
+    );
+    assert_eq!([began(1), began(3)], [before[0].clone(), before[2].clone()]);
+    assert_ne!(began(2), before[1]);
+    let of = |report: &str| lines(&fixture, &format!("{report}/rows.csv"));
+    assert_eq!(of("shards/all"), of("whole"));
+}
+
+#[test]
 fn drives_are_shared_out_too() {
     let fixture = Fixture::new();
     let text = "name = \"small\"\nalgorithms = [\"truth\", \"blind\"]\n[source]\nkind = \

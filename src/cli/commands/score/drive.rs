@@ -162,6 +162,9 @@ struct EarlierDrives {
 impl EarlierDrives {
     /// Reads a folder's, and says in `manifest` that the run goes on.
     fn read(folder: &Path, manifest: &mut Manifest) -> anyhow::Result<Self> {
+        if !folder.join(MANIFEST).is_file() {
+            return Ok(Self::default());
+        }
         let earlier = Manifest::read(folder)?;
         if let Some(why) = earlier.difference(manifest) {
             bail!("{}: cannot go on with it: {why}", folder.display());

@@ -1,5 +1,9 @@
 //! Medians and quantiles. On few values the conventions differ, so each function's name says its
-//! own.
+//! own. Rank correlation.
+
+mod kendall;
+
+pub use kendall::Concordance;
 
 /// The value of the nearest rank, `sorted[⌈n·share⌉ − 1]`: the smallest of the ascending values
 /// that at least `share` of them do not exceed. `None` without values.

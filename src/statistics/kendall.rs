@@ -7,7 +7,7 @@ use std::iter::Sum;
 /// Counts over couples of observations (x, y). Those of several strata add up, so that only couples
 /// within a stratum count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Concordance {
+pub struct Concordance {
     /// Couples ordered alike by x and y, minus those ordered oppositely.
     net: i64,
     /// Couples that differ in x, and in y.
@@ -16,7 +16,7 @@ pub(super) struct Concordance {
 
 impl Concordance {
     /// Of the observations of one stratum, which are sorted by it.
-    pub(super) fn of(observations: &mut [(f64, f64)]) -> Self {
+    pub fn of(observations: &mut [(f64, f64)]) -> Self {
         observations.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let couples = |n: usize| (n * n.saturating_sub(1) / 2) as i64;
         // Of equal neighbours, couple by couple: each with those before it.
@@ -43,13 +43,13 @@ impl Concordance {
     }
 
     /// −1 to 1; nothing where no couple differs in x or none in y.
-    pub(super) fn tau_b(&self) -> Option<f64> {
+    pub fn tau_b(&self) -> Option<f64> {
         let whole = self.differ.map(|n| n as f64).iter().product::<f64>();
         (whole > 0.0).then(|| self.net as f64 / whole.sqrt())
     }
 
     /// Couples that differ in both or one of the two.
-    pub(super) fn couples(&self) -> i64 {
+    pub fn couples(&self) -> i64 {
         self.differ[0].max(self.differ[1])
     }
 }

@@ -1,0 +1,157 @@
+//! Do cells and checkpoints predict collisions? Compares a report of drives with one of recordings
+//! of the same algorithms, and draws collisions against each metric.
+//!
+//! ```sh
+//! cargo run --release --example collisions -- reports/drive reports/arena collisions.svg
+//! ```
+
+use std::path::Path;
+use svl::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl::statistics::Concordance;
+
+type Failure = Box<dyn std::error::Error>;
+
+/// A metric of an algorithm in a `summary.json`, lower being better.
+type Predictor = (&'static str, fn(&serde_json::Value, &str) -> Option<f64>);
+
+/// What may predict collisions: of the cells with truth, per pair, and of the checkpoints' frames.
+const PREDICTORS: [Predictor; 6] = [
+    ("wrong cells, %", |s, a| share(s, a, "cells_wrong")),
+    ("cells not right, %", |s, a| {
+        Some(100.0 - share(s, a, "cells_right")?)
+    }),
+    ("unknown cells, %", |s, a| share(s, a, "cells_unknown")),
+    ("missed per 100 pairs", |s, a| {
+        per_pair(s, a, "missed_obstacles")
+    }),
+    ("missed25 per 100 pairs", |s, a| per_pair(s, a, "missed25")),
+    ("checkpoints failed, %", checkpoints_failed),
+];
+
+fn algorithm<'a>(summary: &'a serde_json::Value, label: &str) -> Option<&'a serde_json::Value> {
+    let mut algorithms = summary["algorithms"].as_array()?.iter();
+    algorithms.find(|a| a["algorithm"] == label)
+}
+
+fn share(summary: &serde_json::Value, label: &str, column: &str) -> Option<f64> {
+    let of = algorithm(summary, label)?;
+    let columns = ["cells_right", "cells_wrong", "cells_unknown"];
+    let all: f64 = columns.iter().filter_map(|name| of[*name].as_f64()).sum();
+    Some(100.0 * of[column].as_f64()? / all)
+}
+
+fn per_pair(summary: &serde_json::Value, label: &str, column: &str) -> Option<f64> {
+    let of = algorithm(summary, label)?;
+    Some(100.0 * of[column].as_f64()? / of["pairs"].as_f64()?)
+}
+
+fn checkpoints_failed(summary: &serde_json::Value, label: &str) -> Option<f64> {
+    let checkpoints = summary["checkpoints"].as_array()?;
+    let own = checkpoints.iter().filter(|c| c["algorithm"] == label);
+    let (mut passed, mut frames) = (0.0, 0.0);
+    for checkpoint in own {
+        passed += checkpoint["passed"].as_f64()?;
+        frames += checkpoint["frames"].as_f64()?;
+    }
+    (frames > 0.0).then(|| 100.0 * (1.0 - passed / frames))
+}
+
+fn summary(report: &Path) -> Result<serde_json::Value, Failure> {
+    let text = std::fs::read_to_string(report.join("summary.json"))?;
+    Ok(serde_json::from_str(&text)?)
+}
+
+/// Prints the rank correlations, and returns the figure as SVG.
+///
+/// # Errors
+/// A report that cannot be read, or drives of fewer than three algorithms.
+pub fn figure(drive: &Path, recordings: &Path) -> Result<String, Failure> {
+    let (driven, scored) = (summary(drive)?, summary(recordings)?);
+    let drives = driven["drives"].as_array().cloned().unwrap_or_default();
+    // The two ends of the scale would make any metric look good.
+    let is_end = |label: &str| ["truth", "blind"].contains(&label);
+    let hits: Vec<_> = drives
+        .iter()
+        .filter_map(|d| Some((d["algorithm"].as_str()?, d["collisions_per_100m"].as_f64()?)))
+        .filter(|(label, _)| !is_end(label))
+        .collect();
+    if hits.len() < 3 {
+        return Err("fewer than three algorithms drove".into());
+    }
+    println!(
+        "Kendall's tau-b of collisions per 100 m, {} algorithms",
+        hits.len()
+    );
+    println!("{:<40} {:>10} {:>10}", "", "recordings", "own drives");
+    let mut panels = Vec::new();
+    for (name, value) in PREDICTORS {
+        let points = |of: &serde_json::Value| -> Vec<(f64, f64, String)> {
+            let points = hits.iter();
+            let point =
+                |(label, hits): &(&str, f64)| Some((value(of, label)?, *hits, (*label).to_owned()));
+            points.filter_map(point).collect()
+        };
+        let tau = |points: &[(f64, f64, String)]| {
+            let mut both: Vec<_> = points.iter().map(|(x, y, _)| (*x, *y)).collect();
+            let tau = Concordance::of(&mut both).tau_b();
+            tau.map_or_else(|| "–".to_owned(), |tau| format!("{tau:+.2}"))
+        };
+        let (recorded, own) = (points(&scored), points(&driven));
+        println!("{name:<40} {:>10} {:>10}", tau(&recorded), tau(&own));
+        let series = recorded.iter().map(|(x, y, label)| Series {
+            name: label.clone(),
+            form: match label.contains(':') {
+                true => SeriesStyle::Points,
+                false => SeriesStyle::Named,
+            },
+            points: vec![(*x, *y)],
+        });
+        // One cloud without names for the settings, which have no room.
+        let (named, settings): (Vec<_>, Vec<_>) =
+            series.partition(|s| s.form == SeriesStyle::Named);
+        let cloud = Series {
+            name: "other settings".to_owned(),
+            form: SeriesStyle::Points,
+            points: settings.into_iter().flat_map(|s| s.points).collect(),
+        };
+        let chart = Chart {
+            title: format!("tau {}", tau(&recorded)),
+            x: Axis::new(name),
+            y: Axis::new("collisions per 100 m"),
+            series: named.into_iter().chain([cloud]).collect(),
+        };
+        panels.push(chart.svg()?);
+    }
+    Ok(grid(&panels))
+}
+
+/// The panels in two columns.
+fn grid(panels: &[String]) -> String {
+    let (width, height) = (960, 640);
+    let rows = panels.len().div_ceil(2);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\">\n<rect width=\"100%\" \
+         height=\"100%\" fill=\"#FFFFFF\"/>\n",
+        2 * width,
+        rows * height
+    );
+    for (i, panel) in panels.iter().enumerate() {
+        let place = format!(
+            "<svg x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" ",
+            i % 2 * width,
+            i / 2 * height
+        );
+        svg.push_str(&panel.replacen("<svg ", &place, 1));
+        svg.push('\n');
+    }
+    svg + "</svg>\n"
+}
+
+pub fn main() -> Result<(), Failure> {
+    let arguments: Vec<_> = std::env::args().skip(1).collect();
+    let [drive, recordings, file] = &arguments[..] else {
+        return Err("usage: collisions DRIVE_REPORT RECORDINGS_REPORT FIGURE.svg".into());
+    };
+    std::fs::write(file, figure(Path::new(drive), Path::new(recordings))?)?;
+    Ok(())
+}
