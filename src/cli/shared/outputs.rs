@@ -124,13 +124,15 @@ impl Outputs {
         self.0.iter_mut().try_for_each(Output::set_aside)
     }
 
-    /// Moves a file of that name back that was set aside with a folder: it is a part of the new
-    /// output.
+    /// Takes a file of that name that was set aside with a folder into the new output, too. Where
+    /// the file system has links it stays aside as well, for [`Outputs`] that are dropped.
     pub(crate) fn bring_back(&self, name: &str) -> svl::Result<()> {
         for Output { path, aside, .. } in &self.0 {
             let aside = aside.as_ref().map(|aside| aside.join(name));
             if let Some(aside) = aside.filter(|aside| aside.exists()) {
-                let moved = std::fs::rename(&aside, path.join(name));
+                let target = path.join(name);
+                let moved = std::fs::hard_link(&aside, &target)
+                    .or_else(|_| std::fs::rename(&aside, &target));
                 moved.map_err(|e| svl::Error::io(&aside, e))?;
             }
         }

@@ -303,7 +303,16 @@ impl DriveReport {
                 self.take(*unit, result)
             });
             work.is_over.store(true, Ordering::Relaxed);
-            ran
+            // Whole drives behind one that is missing are kept, too.
+            for (i, driven) in received.try_iter() {
+                known[i] = driven.ok();
+            }
+            let mut rest = units.iter().zip(&mut known);
+            let kept = rest.try_for_each(|(unit, known)| match known.take() {
+                Some(result) => self.take(*unit, result),
+                None => Ok(()),
+            });
+            ran.and(kept)
         });
         work.progress.clear();
         let built = work.courses.into_plans();
