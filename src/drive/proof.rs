@@ -16,7 +16,8 @@ impl Course {
     /// The course with that seed. `arena` has the cameras, the gait and what the pictures are like.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where no layout can be passed; those of [`ArenaWorld::new`].
+    /// [`Error::Invalid`] where no layout can be passed, and for a number of `arena` out of its
+    /// range.
     pub fn new(
         arena: &ArenaConfig,
         drive: &DriveConfig,

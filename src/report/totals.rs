@@ -11,7 +11,7 @@ impl Summary {
     /// Sums up the rows of a run; those of perturbed pairs in [`Summary::stress`].
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what polars says.
+    /// [`crate::Error::Invalid`] with what polars says.
     pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         if rows.iter().all(|row| row.stress.is_none()) {
             return Self::from_frames_of(rows, checkpoints);
